@@ -67,7 +67,7 @@ from .path import (
 )
 from .path.synchronized_paths import synchronized, through
 from .path.workspaces import Workspace, workspace
-from .proof import Certificate, certify, follow
+from .proof import Certificate, certify, follow, unique_region
 from .recording import read_recording, read_svg, read_waypoints, read_workspace
 from .robot import (
     Part,
@@ -212,6 +212,7 @@ __all__ = [
     "through",
     "to_mjcf",
     "to_urdf",
+    "unique_region",
     "weighted",
     "with_base_pose",
     "with_capsules",

@@ -117,6 +117,17 @@ class OutOfReachError(PathError):
     """The path leaves the workspace."""
 
 
+class OutsideRegionError(PathError):
+    """A tool pose that does not belong to the region over which inverse kinematics was asked to be one function."""
+
+    def __init__(self, position: Iterable[float]) -> None:
+        self.position = tuple(float(x) for x in position)
+        at = ", ".join(f"{x:.4g}" for x in self.position)
+        super().__init__(
+            f"the pose at [{at}] does not belong to the region", "give a pose in it, ask for a larger region, or none"
+        )
+
+
 class PathSingularityError(PathError):
     """The path leads into a singularity of the strategy; `.kind` says of which sort."""
 

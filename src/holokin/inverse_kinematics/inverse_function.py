@@ -11,27 +11,21 @@ import numpy as np
 from ..base.arguments import check, typed
 from ..base.tolerances import TOLERANCES
 from ..base.types import (
-    ROTATION,
-    Array,
     ArrayLike,
-    Indices,
     Matrix,
     Value,
     Vector,
-    finite,
     frozen,
-    last_row_gap,
     numbers,
     positive,
-    rotation_gap,
-    tool_pose,
     whole,
 )
 from ..codegen import InverseKernel, engine, weak
-from ..errors import ArgumentError, BranchError, OutOfReachError, ShapeError
+from ..errors import ArgumentError, BranchError, OutOfReachError, OutsideRegionError
 from ..path.plan import doubtful_target
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Jump, Strategy, may_jump
+from .given_poses import GivenPoses
 from .leaf import (
     REGULAR,
     LeafPath,
@@ -46,11 +40,14 @@ from .leaf import (
     tool_at,
     with_leaves,
 )
-from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest
+from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest, steps_of
 from .rays import on_ray
 from .reach import pose_out_of_reach
-from .solutions import InverseStatus, Solutions, beyond_limits, in_rows
+from .solutions import InverseStatus, PoseSet, Solutions, beyond_limits, in_rows
 from .stretch import inverse_code, stretch_code
+
+AGREE = 1e-6
+"""Joints [joint unit] that differ less are one posture."""
 
 FAILED = (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CONVERGED)
 """What becomes of a pose that is out of reach for any posture, too."""
@@ -64,11 +61,15 @@ class InverseKinematics(Value):
     does the first for many poses.
 
     Where nothing is redundant, r = n - m = 0, there is no leaf to choose: the branch of the start is followed.
+
+    With a `region`, over which the leaf is proven to be one function of the pose, poses outside are refused.
+    Inside, `ik(pose)`, `ik.near(pose, q)` and `ik.batch(poses)` have the same joints for ever.
     """
 
     strategy: HolonomicStrategy
     q0: Vector
     limits: bool = False
+    region: PoseSet | None = None
 
     def __call__(self, pose: ArrayLike) -> Vector:
         """q (n,) of a tool pose (4, 4), or of a position (3,) or (2,) with the orientation of the start.
@@ -83,9 +84,22 @@ class InverseKinematics(Value):
             SingularityError, BranchError: the leaf does not reach so far on a straight line. JumpError: g jumps on it.
             OutOfReachError: no posture of the arm at all reaches it, which takes up to a second to find out.
             JointLimitError: only with limits=True: the posture is beyond them.
+            OutsideRegionError: only with a region: the pose does not belong to it.
             ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
         return self._calls[0](pose)
+
+    def agrees(self, q: ArrayLike) -> bool:
+        """Whether a posture q (n,) is the one that `ik(pose)` gives for its tool pose, to 1e-6 [joint units].
+
+        A loop of `near` may be on another posture of the leaf: round a hole of the workspace or a cusp, or a full turn
+        of a joint further. This asks once, by one cold call, as between two tasks or in the background of a loop.
+
+        Raises: as `ik(pose)`; ShapeError, NotFiniteError: q.
+        """
+        posture = self.strategy.task.robot.checked(q, "the posture")
+        p, R = self.strategy.task.place(posture)
+        return bool(np.abs(self._cold_at(p, R) - posture).max() < AGREE)
 
     def near(self, pose: ArrayLike, q: ArrayLike) -> Vector:
         """The same, reached from a posture q (n,) on the same branch: the faster, the nearer q is.
@@ -99,7 +113,8 @@ class InverseKinematics(Value):
         What a call encloses about its posture serves the next ones of its thread, so that threads may share `near`.
 
         Raises:
-            BranchError: q lies on another branch than the start.
+            BranchError: q lies on another branch than the start; with a region, from q another posture is reached than
+                that of `ik(pose)`.
             As `ik(pose)`, but for OutOfReachError, for which a loop would wait.
         """
         return self._calls[1](pose, q)
@@ -114,13 +129,21 @@ class InverseKinematics(Value):
         """
         if threads is not None:
             whole("threads", threads)
-        given = self._shaped("each of the tool poses", numbers("tool poses", poses))
-        p, R = self._targets(given)
+        given = self._given.shaped("each of the tool poses", numbers("tool poses", poses))
+        p, R = self._given.places(given)
         last = np.full((len(given), len(self.q0)), np.nan)
-        if self._kernel is not None:
+        if self.region is not None:
+            status = self._given.refused(p, R)
+            sound = np.flatnonzero(status == InverseStatus.REACHED)
+            begin = self.region.near(p[sound], R[sound])[0]
+            inside = np.isfinite(begin).all(axis=1)
+            status[sound[~inside]] = InverseStatus.OUTSIDE
+            for i, q in zip(sound[inside], begin[inside], strict=True):
+                last[i], status[i] = self._go(p[i], R[i], q)
+        elif self._kernel is not None:
             status = self._kernel(in_rows(p, R), self._context, last, False, threads)
         else:
-            status = self._refused(p, R)
+            status = self._given.refused(p, R)
             for i in np.flatnonzero(status == InverseStatus.REACHED):
                 last[i], status[i] = self._walk(p[i], R[i], self.q0)
         if may_jump(self.strategy):
@@ -169,24 +192,24 @@ class InverseKinematics(Value):
                 step without q. JointLimitError: with limits, the start is beyond them. NotFiniteError: q.
             NotFiniteError, ArgumentError: only without q: a bad pose, as of `ik(pose)`.
         """
-        given = self._shaped("a tool pose", numbers("a tool pose", pose)[None])[0]
+        given = self._given.shaped("a tool pose", numbers("a tool pose", pose)[None])[0]
         if self.strategy.task.frames > 1:
             raise ArgumentError("the frames of the task", self.strategy.task.frames, "the nearest pose is asked of one")
-        begin, (p, R) = None, self._targets(given[None])
+        begin, (p, R) = None, self._given.places(given[None])
         if q is None:
-            self._target(given)
+            self._given.one(given)
         else:
             begin = np.ascontiguousarray(self.strategy.task.robot.checked(q, "the posture to begin from"))
         if step is not None and q is None:
             raise ArgumentError("q", None, "step limits the motion from the last answer: give that as q, or no step")
-        most = None if step is None else _steps(step, len(self.q0))
+        most = None if step is None else steps_of(step, len(self.q0))
         check("limits", bool | None, limits)
         asked = self.limits if limits is None else bool(limits)
         if positive("rcond", rcond) > 1:
             raise ArgumentError("rcond", rcond, "give a number from 0 to 1")
         key = tuple(self.q0.tolist()), positive("length", length), float(rcond), asked
         edge, goal = edge_of(self.strategy, *key), (p[0], R[0])
-        return nearest(edge, goal, lambda: InverseStatus(int(self._refused(p, R)[0])), begin, most)
+        return nearest(edge, goal, lambda: InverseStatus(int(self._given.refused(p, R)[0])), begin, most)
 
     @property
     def engine(self) -> str:
@@ -196,9 +219,13 @@ class InverseKinematics(Value):
 
     def _cold(self, pose: ArrayLike) -> Vector:
         """`ik(pose)` of any pose: the joints, or an error."""
-        p, R = self._target(pose)
-        q, status = self._go(p, R, self.q0)
-        if (jump := self._jump(p, R, self.q0, q, status)) is not None:
+        return self._cold_at(*self._given.one(pose))
+
+    def _cold_at(self, p: Vector, R: Matrix) -> Vector:
+        """The same of a position and a rotation."""
+        begin = self.q0 if self.region is None else self._inside(p, R)[0]
+        q, status = self._go(p, R, begin)
+        if (jump := self._jump(p, R, begin, q, status)) is not None:
             raise jump_problem(self.strategy, jump)
         if status in FAILED and (missing := pose_out_of_reach(self.strategy.task, p, R, q, self.limits)) is not None:
             task = self.strategy.task
@@ -210,12 +237,24 @@ class InverseKinematics(Value):
 
     def _warm(self, pose: ArrayLike, q: ArrayLike) -> Vector:
         """`ik.near(pose, q)` of any pose."""
-        p, R = self._target(pose)
+        p, R = self._given.one(pose)
         begin = self.strategy.task.robot.checked(q, "the posture to begin from")
+        there = None if self.region is None else self._inside(p, R)
         last, status = self._go(p, R, begin)
         if (jump := self._jump(p, R, begin, last, status)) is not None:
             raise jump_problem(self.strategy, jump)
-        return self._answer(last, status)
+        found = self._answer(last, status)
+        if there is not None and not np.linalg.norm(found - there[0]) <= there[1]:
+            fact = "from this posture the pose is reached with other joints than those of ik(pose)"
+            raise BranchError(fact, "go back by the path that was come, or stop and move the joints to ik(pose)")
+        return found
+
+    def _inside(self, p: Vector, R: Matrix) -> tuple[Vector, float]:
+        """(a posture near that of the region's function at a pose, how far about it there is none but that)."""
+        near, alone = self.region.near(p[None], R[None])  # type: ignore[union-attr]
+        if not np.isfinite(near).all():
+            raise OutsideRegionError(p)
+        return near[0], float(alone[0])
 
     def _jump(self, p: Vector, R: Matrix, q0: Vector, q: Vector, status: InverseStatus) -> Jump | None:
         """A jump of g on the way that was gone to q."""
@@ -269,51 +308,15 @@ class InverseKinematics(Value):
             raise leaf_problem(self.strategy, q, PathEnd.FOLD if ends else PathEnd.STOPPED)
         return q
 
-    def _target(self, pose: ArrayLike) -> tuple[Vector, Matrix]:
-        """(position, rotation) of one pose. Raises: ShapeError, NotFiniteError, ArgumentError."""
-        wanted = self._shaped("a tool pose", finite("a tool pose", pose)[None])[0]
-        for one in wanted.reshape(-1, 4, 4) if wanted.shape[-2:] == (4, 4) else ():
-            tool_pose("a tool pose", one)
-        p, R = self._targets(wanted[None])
-        return p[0], R[0]
-
-    def _shaped(self, what: str, given: Array) -> Array:
-        """Poses (k, 4, 4) or points (k, 3), (k, 2); of several frames (k, F, 4, 4), (k, F, 3) or (k, point).
-
-        Raises: ShapeError.
-        """
-        frames, point = self.strategy.task.frames, self.strategy.task.point
-        shapes = ((4, 4), (3,), (2,)) if frames == 1 else ((frames, 4, 4), (frames, 3), (point,))
-        if given.shape[1:] not in shapes:
-            raise ShapeError(what, " or ".join(map(str, shapes)), given.shape[1:])
-        return given
-
-    def _targets(self, wanted: Array) -> tuple[Matrix, Array]:
-        """Positions (k, 3F) and rotations (k, 3F, 3); of zeros, which is none, where the last row is no pose's."""
-        k, (p, R) = len(wanted), self._place
-        if wanted.shape[-2:] == (4, 4):
-            with np.errstate(invalid="ignore"):
-                gap = last_row_gap(wanted)[..., None, None]
-                turned = np.where(gap < ROTATION, wanted[..., :3, :3], 0.0 * gap)  # NaN where that row is not finite
-            side = len(p)
-            return np.ascontiguousarray(wanted[..., :3, 3]).reshape(k, side), turned.reshape(k, side, 3)
-        points = wanted.reshape(k, int(np.prod(wanted.shape[1:])))
-        missing = np.broadcast_to(p[points.shape[1] :], (k, len(p) - points.shape[1]))
-        return np.hstack([points, missing]), np.broadcast_to(R, (k, *R.shape))
-
-    def _refused(self, p: Matrix, R: Array) -> Indices:
-        """The statuses of bad poses; REACHED for the others."""
-        status = np.full(len(p), int(InverseStatus.REACHED), dtype=np.intp)
-        turned = rotation_gap(R.reshape(len(p), R.shape[1] // 3, 3, 3)).max(axis=1)
-        status[~(turned < ROTATION)] = InverseStatus.NOT_A_ROTATION
-        status[~(np.isfinite(p).all(axis=1) & np.isfinite(R).all(axis=(1, 2)))] = InverseStatus.NOT_FINITE
-        return status
+    @cached_property
+    def _given(self) -> GivenPoses:
+        return GivenPoses(self.strategy.task, *self._place)
 
     @cached_property
     def _calls(self) -> tuple[Callable[[ArrayLike], Vector], Callable[[ArrayLike, ArrayLike], Vector]]:
         """What serves `ik(pose)` and `ik.near(pose, q)`."""
         cold, warm = weak(self._cold), weak(self._warm)
-        kernel = None if may_jump(self.strategy) else self._kernel
+        kernel = None if may_jump(self.strategy) or self.region is not None else self._kernel
         bound = None if kernel is None else kernel.calls(self._context, cold, warm)
         return (cold, warm) if bound is None else bound
 
@@ -345,18 +348,10 @@ class InverseKinematics(Value):
         return float(leaf_step(self.strategy)(self.q0, *self._place, self._leaf)[3])
 
 
-def _steps(step: ArrayLike, joints: int) -> Vector:
-    """A step of each joint (n,). Raises: ShapeError, ArgumentError."""
-    given = numbers("step", step)
-    if given.shape not in ((), (joints,)):
-        raise ShapeError("step", f"() or ({joints},)", given.shape)
-    if not (given > 0).all():  # NaN included
-        raise ArgumentError("step", given.tolist(), "give positive numbers")
-    return np.ascontiguousarray(np.broadcast_to(given, (joints,)))
-
-
 @typed
-def inverse(strategy: Strategy, q0: ArrayLike, limits: bool = False) -> InverseKinematics:
+def inverse(
+    strategy: Strategy, q0: ArrayLike, limits: bool = False, *, region: PoseSet | None = None
+) -> InverseKinematics:
     """Inverse kinematics q(x) of a strategy with leaves, on the one through `q0`.
 
     With `radial(G, start)` this is the straight-line transport of G from `q0`, free of drift by construction:
@@ -365,9 +360,11 @@ def inverse(strategy: Strategy, q0: ArrayLike, limits: bool = False) -> InverseK
 
     Args:
         limits: True refuses postures beyond the joint limits; by default they are not looked at.
+        region: of `unique_region(strategy, q0)`: poses outside are refused, with the status OUTSIDE.
 
     Raises:
-        ArgumentError: a strategy without leaves, where the pose alone does not tell the joints.
+        ArgumentError: a strategy without leaves, where the pose alone does not tell the joints; a region of another
+            strategy or leaf.
         SingularityError: it is singular at the start. JointLimitError: with limits, the start is beyond them.
     """
     strategy = with_leaves(strategy)
@@ -375,7 +372,18 @@ def inverse(strategy: Strategy, q0: ArrayLike, limits: bool = False) -> InverseK
     strategy(q0)
     if limits:
         strategy.task.robot.check_limits(q0)
-    return InverseKinematics(strategy, q0, limits)
+    if region is not None:
+        _check_region(strategy, q0, region)
+    return InverseKinematics(strategy, q0, limits, region)
+
+
+def _check_region(strategy: HolonomicStrategy, q0: Vector, region: PoseSet) -> None:
+    """Raises: ArgumentError: the region is of another strategy, or does not hold q0."""
+    p, R = strategy.task.place(q0)
+    near, alone = region.near(p[None], R[None])
+    if region.strategy is not strategy or not np.linalg.norm(near[0] - q0) <= alone[0]:
+        cure = "give one of the same strategy whose function holds q0: hk.unique_region(strategy, q0)"
+        raise ArgumentError("the region", str(region), cure)
 
 
 def how_far(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike) -> tuple[Vector, InverseStatus]:
@@ -384,7 +392,7 @@ def how_far(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike) -> tuple[Vecto
     Raises:
         ShapeError, NotFiniteError, ArgumentError: a bad pose or posture.
     """
-    p, R = ik._target(pose)
+    p, R = ik._given.one(pose)
     return ik._go(p, R, ik.strategy.task.robot.checked(q, "the posture to begin from"))
 
 

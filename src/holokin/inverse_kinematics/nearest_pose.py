@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.types import Matrix, NoTruthValue, Value, Vector, kept
+from ..base.types import ArrayLike, Matrix, NoTruthValue, Value, Vector, kept, numbers
 from ..codegen import LARGEST, EdgeKernel, enabled, tell
-from ..errors import ArgumentError, NativeError
+from ..errors import ArgumentError, NativeError, ShapeError
 from ..strategies import HolonomicStrategy
 from .descent import CONSTANTS, WITHIN, descend, inside, least_ratio, part
 from .edge import SAME, Edge, Goal, Look, edge_function
@@ -229,3 +229,13 @@ def nearest(
     held = tuple(edge.names[k] for k in np.flatnonzero(slack <= HELD)) if missing else ()
     status = InverseStatus.CLAMPED if missing else InverseStatus.REACHED
     return Nearest(joints, pose, status, distance, position, angle / edge.length, float(rcond[0]), held, moving)
+
+
+def steps_of(step: ArrayLike, joints: int) -> Vector:
+    """A step of each joint (n,). Raises: ShapeError, ArgumentError."""
+    given = numbers("step", step)
+    if given.shape not in ((), (joints,)):
+        raise ShapeError("step", f"() or ({joints},)", given.shape)
+    if not (given > 0).all():  # NaN included
+        raise ArgumentError("step", given.tolist(), "give positive numbers")
+    return np.ascontiguousarray(np.broadcast_to(given, (joints,)))

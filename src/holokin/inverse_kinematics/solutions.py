@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ..base.arguments import typed
 from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector
 from ..errors import JointLimitError
 from ..robot import Robot
+from ..strategies import HolonomicStrategy
 
 
 class InverseStatus(NoTruthValue, IntEnum, ask="`is InverseStatus.REACHED`"):
@@ -36,6 +38,28 @@ class InverseStatus(NoTruthValue, IntEnum, ask="`is InverseStatus.REACHED`"):
     """The posture to begin from lies on another branch than the start."""
     JUMP = 9
     """g jumps on the way: an if_else, a floor, ... of its formula turns over."""
+    OUTSIDE = 10
+    """The pose does not belong to the region that was given: only where one was."""
+
+
+@runtime_checkable
+class PoseSet(Protocol):
+    """Tool poses over which the leaf through q0 is one function, as a `UniqueRegion` is."""
+
+    @property
+    def strategy(self) -> HolonomicStrategy:
+        """Of the leaf."""
+        ...
+
+    @property
+    def q0(self) -> Vector:
+        """A posture (n,) on it."""
+        ...
+
+    def near(self, p: Matrix, R: Array) -> tuple[Matrix, Vector]:
+        """Of tool poses, positions (k, 3) and rotations (k, 3, 3): (postures (k, n) near that of the function, NaN
+        outside; how far about them it is the only one of the leaf at the pose (k,) [joint unit])."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ def anchored(domain: Domain, found: Covered, q0: Vector, closed: bool) -> Anchor
     places = [(np.zeros(1), q0)] if d == 1 else []
     if isinstance(domain, PoseRegion):
         middle = domain.equation.completed(domain.q[None])[0]
-        places = [(domain.place_of(posture), q0), (np.zeros(d), middle)]
+        places = [(domain.place_of(posture), q0), (domain.u0, middle)]
         places.append(((found.boxes.low[0] + found.boxes.high[0]) / 2, found.cells.q0[0]))
     u, q, within = np.zeros(d), q0, np.inf
     for u, q in places:

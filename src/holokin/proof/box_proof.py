@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ..inverse_kinematics import inverse
 from ..inverse_kinematics.leaf import leaf_follower, leaf_step, newton, straight_path, tool_at
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
+from ..tasks.task import Task
 from .bounds import UP
 from .cell_search import TUBE, Domain, on_grid, proven
 from .certificate import Boxes, Covered, Extent
@@ -20,13 +22,20 @@ from .equation import Equation
 from .partition import overlapping
 from .path_postures import PIECES
 from .targets import PoseBox
-from .tube import centred, examined
+from .tube import Findings, centred, examined
 
 NEAR = 1e-9
 """A pose is in a box without extent if it is as near [m, 1]."""
 
+HALF_TURN = 1e-9
+"""The cosine of half a turn's half, below which it has no Cayley parameters."""
+
 WIDER = 1 + 1e-12
 """Boxes of turns are larger by this than their tilt and spin ask, for the rounding of the tangents."""
+
+
+PART, ROOTLESS = 2.0**-3, 1.0
+"""Of a cell of the grid, the smallest parts that a `partial` proof tries; and those in which no root was found."""
 
 
 FINENESS = np.geomspace(0.5, 500, 48)
@@ -58,31 +67,59 @@ class PoseRegion(Value, Domain):
     R0: Matrix
     half: Vector
     q: Vector
-    """Joints (n,) of the leaf at the middle."""
+    """Joints (n,) of the leaf at the place `u0`."""
+    u0: Vector
+    """Where the cells are continued from, (d,); the middle, unless the proof is `partial`."""
+    partial: bool = False
+    """Go on where a part cannot be proven."""
     slack: float = 0.0
 
     @staticmethod
-    def of(strategy: HolonomicStrategy, space: Workspace, q0: Vector) -> PoseRegion:
-        """Raises: ArgumentError: no box; what `inverse` raises where the leaf does not reach its middle."""
+    def of(strategy: HolonomicStrategy, space: Workspace, q0: Vector, partial: bool = False) -> PoseRegion:
+        """Raises: ArgumentError: no box; what `inverse` raises where the leaf does not reach its middle.
+
+        partial: cells are sought all over it, continued from q0 where the box holds its tool pose.
+        """
         if not isinstance(space, PoseRange) or not isinstance(space.solid, Box):
             raise ArgumentError("the workspace to certify", str(space), "give a box: hk.workspace(box=(center, half))")
         if strategy.task.frames > 1:
             cure = "certify it along paths of its frames, hk.synchronized(...): a box of poses is of one tool"
             raise ArgumentError("the task to certify over a box", strategy.task.name, cure)
-        turns = strategy.task.turns or strategy.task.orientation is not None
-        tilt, spin = (space.tilt, space.spin) if turns else (0.0, 0.0)
+        tilt, spin = (space.tilt, space.spin) if _turns(strategy.task) else (0.0, 0.0)
         turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)]) * WIDER
         turning = bool(turn.any())
         half = np.concatenate([space.solid.half, turn]) if turning else space.solid.half
-        equation, middle = _equation_over(strategy, turning), inverse(strategy, q0)(space.center)
-        c = equation.level(q0)
-        return PoseRegion(equation, c, space.solid.center, space.rotation, half, middle)
+        equation, R = _equation_over(strategy, turning), space.rotation
+        c, middle = equation.level(q0), np.zeros(equation.d)
+        region = PoseRegion(equation, c, space.solid.center, R, half, q0, middle, partial)
+        if partial and (np.abs(at := region.place_of(q0)) < 1).all():
+            return replace(region, u0=on_grid(at))
+        return replace(region, q=inverse(strategy, q0)(space.center))
 
     def first(self) -> Boxes:
-        """A grid of the largest cells that pass the test at the middle, each side by how much it moves the joints."""
+        """A grid of the largest cells that pass the test at `u0`, each side by how much it moves the joints."""
+        grid, rho = self.grid, self._rho
+        low = np.stack(np.meshgrid(*(g[:-1] for g in grid), indexing="ij"), axis=-1).reshape(-1, len(grid))
+        high = np.stack(np.meshgrid(*(g[1:] for g in grid), indexing="ij"), axis=-1).reshape(-1, len(grid))
+        k = len(low)
+        unknown = np.full((k, self.equation.n), np.nan)
+        return Boxes(np.zeros(k, dtype=int), low, high, np.full(k, rho), np.zeros(k, dtype=bool), unknown)
+
+    @cached_property
+    def grid(self) -> list[Vector]:
+        """Its cuts along each axis, from -1 to 1."""
+        return [on_grid(np.linspace(-1, 1, count + 1)) for count in self._counts[0]]
+
+    @property
+    def _rho(self) -> float:
+        return self._counts[1]
+
+    @cached_property
+    def _counts(self) -> tuple[list[int], float]:
+        """(cells along each axis, radius of their tubes)."""
         d = self.equation.d
         middle = self.equation.completed(self.q[None])
-        tiny = _about(np.full((1, d), 1e-9), np.full(1, 1e-9))
+        tiny = self._about(np.full((1, d), 1e-9), np.full(1, 1e-9))
         cells = centred(self.equation, middle, self.numbers(tiny), self.c, tiny.rho)
         rho = TUBE / float(np.clip(examined(self.equation, cells, self.c).omega[0], 1e-3, 1e6))
         sides = np.nan_to_num(np.linalg.norm(cells.V[0], axis=0) * 1e9, posinf=1e9)
@@ -90,20 +127,20 @@ class PoseRegion(Value, Domain):
         few = tried.prod(axis=1) <= MOST
         # where the middle is nearly singular any grid is too fine: then one cell, halved as far as the budget goes
         tried = np.minimum(tried[few], 64) if few.any() else np.ones((1, d))
-        boxes = _about(1 / tried, np.full(len(tried), rho))
+        boxes = self._about(1 / tried, np.full(len(tried), rho))
         found = examined(
             self.equation,
             centred(self.equation, np.tile(middle, (len(tried), 1)), self.numbers(boxes), self.c, boxes.rho),
             self.c,
         )
         good = proven(found)
-        counts = tried[int(np.argmax(good)) if good.any() else 0].astype(int)
-        grid = [on_grid(np.linspace(-1, 1, count + 1)) for count in counts]
-        low = np.stack(np.meshgrid(*(g[:-1] for g in grid), indexing="ij"), axis=-1).reshape(-1, d)
-        high = np.stack(np.meshgrid(*(g[1:] for g in grid), indexing="ij"), axis=-1).reshape(-1, d)
-        k = len(low)
-        unknown = np.full((k, self.equation.n), np.nan)
-        return Boxes(np.zeros(k, dtype=int), low, high, np.full(k, rho), np.zeros(k, dtype=bool), unknown)
+        return tried[int(np.argmax(good)) if good.any() else 0].astype(int).tolist(), rho
+
+    def _about(self, half: Matrix, rho: Vector) -> Boxes:
+        """Boxes (k, d) about `u0`."""
+        k = len(half)
+        none = np.full((k, self.equation.n), np.nan)
+        return Boxes(np.zeros(k, dtype=int), self.u0 - half, self.u0 + half, rho, np.zeros(k, dtype=bool), none)
 
     def given(self, piece: Indices) -> Matrix:
         """Of the family `PoseBox`."""
@@ -123,18 +160,29 @@ class PoseRegion(Value, Domain):
 
     def place_of(self, q: Vector) -> Vector:
         """The parameters (d,) of the tool's pose at q; outside of [-1, 1] where the box does not hold it."""
+        T = self.equation.strategy.task.pose(q)
+        return self.places(T[None, :3, 3], T[None, :3, :3])[0]
+
+    def places(self, p: Matrix, R: Array) -> Matrix:
+        """The parameters (k, d) of tool poses, positions (k, 3) and rotations (k, 3, 3); inf where none are theirs."""
         from scipy.spatial.transform import Rotation
 
-        T = self.equation.strategy.task.pose(q)
-        turn = Rotation.from_matrix(self.R0.T @ T[:3, :3]).as_quat()
-        half_turn = abs(turn[3]) < 1e-9
-        w = np.full(3, np.inf) if half_turn else 2 * turn[:3] / turn[3]
-        at = np.concatenate([T[:3, 3] - self.p0, w])[: self.equation.d]
-        wide = self.half > 0
-        return np.where(wide, at / np.where(wide, self.half, 1.0), np.where(np.abs(at) < NEAR, 0.0, np.inf))
+        w = np.zeros((len(p), 3))
+        if _turns(self.equation.strategy.task):
+            turn = Rotation.from_matrix(self.R0.T @ R).as_quat(canonical=True)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                w = np.where(turn[:, 3:] > HALF_TURN, 2 * turn[:, :3] / turn[:, 3:], np.inf)
+        at, half = np.hstack([p - self.p0, w]), np.zeros(6)
+        half[: self.equation.d] = self.half
+        wide = half > 0
+        u = np.where(wide, at / np.where(wide, half, 1.0), np.where(np.abs(at) < NEAR, 0.0, np.inf))
+        u[np.isinf(u).any(axis=1)] = np.inf
+        return u[:, : self.equation.d]
 
     def joints(self, boxes: Boxes) -> Matrix:
         """As the cells that were halved predict them; else continued on the leaf from the nearest that is known."""
+        from scipy.spatial import KDTree
+
         found = boxes.near.copy()
         missing = np.flatnonzero(~np.isfinite(found).all(axis=1))
         if not len(missing):
@@ -144,8 +192,9 @@ class PoseRegion(Value, Domain):
         correct, go = leaf_step(strategy), leaf_follower(strategy, self.q, PIECES)
         middles, T = (boxes.low + boxes.high) / 2, self.poses(boxes)
         side = float(correct(self.q, *tool_at(task, self.q), leaf)[3])
-        known, postures = [np.zeros(self.equation.d)], [self.q]
-        for i in missing[np.argsort(np.linalg.norm(middles[missing], axis=1), kind="stable")].tolist():
+        before = KDTree(np.array([u for u, _ in self._known])).query(middles[missing])[1]
+        known, postures = (list(column) for column in zip(*(self._known[i] for i in np.unique(before)), strict=True))
+        for i in missing[np.argsort(np.linalg.norm(middles[missing] - self.u0, axis=1), kind="stable")].tolist():
             nearest = int(np.argmin(np.linalg.norm(np.array(known) - middles[i], axis=1)))
             q, pose = postures[nearest], (T[i, :3, 3], T[i, :3, :3])
             near = newton(correct, q, *pose, leaf, side)
@@ -153,14 +202,38 @@ class PoseRegion(Value, Domain):
                 q = go(q, straight_path(tool_at(task, q), pose, (leaf, leaf))) if near is None else near[0]
                 known.append(middles[i])
                 postures.append(q)
+                self._known.append((middles[i], q))
             except HolokinError:
-                q = self.q
+                q = np.full(len(q), np.nan) if self.partial else self.q
             found[i] = self.equation.completed(q[None])[0]
         return found
 
+    @cached_property
+    def _known(self) -> list[tuple[Vector, Vector]]:
+        """Places and postures that were found, of which the next ones are continued."""
+        return [(self.u0, self.q)]
+
     def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
-        """All: one place where the proof fails ends it."""
-        return np.ones(len(boxes), dtype=bool)
+        """All: one place where the proof fails ends it, unless it is to be `partial`."""
+        return np.full(len(boxes), not self.partial)
+
+    def goes_on(self, extent: Extent) -> bool:
+        """Only a `partial` proof, or one that has not ended."""
+        return self.partial or extent is Extent.WHOLE
+
+    def order(self, boxes: Boxes, scarce: bool) -> Indices:
+        """Of a `partial` proof the nearest to its start."""
+        if not self.partial:
+            return super().order(boxes, scarce)
+        return np.argsort(np.linalg.norm((boxes.low + boxes.high) / 2 - self.u0, axis=1), kind="stable")
+
+    def fine(self, boxes: Boxes, found: Findings) -> Flags:
+        """Parts of a cell of the grid, of a `partial` proof: smaller ones where there is a root."""
+        if not self.partial:
+            return np.zeros(len(boxes), dtype=bool)
+        whole = np.prod([2 / count for count in self._counts[0]])
+        share = np.prod(boxes.high - boxes.low, axis=1) / whole
+        return share <= np.where(np.isfinite(found.eta), PART, ROOTLESS)
 
     def arranged(self, found: Covered) -> Covered:
         """All of them."""
@@ -174,7 +247,7 @@ class PoseRegion(Value, Domain):
         return out
 
     def connected(self, found: Covered) -> Covered:
-        """Those that can be reached across glued faces from the cell at the middle, or, where none is, the most."""
+        """Those that can be reached across glued faces from the cell at `u0`, or, where none is, the most."""
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components
 
@@ -185,8 +258,8 @@ class PoseRegion(Value, Domain):
         none, k = np.zeros(0, dtype=int), len(found)
         ones, others = (np.concatenate([none, *(face[side][~face[2]] for face in faces)]) for side in (0, 1))
         part = connected_components(coo_matrix((np.ones(len(ones)), (ones, others)), (k, k)), directed=False)[1]
-        middle = np.flatnonzero((found.boxes.low <= 0).all(axis=1) & (found.boxes.high >= 0).all(axis=1))
-        chosen = part == (part[middle[0]] if len(middle) else np.argmax(np.bincount(part)))
+        here = np.flatnonzero((found.boxes.low <= self.u0).all(axis=1) & (found.boxes.high >= self.u0).all(axis=1))
+        chosen = part == (part[here[0]] if len(here) else np.argmax(np.bincount(part)))
         torn = [
             i[bad & chosen[i] & chosen[j]] for i, j, bad in faces
         ]  # joined by another way round only: not one function
@@ -218,11 +291,17 @@ class PoseRegion(Value, Domain):
 
     def place(self, found: Covered) -> str:
         """The pose."""
-        if found.stopped is None:
-            return ""
-        low = np.array(found.stopped[1])
-        at = self.p0 + low[:3] * self.half[:3]
-        return f"the pose at {np.round(at, 6).tolist()}"
+        at = self.stop(found)
+        return "" if at is None else f"the pose at {np.round(at, 6).tolist()}"
+
+    def stop(self, found: Covered) -> Vector | None:
+        """The position (3,) at which the proof failed first."""
+        return None if found.stopped is None else self.p0 + np.array(found.stopped[1])[:3] * self.half[:3]
+
+
+def _turns(task: Task) -> bool:
+    """Whether a task looks at the tool's orientation."""
+    return task.turns or task.orientation is not None
 
 
 def _not_whole(found: Covered) -> Extent:
@@ -234,12 +313,6 @@ def _torn_at(found: Covered, torn: list[Indices]) -> tuple[int, tuple[float, ...
         return found.stopped
     i = int(np.concatenate(torn)[0])
     return int(found.boxes.piece[i]), tuple(found.boxes.low[i].tolist())
-
-
-def _about(half: Matrix, rho: Vector) -> Boxes:
-    """Boxes (k, d) about the middle."""
-    k, d = half.shape
-    return Boxes(np.zeros(k, dtype=int), -half, half, rho, np.zeros(k, dtype=bool), np.full((k, d), np.nan))
 
 
 def _within(found: Covered, chosen: Indices, y: Matrix) -> Matrix:

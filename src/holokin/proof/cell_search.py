@@ -72,6 +72,20 @@ class Domain(ABC):
     def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
         """(k,) True for boxes that are of no use once the proof has failed at some places (piece, low)."""
 
+    def order(self, boxes: Boxes, scarce: bool) -> Indices:
+        """In which order they are tried: the smallest first, where it may fail; where they are too many, in theirs."""
+        if scarce:
+            return np.lexsort((boxes.low[:, 0], boxes.piece))
+        return np.argsort(np.prod(boxes.high - boxes.low, axis=1), kind="stable")
+
+    def fine(self, boxes: Boxes, _found: Findings) -> Flags:
+        """(k,) True for boxes that are not halved any more, though the proof failed on them: here none."""
+        return np.zeros(len(boxes), dtype=bool)
+
+    @abstractmethod
+    def goes_on(self, extent: Extent) -> bool:
+        """Whether cells are of use where the proof of others ended so."""
+
     @abstractmethod
     def arranged(self, found: Covered) -> Covered:
         """The proven cells in order, those that count where the proof failed."""
@@ -101,11 +115,10 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
             stopped += _places(left)
             reasons += [Extent.BUDGET] * len(left)
             break
-        if budget - spent < len(left):  # the first ones
-            order = np.lexsort((left.low[:, 0], left.piece))
+        scarce = budget - spent < len(left)
+        if scarce:
             batch = min(batch, max(FEW, (budget - spent) // 8))  # so that what fails among them is halved in time
-        else:  # the smallest ones, where it may fail
-            order = np.argsort(np.prod(left.high - left.low, axis=1), kind="stable")
+        order = domain.order(left, scarce)
         chosen = np.sort(order[: min(batch, budget - spent)])
         rest = np.ones(len(left), dtype=bool)
         rest[chosen] = False
@@ -124,7 +137,7 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         batch = min(BATCH, FEW + 8 * int(kept.sum()))
         say(proven_so_far)
         small = ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST) | (np.min(here.high - here.low, axis=1) < 8 * GRID)
-        final = ~kept & small
+        final = ~kept & (small | domain.fine(here, found))
         stopped += _places(some(here, final))
         reasons += [Extent.LIMIT if g else Extent.SINGULAR for g in good[final]]
         failed = ~kept & ~final

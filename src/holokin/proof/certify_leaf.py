@@ -67,28 +67,49 @@ def certify(
         ExpressionError: an operation without a rule for intervals. StartError, JointLimitError; of a leaf on which not
         even a first step is possible SingularityError, BranchError.
     """
+    began, ended = time.perf_counter(), (Extent.WHOLE, "")
+    strategy, start = provable(strategy), start_of(strategy, q0, limits)
+    budget = whole("budget", budget)
+    if isinstance(where, Workspace):
+        domain: Domain = PoseRegion.of(strategy, where, start)
+    else:
+        postures, *stop = walked(strategy, where, start, SAMPLES)
+        ended = (stop[0], stop[1])
+        domain = Pathway.of(strategy, where, postures, SAMPLES)
+    return certificate(where, domain, start, limits, budget, say, began, ended)
+
+
+def provable(strategy: Strategy) -> HolonomicStrategy:
+    """The strategy, of whose leaves something can be proven. Raises: NoProofError."""
     if not isinstance(strategy, HolonomicStrategy):
         raise NoProofError(strategy.name, f"it has no leaves: {HolonomicStrategy.cure}")
     if strategy.constraint.looped is not None:
         cure = "a differential equation carries its leaves: certify the polynomial hk.strategies.fitted(strategy, Q)"
         raise NoProofError(strategy.name, cure)
-    began = time.perf_counter()
+    return strategy
+
+
+def start_of(strategy: Strategy, q0: ArrayLike, limits: bool) -> Vector:
+    """A start posture (n,). Raises: StartError; JointLimitError: with limits, it is beyond them."""
     robot = strategy.task.robot
     start = start_posture(robot, q0)
     if limits:
         robot.check_limits(start)
-    budget = whole("budget", budget)
-    walk_end, stop = Extent.WHOLE, ""
-    if not isinstance(where, Workspace):
-        postures, walk_end, stop = walked(strategy, where, start, SAMPLES)
-        domain: Domain = Pathway.of(strategy, where, postures, SAMPLES)
-    else:
-        domain = PoseRegion.of(strategy, where, start)
+    return start
+
+
+def certificate(
+    where: AnyPath | Workspace, domain: Domain, start: Vector, limits: bool, budget: int, say: Callable[[str], None],
+    began: float, ended: tuple[Extent, str] = (Extent.WHOLE, ""),
+) -> Certificate:  # fmt: skip
+    """What can be proven over a domain. ended: why and where the postures of a path ended early."""
+    strategy = domain.equation.strategy
+    robot = strategy.task.robot
     bounds = Interval(robot.lower, robot.upper) if limits else None
     found = _glued(domain, bounds, budget, lambda count: say(f"{count} cells proven"))
     extent, place = found.extent, domain.place(found)
-    if extent is Extent.WHOLE and walk_end is not Extent.WHOLE:
-        extent, place = walk_end, stop
+    if extent is Extent.WHOLE and ended[0] is not Extent.WHOLE:
+        extent, place = ended
     closed = extent is Extent.WHOLE and not isinstance(where, Workspace) and where.closed
     anchors = anchored(domain, found, start, closed)
     revisit = None
@@ -159,8 +180,7 @@ def _glued(domain: Domain, bounds: Interval | None, budget: int, say: Callable[[
     found = domain.arranged(covered(domain, domain.first(), bounds, budget, say))
     for _ in range(ROUNDS):
         apart = domain.unglued(found)
-        of_use = found.extent is Extent.WHOLE or (isinstance(domain, Pathway) and found.extent is not Extent.BUDGET)
-        if not (of_use and apart.any()):
+        if not (domain.goes_on(found.extent) and apart.any()):
             break
         new = covered(
             domain,

@@ -112,6 +112,10 @@ class Pathway(Value, Domain):
         piece, (low, *_) = min(stopped)
         return (boxes.piece > piece) | ((boxes.piece == piece) & (boxes.low[:, 0] >= low))
 
+    def goes_on(self, extent: Extent) -> bool:
+        """Whatever ended the others, but the budget."""
+        return extent is not Extent.BUDGET
+
     def arranged(self, found: Covered) -> Covered:
         """In the order of the path, up to where the proof failed."""
         b = found.boxes

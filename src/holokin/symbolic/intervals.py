@@ -36,8 +36,9 @@ class Interval(NamedTuple):
 
     @property
     def middle(self) -> Array:
-        """A number inside, near the middle."""
-        return np.clip(self.low / 2 + self.high / 2, self.low, self.high)
+        """A number inside, near the middle; none, NaN, where it is unbounded on both sides."""
+        with np.errstate(invalid="ignore"):
+            return np.clip(self.low / 2 + self.high / 2, self.low, self.high)
 
 
 def point(value: Array) -> Interval:

@@ -1,0 +1,215 @@
+"""`unique_region`: tool poses over which the joints on a leaf are proven to be one function of the pose.
+
+Where a leaf folds back, or round a cusp, one tool pose has several postures of it. Cells of poses, each with one root
+of the leaf's equation, which neighbours share, are one function of the pose however they lie: no loop of the tool
+inside them leads to other joints. Theory 7.2, 7.3
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..base.arguments import typed
+from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some, tool_pose, whole
+from ..errors import ArgumentError, HolokinError
+from ..inverse_kinematics import InverseStatus, inverse
+from ..path.workspaces import PoseRange
+from ..strategies import HolonomicStrategy, Strategy
+from ..tasks.task import of_one_tool
+from .box_proof import PoseRegion
+from .certificate import Certificate
+from .certify_leaf import certificate, provable, start_of
+from .largest_box import largest_box, proven_box
+
+SAMPLED = 1000
+"""Poses of the rest of a workspace that are asked what they are."""
+
+CAUSES = ("not proven", "another posture", "beyond a joint limit", "the leaf ends")
+"""What the poses of a workspace are that are not in its region."""
+
+
+@dataclass(frozen=True, eq=False)
+class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
+    """Tool poses over which the leaf through q0 (n,) is proven to be one function of the pose.
+
+    They are the cells of `certificate`, which fill the box `workspace`, or a part of it that hangs together.
+    """
+
+    strategy: HolonomicStrategy
+    q0: Vector
+    workspace: PoseRange
+    certificate: Certificate
+    cells: PoseRegion
+
+    @property
+    def whole(self) -> bool:
+        """True where all of the workspace belongs to it."""
+        return self.certificate.whole
+
+    @property
+    def share(self) -> float:
+        """The certified share of the workspace, 0 to 1."""
+        boxes = self.certificate.proven.boxes
+        return 1.0 if self.whole else float(np.prod((boxes.high - boxes.low) / 2, axis=1).sum())
+
+    @typed
+    def contains(self, poses: ArrayLike) -> Flags:
+        """(k,) True for the tool poses (k, 4, 4) that belong to it. Raises: ShapeError, ArgumentError."""
+        given = np.array([tool_pose(f"pose {i}", pose) for i, pose in enumerate(np.asarray(poses, dtype=float))])
+        given = given.reshape(-1, 4, 4)
+        return self._cell_of(given[:, :3, 3], given[:, :3, :3])[0] >= 0
+
+    def near(self, p: Matrix, R: Array) -> tuple[Matrix, Vector]:
+        """Of tool poses, positions (k, 3) and rotations (k, 3, 3): (postures (k, n) near the one that is proven, NaN
+        outside; how far about them it is the only one (k,))."""
+        cell, u = self._cell_of(p, R)
+        n, inside = self.strategy.task.n, cell >= 0
+        q, alone = np.full((len(p), n), np.nan), np.zeros(len(p))
+        if inside.any():
+            those, boxes = cell[inside], some(self.certificate.proven.boxes, cell[inside])
+            half = (boxes.high - boxes.low) / 2
+            y = (u[inside] - (boxes.low + boxes.high) / 2) / np.where(half > 0, half, 1.0)
+            q[inside] = some(self.certificate.cells, those).predicted(y)[:, :n]
+            alone[inside] = self.certificate.findings.alone[those]
+        return q, alone
+
+    @cached_property
+    def rest(self) -> dict[str, float]:
+        """Of the workspace the shares that do not belong to it, by cause, from `SAMPLED` poses: `CAUSES`."""
+        poses = self.workspace.poses(SAMPLED)
+        found = self.causes(poses)
+        return {name: float(np.mean(found == i)) for i, name in enumerate(CAUSES)}
+
+    def causes(self, poses: Array) -> Indices:
+        """(k,) of tool poses (k, 4, 4): -1 where they belong to it, else which of `CAUSES`.
+
+        The postures of the others are those of `ik(pose)`, from q0 straight to the pose: "another posture" where one
+        from the nearest pose of the region is another one.
+        """
+        inside = self.contains(poses)
+        out, ik = np.full(len(poses), -1), inverse(self.strategy, self.q0, limits=self.certificate.limits is not None)
+        others = np.flatnonzero(~inside)
+        found = ik.batch(poses[others])
+        out[others] = np.select([found.reached, found.status == InverseStatus.LIMIT], [0, 2], 3)
+        for i in others[found.reached]:
+            if self._elsewhere(poses[i], found.q[np.searchsorted(others, i)]):
+                out[i] = 1
+        return out
+
+    def _elsewhere(self, pose: Matrix, q: Vector) -> bool:
+        """Whether the leaf, followed from the nearest cell to a pose, has another posture there than q."""
+        boxes, cells = self.certificate.proven.boxes, self.certificate.cells
+        u = self.cells.places(pose[None, :3, 3], pose[None, :3, :3])[0]
+        if not (len(boxes) and np.isfinite(u).all()):
+            return False
+        away = np.linalg.norm(np.clip(u, boxes.low, boxes.high) - u, axis=1)
+        begin = cells.q0[int(np.argmin(away)), : self.strategy.task.n]
+        try:
+            there = inverse(self.strategy, self.q0).near(pose, begin)
+        except HolokinError:
+            return True
+        return bool(np.abs(there - q).max() > 1e-6)
+
+    @property
+    def sentence(self) -> str:
+        """What is proven, and of a part of a workspace what the rest is."""
+        found = self.certificate
+        limits = "" if found.limits is None else f", at least {found.to_limit.min():.2g} within the joint limits"
+        one = "the joints are one function of the tool pose"
+        if self.whole:
+            return (
+                f"over {self.workspace} {one}, on the leaf of {self.strategy.name} through q0{limits}: every closed "
+                f"path of the tool inside returns them (proven by {len(found):,} cells)"
+            )
+        rest = ", ".join(f"{100 * share:.2g} % {name}" for name, share in self.rest.items() if share)
+        return (
+            f"over {100 * self.share:.3g} % of {self.workspace} {one}, on the leaf of {self.strategy.name} through q0"
+            f"{limits} (proven by {len(found):,} cells); of {SAMPLED:,} poses of it: {rest or 'none else'}"
+        )
+
+    def __str__(self) -> str:
+        return self.sentence
+
+    def _cell_of(self, p: Matrix, R: Array) -> tuple[Indices, Matrix]:
+        """(cell of each pose (k,), -1 for none; its parameters (k, d))."""
+        u, boxes = self.cells.places(p, R), self.certificate.proven.boxes
+        out = np.full(len(p), -1)
+        inside = np.flatnonzero((np.abs(u) <= 1).all(axis=1))
+        starts, order = self._bins
+        place = self._bin_of(u[inside])
+        first, count = starts[place], starts[place + 1] - starts[place]
+        for j in range(int(count.max(initial=0))):
+            open_ = np.flatnonzero((j < count) & (out[inside] < 0))
+            cell = order[first[open_] + j]
+            holds = ((boxes.low[cell] <= u[inside[open_]]) & (u[inside[open_]] <= boxes.high[cell])).all(axis=1)
+            out[inside[open_[holds]]] = cell[holds]
+        return out, u
+
+    @cached_property
+    def _bins(self) -> tuple[Indices, Indices]:
+        """The cells by the box of the first grid that holds them: (where those of each box begin, cells in order)."""
+        boxes = self.certificate.proven.boxes
+        count = int(np.prod([len(cuts) - 1 for cuts in self.cells.grid]))
+        place = self._bin_of((boxes.low + boxes.high) / 2)
+        starts = np.concatenate([[0], np.cumsum(np.bincount(place, minlength=count))])
+        return starts, np.argsort(place, kind="stable")
+
+    def _bin_of(self, u: Matrix) -> Indices:
+        place = np.zeros(len(u), dtype=int)
+        for axis, cuts in enumerate(self.cells.grid):
+            at = np.clip(np.searchsorted(cuts, u[:, axis], side="right") - 1, 0, len(cuts) - 2)
+            place = place * (len(cuts) - 1) + at
+        return place
+
+
+@typed
+def unique_region(
+    strategy: Strategy,
+    q0: ArrayLike,
+    workspace: PoseRange | None = None,
+    *,
+    tilt: float = 0.0,
+    spin: float = 0.0,
+    limits: bool = True,
+    budget: int = 20_000,
+    say: Callable[[str], None] = lambda _text: None,
+) -> UniqueRegion:
+    """Tool poses about q0 over which the joints on its leaf are proven to be one function of the pose.
+
+    Of a workspace, a box, it is the part that can be proven, cell by cell, as far as it hangs together with the pose of
+    q0 (or, where the box does not hold that, with its middle). Without one it is a large box about the pose of q0,
+    whole: where samples find the leaf regular and within the limits the box grows, one side after the other, and it is
+    made smaller until it is proven. A larger one may exist.
+
+    Args:
+        q0: posture (n,) on the leaf.
+        workspace: `workspace(box=...)`, with its tilt and spin.
+        tilt, spin: of the box that is sought [rad], as of `workspace`; the tool's orientation at q0 is its middle.
+        limits: prove, too, that the joints stay within their limits.
+        budget: cells that may be examined; more give a larger box.
+        say: hears of the progress.
+
+    Raises:
+        NoProofError: a strategy without leaves, or whose leaves a differential equation carries. ArgumentError: no box,
+            tilt or spin beside a workspace, a task of several frames. SingularityError: it is singular at q0.
+        ExpressionError: an operation without a rule for intervals. JointLimitError: with limits, q0 is beyond them.
+    """
+    of_one_tool(strategy.task, "a region of poses")
+    strategy, start, budget = provable(strategy), start_of(strategy, q0, limits), whole("budget", budget)
+    strategy(start)
+    if workspace is None:
+        box = largest_box(strategy, start, tilt, spin, limits)
+        found, cells, box = proven_box(strategy, start, box, limits, budget, say)
+        return UniqueRegion(strategy, start, box, found, cells)
+    if tilt or spin:
+        raise ArgumentError("tilt and spin", (tilt, spin), "a workspace has its own: hk.workspace(..., tilt=, spin=)")
+    began = time.perf_counter()
+    cells = PoseRegion.of(strategy, workspace, start, partial=True)
+    return UniqueRegion(
+        strategy, start, workspace, certificate(workspace, cells, start, limits, budget, say, began), cells
+    )

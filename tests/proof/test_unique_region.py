@@ -1,0 +1,188 @@
+"""Regions of tool poses over which a leaf is proven to be one function of the pose, and inverse kinematics in them."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import holokin as hk
+from conftest import campaign, sampled, urdf
+from holokin.errors import ArgumentError, BranchError, NoProofError, OutsideRegionError
+from holokin.inverse_kinematics import InverseStatus
+from holokin.motion.trajectory import Status
+from holokin.proof import UniqueRegion, checker
+
+PANDA = np.array([0.0, -0.6, 0.0, -2.2, 0.0, 1.6, 0.8])
+LAWS = {
+    "lock 3": hk.lock(2), "q1 - q3": hk.linear([1, 0, -1, 0, 0, 0, 0]), "arm angle": hk.arm_angle(),
+    "tilted": hk.constraints.tilted(hk.lock(2), lambda x: 0.3 * x[0] * x[1]),
+}  # fmt: skip
+
+
+@cache
+def of_panda(name: str) -> UniqueRegion:
+    """A box about the start, for a few cells."""
+    return hk.unique_region(hk.holonomic(hk.pose(hk.load("panda")), LAWS[name]), PANDA, budget=600)
+
+
+@cache
+def plane_arm() -> hk.strategies.HolonomicStrategy:
+    return hk.holonomic(hk.position(hk.load("planar-3r")), hk.linear([[0.3, 0, 1]]))
+
+
+R3 = np.array([0.3, 0.9, 0.7])
+
+
+@cache
+def around() -> UniqueRegion:
+    """What of a square of 5 m about the base hangs together with the start."""
+    return hk.unique_region(plane_arm(), R3, hk.workspace(box=([0, 0], [2.5, 2.5])), limits=False, budget=2_000)
+
+
+def walks(region: UniqueRegion, count: int, seed: int) -> np.ndarray:
+    """Tool poses of a random walk in a box."""
+    rng, space = np.random.default_rng(seed), region.workspace
+    steps = np.cumsum(0.2 * space.solid.half * rng.normal(size=(count, 3)), axis=0)
+    folded = np.abs((steps / space.solid.half + 1) % 4 - 2) - 1  # reflected at the sides
+    return space.at(space.solid.center + 0.999 * folded * space.solid.half)
+
+
+@sampled(2, "name", LAWS)
+def test_a_box_is_found_and_random_loops_in_it_bring_the_joints_back(name: str) -> None:
+    """Splines through ten poses of it, followed; Pinocchio says that the tool is where it should be."""
+    region = of_panda(name)
+    assert region.whole and region.share == 1.0 and region.workspace.solid.half.min() > 0.01
+    assert region.contains(region.strategy.task.pose(PANDA)[None]).all()
+    model = pin.buildModelFromUrdf(str(urdf("panda.urdf")))
+    model = pin.buildReducedModel(
+        model, [model.getJointId(f"panda_finger_joint{i}") for i in (1, 2)], pin.neutral(model)
+    )
+    data, hand = model.createData(), model.getFrameId("panda_hand")
+    offset = None
+    for seed in range(3):
+        tool = region.strategy.task.pose(PANDA)
+        loop = hk.spline([tool, *walks(region, 10, seed)], closed=True)
+        walk = hk.follow(region.strategy, loop, PANDA, samples=400)
+        assert walk.status is Status.COMPLETE and np.abs(walk.q[-1] - PANDA).max() < 1e-10
+        for q in walk.q[::80]:
+            pin.framesForwardKinematics(model, data, q)
+            off = np.linalg.inv(data.oMf[hand].homogeneous) @ region.strategy.task.pose(q)
+            offset = off if offset is None else offset
+            assert np.abs(off - offset).max() < 1e-10  # from the hand to our tip it is one transform
+
+
+@pytest.mark.parametrize("steps", [500, campaign("steps", 1_000_000)])
+def test_inside_ik_and_near_agree_whatever_the_tool_did_before(steps: int) -> None:
+    region = of_panda("lock 3")
+    ik, plain = hk.inverse(region.strategy, PANDA, region=region), hk.inverse(region.strategy, PANDA)
+    q, poses = PANDA, walks(region, steps, 7)
+    assert region.contains(poses).all()
+    for i, pose in enumerate(poses):
+        q = ik.near(pose, q)
+        if i % (steps // 50) == 0:
+            assert np.abs(ik(pose) - q).max() < 1e-10 and ik.agrees(q)
+    found = ik.batch(poses[-100:])
+    assert found.reached.all() and np.abs(found.q[-1] - q).max() < 1e-10
+    assert np.abs(plain.batch(poses[-100:]).q - found.q).max() < 1e-10  # the box is convex: straight lines stay in it
+
+
+def test_a_pose_outside_is_refused_and_another_orientation_is_outside() -> None:
+    region = of_panda("lock 3")
+    ik, poses = hk.inverse(region.strategy, PANDA, region=region), walks(region, 3, 1)
+    poses[1, :3, 3] += [0.4, 0, 0]
+    poses[2, :3, :3] = poses[2, :3, :3] @ np.diag([-1.0, -1.0, 1.0])
+    assert region.contains(poses).tolist() == [True, False, False]
+    assert ik.batch(poses).status.tolist() == [InverseStatus.REACHED, InverseStatus.OUTSIDE, InverseStatus.OUTSIDE]
+    for pose in poses[1:]:
+        with pytest.raises(OutsideRegionError, match="larger region"):
+            ik(pose)
+        with pytest.raises(OutsideRegionError):
+            ik.near(pose, PANDA)
+
+
+def test_from_a_posture_a_turn_further_near_says_that_it_is_another_one() -> None:
+    region = of_panda("lock 3")
+    ik, turned = hk.inverse(region.strategy, PANDA, region=region), PANDA + 2 * np.pi * np.eye(7)[0]
+    plain = hk.inverse(region.strategy, PANDA)
+    pose = walks(region, 1, 3)[0]
+    there = plain.near(pose, turned)
+    assert there[0] - plain(pose)[0] == pytest.approx(2 * np.pi) and not plain.agrees(there)
+    with pytest.raises(BranchError, match=r"other joints than those of ik\(pose\)"):
+        ik.near(pose, turned)
+
+
+def test_of_a_plane_round_the_base_the_part_is_found_on_which_a_closed_form_is_one_function() -> None:
+    """A planar arm with q3 + 0.3 q1 tied: its cells' postures are on the leaf, at the pose, and one for each pose."""
+    region = around()
+    assert not region.whole and 0.05 < region.share < 1
+    poses = region.workspace.poses(2_000, seed=3)
+    inside = region.contains(poses)
+    assert inside.mean() == pytest.approx(region.share, abs=4 * np.sqrt(0.25 / len(poses)))
+    ik = hk.inverse(region.strategy, R3, region=region)
+    found = ik.batch(poses)
+    assert (found.reached == inside).all()
+    q = found.q[inside]
+    a, (x, y) = np.cumsum(q, axis=1), poses[inside, :2, 3].T
+    assert np.abs(np.cos(a).sum(axis=1) - x).max() < 1e-10 and np.abs(np.sin(a).sum(axis=1) - y).max() < 1e-10
+    assert np.abs(q[:, 2] + 0.3 * q[:, 0] - R3[2] - 0.3 * R3[0]).max() < 1e-12
+    near = np.linalg.norm(poses[inside, None, :2, 3] - poses[None, inside, :2, 3], axis=2)
+    i, j = np.nonzero((near > 0) & (near < 0.08))
+    assert len(i) > 100 and np.abs(q[i] - q[j]).max() < 0.5  # no jump between poses beside each other
+    shares = region.rest
+    assert sum(shares.values()) == pytest.approx(1 - region.share, abs=4 * np.sqrt(0.25 / 1000))
+    assert shares["beyond a joint limit"] == 0.0 and "of 1,000 poses" in region.sentence
+
+
+def test_the_independent_checker_verifies_a_part_of_a_workspace(tmp_path: Path) -> None:
+    """And the share that it computes itself."""
+    file = around().certificate.save(tmp_path / "part.json")
+    lines = checker.check(str(file)).lines
+    assert any(f"{100 * around().share:.3g} % of a box of poses" in line for line in lines)
+
+
+@pytest.mark.campaign
+def test_a_path_round_a_cusp_has_the_certificate_that_it_does_not_return(tmp_path: Path) -> None:
+    """Its joints are proven to be others at the end; the independent checker finds the same difference."""
+    strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))
+    witness = hk.cusps(strategy, [0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8], starts=200).most_regular
+    assert witness is not None
+    proof = hk.certify(strategy, witness.path, witness.first)
+    assert proof.covered and not proof.whole and proof.extent.name == "ELSEWHERE"
+    moved = witness.second - witness.first
+    assert (proof.revisit.low <= moved + 1e-9).all() and (moved - 1e-9 <= proof.revisit.high).all()
+    lines = checker.check(str(proof.save(tmp_path / "round.json"))).lines
+    assert any("the joints do NOT return" in line for line in lines)
+
+
+def test_a_workspace_that_holds_a_path_round_a_cusp_is_never_whole() -> None:
+    """Whatever the budget: on the path the leaf is no function of the pose."""
+    strategy = hk.holonomic(hk.position(hk.load("planar-3r")), hk.linear([[0.02, 0, 1]]))
+    q0 = np.array([-3.0, 0.9, 0.9])
+    tool = strategy.task.pose(q0)[:3, 3]
+    side = 1.1 * np.linalg.norm(tool[:2])
+    region = hk.unique_region(strategy, q0, hk.workspace(box=([0, 0], [side, side])), limits=False, budget=4_000)
+    loop = hk.circle(tool, center=[0, 0, tool[2]])
+    assert hk.certify(strategy, loop, q0, limits=False).extent.name == "ELSEWHERE"
+    assert not region.contains([loop.pose(s) for s in np.linspace(0, 1, 200)]).all()
+
+
+def test_bad_input_is_refused_with_a_cure() -> None:
+    strategy = plane_arm()
+    square = hk.workspace(box=([1, 1], [0.1, 0.1]))
+    with pytest.raises(NoProofError, match="it has no leaves"):
+        hk.unique_region(hk.moore_penrose(strategy.task), R3)
+    with pytest.raises(ArgumentError, match="give a box"):
+        hk.unique_region(strategy, R3, hk.workspace(sphere=([1, 1], 0.1)))
+    with pytest.raises(ArgumentError, match="a workspace has its own"):
+        hk.unique_region(strategy, R3, square, tilt=0.1)
+    with pytest.raises(ArgumentError, match=r"hk\.unique_region\(strategy, q0\)"):
+        hk.inverse(strategy, R3, region=of_panda("lock 3"))
+    other = hk.holonomic(strategy.task, hk.lock(2))
+    with pytest.raises(ArgumentError, match="of the same strategy"):
+        hk.inverse(other, R3, region=around())
+    with pytest.raises(ArgumentError, match="of the same strategy"):
+        hk.inverse(strategy, R3 + 0.1, region=around())  # another leaf
