@@ -1,7 +1,7 @@
 """How much of one box of tool poses does each law of a Panda reach, from one posture?
 
     python -m benchmarks.workspaces            # prints the table of docs/workspaces.md
-    python -m benchmarks.workspaces --wrists   # that of docs/choose.md: arm angles by wrists and starts, on three arms
+    python -m benchmarks.workspaces --wrists   # that of docs/theory.md 2i: arm angles by wrists and starts, on three arms
 
 Beside each count stands that of an earlier run with other code and 400 random poses instead of Sobol's, whose spread is
 some 2 % (one standard deviation of 400 poses).
