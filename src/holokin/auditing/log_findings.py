@@ -273,9 +273,9 @@ def _of_late(audit: LogAudit) -> str:
     joint = int(np.argmax(np.abs(t.rate)))
     rate, error = abs(float(t.rate[joint])), float(t.rate_error[joint])
     if rate <= error:
-        return f", of late by less than {rate + error:.2g} a cycle ({_SURE} confidence)"
+        return f", in the last third by less than {rate + error:.2g} a cycle ({_SURE} confidence)"
     where = f"{names[joint]}, at {100 * phase[t.phase]:.0f} % of the cycle"
-    return f", of late by {rate:.3g} +- {error:.1g} a cycle ({where}; {_SURE} confidence)"
+    return f", in the last third by {rate:.3g} +- {error:.1g} a cycle ({where}; {_SURE} confidence)"
 
 
 def _undecided(audit: LogAudit) -> str:
