@@ -348,7 +348,7 @@ def _audit_rows(audit: LogAudit) -> list[tuple[str, str]]:
         ("drift of each cycle", f"{listed(audit.largest)} ({audit.worst_joint})"),
         (f"drift after {len(c)} cycles", f"{abs(last[joint]):.4g} ({audit.robot.joint_names[joint]})"),
         ("noise floor", f"{audit.noise_floor:.2g}, tolerance {audit.tolerance:g} on top"),
-        ("drift that would show", f"{rate_words(audit.detectable)} ({_SURE} confidence)"),
+        ("smallest detectable drift", f"{rate_words(audit.detectable)} ({_SURE} confidence)"),
     ]  # fmt: skip
     rows.insert(0, ("joints repeated", audit.verdict.value))
     rows.insert(1, ("trend", audit.trend.value))
