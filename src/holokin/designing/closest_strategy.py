@@ -85,7 +85,7 @@ class ClosestHolonomic(Value):
             f"  the nearest law of {self.terms} terms: {self.ours}",
             f"  the radial strategy: {other}",
             *([] if self.bound is None else [f"  every smooth law: at least {self.bound:.2%} at some posture"]),
-            f"det dg/dphi is at least {self.least_slope:.2g} at the postures looked at; the law is singular where it is 0",
+            f"det dg/dphi is at least {self.least_slope:.2g} at the postures looked at; at 0 the law is singular",
         ]
         return "\n".join(lines)
 
