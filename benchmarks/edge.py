@@ -74,7 +74,10 @@ def main(arguments: list[str] | None = None) -> int:
     robot = hk.load("panda")
     poses = hand(robot, DT * SPEED * (10 if parser.parse_args(arguments).quick else 1))
     moved = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
-    columns = "largest joint step [rad]", "over the hand's step [rad/m]", "at rest [s]", "missing at the end [rad]"
+    columns = (
+        "largest joint step [rad]", "joint step over hand step [rad/m]", "standing still [s]",
+        "joint error at the end [rad]",
+    )  # fmt: skip
     print("| each millisecond |", " | ".join(columns), "|")
     print("|---|---:|---:|---:|---:|")
     for name, law in laws(robot, poses).items():

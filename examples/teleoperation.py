@@ -30,7 +30,7 @@ def damped(pose: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def follower(joints: Joints, start: np.ndarray) -> Callable[[np.ndarray, bool], np.ndarray]:
-    """(pose of the hand, clutch closed) -> joints. The tool moves as the hand has since the clutch was last closed."""
+    """(pose of the hand, clutch closed) -> joints. While the clutch is closed, the tool moves as the hand does."""
     q, held = start, None
 
     def follow(hand: np.ndarray, closed: bool) -> np.ndarray:

@@ -209,7 +209,7 @@ def test_a_line_to_and_fro_at_one_speed_does_not_claim_other_speeds() -> None:
 
 def test_confidence_and_the_detectable_drift_are_stated() -> None:
     audit = hk.audit_recording(logged(motion(still, 12, 0.0), 1e-4), PANDA)
-    assert "99 % confidence" in dict(audit.rows())["drift that would show"]
+    assert "99 % confidence" in dict(audit.rows())["smallest detectable drift"]
     facts = audit.summary()
     assert facts["confidence"] == 0.99
     assert facts["detectable_drift_per_cycle"] == pytest.approx(audit.detectable)

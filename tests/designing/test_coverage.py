@@ -161,7 +161,7 @@ def test_a_workspace_out_of_reach_altogether_has_the_share_0_and_says_so(law: Ho
     far = hk.coverage(law, hk.workspace(box=([5, 5], [1, 1])), START, samples=32)
     assert far.share == far.reachable == 0
     assert far.causes() == [(PoseStatus.OUT_OF_REACH.text, 32)]
-    assert "none of the 0 that any posture reaches" in far.sentence
+    assert "none of the 0 for which a posture was found" in far.sentence
 
 
 def test_a_position_task_does_not_look_at_the_rotations(law: HolonomicStrategy, covered: hk.Coverage) -> None:

@@ -136,7 +136,7 @@ def test_rows_of_a_robot_file_that_was_another_one_are_counted(holokin: Command,
     arm = tmp_path / "arm.toml"
     arm.write_text(arm.read_text() + "\n# another one\n")
     resumed = holokin("survey", file, "--out", out, "--workers", "0", "--resume")
-    assert f"{count} more rows are of cases that the survey asks no more" in resumed.out
+    assert f"{count} more rows are of cases that the survey no longer has" in resumed.out
     assert len(rows_of(out)) == 2 * count
     again = holokin("survey", file, "--out", tmp_path / "new.sqlite", "--workers", "0")
     assert f"{count} cases, 0 faults" in again.out and "more rows" not in again.out
@@ -159,7 +159,7 @@ def test_a_law_whose_file_has_changed_is_run_again(workers: int, tmp_path: Path)
     assert min(drifts[0]) > 1e-6 and sorted(drifts[1])[: len(drifts[0])] < [1e-9] * len(drifts[0])
     with Store.opened(out, None) as store:
         write_survey_report(store.content(), store.folder(), Findings.of(store.rows()), tmp_path / "r.html")
-    assert f"{done.stale} of the rows are of cases that the survey asks no more" in (tmp_path / "r.html").read_text()
+    assert f"{done.stale} of the rows are of cases that the survey no longer has" in (tmp_path / "r.html").read_text()
 
 
 def test_rows_of_cases_that_are_asked_no_more_are_counted_once(tmp_path: Path) -> None:

@@ -201,8 +201,8 @@ def _of_any_law(field: FreeField, over: Directions) -> Obstruction:
             which = "none" if sphere.fixed else "none on the self-motions traced"
             said = (
                 f"{about}: {which} covers them without a jump. On each self-motion the elbow goes once round the line "
-                f"from shoulder to wrist, {clearance:.2g} m from it or more: such a field of tangent directions "
-                "on a sphere has indices that add up to 2"
+                f"from shoulder to wrist, {clearance:.2g} m from it or more. So a law is a field of tangent directions "
+                "on a sphere, whose indices add up to 2"
             )
     details = f"self-motions were traced at {len(known)} of {directions} directions; {LIMITS}"
     return Obstruction(total, (), directions, len(known), largest, clearance, said, details)
@@ -251,11 +251,10 @@ def _round(strategy: HolonomicStrategy, path: Path, q0: ArrayLike, samples: int)
     else:
         total = round(ahead)
         means = (
-            "so no law that agrees with it on the path goes on without a jump over the disc of straight paths from its "
-            "start"
+            "So any law that agrees with it on the path has a jump on the disc of straight paths from its start"
             if total
-            else "so on the path nothing forbids a law over the disc of straight paths from its start"
+            else "So on the path nothing forbids a law over the disc of straight paths from its start"
         )
         often = f"{total:+d} turn{'' if abs(total) == 1 else 's'}" if total else "no turn"
-        said = f"{about} makes {often} of the self-motion, {means}"
+        said = f"{about} makes {often} along the self-motion. {means}"
     return Obstruction(total, (), count, len(found.ahead), largest, np.nan, said, details)

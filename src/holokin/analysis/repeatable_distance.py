@@ -79,13 +79,15 @@ class RepeatableDistance(Value):
     circle: Matrix
 
     def __str__(self) -> str:
-        ours = "" if self.ours is None else f"; yours is {self.ours}"
-        return (
-            f"at some posture of the circle about the start every law g = const, g smooth, regular and of one value "
-            f"there, is at least {self.bound:.2%} away (by a theorem; the least of {self.points} sampled points); the "
-            f"radial strategy is {self.radial}{ours} (rms and speed over {self.samples} sampled postures of the ball, "
-            "most over these and the circle)"
-        )
+        lines = [
+            "difference from the joint rates of the given law, |G' - G| / |G|:",
+            f"  every law g = const, g smooth, regular and single-valued on the circle about the start: at least "
+            f"{self.bound:.2%} at some posture of it (by a theorem; the least of {self.points} sampled points)",
+            f"  the radial strategy: {self.radial}",
+            *([] if self.ours is None else [f"  yours: {self.ours}"]),
+            f"rms and speed are over {self.samples} sampled postures of the ball, 'at most' over these and the circle",
+        ]
+        return "\n".join(lines)
 
 
 @typed

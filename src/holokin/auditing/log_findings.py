@@ -273,9 +273,9 @@ def _of_late(audit: LogAudit) -> str:
     joint = int(np.argmax(np.abs(t.rate)))
     rate, error = abs(float(t.rate[joint])), float(t.rate_error[joint])
     if rate <= error:
-        return f", of late by less than {rate + error:.2g} a cycle ({_SURE} confidence)"
+        return f", in the last third by less than {rate + error:.2g} a cycle ({_SURE} confidence)"
     where = f"{names[joint]}, at {100 * phase[t.phase]:.0f} % of the cycle"
-    return f", of late by {rate:.3g} +- {error:.1g} a cycle ({where}; {_SURE} confidence)"
+    return f", in the last third by {rate:.3g} +- {error:.1g} a cycle ({where}; {_SURE} confidence)"
 
 
 def _undecided(audit: LogAudit) -> str:
@@ -348,7 +348,7 @@ def _audit_rows(audit: LogAudit) -> list[tuple[str, str]]:
         ("drift of each cycle", f"{listed(audit.largest)} ({audit.worst_joint})"),
         (f"drift after {len(c)} cycles", f"{abs(last[joint]):.4g} ({audit.robot.joint_names[joint]})"),
         ("noise floor", f"{audit.noise_floor:.2g}, tolerance {audit.tolerance:g} on top"),
-        ("drift that would show", f"{rate_words(audit.detectable)} ({_SURE} confidence)"),
+        ("smallest detectable drift", f"{rate_words(audit.detectable)} ({_SURE} confidence)"),
     ]  # fmt: skip
     rows.insert(0, ("joints repeated", audit.verdict.value))
     rows.insert(1, ("trend", audit.trend.value))

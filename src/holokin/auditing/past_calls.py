@@ -97,7 +97,7 @@ def ask_history(setup: AuditSetup, path: Path) -> Answer:
         "apart": apart, "could_move": tally.same_start * path.duration,
     }  # fmt: skip
     if not other:
-        return f"no memory seen in {asked} calls asked again: {', '.join(tally.asked)}", metrics
+        return f"no memory seen in {asked} calls that were repeated: {', '.join(tally.asked)}", metrics
     where = ", ".join(f"{past} {count} of {tally.asked[past]}" for past, count in tally.other.items())
     size = f"by up to {tally.rate:.1e} (per s), {tally.share:.1%}; {RUNS} runs end {apart:.2g} apart"
     what = "remembers its past, or is random"
@@ -105,7 +105,7 @@ def ask_history(setup: AuditSetup, path: Path) -> Answer:
         what = "remembers where its run began"
     elif tally.returned:
         what = "alternates between answers"
-    return f"{what}: asked again it answers otherwise, {where}, {size}", metrics
+    return f"{what}: repeated calls get other answers, {where}, {size}", metrics
 
 
 def _recorded(law: ControlLaw, calls: list[_Call]) -> ControlLaw:

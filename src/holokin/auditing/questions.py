@@ -327,13 +327,13 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
     if not metrics["drift"]:
         return f"none drifts in {name}: {largest(big):.1e} at the most", metrics
     facts = (
-        f"in {name}: ratio {metrics['ratio']:.2f} for twice the size, changed by {metrics['turned']:.0%} backwards and "
-        f"by {metrics['hurried']:.0%} at half the speed"
+        f"in {name}: twice the size drifts {metrics['ratio']:.2f} times as far; the reversed loop is off the opposite "
+        f"drift by {metrics['turned']:.0%}, half the speed changes the drift by {metrics['hurried']:.0%}"
     )
     per = f"{metrics['drift_per_area']:.3g} per {area_unit(setup.task, *plane)}"
     if metrics["turned"] < TURNED and metrics["hurried"] < HURRIED:
         metrics["stairs"] = _stairs_gap(setup, plane, scale) / size
-        facts += f", and by {metrics['stairs']:.0%} on fine stairs instead of a straight line"
+        facts += f", fine stairs instead of a straight line by {metrics['stairs']:.0%}"
     if not metrics.get("stairs", np.inf) < BENT:
         return f"obey no area law ({facts}): not of the form dq = G(q) x'", metrics
     per = f"{metrics['drift_per_area']:.3g} per {area_unit(setup.task, *plane)}"

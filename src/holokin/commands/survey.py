@@ -91,7 +91,7 @@ def run_one(
         show(found.fewer)
     if found.stale:
         why = "it had more cases, or the file of a robot or a law was another one; a report counts them, too"
-        show(f"{found.stale:,} more rows are of cases that the survey asks no more: {why} (--out begins a new file)")
+        show(f"{found.stale:,} more rows are of cases that the survey no longer has: {why} (--out begins a new file)")
     if faults:
         show(f"{count:,} of {faults:,} faults: {reason}\nwhen that is cured: holokin survey {file} --again")
     show(f"then: holokin survey report {out}")

@@ -79,12 +79,15 @@ class ClosestHolonomic(Value):
     steps: tuple[float, float]
 
     def __str__(self) -> str:
-        other = "is singular in the region" if self.radial is None else f"is {self.radial} away"
-        bound = "" if self.bound is None else f"; at some posture every smooth law is at least {self.bound:.2%} away"
-        return (
-            f"nearest of {self.terms} terms: {self.ours} away from the given law; the radial strategy {other}{bound}. "
-            f"det g_phi is at least {self.least_slope:.2g} at the postures looked at"
-        )
+        other = "singular in the region" if self.radial is None else str(self.radial)
+        lines = [
+            "difference from the joint rates of the given law, |G' - G| / |G|:",
+            f"  the nearest law of {self.terms} terms: {self.ours}",
+            f"  the radial strategy: {other}",
+            *([] if self.bound is None else [f"  every smooth law: at least {self.bound:.2%} at some posture"]),
+            f"det dg/dphi is at least {self.least_slope:.2g} at the postures looked at; at 0 the law is singular",
+        ]
+        return "\n".join(lines)
 
 
 @typed

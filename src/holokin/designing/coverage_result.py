@@ -158,11 +158,11 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
         said = f"{self.name}: reaches {k} of {len(self)} poses ({self.share:.1%}){whole}{within}"
         if self.explained and self.reachable < 1:
             said += f", {'none' if not k else f'{self.share / self.reachable:.1%}'} of the "
-            said += f"{round(self.reachable * len(self))} that any posture reaches"
+            said += f"{round(self.reachable * len(self))} for which a posture was found"
         if not k:
             return said
         rcond = self.rcond[self.reached]
-        said += f"; rcond {rcond.min():.2g} at least, {np.median(rcond):.2g} in the middle"
+        said += f"; rcond at least {rcond.min():.2g}, median {np.median(rcond):.2g}"
         i = int(np.argmin(np.where(self.reached, self.margin, np.inf)))
         if np.isfinite(self.margin[i]):
             j = int(self.nearest[i])

@@ -123,7 +123,7 @@ def based(
 def _along_self_motion(task: Task, q: Vector, units: Vector) -> HolonomicStrategy:
     """Z^T D q = const, D = diag(units), Z (n, r) the self-motions at a posture in coordinates D q."""
     Z = null_space(task.jacobian(q) / units)
-    return holonomic(task, linear(Z.T * units, name="the joints' way along the self-motion"))
+    return holonomic(task, linear(Z.T * units, name="the combination of joints along the self-motion"))
 
 
 def hard_limits(costs: Costs, margin: float | None, rcond: float) -> Limits:

@@ -109,9 +109,11 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
         goal = " + ".join(name.replace("_", " ") for name in self.objective.weights)
         steps = ", ".join(f"{v:.5g}" for v in self.costs[1:])
         return (
-            f"{goal}: {self.costs[0]:.5g} to begin with{self._began}, {steps} with polynomials of degree 0 to "
-            f"{self.degree} over {self.base.name!r}; {self._least}. Checked at {self.checked.poses} poses: "
-            f"{self.checked}; the hard limits hold at {self.kept} of those reached{self._cause}."
+            f"{goal}: {self.costs[0]:.5g} to begin with{self._began}, over {self.base.name!r}\n"
+            f"  with polynomials of degree 0 to {self.degree}: {steps}\n"
+            f"  {self._least}\n"
+            f"checked at {self.checked.poses} poses: {self.checked}\n"
+            f"the hard limits hold at {self.kept} of those reached{self._cause}"
         )
 
     @property

@@ -213,7 +213,10 @@ class InverseKinematics(Value):
 
     @property
     def engine(self) -> str:
-        """One line that says what runs. It is built, or loaded, if it is not yet there: ask before a loop begins."""
+        """One line that says what runs. It is built, or loaded, if it is not yet there: ask before a loop begins.
+
+        `nearest` has native code of its own, which its first call builds or loads: call it once before a loop begins.
+        """
         _ = self._calls
         return engine() if self._kernel is not None else "CasADi's virtual machine"
 

@@ -35,7 +35,7 @@ class Drift(NoTruthValue, Value, ask="`.largest`"):
     def turns(self) -> Indices:
         """Whole turns of each hinge after 1, 2, ... cycles (cycles, n): drifts of 2 pi k to 1e-6 rad; 0 for others.
 
-        A loop that ends whole turns further winds: it cannot be drawn together to a point along the leaf. A loop
+        A loop that ends whole turns further winds: it cannot be contracted to a point along the leaf. A loop
         may wind with any other drift too; `winding` tells.
         """
         return self.trajectory.turns()

@@ -1,6 +1,6 @@
-"""Why a closed path drifts: curvature, or a place that it winds round. The path is drawn together and followed again.
+"""Why a closed path drifts: curvature, or a place that it winds round. The path is contracted and followed again.
 
-Leaves are local. Where a strategy is holonomic and defined, drift does not change while a loop is drawn together to a
+Leaves are local. Where a strategy is holonomic and defined, drift does not change while a loop is contracted to a
 point, at which it is zero (theory 1.1). So a drift that stays while the loop shrinks, and is gone at a point, has
 jumped on the way: there the loop passed a place where the strategy is not defined. Curvature lets it fade instead.
 """
@@ -37,22 +37,22 @@ AGREE = 1e-2
 """Share of the drift by which twice the samples may change it; else the loop was not followed."""
 
 PIECE = 0.1
-"""Turn [rad] of the pieces in which a path that turns the tool is drawn together."""
+"""Turn [rad] of the pieces in which a path that turns the tool is contracted."""
 
 
 class Cause(NoTruthValue, Enum, ask="`is Cause.NONE`"):
     """Why a closed path drifts; the text says what was seen."""
 
     NONE = "the joints are back at their start"
-    CURVATURE = "the drift fades while the loop is drawn together, without a jump: it comes from curvature"
-    WINDING = "the drift jumps while the loop is drawn together: it winds round a place where the law is not defined"
-    TOOL_TURNS = "the tool itself makes a whole turn, so the loop cannot be drawn together to a point"
-    UNDECIDED = "cannot tell: smaller loops could not be made or followed, and the drift on either side does not decide"
+    CURVATURE = "the drift fades while the loop is contracted, without a jump: the drift comes from curvature"
+    WINDING = "the drift jumps while the loop is contracted: the loop winds round a place where the law is not defined"
+    TOOL_TURNS = "the tool itself makes a whole turn, so the loop cannot be contracted to a point"
+    UNDECIDED = "cannot tell: smaller loops could not be made or followed, and those next in size do not tell"
 
 
 @dataclass(frozen=True, eq=False)
 class Winding(NoTruthValue, Value, ask="`.cause`"):
-    """What became of the drift of a loop while it was drawn together to its start.
+    """What became of the drift of a loop while it was contracted to its start.
 
     sizes (k,): the loops that could be followed, 1 the whole one, 0 the point; drifts (k, n) [joint units] of them.
     between: the two neighbouring sizes with the largest change of drift.
@@ -85,7 +85,7 @@ class Winding(NoTruthValue, Value, ask="`.cause`"):
         if self.cause is not Cause.WINDING:
             return said
         above, below = self.between
-        return f"{said}, of it {_told(self.jump, self)} between {above:.3g} and {below:.3g} of its size"
+        return f"{said}, of which {_told(self.jump, self)} between {above:.3g} and {below:.3g} of its size"
 
     def __str__(self) -> str:
         return self.sentence
@@ -97,7 +97,7 @@ def winding(
 ) -> Winding:
     """Whether a closed path drifts because it winds round a place where the strategy is not defined.
 
-    The path is drawn together to its start, x -> x_0 + s (x - x_0), s from 1 to 0, and followed at each size; where
+    The path is contracted to its start, x -> x_0 + s (x - x_0), s from 1 to 0, and followed at each size; where
     the drift changes most the sizes are halved. What is found is true of these loops, at this resolution.
 
     Args:
@@ -209,7 +209,7 @@ def _lifts(path: Path) -> Matrix:
 
 
 def _shrunk(path: Path, size: float, lifts: Array | None) -> Path:
-    """The path drawn together to its start by a factor, its turns from the start by the same."""
+    """The path contracted to its start by a factor, its turns from the start by the same."""
     from scipy.spatial.transform import Rotation
 
     start = path.start

@@ -85,12 +85,12 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
 
 
 def _stale(cases: Cases, found: Findings) -> list[str]:
-    """A sentence about rows of cases that the survey asks no more, where there are."""
+    """A sentence about rows of cases that the survey no longer has, where there are."""
     many = len(set(found.columns["id"].tolist()).difference(cases.ids))
     if not many:
         return []
     why = "there were more cases, or the file of a robot or a law was another one, or is not to be found here"
-    return [f"<p><b>{many:,} of the rows are of cases that the survey asks no more</b>: {why}. They count, too.</p>"]
+    return [f"<p><b>{many:,} of the rows are of cases that the survey no longer has</b>: {why}. They count, too.</p>"]
 
 
 def _faults(found: Findings) -> str:
