@@ -129,7 +129,8 @@ def test_of_a_plane_round_the_base_the_part_is_found_on_which_a_closed_form_is_o
     a, (x, y) = np.cumsum(q, axis=1), poses[inside, :2, 3].T
     assert np.abs(np.cos(a).sum(axis=1) - x).max() < 1e-10 and np.abs(np.sin(a).sum(axis=1) - y).max() < 1e-10
     assert np.abs(q[:, 2] + 0.3 * q[:, 0] - R3[2] - 0.3 * R3[0]).max() < 1e-12
-    near = np.linalg.norm(poses[inside, None, :2, 3] - poses[None, inside, :2, 3], axis=2)
+    points = poses[inside][:, :2, 3]
+    near = np.linalg.norm(points[:, None] - points[None], axis=2)
     i, j = np.nonzero((near > 0) & (near < 0.08))
     assert len(i) > 100 and np.abs(q[i] - q[j]).max() < 0.5  # no jump between poses beside each other
     shares = region.rest
@@ -167,7 +168,8 @@ def test_a_workspace_that_holds_a_path_round_a_cusp_is_never_whole() -> None:
     region = hk.unique_region(strategy, q0, hk.workspace(box=([0, 0], [side, side])), limits=False, budget=4_000)
     loop = hk.circle(tool, center=[0, 0, tool[2]])
     assert hk.certify(strategy, loop, q0, limits=False).extent.name == "ELSEWHERE"
-    assert not region.contains([loop.pose(s) for s in np.linspace(0, 1, 200)]).all()
+    walk = hk.follow(strategy, loop, q0, samples=200, limits=False)
+    assert not region.contains([strategy.task.pose(q) for q in walk.q]).all()
 
 
 def test_bad_input_is_refused_with_a_cure() -> None:
