@@ -10,16 +10,7 @@ import numpy as np
 
 from ..base.arguments import check, typed
 from ..base.tolerances import TOLERANCES
-from ..base.types import (
-    ArrayLike,
-    Matrix,
-    Value,
-    Vector,
-    frozen,
-    numbers,
-    positive,
-    whole,
-)
+from ..base.types import ArrayLike, Matrix, Value, Vector, frozen, numbers, positive, whole
 from ..codegen import InverseKernel, engine, weak
 from ..errors import ArgumentError, BranchError, OutOfReachError, OutsideRegionError
 from ..path.plan import doubtful_target

@@ -7,6 +7,6 @@ from .certificate import Certificate, Extent
 from .certified_following import follow_certified
 from .certify_leaf import certify
 from .following import follow
-from .unique_region import UniqueRegion, unique_region
+from .proven_region import UniqueRegion, unique_region
 
 __all__ = ["Certificate", "Extent", "UniqueRegion", "certify", "follow", "follow_certified", "unique_region"]

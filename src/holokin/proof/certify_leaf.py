@@ -73,8 +73,8 @@ def certify(
     if isinstance(where, Workspace):
         domain: Domain = PoseRegion.of(strategy, where, start)
     else:
-        postures, *stop = walked(strategy, where, start, SAMPLES)
-        ended = (stop[0], stop[1])
+        postures, extent, stop = walked(strategy, where, start, SAMPLES)
+        ended = extent, stop
         domain = Pathway.of(strategy, where, postures, SAMPLES)
     return certificate(where, domain, start, limits, budget, say, began, ended)
 

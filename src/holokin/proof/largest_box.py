@@ -75,18 +75,19 @@ def proven_box(
 ) -> tuple[Certificate, PoseRegion, PoseRange]:
     """The certificate of a box, or of a smaller one about the start, the first that is proven whole; or the last."""
     tool, began = strategy.task.pose(q0)[:3, 3], time.perf_counter()
-    for left in range(TRIES, 0, -1):
+    left = TRIES
+    while True:
+        left -= 1
         cells = PoseRegion.of(strategy, box, q0)
         count = int(np.prod([len(cuts) - 1 for cuts in cells.grid]))
-        if count > FILLED * budget and left > 1:
+        if count > FILLED * budget and left:
             box = _about(box, tool, max(0.5, (FILLED * budget / count) ** (1 / 3)))
             continue
         found = certificate(box, cells, q0, limits, budget, say, began)
-        if found.whole or left == 1:
-            break
+        if found.whole or not left:
+            return found, cells, box
         say(f"{box}: {found.extent.cause}")
         box = _about(box, tool, 0.8) if found.extent is Extent.BUDGET else _cut(box, tool, cells.stop(found.proven))
-    return found, cells, box
 
 
 def _spans(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Matrix:
