@@ -60,7 +60,7 @@ def approach(
     robot.check_limits(start)
     positive("speed", speed, "give a positive speed of the joints")
     if level is not None and not isinstance(strategy, HolonomicStrategy):
-        raise ArgumentError("leaf", level, f"{strategy.name!r} has none: leave it out, or {HolonomicStrategy.cure}")
+        raise ArgumentError("level", level, f"{strategy.name!r} has none: leave it out, or {HolonomicStrategy.cure}")
     rows = [start]
     if level is not None and isinstance(strategy, HolonomicStrategy):
         at = leaf_value(strategy, start)
