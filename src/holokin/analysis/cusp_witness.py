@@ -42,6 +42,9 @@ LEGS = 12
 SAMPLES = 300
 """Samples of that path that are followed."""
 
+LEAST = 1e-4
+"""rcond of [J; J_g] that a motion must keep: nearer to singular postures no arm goes its path."""
+
 TRIED = 12
 """Motions that are followed in full until one is shown to end at the other posture."""
 
@@ -188,8 +191,9 @@ def _seen(strategy: HolonomicStrategy, level: Vector, motions: Motions, limits: 
     p, R = strategy.task.poses(flat)
     p, R = p.reshape(k, -1, 3), R.reshape(k, -1, 3, 3)
     length = np.linalg.norm(np.diff(p, axis=1), axis=2).sum(axis=1)
-    turn = _turned(R) if strategy.task.rotations else np.zeros(k)
-    return motions.at(ok), np.column_stack([length, turn, rcond.reshape(k, -1).min(axis=1)])[ok]
+    turn, least = _turned(R) if strategy.task.rotations else np.zeros(k), rcond.reshape(k, -1).min(axis=1)
+    ok &= least > LEAST
+    return motions.at(ok), np.column_stack([length, turn, least])[ok]
 
 
 def _within(strategy: HolonomicStrategy, q: Matrix, limits: bool) -> Flags:

@@ -3,45 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ..base.arguments import check, typed
-from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Value, Vector, frozen, numbers, positive, whole
-from ..codegen import InverseKernel, engine, weak
-from ..errors import ArgumentError, BranchError, OutOfReachError, OutsideRegionError
-from ..path.plan import doubtful_target
+from ..codegen import engine, weak
+from ..errors import ArgumentError, BranchError, OutsideRegionError
 from ..robot import start_posture
-from ..strategies import HolonomicStrategy, Jump, Strategy, may_jump
+from ..strategies import HolonomicStrategy, Strategy, may_jump
 from .given_poses import GivenPoses
-from .leaf import (
-    REGULAR,
-    LeafPath,
-    PathEnd,
-    jump_on,
-    jump_problem,
-    leaf_problem,
-    leaf_step,
-    leaf_value,
-    leaf_walk,
-    straight_path,
-    tool_at,
-    with_leaves,
-)
+from .leaf import leaf_value, level_towards, with_leaves
 from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest, steps_of
-from .rays import on_ray
-from .reach import pose_out_of_reach
-from .solutions import InverseStatus, PoseSet, Solutions, beyond_limits, in_rows
-from .stretch import inverse_code, stretch_code
+from .pose_paths import PosePaths
+from .solutions import InverseStatus, PoseSet, Solutions
 
 AGREE = 1e-6
 """Joints [joint unit] that differ less are one posture."""
-
-FAILED = (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CONVERGED)
-"""What becomes of a pose that is out of reach for any posture, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +33,10 @@ class InverseKinematics(Value):
 
     Where nothing is redundant, r = n - m = 0, there is no leaf to choose: the branch of the start is followed.
 
+    With `level=c` a call answers on the leaf g(q) = c (r,) in place of that of the start: `ik(pose, level=c)` is a
+    function of the pose and of c, as of the hand and of the elbow of an operator. Rows that are angles go to theirs by
+    the shorter way from the start.
+
     With a `region`, over which the leaf is proven to be one function of the pose, poses outside are refused.
     Inside, `ik(pose)`, `ik.near(pose, q)` and `ik.batch(poses)` have the same joints for ever.
     """
@@ -62,7 +46,7 @@ class InverseKinematics(Value):
     limits: bool = False
     region: PoseSet | None = None
 
-    def __call__(self, pose: ArrayLike) -> Vector:
+    def __call__(self, pose: ArrayLike, level: ArrayLike | None = None) -> Vector:
         """q (n,) of a tool pose (4, 4), or of a position (3,) or (2,) with the orientation of the start.
 
         Of a task of several frames poses are (F, 4, 4), or points (F, 3), or the numbers of a `custom_task` (d,).
@@ -71,17 +55,23 @@ class InverseKinematics(Value):
         function of the pose: the same pose gives the same joints to the last bit. Joint limits are not looked at unless
         `inverse` was told to: `robot.check_limits(q)` does.
 
+        Args:
+            level: c (r,), or one number for all rows; by default that of the start. The path leads straight from level
+                to level, too.
+
         Raises:
             SingularityError, BranchError: the leaf does not reach so far on a straight line. JumpError: g jumps on it.
             OutOfReachError: no posture of the arm at all reaches it, which takes up to a second to find out.
             JointLimitError: only with limits=True: the posture is beyond them.
             OutsideRegionError: only with a region: the pose does not belong to it.
-            ShapeError, NotFiniteError, ArgumentError: a bad pose.
+            ShapeError, NotFiniteError, ArgumentError: a bad pose or level; a level beside a region.
         """
-        return self._calls[0](pose)
+        if level is None:
+            return self._calls[0](pose)
+        return self._cold_at(*self._given.one(pose), self._at_level(level))
 
-    def agrees(self, q: ArrayLike) -> bool:
-        """Whether a posture q (n,) is the one that `ik(pose)` gives for its tool pose, to 1e-6 [joint units].
+    def agrees(self, q: ArrayLike, level: ArrayLike | None = None) -> bool:
+        """Whether a posture q (n,) is the one that `ik(pose, level)` gives for its tool pose, to 1e-6 [joint units].
 
         A loop of `near` may be on another posture of the leaf: round a hole of the workspace or a cusp, or a full turn
         of a joint further. This asks once, by one cold call, as between two tasks or in the background of a loop.
@@ -90,15 +80,16 @@ class InverseKinematics(Value):
         """
         posture = self.strategy.task.robot.checked(q, "the posture")
         p, R = self.strategy.task.place(posture)
-        return bool(np.abs(self._cold_at(p, R) - posture).max() < AGREE)
+        paths = self._paths if level is None else self._at_level(level)
+        return bool(np.abs(self._cold_at(p, R, paths) - posture).max() < AGREE)
 
-    def near(self, pose: ArrayLike, q: ArrayLike) -> Vector:
+    def near(self, pose: ArrayLike, q: ArrayLike, level: ArrayLike | None = None) -> Vector:
         """The same, reached from a posture q (n,) on the same branch: the faster, the nearer q is.
 
         The path leads straight from the tool pose at q, and from the level g(q) to that of the leaf: q need not lie
-        exactly on it, as measured joints do not. The answer does. It is that of `ik(pose)` wherever the two paths to
-        the pose, from the start by q and straight from the start, can be drawn into one another without passing a place
-        where the leaf ends. They differ only where such a place lies between them: round a hole of the workspace, or
+        exactly on it, as measured joints do not. The answer does. It is that of `ik(pose, level)` wherever the two
+        paths to the pose, from the start by q and straight from the start, can be drawn into one another without
+        passing a place where the leaf ends. They differ only where such a place lies between them: round a hole of the workspace, or
         by a full turn of a joint.
 
         What a call encloses about its posture serves the next ones of its thread, so that threads may share `near`.
@@ -108,38 +99,39 @@ class InverseKinematics(Value):
                 that of `ik(pose)`.
             As `ik(pose)`, but for OutOfReachError, for which a loop would wait.
         """
-        return self._calls[1](pose, q)
+        if level is None:
+            return self._calls[1](pose, q)
+        return self._warm_at(pose, q, self._at_level(level))
 
-    def batch(self, poses: ArrayLike, threads: int | None = None) -> Solutions:
-        """q of many poses (k, 4, 4), or positions (k, 3) or (k, 2), each as `ik(pose)` finds it.
+    def batch(self, poses: ArrayLike, threads: int | None = None, level: ArrayLike | None = None) -> Solutions:
+        """q of many poses (k, 4, 4), or positions (k, 3) or (k, 2), each as `ik(pose, level)` finds it.
 
-        No pose raises: `status` tells what became of each. `threads`: all processors by default.
+        No pose raises: `status` tells what became of each. `threads`: all processors by default. `level`: one (r,) for
+        all poses, or a row for each (k, r).
 
         Raises:
-            ShapeError, ArgumentError: poses that are no array of poses.
+            ShapeError, ArgumentError: poses that are no array of poses, or levels that are none.
         """
         if threads is not None:
             whole("threads", threads)
         given = self._given.shaped("each of the tool poses", numbers("tool poses", poses))
         p, R = self._given.places(given)
-        last = np.full((len(given), len(self.q0)), np.nan)
+        last, status = np.full((len(given), len(self.q0)), np.nan), self._given.refused(p, R)
+        paths, sound = self._paths_of(level, len(given)), np.flatnonzero(status == InverseStatus.REACHED)
         if self.region is not None:
-            status = self._given.refused(p, R)
-            sound = np.flatnonzero(status == InverseStatus.REACHED)
             begin = self.region.near(p[sound], R[sound])[0]
             inside = np.isfinite(begin).all(axis=1)
             status[sound[~inside]] = InverseStatus.OUTSIDE
             for i, q in zip(sound[inside], begin[inside], strict=True):
-                last[i], status[i] = self._go(p[i], R[i], q)
-        elif self._kernel is not None:
-            status = self._kernel(in_rows(p, R), self._context, last, False, threads)
+                last[i], status[i] = paths[i].go(p[i], R[i], q)
+        elif len(set(map(id, paths))) == 1:
+            last[sound], status[sound] = paths[0].go_all(p[sound], R[sound], threads)
         else:
-            status = self._given.refused(p, R)
-            for i in np.flatnonzero(status == InverseStatus.REACHED):
-                last[i], status[i] = self._walk(p[i], R[i], self.q0)
+            for i in sound:
+                last[i], status[i] = paths[i].go(p[i], R[i], self.q0)
         if may_jump(self.strategy):
             for i in np.flatnonzero(np.isfinite(last).all(axis=1)):
-                jump = self._jump(p[i], R[i], self.q0, last[i], InverseStatus(int(status[i])))
+                jump = paths[i].jump(p[i], R[i], self.q0, last[i], InverseStatus(int(status[i])))
                 status[i] = status[i] if jump is None else InverseStatus.JUMP
         q = last.copy()
         q[status != InverseStatus.REACHED] = np.nan
@@ -209,39 +201,39 @@ class InverseKinematics(Value):
         `nearest` has native code of its own, which its first call builds or loads: call it once before a loop begins.
         """
         _ = self._calls
-        return engine() if self._kernel is not None else "CasADi's virtual machine"
+        return engine() if self._paths.kernel is not None else "CasADi's virtual machine"
 
     def _cold(self, pose: ArrayLike) -> Vector:
         """`ik(pose)` of any pose: the joints, or an error."""
-        return self._cold_at(*self._given.one(pose))
+        return self._cold_at(*self._given.one(pose), self._paths)
 
-    def _cold_at(self, p: Vector, R: Matrix) -> Vector:
+    def _cold_at(self, p: Vector, R: Matrix, paths: PosePaths) -> Vector:
         """The same of a position and a rotation."""
-        begin = self.q0 if self.region is None else self._inside(p, R)[0]
-        q, status = self._go(p, R, begin)
-        if (jump := self._jump(p, R, begin, q, status)) is not None:
-            raise jump_problem(self.strategy, jump)
-        if status in FAILED and (missing := pose_out_of_reach(self.strategy.task, p, R, q, self.limits)) is not None:
-            task = self.strategy.task
-            fact = (
-                f"the pose is out of reach of {task.robot.name!r}: no search came closer than {missing:.3g} (m or rad)"
-            )
-            raise OutOfReachError(fact, doubtful_target(task, p) or "give a pose nearer to the base")
-        return self._answer(q, status)
+        return paths.reach(p, R, self.q0 if self.region is None else self._inside(p, R)[0], search=True)
 
     def _warm(self, pose: ArrayLike, q: ArrayLike) -> Vector:
         """`ik.near(pose, q)` of any pose."""
+        return self._warm_at(pose, q, self._paths)
+
+    def _warm_at(self, pose: ArrayLike, q: ArrayLike, paths: PosePaths) -> Vector:
+        """The same on any leaf."""
         p, R = self._given.one(pose)
         begin = self.strategy.task.robot.checked(q, "the posture to begin from")
         there = None if self.region is None else self._inside(p, R)
-        last, status = self._go(p, R, begin)
-        if (jump := self._jump(p, R, begin, last, status)) is not None:
-            raise jump_problem(self.strategy, jump)
-        found = self._answer(last, status)
+        found = paths.reach(p, R, begin)
         if there is not None and not np.linalg.norm(found - there[0]) <= there[1]:
             fact = "from this posture the pose is reached with other joints than those of ik(pose)"
             raise BranchError(fact, "go back by the path that was come, or stop and move the joints to ik(pose)")
         return found
+
+    def _paths_of(self, level: ArrayLike | None, count: int) -> list[PosePaths]:
+        """Those of each of many poses, the same for all or not."""
+        if level is None:
+            return [self._paths] * count
+        given = np.asarray(level)
+        rows = given if given.ndim == 2 and len(given) == count else [level] * min(count, 1)
+        found = [self._at_level(row) for row in rows]
+        return found if len(found) == count else found * count
 
     def _inside(self, p: Vector, R: Matrix) -> tuple[Vector, float]:
         """(a posture near that of the region's function at a pose, how far about it there is none but that)."""
@@ -249,58 +241,6 @@ class InverseKinematics(Value):
         if not np.isfinite(near).all():
             raise OutsideRegionError(p)
         return near[0], float(alone[0])
-
-    def _jump(self, p: Vector, R: Matrix, q0: Vector, q: Vector, status: InverseStatus) -> Jump | None:
-        """A jump of g on the way that was gone to q."""
-        s = self.strategy
-        return jump_on(s, q0, self._way(p, R, q0)[0], q, status in FAILED) if may_jump(s) else None
-
-    def _way(self, p: Vector, R: Matrix, q0: Vector) -> tuple[LeafPath, bool]:
-        """(the straight path to a pose and to the leaf, whether it stays on the leaf)."""
-        s = self.strategy
-        level = self._leaf if q0 is self.q0 else leaf_value(s, q0)
-        goal = level + s.constraint.nearest(self._leaf - level) if len(level) else level
-        return straight_path(tool_at(s.task, q0), (p, R), (level, goal)), np.array_equal(level, goal)
-
-    def _go(self, p: Vector, R: Matrix, q0: Vector) -> tuple[Vector, InverseStatus]:
-        """(posture to which the path from a posture was gone, what became of it)."""
-        if self._kernel is None:
-            return self._walk(p, R, q0)
-        q = q0[None].copy()
-        status = self._kernel(in_rows(p[None], R[None]), self._context, q, q0 is not self.q0, 1)
-        return q[0], InverseStatus(int(status[0]))
-
-    def _walk(self, p: Vector, R: Matrix, q0: Vector) -> tuple[Vector, InverseStatus]:
-        """The same on the virtual machine."""
-        s = self.strategy
-        if q0 is not self.q0:
-            _, rcond, margin, side = leaf_step(s)(q0, p, R, self._leaf)
-            if not (rcond > TOLERANCES.singular and margin > TOLERANCES.representation):
-                return q0, InverseStatus.SINGULAR
-            if side != self._side:
-                return q0, InverseStatus.OTHER_BRANCH
-        path, level = self._way(p, R, q0)
-        last, ended = leaf_walk(s, q0, ray=level and on_ray(s, q0))(q0, path)
-        if ended is PathEnd.REACHED:
-            beyond = self.limits and beyond_limits(s.task.robot, last)
-            return last, InverseStatus.LIMIT if beyond else InverseStatus.REACHED
-        _, rcond, margin = s.gain(last)
-        if ended is PathEnd.TRIED or rcond > REGULAR:
-            return last, InverseStatus.NOT_CONVERGED
-        sound = rcond > TOLERANCES.singular and margin > TOLERANCES.representation
-        return last, InverseStatus.LEAF_ENDS if sound else InverseStatus.SINGULAR
-
-    def _answer(self, q: Vector, status: InverseStatus) -> Vector:
-        """The posture that was found. Raises: what says why there is none."""
-        if status is InverseStatus.LIMIT:
-            self.strategy.task.robot.check_limits(q)
-        if status is InverseStatus.OTHER_BRANCH:
-            fact = f"the posture to begin from lies on another branch of {self.strategy.name!r} than the start"
-            raise BranchError(fact, "give a posture of this branch, such as the last answer, or leave it out")
-        if status is not InverseStatus.REACHED:
-            ends = status is InverseStatus.LEAF_ENDS
-            raise leaf_problem(self.strategy, q, PathEnd.FOLD if ends else PathEnd.STOPPED)
-        return q
 
     @cached_property
     def _given(self) -> GivenPoses:
@@ -310,23 +250,9 @@ class InverseKinematics(Value):
     def _calls(self) -> tuple[Callable[[ArrayLike], Vector], Callable[[ArrayLike, ArrayLike], Vector]]:
         """What serves `ik(pose)` and `ik.near(pose, q)`."""
         cold, warm = weak(self._cold), weak(self._warm)
-        kernel = None if may_jump(self.strategy) or self.region is not None else self._kernel
-        bound = None if kernel is None else kernel.calls(self._context, cold, warm)
+        kernel = None if may_jump(self.strategy) or self.region is not None else self._paths.kernel
+        bound = None if kernel is None else kernel.calls(self._paths.context, cold, warm)
         return (cold, warm) if bound is None else bound
-
-    @cached_property
-    def _kernel(self) -> InverseKernel | None:
-        s = self.strategy
-        return leaf_step(s).inverse(lambda: inverse_code(s), lambda: stretch_code(s))
-
-    @cached_property
-    def _context(self) -> Vector:
-        """What the kernel reads besides: poses.c."""
-        robot, slack = self.strategy.task.robot, TOLERANCES.limit
-        beyond = np.full(robot.n, np.inf)
-        low, high = (robot.lower - slack, robot.upper + slack) if self.limits else (-beyond, beyond)
-        p, R = self._place
-        return frozen(np.concatenate([self.q0, p, R.ravel(), self._leaf, low, high, [self._side]]))
 
     @cached_property
     def _place(self) -> tuple[Vector, Matrix]:
@@ -334,12 +260,23 @@ class InverseKinematics(Value):
         return frozen(p), frozen(R)
 
     @cached_property
-    def _leaf(self) -> Vector:
-        return frozen(leaf_value(self.strategy, self.q0))
+    def _paths(self) -> PosePaths:
+        return PosePaths(self.strategy, self.q0, frozen(leaf_value(self.strategy, self.q0)), self.limits)
+
+    def _at_level(self, level: ArrayLike) -> PosePaths:
+        """The paths that lead to another level. Raises: ArgumentError, ShapeError, NotFiniteError: a bad one."""
+        if self.region is not None:
+            raise ArgumentError("level", level, "a region is of one level: ask hk.inverse(strategy, q0) without it")
+        goal = level_towards(self.strategy, self.q0, level)
+        last = self._last_level[:]
+        if not last or not np.array_equal(last[0].level, goal):
+            self._last_level[:] = last = [replace(self._paths, level=frozen(goal))]
+        return last[0]
 
     @cached_property
-    def _side(self) -> float:
-        return float(leaf_step(self.strategy)(self.q0, *self._place, self._leaf)[3])
+    def _last_level(self) -> list[PosePaths]:
+        """The paths to the level that was asked for last."""
+        return []
 
 
 @typed
@@ -387,9 +324,9 @@ def how_far(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike) -> tuple[Vecto
         ShapeError, NotFiniteError, ArgumentError: a bad pose or posture.
     """
     p, R = ik._given.one(pose)
-    return ik._go(p, R, ik.strategy.task.robot.checked(q, "the posture to begin from"))
+    return ik._paths.go(p, R, ik.strategy.task.robot.checked(q, "the posture to begin from"))
 
 
 def is_native(ik: InverseKinematics) -> bool:
     """Whether native code answers, which is built if it is not yet there."""
-    return ik._kernel is not None
+    return ik._paths.kernel is not None

@@ -348,16 +348,23 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 
     task = strategy.task
     start = start_posture(task.robot, q0)
     strategy(start)
-    at = leaf_value(strategy, start)
-    wanted = finite("the leaf", level)
-    if wanted.shape not in ((), at.shape):
-        raise ShapeError("the leaf", at.shape, wanted.shape)
-    goal = np.broadcast_to(wanted, at.shape)
-    check_levels(strategy, goal)
-    _check_room(strategy, start, goal - at)
-    goal = at + strategy.constraint.nearest(goal - at)
+    at, goal = leaf_value(strategy, start), level_towards(strategy, start, level)
     here = tool_at(task, start)
     return leaf_follower(strategy, start)(start, straight_path(here, here, (at, goal)))
+
+
+def level_towards(strategy: HolonomicStrategy, q0: Vector, level: ArrayLike) -> Vector:
+    """A level c (r,) as users give it, or one number for all rows; angles are moved by whole turns next to that of q0.
+
+    Raises: ArgumentError, ShapeError, NotFiniteError.
+    """
+    at, wanted = leaf_value(strategy, q0), finite("the level", level)
+    if wanted.shape not in ((), at.shape):
+        raise ShapeError("the level", at.shape, wanted.shape)
+    goal = np.broadcast_to(wanted, at.shape)
+    check_levels(strategy, goal)
+    _check_room(strategy, q0, goal - at)
+    return at + strategy.constraint.nearest(goal - at)
 
 
 def _check_room(strategy: HolonomicStrategy, q: Vector, change: Vector) -> None:
@@ -370,7 +377,7 @@ def _check_room(strategy: HolonomicStrategy, q: Vector, change: Vector) -> None:
         far = np.abs(change) > np.where(A > 0, A * room, 0.0).sum(axis=1)
     if far.any():
         level = float((leaf_value(strategy, q) + change)[far][0])
-        raise ArgumentError("the leaf", level, DEGREES)
+        raise ArgumentError("the level", level, DEGREES)
 
 
 def check_levels(strategy: HolonomicStrategy, levels: Vector) -> None:
@@ -379,5 +386,5 @@ def check_levels(strategy: HolonomicStrategy, levels: Vector) -> None:
     if far.any():
         level = float(levels[far][0])
         raise ArgumentError(
-            "the leaf", level, f"an angle in rad is wanted: {level:g} degrees are {np.radians(level):.4g}"
+            "the level", level, f"an angle in rad is wanted: {level:g} degrees are {np.radians(level):.4g}"
         )
