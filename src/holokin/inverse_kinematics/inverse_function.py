@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -89,8 +89,8 @@ class InverseKinematics(Value):
         The path leads straight from the tool pose at q, and from the level g(q) to that of the leaf: q need not lie
         exactly on it, as measured joints do not. The answer does. It is that of `ik(pose, level)` wherever the two
         paths to the pose, from the start by q and straight from the start, can be drawn into one another without
-        passing a place where the leaf ends. They differ only where such a place lies between them: round a hole of the workspace, or
-        by a full turn of a joint.
+        passing a place where the leaf ends. They differ only where such a place lies between them: round a hole of the
+        workspace, or by a full turn of a joint.
 
         What a call encloses about its posture serves the next ones of its thread, so that threads may share `near`.
 
@@ -270,7 +270,7 @@ class InverseKinematics(Value):
         goal = level_towards(self.strategy, self.q0, level)
         last = self._last_level[:]
         if not last or not np.array_equal(last[0].level, goal):
-            self._last_level[:] = last = [replace(self._paths, level=frozen(goal))]
+            self._last_level[:] = last = [self._paths.at(goal)]
         return last[0]
 
     @cached_property

@@ -369,6 +369,8 @@ def level_towards(strategy: HolonomicStrategy, q0: Vector, level: ArrayLike) -> 
 
 def _check_room(strategy: HolonomicStrategy, q: Vector, change: Vector) -> None:
     """Raises: ArgumentError: a sum of joints is to change by more than two turns beyond what their limits allow."""
+    if np.abs(change).max(initial=0.0) <= 1.0:
+        return  # no degrees
     robot, A = strategy.task.robot, np.abs(strategy.rows(q))
     if not np.array_equal(A, np.abs(strategy.rows(q + 0.1))):
         return  # no sum

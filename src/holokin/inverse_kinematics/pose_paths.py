@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -46,6 +46,15 @@ class PosePaths(Value):
     q0: Vector
     level: Vector
     limits: bool
+
+    def at(self, level: Vector) -> PosePaths:
+        """The same to another level; what does not depend on it is shared."""
+        first, n = len(self.q0) + 12 * self.strategy.task.frames, len(level)
+        context = self.context.copy()
+        context[first : first + n] = level
+        other = replace(self, level=frozen(level))
+        vars(other).update(kernel=self.kernel, context=frozen(context), _side=self._side)
+        return other
 
     def reach(self, p: Vector, R: Matrix, begin: Vector, search: bool = False) -> Vector:
         """The posture (n,) at a tool pose, by the path from `begin`; else raises what says why there is none.
