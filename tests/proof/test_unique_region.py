@@ -179,6 +179,8 @@ def test_bad_input_is_refused_with_a_cure() -> None:
         hk.unique_region(hk.moore_penrose(strategy.task), R3)
     with pytest.raises(ArgumentError, match="give a box"):
         hk.unique_region(strategy, R3, hk.workspace(sphere=([1, 1], 0.1)))
+    with pytest.raises(ArgumentError, match="give a box that holds the tool pose of q0"):
+        hk.unique_region(strategy, R3, hk.workspace(box=([0, 0], [1.5, 1.5])), limits=False)
     with pytest.raises(ArgumentError, match="a workspace has its own"):
         hk.unique_region(strategy, R3, square, tilt=0.1)
     with pytest.raises(ArgumentError, match=r"hk\.unique_region\(strategy, q0\)"):

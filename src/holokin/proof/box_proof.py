@@ -94,7 +94,13 @@ class PoseRegion(Value, Domain):
         region = PoseRegion(equation, c, space.solid.center, R, half, q0, middle, partial)
         if partial and (np.abs(at := region.place_of(q0)) < 1).all():
             return replace(region, u0=on_grid(at))
-        return replace(region, q=inverse(strategy, q0)(space.center))
+        try:
+            return replace(region, q=inverse(strategy, q0)(space.center))
+        except HolokinError as problem:
+            if not partial:
+                raise
+            cure = "give a box that holds the tool pose of q0, or whose middle the leaf reaches"
+            raise ArgumentError("the workspace", str(space), f"{cure}: from q0 {problem}") from problem
 
     def first(self) -> Boxes:
         """A grid of the largest cells that pass the test at `u0`, each side by how much it moves the joints."""
