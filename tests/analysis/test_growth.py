@@ -17,7 +17,7 @@ from holokin.codegen import native_library as native
 from holokin.errors import SingularityError
 from holokin.inverse_kinematics.leaf import leaf_step
 from holokin.motion import follow_path as following
-from holokin.motion.control_step import StepStatus
+from holokin.motion.step_expression import StepStatus
 from holokin.symbolic import function as function_module
 from holokin.symbolic import linear
 

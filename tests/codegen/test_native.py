@@ -19,7 +19,7 @@ from holokin.codegen import engine
 from holokin.codegen import native_library as native
 from holokin.codegen.kernel import BatchKernel
 from holokin.errors import ArgumentError, NativeError, ShapeError
-from holokin.motion.control_step import StepStatus
+from holokin.motion.step_expression import StepStatus
 from holokin.symbolic import Function, symbol
 from holokin.symbolic import function as function_module
 from holokin.version import build

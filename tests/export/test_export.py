@@ -251,11 +251,11 @@ def test_its_step_is_the_controllers(c_code: ctypes.CDLL, monkeypatch: pytest.Mo
     strategy = sew()
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     servo = hk.controller(strategy, dt=1e-3, q0=PANDA_START)
-    parameters, q, dq, scale = np.zeros(6), np.zeros(7), np.zeros(7), np.zeros(1)
+    parameters, q, dq, scale = np.zeros(7), np.zeros(7), np.zeros(7), np.zeros(1)
     c_code.panda_sew_defaults(*at(parameters))
     c_code.panda_sew_start(*at(q))
     assert np.array_equal(q, PANDA_START)
-    assert parameters == pytest.approx([strategy.constraint_value(PANDA_START), 1e-3, 100.0, 100.0, 0.1, 1e-3])
+    assert parameters == pytest.approx([strategy.constraint_value(PANDA_START), 0.0, 1e-3, 100.0, 100.0, 0.1, 1e-3])
     edge = PANDA_START.copy()
     edge[3] = strategy.task.robot.upper[3]
     seen = set()
@@ -267,7 +267,13 @@ def test_its_step_is_the_controllers(c_code: ctypes.CDLL, monkeypatch: pytest.Mo
             assert (status, scale[0]) == (servo.status, servo.scale)
             seen.add(status)
     assert seen >= {0, 1}
-    for k, bad in ((1, 0.0), (1, -1e-3), (1, np.nan), (2, -1.0), (2, 2100.0), (3, np.inf), (4, 0.0), (5, 1.0)):
+    pose, still = strategy.task.robot.pose(q), np.zeros(6)
+    for level, rate in ((parameters[0] + 1e-3, 0.0), (parameters[0], 0.2), (parameters[0] - 1e-3, -0.1)):
+        moving = np.concatenate([[level, rate], parameters[2:]])
+        status = c_code.panda_sew_step(*at(q, pose, still, moving, dq, scale))
+        assert status == 0 and dq.any()
+        assert np.array_equal(dq, servo.step(q, pose, still, level=level, level_rate=rate))
+    for k, bad in ((2, 0.0), (2, -1e-3), (2, np.nan), (3, -1.0), (3, 2100.0), (4, np.inf), (5, 0.0), (6, 1.0)):
         odd = parameters.copy()
         odd[k] = bad
         assert c_code.panda_sew_step(*at(q, strategy.task.robot.pose(q), np.ones(6), odd, dq, scale)) == 6

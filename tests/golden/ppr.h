@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0x62752f2f5424a249U
+#define PPR_EXPORT 0xef0f68873090f432U
 
 #ifdef __cplusplus
 extern "C" {
@@ -49,7 +49,8 @@ enum {
 /* The parameters of a control step. ppr_defaults gives those of the start posture, with gains of 0.1/dt: another
    dt wants other gains, below 2/dt. */
 typedef struct {
-  ppr_real leaf[1];         /* c = g(q) of the leaf to hold */
+  ppr_real leaf[1];         /* c = g(q) that is wanted at the end of the step */
+  ppr_real leaf_rate[1];    /* c' [per s]: takes it there in dt; 0 for a leaf that stays */
   ppr_real dt;              /* the loop's step [s] */
   ppr_real gain;            /* K [1/s]: how fast an error of the tool fades */
   ppr_real constraint_gain; /* K_g [1/s]: how fast the joints are led back to their leaf */

@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0x62752f2f5424a249U
+#if PPR_EXPORT != 0xef0f68873090f432U
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0x62752f2f5424a249U
+#if PPR_VECTORS != 0xef0f68873090f432U
 #error "these files are of different exports: export again"
 #endif
 
@@ -91,6 +91,7 @@ int main(void) {
     if (accept("gain", k, status, rough)) worst[1] = compare("gain", k, G, v->gain, 6, most, worst[1]);
     if (accept("pose", k, ppr_pose(q, T), rough)) worst[0] = compare("pose", k, T, v->pose, 16, TOLERANCE, worst[0]);
     if (accept("rate", k, ppr_rate(q, dx, dq), rough)) worst[2] = compare("rate", k, dq, v->rate, 3, most, worst[2]);
+    copy(v->leaf_rate, parameters.leaf_rate, 1);
     const int stepped = ppr_step(q, target, twist, &parameters, dq, &scale);
     if (stepped == v->status || accept("step", k, stepped, rough)) {
       worst[3] = compare("step", k, dq, v->step, 3, fed_back, worst[3]);

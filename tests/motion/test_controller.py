@@ -12,7 +12,7 @@ import holokin as hk
 from conftest import PANDA_START, sampled
 from holokin.auditing.equal_poses import Repeatability
 from holokin.errors import ArgumentError, ControllerError, NotFiniteError, ShapeError, SingularityError
-from holokin.motion.control_step import StepStatus
+from holokin.motion.step_expression import StepStatus
 
 START = np.array([0.3, 0.9, 0.7])
 DT = 1e-3
@@ -218,3 +218,61 @@ def test_a_strategy_without_leaves_needs_no_start(planar_3r: hk.Robot) -> None:
     q, pose, twist = wanted(planar_3r, START, 3)
     assert np.array_equal(a.step(q, pose, twist), b.step(q, pose, twist))
     assert len(a.leaf) == 0
+
+
+# --- the level as an input ---
+
+
+def both(robot: hk.Robot, q0: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """(pose, twist, level beyond the start's, its rate) of a hand and an elbow that come back at s = 1."""
+    a = 2 * np.pi
+    pose = robot.pose(q0)
+    pose[0, 3] += 0.05 * np.sin(a * s)
+    pose[1, 3] += 0.05 * (1 - np.cos(a * s))
+    twist = np.zeros(6)
+    twist[:2] = 0.05 * a * np.cos(a * s), 0.05 * a * np.sin(a * s)
+    return pose, twist, 0.3 * np.sin(2 * a * s), 0.6 * a * np.cos(2 * a * s)
+
+
+@pytest.mark.parametrize("constraint", [hk.arm_angle(), hk.lock(2)], ids=["arm angle", "lock 3"])
+def test_hand_and_elbow_are_led_at_once_and_the_joints_come_back(constraint: hk.Constraint, panda: hk.Robot) -> None:
+    """At each instant the joints are those of inverse kinematics at the pose and the level that are wanted then."""
+    strategy = hk.holonomic(hk.pose(panda), constraint)
+    dt, seconds = 4e-3, 8.0
+    c, c0, q = hk.controller(strategy, dt=dt, q0=PANDA_START), strategy.constraint_value(PANDA_START), PANDA_START
+    ik, far, off = hk.inverse(strategy, PANDA_START), 0.0, 0.0
+    for i in range(1, round(seconds / dt) + 1):
+        pose, _, level, _ = both(panda, PANDA_START, i * dt / seconds)
+        _, twist, _, rate = both(panda, PANDA_START, (i - 0.5) * dt / seconds)
+        q = q + dt * c.step(q, pose, twist / seconds, level=c0 + level, level_rate=rate / seconds)
+        assert c.status is StepStatus.OK
+        if i % 100 == 0:
+            off = max(off, np.abs(q - ik(pose, level=c0 + level)).max())
+        far = max(far, np.abs(q - PANDA_START).max())
+    assert far > 0.2 and off < 1e-4
+    assert np.abs(q - PANDA_START).max() < 1e-5
+
+
+def test_a_level_that_jumps_is_gone_to_without_a_motion_of_the_tool(arm: hk.Strategy, panda: hk.Robot) -> None:
+    """Self-motion: dq = [J; J_g]^-1 [0; K_g (c - g)]. Without a level the step holds that of the start again."""
+    c, c0, q = hk.controller(arm, dt=DT, q0=PANDA_START), arm.constraint_value(PANDA_START), PANDA_START
+    pose, still = panda.pose(PANDA_START), np.zeros(6)
+    for _ in range(500):
+        q = q + DT * c.step(q, pose, still, level=c0 + 0.2)
+        assert np.abs(arm.task.error(q, pose[:3, 3], pose[:3, :3])).max() < 2e-4
+    assert np.abs(arm.constraint_value(q) - c0 - 0.2) < 1e-4 and np.abs(q - PANDA_START).max() > 0.02
+    for _ in range(500):
+        q = q + DT * c.step(q, pose, still)
+    assert np.abs(q - PANDA_START).max() < 1e-4
+
+
+def test_a_bad_level_has_a_status_or_is_refused(arm: hk.Strategy, panda: hk.Robot) -> None:
+    c, pose, still = hk.controller(arm, dt=DT, q0=PANDA_START), panda.pose(PANDA_START), np.zeros(6)
+    assert not c.step(PANDA_START, pose, still, level=np.nan).any() and c.status is StepStatus.NOT_FINITE
+    assert not c.step(PANDA_START, pose, still, level=0.0, level_rate=np.inf).any()
+    for level, error in (("up", ArgumentError), ([0.1, 0.2], ShapeError)):
+        with pytest.raises(error, match="level"):
+            c.step(PANDA_START, pose, still, level=level)
+    free = hk.controller(hk.moore_penrose(arm.task), dt=DT)
+    with pytest.raises(ArgumentError, match="holds no leaf"):
+        free.step(PANDA_START, pose, still, level=0.1)

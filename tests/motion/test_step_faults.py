@@ -21,7 +21,7 @@ from conftest import PANDA_START, campaign, sampled
 from holokin.codegen import kernel
 from holokin.codegen import native_library as native
 from holokin.errors import ArgumentError, HolokinError, ShapeError
-from holokin.motion.control_step import StepStatus
+from holokin.motion.step_expression import StepStatus
 from holokin.symbolic import Function, symbol
 
 Patch = pytest.MonkeyPatch

@@ -22,7 +22,8 @@ from ..inverse_kinematics.branch import branch_code, extended_jacobian
 from ..inverse_kinematics.leaf import ALMOST, DONE, NEWTONS, leaf_step
 from ..inverse_kinematics.rays import rays_code
 from ..motion import has_leaf, step_function
-from ..motion.control_step import AT_LIMIT, LEAST_RCOND, MOST_ERROR
+from ..motion.control_step import LEAST_RCOND, MOST_ERROR
+from ..motion.step_expression import AT_LIMIT
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function
 from ..tasks.frames import poses_expression
@@ -66,6 +67,12 @@ RESERVED = frozenset(_WORDS.split()) | frozenset(_WORDS_OF_CPP.split())
 header of ours by such a name would hide theirs, which <math.h> and <stdio.h> may want."""
 
 _FILES = {"prelude": "scalar.h", "posed": "posed.c", "step": "step.c"}
+
+_LEAF_COPY = """  for (int i = 0; i < HK_R; i++) {
+    values[i] = parameters->leaf[i];
+    values[HK_R + i] = parameters->leaf_rate[i];
+  }
+"""
 
 PARAMETERS = ("dt", "gain", "constraint_gain", "most_error", "least_rcond")
 """Of a control step, besides its leaf."""
@@ -111,8 +118,10 @@ class Source:
 
     @property
     def parameters(self) -> Vector:
-        """(c, dt, K, K_g, most error, least rcond) by default: errors fade by a tenth each step."""
-        return np.concatenate([self.leaf, [self.dt, 0.1 / self.dt, 0.1 / self.dt, MOST_ERROR, LEAST_RCOND]])
+        """(c, c', dt, K, K_g, most error, least rcond) by default: errors fade by a tenth each step."""
+        return np.concatenate(
+            [self.leaf, np.zeros(len(self.leaf)), [self.dt, 0.1 / self.dt, 0.1 / self.dt, MOST_ERROR, LEAST_RCOND]]
+        )
 
     @cached_property
     def functions(self) -> dict[str, Function]:
@@ -155,7 +164,7 @@ class Source:
             "joints": line(", ".join(robot.joint_names)), "rows": ", ".join(task.row_names), "rates": units,
             "pose_checked": _pose_checked(position, self.holonomic is not None),
             "singular_words": "J, [J; J_g] or H loses rank, the representation does, or a result overflows",
-            "leaf_member": f"  {self.name}_real leaf[{r}];         /* c = g(q) of the leaf to hold */\n" if r else "",
+            "leaf_member": _leaf_members(self.name, r),
             "and_leaf": " and to the leaf" if r else "",
             "singular": _c(t.singular), "representation": _c(t.representation), "almost": _c(ALMOST),
             "done": _c(DONE), "newtons": NEWTONS,
@@ -165,13 +174,16 @@ class Source:
             "precise": _c(PRECISE_FLOAT), "clear": _c(CLEAR_FLOAT), "almost_float": _c(ALMOST_FLOAT),
             "done_float": _c(DONE_FLOAT),
             "at_limit": _c(AT_LIMIT), "contraction": _c(t.contraction),
-            "defaults": "".join(f"  parameters->leaf[{i}] = HK_C({_c(c)});\n" for i, c in enumerate(self.leaf))
+            "defaults": "".join(
+                f"  parameters->leaf[{i}] = HK_C({_c(c)});\n  parameters->leaf_rate[{i}] = HK_C(0);\n"
+                for i, c in enumerate(self.leaf)
+            )
             + "".join(
                 f"  parameters->{key} = HK_C({_c(value)});\n"
-                for key, value in zip(PARAMETERS, self.parameters[r:], strict=True)
+                for key, value in zip(PARAMETERS, self.parameters[2 * r :], strict=True)
             ),
             "start": "".join(f"  q[{i}] = HK_C({_c(value)});\n" for i, value in enumerate(self.q0)),
-            "leaf_copy": "  for (int i = 0; i < HK_R; i++) values[i] = parameters->leaf[i];\n" if r else "",
+            "leaf_copy": _LEAF_COPY if r else "",
             "gather": _gather(task),
             "angular": ", ".join(str(int(flag)) for flag in (constraint.angular if constraint else ())),
             "beyond": _beyond(self) or "  (void)q;\n",
@@ -179,6 +191,14 @@ class Source:
             "dt": f"{self.dt:g}",
             "leaf_words": "and the leaf of the start" if r else "no leaf",
         }  # fmt: skip
+
+
+def _leaf_members(name: str, r: int) -> str:
+    """Of the struct of parameters."""
+    if not r:
+        return ""
+    rate = f"  {name}_real leaf_rate[{r}];    /* c' [per s]: takes it there in dt; 0 for a leaf that stays */\n"
+    return f"  {name}_real leaf[{r}];         /* c = g(q) that is wanted at the end of the step */\n{rate}"
 
 
 def _pose_checked(position: bool, holonomic: bool) -> str:

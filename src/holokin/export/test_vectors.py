@@ -100,7 +100,8 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     dx = _single(_task_rates(s.task, pose, twist))
     if not np.isfinite(dx).all():
         return None
-    dq, scale, *_ = source.functions["step"](q, target, twist, source.parameters)
+    level_rate = _single(rng.uniform(-0.2, 0.2, len(source.leaf)))
+    dq, scale, *_ = source.functions["step"](q, target, twist, _moving(source, level_rate))
     if 0.99 < scale < 1.0 or scale < 1e-3 or (scale >= 1.0 and source.limits and _load(source, q, dq) > 0.99):
         return None  # whose status hangs on the last digits
     values = {
@@ -108,6 +109,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
         "gain": np.ravel(G), "rate": s.rate(q, dx)[0], "step": np.atleast_1d(dq), "scale": np.atleast_1d(scale),
     }  # fmt: skip
     if holonomic := source.holonomic:
+        values["leaf_rate"] = level_rate
         c = _single(np.atleast_1d(holonomic.constraint_value(there)))
         try:
             here = np.atleast_1d(holonomic.constraint_value(q))
@@ -132,6 +134,13 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
         }
     loss = max(1.0, 0.01 / rcond, 0.01 / margin)
     return TestVector(values, 0 if scale >= 1.0 else 1, precise, float(loss), _terms(source, values, pose, rng))
+
+
+def _moving(source: Source, level_rate: Vector) -> Vector:
+    """The parameters of a step whose level moves."""
+    parameters, r = source.parameters, len(level_rate)
+    parameters[r : 2 * r] = level_rate
+    return parameters
 
 
 def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
@@ -195,12 +204,13 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
     if holonomic := source.holonomic:
         L, here = np.abs(extended_jacobian(holonomic)(q)[1][:, s.task.m :]), values["g"]
         nearest = holonomic.constraint.nearest
-        terms["step"] += constraint_gain * (L @ np.abs(nearest(source.leaf - here)))
+        rate = np.abs(values["leaf_rate"])
+        terms["step"] += L @ (rate * (1 + constraint_gain * dt) + constraint_gain * np.abs(nearest(source.leaf - here)))
         terms["leaf"] = G @ error + L @ np.abs(nearest(values["c"] - here))
     terms["step"] *= values["scale"]
     moved = dict.fromkeys(terms, 0.0)
     for _ in range(NUDGES):
-        near, to, parameters = _nudged(q, rng), pose.copy(), source.parameters
+        near, to, parameters = _nudged(q, rng), pose.copy(), _moving(source, values.get("leaf_rate", np.zeros(0)))
         to[..., :3, 3], to[..., :3, :3] = _nudged(pose[..., :3, 3], rng, 0.0), _nudged(pose[..., :3, :3], rng)
         parameters[:-5] = _nudged(parameters[:-5], rng)
         target, place, turned = _wanted(task, to)
@@ -266,7 +276,7 @@ def _row(values: Vector) -> str:
 def selftest(source: Source, words: Mapping[str, Any]) -> str:
     """selftest.c."""
     name, n, r = source.name, words["n"], words["r"]
-    leaf_tests = bad = declare = turned = ""
+    leaf_tests = bad = declare = turned = moving = ""
     if words["matrices"]:
         found, step = words["NAME"] + "_NOT_A_ROTATION", f"{name}_step(q, target, twist, &parameters, dq, &scale)"
         turned = (
@@ -279,6 +289,7 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
             turned += f'  expect("solve for a transposed target", {solve}, {found}, dq, 0);\n'
     if source.holonomic:
         declare = f"  real c[{r}], g[{r}];\n"
+        moving = f"    copy(v->leaf_rate, parameters.leaf_rate, {r});\n"
         leaf_tests = (
             f"    copy(v->c, c, {r});\n"
             f'    if (accept("constraint", k, {name}_constraint(q, g), rough))\n'
@@ -311,6 +322,7 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
         )
     more = {
         "declare_leaf": declare,
+        "moving_leaf": moving,
         "leaf_tests": leaf_tests,
         "bad_leaf": bad,
         "singular_test": turned + at_singular,

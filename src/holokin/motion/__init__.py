@@ -5,7 +5,7 @@ Uses strategies, paths and inverse kinematics. Read first: `follow_path.py`, `co
 
 from .approach_path import approach
 from .control_law import ControlLaw, Step, as_control_law, open_loop
-from .control_step import Controller, StepStatus, controller
+from .control_step import Controller, controller
 from .drift_and_spread import Drift, Spread, drift, path_spread
 from .drift_cause import Cause, Winding, winding
 from .follow_path import follow
@@ -13,7 +13,7 @@ from .hand_motion import Followed, HandFollower, hand_follower
 from .loop_watch import LoopWatch
 from .retiming import retime
 from .simulation import simulate
-from .step_expression import has_leaf
+from .step_expression import StepStatus, has_leaf
 from .step_expression import step_function as step_function
 from .timed_trajectory import JointLoad, Limits, Slowdown, TimedTrajectory
 

@@ -114,8 +114,9 @@ def feedback(
     gain: SX | float,
     leaf: SX | None = None,
     constraint_gain: SX | float = 0.0,
+    leaf_rate: SX | float | None = None,
 ) -> Solution:
-    """dq of [J; J_g] dq = [x' + K e; -K_g (g(q) - c)], or of dq = G (x' + K e): feedback to the path and to a leaf.
+    """dq of [J; J_g] dq = [x' + K e; c' - K_g (g(q) - c)], or of dq = G (x' + K e): feedback to the path and to a leaf.
 
     It serves the closed loop, the asymptotically cyclic law, the controller and the exported C.
 
@@ -124,6 +125,7 @@ def feedback(
         gain: K [1/s].
         leaf: c (r,), of a strategy with a constraint g; None for no feedback to a leaf.
         constraint_gain: K_g [1/s].
+        leaf_rate: c' (r,), None for a leaf that stays.
 
     Returns:
         dq (n,) with its rcond.
@@ -133,7 +135,8 @@ def feedback(
         return strategy.expressions.rate(u)
     if not isinstance(strategy, HolonomicStrategy):
         raise ArgumentError("the strategy", strategy, HolonomicStrategy.cure)
-    return strategy.expressions.rate(u, constraint_gain * strategy.leaf_gap(leaf))
+    back = constraint_gain * strategy.leaf_gap(leaf)
+    return strategy.expressions.rate(u, back if leaf_rate is None else leaf_rate + back)
 
 
 def compiled(

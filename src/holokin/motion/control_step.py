@@ -1,36 +1,36 @@
 """`controller`: a strategy as one compiled control step, for a loop in real time (theory 5.9).
 
-    dq = [J; J_g]^-1 [x' + K e; -K_g (g(q) - c)]
+    dq = [J; J_g]^-1 [x' + K e; c' - K_g (g(q) - c)]
 
 e is the task error, so the tool is led back to its path, and g - c the distance from the leaf, so the joints are led
-back to theirs. Limits are met by going slower along the path, never by leaving the leaf. A joint that has no speed
-limit gets one, so that no step is without a bound. The step stands still, with a status, where the tool is lost (e
-is large) and where the posture is nearly singular. Without a constraint it is dq = G (x' + K e).
+back to theirs. The level c is that of the start, or an input of each step, as the tool's pose is, with its rate c'.
+Limits are met by going slower along the path, never by leaving the leaf. A joint that has no speed limit gets one, so
+that no step is without a bound. The step stands still, with a status, where the tool is lost (e is large) and where the
+posture is nearly singular. Without a constraint it is dq = G (x' + K e).
 """
 
 from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
-from enum import IntEnum
-from math import isfinite
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..base.arguments import made
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Vector, frozen, number, right_last_row
-from ..codegen import LARGEST, Port, StepKernel, StepMemory, enabled, engine, tell
+from ..base.types import Array, ArrayLike, Matrix, Vector, frozen, number, right_last_row
+from ..codegen import LARGEST, StepKernel, StepMemory, enabled, engine, tell
 from ..errors import ArgumentError, LostToolError, NativeError, NotFiniteError, ShapeError
 from ..inverse_kinematics.leaf import leaf_value
 from ..robot import start_posture
-from ..strategies import Strategy, check_solved
+from ..strategies import HolonomicStrategy, Strategy, check_solved
 from ..symbolic import Function
 from .control_law import ControlLaw, Step
-from .step_expression import has_leaf, step_function
+from .machine_step import machine_step
+from .step_expression import AT_LIMIT, Rates, StepStatus, has_leaf, step_function
 
 LONGEST_STEP = 10.0
 """Longest step of a control loop [s]: a longer one is in milliseconds."""
@@ -51,23 +51,6 @@ LEAST_RCOND = 1e-3
 """rcond of [J; J_g], or of J, up to which a step stands still: there a joint moves about a thousand times as far as the
 tool, so at 1 mm/s the fastest arms are at their limits."""
 
-AT_LIMIT = 1e-6
-"""Share of the wanted speed below which a joint stands at its limit."""
-
-Rates = Callable[[Any, Any, Any], Vector]
-"""(q, pose, twist) -> dq, a new array."""
-
-
-class StepStatus(NoTruthValue, IntEnum, ask="`is StepStatus.OK`"):
-    """What became of a step; from SINGULAR on dq is zero."""
-
-    OK = 0
-    SLOWED = 1
-    LIMIT = 2
-    SINGULAR = 3
-    NOT_FINITE = 4
-    LOST = 8  # 5 to 7 are of exported C
-
 
 class Controller(ControlLaw):
     """A strategy as one compiled control step. Make one with `controller`.
@@ -81,7 +64,7 @@ class Controller(ControlLaw):
 
     Attributes:
         strategy: what it was made of. dt: its step [s]. engine: what runs, native code or the virtual machine.
-        parameters: (c, dt, K, K_g, most error, least rcond), the numbers of the compiled step besides its arguments.
+        parameters: (c, c', dt, K, K_g, most error, least rcond), the numbers of the compiled step besides its inputs.
     """
 
     def __init__(self, compiled: _Compiled):
@@ -94,14 +77,20 @@ class Controller(ControlLaw):
     def __repr__(self) -> str:
         return f"Controller({self.strategy.name!r}, dt={self.dt:g}, {self.engine})"
 
-    def step(self, q: ArrayLike, pose: ArrayLike, twist: ArrayLike) -> Vector:
-        """Joint rates for the next dt: [J; J_g] dq = [x' + K e; -K_g (g(q) - c)], slowed where limits ask for it.
+    def step(
+        self, q: ArrayLike, pose: ArrayLike, twist: ArrayLike, *, level: ArrayLike | None = None,
+        level_rate: ArrayLike = 0.0,
+    ) -> Vector:  # fmt: skip
+        """Joint rates for the next dt: [J; J_g] dq = [x' + K e; c' - K_g (g(q) - c)], slowed where limits ask for it.
 
         Args:
             q: joints now, (n,).
             pose: where the tool is wanted at the end of the step, (4, 4); for a position task also the point (3,).
             twist: the constant twist that takes the wanted pose of now there, (6,), linear first, in the base frame
                 [m/s, rad/s]; for a position task also the velocity (3,).
+            level: c (r,) that is wanted at the end of the step, or one number for all rows; by default that of the
+                start.
+            level_rate: the constant rate c' (r,) that takes the wanted level of now there.
 
         Of a task of F > 1 frames poses are (F, 4, 4) and twists (F, 6), or points and velocities both (F, 3); of a
         `custom_task` of m > 3 rows a point (m,) and how fast it moves.
@@ -111,9 +100,16 @@ class Controller(ControlLaw):
 
         Raises:
             ArgumentError: an argument is no array of real numbers, or the pose's last row is not 0, 0, 0, 1, as of a
-                transposed matrix. That its rotation is one is not looked at. ShapeError.
+                transposed matrix (that its rotation is one is not looked at); a level where there is no leaf.
+            ShapeError.
         """
-        return self._rates(q, pose, twist)
+        if level is None:
+            return self._rates(q, pose, twist)
+        return self._levelled(level, level_rate)(q, pose, twist)
+
+    @cached_property
+    def _levelled(self) -> _Levelled:
+        return _Levelled(self._compiled, self._memory)
 
     @property
     def status(self) -> StepStatus:
@@ -128,7 +124,7 @@ class Controller(ControlLaw):
     @property
     def leaf(self) -> Vector:
         """c = g(start) (r,): the leaf that it holds; empty where there is none."""
-        return self.parameters[:-5]
+        return self.parameters[: len(self.parameters) // 2 - 2]
 
     @property
     def generated(self) -> tuple[Any, list[tuple[int, ...]], list[tuple[int, ...]], dict[str, float]]:
@@ -146,13 +142,13 @@ class _Compiled:
     kernel: StepKernel | None
     engine: str
 
-    def bound(self, parameters: Vector) -> tuple[Rates, StepMemory]:
+    def bound(self, parameters: Vector, memory: StepMemory | None = None) -> tuple[Rates, StepMemory]:
         """The step with parameters, which are read at each call, and the memory that tells of the last one."""
         n = self.strategy.task.n
-        memory = StepMemory(n, [np.zeros(n + 2)])
+        memory = memory or StepMemory(n, [np.zeros(n + 2)])
         if self.kernel is not None:
             return self.kernel.bind(parameters, memory, self.converted), memory
-        return _machine(self.function, parameters, memory, self.converted), memory
+        return machine_step(self.function, parameters, memory, self.converted), memory
 
     def converted(self, *arguments: Any) -> tuple[Array, Array, Array]:
         """(q, pose, twist) in new arrays as the compiled step takes them. Raises: ArgumentError, ShapeError."""
@@ -207,6 +203,24 @@ class _Compiled:
             raise LostToolError(float(off), most)
 
 
+class _Levelled(threading.local):
+    """A thread's own step whose level is given: (level, rate) -> the step (q, pose, twist) -> dq."""
+
+    def __init__(self, compiled: _Compiled, memory: StepMemory) -> None:
+        self._parameters = compiled.parameters.copy()
+        self._rates, self._compiled = compiled.bound(self._parameters, memory)[0], compiled
+        self._shape = (len(self._parameters) // 2 - 2,)
+
+    def __call__(self, level: ArrayLike, rate: ArrayLike) -> Rates:
+        (r,) = self._shape
+        if not r:
+            name = self._compiled.strategy.name
+            raise ArgumentError("level", level, f"{name!r} holds no leaf: leave it out, or {HolonomicStrategy.cure}")
+        for what, value, first in (("level", level, 0), ("level_rate", rate, r)):
+            self._parameters[first : first + r] = _numbers(what, value, (self._shape, ()))
+        return self._rates
+
+
 def _numbers(what: str, value: Any, shapes: tuple[tuple[int, ...], ...]) -> Array:
     """An argument in a new array: contiguous, aligned, of this machine's doubles. Nothing else is let in.
 
@@ -231,55 +245,6 @@ def _numbers(what: str, value: Any, shapes: tuple[tuple[int, ...], ...]) -> Arra
     return array
 
 
-class _MachineMemory(threading.local):
-    """What a thread needs for steps on the virtual machine: (trigger, arguments, results, its results of a step)."""
-
-    def __init__(self, port: Port, parameters: Vector, memory: StepMemory) -> None:
-        port.arguments[-1][...] = parameters
-        self.all = (port.trigger, port.arguments, port.results, memory.out)
-
-
-def _machine(
-    function: Function, parameters: Vector, memory: StepMemory, convert: Callable[..., tuple[Array, Array, Array]]
-) -> Rates:
-    """The step by CasADi's virtual machine, on memory of its own, and each thread's own."""
-    mine, latest = _MachineMemory(function.port(), parameters, memory), memory.latest
-    change = parameters.flags.writeable
-    shapes = tuple(function.input_shapes.values())[:3]
-    double, least, clear = np.dtype(float), TOLERANCES.singular, TOLERANCES.representation
-    ok, slowed, limit = (int(status) for status in (StepStatus.OK, StepStatus.SLOWED, StepStatus.LIMIT))
-
-    def step(q: Any, pose: Any, twist: Any) -> Vector:
-        try:
-            fit = (q.shape, pose.shape, twist.shape) == shapes and q.dtype is pose.dtype is twist.dtype is double
-            fit = fit and (pose.ndim == 1 or (len(pose) == 4 and pose[3].tolist() == [0.0, 0.0, 0.0, 1.0]))
-        except AttributeError:  # no arrays
-            fit = False
-        if not fit:
-            q, pose, twist = convert(q, pose, twist)
-        trigger, (q_in, pose_in, twist_in, parameters_in), results, out = mine.all
-        latest[0], memory.stepped = out, True
-        q_in[...], pose_in[...], twist_in[...] = q, pose, twist
-        if change:
-            parameters_in[...] = parameters
-        trigger()
-        rates, scale, rcond, margin, room, off, given = results
-        share = scale.item()
-        size = rates @ rates + share + given.item()
-        most, singular = parameters_in[-2:].tolist()
-        sound = isfinite(size) and rcond.item() > max(least, singular) and margin.item() > clear
-        if sound and off.item() <= most:
-            out[-2] = share
-            out[-1] = ok if share >= 1.0 else slowed if room.item() > AT_LIMIT else limit
-            return rates.copy()
-        out[-2] = 0.0
-        given_all = isfinite(given.item())
-        out[-1] = StepStatus.NOT_FINITE if not given_all else StepStatus.LOST if sound else StepStatus.SINGULAR
-        return np.zeros(len(rates))
-
-    return step
-
-
 @made
 def controller(
     strategy: Strategy,
@@ -294,8 +259,8 @@ def controller(
 ) -> Controller:
     """A strategy as a control step, native code if there is a compiler, else CasADi's virtual machine.
 
-    [J; J_g] dq = [x' + K e; -K_g (g(q) - c)] with c = g(start), or dq = G (x' + K e) without a constraint. `Controller`
-    says how it is called; threads may share it.
+    [J; J_g] dq = [x' + K e; c' - K_g (g(q) - c)], or dq = G (x' + K e) without a constraint. c = g(q0) and c' = 0,
+    unless a step is given others. `Controller` says how it is called; threads may share it.
 
     Args:
         dt: the loop's step [s], not milliseconds: one in which a joint can move by more than 1 rad is warned of.
@@ -331,7 +296,8 @@ def controller(
         leaf = leaf_value(strategy, q0)
     else:
         q0 = None
-    compiled = _compiled(strategy, function, frozen(np.append(leaf, (dt, K, K_g, *bounds))))
+    parameters = np.concatenate([leaf, np.zeros(len(leaf)), (dt, K, K_g, *bounds)])
+    compiled = _compiled(strategy, function, frozen(parameters))
     if q0 is not None:
         still = np.zeros(6) if strategy.task.frames == 1 else np.zeros((strategy.task.frames, 6))
         compiled.check(q0, strategy.task.pose(q0), still, compiled.parameters)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TypeGuard
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, TypeGuard
 
 import numpy as np
 
+from ..base.types import NoTruthValue, Vector
 from ..robot import Coordinate
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function, fabs, fmax, fmin, if_else, symbol, vec, vertcat
@@ -21,6 +24,24 @@ TOWARDS_SINGULAR = 0.5
 leads past one."""
 
 
+AT_LIMIT = 1e-6
+"""Share of the wanted speed below which a joint stands at its limit."""
+
+Rates = Callable[[Any, Any, Any], Vector]
+"""(q, pose, twist) -> dq, a new array."""
+
+
+class StepStatus(NoTruthValue, IntEnum, ask="`is StepStatus.OK`"):
+    """What became of a step; from SINGULAR on dq is zero."""
+
+    OK = 0
+    SLOWED = 1
+    LIMIT = 2
+    SINGULAR = 3
+    NOT_FINITE = 4
+    LOST = 8  # 5 to 7 are of exported C
+
+
 def has_leaf(strategy: Strategy) -> TypeGuard[HolonomicStrategy]:
     """True where a step of the strategy has a leaf to hold: it has a constraint, and joints to spare."""
     return isinstance(strategy, HolonomicStrategy) and strategy.task.n > strategy.task.m
@@ -34,19 +55,20 @@ def _fastest_rate(joint: Coordinate) -> float:
 def step_function(strategy: Strategy, limits: bool) -> Function:
     """(q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, off, given).
 
-    parameters = (c, dt, K, K_g, most error, least rcond). pose (4, 4) and twist (6,), or both (3,) where the task is a
-    position, as in `wanted_symbols`. One compiled step serves all parameters. room is the scale that position limits
-    allow; off the largest row of e; given is finite where all arguments are, also those not needed. With limits no
-    joint moves by more than half of rcond.
+    parameters = (c, c', dt, K, K_g, most error, least rcond): c is wanted at the end of the step, c' takes it there.
+    pose (4, 4) and twist (6,), or both (3,) where the task is a position, as in `wanted_symbols`. One compiled step
+    serves all parameters. room is the scale that position limits allow; off the largest row of e; given is finite where
+    all arguments are, also those not needed. With limits no joint moves by more than half of rcond.
     """
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
     r = task.n - task.m if has_leaf(strategy) else 0
     (pose, twist), (p, R, twists) = wanted_symbols(task)
-    parameters = symbol("parameters", r + 5)
-    c, dt, gain, constraint_gain = parameters[:r], parameters[r], parameters[r + 1], parameters[r + 2]
+    parameters = symbol("parameters", 2 * r + 5)
+    c, rate = (parameters[:r], parameters[r : 2 * r]) if r else (None, None)
+    dt, gain, constraint_gain = (parameters[2 * r + i] for i in range(3))
     dx, error = tracking(task, e.kinematics, p, R, twists, dt)
-    found = feedback(strategy, dx, error, gain, c if r else None, constraint_gain)
+    found = feedback(strategy, dx, error, gain, None if c is None else c - dt * rate, constraint_gain, rate)
     dq, fast, room = found.X, SX(1), SX(1)
     if limits:
         for i, joint in enumerate(task.robot.coordinates):

@@ -1,7 +1,7 @@
 /* One control step. hk_step_body takes (q, pose, twist, parameters) and gives (dq, scale, rcond, margin, room, off,
    given): room is the scale that positions allow, off the tool's largest error, given is finite where all arguments are.
    pose and twist: where the tool is wanted at the end of the step, 16 numbers, a 4x4 matrix by rows, or 3, a position;
-   and the twist that leads there, 6 numbers, or 3, a velocity. parameters: the leaf c, dt, the gain, the constraint
+   and the twist that leads there, 6 numbers, or 3, a velocity. parameters: the leaf c, its rate, dt, the gain, the constraint
    gain, the most error and the least rcond. out: dq, then the scale.
    Returns 0 as wanted, 1 slowed for a speed limit, 2 held at a position limit, 3 singular, 4 not finite, 8 lost: the
    tool's error is larger than the most; from 3 on dq is zero. */

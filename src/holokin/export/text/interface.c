@@ -29,7 +29,7 @@
 #define HK_MATRICES $matrices
 #define HK_POSE $target
 #define HK_TWIST $twist
-#define HK_PARAMETERS (HK_R + 5)
+#define HK_PARAMETERS (2 * HK_R + 5)
 #define HK_IMPRECISE ${NAME}_IMPRECISE
 #define HK_API static
 #define HK_SIMD
@@ -101,11 +101,11 @@ int ${name}_step(const ${name}_real q[$n], const ${name}_real target[$target], c
     const ${name}_parameters *parameters, ${name}_real dq[$n], ${name}_real *scale) {
   hk_t values[HK_PARAMETERS], out[HK_N + 1];
   const hk_t dt = parameters->dt, gain = parameters->gain, constraint_gain = parameters->constraint_gain;
-$leaf_copy  values[HK_R] = dt;
-  values[HK_R + 1] = gain;
-  values[HK_R + 2] = constraint_gain;
-  values[HK_R + 3] = parameters->most_error;
-  values[HK_R + 4] = parameters->least_rcond;
+$leaf_copy  values[2 * HK_R] = dt;
+  values[2 * HK_R + 1] = gain;
+  values[2 * HK_R + 2] = constraint_gain;
+  values[2 * HK_R + 3] = parameters->most_error;
+  values[2 * HK_R + 4] = parameters->least_rcond;
   if (!(dt > HK_C(0) && gain >= HK_C(0) && gain * dt < HK_C(2) && constraint_gain >= HK_C(0) &&
         constraint_gain * dt < HK_C(2) && parameters->most_error > HK_C(0) && parameters->least_rcond >= HK_C(0) &&
         parameters->least_rcond < HK_C(1))) {

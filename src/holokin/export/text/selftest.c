@@ -90,7 +90,7 @@ $declare_leaf  ${name}_defaults(&parameters);
     if (accept("gain", k, status, rough)) worst[1] = compare("gain", k, G, v->gain, $nm, most, worst[1]);
     if (accept("pose", k, ${name}_pose(q, T), rough)) worst[0] = compare("pose", k, T, v->pose, $poses, TOLERANCE, worst[0]);
     if (accept("rate", k, ${name}_rate(q, dx, dq), rough)) worst[2] = compare("rate", k, dq, v->rate, $n, most, worst[2]);
-    const int stepped = ${name}_step(q, target, twist, &parameters, dq, &scale);
+$moving_leaf    const int stepped = ${name}_step(q, target, twist, &parameters, dq, &scale);
     if (stepped == v->status || accept("step", k, stepped, rough)) {
       worst[3] = compare("step", k, dq, v->step, $n, fed_back, worst[3]);
       worst[3] = compare("scale", k, &scale, &v->scale, 1, fed_back, worst[3]);
