@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0xef0f68873090f432U
+#if PPR_EXPORT != 0xa9386a98690c094eU
 #error "these files are of different exports: export again"
 #endif
 

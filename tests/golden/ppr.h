@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0xef0f68873090f432U
+#define PPR_EXPORT 0xa9386a98690c094eU
 
 #ifdef __cplusplus
 extern "C" {

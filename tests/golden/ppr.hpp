@@ -10,7 +10,7 @@
 
 #include "ppr.h"
 
-static_assert(PPR_EXPORT == 0xef0f68873090f432U, "ppr.h is of another export");
+static_assert(PPR_EXPORT == 0xa9386a98690c094eU, "ppr.h is of another export");
 
 namespace ppr {
 

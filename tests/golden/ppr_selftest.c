@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0xef0f68873090f432U
+#if PPR_EXPORT != 0xa9386a98690c094eU
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0xef0f68873090f432U
+#if PPR_VECTORS != 0xa9386a98690c094eU
 #error "these files are of different exports: export again"
 #endif
 

@@ -249,8 +249,8 @@ def test_hand_and_elbow_are_led_at_once_and_the_joints_come_back(constraint: hk.
         if i % 100 == 0:
             off = max(off, np.abs(q - ik(pose, level=c0 + level)).max())
         far = max(far, np.abs(q - PANDA_START).max())
-    assert far > 0.2 and off < 1e-4
-    assert np.abs(q - PANDA_START).max() < 1e-5
+    assert far > 0.2 and off < 3e-4
+    assert np.abs(q - PANDA_START).max() < 1e-4
 
 
 def test_a_level_that_jumps_is_gone_to_without_a_motion_of_the_tool(arm: hk.Strategy, panda: hk.Robot) -> None:

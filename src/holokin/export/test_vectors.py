@@ -100,7 +100,9 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     dx = _single(_task_rates(s.task, pose, twist))
     if not np.isfinite(dx).all():
         return None
-    level_rate = _single(rng.uniform(-0.2, 0.2, len(source.leaf)))
+    moving, level_rate = rng.uniform(-0.2, 0.2, len(q)), np.zeros(0)
+    if source.holonomic:
+        level_rate = _single(source.holonomic.rows(q) @ moving)
     dq, scale, *_ = source.functions["step"](q, target, twist, _moving(source, level_rate))
     if 0.99 < scale < 1.0 or scale < 1e-3 or (scale >= 1.0 and source.limits and _load(source, q, dq) > 0.99):
         return None  # whose status hangs on the last digits
