@@ -41,7 +41,7 @@ class Question:
         if self.law == "none":
             return hk.moore_penrose(task)
         if self.law == "lock":
-            return hk.holonomic(task, hk.lock(list(self.joints)))
+            return hk.holonomic(task, hk.lock(*self.joints))
         if self.law == "arm angle":
             return hk.holonomic(task, hk.arm_angle())
         row, (i, j) = np.zeros(task.n), self.joints
