@@ -65,14 +65,14 @@ def questions() -> Iterator[Question]:
                 yield from (Question(arm, law, pair) for law in ("sum", "difference"))
 
 
-def asked(question: Question) -> dict[str, Any]:
+def asked(question: Question, starts: int = STARTS) -> dict[str, Any]:
     """What `hk.cusps` says, or why it says nothing."""
     began = time.perf_counter()
     row: dict[str, Any] = {**asdict(question), "joints": list(question.joints), "version": hk.__version__}
     try:
         strategy = question.strategy()
         q0 = next(q for q in regular_starts(strategy.task) if _regular(strategy, q))
-        found = hk.cusps(strategy, q0, starts=STARTS)
+        found = hk.cusps(strategy, q0, starts=starts)
         row |= {"q0": q0.tolist(), "cusps": len(found), "outside": found.outside, "double": found.double}
         if len(found):
             row |= {"joints_away": float(found.joints_away.min()), "tool_away": float(found.tool_away.min())}
@@ -107,7 +107,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("rows", type=Path, nargs="?", default=Path("out/cusps.jsonl"))
     parser.add_argument("--arms", nargs="*", help="only these")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--quick", action="store_true", help="two questions with few starts, nothing is written")
     given = parser.parse_args(arguments)
+    if given.quick:
+        for question in (Question("ur5e", "none"), Question("xarm7", "lock", (2,))):
+            print(told(asked(question, starts=60)))
+        return
     given.rows.parent.mkdir(parents=True, exist_ok=True)
     known = {(row["arm"], row["law"], tuple(row["joints"])) for row in rows(given.rows)}
     left = [q for q in questions() if (q.arm, q.law, q.joints) not in known and q.arm in (given.arms or [q.arm])]
@@ -119,10 +124,16 @@ def main(arguments: list[str] | None = None) -> None:
                 row = future.result()
                 out.write(json.dumps(row) + "\n")
                 out.flush()
-                print(row["arm"], row["law"], row["joints"], row.get("cusps", row.get("problem")), row["seconds"], flush=True)
+                print(told(row), flush=True)
         except KeyboardInterrupt:
             pool.shutdown(wait=False, cancel_futures=True)
             print("stopped; the same command goes on")
+
+
+def told(row: dict[str, Any]) -> str:
+    """A row in a line."""
+    found = row.get("problem") or f"{row['cusps']} cusps, {'a loop' if 'smallest' in row else 'no loop'} found"
+    return f"{row['arm']}, {row['law']} {row['joints']}: {found}, {row['seconds']} s"
 
 
 if __name__ == "__main__":

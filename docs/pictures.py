@@ -318,6 +318,49 @@ def streak(axes: plt.Axes, field: LeafField, state: tuple[np.ndarray, np.ndarray
     )
 
 
+def cusp() -> None:
+    """A leaf that folds over the poses, with a loop about the cusp; and the joints of a Panda along such a loop."""
+    figure = plt.figure(figsize=(9.6, 4.4))
+    axes = figure.add_subplot(1, 2, 1, projection="3d", computed_zorder=False)
+    y = np.linspace(-1.05, 0.9, 61)
+    edge_s = np.array([np.roots([1, 0, v, -1.1])[np.isreal(np.roots([1, 0, v, -1.1]))].real.max() for v in y])
+    s, y = np.linspace(-1, 1, 81) * edge_s[:, None], np.tile(y[:, None], (1, 81))
+    axes.plot_surface(s**3 + y * s, y, s, color=SKY, alpha=0.6, linewidth=0, rstride=1, cstride=1, zorder=1)
+    floor, fold = -2.9, np.linspace(-0.59, 0.59, 61)
+    axes.plot(-2 * fold**3, -3 * fold**2, floor, color="0.35", linewidth=1.6, zorder=0)
+    t = np.linspace(-1, 1, 161)
+    up, over = 0.9 * t, 0.62 - (0.62 + 0.81) * t**6  # on the leaf, and the loop of the tool below it
+    along = up**3 + over * up
+    axes.plot(along, over, up, color=RED, linewidth=2.4, zorder=4)
+    axes.plot(along, over, floor, color=RED, linewidth=2.4, zorder=1)
+    for end in (0, -1):
+        axes.plot(*([v[end]] * 2 for v in (along, over)), [floor, up[end]], ":", color="0.4", linewidth=1, zorder=2)
+        axes.plot([along[end]], [over[end]], [up[end]], "o", color="k", markersize=6, zorder=5)
+    axes.plot([along[0]], [over[0]], [floor], "o", color="k", markersize=6, zorder=5)
+    axes.plot([0], [0], [floor], "*", color="0.2", markersize=11, zorder=5)
+    axes.text(0.15, 0.1, floor, "cusp", fontsize=10, zorder=6)
+    axes.text(along[-1] + 0.1, over[-1], up[-1] + 0.15, "after", fontsize=10, zorder=6)
+    axes.text(along[0] + 0.1, over[0], up[0] - 0.35, "before", fontsize=10, zorder=6)
+    axes.set(zlim=(floor, 1.4), xlabel="tool poses", zlabel="joints", title="The leaf folds over the tool poses")
+    axes.set_xticks([]), axes.set_yticks([]), axes.set_zticks([])
+    axes.view_init(26, -118)
+    robot = hk.load("panda")
+    found = hk.cusps(hk.holonomic(hk.pose(robot), hk.lock(2)), [0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8]).witness
+    strategy = hk.holonomic(hk.pose(robot), hk.lock(2))
+    walk = hk.follow(strategy, found.path, found.first, samples=400)
+    share = np.linspace(0, 100, len(walk.q))
+    axes = figure.add_subplot(1, 2, 2)
+    for i, colour in zip(range(7), plt.get_cmap("viridis")(np.linspace(0, 0.92, 7)), strict=True):
+        axes.plot(share, walk.q[:, i] - walk.q[0, i], color=colour, label=f"joint {i + 1}")
+    tool = np.linalg.norm([robot.pose(q)[:3, 3] - robot.pose(walk.q[0])[:3, 3] for q in walk.q], axis=1)
+    axes.plot(share, 100 * tool, "--", color=RED, linewidth=2, label="tool [cm]")
+    axes.set(xlabel="share of the tool loop [%]", ylabel="change since the start [rad]; tool [cm]",
+             title=f"Panda, joint 3 locked: a loop of {100 * found.length:.1f} cm")  # fmt: skip
+    axes.legend(fontsize=8, ncols=2)
+    figure.tight_layout(w_pad=3)
+    save(figure, "cusp")
+
+
 def coverage_of_a_box() -> None:
     """What a Panda with its arm angle kept reaches of a box of tool poses."""
     law = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle(), name="the arm angle")
@@ -426,7 +469,7 @@ def readme() -> None:
 
 if __name__ == "__main__":
     every = (
-        self_motion, planar_loops, leaves, joints_over_cycles, swivel, coverage_of_a_box, edge_of_reach, paths, jobs,
+        self_motion, planar_loops, leaves, joints_over_cycles, swivel, cusp, coverage_of_a_box, edge_of_reach, paths, jobs,
         physics, readme,
     )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}
