@@ -71,7 +71,9 @@ def asked(question: Question, starts: int = STARTS) -> dict[str, Any]:
     row: dict[str, Any] = {**asdict(question), "joints": list(question.joints), "version": hk.__version__}
     try:
         strategy = question.strategy()
-        q0 = next(q for q in regular_starts(strategy.task) if _regular(strategy, q))
+        q0 = next((q for q in regular_starts(strategy.task) if _regular(strategy, q)), None)
+        if q0 is None:
+            return row | {"problem": "no posture is regular"}
         found = hk.cusps(strategy, q0, starts=starts)
         row |= {"q0": q0.tolist(), "cusps": len(found), "outside": found.outside, "double": found.double}
         if len(found):
@@ -133,7 +135,7 @@ def main(arguments: list[str] | None = None) -> None:
 def told(row: dict[str, Any]) -> str:
     """A row in a line."""
     found = row.get("problem") or f"{row['cusps']} cusps, {'a loop' if 'smallest' in row else 'no loop'} found"
-    return f"{row['arm']}, {row['law']} {row['joints']}: {found}, {row['seconds']} s"
+    return f"{row['arm']}, {row['law']} {row['joints']}: {found}, {row.get('seconds', 0)} s"
 
 
 if __name__ == "__main__":
