@@ -88,6 +88,20 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
         """How far the tool is at each cusp from where it is at q0 [m], (k,)."""
         return np.linalg.norm(self.poses[:, :3, 3] - self.strategy.task.pose(self.q0)[:3, 3], axis=1)
 
+    def tool_away_from(self, poses: ArrayLike) -> Vector:
+        """How far the tool is at each cusp from the nearest of poses (k, 4, 4) [m], (len(self),).
+
+        Where the task has an orientation a turn of one radian counts as 0.1 m.
+        """
+        from scipy.spatial import KDTree
+
+        def placed(T: Array) -> Matrix:  # |R - R'| is sqrt(2) times the angle, where that is small
+            turns = TURN / np.sqrt(2.0) * T[:, :3, :3].reshape(-1, 9) * bool(self.strategy.task.rotations)
+            return np.hstack([T[:, :3, 3], turns])
+
+        given = np.asarray(poses, dtype=float).reshape(-1, 4, 4)
+        return KDTree(placed(given)).query(placed(self.poses))[0] if len(self) else np.zeros(0)
+
     @property
     def sentence(self) -> str:
         """What was found, by which search, and what that says."""

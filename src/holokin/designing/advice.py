@@ -13,6 +13,7 @@ from ..path.workspaces import PoseRange, Workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
 from .coverage_result import Coverage
+from .nearby_cusps import NearbyCusps
 from .tips import Chain
 
 EQUAL = 0.02
@@ -63,6 +64,11 @@ def ranked(entries: Iterable[Entry]) -> list[Entry]:
         for part in _alike(group, lambda one: one.easy, EASY):
             found += sorted(part, key=lambda one: one.squared_speed)
     return found
+
+
+def alike(one: Ranked, other: Ranked) -> bool:
+    """Whether two cover alike, and serve alike shares away from limits and singular postures."""
+    return abs(one.coverage - other.coverage) <= EQUAL and abs(one.easy - other.easy) <= EASY
 
 
 def _alike(entries: Iterable[Entry], share: Callable[[Entry], float], apart: float) -> Iterator[list[Entry]]:
@@ -125,9 +131,10 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     """Laws that fit a robot, compared on a workspace, the best first.
 
     chain: the robot, its base and its tip. proposed: which of tip, task, start and workspace were not given but chosen.
-    floor: the least mean squared joint
-    speed of the postures found at the poses, where the best one serves [rad^2/m^2]. coverage: of the best. reasons:
-    sentences on the best. part: the largest part of the workspace that a law serves, where none serves the whole.
+    floor: the least mean squared joint speed of the postures found at the poses, where the best one serves
+    [rad^2/m^2]. coverage: of the best. reasons: sentences on the best. cusps: those found on its leaf, and how near to
+    the workspace they are; None where they were not looked for. part: the largest part of the workspace that a law
+    serves, where none serves the whole.
     """
 
     chain: Chain
@@ -138,6 +145,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     floor: float
     coverage: Coverage
     reasons: tuple[str, ...]
+    cusps: NearbyCusps | None
     part: Part | None
     seconds: float
 
@@ -164,6 +172,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
         return {
             "robot": self.task.robot.name, "base": self.chain.base, "tip": self.chain.tip,
             "other_tips": list(self.chain.others), "task": self.task.name, "workspace": str(self.workspace),
+            "cusp_distance": None if self.cusps is None or not len(self.cusps.found) else self.cusps.away,
             "proposed": list(self.proposed), "floor": self.floor, "reasons": list(self.reasons),
             "laws": [
                 {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -13,14 +13,12 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Flags, Matrix, Vector
 from ..errors import ArgumentError, HolokinError, OutOfReachError
-from ..inverse_kinematics.reach import nearest_postures
 from ..path.workspaces import PoseRange, Workspace, pose_cloud
-from ..path.workspaces import workspace as pose_range
 from ..robot import Robot, check_metres
 from ..strategies import moore_penrose, radial
 from ..tasks.frame_tasks import pose, position
 from ..tasks.task import Task
-from .advice import CLOSE, EQUAL, ROOM, Advice, Law, Part, ranked
+from .advice import CLOSE, EQUAL, ROOM, Advice, Law, Part, alike, ranked
 from .candidates import Candidate, candidates
 from .coordinates import chart_of, coordinates_of
 from .cover_workspace import coverage
@@ -28,10 +26,12 @@ from .coverage_result import Coverage, Reach
 from .designed_law import Design, design
 from .excess import PARTLY, Excess, Free, beyond_limits, least_near, ratio, rival_of
 from .lower_bound import least_costs
+from .nearby_cusps import PRICE, NearbyCusps, cusps_near, said_of
 from .objectives import Objective, costs_of
+from .proposed_workspace import first_start, proposed_workspace, reached
 from .reasons import reasons
 from .served_part import largest_part
-from .starts import comfort, fitting_task, postures_at, regular_starts
+from .starts import fitting_task, postures_at
 from .tips import chain_to_tool
 from .trials import Poses, Trial, posed, tried
 
@@ -52,6 +52,9 @@ GOALS = {
 """What they are designed for: the least joint speed within the joint limits; where that covers less than the base does,
 a compromise between joint speed and distance to limits."""
 
+MOST = 3
+"""Laws that serve alike whose cusps are looked for, until one has none near the workspace."""
+
 PARTS = 3
 """Laws whose part of the workspace is looked for where none serves the whole."""
 
@@ -60,15 +63,6 @@ FAR = 2.0
 
 FREE = 1e9
 """Distance from the middle of a joint's range, over half of it, that no joint gets to."""
-
-SIDES = (0.15, 0.1, 0.07, 0.05)
-"""Half sides of a workspace that is proposed, over the length of the arm: the first one nearly all in reach."""
-
-NEARLY = 0.97
-"""Share of its poses that are reached then within the joint limits, by some posture."""
-
-TILT, SPIN = 0.25, 0.5
-"""Its turns [rad]: those of a tool that follows a gently curved surface."""
 
 
 @typed
@@ -87,7 +81,8 @@ def advise(
     Locked joints, differences of parallel joints, arm angles, the elbow's height, stationary costs, `radial` of the
     pseudo-inverse, and laws designed over the best of these: each from several postures at the workspace's centre.
     They are ranked by the share of the workspace that they reach within the joint limits; of laws that cover alike
-    those are first that keep away from limits and singular postures; of these the one with the least joint speed.
+    those are first that keep away from limits and singular postures; of these the one with the least joint speed. A law
+    without a cusp near the workspace is preferred to one with, for up to a tenth more squared joint speed.
 
     Args:
         robot: a robot, a name of the catalogue, or a file.
@@ -115,8 +110,8 @@ def advise(
     if q0 is not None:
         arm.check_limits(q0)
     if workspace is None:
-        q0 = _first(work) if q0 is None else q0
-        workspace = _proposed(work, q0)
+        q0 = first_start(work) if q0 is None else q0
+        workspace = proposed_workspace(work, q0)
     case = _Case(work, workspace, q0 if given["q0"] else None, say)
     laws = case.ranked()
     say("the reasons")
@@ -124,7 +119,8 @@ def advise(
     found = case.checked[laws[0].name]
     return Advice(
         chain, work, workspace, tuple(word for word, was in given.items() if not was), laws, case.floor_of(laws[0]),
-        found, reasons(laws, found, part, case.excess(laws)), part, time.perf_counter() - began,
+        found, (*reasons(laws, found, part, case.excess(laws)), *case.of_cusps(laws[0])), case.cusps.get(laws[0].name),
+        part, time.perf_counter() - began,
     )  # fmt: skip
 
 
@@ -144,7 +140,7 @@ class _Case:
         T = workspace.poses(POSES)
         check_metres(task.robot, T, task.tip)
         say("which poses can be reached")
-        self.Q, self.reach = _reached(task, T, q0)
+        self.Q, self.reach = reached(task, T, q0)
         if not self.reach.within.any():
             raise _nothing(task, workspace, self.reach)
         self.starts = q0[None] if q0 is not None else self._starts(T)
@@ -154,6 +150,8 @@ class _Case:
         self.trials: dict[str, Trial] = {}
         self.made: dict[str, Design] = {}
         self.checked: dict[str, Coverage] = {}
+        self.cusps: dict[str, NearbyCusps | None] = {}
+        self.passed_over: Law | None = None
 
     def _starts(self, T: Array) -> Matrix:
         """Start postures at the centre, or at the pose nearest to it that is reached."""
@@ -186,7 +184,25 @@ class _Case:
             self.say(f"{laws[0].name}, pose by pose")
             laws[0] = self._looked_at(laws[0])
             laws = ranked(laws)
-        return tuple(laws)
+        return tuple(self._without_cusps(laws))
+
+    def _without_cusps(self, laws: list[Law]) -> list[Law]:
+        """Other things equal, a law without a cusp near the workspace comes first."""
+        best = laws[0]
+        for law in [one for one in laws if alike(one, best) and one.squared_speed <= PRICE * best.squared_speed][:MOST]:
+            self.say(f"{law.name}, its cusps")
+            self.cusps[law.name] = found = cusps_near(law.strategy, law.q0, self.workspace)
+            if found is not None and not found.near:
+                law = law if law.name in self.checked else self._looked_at(law)
+                if alike(law, best):
+                    self.passed_over = None if law.name == best.name else best
+                    return [law, *(one for one in laws if one.name != law.name)]
+        return laws
+
+    def of_cusps(self, law: Law) -> Sequence[str]:
+        """What is said of the cusps of the law that was chosen."""
+        first = self.passed_over or law
+        return said_of(law.name, first.name, self.cusps, law.squared_speed / first.squared_speed - 1)
 
     def _designed(self, trials: list[Trial]) -> list[Trial]:
         """Laws designed over the best of the others, and over the one that is faster from elsewhere."""
@@ -326,43 +342,6 @@ def _task(robot: Robot, tip: str | None, kind: str | None) -> Task:
         cure = "the robot is not redundant for this task: hk.inverse finds the joints of a pose; or leave the task out"
         raise ArgumentError(f"the number of redundant joints of {robot.name!r} for its {kind}", 0, cure)
     return found
-
-
-def _first(task: Task) -> Vector:
-    """The most comfortable of the regular start postures."""
-    found = regular_starts(task)
-    return found[int(np.argmax([comfort(task, q) for q in found]))]
-
-
-def _proposed(task: Task, q0: Vector) -> PoseRange:
-    """A box round the tool at a start posture, with turns about its orientation there."""
-    robot, at = task.robot, task.pose(q0)
-    length = sum(float(np.linalg.norm(joint.placement[:3, 3])) for joint in robot.joints[1:]) or 1.0
-    tilt, spin = (0.0, 0.0) if robot.planar or task.orientation is None else (TILT, SPIN)
-
-    def box(side: float) -> PoseRange:
-        half = side * length * np.array([1.0, 1.0, 0.0 if robot.planar else 1.0])
-        return pose_range(box=(at[:3, 3].round(3), half.round(3)), rotation=at[:3, :3], tilt=tilt, spin=spin)
-
-    for side in SIDES[:-1]:
-        if _reached(task, box(side).poses(POSES // SCREENED), q0)[1].within.mean() >= NEARLY:
-            return box(side)
-    return box(SIDES[-1])
-
-
-def _reached(task: Task, T: Array, start: Vector | None) -> tuple[Matrix, Reach]:
-    """Postures (k, n) at poses (k, 4, 4), within the limits if there are such, NaN where there are none."""
-    p, R = np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
-    near = np.tile(regular_starts(task)[0] if start is None else start, (len(T), 1))
-    Q, within = np.full_like(near, np.nan), nearest_postures(task, p, R, near, limits=True)
-    Q[within.reached] = within.q[within.reached]
-    anyhow = within.reached.copy()
-    rest = np.flatnonzero(~within.reached)
-    if len(rest):
-        found = nearest_postures(task, p[rest], R[rest], near[rest], limits=False)
-        Q[rest[found.reached]] = found.q[found.reached]
-        anyhow[rest] = found.reached
-    return Q, Reach(anyhow, within.reached)
 
 
 def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
