@@ -119,7 +119,10 @@ def main(arguments: list[str] | None = None) -> None:
     known = {(row["arm"], row["law"], tuple(row["joints"])) for row in rows(given.rows)}
     left = [q for q in questions() if (q.arm, q.law, q.joints) not in known and q.arm in (given.arms or [q.arm])]
     print(f"{len(known)} are known, {len(left)} to ask", flush=True)
-    with ProcessPoolExecutor(given.workers, get_context("spawn")) as pool, given.rows.open("a", encoding="utf-8") as out:
+    with (
+        ProcessPoolExecutor(given.workers, get_context("spawn")) as pool,
+        given.rows.open("a", encoding="utf-8") as out,
+    ):
         futures = [pool.submit(asked, question) for question in left]
         try:
             for future in as_completed(futures):

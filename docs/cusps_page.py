@@ -70,15 +70,16 @@ def page(found: list[Row]) -> str:
     sound = [row for row in base if "problem" not in row]
     seven = [row for row in found if row["arm"] in arms and "problem" not in row]
     loops = [row for row in seven if "smallest" in row]
-    never = [i for i in range(7) if not any("smallest" in of_arm(found, arm, "lock")[(i,)] for arm in arms)]
+    free = [arm for arm in arms if not any(row.get("cusps") for law in ("lock", "arm angle")
+                                           for row in of_arm(found, arm, law).values())]  # fmt: skip
     lengths = sorted(row["smallest"]["length"] for row in loops)
     values = {
-        "version": seven[0]["version"], "asked": len(found), "minutes": round(sum(r["seconds"] for r in found) / 60),
+        "version": seven[0]["version"], "asked": len(found), "minutes": round(sum(r.get("seconds", 0) for r in found) / 60),
         "seven": len(seven), "loops": len(loops), "share": round(100 * len(loops) / len(seven)),
         "without": sum(not row["cusps"] for row in seven),
         "only": sum(bool(row["cusps"]) and "smallest" not in row for row in seven),
         "shortest": f"{100 * lengths[0]:.1f}", "median": f"{100 * lengths[len(lengths) // 2]:.1f}",
-        "never": ", ".join(f"joint {i + 1}" for i in never) or "no joint",
+        "free": ", ".join(NAMES.get(arm, arm) for arm in free) or "none of them",
         "locks": "\n".join(f"| {line} |" for line in locks(found, arms)),
         "pairs": "\n".join(f"| {line} |" for line in pairs(found, arms)),
         "six": "\n".join(f"| {NAMES.get(row['arm'], row['arm'])} | {cell(row)} |" for row in six),

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
+import json
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -159,3 +162,28 @@ def test_ctrl_c_keeps_the_cusps_that_were_found(monkeypatch: pytest.MonkeyPatch)
     cusps = hk.cusps(law("panda", hk.lock(2)), PANDA, starts=400)
     assert cusps.stopped and cusps.starts == cuspidal_leaf.CHUNK and len(cusps)
     assert "Ctrl-C" in cusps.sentence
+
+
+def test_the_page_of_the_catalogue_says_what_the_rows_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows as the benchmark writes them: a loop for one lock and one sum, cusps for another, else none."""
+    root = Path(__file__).parents[2]
+    monkeypatch.syspath_prepend(str(root / "docs"))
+    from benchmarks.cusps import questions
+
+    cusps_page = importlib.import_module("cusps_page")
+    rows = []
+    for one in questions():
+        if one.arm in ("panda", "ur5e"):
+            rows.append(
+                {"arm": one.arm, "law": one.law, "joints": one.joints, "cusps": 0, "version": "9", "seconds": 60}
+            )
+            loop = (one.law, one.joints) in (("lock", (2,)), ("sum", (3, 4)))
+            rows[-1] |= {"cusps": 5, "smallest": {"length": 0.031, "apart": 0.5}} if loop else {}
+            rows[-1] |= {"cusps": 7} if one.law == "arm angle" else {}
+    assert len(rows) == 51
+    (tmp_path / "rows.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    cusps_page.main([str(tmp_path / "rows.jsonl"), "--docs", str(tmp_path)])
+    text = (tmp_path / "cusps.md").read_text("utf-8")
+    assert "| Panda | none | none | **3.1 cm**, 0.50 | none | none | none | none | 7 cusps |" in text
+    assert "| Panda | 1 | 0 | 41 | q1+q2" in text and "| UR5e | none |" in text and "$" not in text
+    assert "Of 50 questions" in text and "2 (4 %) have such a loop" in text and "51 minutes" in text
