@@ -74,7 +74,8 @@ def page(found: list[Row]) -> str:
                                            for row in of_arm(found, arm, law).values())]  # fmt: skip
     lengths = sorted(row["smallest"]["length"] for row in loops)
     values = {
-        "version": seven[0]["version"], "asked": len(found), "minutes": round(sum(r.get("seconds", 0) for r in found) / 60),
+        "version": seven[0]["version"], "asked": len(found),
+        "minutes": round(sum(r.get("seconds", 0) for r in found) / 60),
         "seven": len(seven), "loops": len(loops), "share": round(100 * len(loops) / len(seven)),
         "without": sum(not row["cusps"] for row in seven),
         "only": sum(bool(row["cusps"]) and "smallest" not in row for row in seven),

@@ -469,8 +469,8 @@ def readme() -> None:
 
 if __name__ == "__main__":
     every = (
-        self_motion, planar_loops, leaves, joints_over_cycles, swivel, cusp, coverage_of_a_box, edge_of_reach, paths, jobs,
-        physics, readme,
+        self_motion, planar_loops, leaves, joints_over_cycles, swivel, cusp, coverage_of_a_box, edge_of_reach, paths,
+        jobs, physics, readme,
     )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}
     with plt.rc_context(style()):

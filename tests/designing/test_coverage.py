@@ -143,6 +143,28 @@ def test_a_slice_has_the_same_circles_and_is_empty_outside_the_disc(law: Holonom
     assert np.isnan(cells[~inside]).all()
 
 
+def test_a_slice_shows_where_inverse_kinematics_jumps() -> None:
+    """A Panda with its arm angle kept. Referee: small steps of Newton's method from a cell's posture to the next cell."""
+    robot, q0 = hk.load("panda"), np.array([0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8])
+    law, tool = hk.holonomic(hk.pose(robot), hk.arm_angle()), robot.pose(q0)
+    space = hk.workspace(box=([0.3, 0.2, 0.5], [0.4, 0.4, 0.0]), rotation=tool[:3, :3])
+    (part,) = coverage_slices(law, space, q0, steps=16, limits=False)
+    cuts, found = {tuple(pair) for pair in part.cuts.tolist()}, part.coverage
+    place, level = part.grid(np.arange(len(found))), law.constraint_value(q0)
+    sides = (place[:, :-1], place[:, 1:]), (place[:-1], place[1:])
+    pairs = np.concatenate([np.column_stack([a.ravel(), b.ravel()]) for a, b in sides]).astype(int)
+    far = [(i, j) for i, j in pairs.tolist() if np.abs(found.q[i] - found.q[j]).max() > 0.3]
+    assert len(cuts) > 5 and len(set(far) - cuts) > 5
+    for i, j in [*sorted(cuts)[::3], *sorted(set(far) - cuts)[::5]]:
+        q = found.q[i].copy()
+        for s in np.linspace(0, 1, 201)[1:]:
+            p = (1 - s) * found.poses[i, :3, 3] + s * found.poses[j, :3, 3]
+            off = law.constraint.nearest(level - law.constraint_value(q))
+            gap = np.append(law.task.error(q, p, tool[:3, :3]), off)
+            q = q + np.linalg.solve(np.vstack([law.task.jacobian(q), law.rows(q)]), gap)
+        assert ((i, j) in cuts) is not bool(np.abs(q - found.q[j]).max() < 1e-2)
+
+
 def test_the_nearest_posture_to_a_target_beyond_the_limits_is_as_straight_as_they_let_it_be(
     law: HolonomicStrategy,
 ) -> None:

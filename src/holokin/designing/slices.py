@@ -8,12 +8,19 @@ from itertools import combinations
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import Array, ArrayLike, Flags, Value, Vector, numbers, whole
-from ..errors import ShapeError
+from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, numbers, whole
+from ..errors import HolokinError, ShapeError
+from ..inverse_kinematics import InverseKinematics, inverse
 from ..path.workspaces import PoseRange, pose_cloud
 from ..strategies import HolonomicStrategy
 from .cover_workspace import coverage
 from .coverage_result import Coverage
+
+JUMP = 0.2
+"""Difference of joints [joint units] between neighbouring cells from which it is looked whether a path joins them."""
+
+AGREE = 1e-6
+"""Joints [joint unit] that differ less are one posture."""
 
 STEPS = 31
 """Cells along the longest side: pixels of two millimetres in a picture on a page."""
@@ -22,6 +29,9 @@ STEPS = 31
 @dataclass(frozen=True, eq=False)
 class Slice(Value):
     """Coverage on a grid of positions in a plane through a workspace's centre.
+
+    cuts (c, 2): neighbouring cells, by their place among the poses of `coverage`, between which `ik(pose)` jumps: the
+    leaf, followed straight from the one's posture to the other's pose, has other joints there, or ends before.
 
     axes: the two axes, 0, 1, 2 for x, y, z, that span it; at: where it cuts the third [m]; u (columns,), v (rows,): the
     positions along them [m]; inside (rows, columns): which cells belong to the workspace; coverage: of these, by rows.
@@ -33,6 +43,7 @@ class Slice(Value):
     v: Vector
     inside: Flags
     coverage: Coverage
+    cuts: Indices
 
     def grid(self, values: ArrayLike) -> Array:
         """Numbers of the poses (k,) in their cells (rows, columns), NaN outside. Raises: ShapeError, ArgumentError."""
@@ -68,6 +79,26 @@ def coverage_slices(
         inside = solid.contains(points)
         across = 3 - i - j
         cells = pose_cloud(workspace.at(points[inside]), f"a slice of {workspace}")
-        of = coverage(strategy, cells, q0, limits=limits)
-        found.append(Slice((i, j), float(center[across]), u, v, inside.reshape(len(v), len(u)), of))
+        of, kept = coverage(strategy, cells, q0, limits=limits), inside.reshape(len(v), len(u))
+        found.append(Slice((i, j), float(center[across]), u, v, kept, of, _cuts(strategy, kept, of)))
     return tuple(found)
+
+
+def _cuts(strategy: HolonomicStrategy, inside: Flags, found: Coverage) -> Indices:
+    """Pairs (c, 2) of neighbouring cells, both with a posture, that no straight path on the leaf joins."""
+    place = np.full(inside.shape, -1)
+    place[inside] = np.arange(int(inside.sum()))
+    sides = [(place[:, :-1], place[:, 1:]), (place[:-1], place[1:])]
+    pairs = np.concatenate([np.column_stack([one.ravel(), other.ravel()]) for one, other in sides])
+    pairs = pairs[(pairs >= 0).all(axis=1)]
+    apart = np.abs(found.q[pairs[:, 0]] - found.q[pairs[:, 1]]).max(axis=1)  # NaN where there is no posture
+    ik, poses = inverse(strategy, found.q0), found.poses
+    return pairs[[k for k in np.flatnonzero(apart > JUMP) if not _joined(ik, found.q[pairs[k]], poses[pairs[k]])]]
+
+
+def _joined(ik: InverseKinematics, q: Matrix, poses: Array) -> bool:
+    """Whether the leaf, followed straight from the first of two postures (2, n), leads to the second."""
+    try:
+        return bool(np.abs(ik.near(poses[1], q[0]) - q[1]).max() < AGREE)
+    except HolokinError:
+        return False

@@ -23,6 +23,9 @@ CAUSES = {
 }
 """Colour and short name of each cause: what the law loses in strong colours, what no law reaches in greys."""
 
+CUT = "#d6006c"
+"""Colour of the lines across which the joints jump."""
+
 SHADES = ("#b9e0d2", "#74bfa7", "#1f7a6b", "#0b3d3a")
 """Reached poses from rcond 0, light, to the greatest of the picture, dark."""
 
@@ -31,6 +34,8 @@ _AXES = "xyz"
 
 def slice_map(axes: Any, part: Slice, most: float | None = None) -> Any:
     """A slice as a map: reached cells shaded by rcond, the others in the colour of their cause; a cross at the start.
+
+    Lines are where `ik(pose)` jumps from a cell to the next.
 
     Args:
         most: rcond of the darkest shade; by default the greatest of the slice.
@@ -47,6 +52,9 @@ def slice_map(axes: Any, part: Slice, most: float | None = None) -> Any:
     (i, j), (du, dv) = part.axes, (part.u[1] - part.u[0], part.v[1] - part.v[0])
     extent = (part.u[0] - du / 2, part.u[-1] + du / 2, part.v[0] - dv / 2, part.v[-1] + dv / 2)
     axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="equal")
+    for one, other in part.coverage.poses[part.cuts][:, :, [i, j], 3]:  # the side between the two cells
+        middle, along = (one + other) / 2, np.where(np.abs(other - one) > 1e-9, 0.0, [du / 2, dv / 2])
+        axes.plot(*np.transpose([middle - along, middle + along]), color=CUT, linewidth=1.8, solid_capstyle="butt")
     tool = part.coverage.tool[:3, 3]
     if extent[0] <= tool[i] <= extent[1] and extent[2] <= tool[j] <= extent[3]:
         axes.plot(tool[i], tool[j], "+", color=INK, markersize=9, markeredgewidth=1.6)
@@ -119,7 +127,8 @@ def coverage_figure(coverage: Coverage, slices: Sequence[Slice] = ()) -> Any:
     within = "within the joint limits" if coverage.limits else "joint limits aside"
     head = f"{on_figure(coverage.name)} reaches {coverage.share:.1%} of the workspace {within}"
     figure.suptitle(head, x=0.2 / size[0], y=1 - 0.15 / size[1], ha="left", va="top", fontsize=12, color=INK)
-    _explain(figure, coverage, every, most, 1 - (right - 0.35) / size[0])
+    cut = any(len(part.cuts) for part in slices)
+    _explain(figure, coverage, every, most, 1 - (right - 0.35) / size[0], cut)
     return figure
 
 
@@ -136,7 +145,7 @@ def _layout(points: Matrix, slices: Sequence[Slice]) -> tuple[list[float], list[
     return [max(w, least) for w in widths], [max(h, least) for h in heights], places
 
 
-def _explain(figure: Any, coverage: Coverage, every: Sequence[Coverage], most: float, left: float) -> None:
+def _explain(figure: Any, coverage: Coverage, every: Sequence[Coverage], most: float, left: float, cut: bool) -> None:
     """The causes with their shares, and the scale of rcond, right of a place."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
@@ -151,8 +160,9 @@ def _explain(figure: Any, coverage: Coverage, every: Sequence[Coverage], most: f
     ]
     cross = {"color": INK, "marker": "+", "linestyle": "", "markersize": 9, "markeredgewidth": 1.6}
     start = [Line2D([], [], label="tool at the start", **cross)] if len(every) > 1 else []
+    lines = [Line2D([], [], color=CUT, linewidth=1.8, label="ik(pose) jumps")] if cut else []
     corner = (left - 0.1 / width, 1 - 0.8 / height)
-    figure.legend(handles=[*patches, *start], loc="upper left", bbox_to_anchor=corner, fontsize=9)
+    figure.legend(handles=[*patches, *lines, *start], loc="upper left", bbox_to_anchor=corner, fontsize=9)
     bar = figure.add_axes((left, 0.6 / height, 0.16 / width, min(2.2, height / 2 - 0.5) / height))
     figure.colorbar(ScalarMappable(Normalize(0, most), shades()), cax=bar, label="reached: rcond of [J; J_g]")
 

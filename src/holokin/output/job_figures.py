@@ -23,6 +23,9 @@ MAPS = (
 )
 """What a figure of coverage shows."""
 
+CUTS = "Lines: there inverse kinematics jumps, poses on both sides have joints that no short path of the tool joins."
+"""The same where there are such lines."""
+
 WRAP = 44
 """Letters in a line of a legend."""
 
@@ -76,6 +79,7 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
             with rc_context(style()):
                 found = strategy.coverage
                 said = [f"{found.sentence}.", found.remark, MAPS if strategy.slices else ""]
+                said.append(CUTS if any(len(part.cuts) for part in strategy.slices) else "")
                 caption = " ".join(filter(None, said))
                 yield f"coverage-{result.stems[strategy.name]}", caption, coverage_figure(found, strategy.slices)
 
