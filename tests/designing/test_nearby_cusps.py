@@ -54,7 +54,7 @@ def test_of_laws_that_serve_alike_one_without_a_cusp_nearby_is_taken(
         return NearbyCusps(hk.cusps(strategy(hk.lock(6)), PANDA, starts=1), 0.0 if len(seen) - 1 in near else 0.4)
 
     monkeypatch.setattr(compare_laws, "cusps_near", given)
-    monkeypatch.setattr(compare_laws, "PRICE", 2.0)
+    monkeypatch.setattr(compare_laws, "MORE_SPEED", 2.0)
     bars = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
     space = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
     advice = hk.advise(hk.from_dh(bars, name="planar"), space)

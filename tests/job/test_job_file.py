@@ -132,7 +132,7 @@ def test_a_locked_joint_is_held_at_its_level(tmp_path: Path, level: str) -> None
         ('kind = "impedance"\npreferred = [0]\nstiffness = 0\n', "[strategies.s.stiffness] is 0; give a number above"),
         ('kind = "stationary"\ncost = "gravity"\nstiffness = 2\n', "'gravity' has no stiffness; leave it out"),
         ('kind = "stationary"\ncost = "gravity"\npreferred = [1]\n', "go together"),
-        ('kind = "lock"\njoints = ["q3"]\nlevel = [0.1, 0.2]\n', "the leaf has shape (2,), expected (1,)"),
+        ('kind = "lock"\njoints = ["q3"]\nlevel = [0.1, 0.2]\n', "the level has shape (2,), expected (1,)"),
         (
             'kind = "lock"\njoints = ["q2"]\nlevel = 50\n',
             "is more than two turns beyond the joint limits",

@@ -26,7 +26,7 @@ from .coverage_result import Coverage, Reach
 from .designed_law import Design, design
 from .excess import PARTLY, Excess, Free, beyond_limits, least_near, ratio, rival_of
 from .lower_bound import least_costs
-from .nearby_cusps import PRICE, NearbyCusps, cusps_near, said_of
+from .nearby_cusps import MORE_SPEED, NearbyCusps, cusps_near, said_of
 from .objectives import Objective, costs_of
 from .proposed_workspace import first_start, proposed_workspace, reached
 from .reasons import reasons
@@ -189,7 +189,9 @@ class _Case:
     def _without_cusps(self, laws: list[Law]) -> list[Law]:
         """Other things equal, a law without a cusp near the workspace comes first."""
         best = laws[0]
-        for law in [one for one in laws if alike(one, best) and one.squared_speed <= PRICE * best.squared_speed][:MOST]:
+        for law in [one for one in laws if alike(one, best) and one.squared_speed <= MORE_SPEED * best.squared_speed][
+            :MOST
+        ]:
             self.say(f"{law.name}, its cusps")
             self.cusps[law.name] = found = cusps_near(law.strategy, law.q0, self.workspace)
             if found is not None and not found.near:

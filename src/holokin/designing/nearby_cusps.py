@@ -22,7 +22,7 @@ POSES = 16_384
 STARTS = 300
 """Starts of the search for them."""
 
-PRICE = 1.1
+MORE_SPEED = 1.1
 """Mean squared joint speed, over that of the best law, at which a law without cusps nearby is preferred at most."""
 
 
