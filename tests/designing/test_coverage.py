@@ -144,7 +144,7 @@ def test_a_slice_has_the_same_circles_and_is_empty_outside_the_disc(law: Holonom
 
 
 def test_a_slice_shows_where_inverse_kinematics_jumps() -> None:
-    """A Panda with its arm angle kept. Referee: small steps of Newton's method from a cell's posture to the next cell."""
+    """A Panda with its arm angle kept. Referee: small Newton steps from a posture to the next cell."""
     robot, q0 = hk.load("panda"), np.array([0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8])
     law, tool = hk.holonomic(hk.pose(robot), hk.arm_angle()), robot.pose(q0)
     space = hk.workspace(box=([0.3, 0.2, 0.5], [0.4, 0.4, 0.0]), rotation=tool[:3, :3])
