@@ -204,6 +204,8 @@ def calls() -> dict[str, Call]:
         "involutivity_of": (analysis.involutivity_of, (lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], 3), {
             "region": region, "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
         "curvature": (hk.curvature, (law, q), {"method": "auto"}),
+        "unique_region": (hk.unique_region, (held, q), {"limits": False, "budget": 40, "say": str}),
+        "why_elsewhere": (hk.analysis.why_elsewhere, (held, hk.follow(held, loop, q)), {}),
         "cusps": (hk.cusps, (held, q), {"starts": 8, "limits": False}),
         "filtration": (analysis.filtration, (held, q), {"most": 2}),
         "predicted_drift": (analysis.predicted_drift, (law, loop, q), {}),

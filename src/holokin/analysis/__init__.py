@@ -8,6 +8,7 @@ from .cusp_witness import CuspWitness
 from .cuspidal_leaf import Cusps, cusps
 from .drift_free_sets import DriftFree, drift_free
 from .drift_prediction import DriftPrediction, predicted_drift
+from .ends_elsewhere import why_elsewhere
 from .frobenius import involutivity, involutivity_of
 from .leaf_functions import LeafFunction, leaf_function
 from .lie_filtration import Filtration, Integrability, filtration
@@ -52,4 +53,5 @@ __all__ = [
     "leaf_function",
     "obstruction",
     "predicted_drift",
+    "why_elsewhere",
 ]

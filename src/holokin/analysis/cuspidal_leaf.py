@@ -21,7 +21,7 @@ from ..inverse_kinematics.posture_search import MOST_STARTS, SAMPLED, spread
 from ..inverse_kinematics.whole_turns import free_hinges, turned
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
-from ..tasks.task import of_one_tool
+from ..tasks.task import Task, of_one_tool
 from .cusp_search import CuspPoints, seek_cusps
 from .cusp_witness import TURN, CuspWitness, candidates, first_witness
 
@@ -93,14 +93,7 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
 
         Where the task has an orientation a turn of one radian counts as 0.1 m.
         """
-        from scipy.spatial import KDTree
-
-        def placed(T: Array) -> Matrix:  # |R - R'| is sqrt(2) times the angle, where that is small
-            turns = TURN / np.sqrt(2.0) * T[:, :3, :3].reshape(-1, 9) * bool(self.strategy.task.rotations)
-            return np.hstack([T[:, :3, 3], turns])
-
-        given = np.asarray(poses, dtype=float).reshape(-1, 4, 4)
-        return KDTree(placed(given)).query(placed(self.poses))[0] if len(self) else np.zeros(0)
+        return tool_away(self.strategy.task, self.poses, np.asarray(poses, dtype=float).reshape(-1, 4, 4))
 
     @property
     def sentence(self) -> str:
@@ -165,6 +158,17 @@ def cusps(strategy: Strategy, q0: ArrayLike, *, starts: int = 1000, limits: bool
         leafed, start, search.points.q, level, limits, search.starts, search.outside, search.double, search.corank,
         tuple(one for one in found if one is not None), search.starts < starts,
     )  # fmt: skip
+
+
+def tool_away(task: Task, T: Array, others: Array) -> Vector:
+    """How far tool poses (k, 4, 4) are from the nearest of others [m] (k,), a turn of one radian counted as 0.1 m."""
+    from scipy.spatial import KDTree
+
+    def placed(T: Array) -> Matrix:  # |R - R'| is sqrt(2) times the angle, where that is small
+        turns = TURN / np.sqrt(2.0) * T[:, :3, :3].reshape(-1, 9) * bool(task.rotations)
+        return np.hstack([T[:, :3, 3], turns])
+
+    return KDTree(placed(others)).query(placed(T))[0] if len(T) else np.zeros(0)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from ..analysis import around, involutivity
+from ..analysis import around, involutivity, why_elsewhere
 from ..base.types import Vector
 from ..errors import (
     ArgumentError,
@@ -27,6 +27,7 @@ from ..errors import (
 )
 from ..errors.motion_errors import KEPT
 from ..motion import follow
+from ..motion.follow_path import by_leaf
 from ..motion.trajectory import Status, Trajectory
 from ..output.job_result import Check, JobResult, NotRun, StrategyResult
 from ..path.synchronized_paths import AnyPath
@@ -181,10 +182,16 @@ def _run_strategy(
         pair = (run(a, half, 1), run(b, half, 1))
     walks = [cycles, *(pair or ())]
     status = next((t.status for t in walks if t.status is not Status.COMPLETE), Status.COMPLETE)
-    trouble = troubles[0] if troubles else ""
+    trouble = troubles[0] if troubles else _elsewhere(strategy, path, cycles, method)
     done = cycles.status is Status.COMPLETE
     share = 1.0 if done else min(float(cycles.t[-1]) / (path.duration * job.path.cycles), 1.0)
     return StrategyResult(strategy.name, label, verdict, pair, cycles, status, trouble, {}, followed=share)
+
+
+def _elsewhere(strategy: Strategy, path: AnyPath, cycles: Trajectory, method: str | None) -> str:
+    """What is said of a law with leaves whose joints, followed on its leaf, do not come back; empty of others."""
+    asked = isinstance(strategy, HolonomicStrategy) and path.closed and strategy.task.frames == 1
+    return why_elsewhere(strategy, cycles) if asked and by_leaf(strategy, method) is not None else ""
 
 
 def one_way(path: AnyPath) -> str:
