@@ -154,9 +154,9 @@ def test_exported_c_stops_with_the_statuses_of_python(tmp_path: Path) -> None:
     ]
     subprocess.run(command, check=True)
     arm = ctypes.CDLL(str(library))
-    parameters, scale = (ctypes.c_double * 6)(), ctypes.c_double()
+    parameters, scale = (ctypes.c_double * 7)(), ctypes.c_double()
     arm.arm_defaults(parameters)
-    assert list(parameters[1:]) == pytest.approx([DT, 0.1 / DT, 0.1 / DT, MOST_ERROR, LEAST_RCOND])
+    assert list(parameters[1:]) == pytest.approx([0.0, DT, 0.1 / DT, 0.1 / DT, MOST_ERROR, LEAST_RCOND])
 
     def exported(q: np.ndarray, p: np.ndarray, v: np.ndarray) -> tuple[int, np.ndarray]:
         arguments = [(ctypes.c_double * len(x))(*x) for x in (q, p, v)]
@@ -179,7 +179,7 @@ def test_exported_c_stops_with_the_statuses_of_python(tmp_path: Path) -> None:
         q = q + dq * DT
     assert StepStatus.OK in statuses
     assert statuses & {StepStatus.LOST, StepStatus.SINGULAR}
-    parameters[4] = -1.0
+    parameters[5] = -1.0
     assert exported(q0, robot.pose(q0)[:3, 3], way)[0] == 6
 
 
