@@ -160,6 +160,14 @@ def cusps(strategy: Strategy, q0: ArrayLike, *, starts: int = 1000, limits: bool
     )  # fmt: skip
 
 
+def cusps_from(strategy: HolonomicStrategy, level: Vector, starts: Matrix, limits: bool = False) -> Array:
+    """Tool poses (k, 4, 4) of the cusps of a leaf g = level that Newton's method finds from postures (s, n)."""
+    robot, q = strategy.task.robot, seek_cusps(strategy, level, starts)[0].q if len(starts) else starts
+    if limits:
+        q = q[((q >= robot.lower) & (q <= robot.upper)).all(axis=1)]
+    return np.array([strategy.task.pose(one) for one in q]).reshape(-1, 4, 4)
+
+
 def tool_away(task: Task, T: Array, others: Array) -> Vector:
     """How far tool poses (k, 4, 4) are from the nearest of others [m] (k,), a turn of one radian counted as 0.1 m."""
     from scipy.spatial import KDTree

@@ -9,8 +9,7 @@ from ..inverse_kinematics.leaf import leaf_value
 from ..motion.drift_cause import NO_DRIFT
 from ..motion.trajectory import Status, Trajectory, whole_turns
 from ..strategies import HolonomicStrategy
-from .cusp_search import seek_cusps
-from .cuspidal_leaf import tool_away
+from .cuspidal_leaf import cusps_from, tool_away
 
 PLACES = 100
 """Postures of the path from which cusps are looked for, and their distance is taken."""
@@ -42,8 +41,7 @@ def why_elsewhere(strategy: HolonomicStrategy, walk: Trajectory) -> str:
     if np.abs(rest).max() <= NO_DRIFT:
         return f"{said}, and the joints are whole turns further"
     along = walk.q[np.linspace(0, len(walk.q) - 1, PLACES).astype(int)]
-    near = seek_cusps(strategy, leaf_value(strategy, walk.q[0]), along)[0].q
-    poses = np.array([strategy.task.pose(q) for q in near]).reshape(-1, 4, 4)
+    poses = cusps_from(strategy, leaf_value(strategy, walk.q[0]), along)
     far = tool_away(strategy.task, poses, np.array([strategy.task.pose(q) for q in along]))
     if len(far) and far.min() <= CLOSE:
         at = ", ".join(f"{x:.3g}" for x in poses[int(far.argmin()), :3, 3])

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..analysis import Cusps, cusps
+from ..analysis.cuspidal_leaf import cusps_from, tool_away
 from ..base.types import Value, Vector
+from ..inverse_kinematics import inverse
 from ..path.workspaces import Workspace
 from ..strategies import Strategy
 
@@ -41,8 +43,8 @@ class NearbyCusps(Value):
     @property
     def sentence(self) -> str:
         """What was found; a search is no proof."""
-        searched = f"a search from {self.found.starts:,} starts, no proof"
-        if not len(self.found):
+        searched = f"a search from {self.found.starts:,} starts and from the workspace, no proof"
+        if not np.isfinite(self.away):
             return f"no cusp was found on its leaf within the joint limits ({searched})"
         if self.near:
             return (
@@ -57,8 +59,11 @@ def cusps_near(strategy: Strategy, q0: Vector, space: Workspace) -> NearbyCusps 
     constraint = getattr(strategy, "constraint", None)
     if constraint is None or constraint.looped is not None:
         return None
-    found = cusps(strategy, q0, starts=STARTS)
-    return NearbyCusps(found, float(found.tool_away_from(space.poses(POSES)).min(initial=np.inf)))
+    found, poses = cusps(strategy, q0, starts=STARTS), space.poses(POSES)
+    ends = inverse(strategy, q0).batch(space.poses(STARTS))
+    near = cusps_from(found.strategy, found.level, ends.last[np.isfinite(ends.last).all(axis=1)], limits=True)
+    away = np.append(found.tool_away_from(poses), tool_away(strategy.task, near, poses))
+    return NearbyCusps(found, float(away.min(initial=np.inf)))
 
 
 def said_of(chosen: str, first: str, looked_at: Mapping[str, NearbyCusps | None], more: float) -> Sequence[str]:
