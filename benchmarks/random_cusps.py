@@ -35,7 +35,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--first", type=int, default=0, help="seed of the first arm")
     parser.add_argument("--quick", action="store_true", help="one arm, few steps, few starts and cells")
     given = parser.parse_args(arguments)
-    sizes = (40, 60, 300, 2) if given.quick else (STARTS, BUDGET, given.steps, given.loops)
+    sizes = (40, 60, 200, 2) if given.quick else (STARTS, BUDGET, given.steps, given.loops)
     count = 1 if given.quick else given.count
     total: Counter[str] = Counter()
     began = time.perf_counter()
@@ -79,7 +79,7 @@ def asked(seed: int, starts: int, budget: int, steps: int, loops: int) -> Iterat
 def poses(path: hk.Path, steps: int) -> tuple[Array, Array]:
     """Positions (steps, 3) and rotations (steps, 3, 3) along a path."""
     at = path.at(np.linspace(0.0, path.duration, steps + 1)[1:])
-    return at.position, at.rotation
+    return at.position, at.rotation @ (np.eye(3) if path.rotation is None else path.rotation)
 
 
 def continued(problem: Problem, q: Array, p: Array, R: Array) -> Array:

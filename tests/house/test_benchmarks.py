@@ -26,8 +26,8 @@ MODULES = [".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__
 STARTING = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "kills", "speed"))
 """These start processes or compilers; the others run in this one."""
 FORKED = STARTING if hasattr(os, "fork") else ()
-OF_ITS_OWN = tuple(f"benchmarks.{name}" for name in ("startup", "surveys")) + STARTING[len(FORKED) :]
-"""These measure what a process imports and keeps: they are begun as a user begins them."""
+OF_ITS_OWN = tuple(f"benchmarks.{name}" for name in ("random_cusps", "startup", "surveys")) + STARTING[len(FORKED) :]
+"""These measure what a process imports and keeps, or need native code: they are begun as a user begins them."""
 QUICK = ("benchmarks.growth", "benchmarks.selftests")
 """These take a second each; the others are of the campaign."""
 ELSEWHERE = {"benchmarks.drift": "tests/house/test_docs.py", "benchmarks.logs": "tests/auditing/test_log_campaign.py"}
