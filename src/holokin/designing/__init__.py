@@ -14,6 +14,7 @@ from .coverage_result import Coverage, PoseStatus, Reach
 from .designed_law import Design, design
 from .law_metrics import SectionMetrics, section_metrics
 from .objectives import Objective
+from .serving_levels import LevelRange, level_range
 from .slices import Slice, coverage_slices
 from .starts import fitting_task as fitting_task
 from .starts import locked_joints as locked_joints
@@ -26,6 +27,7 @@ __all__ = [
     "Coverage",
     "Design",
     "Law",
+    "LevelRange",
     "Objective",
     "Part",
     "PoseStatus",
@@ -38,6 +40,7 @@ __all__ = [
     "coverage",
     "coverage_slices",
     "design",
+    "level_range",
     "posture_reach",
     "section_metrics",
 ]
