@@ -190,8 +190,9 @@ def _run_strategy(
 
 def _elsewhere(strategy: Strategy, path: AnyPath, cycles: Trajectory, method: str | None) -> str:
     """What is said of a law with leaves whose joints, followed on its leaf, do not come back; empty of others."""
-    asked = isinstance(strategy, HolonomicStrategy) and path.closed and strategy.task.frames == 1
-    return why_elsewhere(strategy, cycles) if asked and by_leaf(strategy, method) is not None else ""
+    if not (isinstance(strategy, HolonomicStrategy) and path.closed and strategy.task.frames == 1):
+        return ""
+    return why_elsewhere(strategy, cycles) if by_leaf(strategy, method) is not None else ""
 
 
 def one_way(path: AnyPath) -> str:

@@ -65,10 +65,11 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     r = task.n - task.m if has_leaf(strategy) else 0
     (pose, twist), (p, R, twists) = wanted_symbols(task)
     parameters = symbol("parameters", 2 * r + 5)
-    c, rate = (parameters[:r], parameters[r : 2 * r]) if r else (None, None)
+    c, rate = parameters[:r], parameters[r : 2 * r]
     dt, gain, constraint_gain = (parameters[2 * r + i] for i in range(3))
     dx, error = tracking(task, e.kinematics, p, R, twists, dt)
-    found = feedback(strategy, dx, error, gain, None if c is None else c - dt * rate, constraint_gain, rate)
+    leaf = (c - dt * rate, constraint_gain, rate) if r else ()
+    found = feedback(strategy, dx, error, gain, *leaf)
     dq, fast, room = found.X, SX(1), SX(1)
     if limits:
         for i, joint in enumerate(task.robot.coordinates):
