@@ -61,7 +61,7 @@ def asked(seed: int, starts: int, budget: int, steps: int, loops: int) -> Iterat
         return
     yield "with cusps" if len(found) else "without a cusp found"
     for one in found.witnesses:
-        ends = continued(problem, one.first, *poses(one.path, steps))
+        ends = continued(problem, one.first, *poses(one.path, strategy.task.pose(one.first), steps))
         yield "loops confirmed" if np.abs(ends - one.second).max() < 1e-6 else f"LOOPS NOT CONFIRMED (seed {seed})"
     try:
         region = hk.unique_region(strategy, q0, limits=False, budget=budget)
@@ -76,10 +76,10 @@ def asked(seed: int, starts: int, budget: int, steps: int, loops: int) -> Iterat
         yield "polygons that return" if np.abs(ends - q0).max() < 1e-10 else f"POLYGONS THAT DO NOT (seed {seed})"
 
 
-def poses(path: hk.Path, steps: int) -> tuple[Array, Array]:
-    """Positions (steps, 3) and rotations (steps, 3, 3) along a path."""
+def poses(path: hk.Path, T: Array, steps: int) -> tuple[Array, Array]:
+    """Positions (steps, 3) and rotations (steps, 3, 3) along a path that begins at the tool pose T (4, 4)."""
     at = path.at(np.linspace(0.0, path.duration, steps + 1)[1:])
-    return at.position, at.rotation @ (np.eye(3) if path.rotation is None else path.rotation)
+    return at.position, at.rotation @ (T[:3, :3] if path.rotation is None else path.rotation)
 
 
 def continued(problem: Problem, q: Array, p: Array, R: Array) -> Array:
