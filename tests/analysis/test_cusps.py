@@ -16,7 +16,8 @@ import pytest
 import holokin as hk
 from conftest import campaign, sampled
 from holokin.analysis import cuspidal_leaf
-from holokin.analysis.cusp_search import cusp_functions
+from holokin.analysis.cusp_search import CuspPoints, cusp_functions
+from holokin.analysis.cusp_witness import candidates
 from holokin.errors import ArgumentError, SingularityError
 from holokin.strategies import HolonomicStrategy
 
@@ -187,3 +188,12 @@ def test_the_page_of_the_catalogue_says_what_the_rows_say(tmp_path: Path, monkey
     assert "| Panda | none | none | **3.1 cm**, 0.50 | none | none | none | none | 7 cusps |" in text
     assert "| Panda | 1 | 0 | 41 | q1+q2" in text and "| UR5e | none |" in text and "$" not in text
     assert "Of 50 questions" in text and "2 (4 %) have such a loop" in text and "51 minutes" in text
+
+
+def test_where_no_two_postures_part_there_is_no_motion() -> None:
+    """Directions of length zero: both sides come to one posture. Levels that no posture has: none is found at all."""
+    strategy = law("panda", hk.lock(2))
+    still = CuspPoints(PANDA[None], np.zeros((1, 7)), np.zeros((1, 7)))
+    for level in (np.array([0.2]), np.array([np.nan])):
+        motions, measures = candidates(strategy, level, still, True)
+        assert len(motions.first) == 0 and measures.shape == (0, 3)

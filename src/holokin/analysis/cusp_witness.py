@@ -144,6 +144,8 @@ def _at_poses_of(strategy: HolonomicStrategy, level: Vector, wanted: Matrix, beg
 
 def sides(strategy: HolonomicStrategy, q: Matrix) -> tuple[Vector, Vector]:
     """(sign of det E (k,), rcond of E (k,)) at postures; the sign is 0 where E or a representation is singular."""
+    if not len(q):
+        return np.zeros(0), np.zeros(0)
     p, R = strategy.task.poses(q)
     step = leaf_step(strategy)
     level = strategy.constraint_value.batch(q).reshape(len(q), -1)
