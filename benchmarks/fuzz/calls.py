@@ -205,6 +205,7 @@ def calls() -> dict[str, Call]:
             "region": region, "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
         "curvature": (hk.curvature, (law, q), {"method": "auto"}),
         "unique_region": (hk.unique_region, (held, q), {"limits": False, "budget": 40, "say": str}),
+        "witness_between": (hk.analysis.witness_between, (held, q, q), {"via": 8, "limits": False}),
         "why_elsewhere": (hk.analysis.why_elsewhere, (held, hk.follow(held, loop, q)), {}),
         "cusps": (hk.cusps, (held, q), {"starts": 8, "limits": False}),
         "filtration": (analysis.filtration, (held, q), {"most": 2}),

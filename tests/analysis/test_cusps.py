@@ -15,7 +15,7 @@ import pytest
 
 import holokin as hk
 from conftest import campaign, sampled
-from holokin.analysis import cuspidal_leaf
+from holokin.analysis import cuspidal_leaf, witness_between
 from holokin.analysis.cusp_search import CuspPoints, cusp_functions
 from holokin.analysis.cusp_witness import candidates
 from holokin.errors import ArgumentError, SingularityError
@@ -197,3 +197,24 @@ def test_where_no_two_postures_part_there_is_no_motion() -> None:
     for level in (np.array([0.2]), np.array([np.nan])):
         motions, measures = candidates(strategy, level, still, True)
         assert len(motions.first) == 0 and measures.shape == (0, 3)
+
+
+def test_two_postures_far_apart_are_joined_by_a_closed_tool_path() -> None:
+    """A posture of a Panda with q1 - q3 held, whose pose has another one 2.705 rad away (theory 7.3). Not every pair
+    is joined: across the singular postures there is no path."""
+    strategy = law("panda", LAWS["q1 - q3"])
+    first = np.array([2.778185, 1.133355, 2.251297, -1.304203, 1.262484, 1.838727, 2.005767])
+    pose, level = strategy.task.pose(first), strategy.constraint_value(first)
+    found = hk.all_postures(strategy, pose, level, limits=True, near=first).q
+    apart = np.abs(found - first).max(axis=1)
+    (second,) = found[np.abs(apart - 2.705) < 1e-3]
+    one = witness_between(strategy, first, second)
+    assert one is not None and one.path.closed and one.margin > 0 and one.rcond > 1e-3
+    walk = hk.follow(strategy, one.path, first, samples=2000)
+    assert np.abs(walk.q[-1] - second).max() < 1e-9
+    other = found[(apart > 0.1) & (np.abs(apart - 2.705) > 1e-3)]
+    assert len(other) and witness_between(strategy, first, other[0], via=200) is None
+    with pytest.raises(ArgumentError, match="another posture of the same tool pose"):
+        witness_between(strategy, first, first)
+    with pytest.raises(ArgumentError, match="same leaf"):
+        witness_between(strategy, first, PANDA)

@@ -4,7 +4,7 @@ Uses `motion`. Read first: `curvature_of_planes.py`, `frobenius.py`, `verdict.py
 """
 
 from .curvature_of_planes import MOST_JOINTS, curvature
-from .cusp_witness import CuspWitness
+from .cusp_witness import CuspWitness, witness_between
 from .cuspidal_leaf import Cusps, cusps
 from .drift_free_sets import DriftFree, drift_free
 from .drift_prediction import DriftPrediction, predicted_drift
@@ -54,4 +54,5 @@ __all__ = [
     "obstruction",
     "predicted_drift",
     "why_elsewhere",
+    "witness_between",
 ]

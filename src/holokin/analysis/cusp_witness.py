@@ -11,17 +11,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.arguments import typed
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, kept
-from ..errors import HolokinError
-from ..inverse_kinematics.leaf import leaf_step
+from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, kept, whole
+from ..errors import ArgumentError, HolokinError
+from ..inverse_kinematics.leaf import leaf_step, leaf_value, with_leaves
 from ..inverse_kinematics.newton import newton
+from ..inverse_kinematics.posture_search import spread
 from ..motion.follow_path import follow
 from ..motion.trajectory import Status
 from ..path import Path
 from ..path.splines import spline
-from ..strategies import HolonomicStrategy
+from ..robot import start_posture
+from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function
+from ..tasks.task import of_one_tool
 from .cusp_search import CuspPoints
 
 DEPTHS = np.geomspace(0.02, 0.6, 6)
@@ -53,6 +57,9 @@ ENDS = 1e-9
 
 TURN = 0.1
 """Metres of a tool path that a turn of one radian counts as, where paths are compared."""
+
+SAME = 1e-6
+"""Difference of two tool poses [m, rad], or levels, up to which they are one."""
 
 _STEPS, _LONGEST, _EXACT = 30, 0.3, 1e-11
 
@@ -203,6 +210,38 @@ def _within(strategy: HolonomicStrategy, q: Matrix, limits: bool) -> Flags:
     if not limits:
         return np.ones(len(q), dtype=bool)
     return np.all((q >= robot.lower) & (q <= robot.upper), axis=1)
+
+
+@typed
+def witness_between(
+    strategy: Strategy, first: ArrayLike, second: ArrayLike, *, via: int = 1000, limits: bool = True
+) -> CuspWitness | None:
+    """A closed path of the tool that leads from one posture to another one at the same tool pose, or None.
+
+    The joints go on the leaf from the first posture straight to a third, and straight to the second; all on one side of
+    the singular postures. The middle between the two is tried as the third, then postures spread over the joint ranges.
+    None found is no proof that there is none: more turns of the path may be needed.
+
+    Args:
+        first, second: postures (n,) of one leaf with one tool pose, as `all_postures` finds them.
+        via: third postures that are tried. limits: within the joint limits.
+
+    Raises:
+        ArgumentError: the postures differ in their tool pose or level, or are one. ShapeError, NotFiniteError.
+    """
+    of_one_tool(strategy.task, "a path between two postures")
+    leafed, robot = with_leaves(strategy), strategy.task.robot
+    a, b = start_posture(robot, first), start_posture(robot, second)
+    level = leaf_value(leafed, a)
+    off = np.abs(leafed.task.error(b, *leafed.task.place(a))).max()
+    gap = np.abs(leafed.constraint.nearest(leaf_value(leafed, b) - level)).max(initial=0.0)
+    if max(off, gap) > SAME or np.abs(a - b).max() <= APART:
+        fact = f"{b.tolist()}: tool {off:.2g}, level {gap:.2g}, joints {np.abs(a - b).max():.2g} from the first"
+        raise ArgumentError("the second posture", fact, "give another posture of the same tool pose and the same leaf")
+    middle, good = on_leaf(leafed, level, np.vstack([(a + b) / 2, spread(robot, whole("via", via))]))
+    k = int(good.sum())
+    motions, measures = _seen(leafed, level, Motions(np.tile(a, (k, 1)), middle[good], np.tile(b, (k, 1))), limits)
+    return first_witness(leafed, level, motions, np.argsort(measures[:, 0] + TURN * measures[:, 1]), limits)
 
 
 def first_witness(
