@@ -28,6 +28,7 @@ from holokin.output.palette import BLUE, SKY, law_colors
 from holokin.output.palette import VERMILLION as RED
 from holokin.output.physics_figures import arms_figure
 from holokin.output.plots import style
+from holokin.output.region_plot import region_figure
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent))
@@ -361,6 +362,13 @@ def cusp() -> None:
     save(figure, "cusp")
 
 
+def region() -> None:
+    """What of a square a planar arm's leaf is proven to be one function over, and what the rest is."""
+    law = hk.holonomic(hk.position(hk.load("planar-3r")), hk.linear([[0.3, 0, 1]]))
+    found = hk.unique_region(law, [0.3, 0.9, 0.7], hk.workspace(box=([0.8, 1.2], [2.0, 2.0])), limits=False)
+    save(region_figure(found, 80), "region")
+
+
 def coverage_of_a_box() -> None:
     """What a Panda with its arm angle kept reaches of a box of tool poses."""
     law = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle(), name="the arm angle")
@@ -469,8 +477,8 @@ def readme() -> None:
 
 if __name__ == "__main__":
     every = (
-        self_motion, planar_loops, leaves, joints_over_cycles, swivel, cusp, coverage_of_a_box, edge_of_reach, paths,
-        jobs, physics, readme,
+        self_motion, planar_loops, leaves, joints_over_cycles, swivel, cusp, region, coverage_of_a_box, edge_of_reach,
+        paths, jobs, physics, readme,
     )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}
     with plt.rc_context(style()):

@@ -14,6 +14,7 @@ from conftest import campaign, sampled, urdf
 from holokin.errors import ArgumentError, BranchError, NoProofError, OutsideRegionError
 from holokin.inverse_kinematics import InverseStatus
 from holokin.motion.trajectory import Status
+from holokin.output.region_plot import region_figure
 from holokin.proof import UniqueRegion, checker
 
 PANDA = np.array([0.0, -0.6, 0.0, -2.2, 0.0, 1.6, 0.8])
@@ -170,6 +171,19 @@ def test_a_workspace_that_holds_a_path_round_a_cusp_is_never_whole() -> None:
     assert hk.certify(strategy, loop, q0, limits=False).extent.name == "ELSEWHERE"
     walk = hk.follow(strategy, loop, q0, samples=200, limits=False)
     assert not region.contains([strategy.task.pose(q) for q in walk.q]).all()
+
+
+def test_the_picture_shows_proven_poses_and_what_the_others_are() -> None:
+    """Each cell has the colour of its pose, asked again; the legend names what is there."""
+    region = around()
+    figure = region_figure(region, 12)
+    (image,) = figure.axes[0].images
+    shown = image.get_array()
+    side = 2.5 * (2 * (np.arange(12) + 0.5) / 12 - 1)
+    x, y = np.meshgrid(side, side)
+    poses = region.workspace.at(np.column_stack([x.ravel(), y.ravel(), np.zeros(144)]))
+    assert np.array_equal(shown.ravel() == 0, region.contains(poses)) and (shown == 0).any() and (shown > 0).any()
+    assert {text.get_text() for text in figure.legends[0].get_texts()} >= {"proven", "the leaf ends"}
 
 
 def test_bad_input_is_refused_with_a_cure() -> None:
