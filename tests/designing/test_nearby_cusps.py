@@ -12,6 +12,7 @@ from conftest import campaign
 from holokin.designing import compare_laws
 from holokin.designing.advice import ranked
 from holokin.designing.nearby_cusps import NEAR, NearbyCusps, cusps_near, said_of
+from holokin.errors import HolokinError
 
 PANDA = np.array([0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8])
 
@@ -31,6 +32,9 @@ def test_a_workspace_about_a_cusp_is_near_it_and_one_about_the_start_is_as_far_a
         assert said.away <= away.min() + np.pi * 0.1 * np.sqrt(2)
         assert ("no proof" in said.sentence) is not near
     assert said.away > found.tool_away.min() - 0.15 > NEAR
+    for bad in (np.eye(4), [[1, 2, 3]], [np.eye(4).T + np.eye(4)[3]]):
+        with pytest.raises(HolokinError):
+            found.tool_away_from(bad)
 
 
 def test_where_none_is_found_or_none_is_looked_for_it_is_said() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 import holokin as hk
 from conftest import campaign, sampled, urdf
-from holokin.errors import ArgumentError, BranchError, NoProofError, OutsideRegionError
+from holokin.errors import ArgumentError, BranchError, HolokinError, NoProofError, OutsideRegionError
 from holokin.inverse_kinematics import InverseStatus
 from holokin.motion.trajectory import Status
 from holokin.output.region_plot import region_figure
@@ -195,6 +195,10 @@ def test_bad_input_is_refused_with_a_cure() -> None:
         hk.unique_region(strategy, R3, hk.workspace(sphere=([1, 1], 0.1)))
     with pytest.raises(ArgumentError, match="give a box that holds the tool pose of q0"):
         hk.unique_region(strategy, R3, hk.workspace(box=([0, 0], [1.5, 1.5])), limits=False)
+    for poses in (np.eye(4), [[1, 2, 3]], [np.eye(4) + np.eye(4)[3]], [np.nan * np.eye(4)]):
+        with pytest.raises(HolokinError, match="poses"):
+            around().contains(poses)
+    assert around().contains([]).shape == (0,)
     with pytest.raises(ArgumentError, match="a workspace has its own"):
         hk.unique_region(strategy, R3, square, tilt=0.1)
     with pytest.raises(ArgumentError, match=r"hk\.unique_region\(strategy, q0\)"):

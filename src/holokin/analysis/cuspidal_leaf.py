@@ -14,7 +14,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.progress import progress
-from ..base.types import Array, ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector, joined, some, whole
+from ..base.types import Array, ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector, joined, some, tool_poses, whole
 from ..errors import ArgumentError
 from ..inverse_kinematics.leaf import leaf_value, with_leaves
 from ..inverse_kinematics.posture_search import MOST_STARTS, SAMPLED, spread
@@ -88,12 +88,13 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
         """How far the tool is at each cusp from where it is at q0 [m], (k,)."""
         return np.linalg.norm(self.poses[:, :3, 3] - self.strategy.task.pose(self.q0)[:3, 3], axis=1)
 
+    @typed
     def tool_away_from(self, poses: ArrayLike) -> Vector:
         """How far the tool is at each cusp from the nearest of poses (k, 4, 4) [m], (len(self),).
 
-        Where the task has an orientation a turn of one radian counts as 0.1 m.
+        Where the task has an orientation a turn of one radian counts as 0.1 m. Raises: ShapeError, ArgumentError.
         """
-        return tool_away(self.strategy.task, self.poses, np.asarray(poses, dtype=float).reshape(-1, 4, 4))
+        return tool_away(self.strategy.task, self.poses, tool_poses("poses", poses))
 
     @property
     def sentence(self) -> str:

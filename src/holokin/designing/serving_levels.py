@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import ArrayLike, NoTruthValue, Value, Vector, positive, whole
+from ..base.types import ArrayLike, NoTruthValue, Value, Vector, positive
 from ..errors import ArgumentError
 from ..inverse_kinematics import inverse, move_to_leaf
 from ..path.workspaces import Workspace
@@ -95,19 +95,22 @@ def level_range(
         raise ArgumentError("the number of rows of the constraint", rows, cure)
     positive("step", step)
     begin = start_posture(strategy.task.robot, q0)
-    ik, poses = inverse(strategy, begin, limits), workspace.poses(whole("the poses", POSES))
+    ik, poses = inverse(strategy, begin, limits), workspace.poses(POSES)
     at = float(np.ravel(strategy.constraint_value(begin))[0])
     far = int(np.pi / step) if strategy.constraint.angular[0] else MOST
 
     def share(c: float) -> float:
-        return float(ik.batch(poses, level=c).reached.mean())
+        try:
+            return float(ik.batch(poses, level=c).reached.mean())
+        except ArgumentError:  # no joints take this level
+            return 0.0
 
     known = {at: share(at)}
     for sign in (-1.0, 1.0):
         for k in range(1, min(far, MOST) + 1):
             c = at + sign * k * step
             say(f"level {c:.3g}")
-            known[c] = _shares(share, c)
+            known[c] = share(c)
             if known[c] == 0.0:
                 break
     levels = np.array(sorted(known))
@@ -121,14 +124,6 @@ def level_range(
     )
 
 
-def _shares(share: Callable[[float], float], c: float) -> float:
-    """The share at a level; none at one that no joints take."""
-    try:
-        return share(c)
-    except ArgumentError:
-        return 0.0
-
-
 def _intervals(
     levels: Vector, shares: Vector, share: Callable[[float], float], exact: float
 ) -> tuple[tuple[float, float], ...]:
@@ -137,7 +132,7 @@ def _intervals(
     def end(inside: float, outside: float) -> float:
         while abs(outside - inside) > exact:
             middle = (inside + outside) / 2
-            inside, outside = (middle, outside) if _shares(share, middle) == 1.0 else (inside, middle)
+            inside, outside = (middle, outside) if share(middle) == 1.0 else (inside, middle)
         return inside
 
     full = np.concatenate([[False], shares == 1.0, [False]]).astype(int)

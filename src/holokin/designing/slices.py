@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -9,8 +10,9 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, numbers, whole
-from ..errors import HolokinError, ShapeError
-from ..inverse_kinematics import InverseKinematics, inverse
+from ..errors import ShapeError
+from ..inverse_kinematics import inverse
+from ..inverse_kinematics.inverse_function import leads_to
 from ..path.workspaces import PoseRange, pose_cloud
 from ..strategies import HolonomicStrategy
 from .cover_workspace import coverage
@@ -18,9 +20,6 @@ from .coverage_result import Coverage
 
 JUMP = 0.2
 """Difference of joints [joint units] between neighbouring cells from which it is looked whether a path joins them."""
-
-AGREE = 1e-6
-"""Joints [joint unit] that differ less are one posture."""
 
 STEPS = 31
 """Cells along the longest side: pixels of two millimetres in a picture on a page."""
@@ -55,6 +54,31 @@ class Slice(Value):
         return cells
 
 
+@dataclass(frozen=True, eq=False)
+class Plane(Value):
+    """A grid of positions in a plane through a workspace's centre, as of a `Slice`; points (rows * columns, 3)."""
+
+    axes: tuple[int, int]
+    at: float
+    u: Vector
+    v: Vector
+    points: Matrix
+    inside: Flags
+
+
+def grid_planes(workspace: PoseRange, steps: int) -> Iterator[Plane]:
+    """The planes x-y, x-z and y-z; of a flat one only its own. steps: cells along the longest side, at least 2."""
+    whole("steps", steps, 2)
+    solid = workspace.solid
+    half, center = solid.half, solid.center
+    for i, j in combinations(np.flatnonzero(half > 0).tolist(), 2):
+        counts = np.maximum(2, np.rint(steps * half[[i, j]] / half.max())).astype(int)
+        u, v = (center[k] + half[k] * (2 * (np.arange(n) + 0.5) / n - 1) for k, n in zip((i, j), counts, strict=True))
+        points = np.tile(center, (len(u) * len(v), 1))
+        points[:, i], points[:, j] = np.tile(u, len(v)), np.repeat(v, len(u))
+        yield Plane((i, j), float(center[3 - i - j]), u, v, points, solid.contains(points).reshape(len(v), len(u)))
+
+
 @typed
 def coverage_slices(
     strategy: HolonomicStrategy, workspace: PoseRange, q0: ArrayLike, *, steps: int = STEPS, limits: bool = True
@@ -67,20 +91,12 @@ def coverage_slices(
     Raises:
         JointLimitError, SingularityError, ArgumentError, ShapeError, NotFiniteError: as `coverage`.
     """
-    whole("steps", steps, 2)
-    solid = workspace.solid
-    half, center = solid.half, solid.center
     found: list[Slice] = []
-    for i, j in combinations(np.flatnonzero(half > 0).tolist(), 2):
-        counts = np.maximum(2, np.rint(steps * half[[i, j]] / half.max())).astype(int)
-        u, v = (center[k] + half[k] * (2 * (np.arange(n) + 0.5) / n - 1) for k, n in zip((i, j), counts, strict=True))
-        points = np.tile(center, (len(u) * len(v), 1))
-        points[:, i], points[:, j] = np.tile(u, len(v)), np.repeat(v, len(u))
-        inside = solid.contains(points)
-        across = 3 - i - j
-        cells = pose_cloud(workspace.at(points[inside]), f"a slice of {workspace}")
-        of, kept = coverage(strategy, cells, q0, limits=limits), inside.reshape(len(v), len(u))
-        found.append(Slice((i, j), float(center[across]), u, v, kept, of, _cuts(strategy, kept, of)))
+    for plane in grid_planes(workspace, steps):
+        cells = pose_cloud(workspace.at(plane.points[plane.inside.ravel()]), f"a slice of {workspace}")
+        of = coverage(strategy, cells, q0, limits=limits)
+        cuts = _cuts(strategy, plane.inside, of)
+        found.append(Slice(plane.axes, plane.at, plane.u, plane.v, plane.inside, of, cuts))
     return tuple(found)
 
 
@@ -93,12 +109,5 @@ def _cuts(strategy: HolonomicStrategy, inside: Flags, found: Coverage) -> Indice
     pairs = pairs[(pairs >= 0).all(axis=1)]
     apart = np.abs(found.q[pairs[:, 0]] - found.q[pairs[:, 1]]).max(axis=1)  # NaN where there is no posture
     ik, poses = inverse(strategy, found.q0), found.poses
-    return pairs[[k for k in np.flatnonzero(apart > JUMP) if not _joined(ik, found.q[pairs[k]], poses[pairs[k]])]]
-
-
-def _joined(ik: InverseKinematics, q: Matrix, poses: Array) -> bool:
-    """Whether the leaf, followed straight from the first of two postures (2, n), leads to the second."""
-    try:
-        return bool(np.abs(ik.near(poses[1], q[0]) - q[1]).max() < AGREE)
-    except HolokinError:
-        return False
+    far = pairs[apart > JUMP]
+    return far[[not leads_to(ik, poses[j], found.q[i], found.q[j]) for i, j in far]]

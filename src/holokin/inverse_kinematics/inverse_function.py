@@ -11,7 +11,7 @@ import numpy as np
 from ..base.arguments import check, typed
 from ..base.types import ArrayLike, Matrix, Value, Vector, frozen, numbers, positive, whole
 from ..codegen import engine, weak
-from ..errors import ArgumentError, BranchError, OutsideRegionError
+from ..errors import ArgumentError, BranchError, HolokinError, OutsideRegionError
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy, may_jump
 from .given_poses import GivenPoses
@@ -325,6 +325,14 @@ def how_far(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike) -> tuple[Vecto
     """
     p, R = ik._given.one(pose)
     return ik._paths.go(p, R, ik.strategy.task.robot.checked(q, "the posture to begin from"))
+
+
+def leads_to(ik: InverseKinematics, pose: ArrayLike, begin: ArrayLike, q: ArrayLike) -> bool:
+    """Whether the leaf, followed straight from one posture (n,) to a tool pose, comes to the posture q (n,) there."""
+    try:
+        return bool(np.abs(ik.near(pose, begin) - np.asarray(q)).max() < AGREE)
+    except HolokinError:
+        return False
 
 
 def is_native(ik: InverseKinematics) -> bool:

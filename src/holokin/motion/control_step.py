@@ -124,7 +124,7 @@ class Controller(ControlLaw):
     @property
     def leaf(self) -> Vector:
         """c = g(start) (r,): the leaf that it holds; empty where there is none."""
-        return self.parameters[: len(self.parameters) // 2 - 2]
+        return self.parameters[: self._compiled.rows]
 
     @property
     def generated(self) -> tuple[Any, list[tuple[int, ...]], list[tuple[int, ...]], dict[str, float]]:
@@ -141,6 +141,11 @@ class _Compiled:
     parameters: Vector
     kernel: StepKernel | None
     engine: str
+
+    @property
+    def rows(self) -> int:
+        """Of the leaf that it holds, r; 0 where there is none."""
+        return len(self.parameters) // 2 - 2
 
     def bound(self, parameters: Vector, memory: StepMemory | None = None) -> tuple[Rates, StepMemory]:
         """The step with parameters, which are read at each call, and the memory that tells of the last one."""
@@ -209,7 +214,7 @@ class _Levelled(threading.local):
     def __init__(self, compiled: _Compiled, memory: StepMemory) -> None:
         self._parameters = compiled.parameters.copy()
         self._rates, self._compiled = compiled.bound(self._parameters, memory)[0], compiled
-        self._shape = (len(self._parameters) // 2 - 2,)
+        self._shape = (compiled.rows,)
 
     def __call__(self, level: ArrayLike, rate: ArrayLike) -> Rates:
         (r,) = self._shape

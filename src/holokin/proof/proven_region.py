@@ -15,9 +15,10 @@ from functools import cached_property
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some, tool_pose, whole
-from ..errors import ArgumentError, HolokinError
+from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some, tool_poses, whole
+from ..errors import ArgumentError
 from ..inverse_kinematics import InverseStatus, inverse
+from ..inverse_kinematics.inverse_function import leads_to
 from ..path.workspaces import PoseRange
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import of_one_tool
@@ -60,8 +61,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
     @typed
     def contains(self, poses: ArrayLike) -> Flags:
         """(k,) True for the tool poses (k, 4, 4) that belong to it. Raises: ShapeError, ArgumentError."""
-        given = np.array([tool_pose(f"pose {i}", pose) for i, pose in enumerate(np.asarray(poses, dtype=float))])
-        given = given.reshape(-1, 4, 4)
+        given = tool_poses("poses", poses)
         return self._cell_of(given[:, :3, 3], given[:, :3, :3])[0] >= 0
 
     def near(self, p: Matrix, R: Array) -> tuple[Matrix, Vector]:
@@ -109,11 +109,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
             return False
         away = np.linalg.norm(np.clip(u, boxes.low, boxes.high) - u, axis=1)
         begin = cells.q0[int(np.argmin(away)), : self.strategy.task.n]
-        try:
-            there = inverse(self.strategy, self.q0).near(pose, begin)
-        except HolokinError:
-            return True
-        return bool(np.abs(there - q).max() > 1e-6)
+        return not leads_to(inverse(self.strategy, self.q0), pose, begin, q)
 
     @property
     def sentence(self) -> str:
