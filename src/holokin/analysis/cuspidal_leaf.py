@@ -94,7 +94,7 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
 
         Where the task has an orientation a turn of one radian counts as 0.1 m. Raises: ShapeError, ArgumentError.
         """
-        return tool_away(self.strategy.task, self.poses, tool_poses("poses", poses))
+        return tool_away(self.strategy.task, self.poses, tool_poses("asked about", poses))
 
     @property
     def sentence(self) -> str:

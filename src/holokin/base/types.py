@@ -170,14 +170,12 @@ def tool_pose(what: str, pose: Matrix) -> Matrix:
     return pose
 
 
-def tool_poses(what: str, poses: ArrayLike) -> Array:
-    """Tool poses (k, 4, 4). Raises: ShapeError, NotFiniteError; ArgumentError: one is none."""
-    given = finite(what, poses)
-    if given.shape == (0,):
-        return given.reshape(0, 4, 4)
-    if given.ndim != 3 or given.shape[1:] != (4, 4):
-        raise ShapeError(what, "(k, 4, 4)", given.shape)
-    return np.array([tool_pose(f"{what}, number {i}", pose) for i, pose in enumerate(given)]).reshape(-1, 4, 4)
+def tool_poses(whose: str, poses: ArrayLike) -> Array:
+    """Tool poses (k, 4, 4), or none. Raises: ShapeError, NotFiniteError; ArgumentError: one is no pose."""
+    given = np.zeros((0, 4, 4)) if np.shape(poses) == (0,) else finite(f"the poses {whose}", poses, ("k", 4, 4))
+    for i, pose in enumerate(given):
+        tool_pose(f"pose {i} {whose}", pose)
+    return given
 
 
 def frozen(array: Any) -> Any:

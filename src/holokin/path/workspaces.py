@@ -23,7 +23,7 @@ from ..base.types import (
     not_negative,
     numbers,
     positive,
-    tool_pose,
+    tool_poses,
     whole,
 )
 from ..errors import ArgumentError, ShapeError
@@ -325,11 +325,9 @@ def pose_cloud(poses: ArrayLike, source: str = "given poses") -> PoseCloud:
     Raises:
         ArgumentError: no poses, or one whose rotation is none. ShapeError, NotFiniteError.
     """
-    given = finite("the poses of a workspace", poses, ("k", 4, 4))
+    given = tool_poses("of a workspace", poses)
     if not len(given):
         raise ArgumentError("the number of poses of a workspace", 0, "give at least one")
-    for i, pose in enumerate(given):
-        tool_pose(f"pose {i} of a workspace", pose)
     return PoseCloud(given, source)
 
 

@@ -61,7 +61,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
     @typed
     def contains(self, poses: ArrayLike) -> Flags:
         """(k,) True for the tool poses (k, 4, 4) that belong to it. Raises: ShapeError, ArgumentError."""
-        given = tool_poses("poses", poses)
+        given = tool_poses("asked about", poses)
         return self._cell_of(given[:, :3, 3], given[:, :3, :3])[0] >= 0
 
     def near(self, p: Matrix, R: Array) -> tuple[Matrix, Vector]:
