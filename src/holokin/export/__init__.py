@@ -5,9 +5,12 @@ Uses `motion`. Read first: `c_folder.py`, `robot_program.py`.
 
 from .c_folder import Exported, export_c
 from .c_folder import c_name as c_name
+from .controller_moves import Deviation as Deviation
+from .controller_moves import ToolTolerance
 from .fanuc import to_fanuc
 from .krl import to_krl
 from .languages import LANGUAGES as LANGUAGES
+from .process_lines import ProcessLines
 from .rapid import to_rapid
 from .robot_program import Program, Wiring
 from .ros import to_ros, write_mcap
@@ -16,7 +19,9 @@ from .urscript import to_urscript
 
 __all__ = [
     "Exported",
+    "ProcessLines",
     "Program",
+    "ToolTolerance",
     "Wiring",
     "export_c",
     "to_fanuc",

@@ -1,14 +1,17 @@
-"""ABB RAPID: `MoveAbsJ` to joint targets, each in the time that the timed trajectory takes to it.
+"""ABB RAPID: `MoveAbsJ`, `MoveL` and `MoveC` to joint targets, in the times and at the speeds of the timed trajectory.
 
-Grammar: ABB, "Technical reference manual: RAPID Instructions, Functions and Data types" (3HAC050917), MoveAbsJ,
-jointtarget, robjoint, extjoint; "RAPID kernel" (3HAC050946), identifiers of at most 32 characters.
+Grammar: ABB, "Technical reference manual: RAPID Instructions, Functions and Data types" (3HAC050917), MoveAbsJ, MoveL,
+MoveC, CalcRobT, GripLoad, SetDO, jointtarget, robjoint, extjoint; "RAPID kernel" (3HAC050946), identifiers of at most
+32 characters.
 """
 
 from __future__ import annotations
 
 from ..base.arguments import typed
 from ..motion import TimedTrajectory
-from .robot_program import Program, Wiring, header, program_name, targets
+from .controller_moves import ToolTolerance
+from .process_lines import Dialect, ProcessLines
+from .robot_program import Program, Targets, Wiring, header, program_name, targets, with_lines, zones
 
 NAME = 32
 """Characters of a RAPID identifier."""
@@ -16,45 +19,77 @@ NAME = 32
 UNUSED = "9E+09"
 """What stands for an external axis that there is not."""
 
+DIALECT = Dialect(
+    "RAPID", "SetDO do{number},{state}", "WaitTime {seconds:g}", ("0", "1"),
+    forbidden=r"^\s*(END)?(PROC|MODULE|FUNC|TRAP)\b", end=";",
+)  # fmt: skip
+
 
 @typed
 def to_rapid(
     timed: TimedTrajectory, *, name: str | None = None, about: str = "", wiring: Wiring | None = None,
-    tolerance: float = 2e-3, zone: str = "z1", tool: str = "tool0",
+    tolerance: float | ToolTolerance = 2e-3, lines: ProcessLines | None = None, zone: str | float = "z1",
+    tool: str = "tool0", base: str | None = None, payload: str | None = None,
 ) -> Program:  # fmt: skip
-    """A RAPID module NAME.mod with one procedure of `MoveAbsJ` in degrees, external axes in degrees or mm.
+    """A RAPID module NAME.mod with one procedure of moves to joint targets in degrees, external axes in degrees or mm.
 
-    Every move has its time as \\T. The first goes to the start at v100 and stops; corners and the end are `fine`,
-    the others `zone`.
+    A `MoveAbsJ` has its time as \\T. A `MoveL` or `MoveC` has its speed as \\V in mm/s; it goes to
+    CalcRobT(jointtarget), the pose with the axis configuration that the controller itself computes of our joints. The
+    first move goes to the start at v100 and stops; corners and the end are `fine`, the others have the zone.
 
     Args:
         name: of the procedure, at most 30 letters, digits and underscores; the module has _M at its end.
         about: a line of the header: the law.
         wiring: of the controller's axes: six of the robot, six external ones (a YuMi's seventh axis is the first).
-        tolerance: [rad or m] see `Program.deviation`. A controller smooths between targets in its own way.
-        zone: name of the zonedata of targets passed without a stop.
-        tool: name of the tooldata.
+        tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool. A controller smooths between
+            targets in its own way.
+        lines: of the process. "output 3 on" sets the signal do3.
+        zone: of targets passed without a stop: the name of zonedata, or a radius [m].
+        tool, base, payload: names of the tooldata, the wobjdata and the loaddata; base and payload may be left out.
 
     Raises:
-        ExportError: a robot of other than six axes, external ones left out. ArgumentError: bad names or wiring.
+        ExportError: a robot of other than six axes, external ones left out. ArgumentError: bad names, wiring or lines.
     """
-    wiring = wiring or Wiring()
-    found = targets(timed, wiring, 6, 6, "RAPID", tolerance)
+    wiring, lines = wiring or Wiring(), lines or ProcessLines()
+    found = targets(timed, wiring, 6, 6, "RAPID", tolerance, lines)
     short = program_name(name, about or "holokin", NAME - 2, "RAPID")
-    for what in (zone, tool):
-        program_name(what, "", NAME, "RAPID")
-    more = [f"degrees, external axes degrees or mm; zone {zone}, tool {tool}"]
-    lines = [f"MODULE {short}_M", *(f"  ! {line}" for line in header(timed, about, found, wiring, more, 76))]
-    shown = found.shown()
-    for i, row in enumerate(shown, 1):
-        own = ",".join(f"{x:.6f}" for x in row[: found.own])
-        other = [f"{x:.6f}" for x in row[found.own :]]
-        lines.append(f"  CONST jointtarget p{i}:=[[{own}],")
-        lines.append(f"    [{','.join(other + [UNUSED] * (6 - len(other)))}]];")
-    lines += ["", f"  PROC {short}()", f"    MoveAbsJ p1\\NoEOffs,v100,fine,{tool};"]
-    last = len(shown) - 1
-    for i, seconds in enumerate(found.seconds, 1):
-        here = "fine" if i == last or found.stops[i] else zone
-        lines.append(f"    MoveAbsJ p{i + 1}\\NoEOffs,v1000\\T:={seconds:.4f},{here},{tool};")
-    lines += ["  ENDPROC", "ENDMODULE", ""]
-    return Program({f"{short}_M.mod": "\n".join(lines)}, len(shown), found.deviation)
+    for what in (zone, tool, base, payload):
+        if isinstance(what, str):
+            program_name(what, "", NAME, "RAPID")
+    places, reduced = _zones(found, zone)
+    used = tool if base is None else f"{tool}\\WObj:={base}"
+    more = [f"degrees, external axes degrees or mm; zone {zone}, tool {used}", *reduced]
+    text = [f"MODULE {short}_M", *(f"  ! {line}" for line in header(timed, about, found, wiring, more, 76))]
+    text += [line for i in range(len(found.q)) for line in _declared(f"p{i + 1}", found, i)]
+    text += [line for i in found.via for line in _declared(f"c{i + 2}", found, i, via=True)]
+    moves = [[f"    MoveAbsJ p1\\NoEOffs,v100,fine,{used};"]]
+    for i, (move, seconds) in enumerate(zip(found.moves, found.seconds, strict=True), 2):
+        way, end = f"{places[i - 1]},{used};", f"CalcRobT(p{i},{used})"
+        if move.kind == "joint":
+            moves.append([f"    MoveAbsJ p{i}\\NoEOffs,v1000\\T:={seconds:.4f},{way}"])
+        elif move.kind == "linear":
+            moves.append([f"    MoveL {end},v1000\\V:={1e3 * move.speed:.3f},{way}"])
+        else:
+            moves.append([f"    MoveC CalcRobT(c{i},{used}),{end},", f"      v1000\\V:={1e3 * move.speed:.3f},{way}"])
+    load = [] if payload is None else [f"GripLoad {payload};"]
+    body = with_lines(found, DIALECT, lines, moves)
+    text += ["", f"  PROC {short}()", *(f"    {line.strip()}" for line in [*load, *body])]
+    text += ["  ENDPROC", "ENDMODULE", ""]
+    return Program({f"{short}_M.mod": "\n".join(text)}, len(found.q), found.deviation, found.tool)
+
+
+def _declared(name: str, found: Targets, i: int, via: bool = False) -> list[str]:
+    row = found.shown(found.via[i] if via else found.q[i])
+    own = ",".join(f"{x:.6f}" for x in row[: found.own])
+    other = [f"{x:.6f}" for x in row[found.own :]]
+    return [f"  CONST jointtarget {name}:=[[{own}],", f"    [{','.join(other + [UNUSED] * (6 - len(other)))}]];"]
+
+
+def _zones(found: Targets, zone: str | float) -> tuple[list[str], list[str]]:
+    """The zone of each target, and what the header says of them. The controller itself halves named ones."""
+    if isinstance(zone, str):
+        last = len(found.q) - 1
+        return ["fine" if i in (0, last) or stop else zone for i, stop in enumerate(found.stops)], []
+    radii, less = zones(found, zone)
+    said = [f"the zone is half a move at {less} targets, where that is less"] if less else []
+    return [f"z1\\Z:={1e3 * radius:.3f}" if radius else "fine" for radius in radii], said

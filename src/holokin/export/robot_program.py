@@ -18,6 +18,9 @@ from ..errors import ArgumentError, ExportError, UnknownNameError
 from ..motion import TimedTrajectory
 from ..robot import FARTHEST
 from ..version import __version__
+from .controller_moves import KINDS, Deviation, ToolTolerance
+from .process_lines import PLACES, Dialect, ProcessLines
+from .program_moves import Move, farthest, fixed_samples, tool_moves
 
 Entry = str | float
 """Of an axis: the joint that it moves, or the value [rad or m] at which it stands still."""
@@ -28,12 +31,14 @@ class Program:
     """A robot program: its files by name, and how it was cut down from the samples.
 
     `targets` are the joint targets; `deviation` [rad or m] is how far the joints would be from the timed trajectory
-    if they moved evenly from target to target.
+    if they moved evenly from target to target. `tool` is how far the tool and the joints are from it as the
+    controller moves, where the program was written to a tolerance of the tool, else None.
     """
 
     files: Mapping[str, str]
     targets: int
     deviation: float
+    tool: Deviation | None = None
 
     @property
     def text(self) -> str:
@@ -83,24 +88,43 @@ class Wiring(Value):
 
 @dataclass(frozen=True, eq=False)
 class Targets(Value):
-    """Targets of a program: instants t (k,), the controller's axes q (k, axes + external) [rad or m], which of these
-    are lengths, which targets are stops, how many axes are the robot's own, and how far joints are off between."""
+    """Targets of a program, and the moves to them.
+
+    Attributes:
+        t, q: instants (k,) and the controller's axes (k, axes + external) [rad or m].
+        samples: which samples of the timed motion they are.
+        lengths: which axes are in metres.
+        stops: which targets are stops. own: how many axes are the robot's own.
+        deviation: how far joints are off if they move evenly between.
+        moves: how the controller goes to each but the first (k - 1).
+        via: the axes on the way of circular moves, by their place in `moves`.
+        tool: how far the tool is off; None where nobody asked.
+        on, off: the targets at which the process begins and ends.
+    """
 
     t: Vector
     q: Matrix
+    samples: tuple[int, ...]
     lengths: tuple[bool, ...]
     stops: tuple[bool, ...]
     own: int
     deviation: float
+    moves: tuple[Move, ...]
+    via: Mapping[int, Vector]
+    tool: Deviation | None
+    on: int
+    off: int
 
-    def shown(self) -> Matrix:
-        """The axes in degrees and millimetres (k, axes + external)."""
-        return np.where(np.array(self.lengths), 1e3 * self.q, np.rad2deg(self.q)) + 0.0
+    def shown(self, axes: Matrix | Vector | None = None) -> Matrix:
+        """Axes in degrees and millimetres: those of all targets (k, axes + external), or given ones."""
+        q = self.q if axes is None else axes
+        return np.where(np.array(self.lengths), 1e3 * q, np.rad2deg(q)) + 0.0
 
     @property
     def seconds(self) -> Vector:
-        """From each target to the next (k - 1,)."""
-        return np.diff(self.t)
+        """From each target to the next (k - 1,); of linear and circular moves without the ramps."""
+        even = [m.length / m.speed if m.kind != "joint" else np.nan for m in self.moves]
+        return np.where(np.isfinite(even), even, np.diff(self.t))
 
     @property
     def parts(self) -> list[range]:
@@ -108,43 +132,99 @@ class Targets(Value):
         ends = [0, *np.flatnonzero(self.stops).tolist(), len(self.t) - 1]
         return [range(a, b + 1) for a, b in pairwise(ends)]
 
+    @property
+    def linear(self) -> bool:
+        """Whether there are linear or circular moves."""
+        return any(move.kind != "joint" for move in self.moves)
+
 
 def targets(
-    timed: TimedTrajectory, wiring: Wiring, own: int, most: int, language: str, tolerance: float | None
-) -> Targets:
-    """As few samples as keep the joints within a tolerance of the trajectory when they move evenly between them.
+    timed: TimedTrajectory, wiring: Wiring, own: int, most: int, language: str,
+    tolerance: float | ToolTolerance | None, lines: ProcessLines,
+) -> Targets:  # fmt: skip
+    """As few samples as keep the motion within a tolerance of the trajectory, as a controller moves between them.
 
     Args:
         own, most: how many axes the controller's robot has, and how many external ones may be.
-        tolerance: [rad or m]; None for all samples. Starts, ends and corners are always targets.
+        tolerance: of the joints [rad or m], or of the tool; None for all samples. Starts, ends and corners are always
+            targets.
+        lines: of which those where the process begins and ends need targets.
 
     Raises:
-        ExportError: the program's language cannot hold the robot. ArgumentError: bad wiring.
+        ExportError: the program's language cannot hold the robot, or has no linear moves for it.
+        ArgumentError: bad wiring; a tolerance of another robot's tool.
     """
-    picked = np.arange(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance))
     q, lengths = _wired(timed, wiring, own, most, language)
+    on, off = window = _window(timed, lines)
+    more = window if lines.on or lines.off else ()
+    tool = None
+    if isinstance(tolerance, ToolTolerance):
+        moves, tool = tool_moves(timed, tolerance, _of_arm(timed, wiring, tolerance), more)
+    else:
+        at = range(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance), more).tolist()
+        moves = [Move("joint", a, b) for a, b in pairwise(at)]
+    picked = np.array([0, *(move.b for move in moves)])
     stops = np.isin(picked, timed.stops)
-    return Targets(timed.t[picked], q[picked], lengths, tuple(stops.tolist()), own, deviation(timed.q, picked))
+    via = {i: q[move.via] for i, move in enumerate(moves) if move.kind == "circular"}
+    return Targets(
+        timed.t[picked], q[picked], tuple(picked.tolist()), lengths, tuple(stops.tolist()), own,
+        deviation(timed.q, picked), tuple(moves), via, tool,
+        int(np.searchsorted(picked, on)), int(np.searchsorted(picked, off)),
+    )  # fmt: skip
 
 
-def chosen(timed: TimedTrajectory, tolerance: float) -> Indices:
+def _window(timed: TimedTrajectory, lines: ProcessLines) -> tuple[int, int]:
+    """The samples at which the process begins and ends."""
+    if lines.window is None:
+        return 0, len(timed) - 1
+    steps = (timed.path_speed[1:] + timed.path_speed[:-1]) / 2 * timed.dt
+    gone = np.concatenate([[0.0], np.cumsum(steps)])
+    on, off = (int(np.argmin(np.abs(gone - t))) for t in lines.window)
+    return on, off
+
+
+def zones(found: Targets, zone: float) -> tuple[Vector, int]:
+    """Radii [m] at which targets are passed (k,): 0 at stops, else the zone, but at most half of a move beside it.
+
+    And at how many targets it is less for that reason. Moves whose length nobody knows leave it as it is.
+    """
+    steps = np.array([move.length for move in found.moves])
+    near = np.fmin(np.append(np.inf, steps), np.append(steps, np.inf)) / 2
+    radii = np.fmin(zone, near)
+    radii[[0, *np.flatnonzero(found.stops).tolist(), -1]] = 0.0
+    return radii, int(((radii > 0) & (radii < zone)).sum())
+
+
+def with_lines(found: Targets, dialect: Dialect, lines: ProcessLines, moves: Sequence[Sequence[str]]) -> list[str]:
+    """The lines that move to each target (k,), with those of the process between. Raises: ArgumentError: a bad line."""
+    before, on, off, after = (dialect.written(getattr(lines, place)) for place in PLACES)
+    text = list(before)
+    for i, moved in enumerate(moves):
+        text += moved
+        text += on if i == found.on else []
+        text += off if i == found.off else []
+    return text + after
+
+
+def _of_arm(timed: TimedTrajectory, wiring: Wiring, tolerance: ToolTolerance) -> Indices:
+    """The joints that the controller's own inverse moves. Raises: ExportError: linear moves do not fix these joints."""
+    names = list(timed.joint_names)
+    axes = [name for name in names if name not in wiring.external] if wiring.axes is None else wiring.axes
+    own = np.array(sorted(names.index(axis) for axis in axes if isinstance(axis, str)))
+    if tolerance.linear and (len(own) != 6 or np.ptp(own) != 5):
+        fact = (
+            f"a linear move to a pose does not say where {len(own)} joints are, but those of six axes one after another"
+        )
+        raise ExportError(fact, "write joint moves: leave out linear")
+    return own
+
+
+def chosen(timed: TimedTrajectory, tolerance: float, more: tuple[int, ...] = ()) -> Indices:
     """Indices of samples between which straight lines stay within a tolerance: each step as long as may be."""
-    fixed = sorted({0, *timed.marks, *timed.stops, len(timed) - 1})
     found = [0]
-    for end in fixed[1:]:
-        while found[-1] < end:
-            here, good, bad = found[-1], found[-1] + 1, end + 1
-            step = 1
-            while good + step < bad:  # doubling, then halving
-                if _off(timed.q, here, good + step) <= tolerance:
-                    good, step = good + step, 2 * step
-                else:
-                    bad = good + step
-                    break
-            while good < end and bad - good > 1:
-                middle = min((good + bad) // 2, end)
-                good, bad = (middle, bad) if _off(timed.q, here, middle) <= tolerance else (good, middle)
-            found.append(good)
+    for end in fixed_samples(timed, more)[1:]:
+        while (here := found[-1]) < end:
+            found.append(farthest(lambda b, a=here: _off(timed.q, a, b) <= tolerance, here, end))
     return np.array(found)
 
 
@@ -226,15 +306,34 @@ def header(
         lines.append(f"{name}: " + ", ".join([span, *rates, *turned]))
     if found is not None and not found.deviation:
         lines.append(f"{len(found.t)} joint targets, one for each step")
+    elif found is not None and found.tool is not None:
+        lines += [f"{len(found.t)} joint targets, {_counted(found)}", *found.tool.sentences()]
     elif found is not None:
         lines.append(f"{len(found.t)} joint targets; even motion between them is within {found.deviation:.2g} rad or m")
         lines.append("of the timed motion")
+    if found is not None and found.tool is not None and found.linear:
+        lines.append(_reason(found))
     if timed.loop is not None:
         a, b = (timed.t[i] for i in timed.loop)
         lines.append(f"three cycles; the one from {a:.3f} s to {b:.3f} s may be repeated")
     lines += ["The robot moves to the first target on its own way: see that it is free", *more]
     plain = [re.sub(r"[^ -~]", "?", " ".join(line.split())) for line in lines]
     return [part for line in plain for part in textwrap.wrap(line, width, break_on_hyphens=False) or [""]]
+
+
+def _counted(found: Targets) -> str:
+    """How many moves of each kind there are."""
+    kinds = [move.kind for move in found.moves]
+    return ", ".join(f"{kinds.count(kind)} {kind} moves" for kind in KINDS if kind in kinds)
+
+
+def _reason(found: Targets) -> str:
+    """Why there are joint moves beside linear and circular ones."""
+    joint = [i + 2 for i, move in enumerate(found.moves) if move.kind == "joint"]
+    if not joint:
+        return "no joint moves but the first: the controller's own inverse gives our joints on all others"
+    shown = ", ".join(map(str, joint[:6])) + (", ..." if len(joint) > 6 else "")
+    return f"joint moves to targets {shown}: there no linear or circular move keeps the tolerances"
 
 
 def program_name(given: str | None, about: str, longest: int, language: str) -> str:

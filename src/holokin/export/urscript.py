@@ -1,17 +1,21 @@
-"""URScript of Universal Robots: `servoj` at the controller's own step, or `movej` to few targets.
+"""URScript of Universal Robots: `servoj` at the controller's own step, or `movej`, `movel` and `movec` to few targets.
 
-Grammar: Universal Robots, "The URScript Programming Language" (version 5): movej, servoj, stopj; radians.
+Grammar: Universal Robots, "The URScript Programming Language" (version 5): movej, movel, movec, servoj, stopj, set_tcp,
+set_payload, set_digital_out, sleep; radians. movel and movec take joint positions, and compute the pose of them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from ..base.arguments import typed
-from ..base.types import Vector
+from ..base.types import Vector, finite, not_negative
 from ..errors import ArgumentError
 from ..motion import TimedTrajectory
-from .robot_program import Program, Wiring, header, program_name, targets
+from .controller_moves import ToolTolerance
+from .process_lines import Dialect, ProcessLines
+from .robot_program import Program, Targets, Wiring, header, program_name, targets, with_lines, zones
 
 STEPS = (0.002, 0.008)
 """Seconds of a control cycle: e-Series and later, CB3."""
@@ -19,55 +23,90 @@ STEPS = (0.002, 0.008)
 APPROACH = "a=0.5, v=0.25"
 """Of the move to the start [rad/s^2, rad/s]: a quarter of what the language takes by default."""
 
+DIALECT = Dialect(
+    "URScript",
+    "set_digital_out({number}, {state})",
+    "sleep({seconds:g})",
+    ("False", "True"),
+    forbidden=r"^\s*(def|end|thread)\b",
+)
+
 
 @typed
 def to_urscript(
     timed: TimedTrajectory, *, name: str | None = None, about: str = "", wiring: Wiring | None = None,
-    style: str = "servoj", tolerance: float = 2e-3, blend: float = 0.001, lookahead_time: float = 0.1,
-    gain: float = 300.0,
+    style: str = "servoj", tolerance: float | ToolTolerance = 2e-3, lines: ProcessLines | None = None,
+    zone: float = 0.001, tool: Sequence[float] | None = None, payload: float | None = None,
+    lookahead_time: float = 0.1, gain: float = 300.0,
 ) -> Program:  # fmt: skip
-    """A URScript function NAME.script in radians, which moves to the start first.
+    """A URScript function NAME.script in radians, which moves to the start first, and a line that calls it.
 
     Args:
         name: of the function.
         about: a line of the header: the law.
         wiring: of the controller's six axes.
         style: "servoj" sends every sample, at the controller's own step of 2 or 8 ms, which the trajectory must have;
-            "movej" sends few targets with their times.
-        tolerance: [rad] of "movej", see `Program.deviation`.
-        blend: [m] radius at which "movej" goes on to the next target.
+            "movej" sends few targets, with times to joint moves and speeds to linear and circular ones.
+        tolerance: [rad] of "movej", see `Program.deviation`, or of the tool.
+        lines: of the process.
+        zone: [m] radius at which "movej" goes on to the next target; less where a move is shorter than twice that.
+        tool: its pose in the flange, x, y, z [m] and a rotation vector [rad], for set_tcp; by default as set.
+        payload: [kg]; by default that which is set.
         lookahead_time, gain: of "servoj": 0.03 to 0.2 s, 100 to 2000.
 
     Raises:
-        ExportError: a robot of other than six axes. ArgumentError: bad names, style, step or wiring.
+        ExportError: a robot of other than six axes. ArgumentError: bad names, style, step, wiring or lines.
     """
-    wiring = wiring or Wiring()
+    wiring, lines = wiring or Wiring(), lines or ProcessLines()
     if style not in ("servoj", "movej"):
         raise ArgumentError("style", style, "use 'servoj' or 'movej'")
-    if not (0.03 <= lookahead_time <= 0.2 and 100 <= gain <= 2000 and blend >= 0.0):
-        raise ArgumentError("(lookahead_time, gain, blend)", (lookahead_time, gain, blend), "see the docstring")
+    not_negative("zone", zone)
+    if not (0.03 <= lookahead_time <= 0.2 and 100 <= gain <= 2000):
+        raise ArgumentError("(lookahead_time, gain)", (lookahead_time, gain), "see the docstring")
     every = style == "servoj"
-    found = targets(timed, wiring, 6, 0, "URScript", None if every else tolerance)
+    found = targets(timed, wiring, 6, 0, "URScript", None if every else tolerance, lines)
     if every and not any(abs(timed.dt - step) < 1e-12 for step in STEPS):
         raise ArgumentError("dt of the trajectory", timed.dt, "retime it with dt=0.002 (e-Series) or dt=0.008 (CB3)")
     short = program_name(name, about or "holokin", 64, "URScript")
-    lines = [f"  # {line}" for line in header(timed, about, found, wiring, ["radians"])]
-    lines.append(f"  movej({_list(found.q[0])}, {APPROACH})")
-    last = len(found.q) - 1
-    for i, seconds in enumerate(found.seconds, 1):
-        if every:
-            lines.append(f"  servoj({_list(found.q[i])}, 0, 0, {timed.dt:g}, {lookahead_time:g}, {gain:g})")
-        else:
-            radius = 0.0 if i == last or found.stops[i] else blend
-            lines.append(f"  movej({_list(found.q[i])}, t={seconds:.4f}, r={radius:g})")
-    lines += ["  stopj(2.0)"] * every
-    files = {f"{short}.script": "\n".join([f"def {short}():", *lines, "end", ""])}
-    return Program(files, len(found.q), found.deviation)
+    radii, less = zones(found, zone)
+    said = [f"servoj at {1e3 * timed.dt:g} ms" if every else _why_moves(timed)]
+    said += [f"the blend is half a move at {less} targets, where that is less"] if less and not every else []
+    text = [f"  # {line}" for line in header(timed, about, found, wiring, ["radians", *said])]
+    if tool is not None:
+        text.append(f"  set_tcp(p{_list(finite('tool', tool, (6,)))})")
+    text += [f"  set_payload({not_negative('payload', payload):g})"] if payload is not None else []
+    if every:
+        more = f"0, 0, {timed.dt:g}, {lookahead_time:g}, {gain:g}"
+        moves = [f"servoj({_list(row)}, {more})" for row in found.q[1:]]
+        moves[-1:] = [moves[-1] + "\n  stopj(2.0)"]
+    else:
+        moves = [_move(found, i, radii[i + 1]) for i in range(len(found.moves))]
+    first = f"movej({_list(found.q[0])}, {APPROACH})"
+    body = with_lines(found, DIALECT, lines, [[first], *([move] for move in moves)])
+    text += [f"  {line}" for line in body]
+    files = {f"{short}.script": "\n".join([f"def {short}():", *text, "end", f"{short}()", ""])}
+    return Program(files, len(found.q), found.deviation, found.tool)
 
 
 def by_step(timed: TimedTrajectory, **given: Any) -> Program:
-    """As `to_urscript`: by "servoj" at the step of a controller, else by "movej"."""
-    return to_urscript(timed, style="servoj" if timed.dt in STEPS else "movej", **given)
+    """As `to_urscript`: by "servoj" at a controller's step, but to a tolerance of the tool and else by "movej"."""
+    every = timed.dt in STEPS and not isinstance(given.get("tolerance"), ToolTolerance)
+    return to_urscript(timed, style="servoj" if every else "movej", **given)
+
+
+def _why_moves(timed: TimedTrajectory) -> str:
+    """The reason why a program moves to few targets, where its step is no controller's."""
+    if timed.dt in STEPS:
+        return "few targets, not servoj at each step, as asked for"
+    return f"few targets: {1e3 * timed.dt:g} ms is no step of servoj, which are 2 ms (e-Series) and 8 ms (CB3)"
+
+
+def _move(found: Targets, i: int, radius: float) -> str:
+    move, end = found.moves[i], _list(found.q[i + 1])
+    if move.kind == "joint":
+        return f"movej({end}, t={found.seconds[i]:.4f}, r={radius:.6g})"
+    speed = f"a=1.2, v={move.speed:.6f}, r={radius:.6g}"
+    return f"movel({end}, {speed})" if move.kind == "linear" else f"movec({_list(found.via[i])}, {end}, {speed})"
 
 
 def _list(row: Vector) -> str:

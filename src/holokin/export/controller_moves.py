@@ -1,0 +1,256 @@
+"""How a controller moves between two targets, and how far its tool then is from that of a timed motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from ..base.arguments import check
+from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, positive
+from ..errors import ArgumentError
+from ..motion import TimedTrajectory
+from ..path.straight_path import rotation_matrix, rotation_vector, straight
+from ..tasks.frame_tasks import pose
+from ..tasks.task import Task, of_one_tool
+
+Kind = Literal["joint", "linear", "circular"]
+KINDS: tuple[Kind, ...] = ("joint", "linear", "circular")
+
+LARGEST_ARC = np.deg2rad(170.0)
+"""Of one circular move: controllers refuse or misread half a turn and more."""
+
+FLAT = 1e-6
+"""Height of an arc over its chord, as a share of the chord, below which it is a line."""
+
+STILL = 1e-3
+"""Share of the tool's largest speed below which the tool turns in place, and has no speed to keep."""
+
+ARRIVED, STEPS = 1e-9, 8
+"""Error [m, rad] at which a controller's inverse has arrived at a pose, and the steps of Newton's method to it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ToolTolerance(Value):
+    """How near a program keeps the tool to a timed motion between its targets, as the controller moves there.
+
+    Attributes:
+        task: whose tool it is: a task of one tool.
+        position: [m], rotation: [rad], largest distance and turn from the timed motion at the same place of the path.
+        speed: largest difference from the tool's speed, as a share of it; ramps from and to rest are the controller's.
+        joints: [rad or m], largest difference of the joints.
+        linear: linear and circular moves where the joints, which the controller then chooses by its own inverse, stay
+            within `joints`; joint moves elsewhere. Else joint moves alone.
+    """
+
+    task: Task
+    position: float = 5e-4
+    rotation: float = 0.01
+    speed: float = 0.05
+    joints: float = 0.02
+    linear: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check("task", Task, self.task)
+        check("linear", bool, self.linear)
+        of_one_tool(self.task, "a tolerance of the tool")
+        for what in ("position", "rotation", "speed", "joints"):
+            positive(f"the tolerance of {what}", getattr(self, what))
+        if not self.speed < 1.0:
+            raise ArgumentError("the tolerance of speed", self.speed, "give a share below 1, as 0.02 for 2 %")
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far moves are from a timed motion: of the tool [m, rad], of its speed (share), of the joints [rad or m].
+
+    `slowest` and `fastest` [m/s] are the speeds of the tool where it has one to keep; NaN where it never has.
+    """
+
+    position: float = 0.0
+    rotation: float = 0.0
+    speed: float = 0.0
+    joints: float = 0.0
+    slowest: float = float("nan")
+    fastest: float = float("nan")
+
+    def within(self, tolerance: ToolTolerance) -> bool:
+        """Whether all is kept; a NaN is not."""
+        return all(
+            getattr(self, what) <= getattr(tolerance, what) for what in ("position", "rotation", "speed", "joints")
+        )
+
+    def sentences(self) -> list[str]:
+        """What is kept, in mm and degrees."""
+        place = f"between them the tool is within {1e3 * self.position:.2g} mm"
+        said = [
+            f"{place} and {np.rad2deg(self.rotation):.2g} deg of the timed motion",
+            f"and the joints within {self.joints:.2g} rad or m",
+        ]
+        if np.isfinite(self.slowest):
+            speeds = f"{1e3 * self.slowest:.4g} to {1e3 * self.fastest:.4g} mm/s"
+            said.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed, ramps left out")
+        return [*said, "roundings at passed targets (zones) come on top"]
+
+    def __or__(self, other: Deviation) -> Deviation:
+        """The larger of each of the two."""
+        pairs = {f.name: (getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
+        slow = pairs.pop("slowest")
+        return Deviation(slowest=float(np.fmin(*slow)), **{name: float(np.fmax(*pair)) for name, pair in pairs.items()})
+
+
+@dataclass(frozen=True, eq=False)
+class ToolMotion(Value):
+    """A timed motion as its tool makes it, at k instants.
+
+    Attributes:
+        task: the pose of its tool.
+        own: the joints (a,) that the controller moves to a pose by its inverse; the others it moves evenly.
+        t, q: times (k,) and joints (k, n).
+        p, R: of the tool, (k, 3) and (k, 3, 3).
+        way: how far the tool is along the path (k,) [m]; how far it has turned [rad] where the path has no length.
+        speed: of the tool (k,) [m/s].
+        ramp: where the tool gathers speed from rest, or loses it (k,).
+    """
+
+    task: Task
+    own: Indices
+    t: Vector
+    q: Matrix
+    p: Matrix
+    R: Array
+    way: Vector
+    speed: Vector
+    ramp: Flags
+
+    @staticmethod
+    def of(timed: TimedTrajectory, tolerance: ToolTolerance, own: Indices) -> ToolMotion:
+        """The motion of a tolerance's tool. Raises: ArgumentError: it is of another robot."""
+        robot = tolerance.task.robot
+        if robot.joint_names != timed.joint_names:
+            raise ArgumentError("the task of the tolerance", robot.name, "give a task of the robot that moves")
+        task = pose(robot, tip=tolerance.task.tip)
+        p, R = task.poses(timed.q)
+        J, _ = task.jacobian_batch(timed.q)
+        speed = np.linalg.norm(np.einsum("kij,kj->ki", J[:, :3], timed.dq), axis=1)
+        way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
+        if not way[-1] > ARRIVED:
+            turns = rotation_vector(R[1:] @ np.swapaxes(R[:-1], 1, 2))
+            way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(turns, axis=1))])
+        rests = [0, *timed.stops, len(timed) - 1]
+        return ToolMotion(task, own, timed.t, timed.q, p, R, way, speed, _ramps(speed, rests, tolerance.speed))
+
+    def share(self, a: int, b: int, rows: Indices) -> Vector:
+        """How far along the move from sample a to sample b its samples are, by the tool's way, else by time."""
+        along = self.way if self.way[b] - self.way[a] > ARRIVED else self.t
+        return (along[rows] - along[a]) / (along[b] - along[a])
+
+    def deviation(self, kind: Kind, a: int, b: int, rows: Indices) -> Deviation:
+        """Of one move from sample a to sample b, looked at at some samples between."""
+        share, seconds = self.share(a, b, rows), self.t[b] - self.t[a]
+        if kind == "joint":
+            q = self.q[a] + share[:, None] * (self.q[b] - self.q[a])
+            p, R = self.task.poses(q)
+            J, _ = self.task.jacobian_batch(q)
+            speed = np.linalg.norm(J[:, :3] @ (self.q[b] - self.q[a]), axis=1) / seconds
+        else:
+            p, R = self._line(a, b, share) if kind == "linear" else self._arc(a, b, share)
+            speed, q = np.full(len(rows), self.steady(a, b)), self.q[rows]
+        turned = rotation_vector(R @ np.swapaxes(self.R[rows], 1, 2))
+        kept = self._kept[rows]
+        return Deviation(
+            float(np.linalg.norm(p - self.p[rows], axis=1).max()), float(np.linalg.norm(turned, axis=1).max()),
+            float(np.abs(speed[kept] / self.speed[rows][kept] - 1.0).max(initial=0.0)),
+            float(np.abs(q - self.q[rows]).max()),
+            *((float(speed[kept].min()), float(speed[kept].max())) if kept.any() else ()),
+        )  # fmt: skip
+
+    @cached_property
+    def _kept(self) -> Flags:
+        """Where the tool has a speed to keep (k,)."""
+        return ~self.ramp & (self.speed > STILL * self.speed.max())
+
+    def steady(self, a: int, b: int) -> float:
+        """The speed of a linear or circular move [m/s]: the mean where there is one to keep, else the largest."""
+        part = self.speed[a : b + 1]
+        kept = part[self._kept[a : b + 1]]
+        return float(kept.mean() if len(kept) else part.max())
+
+    def joint_deviation(self, kind: Kind, a: int, b: int, rows: Indices) -> float:
+        """How far the joints that the controller's inverse gives on a linear or circular move are from ours.
+
+        They begin at ours and go on without a jump. Infinite where Newton's method does not arrive.
+        """
+        if kind == "joint":
+            return 0.0
+        share = self.share(a, b, rows)
+        p, R = self._line(a, b, share) if kind == "linear" else self._arc(a, b, share)
+        q = self.q[a] + share[:, None] * (self.q[b] - self.q[a])
+        q[:, self.own] = self.q[rows][:, self.own]
+        for _ in range(STEPS):
+            error = self.task.error(q, p, R)
+            if np.abs(error).max() <= ARRIVED:
+                return float(np.abs(q - self.q[rows]).max())
+            J = self.task.jacobian_batch(q)[0][:, :, self.own]
+            try:
+                q[:, self.own] += np.linalg.solve(J, error[..., None])[..., 0]
+            except np.linalg.LinAlgError:
+                break
+        return float("inf")
+
+    def _line(self, a: int, b: int, share: Vector) -> tuple[Matrix, Array]:
+        return straight(self.p[a], self.R[a], self.p[b], self.R[b]).at(share)
+
+    def _arc(self, a: int, b: int, share: Vector) -> tuple[Matrix, Array]:
+        """On the circle through the start, the sample half way along the path and the end; a line where that is flat.
+
+        NaN where the arc is longer than a controller takes.
+        """
+        p, R = self._line(a, b, share)
+        found = _circle(self.p[a], self.p[self.middle(a, b)], self.p[b])
+        if found is not None:
+            center, axis, angle = found
+            p = center + rotation_matrix(share[:, None] * angle * axis) @ (self.p[a] - center)
+            p[:] = p if angle <= LARGEST_ARC else np.nan
+        return p, R
+
+    def middle(self, a: int, b: int) -> int:
+        """The sample half way along the path between two."""
+        along = self.way if self.way[b] - self.way[a] > ARRIVED else self.t
+        return int(np.clip(np.searchsorted(along[a:b], (along[a] + along[b]) / 2) + a, a, b))
+
+
+def _circle(start: Vector, via: Vector, end: Vector) -> tuple[Vector, Vector, float] | None:
+    """Center (3,), axis (3,) and angle [rad] of the arc from start through via to end; None on a line."""
+    u, v = via - start, end - start
+    normal = np.cross(u, v)
+    chord = float(np.linalg.norm(v))
+    if not np.linalg.norm(normal) > FLAT * chord**2:
+        return None
+    square = float(normal @ normal)
+    center = start + (np.cross(normal, u) * (v @ v) - np.cross(normal, v) * (u @ u)) / (2.0 * square)
+    axis = normal / np.sqrt(square)
+    x, y = start - center, end - center
+    angle = float(np.arctan2(axis @ np.cross(x, y), x @ y)) % (2.0 * np.pi)
+    return center, axis, angle
+
+
+def _ramps(speed: Vector, rests: list[int], tolerance: float) -> Flags:
+    """Where the speed (k,) rises from a rest to its first peak, but for the tolerance, or falls so to the next rest."""
+    found = np.zeros(len(speed), dtype=bool)
+    for first, last in pairwise(rests):
+        part = speed[first : last + 1]
+        found[first : first + _rise(part, tolerance)] = True
+        found[last + 1 - _rise(part[::-1], tolerance) : last + 1] = True
+    return found
+
+
+def _rise(speed: Vector, tolerance: float) -> int:
+    """How many samples there are until a speed (k,) comes near to its first peak: a step to it began on the ramp."""
+    falls = np.flatnonzero(np.diff(speed) < 0.0)
+    peak = speed[falls[0] if len(falls) else -1]
+    return 1 + int(np.argmax(speed >= (1.0 - tolerance / 2) * peak))

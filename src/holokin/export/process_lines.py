@@ -1,0 +1,75 @@
+"""What a program does besides moving: lines before it, where the process begins and ends, and after it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ..base.arguments import check
+from ..base.types import Value
+from ..errors import ArgumentError
+
+PLACES = ("before", "on", "off", "after")
+
+OUTPUT = re.compile(r"output (\d+) (on|off)")
+WAIT = re.compile(r"wait (\d+(?:\.\d+)?)")
+
+
+@dataclass(frozen=True, eq=False)
+class ProcessLines(Value):
+    """Lines of a program, in the order in which they are done.
+
+    "output 3 on", "output 3 off" and "wait 0.5" [s] are written in every language; any other line is written as it is,
+    in the controller's own language.
+
+    Attributes:
+        before: before the first move. after: after the last one.
+        on, off: where the process begins and ends: when the target at its start, or its end, is reached.
+        window: the path's times [s] at which it begins and ends; by default the start and the end of the path.
+    """
+
+    before: Sequence[str] = ()
+    on: Sequence[str] = ()
+    off: Sequence[str] = ()
+    after: Sequence[str] = ()
+    window: tuple[float, float] | None = field(default=None)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for place in PLACES:
+            lines = getattr(self, place)
+            check(place, Sequence[str], lines)
+            for line in (lines,) if isinstance(lines, str) else lines:
+                if isinstance(lines, str) or not re.fullmatch(r"[ -~]+", line) or line != line.strip():
+                    cure = "give a list of lines of printable ASCII characters, without line breaks"
+                    raise ArgumentError(f"the process lines of {place!r}", line, cure)
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a language sets an output, waits and comments, and which of a user's own lines it cannot hold."""
+
+    language: str
+    output: str
+    wait: str
+    states: tuple[str, str]
+    forbidden: str = r"(?!)"
+    longest: int = 200
+    end: str = ""
+
+    def written(self, lines: Sequence[str]) -> list[str]:
+        """Lines in this language. Raises: ArgumentError: one that it cannot hold."""
+        return [self._line(line) for line in lines]
+
+    def _line(self, line: str) -> str:
+        if found := OUTPUT.fullmatch(line):
+            return self.output.format(number=int(found[1]), state=self.states[found[2] == "on"]) + self.end
+        if found := WAIT.fullmatch(line):
+            return self.wait.format(seconds=float(found[1])) + self.end
+        if re.search(self.forbidden, line) or len(line) > self.longest:
+            cure = (
+                f"{self.language} takes at most {self.longest} characters, without what ends a line or starts a section"
+            )
+            raise ArgumentError("a process line", line, cure)
+        return line if not self.end or line.endswith(self.end) or line.startswith("!") else line + self.end

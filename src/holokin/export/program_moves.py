@@ -1,0 +1,110 @@
+"""Which samples of a timed motion become targets of a program, and by which moves the controller goes between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.types import Indices
+from ..motion import TimedTrajectory
+from .controller_moves import Deviation, Kind, ToolMotion, ToolTolerance
+
+LOOKS = 33
+"""Samples of a move that are looked at while it is made longer; all are, before it is taken."""
+
+SHORTEST = 1e-4
+"""Way of a tool [m] below which no linear move is made of it: it turns in place, and has no speed in m/s."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """From sample a to sample b; a circular one by way of sample `via`.
+
+    `length` [m] is the tool's way, and `speed` [m/s] its speed on linear and circular moves: NaN where nobody asked.
+    """
+
+    kind: Kind
+    a: int
+    b: int
+    via: int = -1
+    speed: float = float("nan")
+    length: float = float("nan")
+
+
+def farthest(fits: Callable[[int], bool], here: int, end: int) -> int:
+    """The last sample up to `end` that fits, by doubling and halving; the next one always does."""
+    good, bad, step = here + 1, end + 1, 1
+    while good + step < bad:
+        if fits(good + step):
+            good, step = good + step, 2 * step
+        else:
+            bad = good + step
+            break
+    while good < end and bad - good > 1:
+        middle = min((good + bad) // 2, end)
+        good, bad = (middle, bad) if fits(middle) else (good, middle)
+    return good
+
+
+def fixed_samples(timed: TimedTrajectory, more: Indices | tuple[int, ...] = ()) -> list[int]:
+    """Samples that are targets in any case: the start, the end, corners, and where cycles begin."""
+    return sorted({0, *timed.marks, *timed.stops, *map(int, more), len(timed) - 1})
+
+
+def tool_moves(
+    timed: TimedTrajectory, tolerance: ToolTolerance, own: Indices, more: tuple[int, ...] = ()
+) -> tuple[list[Move], Deviation]:
+    """The moves that keep a tool within its tolerance, each as long as may be, and how far they are from the motion.
+
+    Args:
+        own: the joints (a,) that the controller's own inverse moves.
+        more: samples that must be targets too.
+
+    Where two samples that follow each other are not within the tolerance, the move between them is a joint move all
+    the same: there is none shorter.
+    """
+    motion = ToolMotion.of(timed, tolerance, own)
+    kinds: tuple[Kind, ...] = ("linear", "circular", "joint") if tolerance.linear else ("joint",)
+    moves: list[Move] = []
+    largest = Deviation()
+    for end in fixed_samples(timed, more)[1:]:
+        while (here := moves[-1].b if moves else 0) < end:
+            ends = {kind: _end(motion, tolerance, kind, here, end) for kind in kinds}
+            kind = max(kinds, key=ends.__getitem__)  # of equal ones the first
+            kind = kind if ends[kind] > here + 1 else "joint"
+            moves.append(_move(motion, kind, here, ends[kind]))
+            largest |= measured(motion, kind, here, ends[kind], np.arange(here, ends[kind] + 1))
+    return moves, largest
+
+
+def _move(motion: ToolMotion, kind: Kind, a: int, b: int) -> Move:
+    length = float(motion.way[b] - motion.way[a])
+    if kind == "joint":
+        return Move(kind, a, b, length=length)
+    return Move(kind, a, b, motion.middle(a, b) if kind == "circular" else -1, motion.steady(a, b), length)
+
+
+def measured(motion: ToolMotion, kind: Kind, a: int, b: int, rows: Indices) -> Deviation:
+    """How far a move is from the motion at some of its samples, with its joints."""
+    found = motion.deviation(kind, a, b, rows)
+    return found | Deviation(joints=motion.joint_deviation(kind, a, b, rows))
+
+
+def _end(motion: ToolMotion, tolerance: ToolTolerance, kind: Kind, here: int, end: int) -> int:
+    """The last sample to which one move of a kind keeps the tolerance; the next one if none does."""
+
+    def kept(b: int, rows: Indices) -> bool:
+        if not motion.deviation(kind, here, b, rows).within(tolerance):
+            return False
+        return motion.joint_deviation(kind, here, b, rows) <= tolerance.joints
+
+    def fits(b: int) -> bool:
+        return kept(b, np.unique(np.linspace(here, b, LOOKS).astype(int)))
+
+    found = farthest(fits, here, end)
+    while found > here + 1 and not kept(found, np.arange(here, found + 1)):
+        found = here + max(1, (found - here) * 7 // 8)
+    moved = np.ptp(motion.p[here : found + 1], axis=0).max()
+    return found if kind == "joint" or moved > SHORTEST else here + 1

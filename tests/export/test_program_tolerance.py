@@ -1,0 +1,161 @@
+"""Programs written to a tolerance of the tool: played by the rules of each language, they keep it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+import controllers
+import grammars
+import holokin as hk
+import referees
+from conftest import campaign, sampled
+from holokin.errors import ArgumentError, ExportError
+from holokin.export import Program, ToolTolerance, to_fanuc, to_krl, to_rapid, to_urscript
+from holokin.export.controller_moves import ToolMotion
+from holokin.export.program_moves import measured, tool_moves
+from holokin.motion import TimedTrajectory
+
+TORCH = np.array([[0.0, 0.0, 1.0, 0.05], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0]])
+Q0 = np.deg2rad([10.0, 70.0, -20.0, 30.0, 60.0, 20.0])
+WRITERS = {"rapid": to_rapid, "krl": to_krl, "urscript": to_urscript, "ls": to_fanuc}
+
+
+def torch_pose(q: np.ndarray) -> np.ndarray:
+    """Of an IRB 140 with a torch, by P. Corke's table."""
+    return referees.irb140(q) @ TORCH
+
+
+@pytest.fixture(scope="module")
+def welder(irb140: hk.Robot) -> hk.Task:
+    robot = hk.with_tool(irb140, TORCH[:3, 3], (0.0, np.pi / 2, 0.0))
+    return hk.pose(robot, "axis", reference=robot.pose(Q0)[:3, :3])
+
+
+def seam(task: hk.Task, path: hk.Path, speed: float, dt: float = 0.008) -> TimedTrajectory:
+    walk = hk.follow(hk.holonomic(task, hk.lock(3)), path.at_speed(speed), Q0, samples=600)
+    return hk.retime(walk, task.robot, acceleration=5.0, speed=1.0, dt=dt)
+
+
+@pytest.fixture(scope="module")
+def corner(welder: hk.Task) -> TimedTrajectory:
+    """Two lines of a weld at 8 mm/s."""
+    at = welder.robot.pose(Q0)[:3, 3]
+    return seam(welder, hk.polyline(at + np.array([[0, 0, 0], [0, 0.08, 0], [0.03, 0.12, 0.02]])), 0.008)
+
+
+@pytest.fixture(scope="module")
+def bow(welder: hk.Task) -> TimedTrajectory:
+    """A third of a turn, radius 60 mm, at 50 mm/s."""
+    at = welder.robot.pose(Q0)[:3, 3]
+    return seam(welder, hk.arc(at, at - [0.06, 0, 0], 2.0), 0.05)
+
+
+def read(program: Program, language: str) -> grammars.Parsed:
+    parse = {"rapid": grammars.rapid, "krl": grammars.krl, "urscript": grammars.urscript, "ls": grammars.listing}
+    return parse[language](*program.files.values())
+
+
+def written(language: str, timed: TimedTrajectory, tolerance: ToolTolerance) -> tuple[Program, grammars.Parsed]:
+    program = WRITERS[language](timed, tolerance=tolerance, **({"style": "movej"} if language == "urscript" else {}))
+    return program, read(program, language)
+
+
+@pytest.mark.parametrize("linear", [False, True])
+@sampled(2, "language", WRITERS)
+def test_a_seam_of_8_mm_per_s_is_welded_within_0_2_mm_and_2_percent(
+    language: str, linear: bool, welder: hk.Task, corner: TimedTrajectory, bow: TimedTrajectory
+) -> None:
+    """Played by the language's own rules: tool, speed and joints are within what was asked for."""
+    for timed, speed in ((corner, 0.008), (bow, 0.05)):
+        tolerance = ToolTolerance(welder, 2e-4, np.deg2rad(1.0), 0.02, 0.02, linear)
+        program, found = written(language, timed, tolerance)
+        made = controllers.play(found, torch_pose, degrees=language != "urscript")
+        wanted = cKDTree(np.array([torch_pose(q)[:3, 3] for q in timed.q[::2]]))
+        points = np.concatenate([move.p for move in made])
+        spacing = speed * timed.dt  # the samples that the points are held against are so far apart, halved
+        assert wanted.query(points)[0].max() <= np.hypot(2e-4, spacing) + 1e-7
+        joints = cKDTree(timed.q)
+        assert joints.query(np.concatenate([move.q for move in made]), p=np.inf)[0].max() <= 0.02 + 1e-4
+        rests = [a or b for a, b in pairwise(found.stops)]  # joint moves that begin or end at rest hold ramps
+        even = [move for move, rest in zip(made, rests, strict=True) if not rest or move.kind != "joint"]
+        speeds = np.concatenate([move.speed for move in even if len(move.speed)])
+        rounding = 5e-4 / min(move.seconds for move in even) if language == "ls" else 0.0  # of a millisecond
+        assert np.abs(speeds / speed - 1.0).max() <= 0.02 + rounding + 1e-3
+        assert program.tool is not None
+        assert program.tool.position <= 2e-4 and program.tool.joints <= 0.02
+        wanted_kind = "joint" if not linear else "linear" if timed is corner else "circular"
+        assert wanted_kind in found.kinds and (linear or set(found.kinds) == {"joint"}), found.kinds
+        assert found.kinds.count("joint") <= 2 or not linear, found.kinds
+
+
+CASE = ("linear", "every")
+
+
+@pytest.mark.parametrize(CASE, [(False, 5), campaign(CASE, (True, 3)), campaign(CASE, (False, 2))])
+def test_there_are_nearly_as_few_targets_as_can_be(
+    linear: bool, every: int, welder: hk.Task, bow: TimedTrajectory
+) -> None:
+    """Dynamic programming finds the least number of moves between some samples; ours are at most 1.3 times it."""
+    tolerance = ToolTolerance(welder, 1e-4, 0.02, 0.02, 0.02, linear)
+    moves, _ = tool_moves(bow, tolerance, np.arange(6))
+    motion = ToolMotion.of(bow, tolerance, np.arange(6))
+    grid = [*range(0, len(bow) - 1, every), len(bow) - 1]
+    longest = 2 * max(move.b - move.a for move in moves)
+    kinds = ("linear", "circular", "joint") if linear else ("joint",)
+    least = {0: 0}
+    for b in grid[1:]:
+        before = [a for a in grid if a < b <= a + longest]
+        rows = {a: np.unique(np.linspace(a, b, 17).astype(int)) for a in before}
+        least[b] = min(
+            least[a] + 1
+            for a in before
+            if b - a <= every or any(measured(motion, kind, a, b, rows[a]).within(tolerance) for kind in kinds)
+        )
+    assert len(moves) <= 1.3 * least[len(bow) - 1]
+
+
+def test_the_header_says_how_far_the_tool_and_its_speed_are_off(welder: hk.Task, corner: TimedTrajectory) -> None:
+    program = to_rapid(corner, tolerance=ToolTolerance(welder, 2e-4, 0.02, 0.02, 0.02, True))
+    said = " ".join(read(program, "rapid").comments)
+    assert "linear moves" in said and "mm/s" in said and "no joint moves but the first" in said
+
+
+def test_a_tool_that_turns_in_place_makes_joint_moves_and_the_header_says_where(welder: hk.Task) -> None:
+    poses = np.tile(welder.robot.pose(Q0), (3, 1, 1))
+    poses[1:, :3, :3] = Rotation.from_euler("x", 0.3).as_matrix() @ poses[0, :3, :3]
+    poses[2, :3, 3] += [0.0, 0.05, 0.0]
+    timed = seam(welder, hk.polyline(poses), 0.02)
+    program = to_rapid(timed, tolerance=ToolTolerance(welder, 2e-4, 0.02, 0.02, 0.02, True))
+    found = read(program, "rapid")
+    turning = found.kinds.index("linear")
+    assert turning > 0 and set(found.kinds[:turning]) == {"joint"} and set(found.kinds[turning:]) == {"linear"}
+    assert f"joint moves to targets {', '.join(str(i + 2) for i in range(min(turning, 6)))}" in " ".join(found.comments)
+
+
+def test_linear_moves_of_a_seven_axis_arm_are_refused(panda: hk.Robot) -> None:
+    """A pose does not say where seven joints are; an arm with six axes on a rail is served."""
+    q0 = np.array([0.0, -0.4, 0.1, -2.0, 0.0, 1.7, 0.5])
+    task = hk.pose(panda)
+    at = panda.pose(q0)[:3, 3]
+    line = hk.polyline(at + np.array([[0, 0, 0], [0.05, 0, 0]]))
+    walk = hk.follow(hk.holonomic(task, hk.lock(2)), line, q0, samples=50)
+    timed = hk.retime(walk, panda, acceleration=5.0, dt=0.01)
+    wiring = hk.export.Wiring(external=("panda_joint3",))
+    assert to_rapid(timed, wiring=wiring, tolerance=ToolTolerance(task)).tool is not None
+    with pytest.raises(ExportError, match="leave out linear"):
+        to_rapid(timed, wiring=wiring, tolerance=ToolTolerance(task, linear=True))
+
+
+def test_a_tolerance_of_nothing_or_of_another_robot_is_refused(welder: hk.Task, corner: TimedTrajectory) -> None:
+    for bad in ({"position": 0.0}, {"speed": 1.0}, {"rotation": -1.0}, {"joints": float("nan")}):
+        with pytest.raises(ArgumentError):
+            ToolTolerance(welder, **bad)
+    with pytest.raises(ArgumentError, match="the robot that moves"):
+        to_krl(corner, tolerance=ToolTolerance(hk.pose(hk.load("panda"))))
+    with pytest.raises(ArgumentError):
+        ToolTolerance(welder.robot)
