@@ -2,8 +2,8 @@
 
 A joint move turns all axes evenly, in its time. A linear move leads the tool's point straight and turns it evenly
 about one axis; a circular move leads the point round the circle through three points. Where a move has a speed, the
-point has it from end to end; ramps are left out. The joints of these moves are those of the controller's own inverse, which
-goes on from where the robot is.
+point has it from end to end; ramps are left out. The joints of these moves are those of the controller's own
+inverse, which goes on from where the robot is.
 """
 
 from __future__ import annotations

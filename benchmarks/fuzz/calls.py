@@ -159,15 +159,22 @@ def calls() -> dict[str, Call]:
             "axes": (*robot.joint_names, 0.1, 0.2, 0.3), "external": (0.4,), "signs": {robot.joint_names[0]: -1},
             "offsets": {robot.joint_names[1]: 0.5}}),
         "to_rapid": (hk.export.to_rapid, (k["timed"],), {
-            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01, "zone": "z5", "tool": "tool0"}),
+            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01, "zone": "z5", "tool": "tool0",
+            "base": "wobj0", "payload": "load0", "lines": hk.export.ProcessLines(on=("output 1 on",))}),
+        "ProcessLines": (hk.export.ProcessLines, (), {
+            "before": ("wait 1",), "on": ("output 1 on",), "off": ("output 1 off",), "after": (), "window": (0.0, 1.0)}),
+        "ToolTolerance": (hk.export.ToolTolerance, (task,), {
+            "position": 1e-3, "rotation": 0.01, "speed": 0.05, "joints": 0.01, "linear": False}),
         "to_krl": (hk.export.to_krl, (k["timed"],), {
-            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01}),
+            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01, "zone": 0.001, "tool": 1, "base": 2,
+            "payload": 3, "lines": hk.export.ProcessLines()}),
         "to_urscript": (hk.export.to_urscript, (k["timed"],), {
-            "name": "n", "about": "a", "wiring": k["wiring"], "style": "movej", "tolerance": 0.01, "blend": 0.0,
+            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01, "zone": 0.0,
+            "tool": (0.0, 0.0, 0.1, 0.0, 0.0, 0.0), "payload": 1.0, "lines": hk.export.ProcessLines(),
             "lookahead_time": 0.1, "gain": 300.0}),
         "to_fanuc": (hk.export.to_fanuc, (k["timed"],), {
-            "name": "n", "about": "a", "wiring": k["wiring"], "coupled": True, "tolerance": 0.01, "frame": 0,
-            "tool": 1, "rounding": 50, "written": None}),
+            "name": "n", "about": "a", "wiring": k["wiring"], "coupled": True, "tolerance": 0.01, "base": 0,
+            "tool": 1, "payload": 1, "zone": 50, "lines": hk.export.ProcessLines(), "written": None}),
         "to_ros": (hk.export.to_ros, (k["timed"],), {
             "about": "a", "tolerance": 0.01, "frame": "base", "format": "json"}),
         "drift": (hk.drift, (held, loop, q), {**following, "cycles": 1}),

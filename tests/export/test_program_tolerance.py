@@ -61,7 +61,7 @@ def read(program: Program, language: str) -> grammars.Parsed:
 
 
 def written(language: str, timed: TimedTrajectory, tolerance: ToolTolerance) -> tuple[Program, grammars.Parsed]:
-    program = WRITERS[language](timed, tolerance=tolerance, **({"style": "movej"} if language == "urscript" else {}))
+    program = WRITERS[language](timed, tolerance=tolerance)
     return program, read(program, language)
 
 

@@ -55,8 +55,7 @@ EXACT = {"rapid": 1e-6, "krl": 1e-6, "urscript": 1e-9, "ls": 1e-3}
 @pytest.mark.parametrize("language", WRITERS)
 def test_a_program_read_back_moves_the_joints_as_timed(language: str, six: TimedTrajectory) -> None:
     """At the times of its targets the joints are the trajectory's; between them they are within the tolerance."""
-    options = {"style": "movej"} if language == "urscript" else {}
-    program = WRITERS[language](six, about=ABOUT, tolerance=TOLERANCE, **options)
+    program = WRITERS[language](six, about=ABOUT, tolerance=TOLERANCE)
     found = read(program, language)
     q = found.axes if language == "urscript" else np.deg2rad(found.axes)
     t = np.concatenate([[0.0], np.cumsum(found.seconds)])

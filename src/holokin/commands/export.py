@@ -88,7 +88,12 @@ def _export_motion(language: str) -> Callable[..., None]:
             if file.name == "joints.csv":
                 timed.save(file)
             show(f"wrote {file}")
-        show(f"{program.targets} targets, even motion between them within {program.deviation:.2g} rad or m")
+        if program.tool is None:
+            show(f"{program.targets} targets, even motion between them within {program.deviation:.2g} rad or m")
+        else:
+            show("\n".join([f"{program.targets} targets", *program.tool.sentences()]))
+        for note in program.notes:
+            show(note)
         show(timed.table())
 
     return command

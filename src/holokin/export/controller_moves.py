@@ -114,7 +114,7 @@ class ToolMotion(Value):
         p, R: of the tool, (k, 3) and (k, 3, 3).
         way: how far the tool is along the path (k,) [m]; how far it has turned [rad] where the path has no length.
         speed: of the tool (k,) [m/s].
-        ramp: where the tool gathers speed from rest, or loses it (k,).
+        ramp: where the tool gathers speed from rest, or loses it, and before the path begins: it has no speed to keep.
     """
 
     task: Task
@@ -141,8 +141,9 @@ class ToolMotion(Value):
         if not way[-1] > ARRIVED:
             turns = rotation_vector(R[1:] @ np.swapaxes(R[:-1], 1, 2))
             way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(turns, axis=1))])
-        rests = [0, *timed.stops, len(timed) - 1]
-        return ToolMotion(task, own, timed.t, timed.q, p, R, way, speed, _ramps(speed, rests, tolerance.speed))
+        ramp = _ramps(speed, [0, *timed.stops, len(timed) - 1], tolerance.speed)
+        ramp[: timed.begin] = True
+        return ToolMotion(task, own, timed.t, timed.q, p, R, way, speed, ramp)
 
     def share(self, a: int, b: int, rows: Indices) -> Vector:
         """How far along the move from sample a to sample b its samples are, by the tool's way, else by time."""
@@ -153,6 +154,7 @@ class ToolMotion(Value):
         """Of one move from sample a to sample b, looked at at some samples between."""
         share, seconds = self.share(a, b, rows), self.t[b] - self.t[a]
         if kind == "joint":
+            share = self._chord(a, b, rows)
             q = self.q[a] + share[:, None] * (self.q[b] - self.q[a])
             p, R = self.task.poses(q)
             J, _ = self.task.jacobian_batch(q)
@@ -179,6 +181,13 @@ class ToolMotion(Value):
         part = self.speed[a : b + 1]
         kept = part[self._kept[a : b + 1]]
         return float(kept.mean() if len(kept) else part.max())
+
+    def _chord(self, a: int, b: int, rows: Indices) -> Vector:
+        """How far along the line of the joints the samples are, each at its nearest point."""
+        line = self.q[b] - self.q[a]
+        if not line.any():
+            return np.zeros(len(rows))
+        return np.clip((self.q[rows] - self.q[a]) @ line / (line @ line), 0.0, 1.0)
 
     def joint_deviation(self, kind: Kind, a: int, b: int, rows: Indices) -> float:
         """How far the joints that the controller's inverse gives on a linear or circular move are from ours.

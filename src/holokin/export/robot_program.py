@@ -32,13 +32,15 @@ class Program:
 
     `targets` are the joint targets; `deviation` [rad or m] is how far the joints would be from the timed trajectory
     if they moved evenly from target to target. `tool` is how far the tool and the joints are from it as the
-    controller moves, where the program was written to a tolerance of the tool, else None.
+    controller moves, where the program was written to a tolerance of the tool, else None. `notes` say what a user
+    should know of this program.
     """
 
     files: Mapping[str, str]
     targets: int
     deviation: float
     tool: Deviation | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def text(self) -> str:
@@ -176,10 +178,10 @@ def targets(
 def _window(timed: TimedTrajectory, lines: ProcessLines) -> tuple[int, int]:
     """The samples at which the process begins and ends."""
     if lines.window is None:
-        return 0, len(timed) - 1
+        return timed.begin, len(timed) - 1
     steps = (timed.path_speed[1:] + timed.path_speed[:-1]) / 2 * timed.dt
     gone = np.concatenate([[0.0], np.cumsum(steps)])
-    on, off = (int(np.argmin(np.abs(gone - t))) for t in lines.window)
+    on, off = (timed.begin + int(np.argmin(np.abs(gone[timed.begin :] - t))) for t in lines.window)
     return on, off
 
 

@@ -7,7 +7,6 @@ set_payload, set_digital_out, sleep; radians. movel and movec take joint positio
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from ..base.arguments import typed
 from ..base.types import Vector, finite, not_negative
@@ -35,9 +34,8 @@ DIALECT = Dialect(
 @typed
 def to_urscript(
     timed: TimedTrajectory, *, name: str | None = None, about: str = "", wiring: Wiring | None = None,
-    style: str = "servoj", tolerance: float | ToolTolerance = 2e-3, lines: ProcessLines | None = None,
-    zone: float = 0.001, tool: Sequence[float] | None = None, payload: float | None = None,
-    lookahead_time: float = 0.1, gain: float = 300.0,
+    tolerance: float | ToolTolerance | None = None, lines: ProcessLines | None = None, zone: float = 0.001,
+    tool: Sequence[float] | None = None, payload: float | None = None, lookahead_time: float = 0.1, gain: float = 300.0,
 ) -> Program:  # fmt: skip
     """A URScript function NAME.script in radians, which moves to the start first, and a line that calls it.
 
@@ -45,28 +43,27 @@ def to_urscript(
         name: of the function.
         about: a line of the header: the law.
         wiring: of the controller's six axes.
-        style: "servoj" sends every sample, at the controller's own step of 2 or 8 ms, which the trajectory must have;
-            "movej" sends few targets, with times to joint moves and speeds to linear and circular ones.
-        tolerance: [rad] of "movej", see `Program.deviation`, or of the tool.
+        tolerance: None sends every sample by servoj, at the controller's own step of 2 or 8 ms, which the trajectory
+            must have. Else few targets are sent, with times to joint moves and speeds to linear and circular ones: of
+            the joints [rad], see `Program.deviation`, or of the tool.
         lines: of the process.
-        zone: [m] radius at which "movej" goes on to the next target; less where a move is shorter than twice that.
+        zone: [m] radius at which the robot goes on to the next of few targets; at most half a move.
         tool: its pose in the flange, x, y, z [m] and a rotation vector [rad], for set_tcp; by default as set.
         payload: [kg]; by default that which is set.
         lookahead_time, gain: of "servoj": 0.03 to 0.2 s, 100 to 2000.
 
     Raises:
-        ExportError: a robot of other than six axes. ArgumentError: bad names, style, step, wiring or lines.
+        ExportError: a robot of other than six axes. ArgumentError: bad names, step, wiring or lines.
     """
     wiring, lines = wiring or Wiring(), lines or ProcessLines()
-    if style not in ("servoj", "movej"):
-        raise ArgumentError("style", style, "use 'servoj' or 'movej'")
     not_negative("zone", zone)
     if not (0.03 <= lookahead_time <= 0.2 and 100 <= gain <= 2000):
         raise ArgumentError("(lookahead_time, gain)", (lookahead_time, gain), "see the docstring")
-    every = style == "servoj"
-    found = targets(timed, wiring, 6, 0, "URScript", None if every else tolerance, lines)
+    every = tolerance is None
+    found = targets(timed, wiring, 6, 0, "URScript", tolerance, lines)
     if every and not any(abs(timed.dt - step) < 1e-12 for step in STEPS):
-        raise ArgumentError("dt of the trajectory", timed.dt, "retime it with dt=0.002 (e-Series) or dt=0.008 (CB3)")
+        cure = "retime it with dt=0.002 (e-Series) or dt=0.008 (CB3), or give a tolerance for few targets"
+        raise ArgumentError("dt of the trajectory", timed.dt, cure)
     short = program_name(name, about or "holokin", 64, "URScript")
     radii, less = zones(found, zone)
     said = [f"servoj at {1e3 * timed.dt:g} ms" if every else _why_moves(timed)]
@@ -85,13 +82,7 @@ def to_urscript(
     body = with_lines(found, DIALECT, lines, [[first], *([move] for move in moves)])
     text += [f"  {line}" for line in body]
     files = {f"{short}.script": "\n".join([f"def {short}():", *text, "end", f"{short}()", ""])}
-    return Program(files, len(found.q), found.deviation, found.tool)
-
-
-def by_step(timed: TimedTrajectory, **given: Any) -> Program:
-    """As `to_urscript`: by "servoj" at a controller's step, but to a tolerance of the tool and else by "movej"."""
-    every = timed.dt in STEPS and not isinstance(given.get("tolerance"), ToolTolerance)
-    return to_urscript(timed, style="servoj" if every else "movej", **given)
+    return Program(files, len(found.q), found.deviation, found.tool, tuple(said))
 
 
 def _why_moves(timed: TimedTrajectory) -> str:

@@ -12,7 +12,8 @@ from ..proof import Certificate, certify
 from ..strategies import HolonomicStrategy
 from .cover_strategies import build_workspace
 from .job_parts import build_begin, build_strategy, build_tasks, naming
-from .path_building import build_entry, build_path
+from .path_building import build_path
+from .path_entry import build_entry
 from .runner import OF_ONE_STRATEGY
 from .schema import Job
 
@@ -53,7 +54,7 @@ def certify_job(
                         raise NoProofError(title, f"it has no leaves: {HolonomicStrategy.cure}")
                     begin, _ = build_begin(table, strategy, start)
                     if isinstance(where, Path):
-                        begin, _ = build_entry(job, strategy, where, begin)
+                        begin = build_entry(job, strategy, where, begin).q0
                     found = certify(
                         strategy, where, begin, say=lambda text, title=title: say(f"{title}: {text}"), **more
                     )

@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from ..export import Wiring
+from ..export import ProcessLines, ToolTolerance, Wiring
 from ..motion import TimedTrajectory, retime
 from ..motion.joint_curve import joint_curve
 from ..motion.trajectory import Trajectory
 from ..robot import Robot
+from ..tasks.task import Task
 from .table_values import Few, Length, Positive, Table
 
 Limit = Positive | Annotated[list[Positive], Few]
 """One for all joints, or one a joint."""
+
+
+Lines = Annotated[list[str], Field(max_length=100)]
+"""Lines of a robot program."""
+
+OF_SOME = ("tool", "base", "payload", "zone", "coupled")
+"""Keys of [program] that some languages take, each in its own kind."""
+
+ALL_JOINTS = 2e-3
+"""Tolerance of the joints [rad or m] for tasks of several tools."""
 
 
 class TimingTable(Table):
@@ -41,18 +53,61 @@ class TimingTable(Table):
         return retime(trajectory, robot, **self.model_dump() | {"speed": speed, "endless": endless})
 
 
+class ToleranceTable(Table):
+    """[program.tolerance]: how near the tool stays to the timed motion, as of `ToolTolerance`."""
+
+    mm: Positive = 0.5
+    degrees: Positive = 0.5
+    percent: Annotated[float, Field(gt=0, lt=100)] = 5.0
+    joints: Positive = 0.02
+
+
 class ProgramTable(Table):
-    """[program]: which axes of the controller the joints move, and how exact a robot program is."""
+    """[program]: the axes of the controller, how exact a robot program is, and what it does besides moving."""
 
     axes: Annotated[list[str | Length], Few] | None = None
     external: Annotated[list[str | Length], Few] = Field(default=[])
     signs: dict[str, Literal[1, -1]] = Field(default={})
     offsets: dict[str, Length] = Field(default={})
     coupled: bool = False
-    tolerance: Positive = 2e-3
+    tolerance: Positive | ToleranceTable | None = None
+    linear: bool = False
+    tool: str | int | Annotated[list[Length], Few] | None = None
+    base: str | int | None = None
+    payload: str | int | float | None = None
+    zone: str | int | float | None = None
+    before: Lines = Field(default=[])
+    on: Lines = Field(default=[])
+    off: Lines = Field(default=[])
+    after: Lines = Field(default=[])
 
     @property
     def wiring(self) -> Wiring:
-        """The same as a value."""
+        """The axes as a value."""
         axes = None if self.axes is None else tuple(self.axes)
         return Wiring(axes, tuple(self.external), dict(self.signs), dict(self.offsets))
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The keys given that not every language takes."""
+        return tuple(key for key in OF_SOME if getattr(self, key) not in (None, False))
+
+    def lines(self, window: tuple[float, float] | None) -> ProcessLines:
+        """The process lines as a value. Raises: ArgumentError: a line that no program can hold."""
+        return ProcessLines(tuple(self.before), tuple(self.on), tuple(self.off), tuple(self.after), window)
+
+    def given(self, task: Task, streams: bool) -> dict[str, Any]:
+        """Arguments of a writer for a task; `streams`: unless told otherwise it sends every sample."""
+        own = {key: getattr(self, key) for key in OF_SOME if getattr(self, key) is not None}
+        return own | {"wiring": self.wiring, "tolerance": self._kept(task, streams)}
+
+    def _kept(self, task: Task, streams: bool) -> float | ToolTolerance | None:
+        """Of the tool, unless the job gives one of the joints or the task has several tools."""
+        kept = self.tolerance
+        if kept is None and (streams or task.frames > 1):
+            return None if streams else ALL_JOINTS
+        if isinstance(kept, int | float):
+            return float(kept)
+        kept = kept or ToleranceTable()
+        rotation = float(np.deg2rad(kept.degrees))
+        return ToolTolerance(task, kept.mm / 1e3, rotation, kept.percent / 100, kept.joints, self.linear)

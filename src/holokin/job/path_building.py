@@ -1,4 +1,4 @@
-"""From [path] of a job to the path, and from the start posture to its start."""
+"""From [path] of a job to the path."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 
 from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
-from ..errors import ArgumentError, BranchError, JobError, PathError, SingularityError, posture_text
-from ..motion import approach
+from ..errors import ArgumentError, JobError
 from ..path import (
     Path,
     arc,
@@ -25,9 +24,7 @@ from ..path import (
     with_leads,
 )
 from ..path.straight_path import rotation_vector
-from ..path.synchronized_paths import AnyPath
 from ..recording import read_svg, read_waypoints
-from ..strategies import Strategy
 from ..symbolic import Function, parse, symbol
 from ..tasks.task import Task
 from .path_tables import PathTable
@@ -178,24 +175,3 @@ def _check_begin(path: Path, table: PathTable, tool: Matrix, task: Task, q0: Vec
 def _typed(point: Vector) -> str:
     """A point as one would type it into a job, within the tolerance of a start."""
     return "[" + ", ".join(f"{round(float(v), 9) + 0.0:.10g}" for v in point) + "]"
-
-
-def build_entry(job: Job, strategy: Strategy, path: AnyPath, q0: Vector) -> tuple[Vector, str]:
-    """The posture (n,) at the start of the path to which the entry leads, and a sentence on it.
-
-    Raises:
-        BranchError where it leads nowhere.
-    """
-    if job.path.entry is None:
-        return q0, ""
-    if not isinstance(path, Path):
-        cure = "leave it out, and begin where all paths do"
-        raise ArgumentError("the entry to the paths of several frames", job.path.entry, cure)
-    try:
-        way = approach(strategy, path, q0, by=job.path.entry)
-    except (SingularityError, PathError) as problem:
-        fact, _, cure = str(problem).rpartition("; ")
-        raise BranchError(f"the entry to the path failed: {fact}", cure) from problem
-    at = posture_text(way.q[-1], strategy.task.robot.joint_names)
-    told = f"{strategy.name} enters the path by {job.path.entry} in {way.t[-1]:.3g} s, at {at};"
-    return way.q[-1], f"{told} this way there is neither timed nor checked."

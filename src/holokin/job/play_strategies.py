@@ -14,7 +14,7 @@ from ..physics import play
 from ..robot import knows_masses, servo, weighed
 from ..tasks.task import of_one_tool
 from .job_parts import build_begin, build_strategy, build_tasks, naming
-from .path_building import build_entry
+from .path_entry import build_entry
 from .physics_table import PhysicsTable
 from .schema import Job
 from .several_paths import build_paths
@@ -48,7 +48,7 @@ def simulate_job(
         with naming(file, "strategies", label):
             strategy = build_strategy(job, label, task, start, label)
             begin, _ = build_begin(its, strategy, start)
-            begin, _ = build_entry(job, strategy, path, begin)
+            begin = build_entry(job, strategy, path, begin).q0
             drive = servo(heavy, table.servo, begin, frequency=table.frequency, compensated=table.compensated)
             run = play(
                 strategy, path, begin, servo=drive, feedback=table.feedback, cycles=cycles, dt=table.dt,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -9,10 +10,13 @@ from ..checking import CheckReport
 from ..errors import ArgumentError
 from ..export import LANGUAGES, Program
 from ..motion import TimedTrajectory, follow
+from ..path import Path
+from ..path.synchronized_paths import AnyPath
+from ..strategies import Strategy
 from .export_strategy import job_strategy
 from .job_parts import naming
 from .motion_tables import ProgramTable, TimingTable
-from .path_building import build_entry
+from .path_entry import build_entry
 from .schema import Job
 from .several_paths import build_paths
 from .table_values import filled
@@ -43,31 +47,44 @@ def program_of_job(
     timing = filled(TimingTable, "timing", table)
     with naming(file, "path"):
         path, _ = build_paths(job, strategy.task, start, file)
-        start, _ = build_entry(job, strategy, path, start)
+        entry = build_entry(job, strategy, path, start)
     robot = strategy.task.robot
-    walk = follow(strategy, path, start, samples=job.path.samples, cycles=job.path.cycles)
-    timed = timing.timed(walk, robot)
+    walk = follow(strategy, path, entry.q0, samples=job.path.samples, cycles=job.path.cycles)
+    timed = entry.before(timing.timed(walk, robot), timing, robot)
     found = None
     if job.checks is not None:
         with naming(file, "checks"):
             found = job.checks.checked(timed, robot, strategy.task)
-    return _written(name, job, file, language, (label, strategy.name, robot.name), timed, short), timed, found
+    return _written(name, job, file, language, (label, strategy), path, timed, short), timed, found
 
 
 def _written(
-    name: str, job: Job, file: FilePath, language: str, names: tuple[str, str, str], timed: TimedTrajectory,
-    short: str | None,
+    name: str, job: Job, file: FilePath, language: str, law: tuple[str, Strategy], path: AnyPath,
+    timed: TimedTrajectory, short: str | None,
 ) -> Program:  # fmt: skip
-    """The program of a timed motion; names: the strategy's label, its name, the robot's."""
-    label, law, robot = names
+    """The program of a timed motion; `law`: the strategy's label and the strategy."""
+    label, strategy = law
+    robot = strategy.task.robot.name
     written, how = LANGUAGES[language], job.program or ProgramTable()
-    given = {
-        "name": short or _word(f"{robot}_{label}", written.longest),
-        "about": f"Job {name}: {law} on {robot}, {job.title}",
-        "wiring": how.wiring, "tolerance": how.tolerance, "coupled": how.coupled,
-    }  # fmt: skip
     with naming(file, "program"):
-        return written.write(timed, **{key: given[key] for key in written.takes})
+        given = how.given(strategy.task, timed.dt in written.streams) | {
+            "name": short or _word(f"{robot}_{label}", written.longest),
+            "about": f"Job {name}: {strategy.name} on {robot}, {job.title}",
+            "lines": how.lines(_window(job, path)),
+        }
+        left = [key for key in how.named if key not in written.takes]
+        program = written.write(timed, **{key: value for key, value in given.items() if key in written.takes})
+    notes = (f"{language} takes no {' and no '.join(left)} of [program]: left out",) if left else ()
+    return replace(program, notes=(*notes, *program.notes))
+
+
+def _window(job: Job, path: AnyPath) -> tuple[float, float] | None:
+    """The path's times at which its lead in ends and its lead out begins [s]; None where it has none."""
+    table = job.path
+    ways = [bool(length) + bool(table.retract) for length in (table.lead_in, table.lead_out)]
+    if not isinstance(path, Path) or not any(ways):
+        return None
+    return float(path.durations[: ways[0]].sum()), float(path.durations[: len(path.durations) - ways[1]].sum())
 
 
 def _word(text: str, longest: int) -> str:

@@ -38,7 +38,7 @@ from .job_file import read_job
 from .job_parts import build_begin, build_strategy, build_tasks, naming
 from .metrics import METRICS, Run, apart
 from .motion_tables import TimingTable
-from .path_building import build_entry
+from .path_entry import build_entry, entry_report
 from .schema import ExpectTable, Job
 from .several_paths import build_paths
 
@@ -123,8 +123,12 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                 with naming(file, "strategies", label):
                     strategy = build_strategy(job, label, task, start, title)
                     begin, note = build_begin(table, strategy, start)
-                    begin, entry = build_entry(job, strategy, path, begin)
+                    entry = build_entry(job, strategy, path, begin)
+                    begin = entry.q0
+                    told, entered = entry_report(job, file, strategy, entry)
                     found = _run_strategy(job, label, strategy, path, begin, table.method)
+                    if entered is not None and not entered.passed:
+                        found = replace(found, trouble=found.trouble or f"the entry: {entered.findings[0]}")
                     if job.timing is not None and found.cycles.status is Status.COMPLETE:
                         found = _timed(found, job.timing, robot)
                     if job.checks is not None:
@@ -134,7 +138,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                     if covering is not None and isinstance(strategy, HolonomicStrategy):
                         found = covering.added(found, strategy, begin)
                     variants.append(replace(found, metrics=Run(strategy, path, invariant, found).measured()))
-                    about = f"{about} {note} {entry}".strip()
+                    about = f"{about} {note} {told}".strip()
             except HolokinError as problem:
                 if not isinstance(problem.__cause__ or problem, OF_ONE_STRATEGY):
                     raise

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
@@ -83,6 +83,7 @@ class TimedTrajectory(Value):
             positions, rates and accelerations at both; None where that is no question.
         slowdowns: where the tool is slower than asked for, and why.
         window: seconds over which accelerations are smoothed to keep the jerk; 0 for none.
+        begin: index at which the path begins; before it an entry leads there.
     """
 
     untimed: Trajectory
@@ -100,6 +101,7 @@ class TimedTrajectory(Value):
     loop: tuple[int, int] | None
     slowdowns: tuple[Slowdown, ...]
     window: float
+    begin: int = 0
 
     def __len__(self) -> int:
         return len(self.t)
@@ -219,3 +221,24 @@ class TimedTrajectory(Value):
         header = ["time [s]", *(f"{name} [{unit}]" for name, unit in pairs)]
         header += [f"d_{name} [{unit}/s]" for name, unit in pairs] + [f"dd_{name} [{unit}/s^2]" for name, unit in pairs]
         write_csv(path, header, np.column_stack([self.t, self.q, self.dq, self.ddq]).tolist())
+
+
+def with_entry(entry: TimedTrajectory, timed: TimedTrajectory) -> TimedTrajectory:
+    """A timed motion after the timed way to its start, with a rest between them."""
+    k, later = len(entry) - 1, entry.duration
+
+    def rows(what: str) -> Matrix:
+        return np.concatenate([getattr(entry, what)[:-1], getattr(timed, what)])
+
+    slow = (replace(s, start=s.start + later, stop=s.stop + later) for s in timed.slowdowns)
+    return replace(
+        timed,
+        t=np.concatenate([entry.t[:-1], later + timed.t]),
+        **{what: rows(what) for what in ("q", "dq", "ddq", "dddq")},
+        path_speed=np.concatenate([np.zeros(k), timed.path_speed]),
+        marks=tuple(k + mark for mark in timed.marks),
+        stops=(*entry.stops, *([k] if k else []), *(k + stop for stop in timed.stops)),
+        loop=None if timed.loop is None else (k + timed.loop[0], k + timed.loop[1]),
+        slowdowns=tuple(slow),
+        begin=k,
+    )
