@@ -34,7 +34,7 @@ def cases() -> Iterator[Case]:
     small, large = hk.circle(x, center=x - [0.1, 0, 0]), hk.circle(x, center=x - [0.0, 0.2, 0.0])
     locked = hk.holonomic(task, hk.lock(2))
     yield "Panda, joint 3 locked, circle of 0.1 m", locked, small, PANDA
-    yield "the same, 0.2 m", locked, large, PANDA
+    yield "Panda, joint 3 locked, circle of 0.2 m", locked, large, PANDA
     yield "Panda, arm angle, circle of 0.1 m", hk.holonomic(task, hk.arm_angle()), small, PANDA
     made = hk.design(task, hk.workspace(box=(x, (0.15, 0.15, 0.1))), PANDA, samples=32, degree=2)
     yield "Panda, design of degree 2, circle of 0.1 m", made.strategy, small, PANDA
@@ -109,7 +109,7 @@ def where_the_tool_turns(task: hk.Task, x: np.ndarray) -> Iterator[Case]:
     near, rng = hk.follow(hk.moore_penrose(task), there, PANDA, samples=60).q, np.random.default_rng(0)
     Q = np.vstack([near, *(near[::2] + rng.normal(scale=0.03, size=near[::2].shape) for _ in range(6))])
     fit = hk.strategies.fitted(hk.radial(hk.moore_penrose(task), PANDA), Q, degree=2)
-    yield "Panda, radial fitted, degree 2, all six rows, the same", fit, loop, PANDA
+    yield "Panda, radial fitted, degree 2, all six rows, motion of the row above", fit, loop, PANDA
 
 
 def two_hands() -> Iterator[Case]:
