@@ -22,6 +22,9 @@ from .controller_moves import KINDS, Deviation, ToolTolerance
 from .process_lines import PLACES, Dialect, ProcessLines
 from .program_moves import Move, farthest, fixed_samples, tool_moves
 
+NEAR = 0.05
+"""Share of a path's time by which its samples may be off when one is sought by its time."""
+
 Entry = str | float
 """Of an axis: the joint that it moves, or the value [rad or m] at which it stands still."""
 
@@ -176,12 +179,19 @@ def targets(
 
 
 def _window(timed: TimedTrajectory, lines: ProcessLines) -> tuple[int, int]:
-    """The samples at which the process begins and ends."""
+    """The samples at which the process begins and ends: those nearest to the path's postures at these times."""
     if lines.window is None:
         return timed.begin, len(timed) - 1
-    steps = (timed.path_speed[1:] + timed.path_speed[:-1]) / 2 * timed.dt
-    gone = np.concatenate([[0.0], np.cumsum(steps)])
-    on, off = (timed.begin + int(np.argmin(np.abs(gone[timed.begin :] - t))) for t in lines.window)
+    rows = slice(timed.begin, len(timed))
+    speed = timed.path_speed[rows]
+    gone = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * timed.dt)])
+    found = []
+    for t in lines.window:
+        posture = [np.interp(t, timed.untimed.t, column) for column in timed.untimed.q.T]
+        apart = np.abs(timed.q[rows] - posture).max(axis=1)
+        apart[np.abs(gone - t) > NEAR * gone[-1]] = np.inf  # the path may come by there again
+        found.append(timed.begin + int(np.argmin(apart)))
+    on, off = found
     return on, off
 
 

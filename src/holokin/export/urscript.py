@@ -86,10 +86,9 @@ def to_urscript(
 
 
 def _why_moves(timed: TimedTrajectory) -> str:
-    """The reason why a program moves to few targets, where its step is no controller's."""
-    if timed.dt in STEPS:
-        return "few targets, not servoj at each step, as asked for"
-    return f"few targets: {1e3 * timed.dt:g} ms is no step of servoj, which are 2 ms (e-Series) and 8 ms (CB3)"
+    """That targets are few, and which steps would give every sample."""
+    here = "" if timed.dt in STEPS else f": {1e3 * timed.dt:g} ms is no step of servoj"
+    return f"few targets{here}; servoj would take every sample at 2 ms (e-Series) or 8 ms (CB3)"
 
 
 def _move(found: Targets, i: int, radius: float) -> str:

@@ -53,8 +53,8 @@ class TimingTable(Table):
         return retime(trajectory, robot, **self.model_dump() | {"speed": speed, "endless": endless})
 
 
-class ToleranceTable(Table):
-    """[program.tolerance]: how near the tool stays to the timed motion, as of `ToolTolerance`."""
+class ToolToleranceTable(Table):
+    """[program.tool_tolerance]: how near the tool stays to the timed motion, as of `ToolTolerance`."""
 
     mm: Positive = 0.5
     degrees: Positive = 0.5
@@ -70,7 +70,8 @@ class ProgramTable(Table):
     signs: dict[str, Literal[1, -1]] = Field(default={})
     offsets: dict[str, Length] = Field(default={})
     coupled: bool = False
-    tolerance: Positive | ToleranceTable | None = None
+    tolerance: Positive | None = None
+    tool_tolerance: ToolToleranceTable | None = None
     linear: bool = False
     tool: str | int | Annotated[list[Length], Few] | None = None
     base: str | int | None = None
@@ -80,6 +81,12 @@ class ProgramTable(Table):
     on: Lines = Field(default=[])
     off: Lines = Field(default=[])
     after: Lines = Field(default=[])
+
+    @model_validator(mode="after")
+    def _one_tolerance(self) -> ProgramTable:
+        if self.tolerance is not None and self.tool_tolerance is not None:
+            raise ValueError("tolerance and tool_tolerance both say how exact the program is; leave out one")
+        return self
 
     @property
     def wiring(self) -> Wiring:
@@ -103,11 +110,9 @@ class ProgramTable(Table):
 
     def _kept(self, task: Task, streams: bool) -> float | ToolTolerance | None:
         """Of the tool, unless the job gives one of the joints or the task has several tools."""
-        kept = self.tolerance
-        if kept is None and (streams or task.frames > 1):
-            return None if streams else ALL_JOINTS
-        if isinstance(kept, int | float):
-            return float(kept)
-        kept = kept or ToleranceTable()
+        kept = self.tool_tolerance
+        if self.tolerance is not None or (kept is None and (streams or task.frames > 1)):
+            return self.tolerance or (None if streams else ALL_JOINTS)
+        kept = kept or ToolToleranceTable()
         rotation = float(np.deg2rad(kept.degrees))
         return ToolTolerance(task, kept.mm / 1e3, rotation, kept.percent / 100, kept.joints, self.linear)

@@ -1,0 +1,153 @@
+"""A welding job, from the robot's torch to the last line of each program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import controllers
+import grammars
+import referees
+from conftest import Command, sampled
+from holokin.errors import HolokinError
+from holokin.job import open_job, program_of_job, run_job
+
+TORCH = np.array([[0.0, 0.0, 1.0, 0.05], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0]])
+
+WELD = """
+title = "a seam"
+[robot]
+name = "irb140"
+tool = {xyz = [0.05, 0.0, 0.3], rpy_deg = [0, 90, 0]}
+[start]
+q = [0.0, 75.0, -20.0, 20.0, 60.0, 10.0]
+degrees = true
+[task]
+kind = "pose"
+orientation = "axis"
+[path]
+kind = "polyline"
+points = [[0.56, -0.05, 0.45], [0.56, 0.03, 0.45]]
+speed = 0.008
+lead_in = 0.01
+lead_out = 0.01
+retract = 0.02
+entry = "joints"
+samples = 200
+[timing]
+acceleration = 5.0
+dt = 0.02
+[checks]
+radius = 0.04
+self_collision = false
+[program]
+tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}
+linear = true
+before = ["wait 0.25"]
+on = ["output 3 on"]
+off = ["output 3 off", "wait 1"]
+[strategies.wrist]
+kind = "lock"
+joints = [3]
+"""
+
+BALL = """
+[[checks.obstacles]]
+name = "ball"
+kind = "sphere"
+radius = 0.05
+xyz = [0.237, 0.411, 0.13]
+"""
+
+READ = {"rapid": grammars.rapid, "krl": grammars.krl, "urscript": grammars.urscript, "ls": grammars.listing}
+SAID = {
+    "rapid": ("WaitTime 0.25", "SetDO do3,1", "SetDO do3,0", "WaitTime 1"),
+    "krl": ("WAIT SEC 0.25", "$OUT[3]=TRUE", "$OUT[3]=FALSE", "WAIT SEC 1"),
+    "urscript": ("sleep(0.25)", "set_digital_out(3, True)", "set_digital_out(3, False)", "sleep(1)"),
+    "ls": ("WAIT 0.25(sec)", "DO[3]=ON", "DO[3]=OFF", "WAIT 1.00(sec)"),
+}
+
+
+def torch_at(q: np.ndarray) -> np.ndarray:
+    return (referees.irb140(q) @ TORCH)[:3, 3]
+
+
+@pytest.fixture
+def weld(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path("weld.toml").write_text(WELD, "utf-8")
+    return tmp_path / "weld.toml"
+
+
+@sampled(2, "language", READ)
+def test_the_process_begins_and_ends_where_the_seam_does(language: str, weld: Path) -> None:
+    """The torch is on from one end of the seam to the other, and off on leads, retracts and on the way there."""
+    program, timed, found = program_of_job(*open_job(str(weld)), language)
+    read = READ[language](*program.files.values())
+    assert [line for _, line in read.lines] == list(SAID[language])
+    before, on, off, _ = (place for place, _ in read.lines)
+    axes = read.axes if language == "urscript" else np.deg2rad(read.axes)
+    assert before == 0
+    np.testing.assert_allclose(torch_at(axes[on - 1]), [0.56, -0.05, 0.45], atol=1e-4)
+    np.testing.assert_allclose(torch_at(axes[off - 1]), [0.56, 0.03, 0.45], atol=1e-4)
+    assert found is not None and found.passed and found.samples == len(timed)
+    np.testing.assert_allclose(axes[0], np.deg2rad([0.0, 75.0, -20.0, 20.0, 60.0, 10.0]), atol=1e-5)
+    assert timed.begin > 0 and timed.begin in timed.stops
+
+
+def test_the_seam_is_straight_and_even_from_its_start_to_its_end(weld: Path) -> None:
+    program, _, _ = program_of_job(*open_job(str(weld)), "krl")
+    read = grammars.krl(*program.files.values())
+    made = controllers.play(read, lambda q: referees.irb140(q) @ TORCH)
+    on, off = (place for place, line in read.lines if "OUT" in line)
+    for move in made[on - 1 : off - 1]:
+        assert move.kind == "linear"
+        np.testing.assert_allclose(move.p[:, [0, 2]], np.tile([0.56, 0.45], (len(move.p), 1)), atol=2e-4)
+        np.testing.assert_allclose(move.speed, 0.008, rtol=0.02)
+
+
+def test_an_entry_is_timed_and_checked_and_the_report_says_so(weld: Path) -> None:
+    """A ball beside the start posture is found on the way to the seam, and not on the seam."""
+    assert "find nothing on the way there" in run_job(*open_job(str(weld))).about
+    weld.write_text(WELD.replace("q = [0.0", "q = [60.0") + BALL, "utf-8")
+    result = run_job(*open_job(str(weld)))
+    (found,) = result.strategies
+    assert found.motion_check is not None and found.motion_check.passed
+    assert "find on the way there: collision" in result.about and found.trouble.startswith("the entry: collision")
+
+
+@pytest.mark.parametrize(
+    ("language", "old", "new", "words"),
+    [
+        ("rapid", "linear = true", 'linear = true\ntool = "my torch"', "a letter, then letters"),
+        ("krl", "linear = true", 'linear = true\ntool = "tTorch"', "tool"),
+        ("krl", "linear = true", "linear = true\ntool = 99", "0 to 16"),
+        ("ls", '"output 3 on"', '"DO[1]=ON;CALL X"', "a process line"),
+        ("rapid", '"output 3 on"', '"SetDO x,1;\\n END"', "line breaks"),
+        ("urscript", '"output 3 on"', '"end"', "a process line"),
+        ("krl", "percent = 2}", "percent = 200}", "percent"),
+        ("krl", "linear = true", "linear = 3", "linear"),
+    ],
+)
+def test_what_a_language_cannot_hold_is_refused_and_named(
+    language: str, old: str, new: str, words: str, weld: Path
+) -> None:
+    weld.write_text(WELD.replace(old, new, 1), "utf-8")
+    with pytest.raises(HolokinError, match=words):
+        program_of_job(*open_job(str(weld)), language)
+
+
+def test_the_command_says_what_is_kept_and_what_was_left_out(holokin: Command, weld: Path) -> None:
+    weld.write_text(WELD.replace("linear = true", "linear = true\ntool = [0, 0, 0.3, 0, 0, 0]\nbase = 2"), "utf-8")
+    done = holokin("export", "urscript", "weld.toml", "--out", "ur")
+    assert done.code == 0, done.err
+    assert "mm/s" in done.out and "urscript takes no base of [program]: left out" in done.out
+    weld.write_text(
+        WELD.replace("tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}\nlinear = true\n", ""), "utf-8"
+    )
+    done = holokin("export", "urscript", "weld.toml", "--out", "ur")
+    assert "20 ms is no step of servoj" in done.out
+    text = Path("ur/irb140_wrist.script").read_text("utf-8")
+    assert text.endswith("end\nirb140_wrist()\n") and "movej" in text and "servoj(" not in text
