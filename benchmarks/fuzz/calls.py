@@ -162,7 +162,8 @@ def calls() -> dict[str, Call]:
             "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01, "zone": "z5", "tool": "tool0",
             "base": "wobj0", "payload": "load0", "lines": hk.export.ProcessLines(on=("output 1 on",))}),
         "ProcessLines": (hk.export.ProcessLines, (), {
-            "before": ("wait 1",), "on": ("output 1 on",), "off": ("output 1 off",), "after": (), "window": (0.0, 1.0)}),
+            "before": ("wait 1",), "on": ("output 1 on",), "off": ("output 1 off",), "after": (),
+            "window": (0.0, 1.0)}),
         "ToolTolerance": (hk.export.ToolTolerance, (task,), {
             "position": 1e-3, "rotation": 0.01, "speed": 0.05, "joints": 0.01, "linear": False}),
         "to_krl": (hk.export.to_krl, (k["timed"],), {
@@ -175,6 +176,15 @@ def calls() -> dict[str, Call]:
         "to_fanuc": (hk.export.to_fanuc, (k["timed"],), {
             "name": "n", "about": "a", "wiring": k["wiring"], "coupled": True, "tolerance": 0.01, "base": 0,
             "tool": 1, "payload": 1, "zone": 50, "lines": hk.export.ProcessLines(), "written": None}),
+        "to_inform": (hk.export.to_inform, (k["timed"], [1000.0] * 6), {
+            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01, "lines": hk.export.ProcessLines(),
+            "speeds": [3.0] * robot.n, "zone": 1, "tool": 1, "written": None}),
+        "to_val3": (hk.export.to_val3, (k["timed"],), {
+            "name": "n", "about": "a", "wiring": k["wiring"], "tolerance": 0.01, "lines": hk.export.ProcessLines(),
+            "speeds": [3.0] * robot.n, "zone": 0.001, "tool": "flange", "base": "world"}),
+        "to_gcode": (hk.export.to_gcode, (k["timed"],), {
+            "name": "n", "about": "a", "wiring": None, "tolerance": 0.01, "lines": hk.export.ProcessLines(),
+            "zone": 0.001, "letters": ("A", "B", "C")}),
         "to_ros": (hk.export.to_ros, (k["timed"],), {
             "about": "a", "tolerance": 0.01, "frame": "base", "format": "json"}),
         "drift": (hk.drift, (held, loop, q), {**following, "cycles": 1}),

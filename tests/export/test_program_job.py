@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 
 import controllers
 import grammars
+import grammars_more
+import holokin as hk
 import referees
 from conftest import Command, sampled
 from holokin.errors import HolokinError
@@ -43,6 +46,7 @@ dt = 0.02
 radius = 0.04
 self_collision = false
 [program]
+pulses = [1000, 1000, 1000, 1000, 1000, 1000]
 tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}
 linear = true
 before = ["wait 0.25"]
@@ -61,12 +65,19 @@ radius = 0.05
 xyz = [0.237, 0.411, 0.13]
 """
 
-READ = {"rapid": grammars.rapid, "krl": grammars.krl, "urscript": grammars.urscript, "ls": grammars.listing}
+PULSES, SPEEDS = np.full(6, 1000.0), np.rad2deg(hk.load("irb140").max_velocity)
+READ = {
+    "rapid": grammars.rapid, "krl": grammars.krl, "urscript": grammars.urscript, "ls": grammars.listing,
+    "val3": partial(grammars_more.val3, speeds=SPEEDS),
+    "inform": partial(grammars_more.inform, pulses=PULSES, speeds=SPEEDS),
+}  # fmt: skip
 SAID = {
     "rapid": ("WaitTime 0.25", "SetDO do3,1", "SetDO do3,0", "WaitTime 1"),
     "krl": ("WAIT SEC 0.25", "$OUT[3]=TRUE", "$OUT[3]=FALSE", "WAIT SEC 1"),
     "urscript": ("sleep(0.25)", "set_digital_out(3, True)", "set_digital_out(3, False)", "sleep(1)"),
     "ls": ("WAIT 0.25(sec)", "DO[3]=ON", "DO[3]=OFF", "WAIT 1.00(sec)"),
+    "val3": ("delay(0.25)", "diOut3=true", "diOut3=false", "delay(1)"),
+    "inform": ("TIMER T=0.25", "DOUT OT#(3) ON", "DOUT OT#(3) OFF", "TIMER T=1.00"),
 }
 
 
@@ -143,7 +154,7 @@ def test_the_command_says_what_is_kept_and_what_was_left_out(holokin: Command, w
     weld.write_text(WELD.replace("linear = true", "linear = true\ntool = [0, 0, 0.3, 0, 0, 0]\nbase = 2"), "utf-8")
     done = holokin("export", "urscript", "weld.toml", "--out", "ur")
     assert done.code == 0, done.err
-    assert "mm/s" in done.out and "urscript takes no base of [program]: left out" in done.out
+    assert "mm/s" in done.out and "urscript takes no base and no pulses of [program]: left out" in done.out
     weld.write_text(
         WELD.replace("tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}\nlinear = true\n", ""), "utf-8"
     )
@@ -151,3 +162,12 @@ def test_the_command_says_what_is_kept_and_what_was_left_out(holokin: Command, w
     assert "20 ms is no step of servoj" in done.out
     text = Path("ur/irb140_wrist.script").read_text("utf-8")
     assert text.endswith("end\nirb140_wrist()\n") and "movej" in text and "servoj(" not in text
+
+
+def test_inform_asks_for_the_pulses_of_the_axes(weld: Path) -> None:
+    weld.write_text(WELD.replace("pulses = [1000, 1000, 1000, 1000, 1000, 1000]\n", ""), "utf-8")
+    with pytest.raises(HolokinError, match="pulses of \\[program\\]"):
+        program_of_job(*open_job(str(weld)), "inform")
+    weld.write_text(WELD.replace("1000, 1000]", "1000]"), "utf-8")
+    with pytest.raises(HolokinError, match="pulses of the axes"):
+        program_of_job(*open_job(str(weld)), "inform")

@@ -11,10 +11,22 @@ import numpy as np
 import pytest
 
 import grammars
+import grammars_more
 import holokin as hk
 from conftest import IRB_START, PANDA_START, Command, sampled
 from holokin.errors import ArgumentError, ExportError, MissingExtraError, UnknownNameError
-from holokin.export import Program, Wiring, to_fanuc, to_krl, to_rapid, to_ros, to_urscript, write_mcap
+from holokin.export import (
+    ProcessLines,
+    Program,
+    Wiring,
+    to_fanuc,
+    to_gcode,
+    to_krl,
+    to_rapid,
+    to_ros,
+    to_urscript,
+    write_mcap,
+)
 from holokin.job import open_job, program_of_job, run_job
 from holokin.motion import TimedTrajectory
 
@@ -124,6 +136,27 @@ def test_a_sliding_joint_is_in_millimetres_and_an_axis_may_stand_still(ppr: hk.R
         np.testing.assert_allclose(row[6:], [500.0, -200.0], atol=1e-3)
     with pytest.raises(ExportError, match="slides"):
         to_rapid(moved, wiring=Wiring(axes=(one, two, three, 0.0, 0.0, 0.0)))
+
+
+def test_a_machine_of_linear_axes_is_moved_by_g_code(ppr: hk.Robot) -> None:
+    """Sliding joints are X and Y in mm, the turning one is A in degrees; inverse times sum to the motion's."""
+    moved = timed(ppr, hk.position(ppr), hk.lock(2), np.array([0.5, -0.2, 0.3]), 0.01)
+    lines = ProcessLines(on=("output 2 on",), after=("wait 0.5",))
+    with pytest.raises(ArgumentError, match="a process line") as refused:
+        to_gcode(moved, lines=ProcessLines(on=("%",)))
+    assert "G-code" in str(refused.value)
+    program = to_gcode(moved, tolerance=1e-4, lines=replace(lines, off=("output 2 off",)))
+    found = grammars_more.gcode(program.text)
+    t = np.concatenate([[0.0], np.cumsum(found.seconds)])
+    assert t[-1] == pytest.approx(moved.duration, rel=1e-5)
+    between = np.column_stack([np.interp(moved.t, t, column) for column in (found.axes * [1e-3, 1e-3, np.pi / 180]).T])
+    assert np.abs(between - moved.q).max() <= 1e-4 + 1e-6
+    assert found.lines == [(1, "M64 P2"), (len(found.axes), "M65 P2"), (len(found.axes), "G4 P0.5")]
+    assert " X" in program.text and " Y" in program.text and " A" in program.text
+    assert "G1 U" in to_gcode(moved, letters=("U", "V", "C")).text
+    for bad in (("X", "Y"), ("X", "X", "A"), ("X", "Y", "Q")):
+        with pytest.raises(ArgumentError, match="letters"):
+            to_gcode(moved, letters=bad)
 
 
 def test_a_remark_of_a_fanuc_program_ends_no_statement(six: TimedTrajectory) -> None:

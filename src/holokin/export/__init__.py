@@ -8,14 +8,18 @@ from .c_folder import c_name as c_name
 from .controller_moves import Deviation as Deviation
 from .controller_moves import ToolTolerance
 from .fanuc import to_fanuc
+from .gcode import to_gcode
+from .inform import to_inform
 from .krl import to_krl
 from .languages import LANGUAGES as LANGUAGES
 from .process_lines import ProcessLines
+from .program_targets import Wiring
 from .rapid import to_rapid
-from .robot_program import Program, Wiring
+from .robot_program import Program
 from .ros import to_ros, write_mcap
 from .self_test import check as check
 from .urscript import to_urscript
+from .val3 import to_val3
 
 __all__ = [
     "Exported",
@@ -25,9 +29,12 @@ __all__ = [
     "Wiring",
     "export_c",
     "to_fanuc",
+    "to_gcode",
+    "to_inform",
     "to_krl",
     "to_rapid",
     "to_ros",
     "to_urscript",
+    "to_val3",
     "write_mcap",
 ]

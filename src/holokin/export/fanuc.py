@@ -18,7 +18,8 @@ from ..errors import ArgumentError
 from ..motion import TimedTrajectory
 from .controller_moves import ToolTolerance
 from .process_lines import Dialect, ProcessLines
-from .robot_program import Program, Targets, Wiring, header, program_name, targets, with_lines
+from .program_targets import Targets, Wiring, targets, with_lines
+from .robot_program import Program, header, program_name
 
 NAME, SHORT = 36, 8
 """Characters of a program's name: the most an R-30iB takes, and what every controller takes, given by default."""
@@ -32,7 +33,12 @@ LONGEST_MOVE = 32_000
 """Milliseconds that one motion instruction may take."""
 
 DIALECT = Dialect(
-    "FANUC's TP language", "DO[{number}]={state}", "WAIT {seconds:.2f}(sec)", ("OFF", "ON"), forbidden=r";|^/|^!.{33}"
+    "FANUC's TP language",
+    "DO[{number}]={state}",
+    "WAIT {seconds:.2f}(sec)",
+    ("OFF", "ON"),
+    external=3,
+    forbidden=r";|^/|^!.{33}",
 )
 
 
@@ -67,7 +73,7 @@ def to_fanuc(
     for what, value, most in (("base", base, 9), ("tool", tool, 10), ("zone", zone, 100), ("payload", payload, 10)):
         if value is not None and whole(what, value, 0) > most:
             raise ArgumentError(what, value, f"give a whole number from 0 to {most}")
-    found = targets(timed, wiring, 6, 3, "FANUC's TP language", tolerance, lines)
+    found = targets(timed, wiring, DIALECT, tolerance, lines)
     if coupled:
         found = replace(found, q=_coupled(found.q), via={i: _coupled(row) for i, row in found.via.items()})
     short = program_name(name, about or "holokin", NAME if name else SHORT, "FANUC's TP language").upper()

@@ -15,7 +15,8 @@ from ..errors import ArgumentError
 from ..motion import TimedTrajectory
 from .controller_moves import ToolTolerance
 from .process_lines import Dialect, ProcessLines
-from .robot_program import Program, Targets, Wiring, header, program_name, targets, with_lines, zones
+from .program_targets import Targets, Wiring, targets, with_lines, zones
+from .robot_program import Program, header, program_name
 
 NAME = 24
 """Characters of a KRL name."""
@@ -24,7 +25,12 @@ FRAMES = {"tool": 16, "base": 32, "payload": 16}
 """Largest numbers of tools, bases and loads."""
 
 DIALECT = Dialect(
-    "KRL", "$OUT[{number}]={state}", "WAIT SEC {seconds:g}", ("FALSE", "TRUE"), forbidden=r"^\s*(&|DEF|END\b|ENDDAT)"
+    "KRL",
+    "$OUT[{number}]={state}",
+    "WAIT SEC {seconds:g}",
+    ("FALSE", "TRUE"),
+    external=6,
+    forbidden=r"^\s*(&|DEF|END\b|ENDDAT)",
 )
 
 
@@ -56,7 +62,7 @@ def to_krl(
             or lines.
     """
     wiring, lines = wiring or Wiring(), lines or ProcessLines()
-    found = targets(timed, wiring, 6, 6, "KRL", tolerance, lines)
+    found = targets(timed, wiring, DIALECT, tolerance, lines)
     short = program_name(name, about or "holokin", NAME, "KRL")
     numbers = {"tool": tool, "base": base, "payload": payload}
     for what, value in numbers.items():

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from ..base.arguments import check
 from ..base.types import Value
 from ..errors import ArgumentError
+from .controller_moves import KINDS, Kind
 
 PLACES = ("before", "on", "off", "after")
 
@@ -48,19 +49,34 @@ class ProcessLines(Value):
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a language sets an output, waits and comments, and which of a user's own lines it cannot hold."""
+    """A controller's language.
+
+    Attributes:
+        language: its name in messages.
+        output, wait, states: how an output is set, with its words for off and on, and how the program waits.
+        own: the axes of a robot that it holds; 0 for any number. external: how many external ones besides.
+        sliding: whether axes of the robot may slide.
+        kinds: the moves that it has.
+        halt: what waits for the end of a move, where the program runs on before that.
+        forbidden: pattern of lines that it cannot hold; `longest` characters of a line. end: what ends one.
+    """
 
     language: str
     output: str
     wait: str
     states: tuple[str, str]
+    own: int = 6
+    external: int = 0
+    sliding: bool = False
+    kinds: tuple[Kind, ...] = KINDS
+    halt: str = ""
     forbidden: str = r"(?!)"
     longest: int = 200
     end: str = ""
 
     def written(self, lines: Sequence[str]) -> list[str]:
         """Lines in this language. Raises: ArgumentError: one that it cannot hold."""
-        return [self._line(line) for line in lines]
+        return [self.halt] * bool(lines and self.halt) + [self._line(line) for line in lines]
 
     def _line(self, line: str) -> str:
         if found := OUTPUT.fullmatch(line):

@@ -9,10 +9,13 @@ import numpy as np
 
 from ..base.types import Indices
 from ..motion import TimedTrajectory
-from .controller_moves import Deviation, Kind, ToolMotion, ToolTolerance
+from .controller_moves import KINDS, Deviation, Kind, ToolMotion, ToolTolerance
 
 LOOKS = 33
 """Samples of a move that are looked at while it is made longer; all are, before it is taken."""
+
+TRIED: tuple[Kind, ...] = ("linear", "circular", "joint")
+"""Of moves that lead equally far the first of these is taken."""
 
 SHORTEST = 1e-4
 """Way of a tool [m] below which no linear move is made of it: it turns in place, and has no speed in m/s."""
@@ -54,25 +57,30 @@ def fixed_samples(timed: TimedTrajectory, more: Indices | tuple[int, ...] = ()) 
 
 
 def tool_moves(
-    timed: TimedTrajectory, tolerance: ToolTolerance, own: Indices, more: tuple[int, ...] = ()
+    timed: TimedTrajectory,
+    tolerance: ToolTolerance,
+    own: Indices,
+    more: tuple[int, ...] = (),
+    kinds: tuple[Kind, ...] = KINDS,
 ) -> tuple[list[Move], Deviation]:
     """The moves that keep a tool within its tolerance, each as long as may be, and how far they are from the motion.
 
     Args:
         own: the joints (a,) that the controller's own inverse moves.
         more: samples that must be targets too.
+        kinds: the moves that the language has.
 
     Where two samples that follow each other are not within the tolerance, the move between them is a joint move all
     the same: there is none shorter.
     """
     motion = ToolMotion.of(timed, tolerance, own)
-    kinds: tuple[Kind, ...] = ("linear", "circular", "joint") if tolerance.linear else ("joint",)
+    tried: list[Kind] = [kind for kind in TRIED if kind == "joint" or (tolerance.linear and kind in kinds)]
     moves: list[Move] = []
     largest = Deviation()
     for end in fixed_samples(timed, more)[1:]:
         while (here := moves[-1].b if moves else 0) < end:
-            ends = {kind: _end(motion, tolerance, kind, here, end) for kind in kinds}
-            kind = max(kinds, key=ends.__getitem__)  # of equal ones the first
+            ends = {kind: _end(motion, tolerance, kind, here, end) for kind in tried}
+            kind = max(tried, key=ends.__getitem__)  # of equal ones the first
             kind = kind if ends[kind] > here + 1 else "joint"
             moves.append(_move(motion, kind, here, ends[kind]))
             largest |= measured(motion, kind, here, ends[kind], np.arange(here, ends[kind] + 1))

@@ -11,7 +11,8 @@ from ..base.arguments import typed
 from ..motion import TimedTrajectory
 from .controller_moves import ToolTolerance
 from .process_lines import Dialect, ProcessLines
-from .robot_program import Program, Targets, Wiring, header, program_name, targets, with_lines, zones
+from .program_targets import Targets, Wiring, targets, with_lines, zones
+from .robot_program import Program, header, program_name
 
 NAME = 32
 """Characters of a RAPID identifier."""
@@ -21,7 +22,7 @@ UNUSED = "9E+09"
 
 DIALECT = Dialect(
     "RAPID", "SetDO do{number},{state}", "WaitTime {seconds:g}", ("0", "1"),
-    forbidden=r"^\s*(END)?(PROC|MODULE|FUNC|TRAP)\b", end=";",
+    external=6, forbidden=r"^\s*(END)?(PROC|MODULE|FUNC|TRAP)\b", end=";",
 )  # fmt: skip
 
 
@@ -51,7 +52,7 @@ def to_rapid(
         ExportError: a robot of other than six axes, external ones left out. ArgumentError: bad names, wiring or lines.
     """
     wiring, lines = wiring or Wiring(), lines or ProcessLines()
-    found = targets(timed, wiring, 6, 6, "RAPID", tolerance, lines)
+    found = targets(timed, wiring, DIALECT, tolerance, lines)
     short = program_name(name, about or "holokin", NAME - 2, "RAPID")
     for what in (zone, tool, base, payload):
         if isinstance(what, str):

@@ -1,32 +1,22 @@
-"""What all robot programs share: axes of the controller, targets picked from a timed trajectory, the header's facts."""
+"""What all robot programs share: their files, their names, and the facts of their headers."""
 
 from __future__ import annotations
 
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ..base.arguments import check, typed
+from ..base.arguments import typed
 from ..base.files import replacing, writing
-from ..base.types import Indices, Matrix, Value, Vector, number, positive
-from ..errors import ArgumentError, ExportError, UnknownNameError
+from ..errors import ArgumentError
 from ..motion import TimedTrajectory
-from ..robot import FARTHEST
 from ..version import __version__
-from .controller_moves import KINDS, Deviation, ToolTolerance
-from .process_lines import PLACES, Dialect, ProcessLines
-from .program_moves import Move, farthest, fixed_samples, tool_moves
-
-NEAR = 0.05
-"""Share of a path's time by which its samples may be off when one is sought by its time."""
-
-Entry = str | float
-"""Of an axis: the joint that it moves, or the value [rad or m] at which it stands still."""
+from .controller_moves import KINDS, Deviation
+from .program_targets import Targets, Wiring
 
 
 @dataclass(frozen=True)
@@ -60,238 +50,6 @@ class Program:
             with replacing(folder / name) as part:
                 part.write_text(text, "utf-8", newline="\n")
         return tuple(folder / name for name in self.files)
-
-
-@dataclass(frozen=True, eq=False)
-class Wiring(Value):
-    """How a controller's axes are moved by the joints: axis = sign * joint + offset [rad or m].
-
-    Attributes:
-        axes: of the robot itself, in the controller's order: joints by name, or values at which an axis stands still.
-            By default the joints in the order of the trajectory.
-        external: of external axes, the same.
-        signs: -1 for the joints that the controller counts the other way round, by name.
-        offsets: the controller's value where the joint is at 0 [rad or m], by name.
-    """
-
-    axes: Sequence[Entry] | None = None
-    external: Sequence[Entry] = ()
-    signs: Mapping[str, int] = field(default_factory=dict)
-    offsets: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check("axes", Sequence[Entry] | None, self.axes)
-        check("external", Sequence[Entry], self.external)
-        for what, given in (("signs", self.signs), ("offsets", self.offsets)):
-            check(what, Mapping[str, float], given)
-            for name, value in given.items():
-                if not np.isfinite(number(f"{what}[{name!r}]", value)) or (what == "signs" and value not in (-1, 1)):
-                    cure = "give 1 or -1" if what == "signs" else "give a finite number"
-                    raise ArgumentError(f"{what}[{name!r}]", value, cure)
-
-
-@dataclass(frozen=True, eq=False)
-class Targets(Value):
-    """Targets of a program, and the moves to them.
-
-    Attributes:
-        t, q: instants (k,) and the controller's axes (k, axes + external) [rad or m].
-        samples: which samples of the timed motion they are.
-        lengths: which axes are in metres.
-        stops: which targets are stops. own: how many axes are the robot's own.
-        deviation: how far joints are off if they move evenly between.
-        moves: how the controller goes to each but the first (k - 1).
-        via: the axes on the way of circular moves, by their place in `moves`.
-        tool: how far the tool is off; None where nobody asked.
-        on, off: the targets at which the process begins and ends.
-    """
-
-    t: Vector
-    q: Matrix
-    samples: tuple[int, ...]
-    lengths: tuple[bool, ...]
-    stops: tuple[bool, ...]
-    own: int
-    deviation: float
-    moves: tuple[Move, ...]
-    via: Mapping[int, Vector]
-    tool: Deviation | None
-    on: int
-    off: int
-
-    def shown(self, axes: Matrix | Vector | None = None) -> Matrix:
-        """Axes in degrees and millimetres: those of all targets (k, axes + external), or given ones."""
-        q = self.q if axes is None else axes
-        return np.where(np.array(self.lengths), 1e3 * q, np.rad2deg(q)) + 0.0
-
-    @property
-    def seconds(self) -> Vector:
-        """From each target to the next (k - 1,); of linear and circular moves without the ramps."""
-        even = [m.length / m.speed if m.kind != "joint" else np.nan for m in self.moves]
-        return np.where(np.isfinite(even), even, np.diff(self.t))
-
-    @property
-    def parts(self) -> list[range]:
-        """From rest to rest: the targets of each part, the last of one being the first of the next."""
-        ends = [0, *np.flatnonzero(self.stops).tolist(), len(self.t) - 1]
-        return [range(a, b + 1) for a, b in pairwise(ends)]
-
-    @property
-    def linear(self) -> bool:
-        """Whether there are linear or circular moves."""
-        return any(move.kind != "joint" for move in self.moves)
-
-
-def targets(
-    timed: TimedTrajectory, wiring: Wiring, own: int, most: int, language: str,
-    tolerance: float | ToolTolerance | None, lines: ProcessLines,
-) -> Targets:  # fmt: skip
-    """As few samples as keep the motion within a tolerance of the trajectory, as a controller moves between them.
-
-    Args:
-        own, most: how many axes the controller's robot has, and how many external ones may be.
-        tolerance: of the joints [rad or m], or of the tool; None for all samples. Starts, ends and corners are always
-            targets.
-        lines: of which those where the process begins and ends need targets.
-
-    Raises:
-        ExportError: the program's language cannot hold the robot, or has no linear moves for it.
-        ArgumentError: bad wiring; a tolerance of another robot's tool.
-    """
-    q, lengths = _wired(timed, wiring, own, most, language)
-    on, off = window = _window(timed, lines)
-    more = window if lines.on or lines.off else ()
-    tool = None
-    if isinstance(tolerance, ToolTolerance):
-        moves, tool = tool_moves(timed, tolerance, _of_arm(timed, wiring, tolerance), more)
-    else:
-        at = range(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance), more).tolist()
-        moves = [Move("joint", a, b) for a, b in pairwise(at)]
-    picked = np.array([0, *(move.b for move in moves)])
-    stops = np.isin(picked, timed.stops)
-    via = {i: q[move.via] for i, move in enumerate(moves) if move.kind == "circular"}
-    return Targets(
-        timed.t[picked], q[picked], tuple(picked.tolist()), lengths, tuple(stops.tolist()), own,
-        deviation(timed.q, picked), tuple(moves), via, tool,
-        int(np.searchsorted(picked, on)), int(np.searchsorted(picked, off)),
-    )  # fmt: skip
-
-
-def _window(timed: TimedTrajectory, lines: ProcessLines) -> tuple[int, int]:
-    """The samples at which the process begins and ends: those nearest to the path's postures at these times."""
-    if lines.window is None:
-        return timed.begin, len(timed) - 1
-    rows = slice(timed.begin, len(timed))
-    speed = timed.path_speed[rows]
-    gone = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * timed.dt)])
-    found = []
-    for t in lines.window:
-        posture = [np.interp(t, timed.untimed.t, column) for column in timed.untimed.q.T]
-        apart = np.abs(timed.q[rows] - posture).max(axis=1)
-        apart[np.abs(gone - t) > NEAR * gone[-1]] = np.inf  # the path may come by there again
-        found.append(timed.begin + int(np.argmin(apart)))
-    on, off = found
-    return on, off
-
-
-def zones(found: Targets, zone: float) -> tuple[Vector, int]:
-    """Radii [m] at which targets are passed (k,): 0 at stops, else the zone, but at most half of a move beside it.
-
-    And at how many targets it is less for that reason. Moves whose length nobody knows leave it as it is.
-    """
-    steps = np.array([move.length for move in found.moves])
-    near = np.fmin(np.append(np.inf, steps), np.append(steps, np.inf)) / 2
-    radii = np.fmin(zone, near)
-    radii[[0, *np.flatnonzero(found.stops).tolist(), -1]] = 0.0
-    return radii, int(((radii > 0) & (radii < zone)).sum())
-
-
-def with_lines(found: Targets, dialect: Dialect, lines: ProcessLines, moves: Sequence[Sequence[str]]) -> list[str]:
-    """The lines that move to each target (k,), with those of the process between. Raises: ArgumentError: a bad line."""
-    before, on, off, after = (dialect.written(getattr(lines, place)) for place in PLACES)
-    text = list(before)
-    for i, moved in enumerate(moves):
-        text += moved
-        text += on if i == found.on else []
-        text += off if i == found.off else []
-    return text + after
-
-
-def _of_arm(timed: TimedTrajectory, wiring: Wiring, tolerance: ToolTolerance) -> Indices:
-    """The joints that the controller's own inverse moves. Raises: ExportError: linear moves do not fix these joints."""
-    names = list(timed.joint_names)
-    axes = [name for name in names if name not in wiring.external] if wiring.axes is None else wiring.axes
-    own = np.array(sorted(names.index(axis) for axis in axes if isinstance(axis, str)))
-    if tolerance.linear and (len(own) != 6 or np.ptp(own) != 5):
-        fact = (
-            f"a linear move to a pose does not say where {len(own)} joints are, but those of six axes one after another"
-        )
-        raise ExportError(fact, "write joint moves: leave out linear")
-    return own
-
-
-def chosen(timed: TimedTrajectory, tolerance: float, more: tuple[int, ...] = ()) -> Indices:
-    """Indices of samples between which straight lines stay within a tolerance: each step as long as may be."""
-    found = [0]
-    for end in fixed_samples(timed, more)[1:]:
-        while (here := found[-1]) < end:
-            found.append(farthest(lambda b, a=here: _off(timed.q, a, b) <= tolerance, here, end))
-    return np.array(found)
-
-
-def _off(q: Matrix, a: int, b: int) -> float:
-    if b - a < 2:
-        return 0.0
-    share = (np.arange(a, b + 1) - a)[:, None] / (b - a)
-    return float(np.abs(q[a : b + 1] - (q[a] + share * (q[b] - q[a]))).max())
-
-
-def deviation(q: Matrix, picked: Indices) -> float:
-    """How far even motion between picked samples is from all samples q (k, n) [joint units]."""
-    return max(_off(q, int(a), int(b)) for a, b in pairwise(picked))
-
-
-def _wired(
-    timed: TimedTrajectory, wiring: Wiring, own: int, most: int, language: str
-) -> tuple[Matrix, tuple[bool, ...]]:
-    """(axes (k, own + external), which are lengths). Raises: ExportError, ArgumentError."""
-    names = list(timed.joint_names)
-    axes, external = wiring.axes, wiring.external
-    if axes is None:
-        axes = tuple(name for name in names if name not in external)
-    held = f"{language} holds {own} axes of a robot" + (f" and {most} external ones" if most else "")
-    if len(axes) != own:
-        cure = f"name the {own} in axes=, joints or fixed values" + (", and the others in external=" if most else "")
-        raise ExportError(f"{held}, but {len(axes)} are given: {', '.join(map(str, axes))}", cure)
-    if len(external) > most:
-        cure = f"name at most {most}" if most else "export to another language, or lock joints in the robot"
-        raise ExportError(f"{held}, but {len(external)} external are given: {', '.join(map(str, external))}", cure)
-    used = [entry for entry in (*axes, *external) if isinstance(entry, str)]
-    if sorted(used) != sorted(names):
-        wrong = [u for u in used if u not in names] + [n for n in names if used.count(n) != 1]
-        raise ArgumentError("the joints of axes and external", wrong[0], f"name each of {', '.join(names)} once")
-    for name in (*wiring.signs, *wiring.offsets):
-        if name not in names:
-            raise UnknownNameError("joint of signs or offsets", name, names)
-    columns, lengths = [], []
-    for k, entry in enumerate((*axes, *external)):
-        joint = names.index(entry) if isinstance(entry, str) else None
-        is_length = joint is not None and timed.joint_units[joint] == "m"
-        if is_length and k < own:
-            raise ExportError(f"{entry} slides, which no axis of a robot in {language} does", "name it in external=")
-        column = timed.q[:, joint] if joint is not None else np.full(len(timed), _still(entry))
-        columns.append(wiring.signs.get(str(entry), 1) * column + wiring.offsets.get(str(entry), 0.0))
-        lengths.append(is_length)
-    return np.column_stack(columns), tuple(lengths)
-
-
-def _still(entry: Entry) -> float:
-    """The value at which an axis stands still. Raises: ArgumentError."""
-    value = number("the value of an axis", entry)
-    if not abs(value) <= FARTHEST:
-        raise ArgumentError("the value of an axis", value, f"give one within {FARTHEST:g} rad or m")
-    return value
 
 
 def header(

@@ -14,7 +14,8 @@ from ..base.files import writing
 from ..base.types import Indices, positive
 from ..errors import ArgumentError, MissingExtraError
 from ..motion import TimedTrajectory
-from .robot_program import Program, Wiring, chosen, deviation, header
+from .program_targets import Wiring, chosen, deviation
+from .robot_program import Program, header
 
 NANO = 10**9
 

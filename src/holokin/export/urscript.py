@@ -14,7 +14,8 @@ from ..errors import ArgumentError
 from ..motion import TimedTrajectory
 from .controller_moves import ToolTolerance
 from .process_lines import Dialect, ProcessLines
-from .robot_program import Program, Targets, Wiring, header, program_name, targets, with_lines, zones
+from .program_targets import Targets, Wiring, targets, with_lines, zones
+from .robot_program import Program, header, program_name
 
 STEPS = (0.002, 0.008)
 """Seconds of a control cycle: e-Series and later, CB3."""
@@ -60,7 +61,7 @@ def to_urscript(
     if not (0.03 <= lookahead_time <= 0.2 and 100 <= gain <= 2000):
         raise ArgumentError("(lookahead_time, gain)", (lookahead_time, gain), "see the docstring")
     every = tolerance is None
-    found = targets(timed, wiring, 6, 0, "URScript", tolerance, lines)
+    found = targets(timed, wiring, DIALECT, tolerance, lines)
     if every and not any(abs(timed.dt - step) < 1e-12 for step in STEPS):
         cure = "retime it with dt=0.002 (e-Series) or dt=0.008 (CB3), or give a tolerance for few targets"
         raise ArgumentError("dt of the trajectory", timed.dt, cure)

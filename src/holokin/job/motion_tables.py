@@ -22,7 +22,7 @@ Limit = Positive | Annotated[list[Positive], Few]
 Lines = Annotated[list[str], Field(max_length=100)]
 """Lines of a robot program."""
 
-OF_SOME = ("tool", "base", "payload", "zone", "coupled")
+OF_SOME = ("tool", "base", "payload", "zone", "coupled", "pulses", "letters")
 """Keys of [program] that some languages take, each in its own kind."""
 
 ALL_JOINTS = 2e-3
@@ -77,6 +77,8 @@ class ProgramTable(Table):
     base: str | int | None = None
     payload: str | int | float | None = None
     zone: str | int | float | None = None
+    pulses: Annotated[list[Length], Few] | None = None
+    letters: Annotated[list[str], Few] | None = None
     before: Lines = Field(default=[])
     on: Lines = Field(default=[])
     off: Lines = Field(default=[])

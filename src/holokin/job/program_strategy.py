@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
+import numpy as np
+
 from ..checking import CheckReport
 from ..errors import ArgumentError
 from ..export import LANGUAGES, Program
@@ -64,14 +66,18 @@ def _written(
 ) -> Program:  # fmt: skip
     """The program of a timed motion; `law`: the strategy's label and the strategy."""
     label, strategy = law
-    robot = strategy.task.robot.name
+    robot, speeds = strategy.task.robot.name, strategy.task.robot.max_velocity
     written, how = LANGUAGES[language], job.program or ProgramTable()
     with naming(file, "program"):
         given = how.given(strategy.task, timed.dt in written.streams) | {
             "name": short or _word(f"{robot}_{label}", written.longest),
             "about": f"Job {name}: {strategy.name} on {robot}, {job.title}",
             "lines": how.lines(_window(job, path)),
+            "speeds": speeds.tolist() if np.isfinite(speeds).all() else None,
         }
+        for key in written.needs:
+            if key not in given:
+                raise ArgumentError(f"{key} of [program]", None, f"{language} needs it: add it to [program]")
         left = [key for key in how.named if key not in written.takes]
         program = written.write(timed, **{key: value for key, value in given.items() if key in written.takes})
     notes = (f"{language} takes no {' and no '.join(left)} of [program]: left out",) if left else ()
