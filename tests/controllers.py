@@ -33,7 +33,7 @@ class Played:
 
 
 def play(program: Parsed, pose: Pose, count: int = 40, degrees: bool = True) -> list[Played]:
-    """Every move of a program but the first, looked at `count` times."""
+    """Every move of a program but the first, looked at `count` times. The first six axes are the robot's."""
     axes = np.deg2rad(program.axes) if degrees else program.axes
     made = []
     q = axes[0]
@@ -48,7 +48,7 @@ def play(program: Parsed, pose: Pose, count: int = 40, degrees: bool = True) -> 
             via = program.via.get(i)
             middle = None if via is None else pose(np.deg2rad(via) if degrees else np.array(via))
             p, R = _tool(pose(q), middle, pose(end), share)
-            Q = _joints(pose, q, p, R)
+            Q = _joints(pose, q + share[:, None] * (end - q), p, R)
         length = np.linalg.norm(np.diff(p, axis=0), axis=1)
         seconds = program.seconds[i] if np.isfinite(program.seconds[i]) else length.sum() / program.speeds[i]
         made.append(Played(kind, Q, p, R, length * count / seconds, seconds))
@@ -73,20 +73,21 @@ def _tool(start: np.ndarray, via: np.ndarray | None, end: np.ndarray, share: np.
     return center + np.cos(share * angle)[:, None] * u + np.sin(share * angle)[:, None] * v, R
 
 
-def _joints(pose: Pose, q: np.ndarray, p: np.ndarray, R: Rotation) -> np.ndarray:
-    """The joints along a path of the tool, from q on, by Newton's method with differences."""
-    found = [q]
-    for point, turn in zip(p[1:], R[1:], strict=True):
-        x = found[-1].copy()
+def _joints(pose: Pose, even: np.ndarray, p: np.ndarray, R: Rotation) -> np.ndarray:
+    """The joints along a path of the tool, by Newton's method with differences: six axes go on from the posture before,
+    external ones move evenly."""
+    found = [even[0]]
+    for point, turn, straight in zip(p[1:], R[1:], even[1:], strict=True):
+        x = np.concatenate([found[-1][:6], straight[6:]])
         for _ in range(8):
             here = pose(x)
             error = _error(here, point, turn)
             if np.abs(error).max() < 1e-11:
                 break
             h = 1e-6
-            moved = [_error(pose(x + h * e), point, turn) for e in np.eye(len(x))]
+            moved = [_error(pose(x + h * e), point, turn) for e in np.eye(len(x))[:6]]
             J = np.column_stack([(error - after) / h for after in moved])
-            x = x + np.linalg.solve(J, error)
+            x[:6] += np.linalg.solve(J, error)
         found.append(x)
     return np.array(found)
 

@@ -94,7 +94,7 @@ class Deviation:
         if np.isfinite(self.slowest):
             speeds = f"{1e3 * self.slowest:.4g} to {1e3 * self.fastest:.4g} mm/s"
             said.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed, ramps left out")
-        return [*said, "roundings at passed targets (zones) come on top"]
+        return [*said, "where a zone passes a target, it rounds the corner: that comes on top"]
 
     def __or__(self, other: Deviation) -> Deviation:
         """The larger of each of the two."""
@@ -110,7 +110,7 @@ class ToolMotion(Value):
     Attributes:
         task: the pose of its tool.
         own: the joints (a,) that the controller moves to a pose by its inverse; the others it moves evenly.
-        t, q: times (k,) and joints (k, n).
+        t, q, dq: times (k,), joints and their rates (k, n). limits: of these (n,).
         p, R: of the tool, (k, 3) and (k, 3, 3).
         way: how far the tool is along the path (k,) [m]; how far it has turned [rad] where the path has no length.
         speed: of the tool (k,) [m/s].
@@ -121,6 +121,8 @@ class ToolMotion(Value):
     own: Indices
     t: Vector
     q: Matrix
+    dq: Matrix
+    limits: Vector
     p: Matrix
     R: Array
     way: Vector
@@ -143,7 +145,7 @@ class ToolMotion(Value):
             way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(turns, axis=1))])
         ramp = _ramps(speed, [0, *timed.stops, len(timed) - 1], tolerance.speed)
         ramp[: timed.begin] = True
-        return ToolMotion(task, own, timed.t, timed.q, p, R, way, speed, ramp)
+        return ToolMotion(task, own, timed.t, timed.q, timed.dq, timed.limits.velocity, p, R, way, speed, ramp)
 
     def share(self, a: int, b: int, rows: Indices) -> Vector:
         """How far along the move from sample a to sample b its samples are, by the tool's way, else by time."""
@@ -226,6 +228,18 @@ class ToolMotion(Value):
             p = center + rotation_matrix(share[:, None] * angle * axis) @ (self.p[a] - center)
             p[:] = p if angle <= LARGEST_ARC else np.nan
         return p, R
+
+    def load(self, kind: Kind, a: int, b: int, rows: Indices) -> float:
+        """The largest share of a joint's speed limit that a move takes, ramps and all.
+
+        A joint move takes no more than the timed motion does. A linear or circular one has one speed from end to end,
+        where the timed motion may be slower, since a joint is at its limit there.
+        """
+        moving = rows[self.speed[rows] > STILL * self.speed.max()]
+        if kind == "joint" or not len(moving):
+            return 0.0
+        faster = self.steady(a, b) / self.speed[moving]
+        return float((np.abs(self.dq[moving]) * faster[:, None] / self.limits).max())
 
     def middle(self, a: int, b: int) -> int:
         """The sample half way along the path between two."""

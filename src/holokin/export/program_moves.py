@@ -106,6 +106,8 @@ def _end(motion: ToolMotion, tolerance: ToolTolerance, kind: Kind, here: int, en
     def kept(b: int, rows: Indices) -> bool:
         if not motion.deviation(kind, here, b, rows).within(tolerance):
             return False
+        if motion.load(kind, here, b, rows) > 1.0 + tolerance.speed:
+            return False
         return motion.joint_deviation(kind, here, b, rows) <= tolerance.joints
 
     def fits(b: int) -> bool:
