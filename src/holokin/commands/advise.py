@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -10,38 +11,81 @@ import typer
 from .outcome import ending, show, show_rich
 
 
+class TaskKind(StrEnum):
+    """What the tool must hold."""
+
+    POSE = "pose"
+    AXIS = "axis"
+    POSITION = "position"
+
+
 def advise(
-    robot: Annotated[str, typer.Argument(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")],
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="ROBOT|JOB", help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file; or a job."
+        ),
+    ],
     workspace: Annotated[
         str | None,
         typer.Option(help='Like "box X Y Z HX HY HZ tilt DEG spin DEG", or a .toml or .csv file: docs/workspaces.md.'),
     ] = None,
     tip: Annotated[str | None, typer.Option(help="The link that is the tool; by default the palm of the arm.")] = None,
     base: Annotated[str | None, typer.Option(help="The link that stands still; by default the root.")] = None,
-    position: Annotated[bool, typer.Option("--position", help="The tool's orientation is free.")] = False,
+    task: Annotated[
+        TaskKind | None, typer.Option(help="What the tool must hold: axis is its point and the direction of an axis.")
+    ] = None,
+    axis: Annotated[
+        str | None, typer.Option(help='With the task axis: x, y, z or a direction in its frame, like "0 0.5 1".')
+    ] = None,
+    position: Annotated[bool, typer.Option("--position", help="The same as --task position.")] = False,
+    tool: Annotated[str | None, typer.Option(help='The tool on the tip, "X Y Z rpy R P Y" in m and degrees.')] = None,
+    base_pose: Annotated[
+        str | None, typer.Option(help='Where the base of the robot stands, "X Y Z rpy R P Y" in m and degrees.')
+    ] = None,
+    limit: Annotated[
+        list[str] | None, typer.Option(help='Other limits of a joint, "JOINT LOWER UPPER"; may be given again.')
+    ] = None,
+    floor: Annotated[float | None, typer.Option(help="Height of the floor [m].")] = None,
+    obstacle: Annotated[
+        list[str] | None,
+        typer.Option(help='Like "table box X Y Z SX SY SZ" (centre, sides) [m]; may be given again.'),
+    ] = None,
     q0: Annotated[
         str | None, typer.Option(help="The posture to begin at, in rad and m, like '0 -0.8 0 -2.4 0 1.6 0.8'.")
     ] = None,
+    degrees: Annotated[bool, typer.Option("--degrees", help="--q0 and --limit are in degrees and m.")] = False,
     out: Annotated[
         Path | None, typer.Option(help="The job file to write, ending in .toml; with a picture of its name.")
     ] = None,
 ) -> None:
     """Find the law for a robot and its work: all that fit are compared on a workspace.
 
-    Prints a table and why the best law is, and writes a job with it, by default advice-<robot>.toml, and a picture.
-    Exits 0 when that is done, 2 on bad input.
+    Of a job it takes the robot, its tool and mounting, the task, the start, the path or the workspace, and the
+    obstacles. Prints a table and why the best law is, and writes a job with it, by default advice-<robot>.toml, and a
+    picture. Exits 0 when that is done, 2 on bad input.
     """
+    from ..errors import ArgumentError
     from ..job.advice_job import advise_command
+    from ..job.advice_question import Typed
     from ..output.advice_report import advice_figure, print_advice
     from ..output.plots import write_figure
 
+    if position and task not in (None, TaskKind.POSITION):
+        raise ArgumentError("--position beside --task", task.value, "give one of them")
+    kind = TaskKind.POSITION if position else task
+    typed = Typed(
+        workspace, tip, base, kind.value if kind else None, axis, q0, degrees, tool, base_pose, tuple(limit or ()),
+        floor, tuple(obstacle or ()),
+    )  # fmt: skip
     with ending().telling() as say:
-        task = "position" if position else None
-        found, write = advise_command(robot, workspace, tip, base, task, q0, out, say, say.announce)
+        found, asked, write = advise_command(robot, typed, out, say, say.announce)
         show_rich(lambda console: print_advice(found, console))
         say("trying the job")
-        job = write()
+        job, remark = write()
         picture = job.with_suffix(".png")
         say("drawing")
-        write_figure(lambda: advice_figure(found), picture)
+        write_figure(lambda: advice_figure(found, asked.obstacles), picture)
+    if remark:
+        show(f"  Note: {remark}")
     show(f"wrote {job} and {picture} after {found.seconds:.0f} s; then: holokin run {job}")

@@ -14,6 +14,7 @@ from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
 from .coverage_result import Coverage
 from .nearby_cusps import NearbyCusps
+from .starts import kinds_that_fit
 from .tips import Chain
 
 EQUAL = 0.02
@@ -84,14 +85,16 @@ def _alike(entries: Iterable[Entry], share: Callable[[Entry], float], apart: flo
 class Law(Value):
     """A law on one leaf, and what it does in the workspace.
 
-    keys: what a job file says of it. q0: the posture that its leaf goes through (n,). coverage: share of the poses
-    that it reaches within the joint limits, `served` (k,); easy: of these, those away from limits and singular
-    postures. margin: the least distance to a limit over the joint's
-    range, of `joint`; inf without limits. rcond: the least of [J; J_g]; NaN where it was not looked at. squared_speed:
-    mean squared joint speed [rad^2/m^2]; speed: that over the least of the postures found there.
+    same: names of laws that are this one there: their G is the same at every pose. keys: what a job file says of it.
+    q0: the posture that its leaf goes through (n,). coverage: share of the poses that it reaches within the joint
+    limits, `served` (k,); easy: of these, those away from limits and singular postures. margin: the least distance to
+    a limit over the joint's range, of `joint`; inf without limits. rcond: the least of [J; J_g]; NaN where it was not
+    looked at. squared_speed: mean squared joint speed [rad^2/m^2]; speed: that over the least of the postures found
+    there.
     """
 
     name: str
+    same: tuple[str, ...]
     keys: Mapping[str, Any]
     strategy: HolonomicStrategy
     q0: Vector
@@ -165,7 +168,31 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     @property
     def subject(self) -> str:
         """What was asked about: the robot and its tip, the task, the workspace."""
-        return f"{self.chain}. Task: {self.task.name}. Workspace: {self.workspace}."
+        return f"{self.chain}. Task: {self.work}. Workspace: {self.workspace}."
+
+    @property
+    def work(self) -> str:
+        """The task in words, with the axis about which the tool may spin."""
+        axis = getattr(self.task, "axis", None)
+        if self.task.orientation != "axis" or axis is None:
+            return self.task.name
+        names = {(1.0, 0.0, 0.0): "x", (0.0, 1.0, 0.0): "y", (0.0, 0.0, 1.0): "z"}
+        which = names.get(tuple(np.asarray(axis).tolist()))
+        said = f"its {which} axis" if which else f"the axis [{', '.join(f'{v:.4g}' for v in axis)}] of its frame"
+        return f"{self.task.name}, the tool free to spin about {said}"
+
+    @property
+    def offers(self) -> str:
+        """Which tasks there are for this robot, in words; empty where the task is the whole pose, or was given."""
+        kinds = kinds_that_fit(self.task.robot)
+        if "task" not in self.proposed or "pose" in kinds or not kinds:
+            return ""
+        said = {
+            "axis": "'axis' holds the tool's point and the direction of its z axis, as for a torch",
+            "position": "'position' holds the tool's point",
+        }
+        few = f"{self.task.n} joints leave none free for a whole pose ('pose')"
+        return f"{few}; of the other tasks {', '.join(said[kind] for kind in kinds)}"
 
     def summary(self) -> dict[str, Any]:
         """JSON-ready facts."""
@@ -176,7 +203,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
             "proposed": list(self.proposed), "floor": self.floor, "reasons": list(self.reasons),
             "laws": [
                 {
-                    "name": law.name, "coverage": law.coverage, "joint": law.joint,
+                    "name": law.name, "same": list(law.same), "coverage": law.coverage, "joint": law.joint,
                     "margin": law.margin if np.isfinite(law.margin) else None,
                     "rcond": law.rcond if np.isfinite(law.rcond) else None,
                     "squared_speed": law.squared_speed if np.isfinite(law.squared_speed) else None,

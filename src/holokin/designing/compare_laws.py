@@ -12,12 +12,11 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Flags, Matrix, Vector
+from ..checking import Clear
 from ..errors import ArgumentError, HolokinError, OutOfReachError
 from ..path.workspaces import PoseRange, Workspace, pose_cloud
 from ..robot import Robot, check_metres
-from ..strategies import moore_penrose, radial
-from ..tasks.frame_tasks import pose, position
-from ..tasks.task import Task
+from ..tasks.task import Task, of_one_tool
 from .advice import CLOSE, EQUAL, ROOM, Advice, Law, Part, alike, ranked
 from .candidates import Candidate, candidates
 from .coordinates import chart_of, coordinates_of
@@ -30,10 +29,11 @@ from .nearby_cusps import MORE_SPEED, NearbyCusps, cusps_near, said_of
 from .objectives import Objective, costs_of
 from .proposed_workspace import first_start, proposed_workspace, reached
 from .reasons import reasons
+from .same_laws import distinct, strategy_of
 from .served_part import largest_part
-from .starts import fitting_task, postures_at
-from .tips import chain_to_tool
-from .trials import Poses, Trial, posed, tried
+from .starts import check_that_joints_move, postures_at, task_of_kind
+from .tips import Chain, chain_to_tool
+from .trials import Poses, Trial, everywhere, posed, tried
 
 POSES, SCREENED = 256, 4
 """Poses by which laws are compared; every fourth of them chooses leaves. Of even points, 256 tell a share to 2 %."""
@@ -72,8 +72,9 @@ def advise(
     *,
     tip: str | None = None,
     base: str | None = None,
-    task: Literal["pose", "position"] | None = None,
+    task: Literal["pose", "axis", "position"] | Task | None = None,
     q0: ArrayLike | None = None,
+    clear: Callable[[Matrix], Flags] | None = None,
     say: Callable[[str], None] = lambda _text: None,
 ) -> Advice:
     """The laws that fit a robot, each on its best leaf, compared on a workspace, and a sentence on why the best is.
@@ -89,8 +90,11 @@ def advise(
         workspace: by default a box round the tool at the start, with moderate turns.
         tip: the link that is the tool; for a URDF by default the palm at the end of its longest arm. base: the link
             that stands still.
-        task: "pose" or "position"; by default the pose, for arms of up to six joints the position.
+        task: "pose", "axis" (the tool may spin about its z axis) or "position", or a task of this robot; by default the
+            pose, for arms of up to six joints the position.
         q0: the posture (n,) that the leaf is to go through; by default each law gets the best of several.
+        clear: which of some postures (k, n) keep clear of what stands round the robot, as of
+            `checking.clear_postures`; a pose whose posture does not is not served. By default nothing is looked at.
         say: hears what is going on.
 
     Raises:
@@ -98,45 +102,54 @@ def advise(
         the workspace is reached within the joint limits. JointLimitError: the start is beyond them. RobotFileError,
         UnknownNameError, ShapeError, NotFiniteError.
     """
-    began = time.perf_counter()
     say("the robot")
     chain = chain_to_tool(robot, tip, base)
-    arm = chain.robot
-    _check_that_joints_move(arm)
-    work = _task(arm, tip if isinstance(robot, Robot) else None, task)
+    if isinstance(task, Task):
+        work = task
+        if task.robot is not chain.robot:
+            raise ArgumentError("the task", task, "give a task of the same robot: load the robot first")
+    else:
+        work = task_of_kind(chain.robot, tip if isinstance(robot, Robot) else None, task)
     words = {"tip": not chain.chosen, "task": task, "q0": q0, "workspace": workspace}
-    given = {word: value is not None and value is not False for word, value in words.items()}
-    q0 = None if q0 is None else arm.checked(q0, "the start posture")
-    if q0 is not None:
-        arm.check_limits(q0)
+    chosen = tuple(word for word, value in words.items() if value is None or value is False)
+    return advise_chain(chain, work, workspace, q0, chosen=chosen, clear=clear or everywhere, say=say)
+
+
+def advise_chain(
+    chain: Chain, task: Task, workspace: Workspace | None, q0: ArrayLike | None, *, chosen: Sequence[str], clear: Clear,
+    say: Callable[[str], None],
+) -> Advice:  # fmt: skip
+    """The advice for a chain and its task, as of `advise`. chosen: what nobody gave."""
+    began = time.perf_counter()
+    arm = chain.robot
+    of_one_tool(task, "advice")
+    check_that_joints_move(arm)
+    start = None if q0 is None else arm.checked(q0, "the start posture")
+    if start is not None:
+        arm.check_limits(start)
+    at = start
     if workspace is None:
-        q0 = first_start(work) if q0 is None else q0
-        workspace = proposed_workspace(work, q0)
-    case = _Case(work, workspace, q0 if given["q0"] else None, say)
+        at = first_start(task) if start is None else start
+        workspace = proposed_workspace(task, at)
+    case = _Case(task, workspace, start, clear, say)
     laws = case.ranked()
     say("the reasons")
     part = case.part(laws) if not laws[0].served.all() else None
     found = case.checked[laws[0].name]
     return Advice(
-        chain, work, workspace, tuple(word for word, was in given.items() if not was), laws, case.floor_of(laws[0]),
-        found, (*reasons(laws, found, part, case.excess(laws)), *case.of_cusps(laws[0])), case.cusps.get(laws[0].name),
-        part, time.perf_counter() - began,
+        chain, task, workspace, tuple(chosen), laws, case.floor_of(laws[0]), found,
+        (*reasons(laws, found, part, case.excess(laws)), *case.of_cusps(laws[0])), case.cusps.get(laws[0].name), part,
+        time.perf_counter() - began,
     )  # fmt: skip
-
-
-def _check_that_joints_move(robot: Robot) -> None:
-    """Raises: ArgumentError: a joint whose two limits are one, as of exporters that leave them at 0."""
-    for joint in robot.coordinates:
-        if joint.lower == joint.upper:
-            cure = "give it a range in the robot description, or make it a fixed joint there"
-            raise ArgumentError(f"the range of joint {joint.name!r}", [joint.lower, joint.upper], cure)
 
 
 class _Case:
     """A task and a workspace, with what is found out of them on the way to an advice."""
 
-    def __init__(self, task: Task, workspace: Workspace, q0: Vector | None, say: Callable[[str], None]) -> None:
-        self.task, self.workspace, self.say = task, workspace, say
+    def __init__(
+        self, task: Task, workspace: Workspace, q0: Vector | None, clear: Clear, say: Callable[[str], None]
+    ) -> None:
+        self.task, self.workspace, self.clear, self.say = task, workspace, clear, say
         T = workspace.poses(POSES)
         check_metres(task.robot, T, task.tip)
         say("which poses can be reached")
@@ -146,7 +159,7 @@ class _Case:
         self.starts = q0[None] if q0 is not None else self._starts(T)
         self.coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), self.Q[self.reach.anyhow])
         self.costs = costs_of(task.robot, Objective(squared_speed=1.0), self.coordinates.turns, self.coordinates.spread)
-        self.poses = posed(task, T, self.Q, self.coordinates, self.costs)
+        self.poses = posed(task, T, self.Q, self.coordinates, self.costs, clear)
         self.trials: dict[str, Trial] = {}
         self.made: dict[str, Design] = {}
         self.checked: dict[str, Coverage] = {}
@@ -159,8 +172,9 @@ class _Case:
         order = np.argsort(np.linalg.norm(T[:, :3, 3] - center[:3, 3], axis=1), kind="stable")
         for at in [center, *T[order[self.reach.within[order]]]]:
             found = postures_at(self.task, at)
-            if len(found):
-                return found
+            free = found[self.clear(found)]
+            if len(free):
+                return free
         return self.Q[self.reach.within][:1]
 
     def ranked(self) -> tuple[Law, ...]:
@@ -175,7 +189,7 @@ class _Case:
                 trials += tried(_there(candidate), best.q0[None], self.poses)
         if not trials:
             raise ArgumentError("the laws that fit", 0, "give another start posture: all are singular at this one")
-        trials = ranked(trials)
+        trials = distinct(ranked(trials))
         trials += self._designed(trials)
         self.trials = {trial.candidate.name: trial for trial in trials}
         self.floor = self._floor(trials)
@@ -266,15 +280,16 @@ class _Case:
 
     def _law(self, trial: Trial) -> Law:
         c, robot = trial.candidate, self.task.robot
-        strategy = c.strategy or radial(moore_penrose(self.task), trial.q0)
         return Law(
-            c.name, c.keys, strategy, trial.q0, trial.coverage, trial.served, trial.easy, trial.margin,
-            robot.joint_names[trial.joint], trial.least_rcond, trial.squared_speed, ratio(trial, self.floor),
+            c.name, trial.same, c.keys, strategy_of(trial), trial.q0, trial.coverage, trial.served, trial.easy,
+            trial.margin, robot.joint_names[trial.joint], trial.least_rcond, trial.squared_speed,
+            ratio(trial, self.floor),
         )  # fmt: skip
 
     def _looked_at(self, law: Law) -> Law:
         """A law with its coverage as `coverage` finds it, pose by pose."""
         found = coverage(law.strategy, self.workspace, law.q0, samples=POSES, reach=self.reach)
+        found = found.blocked(self.clear)
         self.checked[law.name] = found
         served = found.reached
         rcond = float(found.rcond[served].min()) if served.any() else 0.0
@@ -326,24 +341,14 @@ class _Case:
             candidate = Candidate(law.name, law.keys, self.task, None if law.keys["kind"] == "radial" else law.strategy)
 
             def serves(T: Array, law: Law = law, candidate: Candidate = candidate) -> bool:
-                poses = Poses(T, np.zeros((len(T), self.task.m, 0)), self.costs.joints)
+                still = np.zeros((len(T), self.task.m, 0))
+                poses = Poses(T, still, self.costs.joints, self.clear)
                 return bool(tried(candidate, law.q0[None], poses)[0].served.all())
 
             found = largest_part(self.workspace, serves)
             if found is not None and (best is None or found[0] > best.share):
                 best = Part(law, *found)
         return best
-
-
-def _task(robot: Robot, tip: str | None, kind: str | None) -> Task:
-    """The task asked for, or one that fits. Raises: ArgumentError: no joint is left free."""
-    if kind is None:
-        return fitting_task(robot, tip)
-    found = pose(robot, tip=tip) if kind == "pose" else position(robot, tip)
-    if found.n == found.m:
-        cure = "the robot is not redundant for this task: hk.inverse finds the joints of a pose; or leave the task out"
-        raise ArgumentError(f"the number of redundant joints of {robot.name!r} for its {kind}", 0, cure)
-    return found
 
 
 def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:

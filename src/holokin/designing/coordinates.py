@@ -59,8 +59,13 @@ class Coordinates(Value):
 
 
 def chart_of(task: Task, rotation: Matrix) -> FrameTask:
-    """The task's rows in coordinates with J = df/dq: a full orientation by the rotation vector about the middle one."""
+    """The task's rows in coordinates with J = df/dq: a full orientation by the rotation vector about the middle one.
+
+    The direction of an axis counts from the middle orientation, too.
+    """
     one = parts_of(task)[0]
+    if one.orientation == "axis":
+        return replace(one, reference=rotation)
     if one.turns:
         return replace(one, orientation="rotation-vector", reference=rotation)
     return replace(one, reference=rotation) if one.robot.planar else one

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.files import write_csv
 from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, frozen
+from ..checking import Clear
 from ..errors import brief
 from ..path.workspaces import Workspace
 
@@ -35,6 +36,7 @@ class PoseStatus(NoTruthValue, IntEnum, ask="`is PoseStatus.REACHED`"):
     STOPPED = 5
     BEYOND_LIMITS = 6
     OUT_OF_REACH = 7
+    BLOCKED = 8
 
     @property
     def text(self) -> str:
@@ -51,6 +53,7 @@ _TEXTS = {
     PoseStatus.STOPPED: "no way could be shown to keep to the leaf",
     PoseStatus.BEYOND_LIMITS: "every posture found is beyond the joint limits",
     PoseStatus.OUT_OF_REACH: "out of reach: no posture was found",
+    PoseStatus.BLOCKED: "a link is too near to an obstacle, the floor or another link on this leaf",
 }
 
 
@@ -97,6 +100,13 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
 
     def __len__(self) -> int:
         return len(self.status)
+
+    def blocked(self, clear: Clear) -> Coverage:
+        """The same without the poses whose posture does not keep clear of what stands round the robot."""
+        status = self.status.copy()
+        here = np.flatnonzero(self.reached)
+        status[here[~clear(self.q[here])]] = PoseStatus.BLOCKED
+        return replace(self, status=status)
 
     @property
     def reached(self) -> Flags:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.types import Flags, Matrix, Vector
+from ..base.types import ArrayLike, Flags, Matrix, Vector
 from ..errors import ArgumentError
 from ..inverse_kinematics.reach import nearest_postures
 from ..robot import Robot
@@ -46,6 +46,44 @@ def fitting_task(robot: Robot, tip: str | None = None) -> Task:
     if robot.n > (2 if robot.planar else 3):
         return position(robot, tip)
     return position(robot, tip, rows=range(robot.n - 1))
+
+
+def task_of_kind(robot: Robot, tip: str | None, kind: str | None, axis: str | ArrayLike = "z") -> Task:
+    """The task of a kind, "pose", "axis" or "position", or one that fits.
+
+    Args:
+        axis: the axis about which the tool may spin, of the kind "axis".
+
+    Raises:
+        ArgumentError: no joint is left free. TaskTooLargeError.
+    """
+    if kind is None:
+        return fitting_task(robot, tip)
+    if kind == "position":
+        found = position(robot, tip)
+    else:
+        found = pose(robot, "axis", axis=axis, tip=tip) if kind == "axis" else pose(robot, tip=tip)
+    if found.n == found.m:
+        cure = (
+            "the robot is not redundant for this task: hk.inverse finds the joints of a pose; take the task 'axis' if "
+            "the tool may spin, or 'position'; or leave the task out"
+        )
+        raise ArgumentError(f"the number of redundant joints of {robot.name!r} for its {kind}", 0, cure)
+    return found
+
+
+def kinds_that_fit(robot: Robot) -> tuple[str, ...]:
+    """The kinds of task that leave a joint free, the largest first."""
+    rows = {"pose": 3, "position": 2} if robot.planar else {"pose": 6, "axis": 5, "position": 3}
+    return tuple(kind for kind, m in rows.items() if robot.n > m)
+
+
+def check_that_joints_move(robot: Robot) -> None:
+    """Raises: ArgumentError: a joint whose two limits are one, as of exporters that leave them at 0."""
+    for joint in robot.coordinates:
+        if joint.lower == joint.upper:
+            cure = "give it a range in the robot description, or make it a fixed joint there"
+            raise ArgumentError(f"the range of joint {joint.name!r}", [joint.lower, joint.upper], cure)
 
 
 def regular_starts(task: Task) -> Matrix:

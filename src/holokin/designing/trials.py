@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
+from ..checking import Clear
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
 from .advice import REGULAR, ROOM
@@ -22,38 +23,44 @@ DIFFERENCE = 1e-4
 """Half of the step of a central difference by the tool pose [m or rad]: its error is 1e-8, that of round-off, too."""
 
 
+def everywhere(Q: Matrix) -> Flags:
+    """That all postures (k, n) are clear: nothing stands round the robot."""
+    return np.ones(len(Q), dtype=bool)
+
+
 @dataclass(frozen=True, eq=False)
 class Poses(Value):
     """The tool poses T (k, 4, 4) at which laws are tried, and the motions of the tool by which speeds are counted.
 
     twists: (k, m, d), what the tool does in the task's rows along each direction in which the workspace reaches, at
     1 m/s, or as many rad/s as its turns are wide; NaN at a pose that no posture reaches. weights: of squared joint
-    speeds (n,), see `Objective`.
+    speeds (n,), see `Objective`. clear: which postures keep clear of what stands round the robot.
     """
 
     T: Array
     twists: Array
     weights: Vector
+    clear: Clear = everywhere
 
     def __len__(self) -> int:
         return len(self.T)
 
     def some(self, which: Indices | slice) -> Poses:
         """Some of them."""
-        return Poses(self.T[which], self.twists[which], self.weights)
+        return Poses(self.T[which], self.twists[which], self.weights, self.clear)
 
     def squared_speed(self, G: Array) -> Array:
         """sum_ij w_i (G twist_j)_i^2 (..., k) of slopes G (..., k, n, m): the cost "squared_speed" of `Objective`."""
         return np.sum(self.weights[:, None] * (G @ self.twists) ** 2, axis=(-2, -1))
 
 
-def posed(task: Task, T: Array, Q: Matrix, coordinates: Coordinates, costs: Costs) -> Poses:
+def posed(task: Task, T: Array, Q: Matrix, coordinates: Coordinates, costs: Costs, clear: Clear = everywhere) -> Poses:
     """`Poses` at T (k, 4, 4), of postures that reach them, a row of NaN where there are none, Q (k, n)."""
     known = np.isfinite(Q).all(axis=1)
     J, chart = task.jacobian_batch(Q[known])[0], coordinates.chart.jacobian_batch(Q[known])[0]
     twists = np.full((len(T), task.m, coordinates.d), np.nan)
     twists[known] = J @ least_slopes(chart, coordinates.P * costs.columns, np.ones(task.n))
-    return Poses(T, twists, costs.joints)
+    return Poses(T, twists, costs.joints, clear)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +68,9 @@ class Trial(Value):
     """A candidate on the leaf through a start, at k poses.
 
     q: postures (k, n) where its lines end. reached: poses (k,) that they lead to; served: those within the joint
-    limits. speed: squared joint speed (k,), NaN where it is not reached. rcond: of [J; J_g] there (k,); NaN for radial,
-    whose leaves end only where J is singular.
+    limits, at clear postures. speed: squared joint speed (k,), NaN where it is not reached. rcond: of [J; J_g] there
+    (k,); NaN for radial, whose leaves end only where J is singular. same: names of other laws that are this one on
+    this workspace.
     """
 
     candidate: Candidate
@@ -72,6 +80,7 @@ class Trial(Value):
     served: Flags
     speed: Vector
     rcond: Vector
+    same: tuple[str, ...] = ()
 
     @property
     def coverage(self) -> float:
@@ -127,12 +136,15 @@ def tried(candidate: Candidate, starts: Matrix, poses: Poses) -> list[Trial]:
         ends = along_leaf(candidate.strategy, starts, poses.T)
         G, rcond, _ = candidate.strategy.gain.batch(ends.q.reshape(-1, task.n))
         speed, rcond = poses.squared_speed(G.reshape(*ends.q.shape, task.m)), rcond.reshape(ends.share.shape)
-    return [_trial(candidate, q0, ends, i, speed[i], rcond[i]) for i, q0 in enumerate(starts)]
+    return [_trial(candidate, q0, ends, i, speed[i], rcond[i], poses.clear) for i, q0 in enumerate(starts)]
 
 
-def _trial(candidate: Candidate, q0: Vector, ends: LineEnds, i: int, speed: Vector, rcond: Vector) -> Trial:
+def _trial(
+    candidate: Candidate, q0: Vector, ends: LineEnds, i: int, speed: Vector, rcond: Vector, clear: Clear
+) -> Trial:
     q, reached = ends.q[i], ends.reached[i]
     served = reached & inside(candidate.task.robot, q) & np.isfinite(speed)
+    served[served] = clear(q[served])
     return Trial(candidate, q0, q, reached, served, np.where(reached, speed, np.nan), rcond)
 
 

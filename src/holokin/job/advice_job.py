@@ -10,15 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from ..designing import Advice, advise
-from ..designing.tips import chain_to_tool
+from ..designing import Advice
+from ..designing.compare_laws import advise_chain
 from ..errors import ArgumentError, HolokinError
 from ..path.workspaces import PoseRange, Workspace
 from ..tasks.task import Task
+from ..tasks.task_kinds import FrameTask
+from .advice_over_job import write_over
+from .advice_question import Question, Typed, question
 from .runner import run_job
 from .schema import LONGEST_TITLE, Job
 from .toml_text import check_new, robot_name, table, toml, write_new
-from .workspace_words import parse_workspace
 
 SHARE = 0.5
 """Radius of the circle over the least half side of the workspace, to begin with."""
@@ -36,75 +38,59 @@ SAMPLES, CYCLES = 100, 2
 """Of the circle."""
 
 
-def _write_advice(
-    path: FilePath, advice: Advice, robot: str, *, base: str | None = None, poses: str | None = None
-) -> None:  # fmt: skip
+def advise_command(
+    name: str, typed: Typed, out: FilePath | None, say: Callable[[str], None], announce: Callable[[str], None]
+) -> tuple[Advice, Question, Callable[[], tuple[FilePath, str]]]:
+    """What `holokin advise` does: (advice, what was asked, what writes its job and returns the file and a remark).
+
+    Args:
+        name: of a robot or a job. say: hears what is going on. announce: hears, before the work begins, what is looked
+            at and how long that takes.
+
+    Raises:
+        JobError, WriteError: the file exists, or cannot be written; said before anything is looked at. As `advise`,
+        `load`, `open_job` and `parse_workspace`.
+    """
+    path = out or FilePath(f"advice-{FilePath(name).stem}.toml")
+    check_new(path)
+    asked = question(name, typed)
+    announce(f"{asked.chain}. This takes {DURATION}.")
+    found = advise_chain(
+        asked.chain, asked.task, asked.workspace, asked.q0, chosen=asked.chosen, clear=asked.clear, say=say
+    )
+
+    def write() -> tuple[FilePath, str]:
+        if asked.file is not None:
+            return path, write_over(path, found, asked.keys, asked.file)
+        _write_advice(path, found, asked)
+        return path, ""
+
+    return found, asked, write
+
+
+def _write_advice(path: FilePath, advice: Advice, asked: Question) -> None:
     """Write a job of the best law of an advice, beside the pseudo-inverse, to a new file.
 
     Both are followed round a circle in the workspace before it is written; what must stay true of the law is expected.
-
-    Args:
-        robot: a name of the catalogue, or a file. base: as of `load`. poses: the CSV file of the workspace, if it is
-            of given poses.
 
     Raises:
         JobError: the file exists, or is no .toml. ArgumentError: no circle was found. WriteError.
     """
     check_new(path)
     for radius in _radii(advice.workspace):
-        text = _text(path, advice, robot, base, poses, radius)
+        text = _text(path, advice, asked, radius)
         if _runs(text, path):
             write_new(path, text)
             return
     raise ArgumentError("the circle of the job", None, "none was found that the law follows: write a path of your own")
 
 
-def advise_command(
-    robot: str, workspace: str | None, tip: str | None, base: str | None, task: str | None, start: str | None,
-    out: FilePath | None, say: Callable[[str], None], announce: Callable[[str], None],
-) -> tuple[Advice, Callable[[], FilePath]]:  # fmt: skip
-    """What `holokin advise` does: (advice, what writes its job and returns the file).
-
-    Args:
-        say: hears what is going on. announce: hears, before the work begins, what is looked at and how long that takes.
-
-    Raises:
-        JobError, WriteError: the file exists, or cannot be written; said before anything is looked at. As `advise`,
-        `load` and `parse_workspace`.
-    """
-    path = out or FilePath(f"advice-{FilePath(robot).stem}.toml")
-    check_new(path)
-    chain = chain_to_tool(robot, tip, base)
-    q0 = None if start is None else chain.robot.checked(_posture(start), "the start posture")
-    poses = workspace if workspace is not None and workspace.lower().endswith(".csv") else None
-    at_start = None if q0 is None else chain.robot.pose(q0)[:3, :3]
-    planar = chain.robot.planar
-    space = None if workspace is None else parse_workspace(workspace, planar=planar, at_start=at_start)
-    announce(f"{chain}. This takes {DURATION}.")
-    found = advise(robot, space, tip=tip, base=base, task=task, q0=q0, say=say)  # type: ignore[arg-type]
-
-    def write() -> FilePath:
-        _write_advice(path, found, robot, base=base, poses=poses)
-        return path
-
-    return found, write
-
-
-def _posture(text: str) -> list[float]:
-    """Numbers with blanks or commas between them. Raises: ArgumentError."""
-    try:
-        return [float(word) for word in text.replace(",", " ").split()]
-    except ValueError:
-        raise ArgumentError("the start posture", text, "give numbers with blanks between them, in rad and m") from None
-
-
-def _text(path: FilePath, advice: Advice, robot: str, base: str | None, poses: str | None, radius: float) -> str:
+def _text(path: FilePath, advice: Advice, asked: Question, radius: float) -> str:
     law, task = advice.best, advice.task
     inward = -radius if task.pose(law.q0)[0, 3] > 0 else radius
-    name = robot if not FilePath(robot).suffix else robot_name(robot, path)
-    chosen = (
-        {"name": name} | ({"tip": advice.chain.tip} if advice.chain.base else {}) | ({"base": base} if base else {})
-    )
+    chosen = dict(asked.keys["robot"])
+    chosen["name"] = robot_name(chosen["name"], path) if FilePath(chosen["name"]).suffix else chosen["name"]
+    checks = asked.keys.get("checks")
     parts = [
         f"title = {toml(f'{task.robot.name}: {law.name}'[:LONGEST_TITLE])}\nabout = {toml(' '.join(advice.reasons))}",
         table("robot", chosen),
@@ -114,7 +100,8 @@ def _text(path: FilePath, advice: Advice, robot: str, base: str | None, poses: s
             "kind": "circle", "center": [inward, 0.0, 0.0], "relative": True, "speed": 0.1, "samples": SAMPLES,
             "cycles": CYCLES,
         }),
-        *([table("workspace", keys)] if (keys := _workspace_keys(advice.workspace, poses, path)) else []),
+        *([table("checks", checks)] if checks else []),
+        *([table("workspace", keys)] if (keys := _workspace_keys(advice.workspace, asked.poses, path)) else []),
         table("strategies.advised", dict(law.keys)),
         table("strategies.moore-penrose", {"kind": "moore-penrose"}),
         table("expect.advised", {"holonomic": True, "drift_total": {"below": 1e-6}}),
@@ -123,9 +110,10 @@ def _text(path: FilePath, advice: Advice, robot: str, base: str | None, poses: s
 
 
 def _task_keys(task: Task) -> dict[str, Any]:
-    """[task] of a task that `fitting_task`, `pose` or `position` made."""
+    """[task] of a task that `task_of_kind` made."""
     if task.orientation is not None:
-        return {"kind": "pose", "orientation": task.orientation}
+        axis = {"axis": task.axis.tolist()} if isinstance(task, FrameTask) and task.orientation == "axis" else {}
+        return {"kind": "pose", "orientation": task.orientation} | axis
     whole = tuple(range(2 if task.robot.planar else 3))
     return {"kind": "position"} | ({} if task.rows == whole else {"rows": list(task.rows)})
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ..checking import CheckReport, check
+from ..checking import CheckReport, Clear, check, clear_postures
 from ..motion import TimedTrajectory
 from ..motion.trajectory import Trajectory
 from ..robot import Box, Capsule, Cylinder, LinkShape, Robot, Shape, obstacle, with_capsules, with_shape
@@ -64,12 +64,23 @@ class ChecksTable(Table):
 
     def checked(self, motion: Trajectory | TimedTrajectory, robot: Robot, task: Task) -> CheckReport:
         """What is found of a motion. Raises: as `check` and `with_capsules`."""
-        shaped = robot if self.radius is None else with_capsules(robot, self.radius)
-        for table in self.obstacles:
-            shaped = shaped if table.on is None else table.carried(shaped)
+        shaped = self._shaped(robot)
         own = self.model_dump(exclude={"radius", "ignore", "obstacles"})
         ignore = [(a, b) for a, b in self.ignore]
         return check(motion, shaped, task=task, obstacles=self.standing(), ignore=ignore, **own)
+
+    def clear(self, robot: Robot) -> Clear:
+        """Which postures keep clear of all this. Raises: as `clear_postures` and `with_capsules`."""
+        own = self.model_dump(include={"floor", "clearance", "self_collision"})
+        ignore = [(a, b) for a, b in self.ignore]
+        return clear_postures(self._shaped(robot), obstacles=self.standing(), ignore=ignore, **own)
+
+    def _shaped(self, robot: Robot) -> Robot:
+        """The robot with its capsules, and with what it carries."""
+        shaped = robot if self.radius is None else with_capsules(robot, self.radius)
+        for table in self.obstacles:
+            shaped = shaped if table.on is None else table.carried(shaped)
+        return shaped
 
     def standing(self) -> tuple[LinkShape, ...]:
         """The obstacles that stand still."""

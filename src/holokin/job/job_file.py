@@ -72,6 +72,11 @@ def read_job(path: Path) -> Job:
     return _JOB.read(path)
 
 
+def job_of(path: Path, table: dict[str, Any]) -> Job:
+    """The job of a file's content, or of what was made of it. Raises: JobError."""
+    return _JOB.checked(path, table)
+
+
 def read_workspace_table(path: Path) -> WorkspaceTable:
     """The [workspace] of a TOML file, whatever else stands there. Raises: JobError."""
     table = _table(path, "check the path")

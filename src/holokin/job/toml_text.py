@@ -25,18 +25,19 @@ def toml(value: Any) -> str:
     if isinstance(value, float | np.floating):
         return repr(float(value))
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(key)} = {toml(one)}" for key, one in value.items()) + " }"
+        return "{ " + ", ".join(f"{toml_key(key)} = {toml(one)}" for key, one in value.items()) + " }"
     values: Sequence[Any] = value
     return "[" + ", ".join(map(toml, values)) + "]"
 
 
-def _key(key: str) -> str:
+def toml_key(key: str) -> str:
+    """A key as TOML writes it: in quotes where it is no plain word."""
     return key if key.replace("-", "").replace("_", "").isalnum() and key.isascii() else toml(key)
 
 
 def table(name: str, keys: Mapping[str, Any]) -> str:
     """A table of a job file, a key on each line."""
-    return "\n".join([f"[{name}]", *(f"{_key(key)} = {toml(value)}" for key, value in keys.items())]) + "\n"
+    return "\n".join([f"[{name}]", *(f"{toml_key(key)} = {toml(value)}" for key, value in keys.items())]) + "\n"
 
 
 def robot_name(robot: str, path: FilePath) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from textwrap import fill
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from ..base.types import Vector
 from ..designing import Advice, Law
 from ..errors import brief
+from ..robot import LinkShape
 from .coverage_plots import CAUSES, coverage_cloud
 from .job_table import Column
 from .palette import GOOD, GREY, HOLONOMIC, INK, WARNING
@@ -42,6 +44,13 @@ def print_advice(advice: Advice, console: Any) -> None:
     console.print(table)
     if advice.proposed:
         console.print(f"  Not given, so chosen here: {_chosen(advice)}.", style=WARNING, markup=False, highlight=False)
+    if advice.offers:
+        taken = "position" if advice.task.orientation is None else "axis"
+        console.print(f"  The task is '{taken}': {advice.offers}.", style=WARNING, markup=False, highlight=False)
+    for law in advice.laws:
+        if law.same:
+            said = f"{law.name} stands for {', '.join(law.same)}, too: the same joint rates at every pose"
+            console.print(f"  {said}.", markup=False, highlight=False)
     for sentence in advice.reasons:
         console.print(f"  {sentence}", markup=False, highlight=False)
 
@@ -60,12 +69,15 @@ def cells(law: Law) -> list[str]:
 
 def _chosen(advice: Advice) -> str:
     """What was not given, with what it is."""
-    known = {"tip": f"the tip ({advice.chain.tip})", "task": f"the task ({advice.task.name})"}
+    known = {"tip": f"the tip ({advice.chain.tip})", "task": f"the task ({advice.work})"}
+    known["q0"] = "the start posture"
     return ", ".join(known.get(word, f"the {word}") for word in advice.proposed)
 
 
-def advice_figure(advice: Advice) -> Any:
-    """The laws as bars of coverage and of joint speed, and the robot with what the best of them reaches."""
+def advice_figure(advice: Advice, obstacles: Sequence[LinkShape] = ()) -> Any:
+    """The laws as bars of coverage and of joint speed, and the robot with what the best of them reaches, among what
+    stands still round it.
+    """
     from matplotlib.figure import Figure
 
     laws, every = advice.laws[:MOST_LAWS], len(advice.laws)
@@ -74,11 +86,11 @@ def advice_figure(advice: Advice) -> Any:
     _speed_bars(figure.add_axes((0.38, 0.11, 0.165, 0.7)), laws)
     shown = f"the {len(laws)} best of {every} laws" if every > len(laws) else f"{every} laws"
     bars.set_title(f"{shown}, the best first", loc="left", fontsize=10, color=INK)
-    _reached_scene(figure.add_axes((0.63, 0.11, 0.33, 0.72) if advice.task.robot.planar else PLACE), advice)
+    _reached_scene(figure.add_axes((0.63, 0.11, 0.33, 0.72) if advice.task.robot.planar else PLACE), advice, obstacles)
     _legend(figure, advice)
     head = f"{on_figure(advice.task.robot.name)}: {on_figure(advice.best.name, 90)}"
     figure.suptitle(head, fontsize=12, fontweight="bold", x=0.015, y=0.975, ha="left")
-    figure.text(0.015, 0.905, on_figure(str(advice.workspace), 150), fontsize=9, color="#4b5563")
+    figure.text(0.015, 0.905, on_figure(f"{advice.work}; {advice.workspace}", 170), fontsize=9, color="#4b5563")
     return figure
 
 
@@ -153,11 +165,11 @@ def _colors(laws: tuple[Law, ...]) -> list[str]:
     return [HOLONOMIC if i == 0 else GREY for i in range(len(laws))]
 
 
-def _reached_scene(axes: Any, advice: Advice) -> Any:
+def _reached_scene(axes: Any, advice: Advice, obstacles: Sequence[LinkShape]) -> Any:
     """The robot at the start posture in the poses of the workspace: those reached, the others by their cause."""
     robot, found = advice.task.robot, advice.coverage
     points = found.poses[:, :3, 3]
-    stage = stage_of(robot, advice.q0[None], extra=points, ratio=(0.5, 0.8))
+    stage = stage_of(robot, advice.q0[None], extra=points, obstacles=obstacles, ratio=(0.5, 0.8))
     title = f"start posture, and {len(found)} poses of the workspace"
     draw_panel(axes, stage, [Actor(advice.q0, INK)], title=title)
     coverage_cloud(axes, found, seen=stage.scene.view.seen(points))

@@ -9,11 +9,12 @@ import numpy as np
 
 from ..base.types import Matrix
 from ..designing import Coverage, PoseStatus, Slice
-from .palette import BLACK, INK, ORANGE, PURPLE, VERMILLION, YELLOW
+from .palette import BLACK, INK, ORANGE, PURPLE, SKY, VERMILLION, YELLOW
 from .words import on_figure
 
 CAUSES = {
     PoseStatus.LIMIT: (ORANGE, "joint limit"),
+    PoseStatus.BLOCKED: (SKY, "too near to something"),
     PoseStatus.ALGORITHMIC: (VERMILLION, "leaf ends: law singular"),
     PoseStatus.KINEMATIC: (PURPLE, "leaf ends: arm singular"),
     PoseStatus.REPRESENTATION: (YELLOW, "leaf ends: representation"),

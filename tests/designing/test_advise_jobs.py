@@ -1,0 +1,297 @@
+"""Advice for a job, or for what is typed beside a robot: its tool, task, path, obstacles, limits; laws that are one."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import Command, assert_refused
+from holokin.checking import clear_postures
+from holokin.designing.candidates import candidates
+from holokin.designing.coordinates import chart_of
+from holokin.designing.same_laws import distinct
+from holokin.designing.starts import kinds_that_fit, postures_at, task_of_kind
+from holokin.designing.trials import Poses, Trial, tried
+from holokin.errors import ArgumentError, UnknownNameError
+from holokin.job import open_job, run_job
+from holokin.job.advice_over_job import write_over
+from holokin.job.advice_question import Typed, question
+from holokin.robot import Capsule
+
+TORCH = """
+title = "A bead"
+[robot]
+name = "ur5e"
+tool = { xyz = [0.08, 0, 0.25], rpy_deg = [0, 35, 0] }
+upper = { wrist_3_joint = 3.0 }
+[task]
+kind = "pose"
+orientation = "axis"
+[start]
+q = [10, -100, 110, -95, -80, 20]
+degrees = true
+[path]
+kind = "polyline"
+points = [[0, 0, 0], [0.1, 0, 0], [0.1, 0.15, 0], [0, 0.15, 0]]
+relative = true
+closed = true
+samples = 50
+[checks]
+obstacles = [{ name = "post", kind = "sphere", radius = 0.1, xyz = [-0.25, -0.1, 0.15] }]
+[strategies.mine]
+kind = "lock"
+joints = ["wrist_3_joint"]
+"""
+
+PLANAR = """
+title = "Round a square"
+about = "The tool goes round; a post stands aside."
+[robot]
+name = "planar-3r"
+[start]
+q = [0.3, 0.8, 0.5]
+[path]
+kind = "polyline"
+points = [[0, 0], [-0.2, 0], [-0.2, 0.2], [0, 0.2]]
+relative = true
+closed = true
+samples = 40
+[checks]
+self_collision = false
+radius = 0.05
+obstacles = [{ name = "post", kind = "sphere", radius = 0.1, xyz = [2.0, 2.0, 0] }]
+[strategies.mine]
+kind = "lock"
+joints = [2]
+[expect.mine]
+holonomic = true
+"""
+UR5E = np.deg2rad([10.0, -100.0, 110.0, -95.0, -80.0, 20.0])
+
+
+@pytest.fixture
+def torch(tmp_path: Path) -> str:
+    file = tmp_path / "torch.toml"
+    file.write_text(TORCH)
+    return str(file)
+
+
+def test_a_job_is_heard_with_its_torch_its_task_its_path_its_limits_and_its_degrees(torch: str) -> None:
+    """Referee: the robot put together by hand, and the corners of the path about its tool."""
+    asked = question(torch, Typed())
+    arm = hk.with_tool(hk.load("ur5e"), xyz=[0.08, 0, 0.25], rpy=[0, np.deg2rad(35), 0])
+    assert asked.task.orientation == "axis" and asked.task.m == 5
+    assert asked.q0 is not None and asked.workspace is not None
+    assert np.abs(asked.q0 - UR5E).max() < 1e-15
+    assert np.abs(asked.task.robot.pose(asked.q0) - arm.pose(UR5E)).max() < 1e-12
+    assert asked.task.robot.upper[5] == 3.0 and asked.task.robot.lower[5] == arm.lower[5]
+    T = asked.workspace.poses(256)
+    tool = arm.pose(UR5E)
+    assert np.abs(T[:, :3, :3] - tool[:3, :3]).max() < 1e-12
+    away = T[:, :3, 3] - tool[:3, 3]
+    assert np.allclose([away.min(axis=0), away.max(axis=0)], [[0, 0, 0], [0.1, 0.15, 0]], atol=2e-3)
+    on_edge = np.abs(away[:, :2, None] - [[0, 0.1], [0, 0.15]]).min(axis=(1, 2))
+    assert on_edge.max() < 1e-12
+    assert not asked.chosen
+    assert [one.link for one in asked.obstacles] == ["post"]
+    assert not asked.clear(asked.q0[None])[0]  # the post stands where the torch is
+
+
+def test_what_is_typed_is_what_a_job_says(torch: str) -> None:
+    words = Typed(
+        task="axis", tool="0.08 0 0.25 rpy 0 35 0", q0="10 -100 110 -95 -80 20", degrees=True,
+        limits=("wrist_3_joint -360 171.88733853924697",), obstacles=("post sphere -0.25 -0.1 0.15 0.1",),
+    )  # fmt: skip
+    asked, meant = question("ur5e", words), question(torch, Typed())
+    assert asked.q0 is not None and meant.q0 is not None
+    assert np.abs(asked.q0 - meant.q0).max() < 1e-12
+    assert np.abs(asked.task.robot.pose(asked.q0) - meant.task.robot.pose(meant.q0)).max() < 1e-12
+    assert asked.task.robot.upper[5] == pytest.approx(3.0, abs=1e-12)
+    assert not asked.clear(asked.q0[None])[0]
+    assert asked.chosen == ("workspace",)
+    over = question(torch, Typed(tool="0 0 0.1", task="position", workspace="sphere 0.4 0 0.2 0.1"))
+    arm = hk.with_tool(hk.load("ur5e"), xyz=[0, 0, 0.1])
+    assert over.task.orientation is None and str(over.workspace).startswith("sphere")
+    assert np.abs(over.task.robot.pose(UR5E) - arm.pose(UR5E)).max() < 1e-12
+    mounted = question("ur5e", Typed(base_pose="0 0 1 rpy 180 0 0"))
+    assert np.allclose(mounted.task.robot.pose(UR5E)[2, 3], 1 - hk.load("ur5e").pose(UR5E)[2, 3], atol=1e-12)
+
+
+def test_the_free_axis_is_the_one_that_is_named() -> None:
+    """A turn about it is a self-motion: the tool's point stays, and so does the direction."""
+    asked = question("ur5e", Typed(axis="0 1 1"))
+    J, robot = asked.task.jacobian(UR5E), asked.task.robot
+    R = robot.pose(UR5E)[:3, :3]
+    spin = np.concatenate([np.zeros(3), R @ np.array([0, 1, 1]) / np.sqrt(2)])
+    dq = np.linalg.solve(robot.jacobian(UR5E), spin)
+    assert np.abs(J @ dq).max() < 1e-12
+    assert np.linalg.matrix_rank(J) == 5
+
+
+def test_a_six_axis_arm_is_offered_axis_and_position_and_refused_the_whole_pose() -> None:
+    six, seven = hk.load("ur5e"), hk.load("panda")
+    assert kinds_that_fit(six) == ("axis", "position")
+    assert kinds_that_fit(seven) == ("pose", "axis", "position")
+    assert task_of_kind(six, None, "axis").m == 5
+    with pytest.raises(ArgumentError, match="take the task 'axis' if the tool may spin"):
+        task_of_kind(six, None, "pose")
+
+
+def test_a_job_whose_pose_leaves_no_joint_free_is_refused_with_the_two_tasks_that_do(tmp_path: Path) -> None:
+    file = tmp_path / "rigid.toml"
+    file.write_text(TORCH.replace('orientation = "axis"', 'orientation = "twist"'))
+    with pytest.raises(ArgumentError, match="--task axis if the tool may spin about its axis, or --task position"):
+        question(str(file), Typed())
+    assert question(str(file), Typed(task="axis")).task.m == 5
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (Typed(tool="1 2"), '"X Y Z" in metres'), (Typed(tool="0 0 0.1 rpy 1"), "rpy R P Y"),
+        (Typed(tool="0 0 nan"), '"X Y Z" in metres'), (Typed(base_pose="a b c"), "--base-pose"),
+        (Typed(limits=("wrist_3_joint 1",)), "JOINT LOWER UPPER"), (Typed(axis="w"), "write x, y or z"),
+        (Typed(obstacles=("post cone 0 0 0 1",)), "NAME box X Y Z SX SY SZ"),
+        (Typed(obstacles=("post sphere 0 0 0",)), "NAME sphere X Y Z RADIUS"),
+        (Typed(task="position", axis="x"), "only the task axis has one"), (Typed(q0="1 2"), "6"),
+    ],
+)  # fmt: skip
+def test_words_that_make_no_sense_are_refused_with_what_to_write(words: Typed, said: str) -> None:
+    with pytest.raises(hk.HolokinError, match=said):
+        question("ur5e", words)
+    with pytest.raises(UnknownNameError, match="wrist_3_joint"):
+        question("ur5e", Typed(limits=("wrist_33 -1 1",)))
+
+
+def _trials(robot: hk.Robot, names: set[str]) -> list[Trial]:
+    task = hk.pose(robot, "axis")
+    space = hk.workspace(box=([0.45, 0.1, 0.1], [0.1, 0.1, 0.05]), tilt=0.2)
+    starts = postures_at(task, space.center)[:1]
+    twists = np.tile(np.eye(5), (16, 1, 1))
+    poses = Poses(space.poses(16), twists, np.ones(6))
+    laws = [law for law in candidates(task, starts) if law.name in names]
+    return [trial for law in laws for trial in tried(law, starts, poses)]
+
+
+def test_laws_with_the_same_joint_rates_everywhere_are_one_and_others_are_not() -> None:
+    """A straight torch on the axis of the last joint: only this joint moves where the tool stands still, so a law that
+    fixes it at all is "lock wrist_3_joint". With a bent torch the same two laws differ.
+    """
+    names = {"lock wrist_3_joint", "stationary centring", "wrist_1_joint - wrist_3_joint"}
+    straight = _trials(hk.with_tool(hk.load("ur5e"), xyz=[0, 0, 0.2]), names)
+    found = distinct(straight)
+    assert [trial.candidate.name for trial in straight] == [
+        "lock wrist_3_joint", "wrist_1_joint - wrist_3_joint", "stationary centring"
+    ]  # fmt: skip
+    assert {trial.candidate.name: trial.same for trial in found} == {
+        "lock wrist_3_joint": ("stationary centring",), "wrist_1_joint - wrist_3_joint": (),
+    }  # fmt: skip
+    bent = _trials(hk.with_tool(hk.load("ur5e"), xyz=[0.08, 0, 0.25], rpy=[0, 0.6, 0]), names)
+    assert len(distinct(bent)) == len(bent) >= 2
+
+
+def test_the_direction_of_a_designed_law_counts_from_the_middle_of_the_workspace() -> None:
+    """In a job the reference of the axis is the tool at the start, in Python straight down: the law must not change."""
+    robot = hk.load("ur5e")
+    at = robot.pose(UR5E)[:3, :3]
+    here, down = hk.pose(robot, "axis", reference=at), hk.pose(robot, "axis")
+    q = UR5E[None] + 0.05
+    assert np.abs(here.value_batch(q) - down.value_batch(q)).max() > 0.1
+    assert np.abs(chart_of(here, at).value_batch(q) - chart_of(down, at).value_batch(q)).max() < 1e-12
+
+
+def test_clear_postures_are_those_whose_links_keep_the_distance() -> None:
+    """Referee: the distance of a point from three segments of a planar arm, less both radii."""
+    arm = hk.with_capsules(hk.load("planar-3r"), 0.05)
+    post = hk.obstacle("post", Capsule(0.1, 0.0), [1.2, 0.9, 0.0])
+    clear = clear_postures(arm, obstacles=[post], clearance=0.02, self_collision=False)
+    Q = np.random.default_rng(2).uniform(-2.0, 2.0, (300, 3))
+    wanted = []
+    for q in Q:
+        turns = np.cumsum(q)
+        links = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+        at = np.vstack([np.zeros(2), np.cumsum(links, axis=0)])
+        spans = arm.pose(np.zeros(3))[0, 3] / 3
+        gaps = []
+        for a, u in zip(spans * at[:3], spans * links, strict=True):
+            s = np.clip((np.array([1.2, 0.9]) - a) @ u / (u @ u), 0, 1)
+            gaps.append(np.linalg.norm(a + s * u - [1.2, 0.9]) - 0.15)
+        wanted.append(min(gaps[:]) >= 0.02)
+    assert 20 < np.sum(wanted) < 290
+    assert clear(Q).tolist() == wanted
+
+
+def _written(holokin: Command, out: Path) -> None:
+    """The path, the obstacles and the user's own strategy stay; the law runs, and begins with the tool where it was."""
+    before, after = tomllib.loads(PLANAR), tomllib.loads(out.read_text())
+    for key in ("title", "about", "robot", "path", "checks"):
+        assert after[key] == before[key], key
+    assert after["strategies"]["mine"] == before["strategies"]["mine"]
+    assert after["expect"] == {"advised": {"holonomic": True}, "mine": {"holonomic": True}}
+    arm = hk.load("planar-3r")
+    assert np.abs((arm.pose(after["start"]["q"]) - arm.pose(before["start"]["q"]))[:2, 3]).max() < 1e-9
+    name, job, path = open_job(str(out))
+    result = run_job(name, job.model_copy(update={"verdict": job.verdict.model_copy(update={"samples": 4})}), path)
+    assert result.passed
+    assert [s.name for s in result.strategies] == ["advised", "mine"]
+
+
+def test_a_job_is_written_again_with_the_law_on_its_leaf(holokin: Command, tmp_path: Path) -> None:
+    """Made-up advice: joint 1 locked, on a leaf through another posture at another tool pose."""
+    task, q0 = hk.position(hk.load("planar-3r")), np.array([0.5, 0.6, 0.4])
+    law = SimpleNamespace(q0=q0, keys={"kind": "lock", "joints": ["q1"]}, strategy=hk.holonomic(task, hk.lock(0)))
+    file, out = tmp_path / "square.toml", tmp_path / "advised.toml"
+    advice: Any = SimpleNamespace(best=law, task=task)
+    said = write_over(out, advice, tomllib.loads(PLANAR), file)
+    assert said == "the job begins on the leaf of the law, its tool where it was"
+    assert tomllib.loads(out.read_text())["start"]["q"][0] == pytest.approx(0.5, abs=1e-12)
+    _written(holokin, out)
+    near = PLANAR.replace("xyz = [2.0, 2.0, 0]", "xyz = [0.4, 0.2, 0]")
+    said = write_over(tmp_path / "near.toml", advice, tomllib.loads(near), file)
+    assert "does not do all that is asked: " in said and "post" in said
+
+
+@pytest.mark.campaign
+def test_the_command_takes_a_job_and_writes_it_again_with_the_law(holokin: Command, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    file, out = tmp_path / "mine" / "square.toml", tmp_path / "advised.toml"
+    file.write_text(PLANAR)
+    outcome = holokin("advise", file, "--out", out)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "256 poses of the path of square.toml" in " ".join(outcome.out.split())
+    assert "Not given" not in outcome.out
+    _written(holokin, out)
+    assert out.with_suffix(".png").stat().st_size > 20_000
+
+
+def test_the_command_refuses_what_does_not_go_together(holokin: Command, tmp_path: Path) -> None:
+    file = tmp_path / "square.toml"
+    file.write_text(PLANAR)
+    out = ("--out", tmp_path / "x.toml")
+    assert_refused(holokin("advise", file, "--task", "pose", *out), "redundant")
+    assert_refused(holokin("advise", file, "--position", "--axis", "z", *out), "only the task axis has one")
+    assert_refused(holokin("advise", file, "--position", "--task", "axis", *out), "give one of them")
+
+
+def test_a_pose_at_which_a_link_is_too_near_is_not_served() -> None:
+    """The least that can fail: a post on the way of the arm. The coverage names it, and its share falls."""
+    arm = hk.with_capsules(hk.load("planar-3r"), 0.05)
+    space = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
+    law = hk.holonomic(hk.position(arm), hk.lock(2))
+    whole = hk.coverage(law, space, [0.3, 0.8, 0.5], samples=64)
+    turn = float(np.median(whole.q[whole.reached][:, 0]))
+    post = hk.obstacle("post", Capsule(0.1, 0.0), [0.6 * np.cos(turn), 0.6 * np.sin(turn), 0.0])
+    clear = clear_postures(arm, obstacles=[post], self_collision=False)
+    less = whole.blocked(clear)
+    lost = whole.reached & ~less.reached
+    assert less.share < whole.share
+    assert lost[whole.reached].tolist() == (~clear(whole.q[whole.reached])).tolist()
+    assert less.causes()[1][0].startswith("a link is too near") or less.causes()[0][0].startswith("a link is too near")
+    assert replace(less, status=whole.status).share == whole.share
