@@ -32,6 +32,10 @@ STILL = 1e-3
 ARRIVED, STEPS = 1e-9, 8
 """Error [m, rad] at which a controller's inverse has arrived at a pose, and the steps of Newton's method to it."""
 
+LENGTH, REGULAR = 0.3, 0.01
+"""Metres that count as much as a radian, and the least rcond of an arm on linear moves: controllers slow down or stop
+near singular postures."""
+
 
 @dataclass(frozen=True, eq=False)
 class ToolTolerance(Value):
@@ -194,7 +198,8 @@ class ToolMotion(Value):
     def joint_deviation(self, kind: Kind, a: int, b: int, rows: Indices) -> float:
         """How far the joints that the controller's inverse gives on a linear or circular move are from ours.
 
-        They begin at ours and go on without a jump. Infinite where Newton's method does not arrive.
+        Infinite where Newton's method does not arrive, and where a posture on the way is singular, or nearly so: there
+        another posture at the same pose is near, and nobody knows which of them the controller takes.
         """
         if kind == "joint":
             return 0.0
@@ -204,9 +209,9 @@ class ToolMotion(Value):
         q[:, self.own] = self.q[rows][:, self.own]
         for _ in range(STEPS):
             error = self.task.error(q, p, R)
-            if np.abs(error).max() <= ARRIVED:
-                return float(np.abs(q - self.q[rows]).max())
             J = self.task.jacobian_batch(q)[0][:, :, self.own]
+            if np.abs(error).max() <= ARRIVED:
+                return float(np.abs(q - self.q[rows]).max()) if _regular(J) else float("inf")
             try:
                 q[:, self.own] += np.linalg.solve(J, error[..., None])[..., 0]
             except np.linalg.LinAlgError:
@@ -245,6 +250,14 @@ class ToolMotion(Value):
         """The sample half way along the path between two."""
         along = self.way if self.way[b] - self.way[a] > ARRIVED else self.t
         return int(np.clip(np.searchsorted(along[a:b], (along[a] + along[b]) / 2) + a, a, b))
+
+
+def _regular(J: Array) -> bool:
+    """Whether square Jacobians (k, n, n) are all of one sign, and none is nearly singular."""
+    scaled = J / np.array([LENGTH] * 3 + [1.0] * 3)[:, None]
+    sigma = np.linalg.svd(scaled, compute_uv=False)
+    signs = np.sign(np.linalg.det(scaled))
+    return bool((sigma[:, -1] > REGULAR * sigma[:, 0]).all() and (signs == signs[0]).all())
 
 
 def _circle(start: Vector, via: Vector, end: Vector) -> tuple[Vector, Vector, float] | None:

@@ -66,6 +66,7 @@ class Targets(Value):
         moves: how the controller goes to each but the first (k - 1).
         via: the axes on the way of circular moves, by their place in `moves`.
         tool: how far the tool is off; None where nobody asked.
+        asked: whether linear moves were asked for.
         on, off: the targets at which the process begins and ends.
     """
 
@@ -79,6 +80,7 @@ class Targets(Value):
     moves: tuple[Move, ...]
     via: Mapping[int, Vector]
     tool: Deviation | None
+    asked: bool
     on: int
     off: int
 
@@ -136,6 +138,7 @@ def targets(
     return Targets(
         timed.t[picked], q[picked], tuple(picked.tolist()), lengths, tuple(stops.tolist()),
         dialect.own or timed.q.shape[1], deviation(timed.q, picked), tuple(moves), via, tool,
+        isinstance(tolerance, ToolTolerance) and tolerance.linear,
         int(np.searchsorted(picked, on)), int(np.searchsorted(picked, off)),
     )  # fmt: skip
 

@@ -81,8 +81,8 @@ def header(
     elif found is not None:
         lines.append(f"{len(found.t)} joint targets; even motion between them is within {found.deviation:.2g} rad or m")
         lines.append("of the timed motion")
-    if found is not None and found.tool is not None and found.linear:
-        lines.append(_reason(found))
+    if found is not None and found.asked:
+        lines += _reason(found, timed)
     if timed.loop is not None:
         a, b = (timed.t[i] for i in timed.loop)
         lines.append(f"three cycles; the one from {a:.3f} s to {b:.3f} s may be repeated")
@@ -97,13 +97,16 @@ def _counted(found: Targets) -> str:
     return ", ".join(f"{kinds.count(kind)} {kind} moves" for kind in KINDS if kind in kinds)
 
 
-def _reason(found: Targets) -> str:
+def _reason(found: Targets, timed: TimedTrajectory) -> list[str]:
     """Why there are joint moves beside linear and circular ones."""
-    joint = [i + 2 for i, move in enumerate(found.moves) if move.kind == "joint"]
+    ends = dict(enumerate(found.samples[1:], 2))
+    joint = [i for i, move in enumerate(found.moves, 2) if move.kind == "joint" and ends[i] > timed.begin]
+    said = ["joint moves on the way to the path"] if timed.begin else []
     if not joint:
-        return "no joint moves but the first: the controller's own inverse gives our joints on all others"
+        return [*said, "no other joint moves: the controller's own inverse gives our joints on the path"]
     shown = ", ".join(map(str, joint[:6])) + (", ..." if len(joint) > 6 else "")
-    return f"joint moves to targets {shown}: there no linear or circular move keeps the tolerances"
+    why = "there no linear or circular move keeps the tolerances, or the arm is nearly singular"
+    return [*said, f"joint moves to targets {shown}: {why}"]
 
 
 def program_name(given: str | None, about: str, longest: int, language: str) -> str:

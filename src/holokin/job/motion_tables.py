@@ -69,6 +69,7 @@ class ProgramTable(Table):
     external: Annotated[list[str | Length], Few] = Field(default=[])
     signs: dict[str, Literal[1, -1]] = Field(default={})
     offsets: dict[str, Length] = Field(default={})
+    offsets_deg: dict[str, Length] = Field(default={})
     coupled: bool = False
     tolerance: Positive | None = None
     tool_tolerance: ToolToleranceTable | None = None
@@ -94,7 +95,8 @@ class ProgramTable(Table):
     def wiring(self) -> Wiring:
         """The axes as a value."""
         axes = None if self.axes is None else tuple(self.axes)
-        return Wiring(axes, tuple(self.external), dict(self.signs), dict(self.offsets))
+        turned = {joint: float(np.deg2rad(value)) for joint, value in self.offsets_deg.items()}
+        return Wiring(axes, tuple(self.external), dict(self.signs), dict(self.offsets) | turned)
 
     @property
     def named(self) -> tuple[str, ...]:
