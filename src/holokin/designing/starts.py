@@ -8,6 +8,7 @@ from ..base.types import Flags, Matrix, Vector
 from ..errors import ArgumentError
 from ..inverse_kinematics.reach import nearest_postures
 from ..robot import Robot
+from ..strategies.self_motions import least_motion
 from ..tasks.frame_tasks import pose, position
 from ..tasks.task import Task
 
@@ -92,7 +93,7 @@ def _centred(task: Task, Q: Matrix, p: Vector, R: Matrix) -> Matrix:
         J = task.jacobian_batch(Q)[0]
         off = STEP * (middle - Q)
         e = task.error(Q, p, R) - np.einsum("kmn,kn->km", J, off)
-        Q = Q + off + np.einsum("knm,km->kn", np.linalg.pinv(J), e)
+        Q = Q + off + least_motion(J, e[:, :, None])[:, :, 0]
         if k + 1 in CENTRED:
             sound = np.abs(task.error(Q, p, R)).max(axis=1, initial=0.0) < EXACT
             found.append(Q[sound])
