@@ -165,7 +165,9 @@ def candidates(strategy: HolonomicStrategy, level: Vector, found: CuspPoints, li
     apart = np.abs(other - first[which]).max(axis=1) > APART
     which, other = which[arrived & apart], other[arrived & apart]
     same = sides(strategy, first[which])[0] * sides(strategy, other)[0] > 0
-    same &= _within(strategy, first[which], limits) & _within(strategy, other, limits)
+    if limits:
+        robot = strategy.task.robot
+        same &= robot.within(first[which]) & robot.within(other)
     which, other = which[same], other[same]
     b = np.repeat(ROUNDS, len(which))
     each = np.tile(np.arange(len(which)), len(ROUNDS))
@@ -185,20 +187,14 @@ def _seen(strategy: HolonomicStrategy, level: Vector, motions: Motions, limits: 
     side, rcond = sides(strategy, flat)
     side = side.reshape(k, -1)
     ok = good.reshape(k, -1).all(axis=1) & (side == side[:, :1]).all(axis=1) & (side[:, 0] != 0)
-    ok &= _within(strategy, flat, limits).reshape(k, -1).all(axis=1)
+    if limits:
+        ok &= strategy.task.robot.within(flat).reshape(k, -1).all(axis=1)
     p, R = strategy.task.poses(flat)
     p, R = p.reshape(k, -1, 3), R.reshape(k, -1, 3, 3)
     length = np.linalg.norm(np.diff(p, axis=1), axis=2).sum(axis=1)
     turn, least = _turned(R) if strategy.task.rotations else np.zeros(k), rcond.reshape(k, -1).min(axis=1)
     ok &= least > LEAST
     return motions.at(ok), np.column_stack([length, turn, least])[ok]
-
-
-def _within(strategy: HolonomicStrategy, q: Matrix, limits: bool) -> Flags:
-    robot = strategy.task.robot
-    if not limits:
-        return np.ones(len(q), dtype=bool)
-    return np.all((q >= robot.lower) & (q <= robot.upper), axis=1)
 
 
 @typed

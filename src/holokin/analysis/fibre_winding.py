@@ -18,7 +18,7 @@ from ..inverse_kinematics.newton import newton
 from ..inverse_kinematics.posture_search import to_poses
 from ..path.straight_path import straight
 from ..strategies import SelfMotions
-from ..symbolic import wrapped
+from ..strategies.self_motions import joint_gap
 from ..tasks.task import Task
 
 QUARTER = 0.25
@@ -100,7 +100,7 @@ def self_motions(task: Task, Q: Matrix) -> list[Matrix | None]:
 def _share(task: Task, fibre: Matrix, q: Vector) -> float | None:
     """At which share of its length, from 0 to 1, a self-motion comes by a posture; None where it does not."""
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fibre, axis=0), axis=1))])
-    gap = np.where(task.robot.hinges, wrapped(q - fibre), q - fibre)
+    gap = joint_gap(task.robot, q, fibre)
     i = min(int(np.argmin(np.linalg.norm(gap, axis=1))), len(fibre) - 2)
     step = fibre[i + 1] - fibre[i]
     along = float(gap[i] @ step / (step @ step))

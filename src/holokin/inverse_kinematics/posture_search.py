@@ -13,8 +13,7 @@ from ..errors import ArgumentError, ShapeError
 from ..path.workspaces import sobol
 from ..robot import Robot
 from ..strategies import HolonomicStrategy
-from ..strategies.self_motions import least_motion
-from ..symbolic import wrapped
+from ..strategies.self_motions import joint_gap, least_motion
 from ..tasks.task import Task, of_one_tool
 from .leaf import check_levels, leaf_step
 from .newton import Correct, newton
@@ -188,8 +187,8 @@ def _distinct(robot: Robot, q: Matrix) -> list[Matrix]:
     """Postures (k, n), those that differ by whole turns of hinges together, as they were found."""
     classes: list[list[Vector]] = []
     for one in q:
-        gap = np.array([members[0] for members in classes]).reshape(-1, robot.n) - one
-        near = np.abs(np.where(robot.hinges, wrapped(gap), gap)).max(axis=1) < APART
+        known = np.array([members[0] for members in classes]).reshape(-1, robot.n)
+        near = np.abs(joint_gap(robot, known, one)).max(axis=1) < APART
         if near.any():
             classes[int(np.argmax(near))].append(one)
         else:

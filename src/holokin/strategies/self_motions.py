@@ -15,6 +15,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector
 from ..errors import ArgumentError, SingularityError, SingularityKind
+from ..robot import Robot
 from ..symbolic import wrapped
 from ..symbolic.null_space import null_vector
 from ..tasks.task import Task
@@ -186,7 +187,7 @@ class SelfMotions(Value):
             at, along, sound = self.step(at, along, i[on], np.full(len(on), step))
             ends[on[~sound]] = "singular"
             if limits:
-                beyond = sound & (robot.beyond(at) > 0).any(axis=1)
+                beyond = sound & ~robot.within(at)
                 ends[on[beyond]], sound = "limit", sound & ~beyond
             back = sound & (np.sum(along * first[on], axis=1) > SAME_WAY) & (k > 2)
             back &= away(self.task, at, Q[on]) < CLOSED * step
@@ -205,8 +206,13 @@ class SelfMotions(Value):
 
 def away(task: Task, q: Matrix, others: Matrix) -> Vector:
     """How far postures (..., n) are from others [joint units], full turns of hinges taken off."""
+    return np.linalg.norm(joint_gap(task.robot, q, others), axis=-1)
+
+
+def joint_gap(robot: Robot, q: Matrix, others: Matrix) -> Matrix:
+    """Postures less others (..., n), full turns of hinges taken off."""
     gap = q - others
-    return np.linalg.norm(np.where(task.robot.hinges, wrapped(gap), gap), axis=-1)
+    return np.where(robot.hinges, wrapped(gap), gap)
 
 
 def least_motion(J: Array, wanted: Array, weights: Array | float = 1.0) -> Array:

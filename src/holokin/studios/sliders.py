@@ -162,7 +162,7 @@ def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limit
             return gone, "singular"
         size = min(wide / max(float(np.abs(rate).max()), 1e-12), full - gone)
         new, ended = walk(at, straight_path(here, here, (c, c + sign * size * unit)))
-        beyond = ended is PathEnd.REACHED and limits and bool((robot.beyond(new) > 0).any())
+        beyond = ended is PathEnd.REACHED and limits and not robot.within(new)
         if ended is not PathEnd.REACHED or beyond:
             if wide < MOVE / 100:
                 return gone, "limit" if beyond else "singular"
