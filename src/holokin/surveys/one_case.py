@@ -27,7 +27,7 @@ from ..errors import (
     SingularityError,
 )
 from ..errors.motion_errors import KEPT
-from ..job import Job
+from ..job.path_tables import PathTable
 from ..job.robot_tables import RobotTable, robot_of_job
 from ..job.several_paths import build_paths
 from ..job.strategy_tables import StrategyTable
@@ -127,7 +127,7 @@ def start_of(case: Case, folder: FilePath) -> Vector:
     return np.round(lower + (upper - lower) * rng.uniform(margin, 1 - margin, arm.n), 4)
 
 
-def path_table(case: Case, folder: FilePath) -> dict[str, Any]:
+def _path_table(case: Case, folder: FilePath) -> dict[str, Any]:
     """The [path] table of its loop, drawn from what tells the loop, not from its place in the survey."""
     arm = _robot(json.dumps(case.robot, sort_keys=True), folder)
     told = json.dumps([case.robot, case.task, case.start, case.loop["table"]], sort_keys=True)
@@ -142,7 +142,7 @@ def _job(case: Case, strategies: dict[str, Any], folder: FilePath) -> dict[str, 
     return {
         "title": f"case {case.id}: {case.law} on {case.names['robot']}",
         "robot": robot_table(case.robot), "task": case.task, "start": {"q": start_of(case, folder).tolist()},
-        "path": path_table(case, folder), "strategies": strategies,
+        "path": _path_table(case, folder), "strategies": strategies,
     }  # fmt: skip
 
 
@@ -278,7 +278,7 @@ def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | Cont
 @when_replaced
 def forget_built() -> None:
     """Build anew what cases share: robots, tasks, laws and paths."""
-    for known in (_robot, _starts, _task, _job_path):
+    for known in (_robot, _starts, _task, _drawn_path):
         known.cache_clear()
     _laws.clear()
 
@@ -286,16 +286,15 @@ def forget_built() -> None:
 def _path(case: Case, task: Task, q0: Vector, folder: FilePath) -> Path:
     if case.loop["table"]["kind"] == "given":
         return given_path(case.loop["table"]["key"], task.pose(q0))
-    table = _job(case, {"any": {"kind": "moore-penrose"}}, folder) | {"title": "any"}
-    return _job_path(json.dumps([case.robot, case.task], sort_keys=True), json.dumps(table, sort_keys=True), folder)
+    table = json.dumps(_path_table(case, folder), sort_keys=True)
+    return _drawn_path(task, tuple(q0.tolist()), table, folder)
 
 
 @lru_cache(maxsize=4)
-def _job_path(told: str, table: str, folder: FilePath) -> Path:
-    """The path of a job, kept for all laws of a loop: the length of a spline takes longer than a law to go round it."""
-    job = Job.model_validate_json(table)
-    q0 = np.array(json.loads(table)["start"]["q"])
-    return build_paths(job, _task(told, folder), q0, folder / "survey.toml")[0]  # type: ignore[return-value]
+def _drawn_path(task: Task, start: tuple[float, ...], table: str, folder: FilePath) -> Path:
+    """A path, kept for all laws of a loop: the length of a spline takes longer than a law to go round it."""
+    path = PathTable.model_validate_json(table)
+    return build_paths(path, task, np.array(start), folder / "survey.toml")[0]  # type: ignore[return-value]
 
 
 def _run(
