@@ -34,6 +34,7 @@ from ..job.strategy_tables import StrategyTable
 from ..job.task_tables import TaskTable
 from ..motion import ControlLaw, follow, simulate
 from ..motion.follow_path import build_native
+from ..motion.least_speed import over_least_speed
 from ..motion.trajectory import Status, Trajectory
 from ..path import Path
 from ..robot import Robot, beside
@@ -341,22 +342,19 @@ def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[s
             "drift_total": float(np.abs(walk.drift_since_start()[-1]).max()),
         }  # fmt: skip
     once = walk.until(walk.marks[1] + 1) if walk.cycles else walk
-    q, dq = once.q, once.dq
+    q = once.q
     bounded = np.isfinite(robot.upper - robot.lower)
     if bounded.any():
         room = np.minimum(walk.q - robot.lower, robot.upper - walk.q)[:, bounded]
         found["margin"] = float((room / (robot.upper - robot.lower)[bounded]).min())
     if len(q) > 1:
-        J, _ = task.jacobian_batch(q)
-        least = np.einsum("kij,kjl,kl->ki", np.linalg.pinv(J), J, dq)
-        size = float(np.sqrt(np.sum(least**2)))
         found |= {
             "joint_path": float(np.linalg.norm(np.diff(q, axis=0), axis=1).sum()),
-            "cost": float(np.sqrt(np.sum(dq**2))) / size if size > 0 else float("nan"),
-            "sigma": float(np.linalg.svd(J, compute_uv=False)[:, -1].min()),
-        }  # fmt: skip
+            "cost": over_least_speed(task, once),
+            "sigma": float(once.sigma.min()),
+        }
         fast = robot.max_velocity[np.isfinite(robot.max_velocity)]
         if fast.size:
-            found["peak_speed"] = float((np.abs(dq) / robot.max_velocity).max())
+            found["peak_speed"] = float((np.abs(once.dq) / robot.max_velocity).max())
     found["tracking"] = walk.tracking_error("m")
     return found
