@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector
+from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, frozen
 from ..errors import ArgumentError, SingularityError, SingularityKind
 from ..robot import Robot
 from ..symbolic import wrapped
@@ -69,7 +69,8 @@ class SelfMotion(Value):
     @cached_property
     def _target(self) -> tuple[Vector, Matrix]:
         """Where the tool is at the given posture: position (3,), rotation (3, 3)."""
-        return self.task.place(self.q[int(np.argmin(np.abs(self.s)))])
+        p, R = self.task.place(self.q[int(np.argmin(np.abs(self.s)))])
+        return frozen(p), frozen(R)
 
 
 @typed
