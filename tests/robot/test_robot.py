@@ -251,6 +251,19 @@ def test_a_posture_outside_the_limits_is_named_with_joint_and_range(panda: hk.Ro
             assert (error.joint, error.value, error.lower, error.upper) == (name, q[i], panda.lower[i], panda.upper[i])
 
 
+def test_a_joint_without_limits_ranges_about_zero_and_one_with_one_limit_from_there() -> None:
+    rows = [{"a": 1.0}, {"lower": 2.0}, {"upper": -5.0}, {"lower": -3.0}, {"lower": -1.0, "upper": 0.5}]
+    lower, upper = hk.from_dh(rows).ranges(1.2)
+    assert lower == pytest.approx([-1.2, 2.0, -7.4, -3.0, -1.0])
+    assert upper == pytest.approx([1.2, 4.4, -5.0, 1.2, 0.5])
+
+
+def test_a_posture_is_within_the_limits_where_no_joint_is_beyond_its_own(panda: hk.Robot) -> None:
+    outside = np.where(np.eye(7, dtype=bool), panda.upper + 1e-9, panda.lower)
+    assert panda.within(PANDA_START) and panda.within([panda.lower, panda.upper]).all()
+    assert not panda.within(outside).any()
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -17,7 +17,7 @@ from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector
 from ..errors import ArgumentError, HolokinError
 from ..inverse_kinematics.leaf import leaf_step, leaf_value, with_leaves
 from ..inverse_kinematics.newton import newton
-from ..inverse_kinematics.posture_search import spread
+from ..inverse_kinematics.posture_search import leaf_postures, spread
 from ..motion.follow_path import follow
 from ..motion.trajectory import Status
 from ..path import Path
@@ -137,18 +137,6 @@ def on_leaf(strategy: HolonomicStrategy, level: Vector, q: Matrix) -> tuple[Matr
     return newton(correct, q, steps=_STEPS, exact=_EXACT, longest=_LONGEST)
 
 
-def _at_poses_of(strategy: HolonomicStrategy, level: Vector, wanted: Matrix, begun: Matrix) -> tuple[Matrix, Flags]:
-    """(postures (k, n) of the leaf at the tool poses of others, wanted (k, n), by Newton's method; which arrived)."""
-    step = leaf_step(strategy)
-    p, R = strategy.task.poses(wanted)
-
-    def correct(q: Matrix, i: Indices) -> tuple[Matrix, Flags]:
-        dq, _, margin, _ = step.batch(q, p[i].reshape(len(q), -1), R[i].reshape(len(q), *step.input_shapes["R"]), level)
-        return dq.reshape(q.shape), np.ravel(margin) > TOLERANCES.representation
-
-    return newton(correct, begun, steps=_STEPS, exact=_EXACT, longest=_LONGEST)
-
-
 def sides(strategy: HolonomicStrategy, q: Matrix) -> tuple[Vector, Vector]:
     """(sign of det E (k,), rcond of E (k,)) at postures; the sign is 0 where E or a representation is singular."""
     if not len(q):
@@ -172,11 +160,14 @@ def candidates(strategy: HolonomicStrategy, level: Vector, found: CuspPoints, li
     first, good = on_leaf(strategy, level, (q + a * down + t * along).reshape(-1, n))
     second = (q + a * down - t * along).reshape(-1, n)
     which = np.flatnonzero(good)
-    other, arrived = _at_poses_of(strategy, level, first[which], second[which])
+    p, R = strategy.task.poses(first[which])
+    other, _, arrived = leaf_postures(strategy, second[which], p, R, level)
     apart = np.abs(other - first[which]).max(axis=1) > APART
     which, other = which[arrived & apart], other[arrived & apart]
     same = sides(strategy, first[which])[0] * sides(strategy, other)[0] > 0
-    same &= _within(strategy, first[which], limits) & _within(strategy, other, limits)
+    if limits:
+        robot = strategy.task.robot
+        same &= robot.within(first[which]) & robot.within(other)
     which, other = which[same], other[same]
     b = np.repeat(ROUNDS, len(which))
     each = np.tile(np.arange(len(which)), len(ROUNDS))
@@ -196,20 +187,14 @@ def _seen(strategy: HolonomicStrategy, level: Vector, motions: Motions, limits: 
     side, rcond = sides(strategy, flat)
     side = side.reshape(k, -1)
     ok = good.reshape(k, -1).all(axis=1) & (side == side[:, :1]).all(axis=1) & (side[:, 0] != 0)
-    ok &= _within(strategy, flat, limits).reshape(k, -1).all(axis=1)
+    if limits:
+        ok &= strategy.task.robot.within(flat).reshape(k, -1).all(axis=1)
     p, R = strategy.task.poses(flat)
     p, R = p.reshape(k, -1, 3), R.reshape(k, -1, 3, 3)
     length = np.linalg.norm(np.diff(p, axis=1), axis=2).sum(axis=1)
     turn, least = _turned(R) if strategy.task.rotations else np.zeros(k), rcond.reshape(k, -1).min(axis=1)
     ok &= least > LEAST
     return motions.at(ok), np.column_stack([length, turn, least])[ok]
-
-
-def _within(strategy: HolonomicStrategy, q: Matrix, limits: bool) -> Flags:
-    robot = strategy.task.robot
-    if not limits:
-        return np.ones(len(q), dtype=bool)
-    return np.all((q >= robot.lower) & (q <= robot.upper), axis=1)
 
 
 @typed

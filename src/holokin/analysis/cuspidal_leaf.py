@@ -165,7 +165,7 @@ def cusps_from(strategy: HolonomicStrategy, level: Vector, starts: Matrix, limit
     """Tool poses (k, 4, 4) of the cusps of a leaf g = level that Newton's method finds from postures (s, n)."""
     robot, q = strategy.task.robot, seek_cusps(strategy, level, starts)[0].q if len(starts) else starts
     if limits:
-        q = q[((q >= robot.lower) & (q <= robot.upper)).all(axis=1)]
+        q = q[robot.within(q)]
     return np.array([strategy.task.pose(one) for one in q]).reshape(-1, 4, 4)
 
 

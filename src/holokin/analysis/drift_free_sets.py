@@ -10,7 +10,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Value, Vector
 from ..errors import ArgumentError
-from ..strategies import Strategy, correction, self_motion, unit_null
+from ..strategies import Strategy, self_motion, unit_null
 from .curvature_of_planes import curvature, curvature_function, pairs
 
 
@@ -63,22 +63,14 @@ def drift_free(
     kappa = np.einsum("ka,ka->k", F, np.array(normals))
     found = []
     for k in np.flatnonzero(kappa[:-1] * kappa[1:] < 0):
-        a, b, n = curve.q[k], curve.q[k + 1], normals[k]
-        pose = task.pose(a)
+        low, high, n = float(curve.s[k]), float(curve.s[k + 1]), normals[k]
 
-        def between(share: float, a=a, b=b, pose=pose) -> Vector:
-            q = a + share * (b - a)
-            for _ in range(3):
-                q = q + correction(task, q, pose)
-            return q
-
-        def value(share: float, n=n) -> float:
-            q = between(share)
+        def value(s: float, n=n) -> float:
+            q = curve.at(s)
             return float(unit_null(task, q, n) @ curvature(strategy, q)[:, i, j])
 
-        share = float(cast(float, brentq(value, 0.0, 1.0, xtol=1e-13)))
-        gap = float(np.linalg.norm(b - a))
-        h = min(0.05, share, 1 - share) or 0.05
-        slope = (value(min(1.0, share + h)) - value(max(0.0, share - h))) / (2 * h * gap)
-        found.append(DriftFree(between(share), (i, j), slope))
+        s = float(cast(float, brentq(value, low, high, xtol=1e-13 * (high - low))))
+        h = min(0.05 * (high - low), s - low, high - s) or 0.05 * (high - low)
+        slope = (value(min(high, s + h)) - value(max(low, s - h))) / (2 * h)
+        found.append(DriftFree(curve.at(s), (i, j), slope))
     return tuple(found)

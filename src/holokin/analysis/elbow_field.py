@@ -166,4 +166,4 @@ class FreeField(ElbowField):
 
     def correction(self, q: Vector, u: Vector) -> Vector | None:
         """The least joint motion, on f(q) - x."""
-        return correction(self.task, q, self.sphere.pose_at(u))
+        return correction(self.task, q, self.sphere.position(u), self._rotation)

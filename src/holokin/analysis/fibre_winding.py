@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.tolerances import TOLERANCES
-from ..base.types import Array, Flags, Matrix, Vector
+from ..base.types import Array, Matrix, Vector
+from ..inverse_kinematics.newton import newton
+from ..inverse_kinematics.posture_search import to_poses
 from ..path.straight_path import straight
 from ..strategies import SelfMotions
-from ..symbolic import wrapped
+from ..strategies.self_motions import joint_gap
 from ..tasks.task import Task
 
 QUARTER = 0.25
@@ -33,7 +34,7 @@ PIECE = 0.05
 """Way of the tool [m or rad] between two postures of the reference."""
 
 NEAR = 1e-6
-"""Last correction [m or rad over a singular value] of a posture that counts as found."""
+"""Last correction [joint units] of a posture that counts as found: what is left is of the order of its square."""
 
 CORRECTIONS = 4
 """Newton corrections of a posture: of a step of 0.1 the first leaves 1e-3, the second 1e-6, the third 1e-12."""
@@ -83,22 +84,11 @@ def _references(task: Task, q0: Vector, p: Matrix, R: Array) -> tuple[Matrix | N
     Q, middle = np.tile(q0, (len(p), 1)), None
     for k in range(1, pieces + 1):
         share = k / pieces
-        Q, good = _corrected(task, Q, *lines.at(share))
+        Q, good = newton(to_poses(task, *lines.at(share)), Q, steps=CORRECTIONS, exact=NEAR, longest=LARGE)
         if not good.all():
             return middle, None
         middle = Q if 2 * k == pieces else middle
     return middle, Q
-
-
-def _corrected(task: Task, Q: Matrix, p: Matrix, R: Array) -> tuple[Matrix, Flags]:
-    """(postures (k, n) with the tool at (p, R) (k, ...), next to Q; whether Newton's method got there (k,))."""
-    good, along = np.ones(len(Q), dtype=bool), np.zeros(1)
-    for _ in range(CORRECTIONS):
-        left, sigma, right = np.linalg.svd(task.jacobian_batch(Q)[0], full_matrices=False)
-        good = good & (sigma[:, -1] > TOLERANCES.rank * sigma[:, 0])
-        along = np.einsum("kji,kj->ki", left, task.error(Q, p, R)) / np.maximum(sigma, TOLERANCES.rank)
-        Q = Q + good[:, None] * np.clip(np.einsum("kij,ki->kj", right, along), -LARGE, LARGE)
-    return Q, good & (np.abs(along).max(axis=1) < NEAR)
 
 
 def self_motions(task: Task, Q: Matrix) -> list[Matrix | None]:
@@ -110,7 +100,7 @@ def self_motions(task: Task, Q: Matrix) -> list[Matrix | None]:
 def _share(task: Task, fibre: Matrix, q: Vector) -> float | None:
     """At which share of its length, from 0 to 1, a self-motion comes by a posture; None where it does not."""
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fibre, axis=0), axis=1))])
-    gap = np.where(task.robot.hinges, wrapped(q - fibre), q - fibre)
+    gap = joint_gap(task.robot, q, fibre)
     i = min(int(np.argmin(np.linalg.norm(gap, axis=1))), len(fibre) - 2)
     step = fibre[i + 1] - fibre[i]
     along = float(gap[i] @ step / (step @ step))

@@ -11,6 +11,7 @@ import numpy as np
 from ..analysis.curvature_of_planes import pairs
 from ..base.types import Array, Matrix, Vector
 from ..path import Path, polyline
+from ..path.straight_path import rotation_vector
 from ..tasks.task import Task, check_representation
 
 SIDES = {"m": 0.1, "rad": 0.2}
@@ -91,11 +92,8 @@ def enclosed(task: Task, path: Path, start_rotation: Matrix) -> Matrix:
     A_ij = 1/2 of the integral of x_i dx_j - x_j dx_i, x the tool's way from its start in the task rows, to first
     order in the turns.
     """
-    from scipy.spatial.transform import Rotation
-
     at = path.at(np.linspace(0.0, path.duration, 2001))
-    turns = Rotation.from_matrix(at.rotation).as_rotvec()
-    x = np.hstack([at.position - path.start, turns]) @ _rates(task, start_rotation).T
+    x = np.hstack([at.position - path.start, rotation_vector(at.rotation)]) @ _rates(task, start_rotation).T
     x /= [SIDES[unit] for unit in task.units]
     after = np.roll(x, -1, axis=0)
     return (x.T @ after - after.T @ x) / 2

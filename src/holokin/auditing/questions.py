@@ -18,6 +18,7 @@ from ..errors import ArgumentError, ControllerError, HolokinError
 from ..motion import ControlLaw, simulate
 from ..motion.trajectory import Trajectory, whole_turns
 from ..path import Path
+from ..path.straight_path import rotation_vector
 from ..tasks.task import Task
 from .equal_poses import Repeatability
 from .planes import area_unit, enclosed, plane_loop, plane_name, plane_path, sides
@@ -94,7 +95,7 @@ class AuditSetup:
         at = path.at(np.linspace(0.0, path.duration, 65))
         reach = {
             "m": float(np.linalg.norm(at.position - path.start, axis=1).max()),
-            "rad": float(np.arccos(np.clip((np.trace(at.rotation, axis1=1, axis2=2) - 1) / 2, -1, 1)).max()),
+            "rad": float(np.linalg.norm(rotation_vector(at.rotation), axis=1).max()),
         }
         for unit, far in reach.items():
             off = walk.tracking_error(unit)

@@ -114,9 +114,7 @@ def _joined(robot: Robot, shaped: set[int]) -> set[frozenset[int]]:
 
 def _at_random(robot: Robot, gaps: Sequence[Gap], near: float) -> list[Vector]:
     """Distances of each gap at random postures; a hinge without limits turns once round, a slider stays in 1 m."""
-    free = np.where(robot.hinges, np.pi, 0.5)
-    lower = np.where(np.isfinite(robot.lower), robot.lower, np.minimum(robot.upper - 2 * free, -free))
-    upper = np.where(np.isfinite(robot.upper), robot.upper, np.maximum(robot.lower + 2 * free, free))
+    lower, upper = robot.ranges(np.where(robot.hinges, np.pi, 0.5))
     Q = np.random.default_rng(0).uniform(lower, upper, (POSTURES, robot.n))
     frames = joint_frames(robot, Q)
     return [gap.distances(frames, np.arange(POSTURES), near) for gap in gaps]

@@ -12,6 +12,7 @@ from ..errors import ArgumentError, ShapeError
 from ..inverse_kinematics import InverseStatus, inverse, leaf_value
 from ..inverse_kinematics.leaf import leaf_step
 from ..inverse_kinematics.reach import nearest_postures
+from ..path.segments import turn_between
 from ..path.workspaces import PoseRange, Workspace
 from ..robot import check_metres
 from ..strategies import HolonomicStrategy
@@ -117,11 +118,9 @@ def _gone_to(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Mat
 
 def _turn(task: Task, tool: Matrix, workspace: Workspace) -> float:
     """From a tool pose to the middle orientation [rad]; 0 for given poses, and where the task leaves it free."""
-    from scipy.spatial.transform import Rotation
-
     if not isinstance(workspace, PoseRange) or all(row < 3 for row in task.rows):
         return 0.0
-    return float(Rotation.from_matrix(workspace.rotation @ tool[:3, :3].T).magnitude())
+    return float(np.linalg.norm(turn_between(tool[:3, :3], workspace.rotation)))
 
 
 @typed

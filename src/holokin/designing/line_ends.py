@@ -17,7 +17,7 @@ from ..inverse_kinematics.leaf import leaf_step
 from ..inverse_kinematics.newton import newton
 from ..path.straight_path import straight
 from ..strategies import HolonomicStrategy
-from ..symbolic import Function
+from ..symbolic import Function, runge_kutta
 from ..tasks.task import Task
 
 FIRST = 0.35
@@ -98,11 +98,9 @@ def _newton(step: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, side:
 def along_radial(task: Task, starts: Matrix, poses: Array) -> LineEnds:
     """From each start to each pose with least joint speed: the leaf of `radial(moore_penrose(task), start)`."""
     lines = _Lines(task, starts, poses)
-    q, count = lines.q.copy(), len(lines.q)
-    share = np.zeros(count)
+    q, count, h = lines.q.copy(), len(lines.q), 1.0 / STEPS
+    share, live = np.zeros(count), np.arange(count)
     velocity, angular = lines.rates
-    live = np.arange(count)
-    h = 1.0 / STEPS
     for i in range(STEPS):
 
         def rate(at: Matrix, s: float, live: Indices = live) -> Matrix:
@@ -110,15 +108,10 @@ def along_radial(task: Task, starts: Matrix, poses: Array) -> LineEnds:
             dx, _ = task.rates(R, velocity[live], angular[live])
             return _least_rate(task, at, dx)
 
-        k1 = rate(q[live], i * h)
-        k2 = rate(q[live] + h / 2 * k1, (i + 0.5) * h)
-        k3 = rate(q[live] + h / 2 * k2, (i + 0.5) * h)
-        k4 = rate(q[live] + h * k3, (i + 1) * h)
-        step = (k1 + 2 * k2 + 2 * k3 + k4) / 6
-        good = np.abs(step).max(axis=1) < FAST  # NaN is not
-        live, step = live[good], step[good]
-        q[live] += h * step
-        share[live] = (i + 1) * h
+        there = runge_kutta(rate, q[live], h, i * h, (i + 0.5) * h, (i + 1) * h)
+        good = np.abs(there - q[live]).max(axis=1) < FAST * h  # NaN is not
+        live = live[good]
+        q[live], share[live] = there[good], (i + 1) * h
     p, R = lines.at(np.arange(count), np.ones(count))
     for _ in range(2):  # what the steps' errors have left
         q[live] += _least_rate(task, q[live], task.error(q[live], p[live], R[live]))

@@ -16,9 +16,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..base.types import Array, Matrix, Value, Vector
+from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..errors import SingularityError, SingularityKind
 from ..inverse_kinematics.leaf import leaf_step
+from ..inverse_kinematics.newton import newton
 from ..strategies import HolonomicStrategy
 from ..symbolic import Function, dot, gradient, symbol, vec
 from .coordinates import Coordinates, Terms, values_and_slopes
@@ -191,13 +192,11 @@ class SectionSamples(Value):
 
     def _solve(self, levels: Matrix, near: Matrix) -> Matrix | None:
         """Postures (S, n) with phi(q) = levels (S, r) at the poses, by Newton's method from those nearby."""
-        step, Q = leaf_step(self.leaves.base), near
-        for _ in range(NEWTONS):
-            dq = step.batch(Q, self.p, self.R, levels)[0]
-            size = float(np.abs(dq).max())
-            if not size < LONGEST:
-                return None
-            Q = Q + dq
-            if size < CLOSE:
-                return Q
-        return None
+        step = leaf_step(self.leaves.base)
+
+        def correct(q: Matrix, i: Indices) -> tuple[Matrix, Flags]:
+            dq = step.batch(q, self.p[i], self.R[i], levels[i])[0]
+            return dq, np.abs(dq).max(axis=1) < LONGEST
+
+        Q, arrived = newton(correct, near, steps=NEWTONS, exact=CLOSE)
+        return Q if arrived.all() else None

@@ -8,6 +8,7 @@ from ..base.types import ArrayLike, Flags, Matrix, Vector
 from ..errors import ArgumentError
 from ..inverse_kinematics.reach import nearest_postures
 from ..robot import Robot
+from ..strategies.self_motions import least_motion
 from ..tasks.frame_tasks import pose, position
 from ..tasks.task import Task
 
@@ -89,10 +90,10 @@ def check_that_joints_move(robot: Robot) -> None:
 def regular_starts(task: Task) -> Matrix:
     """Start postures (k, n) in the middle of the joint limits, rounded to a hundredth, the most regular first."""
     robot = task.robot
-    lower, upper = allowed(robot)
+    lower, upper = robot.ranges(FREE)
     shares = np.random.default_rng(0).uniform((1 - SHARE) / 2, (1 + SHARE) / 2, (POSTURES, robot.n))
     Q = np.round(unwound(robot, lower + shares * (upper - lower)), 2)
-    Q = Q[inside(robot, Q)]
+    Q = Q[robot.within(Q)]
     return Q[np.argsort([-regular(task, q) for q in Q], kind="stable")]
 
 
@@ -104,13 +105,13 @@ def postures_at(task: Task, pose: Matrix, count: int = SPREAD) -> Matrix:
     there by self-motion towards the middle of the joints' ranges. No hinge has a whole turn too many.
     """
     p, R = pose[:3, 3], pose[:3, :3]
-    lower, upper = allowed(task.robot)
+    lower, upper = task.robot.ranges(FREE)
     near = np.random.default_rng(0).uniform(lower, upper, (SEEDS, task.n))
     if not nearest_postures(task, p[None], R[None], near[:1], limits=True).reached[0]:
         return np.zeros((0, task.n))
     found = nearest_postures(task, np.tile(p, (SEEDS, 1)), np.tile(R, (SEEDS, 1, 1)), near, limits=True)
     Q = unwound(task.robot, _centred(task, found.q[found.reached], p, R))
-    Q = Q[inside(task.robot, Q)]
+    Q = Q[task.robot.within(Q)]
     values = np.array([comfort(task, q) for q in Q])
     chosen = [int(np.argmax(values))]
     away = np.full(len(Q), np.inf)
@@ -124,13 +125,13 @@ def _centred(task: Task, Q: Matrix, p: Vector, R: Matrix) -> Matrix:
     """Postures (k, n) with the tool at a pose, and others behind them (j k, n) on their ways to the middle of the
     joints' ranges.
     """
-    lower, upper = allowed(task.robot)
+    lower, upper = task.robot.ranges(FREE)
     middle, found = (lower + upper) / 2, [Q]
     for k in range(max(CENTRED)):
         J = task.jacobian_batch(Q)[0]
         off = STEP * (middle - Q)
         e = task.error(Q, p, R) - np.einsum("kmn,kn->km", J, off)
-        Q = Q + off + np.einsum("knm,km->kn", np.linalg.pinv(J), e)
+        Q = Q + off + least_motion(J, e[:, :, None])[:, :, 0]
         if k + 1 in CENTRED:
             sound = np.abs(task.error(Q, p, R)).max(axis=1, initial=0.0) < EXACT
             found.append(Q[sound])
@@ -147,18 +148,11 @@ def comfort(task: Task, q: Vector) -> float:
     return float(max(0.0, shares.min(initial=1.0)) * regular(task, q))
 
 
-def allowed(robot: Robot) -> tuple[Vector, Vector]:
-    """The joint limits (n,), with a usual range for joints that have none."""
-    lower = np.where(np.isfinite(robot.lower), robot.lower, np.minimum(-FREE, robot.upper - 2 * FREE))
-    upper = np.where(np.isfinite(robot.upper), robot.upper, np.maximum(FREE, robot.lower + 2 * FREE))
-    return lower, upper
-
-
 def unwound(robot: Robot, Q: Matrix) -> Matrix:
     """The same postures (k, n) with every hinge turned back by whole turns, as near to the middle of its range as that
     brings it; left as it is where the limits do not allow this.
     """
-    lower, upper = allowed(robot)
+    lower, upper = robot.ranges(FREE)
     turns = np.where(_returns(robot), np.round((Q - (lower + upper) / 2) / (2 * np.pi)), 0.0)
     found = Q - 2 * np.pi * turns
     return np.where(robot.beyond(found) <= 0, found, Q)
@@ -170,11 +164,6 @@ def _returns(robot: Robot) -> Flags:
     for joint in robot.joints:
         whole[joint.coordinate] &= float(joint.multiplier).is_integer()
     return whole
-
-
-def inside(robot: Robot, Q: Matrix) -> Flags:
-    """Which postures (k, n) are within the joint limits (k,)."""
-    return np.asarray((robot.beyond(Q) <= 0).all(axis=1))
 
 
 def regular(task: Task, q: Vector) -> float:

@@ -17,7 +17,6 @@ from .coordinates import Coordinates
 from .line_ends import LineEnds, along_leaf, along_radial
 from .lower_bound import least_slopes
 from .objectives import Costs
-from .starts import inside
 
 DIFFERENCE = 1e-4
 """Half of the step of a central difference by the tool pose [m or rad]: its error is 1e-8, that of round-off, too."""
@@ -143,7 +142,7 @@ def _trial(
     candidate: Candidate, q0: Vector, ends: LineEnds, i: int, speed: Vector, rcond: Vector, clear: Clear
 ) -> Trial:
     q, reached = ends.q[i], ends.reached[i]
-    served = reached & inside(candidate.task.robot, q) & np.isfinite(speed)
+    served = reached & candidate.task.robot.within(q) & np.isfinite(speed)
     served[served] = clear(q[served])
     return Trial(candidate, q0, q, reached, served, np.where(reached, speed, np.nan), rcond)
 
@@ -153,7 +152,7 @@ def _on_leaf(task: Task, strategy: HolonomicStrategy, starts: Matrix, level: flo
     moved = []
     for q in starts:
         ends = along_leaf(strategy, q[None], task.pose(q)[None], np.full(task.n - task.m, level))
-        if ends.reached[0, 0] and inside(task.robot, ends.q[0])[0]:
+        if ends.reached[0, 0] and task.robot.within(ends.q[0, 0]):
             moved.append(ends.q[0, 0])
     return np.array(moved).reshape(-1, task.n)
 

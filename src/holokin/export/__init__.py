@@ -5,8 +5,7 @@ Uses `motion`. Read first: `c_folder.py`, `robot_program.py`.
 
 from .c_folder import Exported, export_c
 from .c_folder import c_name as c_name
-from .controller_moves import Deviation as Deviation
-from .controller_moves import ToolTolerance
+from .controller_moves import ToolDeviation, ToolTolerance
 from .fanuc import to_fanuc
 from .gcode import to_gcode
 from .inform import to_inform
@@ -25,6 +24,7 @@ __all__ = [
     "Exported",
     "ProcessLines",
     "Program",
+    "ToolDeviation",
     "ToolTolerance",
     "Wiring",
     "export_c",

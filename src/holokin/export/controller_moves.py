@@ -69,7 +69,7 @@ class ToolTolerance(Value):
 
 
 @dataclass(frozen=True)
-class Deviation:
+class ToolDeviation:
     """How far moves are from a timed motion: of the tool [m, rad], of its speed (share), of the joints [rad or m].
 
     `slowest` and `fastest` [m/s] are the speeds of the tool where it has one to keep; NaN where it never has.
@@ -100,11 +100,13 @@ class Deviation:
             said.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed, ramps left out")
         return [*said, "where a zone passes a target, it rounds the corner: that comes on top"]
 
-    def __or__(self, other: Deviation) -> Deviation:
+    def __or__(self, other: ToolDeviation) -> ToolDeviation:
         """The larger of each of the two."""
         pairs = {f.name: (getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
         slow = pairs.pop("slowest")
-        return Deviation(slowest=float(np.fmin(*slow)), **{name: float(np.fmax(*pair)) for name, pair in pairs.items()})
+        return ToolDeviation(
+            slowest=float(np.fmin(*slow)), **{name: float(np.fmax(*pair)) for name, pair in pairs.items()}
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +158,7 @@ class ToolMotion(Value):
         along = self.way if self.way[b] - self.way[a] > ARRIVED else self.t
         return (along[rows] - along[a]) / (along[b] - along[a])
 
-    def deviation(self, kind: Kind, a: int, b: int, rows: Indices) -> Deviation:
+    def deviation(self, kind: Kind, a: int, b: int, rows: Indices) -> ToolDeviation:
         """Of one move from sample a to sample b, looked at at some samples between."""
         share, seconds = self.share(a, b, rows), self.t[b] - self.t[a]
         if kind == "joint":
@@ -170,7 +172,7 @@ class ToolMotion(Value):
             speed, q = np.full(len(rows), self.steady(a, b)), self.q[rows]
         turned = rotation_vector(R @ np.swapaxes(self.R[rows], 1, 2))
         kept = self._kept[rows]
-        return Deviation(
+        return ToolDeviation(
             float(np.linalg.norm(p - self.p[rows], axis=1).max()), float(np.linalg.norm(turned, axis=1).max()),
             float(np.abs(speed[kept] / self.speed[rows][kept] - 1.0).max(initial=0.0)),
             float(np.abs(q - self.q[rows]).max()),

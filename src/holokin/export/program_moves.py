@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.types import Indices
 from ..motion import TimedTrajectory
-from .controller_moves import KINDS, Deviation, Kind, ToolMotion, ToolTolerance
+from .controller_moves import KINDS, Kind, ToolDeviation, ToolMotion, ToolTolerance
 
 LOOKS = 33
 """Samples of a move that are looked at while it is made longer; all are, before it is taken."""
@@ -62,7 +62,7 @@ def tool_moves(
     own: Indices,
     more: tuple[int, ...] = (),
     kinds: tuple[Kind, ...] = KINDS,
-) -> tuple[list[Move], Deviation]:
+) -> tuple[list[Move], ToolDeviation]:
     """The moves that keep a tool within its tolerance, each as long as may be, and how far they are from the motion.
 
     Args:
@@ -76,7 +76,7 @@ def tool_moves(
     motion = ToolMotion.of(timed, tolerance, own)
     tried: list[Kind] = [kind for kind in TRIED if kind == "joint" or (tolerance.linear and kind in kinds)]
     moves: list[Move] = []
-    largest = Deviation()
+    largest = ToolDeviation()
     for end in fixed_samples(timed, more)[1:]:
         while (here := moves[-1].b if moves else 0) < end:
             ends = {kind: _end(motion, tolerance, kind, here, end) for kind in tried}
@@ -94,10 +94,10 @@ def _move(motion: ToolMotion, kind: Kind, a: int, b: int) -> Move:
     return Move(kind, a, b, motion.middle(a, b) if kind == "circular" else -1, motion.steady(a, b), length)
 
 
-def measured(motion: ToolMotion, kind: Kind, a: int, b: int, rows: Indices) -> Deviation:
+def measured(motion: ToolMotion, kind: Kind, a: int, b: int, rows: Indices) -> ToolDeviation:
     """How far a move is from the motion at some of its samples, with its joints."""
     found = motion.deviation(kind, a, b, rows)
-    return found | Deviation(joints=motion.joint_deviation(kind, a, b, rows))
+    return found | ToolDeviation(joints=motion.joint_deviation(kind, a, b, rows))
 
 
 def _end(motion: ToolMotion, tolerance: ToolTolerance, kind: Kind, here: int, end: int) -> int:

@@ -13,7 +13,7 @@ from ..base.types import Indices, Matrix, Value, Vector, number, positive
 from ..errors import ArgumentError, ExportError, UnknownNameError
 from ..motion import TimedTrajectory
 from ..robot import FARTHEST
-from .controller_moves import Deviation, ToolTolerance
+from .controller_moves import ToolDeviation, ToolTolerance
 from .process_lines import PLACES, Dialect, ProcessLines
 from .program_moves import Move, farthest, fixed_samples, tool_moves
 
@@ -79,7 +79,7 @@ class Targets(Value):
     deviation: float
     moves: tuple[Move, ...]
     via: Mapping[int, Vector]
-    tool: Deviation | None
+    tool: ToolDeviation | None
     asked: bool
     on: int
     off: int

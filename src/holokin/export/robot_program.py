@@ -15,7 +15,7 @@ from ..base.files import replacing, writing
 from ..errors import ArgumentError
 from ..motion import TimedTrajectory
 from ..version import __version__
-from .controller_moves import KINDS, Deviation
+from .controller_moves import KINDS, ToolDeviation
 from .program_targets import Targets, Wiring
 
 
@@ -32,7 +32,7 @@ class Program:
     files: Mapping[str, str]
     targets: int
     deviation: float
-    tool: Deviation | None = None
+    tool: ToolDeviation | None = None
     notes: tuple[str, ...] = ()
 
     @property

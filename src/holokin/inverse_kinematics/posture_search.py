@@ -13,11 +13,10 @@ from ..errors import ArgumentError, ShapeError
 from ..path.workspaces import sobol
 from ..robot import Robot
 from ..strategies import HolonomicStrategy
-from ..strategies.self_motions import least_motion
-from ..symbolic import wrapped
+from ..strategies.self_motions import joint_gap, least_motion
 from ..tasks.task import Task, of_one_tool
 from .leaf import check_levels, leaf_step
-from .newton import newton
+from .newton import Correct, newton
 from .whole_turns import free_hinges, turned
 
 STEPS = 60
@@ -125,7 +124,7 @@ def all_postures(
     free = free_hinges(strategy, spread(task.robot, SAMPLED))
     begun = spread(task.robot, count, ~free & task.robot.hinges)
     begun = begun if near is None else np.vstack([aim, begun[1:]])
-    q, rcond, arrived = _on_leaf(strategy, begun, p, R, c)
+    q, rcond, arrived = leaf_postures(strategy, begun, p, R, c)
     regular = arrived & (rcond > TOLERANCES.singular)
     singular = int(np.sum(arrived & ~regular))
     classes = _distinct(task.robot, q[regular])
@@ -152,20 +151,31 @@ def spread(robot: Robot, count: int, counted: Flags | None = None) -> Matrix:
 
 def postures_from(task: Task, q: Matrix, p: Matrix, R: Array) -> tuple[Matrix, Flags]:
     """(postures (k, n) with the tool at p (k, 3), R (k, 3, 3), whether Newton's method got there (k,)) from starts."""
+    return newton(to_poses(task, p, R), q, steps=STEPS, longest=LONGEST, exact=EXACT)
+
+
+def to_poses(task: Task, p: Matrix, R: Array) -> Correct:
+    """The least joint motion that, to first order, takes the tool to p (k, 3), R (k, 3, 3): a step of `newton`."""
 
     def correct(q: Matrix, i: Indices) -> tuple[Matrix, Flags]:
         e = task.error_function.batch(q, p[i], R[i]).reshape(len(q), task.m, 1)
         return least_motion(task.jacobian_batch(q)[0], e)[:, :, 0], np.ones(len(q), dtype=bool)
 
-    return newton(correct, q, steps=STEPS, longest=LONGEST, exact=EXACT)
+    return correct
 
 
-def _on_leaf(strategy: HolonomicStrategy, q: Matrix, p: Vector, R: Matrix, c: Vector) -> tuple[Matrix, Vector, Flags]:
-    """(postures (k, n), rcond (k,), whether Newton's method got there (k,)) from starts (k, n), on one leaf."""
-    step, rcond = leaf_step(strategy), np.zeros(len(q))
+def leaf_postures(
+    strategy: HolonomicStrategy, q: Matrix, p: Array, R: Array, c: Vector
+) -> tuple[Matrix, Vector, Flags]:
+    """(postures (k, n), rcond (k,), whether Newton's method got there (k,)) from starts (k, n), on one leaf c (r,).
+
+    Args:
+        p, R: tool positions (k, 3) and rotations (k, 3, 3), or one of each for all.
+    """
+    step, rcond, own = leaf_step(strategy), np.zeros(len(q)), p.ndim > 1
 
     def correct(q: Matrix, i: Indices) -> tuple[Matrix, Flags]:
-        dq, quality, margin, _ = step.batch(q, p, R, c)
+        dq, quality, margin, _ = step.batch(q, p[i] if own else p, R[i] if own else R, c)
         rcond[i] = np.ravel(quality)
         return dq.reshape(q.shape), np.ravel(margin) > TOLERANCES.representation
 
@@ -177,8 +187,8 @@ def _distinct(robot: Robot, q: Matrix) -> list[Matrix]:
     """Postures (k, n), those that differ by whole turns of hinges together, as they were found."""
     classes: list[list[Vector]] = []
     for one in q:
-        gap = np.array([members[0] for members in classes]).reshape(-1, robot.n) - one
-        near = np.abs(np.where(robot.hinges, wrapped(gap), gap)).max(axis=1) < APART
+        known = np.array([members[0] for members in classes]).reshape(-1, robot.n)
+        near = np.abs(joint_gap(robot, known, one)).max(axis=1) < APART
         if near.any():
             classes[int(np.argmax(near))].append(one)
         else:

@@ -174,7 +174,7 @@ def _job_workspace(job: Job, task: Task, start: Vector, file: FilePath) -> Works
     tool = task.robot.pose(start, task.tip)[:3, :3]
     if job.workspace is not None:
         return build_workspace(job.workspace, tool, file)
-    path, _ = build_paths(job, task, start, file)
+    path, _ = build_paths(job.path, task, start, file)
     if not isinstance(path, Path):
         raise ArgumentError(
             "the paths of several tools", len(path.paths), "advice is for one tool: give it a workspace"

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.types import Vector
+from ..motion.least_speed import over_least_speed
 from ..motion.trajectory import Status, Trajectory
 from ..output.job_result import StrategyResult
 from ..path.synchronized_paths import AnyPath
@@ -77,13 +78,6 @@ def _tracking(run: Run) -> float:
     return max(w.tracking_error(unit) for w in run.walks for unit in dict.fromkeys(w.row_units))
 
 
-def _speed(run: Run) -> float:
-    J, _ = run.strategy.task.jacobian_batch(run.cycles.q)
-    least = np.einsum("kij,kjl,kl->ki", np.linalg.pinv(J), J, run.cycles.dq)
-    size = float(np.sqrt(np.sum(least**2)))
-    return float(np.sqrt(np.sum(run.cycles.dq**2))) / size if size > 0 else np.nan
-
-
 def _peak_speed(run: Run) -> float:
     limits = run.strategy.task.robot.max_velocity
     return max(float((np.abs(w.dq) / limits).max()) for w in run.walks) if np.isfinite(limits).any() else np.nan
@@ -124,7 +118,11 @@ METRICS: dict[str, Metric] = {
     "sigma": Metric(
         "least singular value of the task Jacobian", lambda run: min(float(w.sigma.min()) for w in run.walks)
     ),
-    "speed": Metric("joint speed (rms) over that of the pseudo-inverse", _speed, "the path has no length"),
+    "speed": Metric(
+        "joint speed (rms) over that of the pseudo-inverse",
+        lambda run: over_least_speed(run.strategy.task, run.cycles),
+        "the path has no length",
+    ),
     "peak_speed": Metric(
         "greatest joint speed over that joint's limit", _peak_speed, "the joints have no speed limits"
     ),

@@ -28,17 +28,15 @@ from ..recording import read_svg, read_waypoints
 from ..symbolic import Function, parse, symbol
 from ..tasks.task import Task
 from .path_tables import PathTable
-from .schema import Job
 
 
-def build_path(job: Job, task: Task, q0: Vector, file: FilePath) -> tuple[Path, str]:
-    """The path of a job, and notes on its file. It begins at the tool's start point unless an entry leads to it.
+def build_path(table: PathTable, task: Task, q0: Vector, file: FilePath) -> tuple[Path, str]:
+    """The path of a table, and notes on its file. It begins at the tool's start point unless an entry leads to it.
 
     Raises:
         JobError, RecordingError, and what the shapes raise.
     """
-    table, tool = job.path, task.pose(q0)
-    F = table.frame_pose
+    tool, F = task.pose(q0), table.frame_pose
     local = np.linalg.inv(F) @ tool if table.frame is not None else tool
     notes: list[str] = []
     path = _curve(table, local[:3, 3], file, notes)

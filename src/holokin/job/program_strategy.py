@@ -48,7 +48,7 @@ def program_of_job(
         )
     timing = filled(TimingTable, "timing", table)
     with naming(file, "path"):
-        path, _ = build_paths(job, strategy.task, start, file)
+        path, _ = build_paths(job.path, strategy.task, start, file)
         entry = build_entry(job, strategy, path, start)
     robot = strategy.task.robot
     walk = follow(strategy, path, entry.q0, samples=job.path.samples, cycles=job.path.cycles)

@@ -106,7 +106,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     began = time.perf_counter()
     robot, start, tasks = build_tasks(job, file)
     with naming(file, "path"):
-        path, notes = build_paths(job, tasks[0], start, file)
+        path, notes = build_paths(job.path, tasks[0], start, file)
     covering = build_covering(job, tasks[0], start, file)
     results: list[StrategyResult] = []
     failed: list[NotRun] = []

@@ -15,7 +15,7 @@ from .path_tables import PathTable, Point, Row
 from .physics_table import PhysicsTable
 from .robot_tables import Names, RobotTable
 from .strategy_tables import AnyStrategy, Fitted
-from .table_values import Few, KindTable, Length, Positive, Table, needed_by, of
+from .table_values import Few, KindTable, Length, Positive, Table, check_of, needed_by, of
 from .task_tables import TaskTable
 
 MOST_POSTURES = 65_536
@@ -165,12 +165,8 @@ class Job(Table):
             if asked and self.workspace is None:
                 cure = "the job has no workspace: add a [workspace] table, or leave it out"
                 raise ValueError(f"expect.{brief(name, 100)}.{asked[0]}: {cure}")
-        for name, table in self.strategies.items():
-            if isinstance(table, Fitted):
-                others = [other for other, its in self.strategies.items() if not isinstance(its, Fitted)]
-                if table.of not in others:
-                    fact = f"strategies.{brief(name, 60)}.of: {brief(table.of, 100)} is no other strategy of this job"
-                    raise ValueError(f"{fact}; {closest(table.of, others)}")
+        check_of(self.strategies, Fitted, "strategies", "strategy of this job")
+        for name in self.strategies:
             if not 1 <= len(name) <= LONGEST_NAME or not name.isprintable():
                 fact = f"strategies.{brief(name, 60)}: is a name of {len(name)} characters"
                 raise ValueError(f"{fact}; give it one of 1 to {LONGEST_NAME}, none of them a control character")

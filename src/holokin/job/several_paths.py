@@ -10,30 +10,30 @@ from ..path.synchronized_paths import AnyPath, synchronized
 from ..tasks.task import Task
 from ..tasks.task_kinds import parts_of
 from .path_building import build_path
-from .schema import Job
+from .path_tables import PathTable
 
 
-def build_paths(job: Job, task: Task, q0: Vector, file: FilePath) -> tuple[AnyPath, str]:
+def build_paths(table: PathTable, task: Task, q0: Vector, file: FilePath) -> tuple[AnyPath, str]:
     """The path and notes on its file, or paths of several frames run through together; one without stays where it is.
 
     Raises:
         JobError, ArgumentError: as `build_path`; more paths than frames; an entry, which serves one tool.
     """
-    others = job.path.others or []
+    others = table.others or []
     if len(others) >= task.frames:
         cure = f"the task has {task.frames}: leave some out"
         raise ArgumentError("the number of frames with a path", len(others) + 1, cure)
     if task.frames == 1:
-        return build_path(job, task, q0, file)
-    if job.path.entry is not None:
+        return build_path(table, task, q0, file)
+    if table.entry is not None:
         raise JobError(file, "path.entry", "leads one tool to its path, the task has several", "leave it out")
     found, notes = [], []
     for f, part in enumerate(parts_of(task)):
         if f > len(others):
             found.append(part.pose(q0)[:3, 3])
         else:
-            table = job.path if f == 0 else others[f - 1].model_copy(update={"cycles": job.path.cycles})
-            path, note = build_path(job.model_copy(update={"path": table}), part, q0, file)
+            its = table if f == 0 else others[f - 1].model_copy(update={"cycles": table.cycles})
+            path, note = build_path(its, part, q0, file)
             found.append(path)
             notes.append(note)
     return synchronized(*found), " ".join(note for note in notes if note)

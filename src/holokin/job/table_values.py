@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Self, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from ..analysis import MOST_JOINTS
-from ..errors import ArgumentError
+from ..errors import ArgumentError, brief, closest
 from ..robot import FARTHEST, Robot
 from ..symbolic import SX, horzcat, parse, vertcat
 
@@ -72,6 +72,22 @@ class KindTable(Table):
         if unused:
             raise ValueError(f"kind = {kind!r} does not use {unused[0]}; leave it out")
         return self
+
+
+def check_of(tables: Mapping[str, Table], kind: type[Table], key: str, said: str) -> None:
+    """That what is made of another one names one that is not itself of this kind.
+
+    Args:
+        tables: by name. kind: of those that have `of`. key: of the tables in the file. said: what they are in it.
+
+    Raises:
+        ValueError: it begins with the key.
+    """
+    others = [name for name, table in tables.items() if not isinstance(table, kind)]
+    for name, table in tables.items():
+        if isinstance(table, kind) and (of := vars(table)["of"]) not in others:
+            fact = f"{key}.{brief(name, 60)}.of: {brief(of, 100)} is no other {said}"
+            raise ValueError(f"{fact}; {closest(of, others)}")
 
 
 Filled = TypeVar("Filled", bound=Table)

@@ -14,6 +14,7 @@ from ..base.progress import progress
 from ..base.types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError
 from ..path.plan import Plan, check_start, make_plan
+from ..path.segments import turn_between
 from ..path.synchronized_paths import AnyPath
 from ..tasks.task import Task
 from .control_law import ControlLaw, Step, as_control_law
@@ -183,10 +184,7 @@ def steps_between(p: Array, R: Array, h: Vector) -> tuple[Array, Array]:
 
     h (k,): how long each step takes [s].
     """
-    from scipy.spatial.transform import Rotation
-
     poses = np.tile(np.eye(4), (*p.shape[:2], 1, 1))
     poses[..., :3, 3], poses[..., :3, :3] = p, R
-    turns = (R[1:] @ R[:-1].swapaxes(-1, -2)).reshape(-1, 3, 3)
-    turned = Rotation.from_matrix(turns).as_rotvec().reshape(-1, *p.shape[1:])
+    turned = turn_between(R[:-1].reshape(-1, 3, 3), R[1:].reshape(-1, 3, 3)).reshape(-1, *p.shape[1:])
     return poses, np.concatenate([np.diff(p, axis=0), turned], axis=-1) / h[:, None, None]

@@ -170,10 +170,15 @@ class TimedTrajectory(Value):
         rest = np.repeat([0, len(self) - 1], 2)
         return self.q[np.concatenate([rest[:2], np.arange(last + 1), np.arange(first + 1, len(self)), rest[2:]])]
 
+    @property
+    def sentence(self) -> str:
+        """Profile, duration, samples, and the greatest speed over that of the path."""
+        fastest = f"up to {self.path_speed.max():.3g} times the speed of the path"
+        return f"{self.profile}, {self.duration:.3f} s, {len(self)} samples of {1e3 * self.dt:g} ms, {fastest}"
+
     def table(self) -> str:
         """Lines of text: a joint each with its peaks, shares of limits, and least distance to a position limit."""
-        fastest = f"up to {self.path_speed.max():.3g} times the speed of the path"
-        lines = [f"{self.profile}, {self.duration:.3f} s, {len(self)} samples of {1e3 * self.dt:g} ms, {fastest}"]
+        lines = [self.sentence]
         lines.append(f"{'joint':20} {'speed':>15} {'acceleration':>15} {'jerk':>15} {'to a limit':>12} {'at s':>8}")
         for load in self.loads:
             cells = [

@@ -169,9 +169,8 @@ def _timing(result: JobResult) -> list[str]:
     parts: list[str] = []
     for s in result.strategies:
         if s.timed is not None:
-            first, *rest = s.timed.table().splitlines()
-            slow = "".join(f"<li>{escape(line)}</li>" for line in rest[1 + len(s.timed.loads) :])
-            parts += [f"<h3>{escape(s.name)}</h3><p class='small'>{escape(first)}</p>", _loads(s.timed)]
+            slow = "".join(f"<li>{escape(str(one))}</li>" for one in s.timed.slowdowns)
+            parts += [f"<h3>{escape(s.name)}</h3><p class='small'>{escape(s.timed.sentence)}</p>", _loads(s.timed)]
             parts += [f"<ul class='small'>{slow}</ul>"] if slow else []
     said = "The greatest speed, acceleration and jerk of each joint, and what share of its limit that is."
     return ["<h2>Timing</h2>", f"<p class='small'>{said}</p>", *parts] if parts else []

@@ -12,6 +12,7 @@ from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Indices, Matrix, Vector, check_rotation, finite
 from ..errors import ArgumentError, RecordingError
 from ..path import Waypoints
+from ..path.segments import turn_between
 from ..path.workspaces import TOOL_DOWN, PoseCloud, pose_cloud
 from .pose_columns import Units, pose_rows
 
@@ -105,9 +106,7 @@ def read_workspace(
 
 
 def _note_wide_turns(rotations: Array, lines: Indices, notes: list[str]) -> None:
-    from scipy.spatial.transform import Rotation
-
-    turns = (Rotation.from_matrix(rotations[:-1]).inv() * Rotation.from_matrix(rotations[1:])).magnitude()
+    turns = np.linalg.norm(turn_between(rotations[:-1], rotations[1:]), axis=1)
     if turns.max() > WIDE:
         i = int(np.argmax(turns))
         notes.append(

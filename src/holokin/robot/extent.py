@@ -30,10 +30,9 @@ def reach(robot: Robot, tip: str | None = None) -> float:
     from scipy.optimize import minimize
 
     end = robot.tip(tip)
-    bounded = np.isfinite(robot.lower) & np.isfinite(robot.upper)
-    if not (bounded | robot.hinges).all():
+    if not (np.isfinite(robot.upper - robot.lower) | robot.hinges).all():
         return float("inf")
-    lower, upper = np.where(bounded, robot.lower, -np.pi), np.where(bounded, robot.upper, np.pi)
+    lower, upper = robot.ranges(np.pi)
     Q = np.random.default_rng(0).uniform(lower, upper, (_SAMPLES, robot.n))
     far = np.linalg.norm(_points(robot, Q, end)[0], axis=1)
 

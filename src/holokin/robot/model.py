@@ -240,6 +240,17 @@ class Robot(Value):
             raise ShapeError("q", (self.n,), array.shape, f"the joints are {', '.join(self.joint_names)}")
         return np.maximum(self.lower - array, array - self.upper)
 
+    def ranges(self, free: float | Vector) -> tuple[Vector, Vector]:
+        """The joint limits (n,); a joint without them has `free` [joint units] on either side of zero, one with a
+        single limit 2 `free` from there."""
+        lower = np.where(np.isfinite(self.lower), self.lower, np.minimum(-free, self.upper - 2 * free))
+        upper = np.where(np.isfinite(self.upper), self.upper, np.maximum(free, self.lower + 2 * free))
+        return lower, upper
+
+    def within(self, q: ArrayLike) -> Flags:
+        """Whether postures (..., n) have every joint within its limits (...,). Raises: ShapeError."""
+        return np.asarray((self.beyond(q) <= 0).all(axis=-1))
+
     def check_limits(self, q: ArrayLike) -> None:
         """Raises: JointLimitError naming the joint that is farthest outside its limits."""
         array = self.checked(q)

@@ -7,13 +7,15 @@ that is the self-motion itself, a curve; with several it is a line in it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector
+from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, frozen
 from ..errors import ArgumentError, SingularityError, SingularityKind
+from ..robot import Robot
 from ..symbolic import wrapped
 from ..symbolic.null_space import null_vector
 from ..tasks.task import Task
@@ -26,6 +28,9 @@ ROUGH = 1e-4
 
 PARTS = (4, 16, 64)
 """Steps that are tried instead of one that is not good, as close to a singular posture, where self-motions bend."""
+
+BETWEEN = 3
+"""Corrections of a posture between two of a curve: 1e-4 off at first, at round-off after three."""
 
 CLOSED = 0.75
 """Distance from the first posture, in steps, within which a walk has come round; half a step is the farthest."""
@@ -53,6 +58,19 @@ class SelfMotion(Value):
     def closed(self) -> bool:
         """True when the self-motion leads back to where it began."""
         return self.endings[0] == "closed"
+
+    def at(self, s: float) -> Vector:
+        """The posture (n,) at an arc length s [joint units] of it, with the tool exactly still."""
+        q = np.array([np.interp(s, self.s, joint) for joint in self.q.T])
+        for _ in range(BETWEEN):
+            q = q + correction(self.task, q, *self._target)
+        return q
+
+    @cached_property
+    def _target(self) -> tuple[Vector, Matrix]:
+        """Where the tool is at the given posture: position (3,), rotation (3, 3)."""
+        p, R = self.task.place(self.q[int(np.argmin(np.abs(self.s)))])
+        return frozen(p), frozen(R)
 
 
 @typed
@@ -170,7 +188,7 @@ class SelfMotions(Value):
             at, along, sound = self.step(at, along, i[on], np.full(len(on), step))
             ends[on[~sound]] = "singular"
             if limits:
-                beyond = sound & (robot.beyond(at) > 0).any(axis=1)
+                beyond = sound & ~robot.within(at)
                 ends[on[beyond]], sound = "limit", sound & ~beyond
             back = sound & (np.sum(along * first[on], axis=1) > SAME_WAY) & (k > 2)
             back &= away(self.task, at, Q[on]) < CLOSED * step
@@ -189,8 +207,13 @@ class SelfMotions(Value):
 
 def away(task: Task, q: Matrix, others: Matrix) -> Vector:
     """How far postures (..., n) are from others [joint units], full turns of hinges taken off."""
+    return np.linalg.norm(joint_gap(task.robot, q, others), axis=-1)
+
+
+def joint_gap(robot: Robot, q: Matrix, others: Matrix) -> Matrix:
+    """Postures less others (..., n), full turns of hinges taken off."""
     gap = q - others
-    return np.linalg.norm(np.where(task.robot.hinges, wrapped(gap), gap), axis=-1)
+    return np.where(robot.hinges, wrapped(gap), gap)
 
 
 def least_motion(J: Array, wanted: Array, weights: Array | float = 1.0) -> Array:
@@ -203,9 +226,9 @@ def least_motion(J: Array, wanted: Array, weights: Array | float = 1.0) -> Array
             return T @ np.linalg.pinv(J @ T) @ wanted
 
 
-def correction(task: Task, q: Vector, pose: Matrix) -> Vector:
-    """The least joint motion (n,) that, to first order, takes the tool to a pose."""
-    least = np.linalg.lstsq(task.jacobian(q), task.error(q, *task.target(pose)), rcond=None)[0]
+def correction(task: Task, q: Vector, p: Vector, R: Matrix) -> Vector:
+    """The least joint motion (n,) that, to first order, takes the tool to a pose: position (3,), rotation (3, 3)."""
+    least = np.linalg.lstsq(task.jacobian(q), task.error_function(q, p, R), rcond=None)[0]
     return np.asarray(least, dtype=float)
 
 

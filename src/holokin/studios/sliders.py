@@ -12,7 +12,6 @@ from ..errors import ArgumentError, HolokinError
 from ..inverse_kinematics.leaf import REGULAR, PathEnd, leaf_follower, leaf_value, leaf_walk, straight_path, tool_at
 from ..strategies import HolonomicStrategy, SelfMotion
 from ..strategies.self_motions import SelfMotions
-from ..symbolic.null_space import null_vector
 from ..tasks.task import Task
 from .session_laws import Law
 
@@ -21,9 +20,6 @@ STEP = 0.02
 
 LENGTH = 4 * np.pi
 """Longest self-motion that is traced each way [joint units]."""
-
-CORRECTIONS = 5
-"""Newton corrections of a posture between two of a curve: 1e-4 off at first, at round-off after three."""
 
 MOVE = 0.05
 """Joint motion of one step across the leaves [joint units]."""
@@ -74,15 +70,9 @@ def self_motion_curve(task: Task, q: Vector, limits: bool, direction: int = 0) -
     if not 0 <= direction < free:
         cure = f"the {task.name} leaves {free} joints free: give a number from 0 to {free - 1}"
         raise ArgumentError("the direction of the self-motion", direction, cure)
-    if free == 1:
-        v = null_vector(task.jacobian(q))
-    else:
-        J, j = task.jacobian(q), locked_joints(task, q)[direction]
-        pulled = np.eye(task.n)[j]
-        v = pulled - np.linalg.pinv(J) @ (J @ pulled)
-        v = v / np.linalg.norm(v)
+    pulled = None if free == 1 else np.eye(task.n)[[locked_joints(task, q)[direction]]]
     motions = SelfMotions.through(task, q[None])
-    return motions.traced(q[None], step=STEP, length=LENGTH, limits=limits, directions=v[None])[0]
+    return motions.traced(q[None], step=STEP, length=LENGTH, limits=limits, directions=pulled)[0]
 
 
 def along(curve: SelfMotion, s: float) -> Vector:
@@ -95,15 +85,7 @@ def along(curve: SelfMotion, s: float) -> Vector:
     slack = 1e-9 * max(1.0, high - low)
     if not low - slack <= s <= high + slack:
         raise ArgumentError("the place on the self-motion", s, f"give a number from {low:.4g} to {high:.4g}")
-    q = np.array([np.interp(s, curve.s, column) for column in curve.q.T])
-    task, anchor = curve.task, curve.q[int(np.argmin(np.abs(curve.s)))]
-    p, R = task.place(anchor)
-    for _ in range(CORRECTIONS):
-        error = task.error(q, p, R)
-        if not np.abs(error).max(initial=0.0) > 1e-14:
-            break
-        q = q + np.linalg.lstsq(task.jacobian(q), error, rcond=None)[0]
-    return np.asarray(q, dtype=float)
+    return curve.at(s)
 
 
 def self_slider(law: Law, curve: SelfMotion, s: float, direction: int = 0) -> Slider:
@@ -180,7 +162,7 @@ def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limit
             return gone, "singular"
         size = min(wide / max(float(np.abs(rate).max()), 1e-12), full - gone)
         new, ended = walk(at, straight_path(here, here, (c, c + sign * size * unit)))
-        beyond = ended is PathEnd.REACHED and limits and bool((robot.beyond(new) > 0).any())
+        beyond = ended is PathEnd.REACHED and limits and not robot.within(new)
         if ended is not PathEnd.REACHED or beyond:
             if wide < MOVE / 100:
                 return gone, "limit" if beyond else "singular"

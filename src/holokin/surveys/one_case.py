@@ -27,13 +27,14 @@ from ..errors import (
     SingularityError,
 )
 from ..errors.motion_errors import KEPT
-from ..job import Job
+from ..job.path_tables import PathTable
 from ..job.robot_tables import RobotTable, robot_of_job
 from ..job.several_paths import build_paths
 from ..job.strategy_tables import StrategyTable
 from ..job.task_tables import TaskTable
 from ..motion import ControlLaw, follow, simulate
 from ..motion.follow_path import build_native
+from ..motion.least_speed import over_least_speed
 from ..motion.trajectory import Status, Trajectory
 from ..path import Path
 from ..robot import Robot, beside
@@ -127,7 +128,7 @@ def start_of(case: Case, folder: FilePath) -> Vector:
     return np.round(lower + (upper - lower) * rng.uniform(margin, 1 - margin, arm.n), 4)
 
 
-def path_table(case: Case, folder: FilePath) -> dict[str, Any]:
+def _path_table(case: Case, folder: FilePath) -> dict[str, Any]:
     """The [path] table of its loop, drawn from what tells the loop, not from its place in the survey."""
     arm = _robot(json.dumps(case.robot, sort_keys=True), folder)
     told = json.dumps([case.robot, case.task, case.start, case.loop["table"]], sort_keys=True)
@@ -142,7 +143,7 @@ def _job(case: Case, strategies: dict[str, Any], folder: FilePath) -> dict[str, 
     return {
         "title": f"case {case.id}: {case.law} on {case.names['robot']}",
         "robot": robot_table(case.robot), "task": case.task, "start": {"q": start_of(case, folder).tolist()},
-        "path": path_table(case, folder), "strategies": strategies,
+        "path": _path_table(case, folder), "strategies": strategies,
     }  # fmt: skip
 
 
@@ -278,7 +279,7 @@ def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | Cont
 @when_replaced
 def forget_built() -> None:
     """Build anew what cases share: robots, tasks, laws and paths."""
-    for known in (_robot, _starts, _task, _job_path):
+    for known in (_robot, _starts, _task, _drawn_path):
         known.cache_clear()
     _laws.clear()
 
@@ -286,16 +287,15 @@ def forget_built() -> None:
 def _path(case: Case, task: Task, q0: Vector, folder: FilePath) -> Path:
     if case.loop["table"]["kind"] == "given":
         return given_path(case.loop["table"]["key"], task.pose(q0))
-    table = _job(case, {"any": {"kind": "moore-penrose"}}, folder) | {"title": "any"}
-    return _job_path(json.dumps([case.robot, case.task], sort_keys=True), json.dumps(table, sort_keys=True), folder)
+    table = json.dumps(_path_table(case, folder), sort_keys=True)
+    return _drawn_path(task, tuple(q0.tolist()), table, folder)
 
 
 @lru_cache(maxsize=4)
-def _job_path(told: str, table: str, folder: FilePath) -> Path:
-    """The path of a job, kept for all laws of a loop: the length of a spline takes longer than a law to go round it."""
-    job = Job.model_validate_json(table)
-    q0 = np.array(json.loads(table)["start"]["q"])
-    return build_paths(job, _task(told, folder), q0, folder / "survey.toml")[0]  # type: ignore[return-value]
+def _drawn_path(task: Task, start: tuple[float, ...], table: str, folder: FilePath) -> Path:
+    """A path, kept for all laws of a loop: the length of a spline takes longer than a law to go round it."""
+    path = PathTable.model_validate_json(table)
+    return build_paths(path, task, np.array(start), folder / "survey.toml")[0]  # type: ignore[return-value]
 
 
 def _run(
@@ -342,22 +342,19 @@ def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[s
             "drift_total": float(np.abs(walk.drift_since_start()[-1]).max()),
         }  # fmt: skip
     once = walk.until(walk.marks[1] + 1) if walk.cycles else walk
-    q, dq = once.q, once.dq
+    q = once.q
     bounded = np.isfinite(robot.upper - robot.lower)
     if bounded.any():
         room = np.minimum(walk.q - robot.lower, robot.upper - walk.q)[:, bounded]
         found["margin"] = float((room / (robot.upper - robot.lower)[bounded]).min())
     if len(q) > 1:
-        J, _ = task.jacobian_batch(q)
-        least = np.einsum("kij,kjl,kl->ki", np.linalg.pinv(J), J, dq)
-        size = float(np.sqrt(np.sum(least**2)))
         found |= {
             "joint_path": float(np.linalg.norm(np.diff(q, axis=0), axis=1).sum()),
-            "cost": float(np.sqrt(np.sum(dq**2))) / size if size > 0 else float("nan"),
-            "sigma": float(np.linalg.svd(J, compute_uv=False)[:, -1].min()),
-        }  # fmt: skip
+            "cost": over_least_speed(task, once),
+            "sigma": float(once.sigma.min()),
+        }
         fast = robot.max_velocity[np.isfinite(robot.max_velocity)]
         if fast.size:
-            found["peak_speed"] = float((np.abs(dq) / robot.max_velocity).max())
+            found["peak_speed"] = float((np.abs(once.dq) / robot.max_velocity).max())
     found["tracking"] = walk.tracking_error("m")
     return found

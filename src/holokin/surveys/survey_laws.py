@@ -1,6 +1,6 @@
 """[laws.NAME] of a survey: the strategies of a job, control laws of text books and libraries, and your own.
 
-A new kind is one more class here: `kind` and its keys, and `law`.
+A new kind is one more class here: `kind` and its keys, and `build`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Gain = Annotated[float, Field(ge=0, le=1e6)]
 class LawTable(Table):
     """A control law: it is run by `simulate`, with steps as long as those of the strategies."""
 
-    def law(self, task: Task, q0: Vector, name: str) -> ControlLaw:
+    def build(self, task: Task, q0: Vector, name: str) -> ControlLaw:
         """The control law of a task, from a start posture (n,). Raises: HolokinError."""
         raise NotImplementedError
 
@@ -65,7 +65,7 @@ class Damped(LawTable):
     damping: Positive = 0.05
     gain: Gain = GAIN
 
-    def law(self, task: Task, q0: Vector, name: str) -> ControlLaw:
+    def build(self, task: Task, q0: Vector, name: str) -> ControlLaw:
         """As `damped`."""
         return damped(task, self.damping, self.gain, name=name)
 
@@ -78,7 +78,7 @@ class GradientProjection(LawTable):
     weight: Gain = 1.0
     gain: Gain = GAIN
 
-    def law(self, task: Task, q0: Vector, name: str) -> ControlLaw:
+    def build(self, task: Task, q0: Vector, name: str) -> ControlLaw:
         """As `gradient_projection`; of the start posture as `repetitive_motion`, which is the same."""
         if self.cost == "start":
             return repetitive_motion(task, self.weight, self.gain, name=name)
@@ -103,7 +103,7 @@ class Library(LawTable):
     posture_gain: Gain = 1.0
     preferred: Annotated[list[Length], Few] | None = None
 
-    def law(self, task: Task, q0: Vector, name: str) -> ControlLaw:
+    def build(self, task: Task, q0: Vector, name: str) -> ControlLaw:
         """As `pink_law`, `mink_law` or `placo_law`. Raises: ArgumentError: a task that is no whole pose."""
         if task.orientation != "twist" or task.m != (3 if task.robot.planar else 6):
             cure = f"{', '.join(LIBRARIES)} follow whole poses here: use kind = 'pose'"
@@ -129,7 +129,7 @@ class Given(LawTable):
     kind: Literal["given"]
     key: str
 
-    def law(self, task: Task, q0: Vector, name: str) -> Any:
+    def build(self, task: Task, q0: Vector, name: str) -> Any:
         """What the function returns."""
         function = given(self.key)
         return _as_law(function(task, q0) if _takes_start(function) else function(task))
@@ -184,4 +184,4 @@ def built(laws: Mapping[str, AnyLaw], name: str, task: Task, q0: Vector, folder:
         if not isinstance(of, Strategy):
             raise ArgumentError("of", table.of, "it is a control law already: name a strategy")
         return closed_loop(of, table.gain, name=name)
-    return table.build(task, q0, name) if isinstance(table, StrategyTable) else table.law(task, q0, name)
+    return table.build(task, q0, name)

@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..errors import brief, closest
+from ..errors import brief
 from ..job.path_tables import MOST_CYCLES, MOST_SAMPLES, MOST_STEPS, Row
 from ..job.robot_tables import RobotTable
 from ..job.schema import LONGEST_ABOUT, LONGEST_TITLE
-from ..job.table_values import KindTable, Positive, Table, needed_by
+from ..job.table_values import KindTable, Positive, Table, check_of, needed_by
 from ..job.task_tables import TaskTable
 from .survey_laws import AnyLaw, ClosedLoop
 
@@ -141,10 +141,5 @@ class SurveyTable(Table):
         for name, table in self.tasks.items():
             if isinstance(table.orientation, list):
                 raise ValueError(f"tasks.{brief(name, 60)}.orientation: is a list; give each its own task")
-        for name, law in self.laws.items():
-            if isinstance(law, ClosedLoop):
-                others = [other for other, its in self.laws.items() if not isinstance(its, ClosedLoop)]
-                if law.of not in others:
-                    fact = f"laws.{brief(name, 60)}.of: {brief(law.of, 100)} is no other law of this survey"
-                    raise ValueError(f"{fact}; {closest(law.of, others)}")
+        check_of(self.laws, ClosedLoop, "laws", "law of this survey")
         return self
