@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from conftest import Command
-from grammars import rapid
+from conftest import Command, sampled
+from grammars import krl, rapid
 from printed import assert_alike
 
 ROOT = Path(__file__).parents[2]
@@ -50,15 +50,17 @@ def words(text: str) -> str:
     return re.sub(r"^ *[\d.]+ s, report: ", "report: ", text.translate(FRAME), flags=re.MULTILINE)
 
 
-@pytest.mark.campaign
-def test_the_start_page_leads_from_a_urdf_to_a_program_and_its_check(run, tmp_path: Path) -> None:
-    """What is shown is what is printed, but for round-off; a "..." stands for lines that are left out."""
-    blocks = [(m[1], m[2], m[3]) for m in re.finditer(r"^```(sh|toml|text)([^\n]*)\n(.*?)^```", PAGE, re.S | re.M)]
+def followed(page: str, run) -> int:
+    """Runs the commands of a page and compares what they print; a "..." stands for lines that are left out.
+
+    Files are written from the blocks that have a title. Returns how many outputs were compared.
+    """
+    blocks = [(m[1], m[2], m[3]) for m in re.finditer(r"^```(\w+)([^\n]*)\n(.*?)^```", page, re.S | re.M)]
     shown = 0
     for (kind, about, text), (after, _, below) in zip(blocks, [*blocks[1:], ("", "", "")], strict=True):
-        if kind == "toml" and (title := re.search(r'title="(.+?)"', about)):
-            Path(title[1]).write_text(text, "utf-8")
         if kind != "sh":
+            if title := re.search(r'title="(.+?)"', about):
+                Path(title[1]).write_text(text, "utf-8")
             continue
         lines = [line for line in text.splitlines() if not line.startswith(ELSEWHERE)]
         printed = "".join(run(line) for line in lines)
@@ -71,11 +73,36 @@ def test_the_start_page_leads_from_a_urdf_to_a_program_and_its_check(run, tmp_pa
                 found = [k for k, row in enumerate(rows) if row.translate(FRAME).split()[:2] == first[:2]]
                 assert found, f"{first} is not printed by {lines}"
                 assert_alike(words("".join(rows[found[0] : found[0] + count])), words(part))
-    assert shown >= 6
+    return shown
+
+
+@pytest.mark.campaign
+def test_the_start_page_leads_from_a_urdf_to_a_program_and_its_check(run) -> None:
+    assert followed(PAGE, run) >= 6
     assert {file.suffix for file in Path("program").iterdir()} == {".mod", ".src", ".dat", ".LS", ".yaml", ".csv"}
 
     begun = rapid(Path("program/arm7_swivel_M.mod").read_text("ascii")).axes[0]
     assert begun == pytest.approx([-29.5, 36.6, 90, -27, 64.3, 20.1, 43.3])
+
+
+SEAMS = (ROOT / "docs" / "seam.md").read_text("utf-8").split("\n## ")[1:]
+
+
+@sampled(1, "part", range(len(SEAMS)))
+def test_a_seam_leads_from_a_robot_and_points_to_a_program(part: int, run) -> None:
+    """Of the page's arms each: what is shown is what is printed; the program can be read."""
+    assert followed(SEAMS[part], run) >= 3
+    if part == 0:
+        weld = krl(*(Path(f"program/kr6_wrist.{end}").read_text("ascii") for end in ("src", "dat")))
+        assert set(weld.kinds) == {"joint", "linear", "circular"} and len(weld.lines) == 3
+    else:
+        assert len(rapid(Path("program/arm7_swivel_M.mod").read_text("ascii")).axes) == 44
+
+
+@pytest.mark.parametrize("part", SEAMS)
+def test_a_program_takes_at_most_six_commands(part: str) -> None:
+    commands = re.findall(r"^holokin (\w+)", part, re.M)
+    assert 3 <= len(commands) <= 6 and {"run", "export"} <= set(commands)
 
 
 def test_the_arm_of_the_page_has_the_inertias_of_its_cylinders() -> None:

@@ -117,6 +117,7 @@ def _moves(found: Targets, lines: ProcessLines, zone: float) -> list[list[str]]:
     ends |= {k for k, given in ((found.on, lines.on), (found.off, lines.off)) if given}
     text: list[list[str]] = []
     block: list[int] = []
+    speed = ""
     for i, move in enumerate(found.moves, 1):
         if move.kind == "joint":
             block.append(i)
@@ -125,7 +126,9 @@ def _moves(found: Targets, lines: ProcessLines, zone: float) -> list[list[str]]:
             block = block if goes_on else []
             continue
         word = f"LIN XF{i + 1}" if move.kind == "linear" else f"CIRC XG{i + 1},XF{i + 1}"
-        text.append([f"$VEL.CP={move.speed:.6f}", word + (" C_DIS" if radii[i] else "")])
+        faster = f"$VEL.CP={move.speed:.6f}"
+        text.append([faster] * (faster != speed) + [word + (" C_DIS" if radii[i] else "")])
+        speed = faster
     return text
 
 

@@ -79,8 +79,9 @@ def tool_moves(
     largest = ToolDeviation()
     for end in fixed_samples(timed, more)[1:]:
         while (here := moves[-1].b if moves else 0) < end:
-            ends = {kind: _end(motion, tolerance, kind, here, end) for kind in tried}
-            kind = max(tried, key=ends.__getitem__)  # of equal ones the first
+            allowed = tried if here >= timed.begin else tried[-1:]  # an entry is the joints' own way
+            ends = {kind: _end(motion, tolerance, kind, here, end) for kind in allowed}
+            kind = max(allowed, key=ends.__getitem__)  # of equal ones the first
             kind = kind if ends[kind] > here + 1 else "joint"
             moves.append(_move(motion, kind, here, ends[kind]))
             largest |= measured(motion, kind, here, ends[kind], np.arange(here, ends[kind] + 1))

@@ -46,7 +46,7 @@ def build_path(table: PathTable, task: Task, q0: Vector, file: FilePath) -> tupl
         turns = None if not table.same_way else False
         path = passes(path, table.passes, offset=table.offset, lift=table.lift, back_and_forth=turns)
     if table.lead_in or table.lead_out or table.retract:
-        path = with_leads(path, table.lead_in, table.lead_out, retract=table.retract)
+        path = with_leads(path, table.lead_in, table.lead_out, retract=table.retract, retract_speed=table.retract_speed)
     if table.frame is not None:
         path = path.in_frame(F)
     if table.cycles > 1 and not path.closed:

@@ -89,6 +89,7 @@ class PathTable(KindTable):
     lead_in: Annotated[float, Field(ge=0, le=FARTHEST)] = 0.0
     lead_out: Annotated[float, Field(ge=0, le=FARTHEST)] = 0.0
     retract: Annotated[float, Field(ge=0, le=FARTHEST)] = 0.0
+    retract_speed: Positive | None = None
     entry: Literal["joints", "tool"] | None = None
     speed: Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)] = 0.1
     samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] = 1000

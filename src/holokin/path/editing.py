@@ -128,6 +128,7 @@ def with_leads(
     along: ArrayLike | None = None,
     retract: float = 0.0,
     axis: ArrayLike = (0.0, 0.0, 1.0),
+    retract_speed: float | None = None,
 ) -> Path:
     """The path with a straight path in before it and a way out after it.
 
@@ -136,6 +137,7 @@ def with_leads(
         along: where the tool comes from and goes to (3,), as seen from the path's ends; by default it comes and goes
             along the tangent, at the speed that the path has there, so that there is no corner.
         retract: a further way [m] along `axis` (3,), from above the path in and up from the path out.
+        retract_speed: of the tool on that way [m/s]; by default that of the path.
 
     The tool keeps its orientation on the leads.
 
@@ -158,7 +160,8 @@ def with_leads(
             pieces.append((here, here + length * way, nominal))
             here = here + length * way
         if up.any():
-            pieces.append((here, here + up, None))
+            slower = None if retract_speed is None else path.speed / positive("retract_speed", retract_speed)
+            pieces.append((here, here + up, None if slower is None else retract * slower))
     zero = np.zeros(3)
     lead = [replace(line_segment(b, a, zero), nominal=n) for a, b, n in reversed(before)]
     out = [replace(line_segment(a, b, zero), nominal=n) for a, b, n in after]
