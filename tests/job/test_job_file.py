@@ -19,7 +19,7 @@ from holokin.job.job_file import _JOB, keys_beside
 from holokin.job.metrics import METRICS
 from holokin.job.schema import Job
 
-REFERENCE = (Path(__file__).parents[2] / "docs" / "jobs.md").read_text("utf-8")
+REFERENCE = (Path(__file__).parents[2] / "docs" / "job-keys.md").read_text("utf-8")
 
 # --- strategies of physics, and leaves ------------------------------------------------------------------------
 
@@ -197,7 +197,7 @@ def test_a_thorough_verdict_has_a_number_of_its_own(
 @pytest.mark.campaign
 def test_the_references_example_runs_and_shows_what_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    (name,) = re.findall(r'--8<-- "(examples/.+)"', REFERENCE)
+    (name,) = re.findall(r'--8<-- "(examples/.+)"', (Path(__file__).parents[2] / "docs" / "jobs.md").read_text("utf-8"))
     example = (Path(__file__).parents[2] / name).read_text("utf-8")
     result = run_job(*open_job(str(Path(__file__).parents[2] / name)))
     assert result.passed, [c for s in result.strategies for c in s.checks if not c.passed]
