@@ -136,7 +136,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     chain: the robot, its base and its tip. proposed: which of tip, task, start and workspace were not given but chosen.
     floor: the least mean squared joint speed of the postures found at the poses, where the best one serves
     [rad^2/m^2]. coverage: of the best. reasons: sentences on the best. cusps: those found on its leaf, and how near to
-    the workspace they are; None where they were not looked for. part: the largest part of the workspace that a law
+    the workspace they are. part: the largest part of the workspace that a law
     serves, where none serves the whole.
     """
 
@@ -148,7 +148,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     floor: float
     coverage: Coverage
     reasons: tuple[str, ...]
-    cusps: NearbyCusps | None
+    cusps: NearbyCusps
     part: Part | None
     seconds: float
 
@@ -199,7 +199,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
         return {
             "robot": self.task.robot.name, "base": self.chain.base, "tip": self.chain.tip,
             "other_tips": list(self.chain.others), "task": self.task.name, "workspace": str(self.workspace),
-            "cusp_distance": None if self.cusps is None or not len(self.cusps.found) else self.cusps.away,
+            "cusp_distance": self.cusps.away if np.isfinite(self.cusps.away) else None,
             "proposed": list(self.proposed), "floor": self.floor, "reasons": list(self.reasons),
             "laws": [
                 {

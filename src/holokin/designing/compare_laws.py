@@ -138,7 +138,7 @@ def advise_chain(
     found = case.checked[laws[0].name]
     return Advice(
         chain, task, workspace, tuple(chosen), laws, case.floor_of(laws[0]), found,
-        (*reasons(laws, found, part, case.excess(laws)), *case.of_cusps(laws[0])), case.cusps.get(laws[0].name), part,
+        (*reasons(laws, found, part, case.excess(laws)), *case.of_cusps(laws[0])), case.cusps[laws[0].name], part,
         time.perf_counter() - began,
     )  # fmt: skip
 
@@ -163,7 +163,7 @@ class _Case:
         self.trials: dict[str, Trial] = {}
         self.made: dict[str, Design] = {}
         self.checked: dict[str, Coverage] = {}
-        self.cusps: dict[str, NearbyCusps | None] = {}
+        self.cusps: dict[str, NearbyCusps] = {}
         self.passed_over: Law | None = None
 
     def _starts(self, T: Array) -> Matrix:
@@ -203,12 +203,12 @@ class _Case:
     def _without_cusps(self, laws: list[Law]) -> list[Law]:
         """Other things equal, a law without a cusp near the workspace comes first."""
         best = laws[0]
-        for law in [one for one in laws if alike(one, best) and one.squared_speed <= MORE_SPEED * best.squared_speed][
-            :MOST
-        ]:
+        most = MORE_SPEED * best.squared_speed
+        equal = [one for one in laws[1:] if alike(one, best) and one.squared_speed <= most]
+        for law in [best, *equal][:MOST]:
             self.say(f"{law.name}, its cusps")
             self.cusps[law.name] = found = cusps_near(law.strategy, law.q0, self.workspace)
-            if found is not None and not found.near:
+            if found.clear:
                 law = law if law.name in self.checked else self._looked_at(law)
                 if alike(law, best):
                     self.passed_over = None if law.name == best.name else best
