@@ -9,7 +9,7 @@ import numpy as np
 
 from ..analysis import Cusps, cusps
 from ..analysis.cuspidal_leaf import cusps_from, tool_away
-from ..base.types import Value, Vector
+from ..base.types import Matrix, Value, Vector
 from ..errors import HolokinError
 from ..inverse_kinematics import inverse
 from ..path.workspaces import Workspace
@@ -33,12 +33,14 @@ MORE_SPEED = 1.1
 class NearbyCusps(Value):
     """The cusps found on a law's leaf, and their least distance [m] from a workspace, infinite where none was found.
 
-    found: None where they cannot be looked for, `reason` says why; the distance is NaN then.
+    found: None where they cannot be looked for, `reason` says why; the distance is NaN then. pose: of the tool at the
+    nearest (4, 4), None where there is none.
     """
 
     found: Cusps | None
     away: float
     reason: str = ""
+    pose: Matrix | None = None
 
     @property
     def near(self) -> bool:
@@ -90,8 +92,11 @@ def cusps_near(strategy: Strategy, q0: Vector, space: Workspace) -> NearbyCusps:
     poses = space.poses(POSES)
     ends = inverse(strategy, q0).batch(space.poses(STARTS))
     near = cusps_from(found.strategy, found.level, ends.last[np.isfinite(ends.last).all(axis=1)], limits=True)
-    away = np.append(found.tool_away_from(poses), tool_away(strategy.task, near, poses))
-    return NearbyCusps(found, float(away.min(initial=np.inf)))
+    all_of_them = np.concatenate([found.poses, near])
+    away = tool_away(strategy.task, all_of_them, poses)
+    if not len(away):
+        return NearbyCusps(found, np.inf)
+    return NearbyCusps(found, float(away.min()), pose=all_of_them[away.argmin()])
 
 
 def _capital(sentence: str) -> str:
