@@ -48,15 +48,18 @@ class LevelRange(NoTruthValue, Value, ask="`.intervals`"):
     cusps: NearbyCusps
 
     @property
-    def sentence(self) -> str:
-        """Which levels serve it, and what was found of the best one."""
+    def served(self) -> str:
+        """Which levels serve it."""
         tried = f"of {len(self.levels)} levels tried, {POSES} poses each"
         if self.intervals:
             parts = " and ".join(f"{low:.3g} to {high:.3g}" for low, high in self.intervals)
-            said = f"levels of {parts} serve all of the workspace ({tried}); {self.best:.3g} is in the middle"
-        else:
-            said = f"no level serves all of the workspace ({tried}); {self.best:.3g} serves {self.shares.max():.1%}"
-        return f"{said}; at this level {self.cusps.sentence}"
+            return f"levels of {parts} serve all of the workspace ({tried}); {self.best:.3g} is in the middle"
+        return f"no level serves all of the workspace ({tried}); {self.best:.3g} serves {self.shares.max():.1%}"
+
+    @property
+    def sentence(self) -> str:
+        """Which levels serve it, and what was found of the best one."""
+        return f"{self.served}; at this level {self.cusps.sentence}"
 
     def __str__(self) -> str:
         return self.sentence
