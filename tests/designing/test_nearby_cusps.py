@@ -9,7 +9,7 @@ import pytest
 
 import holokin as hk
 from conftest import campaign
-from holokin.designing import compare_laws
+from holokin.designing import compare_laws, designed_law
 from holokin.designing.advice import ranked
 from holokin.designing.nearby_cusps import NEAR, NearbyCusps, cusps_near, said_of
 from holokin.errors import HolokinError
@@ -27,11 +27,16 @@ def test_a_workspace_about_a_cusp_is_near_it_and_one_about_the_start_is_as_far_a
     for pose, near in ((found.poses[0], True), (law.task.pose(PANDA), False)):
         space = hk.workspace(box=(pose[:3, 3], [0.05] * 3), rotation=pose[:3, :3], tilt=0.2, spin=0.2)
         said = cusps_near(law, PANDA, space)
-        assert said is not None and said.near is near
+        assert said.near is near and said.clear is not near
         away = np.linalg.norm(found.poses[:, :3, 3] - pose[:3, 3], axis=1)
         assert said.away <= away.min() + np.pi * 0.1 * np.sqrt(2)
         assert ("no proof" in said.sentence) is not near
     assert said.away > found.tool_away.min() - 0.15 > NEAR
+    assert said.found is not None
+    least = said.found.witness
+    assert (
+        least is not None and f"is {least.length:.2g} m long" in said.loop and f"{least.apart:.2g} apart" in said.loop
+    )
     for bad in (np.eye(4), [[1, 2, 3]], [np.eye(4).T + np.eye(4)[3]]):
         with pytest.raises(HolokinError):
             found.tool_away_from(bad)
@@ -41,9 +46,12 @@ def test_where_none_is_found_or_none_is_looked_for_it_is_said() -> None:
     law = strategy(hk.lock(6))
     space = hk.workspace(box=(law.task.pose(PANDA)[:3, 3], [0.05] * 3))
     said = cusps_near(law, PANDA, space)
-    assert said is not None and said.away == np.inf and "no cusp was found" in said.sentence
-    assert cusps_near(hk.radial(hk.moore_penrose(law.task), PANDA), PANDA, space) is None
-    assert "were not looked for" in said_of("radial", "radial", {"radial": None}, 0.0)[0]
+    assert said.clear and said.away == np.inf and "no cusp was found" in said.sentence and not said.loop
+    radial = cusps_near(hk.radial(hk.moore_penrose(law.task), PANDA), PANDA, space)
+    assert radial.found is None and not radial.clear and not radial.near
+    assert "were not looked for: its formulas are too long" in said_of("radial", "radial", {"radial": radial}, 0.0)[0]
+    beyond = cusps_near(law, PANDA + [0, 0, 0, 2.0, 0, 0, 0], space)
+    assert beyond.found is None and "panda_joint4" in beyond.reason
 
 
 @pytest.mark.parametrize("near", [{0}, campaign("near", {0, 1}), campaign("near", {0, 1, 2})])
@@ -72,3 +80,54 @@ def test_of_laws_that_serve_alike_one_without_a_cusp_nearby_is_taken(
     else:
         assert f"{order[0]}, which needs" in said and "0.4 m from the workspace" not in said.split("which needs")[0]
     assert advice.summary()["reasons"] == list(advice.reasons)
+
+
+BARS = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
+FLAT = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
+
+
+@pytest.mark.parametrize(("near", "taken"), [({2}, 1), ({2, 1}, 0), ({2, 1, 0}, 2), (set(), 2)])
+def test_of_designs_that_cost_alike_one_without_a_cusp_nearby_is_taken(
+    near: set[int], taken: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Designs by their degree: those in `near` have a cusp; where all have, the best stays."""
+    seen: list[hk.Strategy] = []
+
+    def given(law: hk.Strategy, q0: Any, _space: Any) -> NearbyCusps:
+        seen.append(law)
+        away = 0.0 if 3 - len(seen) in near else 0.4
+        return NearbyCusps(hk.cusps(law, q0, starts=1), away)
+
+    monkeypatch.setattr(designed_law, "cusps_near", given)
+    task, words = hk.position(hk.from_dh(BARS, name="planar")), {"samples": 16, "objective": "travel"}
+    monkeypatch.setattr(designed_law, "MORE_SPEED", 3.0)
+    found = hk.design(task, FLAT, [-0.6, 1.0, 0.8], avoid_cusps=True, **words)
+    assert found.degree == taken and [one.degree for one in found.looked_at] == [2, 1, 0][: len(seen)]
+    assert len(seen) == min(len(near) + 1, 3) and found.strategy is seen[2 - taken]
+    assert found.cusps is found.looked_at[2 - taken].cusps and len(seen) == min(len(near) + 1, 3)
+    assert [one.cost for one in found.looked_at] == sorted(one.cost for one in found.looked_at)
+    said = str(found).splitlines()[5:]
+    if taken < 2:
+        assert f"Degree {taken} was taken" in said[0] and "0.4 m from the workspace" in said[1]
+    else:
+        assert ("so does one with degree 1, 0" in said[0]) is bool(near)
+    monkeypatch.setattr(designed_law, "MORE_SPEED", 1.0)
+    seen.clear()
+    assert hk.design(task, FLAT, [-0.6, 1.0, 0.8], avoid_cusps=True, **words).degree == 2 and len(seen) == 1
+
+
+def test_a_design_says_what_was_found_of_its_cusps_and_why_none_were_looked_for() -> None:
+    """Referee of the cusps: the least singular value of [J; J_g], g by differences, at the postures that are told."""
+    box = hk.workspace(box=([0.5, 0.05, 0.35], [0.05, 0.05, 0.05]))
+    task, ready = hk.pose(hk.load("panda")), [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854]
+    made = hk.design(task, box, ready, base=hk.lock(2), degree=1, samples=8)
+    assert made.looked_at == () and made.cusps.found is not None and len(made.cusps.found) > 0
+    for q in made.cusps.found.q[:10]:
+        slope = [(made.strategy.g(q + e) - made.strategy.g(q - e)) / 2e-6 for e in 1e-6 * np.eye(7)]
+        E = np.vstack([task.jacobian(q), np.array(slope).T])
+        assert np.linalg.svd(E, compute_uv=False)[-1] < 1e-7
+        assert np.abs(made.strategy.g(q) - made.strategy.g(made.q0)).max() < 1e-9
+    assert str(made).splitlines()[-2].lower().startswith(made.cusps.sentence.lower())
+    flat = hk.position(hk.from_dh(BARS, name="planar"))
+    beyond = hk.design(flat, FLAT, [-1.0, 2.9, -1.5], base=hk.lock(2), degree=0, samples=8, limits=False)
+    assert beyond.cusps.found is None and "were not looked for: joint" in str(beyond)

@@ -80,6 +80,37 @@ def test_a_loop_of_hand_and_elbow_brings_the_joints_back(name: str) -> None:
     assert np.abs(np.diff(seen, axis=0)).max() < 0.2
 
 
+@sampled(2, "name", LAWS)
+def test_the_nearest_pose_on_another_level_is_that_of_the_leaf_there(name: str) -> None:
+    """Referees: `ik(pose, level)` within reach; beyond it, a start that self-motion leads to, on its own leaf."""
+    strategy, ik = of_panda(name)
+    poses, levels = poses_and_levels(name, 2, 6)
+    for pose, c in zip(poses, levels, strict=True):
+        found = ik.nearest(pose, level=c)
+        assert found.status is InverseStatus.REACHED and np.abs(found.q - ik(pose, level=c)).max() < 1e-8
+        far = pose.copy()
+        far[:3, 3] += [0.5, 0.1, 0.1]
+        found, moved = ik.nearest(far, level=c), hk.move_to_leaf(strategy, PANDA, c)
+        theirs = hk.inverse(strategy, moved).nearest(far)
+        assert found.status is InverseStatus.CLAMPED and np.abs(found.q - theirs.q).max() < 1e-6
+        assert np.abs(strategy.constraint_value(found.q) - c).max() < 1e-9
+        assert np.abs(ik.nearest(far, level=c).q - found.q).max() == 0.0
+    assert np.abs(ik.nearest(poses[0]).q - ik(poses[0])).max() < 1e-8  # the level of the start is as it was
+
+
+def test_a_loop_of_hand_and_elbow_beyond_reach_and_back_brings_the_joints_back_in_steps() -> None:
+    strategy, ik = of_panda("lock 3")
+    T, c0, q = strategy.task.pose(PANDA), np.ravel(strategy.constraint_value(PANDA)), PANDA
+    step, clamped = strategy.task.robot.max_velocity * 0.01, 0
+    for s in np.linspace(0.0, 1.0, 401):
+        pose = T.copy()
+        pose[0, 3] += 0.5 * np.sin(np.pi * s) ** 2
+        found = ik.nearest(pose, q, level=c0 + 0.3 * np.sin(2 * np.pi * s), step=step)
+        assert (np.abs(found.q - q) <= step + 1e-12).all()
+        q, clamped = found.q, clamped + (found.status is InverseStatus.CLAMPED)
+    assert clamped > 100 and np.abs(q - PANDA).max() < 1e-6
+
+
 def test_an_angle_goes_to_its_level_by_the_shorter_way() -> None:
     strategy, ik = of_panda("arm angle")
     c, T = strategy.constraint_value(PANDA), strategy.task.pose(PANDA)
@@ -136,6 +167,7 @@ def test_bad_levels_are_refused_with_a_cure() -> None:
             lambda c: ik(T, level=c),
             lambda c: ik.near(T, PANDA, level=c),
             lambda c: ik.batch(T[None], level=c),
+            lambda c: ik.nearest(T, level=c),
         ):
             with pytest.raises(error):
                 call(level)

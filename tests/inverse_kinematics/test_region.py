@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from holokin.errors import ArgumentError
 
 README_START = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
 ROW = np.array([1.0, 0, -1, 0, 0, 0, 0])
@@ -81,3 +82,18 @@ def test_two_poses_a_millimetre_apart_may_have_joints_far_apart_though_no_joint_
     difference = answers[1] - answers[0]
     assert np.abs(difference).max() > 3.0
     assert np.abs(difference - 2 * np.pi * np.round(difference / (2 * np.pi))).max() > 1.0  # not by full turns
+
+
+def test_an_inverse_keeps_its_cusps_and_says_whether_it_has_a_region() -> None:
+    strategy, q0 = hk.holonomic(hk.position(hk.load("planar-3r")), hk.linear([[0.3, 0, 1]])), [0.3, 0.9, 0.7]
+    ik = hk.inverse(strategy, q0)
+    found, other = hk.cusps(ik, starts=50), hk.cusps(strategy, q0, starts=50)
+    assert found is hk.cusps(ik, starts=50) and np.array_equal(found.q, other.q) and found.sentence == other.sentence
+    assert hk.cusps(ik, starts=60).starts == 60 and hk.cusps(ik, starts=50) is found
+    assert "no region was asked for" in str(ik) and "hk.unique_region" in str(ik)
+    region = hk.unique_region(strategy, q0, hk.workspace(box=([1.0, 2.17], [0.1, 0.1])), limits=False, budget=500)
+    assert str(region) in str(hk.inverse(strategy, q0, region=region))
+    with pytest.raises(ArgumentError, match="leave it out"):
+        hk.cusps(ik, q0)
+    with pytest.raises(ArgumentError, match="give the posture"):
+        hk.cusps(strategy)

@@ -11,6 +11,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_START, campaign, sampled, urdf
+from holokin.errors import HolokinError
 from holokin.job import Job, packaged_jobs, run_job
 from holokin.studios import (
     CloudStatus,
@@ -179,6 +180,31 @@ def test_a_robot_without_joints_to_spare_is_refused() -> None:
     arm = hk.load("ur5e")
     with pytest.raises(hk.HolokinError, match=r"joints to spare .* 0; the studio shows redundant joints"):
         session_of_robot(arm, task=hk.pose(arm))
+
+
+def test_a_session_finds_the_cusps_of_a_leaf_while_its_tool_is_dragged() -> None:
+    """The loop that is drawn is that of `hk.cusps` of the same leaf, and closed; dragged laws follow meanwhile."""
+    session, drags = panda(), 0
+    strategy, q = LAWS[1].strategy, session.snapshot().law("lock").q
+    assert strategy is not None and session.start_cusps("lock").cusps.running  # type: ignore[union-attr]
+    end = time.monotonic() + 60
+    while session.snapshot().cusps.running and time.monotonic() < end:  # type: ignore[union-attr]
+        assert session.drag(shifted(0.0, 0.02 * np.sin(drags / 10), 0.0)).following
+        drags += 1
+        time.sleep(0.01)
+    cusps = session.snapshot().cusps
+    assert cusps is not None and not cusps.running and cusps.place is not None and drags > 20
+    least = hk.cusps(strategy, q, starts=300).witness
+    assert least is not None and f"{least.length:.2g} m long" in cusps.sentence
+    assert np.linalg.norm(np.diff(cusps.loop, axis=0), axis=1).sum() == pytest.approx(least.length, rel=0.1)
+    assert np.linalg.norm(cusps.loop[0] - cusps.loop[-1]) < 1e-9
+    np.testing.assert_array_equal(cusps.level, session.snapshot().law("lock").level)
+    with pytest.raises(HolokinError):
+        session.start_cusps("pseudo-inverse")
+    session.start_cusps("lock")
+    assert session.cancel_cusps().cusps is None
+    session.close()
+    assert session.snapshot().cusps is None
 
 
 @pytest.mark.campaign

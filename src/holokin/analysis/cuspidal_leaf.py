@@ -14,8 +14,22 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.progress import progress
-from ..base.types import Array, ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector, joined, some, tool_poses, whole
+from ..base.types import (
+    Array,
+    ArrayLike,
+    Indices,
+    Matrix,
+    NoTruthValue,
+    Value,
+    Vector,
+    joined,
+    kept,
+    some,
+    tool_poses,
+    whole,
+)
 from ..errors import ArgumentError
+from ..inverse_kinematics import InverseKinematics
 from ..inverse_kinematics.leaf import leaf_value, with_leaves
 from ..inverse_kinematics.posture_search import MOST_STARTS, SAMPLED, spread
 from ..inverse_kinematics.whole_turns import free_hinges, turned
@@ -124,7 +138,9 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
 
 
 @typed
-def cusps(strategy: Strategy, q0: ArrayLike, *, starts: int = 1000, limits: bool = True) -> Cusps:
+def cusps(
+    strategy: Strategy | InverseKinematics, q0: ArrayLike | None = None, *, starts: int = 1000, limits: bool = True
+) -> Cusps:
     """Look for cusps of the leaf through q0, and for loops of the tool about them by which the joints do not come back.
 
     Newton's method on g(q) = c, det [J; J_g] = 0 and its cusp condition begins at `starts` postures spread over the
@@ -133,15 +149,40 @@ def cusps(strategy: Strategy, q0: ArrayLike, *, starts: int = 1000, limits: bool
     may have several sheets, and the cusps may lie on others than that of q0.
 
     Args:
-        strategy: with leaves; any one where nothing is redundant, n = m.
-        q0: posture (n,) on the leaf.
+        strategy: with leaves; any one where nothing is redundant, n = m. Or an inverse kinematics, for its leaf: what
+            was found is kept with it, and a second call with the same numbers has it at once.
+        q0: posture (n,) on the leaf; of an inverse kinematics that is its own.
         starts: more find rarer cusps.
         limits: cusps and loops beyond the joint limits do not count.
 
     Raises:
-        ArgumentError: a law without leaves; a task of several frames; too many starts.
-        SingularityError: it is singular at q0. JointLimitError: with limits, q0 is beyond them. ShapeError.
+        ArgumentError: a law without leaves; a task of several frames; too many starts; no q0, or one beside an inverse
+            kinematics. SingularityError: it is singular at q0. JointLimitError: with limits, q0 is beyond them.
+        ShapeError.
     """
+    if isinstance(strategy, InverseKinematics):
+        if q0 is not None:
+            raise ArgumentError("q0", q0, "leave it out: an inverse kinematics has its own")
+        known = _kept_cusps(strategy)
+        if (starts, limits) not in known:
+            found = _cusps(strategy.strategy, strategy.q0, starts, limits)
+            if found.stopped:  # another call shall search again
+                return found
+            known[starts, limits] = found
+        return known[starts, limits]
+    if q0 is None:
+        raise ArgumentError("q0", None, "give the posture whose leaf is meant")
+    return _cusps(strategy, q0, starts, limits)
+
+
+@kept
+def _kept_cusps(_ik: InverseKinematics) -> dict[tuple[int, bool], Cusps]:
+    """Those that were found on the leaf of an inverse kinematics, by starts and limits."""
+    return {}
+
+
+def _cusps(strategy: Strategy, q0: ArrayLike, starts: int, limits: bool) -> Cusps:
+    """The same of a strategy and a posture."""
     of_one_tool(strategy.task, "cusps")
     leafed, robot = with_leaves(strategy), strategy.task.robot
     if whole("starts", starts) > MOST_STARTS:

@@ -55,6 +55,9 @@ def advise(
         str | None, typer.Option(help="The posture to begin at, in rad and m, like '0 -0.8 0 -2.4 0 1.6 0.8'.")
     ] = None,
     degrees: Annotated[bool, typer.Option("--degrees", help="--q0 and --limit are in degrees and m.")] = False,
+    levels: Annotated[
+        bool, typer.Option("--levels", help="Also say which levels of the best law serve the workspace.")
+    ] = False,
     out: Annotated[
         Path | None, typer.Option(help="The job file to write, ending in .toml; with a picture of its name.")
     ] = None,
@@ -79,7 +82,7 @@ def advise(
         floor, tuple(obstacle or ()),
     )  # fmt: skip
     with ending().telling() as say:
-        found, asked, write = advise_command(robot, typed, out, say, say.announce)
+        found, asked, write = advise_command(robot, typed, out, say, say.announce, levels)
         show_rich(lambda console: print_advice(found, console))
         say("trying the job")
         job, remark = write()

@@ -13,6 +13,7 @@ from .cover_workspace import coverage, posture_reach
 from .coverage_result import Coverage, PoseStatus, Reach
 from .designed_law import Design, design
 from .law_metrics import SectionMetrics, section_metrics
+from .nearby_cusps import DegreeTried, NearbyCusps
 from .objectives import Objective
 from .serving_levels import LevelRange, level_range
 from .slices import Slice, coverage_slices
@@ -25,9 +26,11 @@ __all__ = [
     "Advice",
     "ClosestHolonomic",
     "Coverage",
+    "DegreeTried",
     "Design",
     "Law",
     "LevelRange",
+    "NearbyCusps",
     "Objective",
     "Part",
     "PoseStatus",

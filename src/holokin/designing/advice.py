@@ -14,6 +14,7 @@ from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
 from .coverage_result import Coverage
 from .nearby_cusps import NearbyCusps
+from .serving_levels import LevelRange
 from .starts import kinds_that_fit
 from .tips import Chain
 
@@ -136,8 +137,9 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     chain: the robot, its base and its tip. proposed: which of tip, task, start and workspace were not given but chosen.
     floor: the least mean squared joint speed of the postures found at the poses, where the best one serves
     [rad^2/m^2]. coverage: of the best. reasons: sentences on the best. cusps: those found on its leaf, and how near to
-    the workspace they are; None where they were not looked for. part: the largest part of the workspace that a law
-    serves, where none serves the whole.
+    the workspace they are. part: the largest part of the workspace that a law
+    serves, where none serves the whole. levels: those of the best law that serve the workspace, where they were asked
+    for and it has one row.
     """
 
     chain: Chain
@@ -148,9 +150,10 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     floor: float
     coverage: Coverage
     reasons: tuple[str, ...]
-    cusps: NearbyCusps | None
+    cusps: NearbyCusps
     part: Part | None
     seconds: float
+    levels: LevelRange | None = None
 
     @property
     def best(self) -> Law:
@@ -199,7 +202,8 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
         return {
             "robot": self.task.robot.name, "base": self.chain.base, "tip": self.chain.tip,
             "other_tips": list(self.chain.others), "task": self.task.name, "workspace": str(self.workspace),
-            "cusp_distance": None if self.cusps is None or not len(self.cusps.found) else self.cusps.away,
+            "cusp_distance": self.cusps.away if np.isfinite(self.cusps.away) else None,
+            "levels": None if self.levels is None else [list(ends) for ends in self.levels.intervals],
             "proposed": list(self.proposed), "floor": self.floor, "reasons": list(self.reasons),
             "laws": [
                 {

@@ -31,6 +31,7 @@ from .proposed_workspace import first_start, proposed_workspace, reached
 from .reasons import reasons
 from .same_laws import distinct, strategy_of
 from .served_part import largest_part
+from .serving_levels import LevelRange, level_range
 from .starts import check_that_joints_move, postures_at, task_of_kind
 from .tips import Chain, chain_to_tool
 from .trials import Poses, Trial, everywhere, posed, tried
@@ -75,6 +76,7 @@ def advise(
     task: Literal["pose", "axis", "position"] | Task | None = None,
     q0: ArrayLike | None = None,
     clear: Callable[[Matrix], Flags] | None = None,
+    levels: bool = False,
     say: Callable[[str], None] = lambda _text: None,
 ) -> Advice:
     """The laws that fit a robot, each on its best leaf, compared on a workspace, and a sentence on why the best is.
@@ -95,6 +97,7 @@ def advise(
         q0: the posture (n,) that the leaf is to go through; by default each law gets the best of several.
         clear: which of some postures (k, n) keep clear of what stands round the robot, as of
             `checking.clear_postures`; a pose whose posture does not is not served. By default nothing is looked at.
+        levels: which levels of the best law serve the workspace, as `level_range` finds them; it takes seconds.
         say: hears what is going on.
 
     Raises:
@@ -112,12 +115,12 @@ def advise(
         work = task_of_kind(chain.robot, tip if isinstance(robot, Robot) else None, task)
     words = {"tip": not chain.chosen, "task": task, "q0": q0, "workspace": workspace}
     chosen = tuple(word for word, value in words.items() if value is None or value is False)
-    return advise_chain(chain, work, workspace, q0, chosen=chosen, clear=clear or everywhere, say=say)
+    return advise_chain(chain, work, workspace, q0, chosen=chosen, clear=clear or everywhere, levels=levels, say=say)
 
 
 def advise_chain(
     chain: Chain, task: Task, workspace: Workspace | None, q0: ArrayLike | None, *, chosen: Sequence[str], clear: Clear,
-    say: Callable[[str], None],
+    say: Callable[[str], None], levels: bool = False,
 ) -> Advice:  # fmt: skip
     """The advice for a chain and its task, as of `advise`. chosen: what nobody gave."""
     began = time.perf_counter()
@@ -136,10 +139,11 @@ def advise_chain(
     say("the reasons")
     part = case.part(laws) if not laws[0].served.all() else None
     found = case.checked[laws[0].name]
+    range_, said = case.levels(laws[0]) if levels else (None, ())
     return Advice(
         chain, task, workspace, tuple(chosen), laws, case.floor_of(laws[0]), found,
-        (*reasons(laws, found, part, case.excess(laws)), *case.of_cusps(laws[0])), case.cusps.get(laws[0].name), part,
-        time.perf_counter() - began,
+        (*reasons(laws, found, part, case.excess(laws)), *case.of_cusps(laws[0]), *said),
+        case.cusps[laws[0].name], part, time.perf_counter() - began, range_,
     )  # fmt: skip
 
 
@@ -163,7 +167,7 @@ class _Case:
         self.trials: dict[str, Trial] = {}
         self.made: dict[str, Design] = {}
         self.checked: dict[str, Coverage] = {}
-        self.cusps: dict[str, NearbyCusps | None] = {}
+        self.cusps: dict[str, NearbyCusps] = {}
         self.passed_over: Law | None = None
 
     def _starts(self, T: Array) -> Matrix:
@@ -203,17 +207,27 @@ class _Case:
     def _without_cusps(self, laws: list[Law]) -> list[Law]:
         """Other things equal, a law without a cusp near the workspace comes first."""
         best = laws[0]
-        for law in [one for one in laws if alike(one, best) and one.squared_speed <= MORE_SPEED * best.squared_speed][
-            :MOST
-        ]:
+        most = MORE_SPEED * best.squared_speed
+        equal = [one for one in laws[1:] if alike(one, best) and one.squared_speed <= most]
+        for law in [best, *equal][:MOST]:
             self.say(f"{law.name}, its cusps")
             self.cusps[law.name] = found = cusps_near(law.strategy, law.q0, self.workspace)
-            if found is not None and not found.near:
+            if found.clear:
                 law = law if law.name in self.checked else self._looked_at(law)
                 if alike(law, best):
                     self.passed_over = None if law.name == best.name else best
                     return [law, *(one for one in laws if one.name != law.name)]
         return laws
+
+    def levels(self, law: Law) -> tuple[LevelRange | None, Sequence[str]]:
+        """The levels of a law that serve the workspace; and what is said of them."""
+        self.say(f"{law.name}, its levels")
+        try:
+            found = level_range(law.strategy, self.workspace, law.q0, say=self.say)
+        except HolokinError as problem:  # of several rows
+            return None, [f"Levels were not looked for: {problem}."]
+        blind = "" if self.clear is everywhere else " Collisions were not looked at for them."
+        return found, [f"Of {law.name}, {found.served}.{blind}"]
 
     def of_cusps(self, law: Law) -> Sequence[str]:
         """What is said of the cusps of the law that was chosen."""

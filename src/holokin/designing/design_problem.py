@@ -10,6 +10,7 @@ from ..base.types import Array, Flags, Matrix, Value, Vector
 from ..constraints import Constraint, linear, tilted
 from ..errors import OutOfReachError, PathError
 from ..inverse_kinematics import inverse
+from ..path.workspaces import Workspace
 from ..strategies import HolonomicStrategy, holonomic
 from ..symbolic.null_space import null_space
 from ..tasks.task import Task
@@ -26,14 +27,14 @@ LEEWAY = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Problem(Value):
-    """A base law with the posture (n,) in the middle pose (4, 4) of a workspace; sections over it, and their limits.
+    """A base law with the posture (n,) in the middle of a workspace; sections over it, and their limits.
 
     poses, others: tool poses (k, 4, 4) at which sections are made, and at which they are checked.
     """
 
     law: HolonomicStrategy
     center: Vector
-    middle: Matrix
+    workspace: Workspace
     coordinates: Coordinates
     costs: Costs
     goal: Objective
@@ -67,7 +68,7 @@ class Problem(Value):
         zeta = Polynomial(self.coordinates, coefficients)
         constraint = tilted(self.law.constraint, zeta, chart=self.coordinates.chart)
         strategy = holonomic(self.law.task, constraint, name="designed")
-        middle = inverse(strategy, best.Q[0])(self.middle)
+        middle = inverse(strategy, best.Q[0])(self.workspace.center)
         arrived, _ = reached(strategy, middle, self.others)
         over, rconds = self.over(arrived), strategy.gain.batch(arrived)[1]
         fits = (over <= 0).all(axis=1) & (rconds >= self.hard.rcond)

@@ -19,6 +19,7 @@ from .coordinates import Polynomial, chart_of, coordinates_of
 from .design_problem import Problem, based, hard_limits
 from .law_metrics import SectionMetrics, reached
 from .lower_bound import Floor
+from .nearby_cusps import MORE_SPEED, DegreeTried, NearbyCusps, cusps_near, said_of_degrees
 from .objectives import Objective, as_objective, costs_of, joint_weights, length_of
 
 HIGHEST = 4
@@ -51,10 +52,12 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
     before, after: the base law and the designed one at the samples. checked: the designed one at other poses, four
         times as many; where the workspace is a cloud, at its own.
     kept: at how many of those reached in the check all hard limits hold.
+    looked_at: of a design that was to avoid cusps, those of the degrees tried, the highest first, of which one is this.
     """
 
     strategy: HolonomicStrategy
     q0: Vector
+    workspace: Workspace
     objective: Objective
     base: HolonomicStrategy
     polynomial: Polynomial
@@ -65,6 +68,7 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
     after: SectionMetrics
     checked: SectionMetrics
     kept: int
+    looked_at: tuple[DegreeTried, ...] = ()
 
     @cached_property
     def bound(self) -> float:
@@ -95,6 +99,12 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
         """
         return int(np.sum(self.floor.here.beyond > 0))
 
+    @cached_property
+    def cusps(self) -> NearbyCusps:
+        """The cusps found on the leaf within the joint limits, and how near to the workspace they are."""
+        known = next((one.cusps for one in self.looked_at if one.degree == self.degree), None)
+        return cusps_near(self.strategy, self.q0, self.workspace) if known is None else known
+
     @property
     def degree(self) -> int:
         """Degree of the polynomial."""
@@ -113,7 +123,8 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
             f"  with polynomials of degree 0 to {self.degree}: {steps}\n"
             f"  {self._least}\n"
             f"checked at {self.checked.poses} poses: {self.checked}\n"
-            f"the hard limits hold at {self.kept} of those reached{self._cause}"
+            f"the hard limits hold at {self.kept} of those reached{self._cause}\n"
+            f"{said_of_degrees(self.degree, self.looked_at, self.cusps)}"
         )
 
     @property
@@ -157,6 +168,7 @@ def design(
     rcond: float = 0.0,
     samples: int = 256,
     seed: int = 0,
+    avoid_cusps: bool = False,
 ) -> Design:
     """The best way to give each tool pose of a workspace its joints: phi(q) = zeta(x), zeta a polynomial of the pose.
 
@@ -175,6 +187,8 @@ def design(
         rcond: the least rcond of [J; J_g], a hard limit too; 0 for none.
         samples: tool poses of the workspace that the search looks at. Those that the base law does not reach from the
             middle of the workspace are left out, and counted.
+        avoid_cusps: where a cusp of the leaf lies in the workspace or near it, a design of a lower degree without such
+            a cusp is taken, if it costs at most a tenth more and serves as much. It takes seconds for each degree.
 
     Raises:
         ArgumentError: the robot is not redundant for the task; bad numbers.
@@ -201,8 +215,28 @@ def design(
     goal = replace(goal, length=length_of(goal, coordinates.turns, coordinates.spread))
     costs = costs_of(robot, goal, coordinates.turns, coordinates.spread)
     hard = hard_limits(costs, margin if limits else None, rcond)
-    problem = Problem(law, center, workspace.center, coordinates, costs, goal, hard, degree, poses, others)
-    return _solved(problem, Q, there)
+    problem = Problem(law, center, workspace, coordinates, costs, goal, hard, degree, poses, others)
+    best = _solved(problem, Q, there)
+    return _away_from_cusps(problem, best, Q, there) if avoid_cusps else best
+
+
+def _away_from_cusps(problem: Problem, best: Design, Q: Matrix, there: Array) -> Design:
+    """The best design of a problem, or, other things equal, that of the highest degree without a cusp nearby."""
+    made, most, degree = [best], MORE_SPEED * best.costs[-1], best.degree
+    while made[-1].cusps.near and degree:
+        degree -= 1
+        if best.costs[degree + 1] <= most:
+            other = _solved(replace(problem, degree=degree), Q, there)
+            if other.costs[-1] <= most and _serves_as_much(other, best):
+                made.append(other)
+    taken = made[-1] if made[-1].cusps.clear else best
+    return replace(taken, looked_at=tuple(DegreeTried(one.degree, one.costs[-1], one.cusps) for one in made))
+
+
+def _serves_as_much(one: Design, other: Design) -> bool:
+    """Whether it reaches as many poses, and as many within the hard limits."""
+    fewer = one.after.reached < other.after.reached or one.checked.reached < other.checked.reached
+    return one.kept >= other.kept and not fewer
 
 
 def _solved(problem: Problem, Q: Matrix, there: Array) -> Design:
@@ -226,6 +260,7 @@ def _solved(problem: Problem, Q: Matrix, there: Array) -> Design:
     return Design(
         strategy=result.strategy,
         q0=result.middle,
+        workspace=problem.workspace,
         objective=problem.goal,
         base=problem.law,
         polynomial=result.zeta,

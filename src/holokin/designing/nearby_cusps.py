@@ -9,7 +9,8 @@ import numpy as np
 
 from ..analysis import Cusps, cusps
 from ..analysis.cuspidal_leaf import cusps_from, tool_away
-from ..base.types import Value, Vector
+from ..base.types import Matrix, Value, Vector
+from ..errors import HolokinError
 from ..inverse_kinematics import inverse
 from ..path.workspaces import Workspace
 from ..strategies import Strategy
@@ -30,10 +31,16 @@ MORE_SPEED = 1.1
 
 @dataclass(frozen=True, eq=False)
 class NearbyCusps(Value):
-    """The cusps found on a law's leaf, and their least distance [m] from a workspace, infinite where none was found."""
+    """The cusps found on a law's leaf, and their least distance [m] from a workspace, infinite where none was found.
 
-    found: Cusps
+    found: None where they cannot be looked for, `reason` says why; the distance is NaN then. pose: of the tool at the
+    nearest (4, 4), None where there is none.
+    """
+
+    found: Cusps | None
     away: float
+    reason: str = ""
+    pose: Matrix | None = None
 
     @property
     def near(self) -> bool:
@@ -41,8 +48,15 @@ class NearbyCusps(Value):
         return self.away <= NEAR
 
     @property
+    def clear(self) -> bool:
+        """Whether they were looked for, and none is at the workspace."""
+        return self.away > NEAR
+
+    @property
     def sentence(self) -> str:
         """What was found; a search is no proof."""
+        if self.found is None:
+            return f"cusps of its leaf were not looked for: {self.reason}"
         searched = f"a search from {self.found.starts:,} starts and from the workspace, no proof"
         if not np.isfinite(self.away):
             return f"no cusp was found on its leaf within the joint limits ({searched})"
@@ -53,30 +67,79 @@ class NearbyCusps(Value):
             )
         return f"the nearest cusp of its leaf that was found is {self.away:.2g} m from the workspace ({searched})"
 
+    @property
+    def loop(self) -> str:
+        """The smallest tool loop found that does not bring the joints back; empty where none was found."""
+        least = None if self.found is None else self.found.witness
+        if least is None:
+            return ""
+        turns = f" and turns by {least.turn:.2g} rad" if least.turn else ""
+        return (
+            f"the smallest tool loop found on its leaf that does not bring the joints back is {least.length:.2g} m long"
+            f"{turns}; the joints end {least.apart:.2g} apart"
+        )
 
-def cusps_near(strategy: Strategy, q0: Vector, space: Workspace) -> NearbyCusps | None:
-    """Those of the leaf through q0, and how far they are from a workspace; None where formulas are too long."""
+
+def cusps_near(strategy: Strategy, q0: Vector, space: Workspace) -> NearbyCusps:
+    """Those of the leaf through q0, and how far they are from a workspace; or why they cannot be looked for."""
     constraint = getattr(strategy, "constraint", None)
     if constraint is None or constraint.looped is not None:
-        return None
-    found, poses = cusps(strategy, q0, starts=STARTS), space.poses(POSES)
+        return NearbyCusps(None, np.nan, "its formulas are too long")
+    try:
+        found = cusps(strategy, q0, starts=STARTS)
+    except HolokinError as problem:  # such as a posture beyond the joint limits, where a design could not keep them
+        return NearbyCusps(None, np.nan, str(problem))
+    poses = space.poses(POSES)
     ends = inverse(strategy, q0).batch(space.poses(STARTS))
     near = cusps_from(found.strategy, found.level, ends.last[np.isfinite(ends.last).all(axis=1)], limits=True)
-    away = np.append(found.tool_away_from(poses), tool_away(strategy.task, near, poses))
-    return NearbyCusps(found, float(away.min(initial=np.inf)))
+    all_of_them = np.concatenate([found.poses, near])
+    away = tool_away(strategy.task, all_of_them, poses)
+    if not len(away):
+        return NearbyCusps(found, np.inf)
+    return NearbyCusps(found, float(away.min()), pose=all_of_them[away.argmin()])
 
 
-def said_of(chosen: str, first: str, looked_at: Mapping[str, NearbyCusps | None], more: float) -> Sequence[str]:
+def _capital(sentence: str) -> str:
+    """A sentence with its first letter large."""
+    return sentence[:1].upper() + sentence[1:]
+
+
+def said_of(chosen: str, first: str, looked_at: Mapping[str, NearbyCusps], more: float) -> Sequence[str]:
     """Sentences on the law that was chosen, and on the first one, which has `more` squared joint speed less."""
-    found = looked_at.get(chosen)
-    if found is None:
-        return ["Cusps of its leaf were not looked for: its formulas are too long."]
+    found = looked_at[chosen]
     if chosen != first:
         return [
             f"{first}, which needs {more:.1%} less squared joint speed, has a cusp in the workspace, or within "
             f"{NEAR:g} m of it: round a cusp a closed path of the tool may not bring the joints back.",
             f"Of the law to take {found.sentence}.",
         ]
-    others = [name for name, other in looked_at.items() if name != chosen and other is not None and other.near]
+    others = [name for name, other in looked_at.items() if name != chosen and other.near]
     rest = f"; so has {', '.join(others)}, which serves as much" if found.near and others else ""
-    return [f"{found.sentence[0].upper()}{found.sentence[1:]}{rest}."]
+    return [f"{_capital(found.sentence)}{rest}."]
+
+
+@dataclass(frozen=True)
+class DegreeTried:
+    """A design with polynomials of one degree: its objective, and the cusps of its leaf."""
+
+    degree: int
+    cost: float
+    cusps: NearbyCusps
+
+
+def said_of_degrees(chosen: int, looked_at: Sequence[DegreeTried], found: NearbyCusps) -> str:
+    """Lines on the cusps of the design that was chosen, by its degree, of those looked at, the best first."""
+    loop = f"{_capital(found.loop)}." if found.loop else ""
+    others = [one for one in looked_at if one.degree != chosen]
+    many = ", ".join(str(one.degree) for one in others)
+    if others and found.clear:
+        best, own = looked_at[0].cost, looked_at[-1].cost
+        said = [
+            f"Degree {chosen} was taken, which costs {own / best - 1:.1%} more than the best: with degree {many} a "
+            f"cusp lies in the workspace, or within {NEAR:g} m of it.",
+            f"Of degree {chosen} {found.sentence}.",
+        ]
+    else:
+        rest = f"; so does one with degree {many}, which serves as much" if others else ""
+        said = [f"{_capital(found.sentence)}{rest}."]
+    return "\n".join([*said, loop] if loop else said)

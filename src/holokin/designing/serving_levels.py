@@ -34,7 +34,7 @@ class LevelRange(NoTruthValue, Value, ask="`.intervals`"):
     levels (k,), rising; shares (k,): of the poses that `ik(pose, level=c)` reaches, within the joint limits where these
     were asked for. intervals: the ranges of levels that serve all poses. best: the middle of the longest interval, or
     the level that serves most; q0 (n,): a posture on its leaf, with the tool pose of the start. cusps: those near the
-    workspace on that leaf, None where its formulas are too long.
+    workspace on that leaf.
     """
 
     strategy: HolonomicStrategy
@@ -45,18 +45,21 @@ class LevelRange(NoTruthValue, Value, ask="`.intervals`"):
     intervals: tuple[tuple[float, float], ...]
     best: float
     q0: Vector
-    cusps: NearbyCusps | None
+    cusps: NearbyCusps
+
+    @property
+    def served(self) -> str:
+        """Which levels serve it."""
+        tried = f"of {len(self.levels)} levels tried, {POSES} poses each"
+        if self.intervals:
+            parts = " and ".join(f"{low:.3g} to {high:.3g}" for low, high in self.intervals)
+            return f"levels of {parts} serve all of the workspace ({tried}); {self.best:.3g} is in the middle"
+        return f"no level serves all of the workspace ({tried}); {self.best:.3g} serves {self.shares.max():.1%}"
 
     @property
     def sentence(self) -> str:
         """Which levels serve it, and what was found of the best one."""
-        tried = f"of {len(self.levels)} levels tried, {POSES} poses each"
-        if self.intervals:
-            parts = " and ".join(f"{low:.3g} to {high:.3g}" for low, high in self.intervals)
-            said = f"levels of {parts} serve all of the workspace ({tried}); {self.best:.3g} is in the middle"
-        else:
-            said = f"no level serves all of the workspace ({tried}); {self.best:.3g} serves {self.shares.max():.1%}"
-        return said if self.cusps is None else f"{said}; at this level {self.cusps.sentence}"
+        return f"{self.served}; at this level {self.cusps.sentence}"
 
     def __str__(self) -> str:
         return self.sentence

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +15,10 @@ from ..codegen import engine, weak
 from ..errors import ArgumentError, BranchError, HolokinError, OutsideRegionError
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy, may_jump
+from .edge import Edge
 from .given_poses import GivenPoses
 from .leaf import leaf_value, level_towards, with_leaves
-from .nearest_pose import LENGTH, MARGIN, Nearest, edge_of, nearest, steps_of
+from .nearest_pose import LENGTH, MARGIN, Nearest, edge_at, edge_of, nearest, steps_of
 from .pose_paths import PosePaths
 from .solutions import InverseStatus, PoseSet, Solutions
 
@@ -139,7 +141,7 @@ class InverseKinematics(Value):
 
     def nearest(
         self, pose: ArrayLike, q: ArrayLike | None = None, *, length: float = LENGTH, rcond: float = MARGIN,
-        limits: bool | None = None, step: ArrayLike | None = None,
+        limits: bool | None = None, step: ArrayLike | None = None, level: ArrayLike | None = None,
     ) -> Nearest:  # fmt: skip
         """The posture of the leaf whose tool pose is nearest to one that may be out of reach.
 
@@ -165,6 +167,9 @@ class InverseKinematics(Value):
             limits: True keeps to the joint limits; by default as `inverse` was told.
             step: how far each joint may move in this call, a number or (n,) [joint units]: its speed limit times the
                 period of the loop. Only with q.
+            level: c (r,), or one number for all rows; by default that of the start. The search then begins at the
+                posture of that level with the tool pose of the start, to which the arm goes by self-motion. With q and
+                `step` the level may change from call to call, as an operator's elbow does.
 
         Returns:
             Nearest: joints, the tool's pose, a status, what is missing. With q, a pose that is not finite, or whose
@@ -172,7 +177,8 @@ class InverseKinematics(Value):
 
         Raises:
             ShapeError: what is no pose. ArgumentError: numbers that are not positive; a start beyond the edge itself; a
-                step without q. JointLimitError: with limits, the start is beyond them. NotFiniteError: q.
+                step without q; a level beside a region. JointLimitError: with limits, the start is beyond them.
+            SingularityError, BranchError: at the tool pose of the start the level is not reached. NotFiniteError: q.
             NotFiniteError, ArgumentError: only without q: a bad pose, as of `ik(pose)`.
         """
         given = self._given.shaped("a tool pose", numbers("a tool pose", pose)[None])[0]
@@ -190,9 +196,21 @@ class InverseKinematics(Value):
         asked = self.limits if limits is None else bool(limits)
         if positive("rcond", rcond) > 1:
             raise ArgumentError("rcond", rcond, "give a number from 0 to 1")
-        key = tuple(self.q0.tolist()), positive("length", length), float(rcond), asked
-        edge, goal = edge_of(self.strategy, *key), (p[0], R[0])
+        edge, goal = self._edge(level, positive("length", length), float(rcond), asked), (p[0], R[0])
         return nearest(edge, goal, lambda: InverseStatus(int(self._given.refused(p, R)[0])), begin, most)
+
+    @property
+    def sentence(self) -> str:
+        """What it answers for, and in which region it is proven to be one function of the pose."""
+        limits = "postures beyond the joint limits are refused" if self.limits else "joint limits are not looked at"
+        said = f"inverse kinematics of {self.strategy.name} of {self.strategy.task.robot.name} through q0; {limits}"
+        if self.region is None:
+            cure = "hk.unique_region(strategy, q0) proves one, hk.cusps(ik) looks for loops that do not return"
+            return f"{said}; no region was asked for where the joints are one function of the pose: {cure}"
+        return f"{said}; its region: {self.region}"
+
+    def __str__(self) -> str:
+        return self.sentence
 
     @property
     def engine(self) -> str:
@@ -225,6 +243,16 @@ class InverseKinematics(Value):
             fact = "from this posture the pose is reached with other joints than those of ik(pose)"
             raise BranchError(fact, "go back by the path that was come, or stop and move the joints to ik(pose)")
         return found
+
+    def _edge(self, level: ArrayLike | None, *more: Any) -> Edge:
+        """The edge of the leaf of the start; or of another level, of which the last one is kept."""
+        if level is None:
+            return edge_of(self.strategy, tuple(self.q0.tolist()), *more)
+        paths = self._at_level(level)
+        if not self._last_edge or self._last_edge[0] != (paths, more):
+            q0 = paths.reach(*self._place, self.q0)
+            self._last_edge[:] = (paths, more), edge_at(self.strategy, q0, *more)
+        return self._last_edge[1]
 
     def _paths_of(self, level: ArrayLike | None, count: int) -> list[PosePaths]:
         """Those of each of many poses, the same for all or not."""
@@ -272,6 +300,11 @@ class InverseKinematics(Value):
         if not last or not np.array_equal(last[0].level, goal):
             self._last_level[:] = last = [self._paths.at(goal)]
         return last[0]
+
+    @cached_property
+    def _last_edge(self) -> list[Any]:
+        """The paths to the level that `nearest` was asked for last, with its numbers; and the edge of that leaf."""
+        return []
 
     @cached_property
     def _last_level(self) -> list[PosePaths]:

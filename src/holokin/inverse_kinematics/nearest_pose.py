@@ -86,8 +86,13 @@ def edge_kernel(strategy: HolonomicStrategy) -> EdgeKernel | None:
 
 @kept
 def edge_of(strategy: HolonomicStrategy, start: tuple[float, ...], length: float, rcond: float, limits: bool) -> Edge:
-    """The edge of the leaf through a start. Raises: ArgumentError: the start lies beyond it. JointLimitError."""
-    robot, q0 = strategy.task.robot, np.array(start)
+    """The same as `edge_at`, kept with the strategy."""
+    return edge_at(strategy, np.array(start), length, rcond, limits)
+
+
+def edge_at(strategy: HolonomicStrategy, q0: Vector, length: float, rcond: float, limits: bool) -> Edge:
+    """The edge of the leaf through a start (n,). Raises: ArgumentError: the start lies beyond it. JointLimitError."""
+    robot = strategy.task.robot
     if limits:
         robot.check_limits(q0)
     free = np.full(robot.n, np.inf)

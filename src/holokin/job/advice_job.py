@@ -39,13 +39,18 @@ SAMPLES, CYCLES = 100, 2
 
 
 def advise_command(
-    name: str, typed: Typed, out: FilePath | None, say: Callable[[str], None], announce: Callable[[str], None]
+    name: str,
+    typed: Typed,
+    out: FilePath | None,
+    say: Callable[[str], None],
+    announce: Callable[[str], None],
+    levels: bool = False,
 ) -> tuple[Advice, Question, Callable[[], tuple[FilePath, str]]]:
     """What `holokin advise` does: (advice, what was asked, what writes its job and returns the file and a remark).
 
     Args:
         name: of a robot or a job. say: hears what is going on. announce: hears, before the work begins, what is looked
-            at and how long that takes.
+            at and how long that takes. levels: as of `advise`.
 
     Raises:
         JobError, WriteError: the file exists, or cannot be written; said before anything is looked at. As `advise`,
@@ -56,7 +61,14 @@ def advise_command(
     asked = question(name, typed)
     announce(f"{asked.chain}. This takes {DURATION}.")
     found = advise_chain(
-        asked.chain, asked.task, asked.workspace, asked.q0, chosen=asked.chosen, clear=asked.clear, say=say
+        asked.chain,
+        asked.task,
+        asked.workspace,
+        asked.q0,
+        chosen=asked.chosen,
+        clear=asked.clear,
+        say=say,
+        levels=levels,
     )
 
     def write() -> tuple[FilePath, str]:

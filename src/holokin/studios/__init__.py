@@ -12,7 +12,7 @@ from .session_job import to_job, write_job
 from .session_laws import Law, default_laws
 from .session_loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
 from .sliders import Slider
-from .states import Cloud, CloudStatus, Judgement, LawState, LawStatus, Origin, Phase, Snapshot
+from .states import Cloud, CloudStatus, Judgement, LawState, LawStatus, LeafCusps, Origin, Phase, Snapshot
 from .two_paths import LawPaths, TwoPaths
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "LawPaths",
     "LawState",
     "LawStatus",
+    "LeafCusps",
     "Loop",
     "Motion",
     "Origin",

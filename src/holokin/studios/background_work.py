@@ -16,10 +16,11 @@ from ..path.workspaces import Workspace
 from ..strategies import HolonomicStrategy
 from .clouds import covered, failed_cloud
 from .law_judgement import judged, largest_curvature
+from .leaf_cusps import leaf_cusps
 from .loop_follower import compiled, loop_fault
 from .runs import Run
 from .session_loops import Loop
-from .states import Cloud
+from .states import Cloud, LeafCusps
 
 REST = 0.3
 """Seconds between two looks at the postures: no number on a page need change faster than one can read it."""
@@ -173,3 +174,23 @@ def cover(
             shared.changed()
 
     return Worker("holokin-studio-cloud", work, failed)
+
+
+def look_for_cusps(
+    shared: Shared, law: str, strategy: HolonomicStrategy, q: Vector, keep: Callable[[LeafCusps | None], None]
+) -> Worker:
+    """Look for cusps of the leaf through a posture (n,); `keep` takes them, under the lock, unless it is cancelled."""
+
+    def work(closed: threading.Event) -> None:
+        found = leaf_cusps(law, strategy, q)
+        with shared.lock:
+            if not closed.is_set():
+                keep(found)
+                shared.changed()
+
+    def failed(problem: Exception) -> None:
+        with shared.lock:
+            keep(None)
+        shared.tell_failure("The cusps were not found", problem)
+
+    return Worker("holokin-studio-cusps", work, failed)

@@ -8,17 +8,24 @@ from typing import Any
 import numpy as np
 
 from ..errors import HolokinError
-from ..output.palette import BLUE, GREY, YELLOW, rgb
+from ..output.palette import BLUE, GREY, PURPLE, YELLOW, rgb
 from .panel_texts import block, line, plain, put, quiet, ramp, swatch, table
 from .sliders import DEGREES, Slider
 from .stage import Stage
-from .states import Cloud, LawState, Phase, Snapshot
+from .states import Cloud, LawState, LeafCusps, Phase, Snapshot
 
 FAR, NEAR, UNREACHED = BLUE, YELLOW, GREY
 """Colours of a cloud: from dark to light, so that they are told apart in print, too; what is not reached has none."""
 
 SINGULAR = 0.01
 """An rcond below this is written in red."""
+
+CUSP = PURPLE
+"""Colour of the nearest cusp, and of a tool loop that does not bring the joints back."""
+
+BALL, LINE = "The purple ball is the tool at the nearest cusp.", "The purple line is the loop."
+LEFT = "This is of a leaf that the law has left: look again."
+"""What is said below the cusps."""
 
 SELF, LEVEL = "self-motion", "level"
 """The two sliders."""
@@ -39,6 +46,10 @@ class PosturePanel:
         self.level_text = gui.add_markdown("")
         self.level = gui.add_slider("Level", min=0.0, max=1.0, step=0.001, initial_value=0.0)
         gui.add_divider()
+        gui.add_markdown("**How far** does the pose decide the joints? Round a cusp they may not come back.")
+        self.far = gui.add_button("Look for cusps of this law", color="gray")
+        self.far_text = gui.add_html("")
+        gui.add_divider()
         gui.add_markdown("**Coverage** of the space around the tool by the leaf of a holonomic law.")
         holonomic = tuple(law.name for law in page.session.laws if law.holonomic)
         self.cover = gui.add_dropdown("Law", holonomic or ("none",))
@@ -47,6 +58,7 @@ class PosturePanel:
         self.cloud_text = gui.add_html("")
         self._ranges: dict[str, Slider | None] = {}
         self._cloud: Cloud | None = None
+        self._cusps: LeafCusps | None = None
         self._seen: tuple[Any, ...] = ()
         self._fitted: dict[str, tuple[Any, ...]] = {}
         self._connect()
@@ -58,6 +70,7 @@ class PosturePanel:
         self.self_motion.disabled = not still
         if still:
             self._fit(snap)
+        self._draw_cusps(snap)
         if snap.cloud is not self._cloud:
             self._cloud = snap.cloud
             self._draw_cloud(snap.cloud)
@@ -79,6 +92,7 @@ class PosturePanel:
             if event.client is not None:
                 page.ask(self._lift, LEVEL)
 
+        self.far.on_click(lambda _event: page.ask(lambda: page.session.start_cusps(self.law.value)))
         self.find.on_click(lambda _event: page.ask(lambda: page.session.start_cloud(self.cover.value)))
         self.clear.on_click(lambda _event: page.ask(self.take_away))
 
@@ -166,6 +180,15 @@ class PosturePanel:
         foot = "rcond: 1 is good, 0 singular. curvature: drift over the area of a small loop."
         return block(table(rows, hints), quiet(foot))
 
+    def _draw_cusps(self, snap: Snapshot) -> None:
+        """The nearest cusp as a ball, the smallest loop as a line; of a leaf that was left it is said."""
+        found = snap.cusps
+        put(self.far_text, "" if found is None else block(line(found.sentence), quiet(_where(found, snap))))
+        if found is not self._cusps:
+            self._cusps = found
+            self.page.scene.ball(None if found is None else found.place, CUSP, "cusp")
+            self.page.scene.path([] if found is None else found.loop, "cusp", CUSP)
+
     def _draw_cloud(self, cloud: Cloud | None) -> None:
         if cloud is None:
             self.page.scene.cloud([], [])
@@ -176,6 +199,13 @@ class PosturePanel:
         text = cloud.sentence or f"{cloud.law}: {cloud.done} of {cloud.total} poses looked at, {share}"
         scale = ramp(FAR, NEAR, "in the middle of the joints", "at a limit")
         put(self.cloud_text, block(line(text), scale, table([(swatch(UNREACHED), plain("not reached"))])))
+
+
+def _where(cusps: LeafCusps, snap: Snapshot) -> str:
+    """What is said below the cusps: what is drawn of them, or that the law stands on another leaf by now."""
+    if not any(law.name == cusps.law and np.array_equal(law.level, cusps.level) for law in snap.laws):
+        return LEFT
+    return "" if cusps.place is None else BALL if not len(cusps.loop) else f"{BALL} {LINE}"
 
 
 def _what(known: Slider) -> str:

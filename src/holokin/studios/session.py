@@ -8,10 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+import numpy as np
+
 from ..base.types import ArrayLike, frozen, not_negative, positive, whole
 from ..errors import ArgumentError, OpenPathError
 from ..path.workspaces import Workspace
-from .background_work import Shared, Worker, cover, look_after
+from .background_work import Shared, Worker, cover, look_after, look_for_cusps
 from .clouds import default_workspace
 from .law_group import LawGroup
 from .loop_clock import Playing, begin, gather, go, target_of
@@ -20,7 +22,7 @@ from .runs import Run, new_run, state_of
 from .session_laws import Law, rebuilt
 from .session_loops import Loop, entered, reversed_loop
 from .sliders import leaves_of
-from .states import Cloud, CloudStatus, Origin, Phase, Snapshot
+from .states import Cloud, CloudStatus, LeafCusps, Origin, Phase, Snapshot
 
 SAMPLES = 512
 """Poses of a cloud."""
@@ -60,6 +62,7 @@ class Session(LawGroup):
         self._fault, self._loop_fault = "", ""
         self._known: Snapshot | None = None
         self._cloud: Cloud | None = None
+        self._cusps: LeafCusps | None = None
         self._shared = Shared(
             self._lock, lambda: list(self._runs.values()), lambda: self.home, self._changed, self._failed,
             self._unseen_loop, self._looked_at, limits,
@@ -67,6 +70,7 @@ class Session(LawGroup):
         self._looked = 0
         self._worker: Worker | None = None
         self._covering: Worker | None = None
+        self._seeking: list[Worker] = []  # of which the last one is listened to; the others end soon
         for law in given:
             self.add_law(law)
         if loop is not None:
@@ -93,6 +97,7 @@ class Session(LawGroup):
             self._target = frozen(self._home_target())
             self.cancel_cloud()
             self._cloud = None
+            self.cancel_cusps()
             return self.set_loop(self._loop)
 
     @property
@@ -219,12 +224,34 @@ class Session(LawGroup):
                 self._cloud = replace(self._cloud, status=CloudStatus.CANCELLED)
             return self._changed()
 
+    def start_cusps(self, name: str) -> Snapshot:
+        """Look for cusps of the leaf on which a holonomic law stands, in a thread: `Snapshot.cusps`.
+
+        Raises:
+            UnknownNameError; ArgumentError: a law without leaves.
+        """
+        with self._lock:
+            run = self._run(name)
+            strategy = leaves_of(run.law)
+            self.cancel_cusps()
+            self._cusps = LeafCusps(name, run.level, True, f"{name}: cusps are looked for.", None, np.zeros((0, 3)))
+            self._seeking.append(look_for_cusps(self._shared, name, strategy, run.q, self._keep_cusps))
+            return self._changed()
+
+    def cancel_cusps(self) -> Snapshot:
+        """Forget the cusps; where they are still looked for, what is found is dropped."""
+        with self._lock:
+            for worker in self._seeking:
+                worker.cancel()
+            self._seeking, self._cusps = [worker for worker in self._seeking if worker.alive], None
+            return self._changed()
+
     def close(self) -> None:
         """End all threads of the session."""
-        for worker in (self._worker, self._covering):
+        for worker in (self._worker, self._covering, *self._seeking):
             if worker is not None:
                 worker.close()
-        self._worker = self._covering = None
+        self._worker, self._covering, self._seeking = None, None, []
 
     def snapshot(self) -> Snapshot:
         """All that a page draws, as a value that never changes; the same one until something changes."""
@@ -234,8 +261,8 @@ class Session(LawGroup):
                 states, way = tuple(map(state_of, self._runs.values())), loop is not None and loop.clockwise
                 self._known = Snapshot(
                     self._number, playing.phase, states, self._target, self._loops, playing.progress, playing.cycle,
-                    playing.time, playing.factor, playing.cycles, way, self._message, self._cloud, self._loop_fault,
-                    self._fault,
+                    playing.time, playing.factor, playing.cycles, way, self._message, self._cloud, self._cusps,
+                    self._loop_fault, self._fault,
                 )  # fmt: skip
             return self._known
 
@@ -248,6 +275,9 @@ class Session(LawGroup):
 
     def _keep(self, cloud: Cloud) -> None:
         self._cloud = cloud
+
+    def _keep_cusps(self, found: LeafCusps | None) -> None:
+        self._cusps = found
 
     def _failed(self, sentence: str) -> None:
         self._fault = sentence

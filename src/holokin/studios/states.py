@@ -129,6 +129,25 @@ class Cloud:
 
 
 @dataclass(frozen=True, eq=False)
+class LeafCusps:
+    """Cusps of the leaf on which a law stood when they were asked for, ready to be drawn.
+
+    Attributes:
+        law: its name. level: g(q) = c (r,) of the leaf. running: whether they are still looked for.
+        sentence: what was found, or why none were looked for.
+        place: position (3,) [m] of the tool at the nearest one, None where there is none.
+        loop: points (k, 3) [m] of the smallest tool loop found that does not bring the joints back; none where k is 0.
+    """
+
+    law: str
+    level: Vector
+    running: bool
+    sentence: str
+    place: Vector | None
+    loop: Matrix
+
+
+@dataclass(frozen=True, eq=False)
 class Snapshot:
     """A session at one instant: all that a page draws. It never changes, and any thread may read it.
 
@@ -141,7 +160,7 @@ class Snapshot:
         progress: share of the cycle that is done, 0 to 1. cycle: complete cycles. time: of the loop [s].
         factor: of the speed. cycles: after which the loop ends, None for never. clockwise: the other way round.
         message: one sentence on the session as a whole, such as why a loop cannot begin; empty if all is well.
-        cloud: the coverage, if one was asked for.
+        cloud: the coverage, if one was asked for. cusps: those of a leaf, if they were asked for.
         loop_fault: the first law that does not get round the loop, and why; empty until it is known, and if all do.
         fault: what failed in the background; empty if nothing did.
     """
@@ -159,6 +178,7 @@ class Snapshot:
     clockwise: bool
     message: str
     cloud: Cloud | None = None
+    cusps: LeafCusps | None = None
     loop_fault: str = ""
     fault: str = ""
 
