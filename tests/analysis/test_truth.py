@@ -22,7 +22,7 @@ NO_QUESTION = {
     "Servo", "Shape", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
     "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",
     # numbers, files and sequences: what is found is in them, and an empty sequence is False as a list is
-    "CuspWitness", "ProcessLines", "ToolTolerance", "ToolDeviation",
+    "DegreeTried", "NearbyCusps", "CuspWitness", "ProcessLines", "ToolTolerance", "ToolDeviation",
     "Clearance", "Deviation", "DriftFree", "DriftPrediction", "Exported", "GeneralForm", "Jump", "JointLoad",
     "LeafFunction",
     "LeftOut", "ClosestHolonomic", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
