@@ -1,0 +1,117 @@
+"""The picture of a certificate: the robot at its start, with the path or the box that the proof is about."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from ..base.types import Matrix, Vector
+from ..path import Path
+from ..path.synchronized_paths import paths_of
+from ..path.workspaces import Box, PoseRange
+from ..proof import Certificate
+from ..tasks.frames import TipFrame
+from ..tasks.task_kinds import FrameTask, parts_of
+from .palette import GREY, HOLONOMIC, LOOP, VERMILLION
+from .robot_panels import Actor, Curve, draw_panel, stage_of
+
+SAMPLES = 120
+"""Points of a path in the picture."""
+
+DASH = 2
+"""Points of a dash, and of a gap, of what is not proven."""
+
+SIZE = (5.4, 4.6)
+"""Of the picture [inch]: with the text beside it fits a page of paper."""
+
+
+def start_of(found: Certificate) -> Vector:
+    """The posture (n,) on the leaf that the file names: the start, or the leaf's posture in the middle of a box."""
+    return found.anchors.q[0][: found.equation.joints]
+
+
+def drawable(found: Certificate) -> bool:
+    """Whether its tool poses are places in the frame of the robot's base."""
+    task = found.equation.strategy.task
+    tools = task.spatial and all(isinstance(part, FrameTask) and isinstance(part.frame, TipFrame) for part in parts_of(task))
+    return bool(task.robot.tips) and tools
+
+
+def proof_figure(found: Certificate) -> Any:
+    """The robot at its start; the path or the box in green, what is not proven of it dashed and grey."""
+    from matplotlib.figure import Figure
+
+    robot, q = found.equation.strategy.task.robot, start_of(found)
+    curves = _curves(found)
+    figure = Figure(figsize=SIZE)
+    stage = stage_of(robot, q[None], curves)
+    draw_panel(figure.add_axes((0.01, 0.01, 0.98, 0.98)), stage, [Actor(q, HOLONOMIC)], curves)
+    return figure
+
+
+def picture_words(found: Certificate) -> str:
+    """What to see in it."""
+    box = isinstance(found.asked, PoseRange)
+    what = "the box of tool positions" if box else "the path"
+    return f"The robot at the posture below. {_colors(found, what)} Rods at the base and the tool: x red, y green, z blue."
+
+
+def _colors(found: Certificate, what: str) -> str:
+    if found.whole:
+        return f"Green: {what}."
+    if found.covered:
+        return f"Red: {what}, along which the joints do not return or are not shown to."
+    if isinstance(found.asked, PoseRange):
+        return f"Dashed grey: {what}, of which only a part is proven; the part is not drawn."
+    return f"Green: what is proven of {what}. Dashed grey: what is not."
+
+
+def _curves(found: Certificate) -> list[Curve]:
+    space = found.asked
+    if isinstance(space, PoseRange) and isinstance(space.solid, Box):
+        color = LOOP if found.whole else GREY
+        return [Curve(edge, color, 0 if found.whole else DASH) for edge in _edges(space.solid)]
+    if isinstance(space, PoseRange) or not hasattr(space, "durations"):
+        return []
+    color = LOOP if found.whole or not found.covered else VERMILLION
+    return [curve for path in paths_of(space) for curve in _parts(found, path, color)]
+
+
+def _parts(found: Certificate, path: Path, color: str) -> list[Curve]:
+    """The proven part of a path, and the rest."""
+    end = proven_time(found, path)
+    listed = []
+    if end > 0:
+        listed.append(Curve(_points(path, 0.0, end), color))
+    if end < path.duration:
+        listed.append(Curve(_points(path, end, path.duration), GREY, DASH))
+    return listed
+
+
+def proven_time(found: Certificate, path: Path) -> float:
+    """The time [s] up to which a path is proven."""
+    boxes = found.proven.boxes
+    if not len(boxes):
+        return 0.0
+    if found.covered:
+        return path.duration
+    last = int(boxes.piece.max())
+    share = float(boxes.high[boxes.piece == last, 0].max())
+    return float(path.starts[last] + share * path.durations[last])
+
+
+def _points(path: Path, start: float, stop: float) -> Matrix:
+    """Points (k, 3), with all ends of segments among them."""
+    inside = path.starts[(path.starts > start) & (path.starts < stop)]
+    return path.at(np.unique(np.concatenate([np.linspace(start, stop, SAMPLES), inside]))).position
+
+
+def _edges(box: Box) -> list[Matrix]:
+    """The edges (k, 3) of a box that have an extent."""
+    corners = [np.array(c) for c in product((-1.0, 1.0), repeat=3)]
+    pairs = [(a, b) for a in corners for b in corners if (b - a).sum() == 2 and np.count_nonzero(b - a) == 1]
+    steps = np.linspace(0, 1, 12)[:, None]
+    edges = [box.center + box.half * (a + steps * (b - a)) for a, b in pairs]
+    return [edge for edge in edges if np.ptp(edge, axis=0).any()]
