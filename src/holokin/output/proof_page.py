@@ -15,6 +15,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.files import replacing
 from ..base.types import Array, Matrix, Vector
+from ..path.segments import Segment
 from ..path.synchronized_paths import AnyPath, paths_of
 from ..path.workspaces import PoseRange, Workspace
 from ..proof import Certificate
@@ -23,28 +24,39 @@ from ..proof.checker_word import CheckerWord, Outcome, ask_checker
 from ..robot import Robot
 from ..version import build
 from .html_page import drawn, html_table, page
-from .proof_picture import drawable, picture_words, proof_figure, proven_time, start_of
-from .proof_words import PROVEN, at_least, at_most, claims, not_proven, place_words, share_of, verdict
+from .proof_picture import drawable, picture_words, proof_figure, start_of
+from .proof_words import (
+    PROVEN,
+    at_least,
+    at_most,
+    checker_words,
+    claims,
+    gap_of,
+    not_proven,
+    place_words,
+    share_words,
+    verdict,
+)
 
 MOST_PIECES = 12
 """Rows in the table of a path; the file has all pieces."""
 
-PLACES = 6
-"""Decimals of a joint in rad or m: a millionth is less than any robot repeats."""
+PLACES = 8
+"""Decimals of a joint in rad or m, so that a bound and the limit next to it are not confused."""
 
 _HEAD = """<meta http-equiv="Content-Security-Policy"
 content="default-src 'none'; img-src data:; style-src 'unsafe-inline'"><style>
 h1 {{ font-size: 1.35rem; margin: 0; }} h2 {{ margin-top: 1.5rem; border-bottom: 1px solid #c9d1da; }}
 .verdict {{ border: 3px solid #a84a00; padding: .7rem 1rem; margin-bottom: 1rem; }} .verdict p {{ margin: .4rem 0 0; }}
 .verdict.good {{ border-color: #00664a; }} code {{ overflow-wrap: anywhere; font-size: .88em; }}
-td {{ overflow-wrap: anywhere; }} td.n {{ overflow-wrap: normal; }} th[scope=row] {{ width: 11rem; }}
-figure {{ margin: .8rem auto; max-width: 30rem; }} figure img {{ width: 100%; }}
+.claims th:nth-child(2) {{ width: 8rem; }} .claims th:nth-child(3) {{ width: 11rem; }} td {{ overflow-wrap: anywhere; }} td.n {{ overflow-wrap: normal; }} th[scope=row] {{ width: 11rem; }}
+figure {{ margin: .8rem auto; max-width: 44rem; }} figure img {{ width: 100%; }}
 @page {{ size: A4; margin: 14mm 14mm 17mm;
 @bottom-left {{ content: "SHA-256 {sha256}"; font: 6.5pt monospace; color: #4b5563; }}
 @bottom-right {{ content: counter(page) " / " counter(pages); font: 8pt sans-serif; color: #4b5563; }} }}
-@media print {{ body {{ font-size: 9.5pt; line-height: 1.35; max-width: none; margin: 0; padding: 0; }}
+@media print {{ html {{ font-size: 9.5pt; }} body {{ font-size: 9.5pt; line-height: 1.35; max-width: none; margin: 0; padding: 0; }}
 h2 {{ break-after: avoid; margin-top: 1.1rem; }} tr, figure, .verdict, li {{ break-inside: avoid; }}
-.wide {{ overflow: visible; }} figure {{ max-width: 105mm; }} th, td {{ padding: .22rem .4rem; }}
+.wide {{ overflow: visible; }} figure {{ max-width: 150mm; }} th, td {{ padding: .22rem .4rem; }}
 * {{ print-color-adjust: exact; -webkit-print-color-adjust: exact; }} }}
 </style>"""
 
@@ -81,14 +93,16 @@ def _page(found: Certificate, file: FilePath, word: CheckerWord, now: datetime) 
     robot, first = found.equation.strategy.task.robot, verdict(found, word)
     parts = [
         f"<div class='verdict{' good' if first.good else ''}'><h1>{escape(first.line)}</h1>"
-        f"<p>{escape(first.sentence)}</p><p>{_checker_line(word)}</p></div>",
+        f"<p>{escape(first.sentence)}</p><p class='{_tone(found, word)}'>{escape(checker_words(found, word))}</p></div>",
         f"<p>{escape(found.title)}. Certificate of holokin about the model of the robot {escape(robot.name)}, "
         f"{now:%Y-%m-%d}.</p>",
         "<h2>What is proven</h2>",
-        html_table(
-            ["Statement", "The proof", "The independent checker"],
+        "<div class='claims'>"
+        + html_table(
+            ["Statement", "Proof", "Checker"],
             [[escape(c.text), _mark(c.proven), _mark(c.checked)] for c in claims(found, word)],
-        ),
+        )
+        + "</div>",
         f"<p class='small'>The theorem in the program's words: {escape(found.theorem)}</p>",
         "<h2>What is NOT proven</h2>",
         f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in not_proven(found, word))}</ul>",
@@ -116,28 +130,35 @@ def _facts(rows: Sequence[tuple[str, str]]) -> str:
 
 def _mark(text: str) -> str:
     kind = "yes" if text.startswith((PROVEN, Outcome.VERIFIED.value)) else ""
-    kind = "no" if text.startswith(("NOT", "REJECTED", "not", "claimed", "the joints differ")) else kind
+    kind = "no" if text.startswith(("NO", "REJECTED", "not", "claimed")) else kind
     return f"<span class='{kind}'>{escape(text)}</span>" if kind else escape(text)
 
 
-def _checker_line(word: CheckerWord) -> str:
-    if word.outcome is Outcome.VERIFIED:
-        return f"<span class='yes'>Verified by the independent checker</span> in {word.seconds:.3g} s."
-    if word.outcome is Outcome.REJECTED:
-        return f"<span class='no'>REJECTED by the independent checker</span>: {escape(word.text.partition(': ')[2])}"
-    return f"<span class='no'>NOT verified by the independent checker</span>: {escape(word.text)}."
+def _tone(found: Certificate, word: CheckerWord) -> str:
+    """The class of what the checker says: green only where all is proven, too."""
+    if word.outcome is not Outcome.VERIFIED:
+        return "no"
+    return "yes" if found.whole else ""
 
 
 def _checker(word: CheckerWord) -> list[str]:
     """What it said, word by word."""
     head, *lines = word.text.splitlines()
     said = "".join(f"<li>{escape(line.strip())}</li>" for line in lines)
-    facts = [("Outcome", _mark(word.outcome.value)), ("Version", escape(word.version)), ("Time", f"{word.seconds:.3g} s")]
+    facts = [
+        ("Outcome", _mark(word.outcome.value)),
+        ("Version", escape(word.version)),
+        ("Time", f"{word.seconds:.3g} s"),
+    ]
     about = (
         "A small program that shares no code with the search for the proof. It reads the file, chooses its own bounds, "
         "and computes them in ball arithmetic."
     )
-    return [f"<p class='small'>{about}</p>", _facts([*facts, ("Its words", escape(head))]), f"<ul class='small'>{said}</ul>" if said else ""]
+    return [
+        f"<p class='small'>{about}</p>",
+        _facts([*facts, ("Its words", escape(head))]),
+        f"<ul class='small'>{said}</ul>" if said else "",
+    ]
 
 
 def _where(found: Certificate) -> list[str]:
@@ -152,10 +173,10 @@ def _box_facts(found: Certificate, space: Workspace) -> list[tuple[str, str]]:
     if not isinstance(space, PoseRange):
         return [("Poses", escape(str(space)))]
     task, (p, h) = found.equation.strategy.task, (space.solid.center, space.solid.half)
-    spans = [f"{axis}: {_number(a - b)} to {_number(a + b)} m" for axis, a, b in zip("xyz", p, h, strict=True)]
+    spans = [f"{axis}: {a - b:.6g} to {a + b:.6g} m" for axis, a, b in zip("xyz", p, h, strict=True)]
     rows = [
         ("Tool positions", ", ".join(spans)),
-        ("Centre, half sides", f"{_vector(p)} m, {_vector(h)} m, along the axes of the base"),
+        ("Centre, half sides", f"{_short(p)} m, {_short(h)} m, along the axes of the base"),
     ]
     if task.orientation is None:
         rows.append(("Orientation", "free: the task is about positions alone"))
@@ -163,12 +184,7 @@ def _box_facts(found: Certificate, space: Workspace) -> list[tuple[str, str]]:
         turns = f"leans by up to {np.degrees(space.tilt):.4g} deg, turns about its z axis by up to +-{np.degrees(space.spin):.4g} deg"
         rows.append(("Orientation in the middle", _axes(space.rotation)))
         rows.append(("Turns", turns if space.tilt or space.spin else "none: one orientation"))
-    share = f"{_share(found)} of the box, {len(found)} cells"
-    return [*rows, ("Proven", share), *([("Stopped at", escape(found.where))] if found.where else [])]
-
-
-def _share(found: Certificate) -> str:
-    return "all" if found.covered else f"{100 * share_of(found):.3g} %"
+    return [*rows, ("Proven", share_words(found)), *([("Stopped at", escape(found.where))] if found.where else [])]
 
 
 def _path_facts(found: Certificate, path: AnyPath) -> list[tuple[str, str]]:
@@ -179,7 +195,7 @@ def _path_facts(found: Certificate, path: AnyPath) -> list[tuple[str, str]]:
     ]
     for k, one in enumerate(paths_of(path)):
         name = f" of tool {k + 1}" if task.frames > 1 else ""
-        rows.append((f"Begins{name}", f"at {_vector(one.start)} m"))
+        rows.append((f"Begins{name}", f"at {_short(one.start)} m"))
         if task.orientation is not None and task.frames == 1 and task.spatial:
             R = one.rotation if one.rotation is not None else task.pose(start_of(found))[:3, :3]
             turn = float(sum(segment.turn for segment in one.segments))
@@ -187,9 +203,11 @@ def _path_facts(found: Certificate, path: AnyPath) -> list[tuple[str, str]]:
             rows.append(("The tool turns", f"by {np.degrees(turn):.4g} deg in all" if turn else "not at all"))
         elif task.orientation is None:
             rows.append((f"Orientation{name}", "free: the task is about positions alone"))
-    time = proven_time(found, paths_of(path)[0])
-    share = "all of it" if found.covered else f"the first {100 * np.floor(1e4 * time / path.duration) / 1e4:.4g} % of its time"
-    return [*rows, ("Covered by cells", share), *([("Stopped at", escape(found.where))] if found.where else [])]
+    return [
+        *rows,
+        ("Covered by cells", share_words(found)),
+        *([("Stopped at", escape(found.where))] if found.where else []),
+    ]
 
 
 def _pieces(path: AnyPath) -> list[str]:
@@ -201,15 +219,27 @@ def _pieces(path: AnyPath) -> list[str]:
         begun = one.on(np.arange(len(shown)), np.zeros(len(shown))).position
         ended = one.on(np.arange(len(shown)), np.ones(len(shown))).position
         rows = [
-            [str(i + 1), _vector(a), _vector(b), f"{s.length:.6g}", f"{np.degrees(s.angle):.4g}" if s.angle else "-"]
+            [str(i + 1), _short(a), _short(b), f"{s.length:.6g}", _shape(s)]
             for i, (s, a, b) in enumerate(zip(shown, begun, ended, strict=True))
         ]
         more = len(one.segments) - len(shown)
-        head = ["Piece", "From [m]", "To [m]", "Length [m]", "Angle of the arc [deg]"]
+        head = ["Piece", "From [m]", "To [m]", "Length [m]", "Shape"]
         parts += [f"<h3>Tool {k + 1}</h3>"] if several else []
         parts += [html_table(head, rows)]
         parts += [f"<p class='small'>The file has {more} more pieces.</p>"] if more else []
     return parts
+
+
+def _shape(segment: Segment) -> str:
+    """A line, an arc with its centre and axis, or a curve."""
+    if segment.along[1:].any():
+        return "cubic curve"
+    if not segment.angle:
+        return "line"
+    axis = np.sign(segment.angle) * np.cross(segment.x, segment.y)
+    radius, axis = np.linalg.norm(segment.x), axis / np.linalg.norm(axis)
+    angle = abs(np.degrees(segment.angle))
+    return f"arc of {angle:.4g} deg, radius {radius:.6g} m, about {_short(segment.center)}, axis {_short(axis)}"
 
 
 def _robot_facts(robot: Robot) -> list[tuple[str, str]]:
@@ -230,11 +260,20 @@ def _joints(found: Certificate) -> str:
     rows = []
     for i, joint in enumerate(robot.coordinates):
         scale = 10.0**PLACES
-        hull = [f"{np.floor(found.low[i] * scale) / scale:.{PLACES}f}", f"{np.ceil(found.high[i] * scale) / scale:.{PLACES}f}"]
+        hull = [
+            f"{np.floor(found.low[i] * scale) / scale:.{PLACES}f}",
+            f"{np.ceil(found.high[i] * scale) / scale:.{PLACES}f}",
+        ]
         left = at_least(float(found.to_limit[i])) if np.isfinite(found.to_limit[i]) else "no limit"
         values = [*hull, left] if some else ["-", "-", "-"]
-        rows.append([escape(joint.name), joint.unit, _number(joint.lower), *values[:2], _number(joint.upper), values[2]])
-    asked = "" if found.limits is not None else " The proof was made without limits: that the joints keep them is not claimed."
+        rows.append(
+            [escape(joint.name), joint.unit, _number(joint.lower), *values[:2], _number(joint.upper), values[2]]
+        )
+    asked = (
+        ""
+        if found.limits is not None
+        else " The proof was made without limits: that the joints keep them is not claimed."
+    )
     about = f"The joints over {place_words(found)}; bounds are rounded outwards.{asked}"
     return f"{html_table(head, rows, numbers=True)}<p class='small'>{about}</p>"
 
@@ -253,14 +292,23 @@ def _strategy_facts(found: Certificate) -> list[tuple[str, str]]:
         ("Posture", posture),
     ]
     if isinstance(found.asked, Workspace):
-        rows.append(("The posture is", f"on the leaf, at the place {_vector(found.anchors.u[0])} of the box, whose sides are -1 to 1"))
+        rows.append(
+            (
+                "The posture is",
+                f"on the leaf, at the place {_vector(found.anchors.u[0])} of the box, whose sides are -1 to 1",
+            )
+        )
     else:
         rows.append(("The posture is", "the start of the path"))
     return rows
 
 
 def _numbers(found: Certificate) -> list[tuple[str, str]]:
-    rows = [("Extent", escape(found.extent.value)), ("Cells", f"{len(found):,}"), ("Time of the search", f"{found.seconds:.3g} s")]
+    rows = [
+        ("Extent", escape(found.extent.value)),
+        ("Cells", f"{len(found):,}"),
+        ("Time of the search", f"{found.seconds:.3g} s"),
+    ]
     if not len(found):
         return rows
     f = found.findings
@@ -271,7 +319,7 @@ def _numbers(found: Certificate) -> list[tuple[str, str]]:
         ("Alone within", f"at least {at_least(float(f.alone.min()))}"),
     ]
     if np.isfinite(found.gap):
-        rows += [("Gap of the closed path", f"at most {at_most(found.gap)}"), ("Whole turns", _vector(found.turns))]
+        rows += [("Gap of the closed path", f"at most {at_most(gap_of(found))}"), ("Whole turns", _vector(found.turns))]
     if found.revisit is not None:
         joints = zip(found.equation.strategy.task.robot.coordinates, found.revisit.low, found.revisit.high, strict=True)
         rows += [(f"{escape(c.name)} differs by", f"{low:.9g} to {high:.9g} {c.unit}") for c, low, high in joints]
@@ -287,21 +335,25 @@ def _file_facts(file: FilePath, sha256: str, word: CheckerWord, now: datetime) -
         ("Verify it by", f"<code>holokin check-certificate {name}</code>"),
         ("Page made", f"{now:%Y-%m-%d %H:%M} UTC"),
         ("Made by", f"holokin {escape(build())}, Python {platform.python_version()}, NumPy {np.__version__}"),
-        ("Checker", escape(word.version)),
     ]
 
 
 def _placed(T: Matrix) -> str:
-    return f"at {_vector(T[:3, 3])} m, {_axes(T[:3, :3])}"
+    return f"at {_short(T[:3, 3])} m, {_axes(T[:3, :3])}"
 
 
 def _axes(R: Matrix) -> str:
     """An orientation by its axes, which needs no convention of angles."""
-    return f"x axis along {_vector(R[:, 0])}, z axis along {_vector(R[:, 2])}"
+    return f"x axis along {_short(R[:, 0])}, z axis along {_short(R[:, 2])}"
 
 
 def _vector(values: Vector | Array) -> str:
     return f"[{', '.join(map(_number, values))}]"
+
+
+def _short(values: Vector | Array) -> str:
+    """Places and directions, to a micrometre: the file has all digits."""
+    return f"[{', '.join(f'{x:.6g}' for x in np.round(values, 6) + 0.0)}]"
 
 
 def _number(value: Any) -> str:

@@ -15,6 +15,7 @@ from ..proof import Certificate
 from ..tasks.frames import TipFrame
 from ..tasks.task_kinds import FrameTask, parts_of
 from .palette import GREY, HOLONOMIC, LOOP, VERMILLION
+from .proof_words import proven_time
 from .robot_panels import Actor, Curve, draw_panel, stage_of
 
 SAMPLES = 120
@@ -23,8 +24,11 @@ SAMPLES = 120
 DASH = 2
 """Points of a dash, and of a gap, of what is not proven."""
 
-SIZE = (5.4, 4.6)
-"""Of the picture [inch]: with the text beside it fits a page of paper."""
+SIZE = (7.6, 4.6)
+"""Of the picture [inch]."""
+
+MARGIN = 0.12
+"""Room round a path or a box in its views from above and from the side, over its size."""
 
 
 def start_of(found: Certificate) -> Vector:
@@ -35,7 +39,9 @@ def start_of(found: Certificate) -> Vector:
 def drawable(found: Certificate) -> bool:
     """Whether its tool poses are places in the frame of the robot's base."""
     task = found.equation.strategy.task
-    tools = task.spatial and all(isinstance(part, FrameTask) and isinstance(part.frame, TipFrame) for part in parts_of(task))
+    tools = task.spatial and all(
+        isinstance(part, FrameTask) and isinstance(part.frame, TipFrame) for part in parts_of(task)
+    )
     return bool(task.robot.tips) and tools
 
 
@@ -47,15 +53,39 @@ def proof_figure(found: Certificate) -> Any:
     curves = _curves(found)
     figure = Figure(figsize=SIZE)
     stage = stage_of(robot, q[None], curves)
-    draw_panel(figure.add_axes((0.01, 0.01, 0.98, 0.98)), stage, [Actor(q, HOLONOMIC)], curves)
+    draw_panel(figure.add_axes((0.01, 0.01, 0.6, 0.98)), stage, [Actor(q, HOLONOMIC)], curves)
+    _view(figure.add_axes((0.72, 0.58, 0.26, 0.38)), found, curves, (0, 1))
+    if not robot.planar:
+        _view(figure.add_axes((0.72, 0.09, 0.26, 0.38)), found, curves, (0, 2))
     return figure
+
+
+def _view(axes: Any, found: Certificate, curves: list[Curve], plane: tuple[int, int]) -> None:
+    """The path or the box along two axes of the base, to a scale, with the start of the tools."""
+    i, j = plane
+    for curve in curves:
+        dash = "--" if curve.dash else "-"
+        axes.plot(curve.points[:, i], curve.points[:, j], color=curve.color, linestyle=dash, linewidth=1.3)
+    robot, q = found.equation.strategy.task.robot, start_of(found)
+    tips = {part.tip for part in parts_of(found.equation.strategy.task)}
+    for p in (robot.pose(q, tip)[:3, 3] for tip in tips):
+        axes.plot(p[i], p[j], "o", color=HOLONOMIC, markersize=4)
+    shown = np.vstack([curve.points for curve in curves])[:, [i, j]]
+    middle, half = (shown.min(axis=0) + shown.max(axis=0)) / 2, max(np.ptp(shown, axis=0).max() / 2, 1e-3)
+    reach = (1 + 2 * MARGIN) * half
+    axes.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach))
+    axes.set_aspect("equal")
+    axes.set_xlabel(f"{'xyz'[i]} [m]", fontsize=8)
+    axes.set_ylabel(f"{'xyz'[j]} [m]", fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.locator_params(nbins=4)
 
 
 def picture_words(found: Certificate) -> str:
     """What to see in it."""
     box = isinstance(found.asked, PoseRange)
     what = "the box of tool positions" if box else "the path"
-    return f"The robot at the posture below. {_colors(found, what)} Rods at the base and the tool: x red, y green, z blue."
+    return f"The robot at the posture below. {_colors(found, what)} Rods at the base and the tool: x red, y green, z blue. Beside it along axes of the base, the tool at the start as a dot."
 
 
 def _colors(found: Certificate, what: str) -> str:
@@ -88,18 +118,6 @@ def _parts(found: Certificate, path: Path, color: str) -> list[Curve]:
     if end < path.duration:
         listed.append(Curve(_points(path, end, path.duration), GREY, DASH))
     return listed
-
-
-def proven_time(found: Certificate, path: Path) -> float:
-    """The time [s] up to which a path is proven."""
-    boxes = found.proven.boxes
-    if not len(boxes):
-        return 0.0
-    if found.covered:
-        return path.duration
-    last = int(boxes.piece.max())
-    share = float(boxes.high[boxes.piece == last, 0].max())
-    return float(path.starts[last] + share * path.durations[last])
 
 
 def _points(path: Path, start: float, stop: float) -> Matrix:

@@ -8,6 +8,8 @@ from typing import final
 
 import numpy as np
 
+from ..path import Path
+from ..path.synchronized_paths import paths_of
 from ..path.workspaces import Workspace
 from ..proof import Certificate, Extent
 from ..proof.checker_word import CheckerWord, Outcome
@@ -17,7 +19,7 @@ from .words import joint_unit
 DIGITS = 3
 """Significant digits of a bound, rounded to the side on which it stays true."""
 
-PROVEN, NOT_PROVEN = "proven", "NOT proven"
+PROVEN, NOT_PROVEN, DIFFER = "proven", "NOT proven", "NO: they differ"
 
 
 @final
@@ -76,6 +78,28 @@ def share_of(found: Certificate) -> float:
     return float(((boxes.high - boxes.low) / 2).prod(axis=1).sum())
 
 
+def proven_time(found: Certificate, path: Path) -> float:
+    """The time [s] up to which a path is proven."""
+    boxes = found.proven.boxes
+    if not len(boxes):
+        return 0.0
+    if found.covered:
+        return path.duration
+    last = int(boxes.piece.max())
+    share = float(boxes.high[boxes.piece == last, 0].max())
+    return float(path.starts[last] + share * path.durations[last])
+
+
+def share_words(found: Certificate) -> str:
+    """How much of the path or the box is proven, rounded down."""
+    if isinstance(found.asked, Workspace):
+        share, what = (1.0 if found.covered else share_of(found)), "of the box"
+    else:
+        path = paths_of(found.asked)[0]
+        share, what = proven_time(found, path) / path.duration, "of the path, by its time"
+    return f"all {what.partition(',')[0]}" if share == 1 else f"{np.floor(1e4 * min(share, 0.9999)) / 100:.4g} % {what}"
+
+
 def place_words(found: Certificate) -> str:
     """What the cells cover."""
     if isinstance(found.asked, Workspace):
@@ -92,18 +116,40 @@ def verdict(found: Certificate, word: CheckerWord) -> Verdict:
         return Verdict("NOTHING IS PROVEN", found.theorem, False)
     pose = pose_word(found.equation.strategy.task)
     if found.extent is Extent.ELSEWHERE:
-        closed = not isinstance(found.asked, Workspace) and found.asked.closed
-        first = closed and not np.isfinite(found.gap)
-        line = "this closed path does not return the joints" if first else f"the path meets one {pose} twice, with other joints"
+        line = f"the path meets one {pose} twice, with other joints"
+        line = "this closed path ends with other joints" if ends_elsewhere(found) else line
         return Verdict(f"THE JOINTS DO NOT RETURN: {line}", f"It is proven that {found.returning}.", False)
     if found.extent is Extent.RETURN:
         line = "NOT PROVEN that the joints return with the tool"
-        return Verdict(line, f"Only this is proven: along the path the joints are a smooth function of the place. {_capital(found.returning)}.", False)
+        return Verdict(
+            line,
+            f"Only this is proven: along the path the joints are a smooth function of the place. {_capital(found.returning)}.",
+            False,
+        )
     if not found.whole:
-        part = f"{100 * share_of(found):.3g} % of the box" if isinstance(found.asked, Workspace) else "the path only up to a place"
         stop = f" The proof stopped at {found.where}." if found.where else ""
-        return Verdict(f"NOT ALL IS PROVEN: {part}", f"{_capital(found.extent.cause)}.{stop}", False)
+        return Verdict(f"NOT ALL IS PROVEN: only {share_words(found)}", f"{_capital(found.extent.cause)}.{stop}", False)
     return Verdict(f"PROVEN: {_good(found, pose)}", _sentence(found), True)
+
+
+def ends_elsewhere(found: Certificate) -> bool:
+    """Whether it is the end of a closed path at which the joints are others, and not a place on the way."""
+    closed = not isinstance(found.asked, Workspace) and found.asked.closed
+    return found.extent is Extent.ELSEWHERE and closed and not np.isfinite(found.gap)
+
+
+def checker_words(found: Certificate, word: CheckerWord) -> str:
+    """What the checker says, in the box of the first line."""
+    if word.outcome is Outcome.REJECTED:
+        return f"REJECTED by the independent checker: {word.text.partition(': ')[2]}"
+    if word.outcome is Outcome.NONE:
+        return f"NOT verified by the independent checker: {word.text}."
+    took = f"by the independent checker in {word.seconds:.3g} s"
+    if found.whole or ends_elsewhere(found):
+        return f"Verified {took}."
+    if found.extent is Extent.ELSEWHERE:
+        return f"Verified {took}, but for the places that the path meets twice: the checker does not look at them."
+    return f"What is proven is verified {took}; it is not all that was asked."
 
 
 def _good(found: Certificate, pose: str) -> str:
@@ -141,7 +187,7 @@ def claims(found: Certificate, word: CheckerWord) -> list[Claim]:
     """The statements of a certificate, one by one, with who says so."""
     says, place = word.outcome.value, place_words(found)
     if not len(found):
-        return [Claim("Nothing.", NOT_PROVEN, says)]
+        return [Claim(f"Anything about {_asked(found)}.", NOT_PROVEN, says)]
     derivative = found.equation.derivative
     proven = PROVEN if word.outcome is not Outcome.REJECTED else "claimed only"
     text = (
@@ -157,8 +203,12 @@ def claims(found: Certificate, word: CheckerWord) -> list[Claim]:
         listed += _path_claims(found, proven, says)
     robot = found.equation.strategy.task.robot.name
     same = "compared: the same" if word.compared else "not compared"
-    listed.append(Claim(f"The equations of the file are those of the model of the robot {robot}.", "by construction", same))
+    listed.append(Claim(f"The equations of the file are those of the model of the robot {robot}.", "-", same))
     return listed
+
+
+def _asked(found: Certificate) -> str:
+    return "the box" if isinstance(found.asked, Workspace) else "the path"
 
 
 def _limit_claims(found: Certificate, proven: str, says: str) -> list[Claim]:
@@ -168,24 +218,31 @@ def _limit_claims(found: Certificate, proven: str, says: str) -> list[Claim]:
         return [Claim("No joint leaves its limits.", "the model has none", "-")]
     i, robot = int(np.argmin(found.to_limit)), found.equation.strategy.task.robot
     near = f"{at_least(float(found.to_limit[i]))} {robot.coordinates[i].unit}"
-    text = f"Every joint of {place_words(found)} stays within its limits, the nearest ({robot.joint_names[i]}) by {near} or more."
+    text = f"Over {place_words(found)} every joint stays within its limits, the nearest ({robot.joint_names[i]}) by {near} or more."
     return [Claim(text, proven, says)]
 
 
 def _path_claims(found: Certificate, proven: str, says: str) -> list[Claim]:
-    unit, listed = joint_unit(found.equation.strategy.task.robot), []
-    whole = isinstance(found.asked, Workspace) or found.asked.closed
-    if whole and np.isfinite(found.gap):
+    """That the joints return, at the end of a closed path and elsewhere."""
+    listed, robot = [], found.equation.strategy.task.robot
+    if found.turns.any() or np.isfinite(found.gap):
         turned = f", except for the whole turns {found.turns.astype(int).tolist()}" if found.turns.any() else ""
-        text = f"At the end of the closed path the joints are those of its beginning, within {at_most(found.gap)} {unit}{turned}."
+        within = f"within {at_most(gap_of(found))} {joint_unit(robot)}{turned}"
+        text = f"At the end of the closed path the joints are those of its beginning, {within}."
         listed.append(Claim(text, proven, says))
-    elif whole:
-        told = "the joints differ" if found.extent is Extent.ELSEWHERE else NOT_PROVEN
-        listed.append(Claim("At the end of the closed path the joints are those of its beginning.", told, "see Checker"))
-    text = f"Wherever else the path meets a {pose_word(found.equation.strategy.task)} again, the joints are the same, except for whole turns."
+    elif not isinstance(found.asked, Workspace) and found.asked.closed:
+        told, checked = (DIFFER, f"{says}: see Checker") if ends_elsewhere(found) else (NOT_PROVEN, "-")
+        listed.append(Claim("At the end of the closed path the joints are those of its beginning.", told, checked))
+    again = f"the path meets a {pose_word(found.equation.strategy.task)} again, the joints are the same"
     told = proven if found.whole else NOT_PROVEN
-    listed.append(Claim(text, told, "it does not look at this"))
+    told = DIFFER if found.extent is Extent.ELSEWHERE and not ends_elsewhere(found) else told
+    listed.append(Claim(f"Wherever else {again}, except for whole turns.", told, "it does not look at this"))
     return listed
+
+
+def gap_of(found: Certificate) -> float:
+    """How far from the start the joints may end on a closed path: what the file claims, and the checker verifies."""
+    return float(found.data["claims"]["gap"])
 
 
 def not_proven(found: Certificate, word: CheckerWord) -> list[str]:
@@ -204,11 +261,19 @@ def not_proven(found: Certificate, word: CheckerWord) -> list[str]:
     elif not np.isfinite(found.to_limit).all():
         listed.insert(1, f"Limits of the joints that have none in the model: {_unlimited(found)}.")
     if not box and found.covered:
-        listed.append("By the checker: places where the path crosses itself or runs along itself. Only the program that made the certificate looked at them.")
+        listed.append(
+            "By the checker: places where the path crosses itself or runs along itself. Only the program that made the certificate looked at them."
+        )
     if not word.compared:
-        listed.append("By the checker: that the file is about the robot that is named here. It was not compared with the model.")
-    listed.append("That the strategy, the path or the box, and the model are those that you mean: compare them with yours.")
-    listed.append("That nobody has changed this page. Whoever doubts it verifies the file of the certificate, which the SHA-256 below tells.")
+        listed.append(
+            "By the checker: that the file is about the robot that is named here. It was not compared with the model."
+        )
+    listed.append(
+        "That the strategy, the path or the box, and the model are those that you mean: compare them with yours."
+    )
+    listed.append(
+        "That nobody has changed this page. Whoever doubts it verifies the file of the certificate, which the SHA-256 below tells."
+    )
     return listed
 
 
