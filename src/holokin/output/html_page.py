@@ -33,8 +33,8 @@ pre {{ background: #f6f7f9; padding: .8rem; overflow-x: auto; font-size: .85rem;
 </body></html>
 """
 
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
-"""Control characters, which HTML has no use for."""
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+"""Control characters, which HTML has no use for, and those that turn the direction of what is written after them."""
 
 
 def page(title: str, parts: Sequence[str], head: str = "") -> str:

@@ -1,4 +1,4 @@
-"""The page of a certificate: one HTML file to print, beside the file of the certificate, which it names by its SHA-256."""
+"""The page of a certificate: HTML to print, beside the file of the certificate, which it names by its SHA-256."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.files import replacing
 from ..base.types import Array, Matrix, Vector
+from ..errors import ArgumentError, brief
 from ..path.segments import Segment
 from ..path.synchronized_paths import AnyPath, paths_of
 from ..path.workspaces import PoseRange, Workspace
 from ..proof import Certificate
-from ..proof.certificate import FORMAT
+from ..proof.certificate import FORMAT, digest
 from ..proof.checker_word import CheckerWord, Outcome, ask_checker
 from ..robot import Robot
 from ..version import build
@@ -46,15 +47,18 @@ PLACES = 8
 
 _HEAD = """<meta http-equiv="Content-Security-Policy"
 content="default-src 'none'; img-src data:; style-src 'unsafe-inline'"><style>
-h1 {{ font-size: 1.35rem; margin: 0; }} h2 {{ margin-top: 1.5rem; border-bottom: 1px solid #c9d1da; }}
+h1 {{ font-size: 1.35rem; margin: 0; }} h2 {{ margin-top: 1.5rem;
+border-bottom: 1px solid #c9d1da; }}
 .verdict {{ border: 3px solid #a84a00; padding: .7rem 1rem; margin-bottom: 1rem; }} .verdict p {{ margin: .4rem 0 0; }}
 .verdict.good {{ border-color: #00664a; }} code {{ overflow-wrap: anywhere; font-size: .88em; }}
-.claims th:nth-child(2) {{ width: 8rem; }} .claims th:nth-child(3) {{ width: 11rem; }} td {{ overflow-wrap: anywhere; }} td.n {{ overflow-wrap: normal; }} th[scope=row] {{ width: 11rem; }}
+.claims th:nth-child(2) {{ width: 8rem; }} .claims th:nth-child(3) {{ width: 11rem; }}
+td {{ overflow-wrap: anywhere; }} td.n {{ overflow-wrap: normal; }} th[scope=row] {{ width: 11rem; overflow-wrap: anywhere; }}
 figure {{ margin: .8rem auto; max-width: 44rem; }} figure img {{ width: 100%; }}
 @page {{ size: A4; margin: 14mm 14mm 17mm;
 @bottom-left {{ content: "SHA-256 {sha256}"; font: 6.5pt monospace; color: #4b5563; }}
 @bottom-right {{ content: counter(page) " / " counter(pages); font: 8pt sans-serif; color: #4b5563; }} }}
-@media print {{ html {{ font-size: 9.5pt; }} body {{ font-size: 9.5pt; line-height: 1.35; max-width: none; margin: 0; padding: 0; }}
+@media print {{ html {{ font-size: 9.5pt; }} body {{ font-size: 9.5pt;
+line-height: 1.35; max-width: none; margin: 0; padding: 0; }}
 h2 {{ break-after: avoid; margin-top: 1.1rem; }} tr, figure, .verdict, li {{ break-inside: avoid; }}
 .wide {{ overflow: visible; }} figure {{ max-width: 150mm; }} th, td {{ padding: .22rem .4rem; }}
 * {{ print-color-adjust: exact; -webkit-print-color-adjust: exact; }} }}
@@ -73,14 +77,18 @@ def save_with_page(certificate: Certificate, file: str | FilePath, seconds: floa
         The file of the page.
 
     Raises:
-        ArgumentError: negative seconds. WriteError.
+        ArgumentError: negative seconds, or another ending of the file. WriteError.
     """
+    if FilePath(file).suffix != ".json":
+        raise ArgumentError("the file of the certificate", str(file), "let its name end with .json")
     word = ask_checker(certificate, seconds)
     return write_page(certificate, certificate.save(file), word)
 
 
 def write_page(certificate: Certificate, file: FilePath, word: CheckerWord) -> FilePath:
-    """The page of a certificate that was saved in a file, beside it. Raises: WriteError."""
+    """The page of a certificate that was saved in a file, beside it. Raises: ArgumentError, WriteError."""
+    if word.sha256 != digest(certificate.data):
+        raise ArgumentError("what the checker says", word.outcome.value, "ask it about this certificate")
     target = file.with_suffix(".html")
     text = _page(certificate, file, word, datetime.now(UTC))
     with replacing(target) as part:
@@ -93,8 +101,9 @@ def _page(found: Certificate, file: FilePath, word: CheckerWord, now: datetime) 
     robot, first = found.equation.strategy.task.robot, verdict(found, word)
     parts = [
         f"<div class='verdict{' good' if first.good else ''}'><h1>{escape(first.line)}</h1>"
-        f"<p>{escape(first.sentence)}</p><p class='{_tone(found, word)}'>{escape(checker_words(found, word))}</p></div>",
-        f"<p>{escape(found.title)}. Certificate of holokin about the model of the robot {escape(robot.name)}, "
+        f"<p>{escape(first.sentence)}</p>"
+        f"<p class='{_tone(found, word)}'>{escape(checker_words(found, word))}</p></div>",
+        f"<p>{_told(found.title)}. Certificate of holokin about the model of the robot {_told(robot.name)}, "
         f"{now:%Y-%m-%d}.</p>",
         "<h2>What is proven</h2>",
         "<div class='claims'>"
@@ -106,6 +115,8 @@ def _page(found: Certificate, file: FilePath, word: CheckerWord, now: datetime) 
         f"<p class='small'>The theorem in the program's words: {escape(found.theorem)}</p>",
         "<h2>What is NOT proven</h2>",
         f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in not_proven(found, word))}</ul>",
+        "<h2>File and versions</h2>",
+        _facts(_file_facts(file, sha256, now)),
         *_where(found),
         "<h2>Robot</h2>",
         _facts(_robot_facts(robot)),
@@ -116,10 +127,13 @@ def _page(found: Certificate, file: FilePath, word: CheckerWord, now: datetime) 
         *_checker(word),
         "<h2>Numbers of the proof</h2>",
         _facts(_numbers(found)),
-        "<h2>File and versions</h2>",
-        _facts(_file_facts(file, sha256, word, now)),
     ]
-    return page(f"{first.line} - {found.title}", parts, _HEAD.format(sha256=sha256))
+    return page(f"{first.line} - {brief(found.title)}", parts, _HEAD.format(sha256=sha256))
+
+
+def _told(name: str) -> str:
+    """A name of somebody else in HTML: short, on one line, and without what HTML or a printer would obey."""
+    return escape(brief(name))
 
 
 def _facts(rows: Sequence[tuple[str, str]]) -> str:
@@ -181,7 +195,8 @@ def _box_facts(found: Certificate, space: Workspace) -> list[tuple[str, str]]:
     if task.orientation is None:
         rows.append(("Orientation", "free: the task is about positions alone"))
     else:
-        turns = f"leans by up to {np.degrees(space.tilt):.4g} deg, turns about its z axis by up to +-{np.degrees(space.spin):.4g} deg"
+        tilt, spin = np.degrees([space.tilt, space.spin])
+        turns = f"leans by up to {tilt:.4g} deg, turns about its z axis by up to +-{spin:.4g} deg"
         rows.append(("Orientation in the middle", _axes(space.rotation)))
         rows.append(("Turns", turns if space.tilt or space.spin else "none: one orientation"))
     return [*rows, ("Proven", share_words(found)), *([("Stopped at", escape(found.where))] if found.where else [])]
@@ -243,13 +258,13 @@ def _shape(segment: Segment) -> str:
 
 
 def _robot_facts(robot: Robot) -> list[tuple[str, str]]:
-    rows = [("Model", escape(robot.name)), ("Source", escape(robot.source or "not named"))]
+    rows = [("Model", _told(robot.name)), ("Source", _told(robot.source or "not named"))]
     roots = [joint for joint in robot.joints if joint.parent < 0]
     for joint in roots:
-        rows.append(("Mounting", f"joint {escape(joint.name)} in the frame of the base: {_placed(joint.placement)}"))
+        rows.append(("Mounting", f"joint {_told(joint.name)} in the frame of the base: {_placed(joint.placement)}"))
     for tip in robot.tips:
-        on = f"joint {escape(robot.joints[tip.joint].name)}" if tip.joint >= 0 else "the base"
-        rows.append(("Tool", f"{escape(tip.name)}, in the frame of {on}: {_placed(tip.placement)}"))
+        on = f"joint {_told(robot.joints[tip.joint].name)}" if tip.joint >= 0 else "the base"
+        rows.append(("Tool", f"{_told(tip.name)}, in the frame of {on}: {_placed(tip.placement)}"))
     return rows
 
 
@@ -266,9 +281,7 @@ def _joints(found: Certificate) -> str:
         ]
         left = at_least(float(found.to_limit[i])) if np.isfinite(found.to_limit[i]) else "no limit"
         values = [*hull, left] if some else ["-", "-", "-"]
-        rows.append(
-            [escape(joint.name), joint.unit, _number(joint.lower), *values[:2], _number(joint.upper), values[2]]
-        )
+        rows.append([_told(joint.name), joint.unit, _number(joint.lower), *values[:2], _number(joint.upper), values[2]])
     asked = (
         ""
         if found.limits is not None
@@ -281,13 +294,13 @@ def _joints(found: Certificate) -> str:
 def _strategy_facts(found: Certificate) -> list[tuple[str, str]]:
     strategy, robot, q = found.equation.strategy, found.equation.strategy.task.robot, start_of(found)
     posture = ", ".join(
-        f"{escape(c.name)} {_number(x)} {c.unit}" for c, x in zip(robot.coordinates, q.tolist(), strict=True)
+        f"{_told(c.name)} {_number(x)} {c.unit}" for c, x in zip(robot.coordinates, q.tolist(), strict=True)
     )
     rows = [
-        ("Task", escape(strategy.task.name)),
-        ("Rows of the task", escape(", ".join(strategy.task.row_names))),
-        ("Strategy", escape(strategy.name)),
-        ("Constraint", f"g(q) = c: {escape(strategy.constraint.name)}, {strategy.constraint.rows} row(s)"),
+        ("Task", _told(strategy.task.name)),
+        ("Rows of the task", _told(", ".join(strategy.task.row_names))),
+        ("Strategy", _told(strategy.name)),
+        ("Constraint", f"g(q) = c: {_told(strategy.constraint.name)}, {strategy.constraint.rows} row(s)"),
         ("Level c", _vector(found.c)),
         ("Posture", posture),
     ]
@@ -322,11 +335,11 @@ def _numbers(found: Certificate) -> list[tuple[str, str]]:
         rows += [("Gap of the closed path", f"at most {at_most(gap_of(found))}"), ("Whole turns", _vector(found.turns))]
     if found.revisit is not None:
         joints = zip(found.equation.strategy.task.robot.coordinates, found.revisit.low, found.revisit.high, strict=True)
-        rows += [(f"{escape(c.name)} differs by", f"{low:.9g} to {high:.9g} {c.unit}") for c, low, high in joints]
+        rows += [(f"{_told(c.name)} differs by", f"{low:.9g} to {high:.9g} {c.unit}") for c, low, high in joints]
     return rows
 
 
-def _file_facts(file: FilePath, sha256: str, word: CheckerWord, now: datetime) -> list[tuple[str, str]]:
+def _file_facts(file: FilePath, sha256: str, now: datetime) -> list[tuple[str, str]]:
     name = escape(file.name)
     return [
         ("Certificate", f"<code>{name}</code>, {file.stat().st_size:,} bytes, format {escape(FORMAT)}"),

@@ -27,6 +27,12 @@ DASH = 2
 SIZE = (7.6, 4.6)
 """Of the picture [inch]."""
 
+AXES_WORDS = (
+    "Rods at the base and the tool: x red, y green, z blue. Beside it along axes of the base, the tool at the start as "
+    "a dot."
+)
+"""What else is to be seen."""
+
 MARGIN = 0.12
 """Room round a path or a box in its views from above and from the side, over its size."""
 
@@ -53,7 +59,8 @@ def proof_figure(found: Certificate) -> Any:
     curves = _curves(found)
     figure = Figure(figsize=SIZE)
     stage = stage_of(robot, q[None], curves)
-    draw_panel(figure.add_axes((0.01, 0.01, 0.6, 0.98)), stage, [Actor(q, HOLONOMIC)], curves)
+    place = (0.08, 0.09, 0.53, 0.87) if robot.planar else (0.01, 0.01, 0.6, 0.98)
+    draw_panel(figure.add_axes(place), stage, [Actor(q, HOLONOMIC)], curves)
     _view(figure.add_axes((0.72, 0.58, 0.26, 0.38)), found, curves, (0, 1))
     if not robot.planar:
         _view(figure.add_axes((0.72, 0.09, 0.26, 0.38)), found, curves, (0, 2))
@@ -85,7 +92,7 @@ def picture_words(found: Certificate) -> str:
     """What to see in it."""
     box = isinstance(found.asked, PoseRange)
     what = "the box of tool positions" if box else "the path"
-    return f"The robot at the posture below. {_colors(found, what)} Rods at the base and the tool: x red, y green, z blue. Beside it along axes of the base, the tool at the start as a dot."
+    return f"The robot at the posture below. {_colors(found, what)} {AXES_WORDS}"
 
 
 def _colors(found: Certificate, what: str) -> str:

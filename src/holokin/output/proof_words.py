@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
+from ..errors import brief
 from ..path import Path
 from ..path.synchronized_paths import paths_of
 from ..path.workspaces import Workspace
@@ -20,6 +20,25 @@ DIGITS = 3
 """Significant digits of a bound, rounded to the side on which it stays true."""
 
 PROVEN, NOT_PROVEN, DIFFER = "proven", "NOT proven", "NO: they differ"
+
+ALWAYS = (
+    "The real robot. The proof is about the lengths and axes of the model, as numbers in the computer. Calibration, "
+    "tolerances of manufacture, bending, backlash and temperature are not in it.",
+    "The controller. It may not reach the commanded joints, and what it does between two samples of its clock is not "
+    "in the proof.",
+    "Collisions: of the robot with itself, with its surroundings, of its cables and its load.",
+    "Dynamics: speeds, accelerations, torques, forces, braking distances, and whether the motion can be made in a "
+    "given time.",
+    "Safety functions of the robot, or that a person near it is safe.",
+)
+"""What no certificate proves."""
+
+COMPARE = (
+    "That the strategy, the path or the box, and the model are those that you mean: compare them with yours.",
+    "That nobody has changed this page. Whoever doubts it verifies the file of the certificate, which the SHA-256 "
+    "below tells.",
+)
+"""What a reader must look at."""
 
 
 @final
@@ -97,7 +116,9 @@ def share_words(found: Certificate) -> str:
     else:
         path = paths_of(found.asked)[0]
         share, what = proven_time(found, path) / path.duration, "of the path, by its time"
-    return f"all {what.partition(',')[0]}" if share == 1 else f"{np.floor(1e4 * min(share, 0.9999)) / 100:.4g} % {what}"
+    if found.covered:
+        return f"all {what.partition(',')[0]}"
+    return f"{np.floor(1e4 * min(share, 0.9999)) / 100:.4g} % {what}"
 
 
 def place_words(found: Certificate) -> str:
@@ -120,16 +141,16 @@ def verdict(found: Certificate, word: CheckerWord) -> Verdict:
         line = "this closed path ends with other joints" if ends_elsewhere(found) else line
         return Verdict(f"THE JOINTS DO NOT RETURN: {line}", f"It is proven that {found.returning}.", False)
     if found.extent is Extent.RETURN:
+        only = "Only this is proven: along the path the joints are a smooth function of the place."
         line = "NOT PROVEN that the joints return with the tool"
-        return Verdict(
-            line,
-            f"Only this is proven: along the path the joints are a smooth function of the place. {_capital(found.returning)}.",
-            False,
-        )
+        return Verdict(line, f"{only} {_capital(found.returning)}.", False)
     if not found.whole:
         stop = f" The proof stopped at {found.where}." if found.where else ""
         return Verdict(f"NOT ALL IS PROVEN: only {share_words(found)}", f"{_capital(found.extent.cause)}.{stop}", False)
-    return Verdict(f"PROVEN: {_good(found, pose)}", _sentence(found), True)
+    verified = word.outcome is Outcome.VERIFIED
+    known = "PROVEN" if verified else "PROVEN BUT NOT VERIFIED"
+    limits = "" if found.limits is not None else " Joint limits are not part of the proof."
+    return Verdict(f"{known}: {_good(found, pose)}", _sentence(found) + limits, verified)
 
 
 def ends_elsewhere(found: Certificate) -> bool:
@@ -145,11 +166,16 @@ def checker_words(found: Certificate, word: CheckerWord) -> str:
     if word.outcome is Outcome.NONE:
         return f"NOT verified by the independent checker: {word.text}."
     took = f"by the independent checker in {word.seconds:.3g} s"
-    if found.whole or ends_elsewhere(found):
+    if found.whole or (ends_elsewhere(found) and _drift_verified(word)):
         return f"Verified {took}."
     if found.extent is Extent.ELSEWHERE:
-        return f"Verified {took}, but for the places that the path meets twice: the checker does not look at them."
+        return f"Verified {took}, except that the joints differ: it does not say so."
     return f"What is proven is verified {took}; it is not all that was asked."
+
+
+def _drift_verified(word: CheckerWord) -> bool:
+    """Whether the checker itself says that a closed path ends with other joints."""
+    return word.outcome is Outcome.VERIFIED and "the joints do NOT return" in word.text
 
 
 def _good(found: Certificate, pose: str) -> str:
@@ -167,8 +193,8 @@ def _sentence(found: Certificate) -> str:
     same = pose_word(found.equation.strategy.task)
     if isinstance(found.asked, Workspace):
         return (
-            "A robot that starts at the posture below and keeps to the strategy comes back to the same joints after "
-            "every loop of the tool inside the box, at any speed and any number of times."
+            "The model of the robot, started at the posture below and moved by the strategy, comes back to the same "
+            "joints after every loop of the tool inside the box, at any speed and any number of times."
         )
     if not found.asked.closed:
         return f"Where the path meets a {same} again, the joints are the same, except for whole turns."
@@ -178,8 +204,8 @@ def _sentence(found: Certificate) -> str:
             "looks the same, but cables are wound up, and joints with limits must be turned back."
         )
     return (
-        "A robot that starts at the posture below and keeps to the strategy is at the same posture after each cycle, "
-        "at any speed and any number of times."
+        "The model of the robot, started at the posture below and moved by the strategy, is at the same posture after "
+        "each cycle, at any speed and any number of times."
     )
 
 
@@ -200,8 +226,8 @@ def claims(found: Certificate, word: CheckerWord) -> list[Claim]:
         text = f"Every loop of the tool inside {place} that begins on this posture function brings the joints back."
         listed.append(Claim(text, proven, f"{says}: it follows from the first line"))
     else:
-        listed += _path_claims(found, proven, says)
-    robot = found.equation.strategy.task.robot.name
+        listed += _path_claims(found, proven, word)
+    robot = brief(found.equation.strategy.task.robot.name)
     same = "compared: the same" if word.compared else "not compared"
     listed.append(Claim(f"The equations of the file are those of the model of the robot {robot}.", "-", same))
     return listed
@@ -217,21 +243,22 @@ def _limit_claims(found: Certificate, proven: str, says: str) -> list[Claim]:
     if not np.isfinite(found.to_limit).any():
         return [Claim("No joint leaves its limits.", "the model has none", "-")]
     i, robot = int(np.argmin(found.to_limit)), found.equation.strategy.task.robot
-    near = f"{at_least(float(found.to_limit[i]))} {robot.coordinates[i].unit}"
-    text = f"Over {place_words(found)} every joint stays within its limits, the nearest ({robot.joint_names[i]}) by {near} or more."
+    joint, near = brief(robot.joint_names[i]), f"{at_least(float(found.to_limit[i]))} {robot.coordinates[i].unit}"
+    place = place_words(found)
+    text = f"Over {place} every joint stays within its limits, the nearest ({joint}) by {near} or more."
     return [Claim(text, proven, says)]
 
 
-def _path_claims(found: Certificate, proven: str, says: str) -> list[Claim]:
+def _path_claims(found: Certificate, proven: str, word: CheckerWord) -> list[Claim]:
     """That the joints return, at the end of a closed path and elsewhere."""
-    listed, robot = [], found.equation.strategy.task.robot
+    listed, robot, says = [], found.equation.strategy.task.robot, word.outcome.value
     if found.turns.any() or np.isfinite(found.gap):
         turned = f", except for the whole turns {found.turns.astype(int).tolist()}" if found.turns.any() else ""
         within = f"within {at_most(gap_of(found))} {joint_unit(robot)}{turned}"
         text = f"At the end of the closed path the joints are those of its beginning, {within}."
         listed.append(Claim(text, proven, says))
     elif not isinstance(found.asked, Workspace) and found.asked.closed:
-        told, checked = (DIFFER, f"{says}: see Checker") if ends_elsewhere(found) else (NOT_PROVEN, "-")
+        told, checked = (DIFFER, says if _drift_verified(word) else "-") if ends_elsewhere(found) else (NOT_PROVEN, "-")
         listed.append(Claim("At the end of the closed path the joints are those of its beginning.", told, checked))
     again = f"the path meets a {pose_word(found.equation.strategy.task)} again, the joints are the same"
     told = proven if found.whole else NOT_PROVEN
@@ -248,42 +275,25 @@ def gap_of(found: Certificate) -> float:
 def not_proven(found: Certificate, word: CheckerWord) -> list[str]:
     """What a reader might think is proven, and is not."""
     box = isinstance(found.asked, Workspace)
-    listed = [
-        f"Anything outside {place_words(found)}: {'loops that leave it, ' if box else 'other paths, '}another start, another level of the strategy, another tool.",
-        "The real robot. The proof is about the lengths and axes of the model, as numbers in the computer. Calibration, tolerances of manufacture, bending, backlash and temperature are not in it.",
-        "The controller. It may not reach the commanded joints, and what it does between two samples of its clock is not in the proof.",
-        "Collisions: of the robot with itself, with its surroundings, of its cables and its load.",
-        "Dynamics: speeds, accelerations, torques, forces, braking distances, and whether the motion can be made in a given time.",
-        "Safety functions of the robot, or that a person near it is safe.",
-    ]
+    others = "loops that leave it" if box else "other paths"
+    listed = [f"Anything outside {place_words(found)}: {others}, another start, another level, another tool.", *ALWAYS]
     if found.limits is None:
         listed.insert(1, "Joint limits: the proof was made without them.")
     elif not np.isfinite(found.to_limit).all():
         listed.insert(1, f"Limits of the joints that have none in the model: {_unlimited(found)}.")
     if not box and found.covered:
         listed.append(
-            "By the checker: places where the path crosses itself or runs along itself. Only the program that made the certificate looked at them."
+            "By the checker: places where the path crosses itself or runs along itself. Only the program that made the "
+            "certificate looked at them."
         )
     if not word.compared:
-        listed.append(
-            "By the checker: that the file is about the robot that is named here. It was not compared with the model."
-        )
-    listed.append(
-        "That the strategy, the path or the box, and the model are those that you mean: compare them with yours."
-    )
-    listed.append(
-        "That nobody has changed this page. Whoever doubts it verifies the file of the certificate, which the SHA-256 below tells."
-    )
-    return listed
+        listed.append("By the checker: that the file is about the robot that is named here. The two were not compared.")
+    return [*listed, *COMPARE]
 
 
 def _unlimited(found: Certificate) -> str:
     names = found.equation.strategy.task.robot.joint_names
-    return _listed([name for name, left in zip(names, found.to_limit, strict=True) if not np.isfinite(left)])
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names)
+    return brief(", ".join(name for name, left in zip(names, found.to_limit, strict=True) if not np.isfinite(left)))
 
 
 def _capital(text: str) -> str:

@@ -50,24 +50,29 @@ def ask_checker(certificate: Certificate, seconds: float = 60.0) -> CheckerWord:
         ArgumentError: the seconds are negative.
     """
     seconds = not_negative("the seconds of the checker", seconds)
+    if seconds == 0:
+        return unasked(certificate)
     sha256, robot = digest(certificate.data), certificate.equation.strategy.task.robot
     compared = robot if described(certificate.equation) is not None else None
     began = time.perf_counter()
     try:
         version = _version()
-        if seconds == 0:
-            return CheckerWord(Outcome.NONE, "it was not run", 0.0, sha256, version, False)
         with tempfile.TemporaryDirectory(prefix="holokin-") as folder:
             file = certificate.save(FilePath(folder) / "certificate.json")
             rejected, text = recheck(file, seconds=seconds, robot=compared)
     except MissingExtraError:
-        return CheckerWord(Outcome.NONE, "it was not run: python-flint is missing", 0.0, sha256, build(), False)
+        return unasked(certificate, "it was not run: python-flint is missing")
     except CertificateError as problem:
         taken = time.perf_counter() - began
         return CheckerWord(Outcome.NONE, f"it gave no answer: {problem.fact}", taken, sha256, version, False)
     outcome = Outcome.REJECTED if rejected else Outcome.VERIFIED
     taken = time.perf_counter() - began
     return CheckerWord(outcome, text, taken, sha256, version, compared is not None and not rejected)
+
+
+def unasked(certificate: Certificate, why: str = "it was not run") -> CheckerWord:
+    """The word of a checker that was not run."""
+    return CheckerWord(Outcome.NONE, why, 0.0, digest(certificate.data), "not run", False)
 
 
 def _version() -> str:
