@@ -52,7 +52,8 @@ border-bottom: 1px solid #c9d1da; }}
 .verdict {{ border: 3px solid #a84a00; padding: .7rem 1rem; margin-bottom: 1rem; }} .verdict p {{ margin: .4rem 0 0; }}
 .verdict.good {{ border-color: #00664a; }} code {{ overflow-wrap: anywhere; font-size: .88em; }}
 .claims th:nth-child(2) {{ width: 8rem; }} .claims th:nth-child(3) {{ width: 11rem; }}
-td {{ overflow-wrap: anywhere; }} td.n {{ overflow-wrap: normal; }} th[scope=row] {{ width: 11rem; overflow-wrap: anywhere; }}
+td {{ overflow-wrap: anywhere; }} td.n {{ overflow-wrap: normal; }}
+th[scope=row] {{ width: 11rem; overflow-wrap: anywhere; }}
 figure {{ margin: .8rem auto; max-width: 44rem; }} figure img {{ width: 100%; }}
 @page {{ size: A4; margin: 14mm 14mm 17mm;
 @bottom-left {{ content: "SHA-256 {sha256}"; font: 6.5pt monospace; color: #4b5563; }}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import chain, count
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -84,19 +85,25 @@ def write_certificates(
     facts: dict[str, Any] = {"holokin": version, "strategies": {}}
     with renewed(out, name) as work:
         for label, one in found.items():
-            word = "".join(c if c.isalnum() or c in "-_" else "-" for c in label).strip("-") or "strategy"
-            stem = word if f"{word}-certificate.json" not in files else f"{word}-{len(files) + 1}"
-            if isinstance(one, Certificate):
-                file = one.save(work / f"{stem}-certificate.json")
-                files += [file.name, write_page(one, file, words.get(label, unasked(one))).name]
-            text = one if isinstance(one, str) else one.theorem
-            facts["strategies"][label] = {"proven": isinstance(one, Certificate) and one.whole, "theorem": text}
-            if isinstance(one, Certificate):
-                facts["strategies"][label]["checker"] = words.get(label, unasked(one)).outcome.value
-            if isinstance(one, Certificate) and one.revisit is not None:
+            if isinstance(one, str):
+                facts["strategies"][label] = {"proven": False, "theorem": one}
+                continue
+            file, word = one.save(work / _file_of(label, files)), words.get(label) or unasked(one)
+            files += [file.name, write_page(one, file, word).name]
+            said = {"proven": one.whole, "theorem": one.theorem, "checker": word.outcome.value}
+            facts["strategies"][label] = said
+            if one.revisit is not None:
                 moved = [one.revisit.low.tolist(), one.revisit.high.tolist()]
-                facts["strategies"][label]["drift"] = dict(zip(("least", "most"), moved, strict=True))
+                said["drift"] = dict(zip(("least", "most"), moved, strict=True))
         with writing(work / FACTS):
             facts["files"] = sorted([FACTS, *files])
             (work / FACTS).write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")
     return [out / name / file for file in files]
+
+
+def _file_of(label: str, taken: list[str]) -> str:
+    """A file name for a strategy, which none of the others has."""
+    word = "".join(c if c.isalnum() or c in "-_" else "-" for c in label).strip("-") or "strategy"
+    stems = chain([word], (f"{word}-{i}" for i in count(2)))
+    names = (f"{stem}-certificate.json" for stem in stems)
+    return next(name for name in names if name not in taken)
