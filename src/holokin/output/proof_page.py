@@ -289,7 +289,7 @@ def _joints(found: Certificate) -> str:
         else " The proof was made without limits: that the joints keep them is not claimed."
     )
     about = f"The joints over {place_words(found)}; bounds are rounded outwards.{asked}"
-    return f"{html_table(head, rows, numbers=True)}<p class='small'>{about}</p>"
+    return f"<p class='small'>{about}</p>{html_table(head, rows, numbers=True)}"
 
 
 def _strategy_facts(found: Certificate) -> list[tuple[str, str]]:

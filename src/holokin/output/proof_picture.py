@@ -10,7 +10,7 @@ import numpy as np
 from ..base.types import Matrix, Vector
 from ..path import Path
 from ..path.synchronized_paths import paths_of
-from ..path.workspaces import Box, PoseRange
+from ..path.workspaces import Box, PoseRange, Workspace
 from ..proof import Certificate
 from ..tasks.frames import TipFrame
 from ..tasks.task_kinds import FrameTask, parts_of
@@ -110,7 +110,7 @@ def _curves(found: Certificate) -> list[Curve]:
     if isinstance(space, PoseRange) and isinstance(space.solid, Box):
         color = LOOP if found.whole else GREY
         return [Curve(edge, color, 0 if found.whole else DASH) for edge in _edges(space.solid)]
-    if isinstance(space, PoseRange) or not hasattr(space, "durations"):
+    if isinstance(space, Workspace):
         return []
     color = LOOP if found.whole or not found.covered else VERMILLION
     return [curve for path in paths_of(space) for curve in _parts(found, path, color)]

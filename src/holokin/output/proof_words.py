@@ -229,7 +229,8 @@ def claims(found: Certificate, word: CheckerWord) -> list[Claim]:
         listed += _path_claims(found, proven, word)
     robot = brief(found.equation.strategy.task.robot.name)
     same = "compared: the same" if word.compared else "not compared"
-    listed.append(Claim(f"The equations of the file are those of the model of the robot {robot}.", "-", same))
+    what = "The task's rows and the limits" if found.limits is not None else "The task's rows"
+    listed.append(Claim(f"{what} in the file are those of the model of the robot {robot}.", "-", same))
     return listed
 
 

@@ -54,7 +54,7 @@ def ask_checker(certificate: Certificate, seconds: float = 60.0) -> CheckerWord:
         return unasked(certificate)
     sha256, robot = digest(certificate.data), certificate.equation.strategy.task.robot
     compared = robot if described(certificate.equation) is not None else None
-    began = time.perf_counter()
+    began, version = time.perf_counter(), ""
     try:
         version = _version()
         with tempfile.TemporaryDirectory(prefix="holokin-") as folder:
