@@ -225,6 +225,14 @@ def test_a_part_of_a_path_or_of_a_box_is_called_a_part_first(tmp_path: Path) -> 
     assert page.first.startswith("NOT") and "PROVEN:" not in page.first.replace("NOT ALL IS PROVEN:", "")
 
 
+def test_a_certificate_without_a_cell_proves_nothing_and_its_page_says_so(tmp_path: Path) -> None:
+    none = box(budget=1)
+    page = Page(save_with_page(none, tmp_path / "proof.json"))
+    assert (len(none), page.first) == (0, "NOTHING IS PROVEN")
+    assert page.row("Anything")[1] == "NOT proven"
+    assert not any(word in ("proven", "verified") for row in page.rows for word in row)
+
+
 def test_a_box_that_is_proven_names_its_sides_and_its_orientation(tmp_path: Path) -> None:
     pytest.importorskip("flint")
     found = box()

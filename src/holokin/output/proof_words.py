@@ -82,7 +82,7 @@ def _rounded(value: float, up: bool) -> str:
     return short if float(short) == float(text) else text
 
 
-def pose_word(task: Task) -> str:
+def _pose_word(task: Task) -> str:
     """What a task asks of the tool."""
     if not task.spatial:
         return "value of the task"
@@ -91,7 +91,7 @@ def pose_word(task: Task) -> str:
     return "tool position" if task.orientation is None else "tool pose"
 
 
-def share_of(found: Certificate) -> float:
+def _share_of(found: Certificate) -> float:
     """The share of the box that is proven, 0 to 1."""
     boxes = found.proven.boxes
     return float(((boxes.high - boxes.low) / 2).prod(axis=1).sum())
@@ -112,7 +112,7 @@ def proven_time(found: Certificate, path: Path) -> float:
 def share_words(found: Certificate) -> str:
     """How much of the path or the box is proven, rounded down."""
     if isinstance(found.asked, Workspace):
-        share, what = (1.0 if found.covered else share_of(found)), "of the box"
+        share, what = (1.0 if found.covered else _share_of(found)), "of the box"
     else:
         path = paths_of(found.asked)[0]
         share, what = proven_time(found, path) / path.duration, "of the path, by its time"
@@ -135,10 +135,10 @@ def verdict(found: Certificate, word: CheckerWord) -> Verdict:
         return Verdict(line, "Do not rely on anything that this page says. The reason stands under Checker.", False)
     if not len(found):
         return Verdict("NOTHING IS PROVEN", found.theorem, False)
-    pose = pose_word(found.equation.strategy.task)
+    pose = _pose_word(found.equation.strategy.task)
     if found.extent is Extent.ELSEWHERE:
         line = f"the path meets one {pose} twice, with other joints"
-        line = "this closed path ends with other joints" if ends_elsewhere(found) else line
+        line = "this closed path ends with other joints" if _ends_elsewhere(found) else line
         return Verdict(f"THE JOINTS DO NOT RETURN: {line}", f"It is proven that {found.returning}.", False)
     if found.extent is Extent.RETURN:
         only = "Only this is proven: along the path the joints are a smooth function of the place."
@@ -153,7 +153,7 @@ def verdict(found: Certificate, word: CheckerWord) -> Verdict:
     return Verdict(f"{known}: {_good(found, pose)}", _sentence(found) + limits, verified)
 
 
-def ends_elsewhere(found: Certificate) -> bool:
+def _ends_elsewhere(found: Certificate) -> bool:
     """Whether it is the end of a closed path at which the joints are others, and not a place on the way."""
     closed = not isinstance(found.asked, Workspace) and found.asked.closed
     return found.extent is Extent.ELSEWHERE and closed and not np.isfinite(found.gap)
@@ -166,7 +166,7 @@ def checker_words(found: Certificate, word: CheckerWord) -> str:
     if word.outcome is Outcome.NONE:
         return f"NOT verified by the independent checker: {word.text}."
     took = f"by the independent checker in {word.seconds:.3g} s"
-    if found.whole or (ends_elsewhere(found) and _drift_verified(word)):
+    if found.whole or (_ends_elsewhere(found) and _drift_verified(word)):
         return f"Verified {took}."
     if found.extent is Extent.ELSEWHERE:
         return f"Verified {took}, except that the joints differ: it does not say so."
@@ -190,7 +190,7 @@ def _good(found: Certificate, pose: str) -> str:
 
 def _sentence(found: Certificate) -> str:
     """What follows from a whole proof, for a reader without mathematics."""
-    same = pose_word(found.equation.strategy.task)
+    same = _pose_word(found.equation.strategy.task)
     if isinstance(found.asked, Workspace):
         return (
             "The model of the robot, started at the posture below and moved by the strategy, comes back to the same "
@@ -259,11 +259,11 @@ def _path_claims(found: Certificate, proven: str, word: CheckerWord) -> list[Cla
         text = f"At the end of the closed path the joints are those of its beginning, {within}."
         listed.append(Claim(text, proven, says))
     elif not isinstance(found.asked, Workspace) and found.asked.closed:
-        told, checked = (DIFFER, says if _drift_verified(word) else "-") if ends_elsewhere(found) else (NOT_PROVEN, "-")
+        told, checked = (DIFFER, says if _drift_verified(word) else "-") if _ends_elsewhere(found) else (NOT_PROVEN, "-")
         listed.append(Claim("At the end of the closed path the joints are those of its beginning.", told, checked))
-    again = f"the path meets a {pose_word(found.equation.strategy.task)} again, the joints are the same"
+    again = f"the path meets a {_pose_word(found.equation.strategy.task)} again, the joints are the same"
     told = proven if found.whole else NOT_PROVEN
-    told = DIFFER if found.extent is Extent.ELSEWHERE and not ends_elsewhere(found) else told
+    told = DIFFER if found.extent is Extent.ELSEWHERE and not _ends_elsewhere(found) else told
     listed.append(Claim(f"Wherever else {again}, except for whole turns.", told, "it does not look at this"))
     return listed
 
