@@ -1,22 +1,30 @@
-"""Certificates of a job: the table for the terminal, and the folder of their files."""
+"""Certificates of a job: the table for the terminal, and the folder of their files and pages."""
 
 from __future__ import annotations
 
 import json
+from itertools import chain, count
 from pathlib import Path as FilePath
 from typing import Any
 
 from ..base.files import writing
 from ..errors import brief
 from ..proof import Certificate
+from ..proof.checker_word import CheckerWord, Outcome, unasked
 from .job_table import Column
 from .palette import BAD, GOOD, WARNING
+from .proof_page import write_page
+from .proof_words import checker_words
 from .result_folder import FACTS, renewed
 
 COLUMNS: tuple[Column, ...] = (
     ("strategy", "left"), ("proven", "left"), ("cells", "right"), ("seconds", "right"), ("omega\nmost", "right"),
     ("radius\nmost", "right"), ("nearest limit\n[rad or m]", "right"), ("|det D_q E|\nleast", "right"),
 )  # fmt: skip
+
+
+CHECKED = {Outcome.VERIFIED: GOOD, Outcome.REJECTED: BAD, Outcome.NONE: WARNING}
+"""The colour of what the checker says."""
 
 
 def cells(name: str, found: Certificate | str) -> list[str]:
@@ -32,8 +40,10 @@ def cells(name: str, found: Certificate | str) -> list[str]:
     ]  # fmt: skip
 
 
-def print_certificates(title: str, found: dict[str, Certificate | str], console: Any) -> None:
-    """Print the table of a job's certificates, and each theorem below it."""
+def print_certificates(
+    title: str, found: dict[str, Certificate | str], words: dict[str, CheckerWord], console: Any
+) -> None:
+    """Print the table of a job's certificates, and below it each theorem, with what the checker says of it."""
     from rich.table import Table
     from rich.text import Text
 
@@ -51,14 +61,22 @@ def print_certificates(title: str, found: dict[str, Certificate | str], console:
         console.print(f"  {brief(name)}: {text}", style=style, markup=False, highlight=False)
         if isinstance(one, Certificate) and not one.whole:
             console.print(f"    {one.extent.value}", style=WARNING, markup=False, highlight=False)
+        if isinstance(one, Certificate):
+            text, style = checker_words(one, words[name]), CHECKED[words[name].outcome]
+            console.print(f"    {text}", style=style, markup=False, highlight=False)
     if left:
         rest = "the verdict is on the others" if len(left) < len(found) else "nothing is certified"
         text = f"left out: {brief(', '.join(left))}; {rest}"
         console.print(f"  {text}", style=WARNING, markup=False, highlight=False)
 
 
-def write_certificates(name: str, found: dict[str, Certificate | str], out: FilePath, version: str) -> list[FilePath]:
-    """Write NAME-certificate.json for each into `out/<name>`, which is replaced whole, see `renewed`.
+def write_certificates(
+    name: str, found: dict[str, Certificate | str], words: dict[str, CheckerWord], out: FilePath, version: str
+) -> list[FilePath]:
+    """Write NAME-certificate.json and its page for each into `out/<name>`, which is replaced whole, see `renewed`.
+
+    Args:
+        words: of the checker; where one is missing, as after Ctrl-C, the page says that it was not run.
 
     Raises:
         ArgumentError: the folder exists and was not written by holokin, or cannot be made. WriteError.
@@ -67,17 +85,25 @@ def write_certificates(name: str, found: dict[str, Certificate | str], out: File
     facts: dict[str, Any] = {"holokin": version, "strategies": {}}
     with renewed(out, name) as work:
         for label, one in found.items():
-            word = "".join(c if c.isalnum() or c in "-_" else "-" for c in label).strip("-") or "strategy"
-            stem = word if f"{word}-certificate.json" not in files else f"{word}-{len(files) + 1}"
-            if isinstance(one, Certificate):
-                files.append(f"{stem}-certificate.json")
-                one.save(work / files[-1])
-            text = one if isinstance(one, str) else one.theorem
-            facts["strategies"][label] = {"proven": isinstance(one, Certificate) and one.whole, "theorem": text}
-            if isinstance(one, Certificate) and one.revisit is not None:
+            if isinstance(one, str):
+                facts["strategies"][label] = {"proven": False, "theorem": one}
+                continue
+            file, word = one.save(work / _file_of(label, files)), words.get(label) or unasked(one)
+            files += [file.name, write_page(one, file, word).name]
+            said = {"proven": one.whole, "theorem": one.theorem, "checker": word.outcome.value}
+            facts["strategies"][label] = said
+            if one.revisit is not None:
                 moved = [one.revisit.low.tolist(), one.revisit.high.tolist()]
-                facts["strategies"][label]["drift"] = dict(zip(("least", "most"), moved, strict=True))
+                said["drift"] = dict(zip(("least", "most"), moved, strict=True))
         with writing(work / FACTS):
             facts["files"] = sorted([FACTS, *files])
             (work / FACTS).write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")
     return [out / name / file for file in files]
+
+
+def _file_of(label: str, taken: list[str]) -> str:
+    """A file name for a strategy, which none of the others has."""
+    word = "".join(c if c.isalnum() or c in "-_" else "-" for c in label).strip("-") or "strategy"
+    stems = chain([word], (f"{word}-{i}" for i in count(2)))
+    names = (f"{stem}-certificate.json" for stem in stems)
+    return next(name for name in names if name not in taken)

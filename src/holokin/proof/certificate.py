@@ -15,6 +15,8 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.files import replacing
 from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some
+from ..path.synchronized_paths import AnyPath
+from ..path.workspaces import Workspace
 from ..symbolic import intervals as iv
 from ..symbolic.intervals import Interval
 from .binding import described
@@ -144,6 +146,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
     the joints round it, and `gap` [joint unit] bounds how far else they end from where they began: not 0, since the
     path itself is given in doubles; else it is infinite. Of a path that comes back to a tool pose with other joints
     `revisit` holds two such places and the difference of the joints, which is proven, too; a closed path drifts by it.
+    `asked` is the path or the box that the proof was to be about.
     """
 
     title: str
@@ -164,6 +167,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
     limits: Interval | None
     pieces: Matrix
     revisit: Revisit | None
+    asked: AnyPath | Workspace
 
     def __len__(self) -> int:
         return len(self.proven)

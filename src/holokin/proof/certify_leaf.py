@@ -127,7 +127,7 @@ def certificate(
     )
     return Certificate(
         title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,
-        time.perf_counter() - began, domain.equation, domain.c, anchors, bounds, pieces, revisit,
+        time.perf_counter() - began, domain.equation, domain.c, anchors, bounds, pieces, revisit, where,
     )  # fmt: skip
 
 
