@@ -226,7 +226,10 @@ def test_a_part_of_a_path_or_of_a_box_is_called_a_part_first(tmp_path: Path) -> 
 
 
 def test_a_certificate_without_a_cell_proves_nothing_and_its_page_says_so(tmp_path: Path) -> None:
-    none = box(budget=1)
+    arm, q0 = hk.load("panda"), np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
+    tool = arm.pose(q0)[:3, 3]
+    G = hk.holonomic(hk.pose(arm), hk.lock("panda_joint3"))
+    none = hk.certify(G, hk.circle(tool, center=tool - [0.1, 0, 0]), q0, budget=1)
     page = Page(save_with_page(none, tmp_path / "proof.json"))
     assert (len(none), page.first) == (0, "NOTHING IS PROVEN")
     assert page.row("Anything")[1] == "NOT proven"

@@ -210,7 +210,7 @@ def _path_facts(found: Certificate, path: AnyPath) -> list[tuple[str, str]]:
         ("Closed", "yes" if path.closed else "no"),
     ]
     for k, one in enumerate(paths_of(path)):
-        name = f" of tool {k + 1}" if task.frames > 1 else ""
+        name = f", tool {k + 1}" if task.frames > 1 else ""
         rows.append((f"Begins{name}", f"at {_short(one.start)} m"))
         if task.orientation is not None and task.frames == 1 and task.spatial:
             R = one.rotation if one.rotation is not None else task.pose(start_of(found))[:3, :3]

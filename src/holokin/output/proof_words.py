@@ -259,7 +259,9 @@ def _path_claims(found: Certificate, proven: str, word: CheckerWord) -> list[Cla
         text = f"At the end of the closed path the joints are those of its beginning, {within}."
         listed.append(Claim(text, proven, says))
     elif not isinstance(found.asked, Workspace) and found.asked.closed:
-        told, checked = (DIFFER, says if _drift_verified(word) else "-") if _ends_elsewhere(found) else (NOT_PROVEN, "-")
+        told, checked = (
+            (DIFFER, says if _drift_verified(word) else "-") if _ends_elsewhere(found) else (NOT_PROVEN, "-")
+        )
         listed.append(Claim("At the end of the closed path the joints are those of its beginning.", told, checked))
     again = f"the path meets a {_pose_word(found.equation.strategy.task)} again, the joints are the same"
     told = proven if found.whole else NOT_PROVEN
