@@ -291,3 +291,19 @@ def test_certify_writes_a_page_beside_each_certificate_and_names_it(
     facts = json.loads((folder / "result.json").read_text())
     assert facts["strategies"]["locked"]["checker"] == "verified"
     assert facts["files"] == ["locked-certificate.html", "locked-certificate.json", "result.json"]
+
+
+def test_ctrl_c_in_the_checker_keeps_the_certificate_and_its_page_claims_no_more(
+    holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("flint")
+
+    def interrupted(*_arguments: object, **_named: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("holokin.proof.checker_word.recheck", interrupted)
+    outcome = holokin("certify", write_job(tmp_path, strategy=LOCKED), "--out", out)
+    assert outcome.code == 130
+    page = Page(out / "job-proof" / "locked-certificate.html")
+    assert page.first.startswith("PROVEN BUT NOT VERIFIED")
+    assert json.loads((out / "job-proof" / "locked-certificate.json").read_text())["claims"]["whole"]
