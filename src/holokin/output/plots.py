@@ -34,6 +34,9 @@ LABELS = 8
 ROUND_OFF = 1e-9
 """Drift [rad or m] below which a law is counted to those that come back to the start."""
 
+PAGE, TYPE = 7.3, 8.0
+"""Width of a page [inches], to which wider figures are made smaller, and the smallest type on it [points]."""
+
 _STYLE = {
     "font.size": 10,
     "axes.titlesize": 11,
@@ -67,7 +70,20 @@ def write_figure(draw: Callable[[], Any], file: FilePath) -> None:
     if kind not in known:
         raise ArgumentError("the file to write", str(file), f"it cannot be written: choose of {', '.join(known)}")
     with rc_context(style()), replacing(file) as part:
-        draw().savefig(part, format=kind, dpi=130, facecolor="white")
+        legible(draw()).savefig(part, format=kind, dpi=130, facecolor="white")
+
+
+def legible(figure: Any) -> Any:
+    """The figure, its smallest type no smaller than `TYPE` where it is as wide as a `PAGE`."""
+    from matplotlib.text import Text
+
+    least = TYPE * max(1.0, figure.get_figwidth() / PAGE)
+    for axes in figure.axes:
+        for axis in axes._axis_map.values():  # ticks that are not made yet, too
+            axis.set_tick_params(labelsize=max(least, *(t.get_fontsize() for t in axis.get_ticklabels()), 0.0))
+    for text in figure.findobj(Text):
+        text.set_fontsize(max(least, text.get_fontsize()))
+    return figure
 
 
 def style() -> Any:
