@@ -38,14 +38,14 @@ OUT = HERE / "pictures"
 PANDA = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
 
 
-def save(figure: plt.Figure, name: str) -> None:
+def save(figure: plt.Figure, name: str, dpi: int = 110) -> None:
     """As a PNG, small enough for a repository."""
     OUT.mkdir(exist_ok=True)
-    legible(figure).savefig(OUT / f"{name}.png", dpi=110, bbox_inches="tight", facecolor="white")
+    legible(figure).savefig(OUT / f"{name}.png", dpi=dpi, bbox_inches="tight", facecolor="white")
     plt.close(figure)
     with Image.open(OUT / f"{name}.png") as picture:
         whole = picture.convert("RGB")
-    whole.quantize(255, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(OUT / f"{name}.png", optimize=True)
+    whole.save(OUT / f"{name}.png", optimize=True)
     print(name, (OUT / f"{name}.png").stat().st_size // 1000, "kB")
 
 
@@ -440,16 +440,16 @@ def jobs() -> None:
         if name == "ppr-cycle":
             save(cycles_figure(result), f"job-{name}")
         elif name == "panda-circle":
-            save(robot_figure(result), f"job-{name}")
+            save(robot_figure(result), f"job-{name}", dpi=88)
         else:
             save(two_paths_figure(result.drawn[0], result), f"job-{name}")
     result = run_job(*open_job(str(HERE.parent / "examples" / "panda-strategies.toml")))
-    save(robot_figure(result), "job-panda-strategies")
+    save(robot_figure(result), "job-panda-strategies", dpi=88)
     with tempfile.TemporaryDirectory() as folder:
         (job,) = re.findall(r'```toml title="glue.toml"\n(.*?)```', (HERE / "start.md").read_text("utf-8"), re.DOTALL)
         (Path(folder) / "glue.toml").write_text(job, "utf-8")
         shutil.copy(HERE / "arm7.urdf", Path(folder) / "my-arm.urdf")
-        save(robot_figure(run_job(*open_job(f"{folder}/glue.toml"))), "start-glue")
+        save(robot_figure(run_job(*open_job(f"{folder}/glue.toml"))), "start-glue", dpi=88)
 
 
 def physics() -> None:

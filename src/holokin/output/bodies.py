@@ -119,7 +119,8 @@ def solids_at(
     """A robot in a colour at posture k of its joints' frames, without what stands still, if asked."""
     looks = {
         "link": tint(color, white=0.42), "other": tint(color, white=0.22), "hinge": tint(color, ink=0.06),
-        "base": tint(GREY, white=0.45), "tool": tint(INK, white=0.3), "rail": tint(GREY, white=0.35), "carriage": tint(color, ink=0.06),
+        "base": tint(GREY, white=0.45), "tool": tint(INK, white=0.3),
+        "rail": tint(GREY, white=0.35), "carriage": tint(color, ink=0.06),
     }  # fmt: skip
     return [
         replace(piece.solid, color=looks[piece.role]).moved(*_frame(frames, piece.joint, k))

@@ -192,4 +192,4 @@ def _frame(axes: Any, points: Matrix) -> None:
         axis.set_major_locator(MaxNLocator(4))
         axis.set_tick_params(labelsize=7, pad=-2)
         axis.set_label_text(f"{name} [m]", fontsize=8)
-        axis.labelpad = -6
+        axis.labelpad = -3

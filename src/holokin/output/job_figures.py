@@ -14,7 +14,15 @@ from .coverage_plots import coverage_figure
 from .job_result import JobResult, StrategyResult
 from .palette import CLOCKWISE, COUNTER_CLOCKWISE, GREY, HOLONOMIC, LOOP, NONHOLONOMIC, law_colors
 from .plots import (
-    LABELS, drift_per_cycle, joint_cycles, joint_histories, joint_ranges, legible, movers, style, thin,
+    LABELS,
+    drift_per_cycle,
+    joint_cycles,
+    joint_histories,
+    joint_ranges,
+    legible,
+    movers,
+    style,
+    thin,
 )  # fmt: skip
 from .robot_panels import Actor, Curve, Stage, draw_panel, stage_of
 from .words import away, joint_unit, on_figure, paths_end, stopped

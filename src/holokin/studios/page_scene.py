@@ -185,7 +185,9 @@ class Scene:
         corners = [np.zeros((0, 3))]
         for index, thing in enumerate(things):
             mesh = shape_mesh(thing, THING)
-            self.server.scene.add_mesh_simple(f"/things/{index}", mesh.vertices, mesh.faces, color=THING, flat_shading=True)
+            self.server.scene.add_mesh_simple(
+                f"/things/{index}", mesh.vertices, mesh.faces, color=THING, flat_shading=True
+            )
             corners.append(_corners(np.asarray(mesh.vertices)))
         return np.concatenate(corners)
 
