@@ -24,7 +24,7 @@ from benchmarks.trackers import tracker_page
 from holokin.errors import ControllerError, MissingExtraError, PathError
 from holokin.laws import PostureTask, mink_law, pink_law, placo_law
 from holokin.output.palette import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
-from holokin.output.plots import beside
+from holokin.output.plots import beside, legible
 
 DT = 0.01
 GAIN = 50.0
@@ -329,7 +329,7 @@ def draw(found: dict[str, list[Row]], file: Path) -> None:
     meanings = {"no rule": "no rule", "posture": "posture task", "to a leaf": "nears a leaf"}
     meanings |= {"no feedback": "holonomic, no feedback", "holonomic": "holonomic"}
     rows = [r for r in found["panda"] if not r.fault]
-    figure, (left, right) = plt.subplots(1, 2, figsize=(14.5, 6.2), width_ratios=(1, 1.1), layout="constrained")
+    figure, (left, right) = plt.subplots(2, 1, figsize=(7.3, 9.6), height_ratios=(1, 1.5), layout="constrained")
     for r in rows:
         cycles = np.arange(1, len(r.history) + 1)
         left.plot(cycles, np.maximum(r.history, 1e-7), color=colors[r.kind], lw=1.5, alpha=0.75)
@@ -353,10 +353,10 @@ def draw(found: dict[str, list[Row]], file: Path) -> None:
     right.set_title("Do the joints belong to the pose?", loc="left", fontweight="bold")
     right.grid(axis="y", color="0.92", zorder=0)
     handles = [*left.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
-    figure.legend(handles=handles, loc="outside lower center", ncols=7, frameon=False, columnspacing=1.2)
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, columnspacing=1.2)
     for ax in (left, right):
         ax.spines[["top", "right"]].set_visible(False)
-    figure.savefig(file, dpi=110)
+    legible(figure).savefig(file, dpi=110)
     plt.close(figure)
 
 

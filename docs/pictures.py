@@ -27,7 +27,7 @@ from holokin.output.job_figures import cycles_figure, robot_figure, two_paths_fi
 from holokin.output.palette import BLUE, SKY, law_colors
 from holokin.output.palette import VERMILLION as RED
 from holokin.output.physics_figures import arms_figure
-from holokin.output.plots import style
+from holokin.output.plots import legible, style
 from holokin.output.region_plot import region_figure
 
 HERE = Path(__file__).parent
@@ -38,10 +38,10 @@ OUT = HERE / "pictures"
 PANDA = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
 
 
-def save(figure: plt.Figure, name: str) -> None:
+def save(figure: plt.Figure, name: str, dpi: int = 110) -> None:
     """As a PNG, small enough for a repository."""
     OUT.mkdir(exist_ok=True)
-    figure.savefig(OUT / f"{name}.png", dpi=110, bbox_inches="tight", facecolor="white")
+    legible(figure).savefig(OUT / f"{name}.png", dpi=dpi, bbox_inches="tight", facecolor="white")
     plt.close(figure)
     with Image.open(OUT / f"{name}.png") as picture:
         whole = picture.convert("RGB")
@@ -150,7 +150,7 @@ def edge_of_reach() -> None:
     robot = hk.load("panda")
     poses = edge.hand(robot)
     laws, time = edge.laws(robot, poses), edge.DT * np.arange(len(poses))
-    figure, (top, joint, speed) = plt.subplots(1, 3, figsize=(12.5, 3.9), width_ratios=(1, 1.1, 1.1))
+    figure, (top, joint, speed) = plt.subplots(1, 3, figsize=(9.4, 3.7), width_ratios=(1, 1.1, 1.1))
     top.plot(*poses[:, :2, 3].T, "--", color="0.45", linewidth=1.4, label="hand")
     lines = {
         "`ik`, waits where the pose is out of reach": ("0.6", 1.6), "damped least squares, 0.1": (RED, 1.6),
@@ -374,13 +374,13 @@ def coverage_of_a_box() -> None:
     law = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle(), name="the arm angle")
     ready = [0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4]
     box = hk.workspace(box=([0.5, 0, 0.3], [0.25, 0.4, 0.3]), tilt=np.radians(40), spin=np.radians(90))
-    slices = hk.designing.coverage_slices(law, ready, box, steps=60)
-    save(coverage_figure(hk.coverage(law, ready, box, samples=512), slices), "coverage-arm-angle")
+    slices = hk.designing.coverage_slices(law, box, ready, steps=60)
+    save(coverage_figure(hk.coverage(law, box, ready, samples=512), slices), "coverage-arm-angle")
 
 
 def paths() -> None:
     """Six kinds of path: seen from above, and over a surface."""
-    figure = plt.figure(figsize=(11.5, 6.6))
+    figure = plt.figure(figsize=(9.4, 6.2))
     waypoints = np.array([[0, 0], [0.1, 0.06], [0.18, 0.02], [0.22, 0.1], [0.1, 0.14], [0.02, 0.1]])
     corners = np.array([[0, 0], [0.2, 0], [0.2, 0.14], [0.08, 0.14], [0.08, 0.07], [0, 0.07]])
     flat = {
@@ -440,16 +440,16 @@ def jobs() -> None:
         if name == "ppr-cycle":
             save(cycles_figure(result), f"job-{name}")
         elif name == "panda-circle":
-            save(robot_figure(result), f"job-{name}")
+            save(robot_figure(result), f"job-{name}", dpi=88)
         else:
             save(two_paths_figure(result.drawn[0], result), f"job-{name}")
     result = run_job(*open_job(str(HERE.parent / "examples" / "panda-strategies.toml")))
-    save(robot_figure(result), "job-panda-strategies")
+    save(robot_figure(result), "job-panda-strategies", dpi=88)
     with tempfile.TemporaryDirectory() as folder:
         (job,) = re.findall(r'```toml title="glue.toml"\n(.*?)```', (HERE / "start.md").read_text("utf-8"), re.DOTALL)
         (Path(folder) / "glue.toml").write_text(job, "utf-8")
         shutil.copy(HERE / "arm7.urdf", Path(folder) / "my-arm.urdf")
-        save(robot_figure(run_job(*open_job(f"{folder}/glue.toml"))), "start-glue")
+        save(robot_figure(run_job(*open_job(f"{folder}/glue.toml"))), "start-glue", dpi=88)
 
 
 def physics() -> None:

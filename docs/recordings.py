@@ -1,8 +1,8 @@
 """The recordings of the gallery. `python docs/recordings.py [PAGE...]` makes those that are missing or out of date.
 
-Each page of docs/gallery/ names an example, whose `motions` of its `robot` are recorded, and shows a picture, whose
-text is the caption. As a hook of MkDocs this file puts the recordings that there are into the site, in place of the
-pictures; without them (they need the extra `studio`) the site has the pictures only.
+Each page of docs/gallery/ names an example, whose `motions` of its `robot`, among its `obstacles`, are recorded, and
+shows a picture, whose text is the caption. As a hook of MkDocs this file puts the recordings that there are into the
+site, in place of the pictures; without them (they need the extra `studio`) the site has the pictures only.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def make(page: Path) -> Path:
             shown = runpy.run_path(str(example))
         finally:
             os.chdir(back)
-    recording = record(shown["robot"], shown["motions"], title=title, text=text)
+    recording = record(shown["robot"], shown["motions"], title=title, text=text, obstacles=shown.get("obstacles", ()))
     MADE.mkdir(parents=True, exist_ok=True)
     for old in MADE.glob(f"{page.stem}-????????????.*"):
         old.unlink()

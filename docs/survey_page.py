@@ -20,7 +20,7 @@ matplotlib.use("Agg")
 import numpy as np
 from PIL import Image
 
-from holokin.output.plots import style
+from holokin.output.plots import legible, style
 from holokin.surveys import Findings, Store, SurveyTable
 from holokin.surveys.cases import Cases
 from holokin.surveys.findings import ON_PATH, RETURNS
@@ -57,7 +57,7 @@ def main(arguments: list[str] | None = None) -> None:
 def save(draw: Callable[[], Any], file: Path) -> None:
     """A figure as a PNG of few colours, small enough for a repository."""
     with matplotlib.rc_context(style()):
-        draw().savefig(file, dpi=110, facecolor="white")
+        legible(draw()).savefig(file, dpi=110, facecolor="white")
     with Image.open(file) as picture:
         small = picture.convert("RGB").quantize(96)
     small.save(file, optimize=True)

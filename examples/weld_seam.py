@@ -6,6 +6,7 @@ The pseudo-inverse ends each seam with other joints than it began with; a law on
 import numpy as np
 
 import holokin as hk
+from holokin.robot import Box, Capsule, Cylinder, LinkShape
 
 SEAMS, PASSES, PITCH, RADIUS, SWEEP = (
     3,
@@ -43,10 +44,27 @@ def seam(top: np.ndarray) -> hk.Path:
     return path + across(side, -side) + hk.line(top, top - (PASSES - 1) * PITCH * ALONG)
 
 
+def with_torch(arm: hk.Robot) -> hk.Robot:
+    """The arm with a torch that is drawn, too: its nozzle along the wire, its handle from there to the flange."""
+    robot = hk.with_tool(arm, **torch)
+    robot = hk.with_shape(robot, "nozzle", Cylinder(0.011, 0.1), xyz=[0, 0, -0.062])
+    return hk.with_shape(robot, "handle", Capsule(0.022, 0.15), xyz=[0.039, 0, -0.176], rpy=[0, -0.574, 0])
+
+
+def plate(top: np.ndarray) -> list[LinkShape]:
+    """The plate as strips that touch a cylinder from below, wider than the seams."""
+    middle = top + (PASSES - 1) / 2 * PITCH * ALONG
+    found = []
+    for angle in np.linspace(-0.55, 0.55, 23):
+        below = (RADIUS - 0.008) * np.array([0, -np.sin(angle), np.cos(angle)]) - [0, 0, RADIUS]
+        found.append(hk.obstacle("plate", Box([0.24, 0.033, 0.008]), xyz=middle + below, rpy=[angle, 0, 0]))
+    return found
+
+
 for name, (q0, rule) in cells.items():
-    robot = hk.with_base_pose(hk.with_tool(hk.load(name), **torch), xyz=[0, 0, 0.5])
+    robot = hk.with_base_pose(with_torch(hk.load(name)), xyz=[0, 0, 0.5])
     task, start = hk.pose(robot, "axis"), robot.pose(q0)
-    path, motions = seam(start[:3, 3]), {}
+    path, motions, obstacles = seam(start[:3, 3]), {}, plate(start[:3, 3])
     for law in (hk.moore_penrose(task, name="pseudo-inverse"), hk.holonomic(task, rule)):
         found = hk.drift(law, path, q0, cycles=SEAMS, samples=600, method="velocity")
         motions[law.name] = walk = found.trajectory

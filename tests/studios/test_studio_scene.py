@@ -19,11 +19,12 @@ import holokin as hk
 from conftest import urdf
 from holokin.errors import ArgumentError, MissingExtraError, UnknownNameError
 from holokin.output.bodies import pieces_of
-from holokin.robot import Capsule, Surface, chain_length
+from holokin.robot import Box, Capsule, Cylinder, Surface, chain_length
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
+from holokin.studios import Motion, record
 from holokin.studios.meshes import GHOST, frames_of, looks_of, quaternions
-from holokin.studios.page_scene import OPACITY, elbow_joint, linear, pose_of, rotations_of, seen, wxyz_of
+from holokin.studios.page_scene import OPACITY, Scene, elbow_joint, linear, pose_of, rotations_of, seen, wxyz_of
 
 PANDA = "panda.urdf"
 
@@ -134,6 +135,35 @@ def test_a_robot_without_meshes_has_the_body_in_the_studio_that_it_has_in_pictur
         wanted = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
         drawn = np.array([points.min(axis=0), points.max(axis=0)])
         assert drawn == pytest.approx(wanted, abs=0.03 * float(np.ptp(wanted, axis=0).max())), joint
+
+
+def test_a_tool_is_drawn_as_it_is_and_the_arm_keeps_its_links() -> None:
+    """A torch of 0.2 m before the tip of an arm without meshes: the link before it ends in the torch."""
+    bare = hk.with_tool(hk.load("irb140"), xyz=[0, 0, 0.3])
+    torch = hk.with_shape(bare, "torch", Cylinder(0.01, 0.2), xyz=[0, 0, -0.1])
+    before, after = ({look.joint: look.points for look in looks_of(robot)[0]} for robot in (bare, torch))
+    last, tip = bare.tip().joint, bare.tip().placement
+    for joint in set(before) - {last}:
+        assert after[joint] == pytest.approx(before[joint])
+    local = (after[last] - tip[:3, 3]) @ tip[:3, :3]
+    near = local[local[:, 2] > -0.05]  # towards the tip is nothing but the torch
+    assert near[:, 2].max() == pytest.approx(0.0, abs=1e-6)
+    assert np.hypot(*near[:, :2].T).max() == pytest.approx(0.01)
+    assert local[:, 2].min() < -0.29  # the link begins where it began
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_recording_is_seen_from_where_a_wall_does_not_hide_the_robot(side: float) -> None:
+    robot, q = hk.load("rail-ur10e"), np.array([0.4, *np.deg2rad([-90, -70, 100, -120, -90, 0])])
+    ahead = Motion(np.array([0.0, 1.0]), np.array([q, q + [1.0, 0, 0, 0, 0, 0, 0]]))
+    wall = hk.obstacle("wall", Box([8.0, 0.02, 3.0]), xyz=[1.0, 1.5 * side, 1.5])
+    seen_from: list[np.ndarray] = []
+    look = Scene.look_from
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Scene, "look_from", lambda self, place, at: (seen_from.append(place), look(self, place, at)))
+        scene = record(robot, {"a": ahead}, obstacles=[wall], seconds=0.2).scene
+    assert seen_from[-1][1] * side < 0
+    assert len(scene) > len(record(robot, {"a": ahead}, seconds=0.2).scene)
 
 
 def test_a_base_that_drives_far_has_no_rails_in_the_studio() -> None:

@@ -14,7 +14,7 @@ from ..base.types import Matrix, Vector
 from ..robot import Box, Capsule, Cylinder, Hull, LinkShape, Mesh, Robot, Shape, chain_length
 from ..robot.capsules import between, link_steps
 from ..robot.numeric import Frames, joint_frames, placed
-from .palette import AXES, GREY
+from .palette import AXES, GREY, INK
 from .solids import Block, Rod, Solid, tint
 
 TAPER = 0.6
@@ -60,10 +60,10 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
         return ()
     unit = thickness(robot, Q)
     shown = [part for part in robot.shapes if not part.obstacle and not part.shape.fault]
-    shaped = {part.joint for part in shown}
-    found = [Piece(part, ("link", "other")[part.joint % 2] if part.joint >= 0 else "base") for part in shown]
+    shaped = {part.joint for part in shown if not part.carried}
+    found = [Piece(part, _role(part)) for part in shown]
     deep = _depths(robot)
-    for start, end in link_steps(robot):
+    for start, end in _steps(robot, shown):
         if (start >= 0 or start not in shaped) and np.linalg.norm(end) > _SMALL:
             width = unit * (1 - (1 - TAPER) * (deep[start] if start >= 0 else 0.0))
             width *= CORE if start in shaped else 1.0
@@ -83,6 +83,27 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
     return tuple(found)
 
 
+def _role(part: LinkShape) -> str:
+    """What a shape of a robot is in a picture."""
+    if part.carried:
+        return "tool"
+    return ("link", "other")[part.joint % 2] if part.joint >= 0 else "base"
+
+
+def _steps(robot: Robot, shown: Sequence[LinkShape]) -> list[tuple[int, Vector]]:
+    """The rods of a robot: those of `link_steps`, but a link that carries a tool ends in the tool, not at its tip."""
+    tools: dict[int, list[Vector]] = {}
+    for part in shown:
+        if part.carried:
+            tools.setdefault(part.joint, []).append(part.placement[:3, 3])
+    steps = link_steps(robot)
+    tips = zip(robot.tips, steps[len(robot.joints) :], strict=True)
+    return [
+        *steps[: len(robot.joints)],
+        *((tip.joint, min(tools.get(tip.joint, [step[1]]), key=np.linalg.norm)) for tip, step in tips),
+    ]
+
+
 def thickness(robot: Robot, Q: Matrix) -> float:
     """The radius [m] of a robot's first link: a share of the length of its chain, or of what its sliders travel."""
     length = chain_length(robot)
@@ -98,7 +119,8 @@ def solids_at(
     """A robot in a colour at posture k of its joints' frames, without what stands still, if asked."""
     looks = {
         "link": tint(color, white=0.42), "other": tint(color, white=0.22), "hinge": tint(color, ink=0.06),
-        "base": tint(GREY, white=0.45), "rail": tint(GREY, white=0.35), "carriage": tint(color, ink=0.06),
+        "base": tint(GREY, white=0.45), "tool": tint(INK, white=0.3),
+        "rail": tint(GREY, white=0.35), "carriage": tint(color, ink=0.06),
     }  # fmt: skip
     return [
         replace(piece.solid, color=looks[piece.role]).moved(*_frame(frames, piece.joint, k))

@@ -106,7 +106,7 @@ def coverage_figure(coverage: Coverage, slices: Sequence[Slice] = ()) -> Any:
     p = coverage.poses[:, :3, 3]
     flat = bool(np.ptp(p[:, 2]) < 1e-9)
     widths, heights, places = _layout(p, slices)
-    scale = min(6.6 / sum(widths), 6.0 / sum(heights))
+    scale = min(4.6 / sum(widths), 4.8 / sum(heights))
     wide, tall = scale * sum(widths), max(scale * sum(heights), 2.4)
     left, right, bottom, top, gap = 0.75, 2.75, 0.6, 0.95, 0.75
     size = (wide + left + right + gap * (len(widths) - 1), tall + bottom + top + gap * (len(heights) - 1))
@@ -192,4 +192,4 @@ def _frame(axes: Any, points: Matrix) -> None:
         axis.set_major_locator(MaxNLocator(4))
         axis.set_tick_params(labelsize=7, pad=-2)
         axis.set_label_text(f"{name} [m]", fontsize=8)
-        axis.labelpad = -6
+        axis.labelpad = -3

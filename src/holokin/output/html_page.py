@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from html import escape
 from typing import Any
 
-from .plots import style
+from .plots import legible, style
 
 _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
@@ -59,7 +59,7 @@ def drawn(draw: Callable[[], Any], caption: str) -> str:
 
     stream = io.BytesIO()
     with rc_context(style()):
-        draw().savefig(stream, format="svg", facecolor="white")
+        legible(draw()).savefig(stream, format="svg", facecolor="white")
     return svg_figure(stream.getvalue(), caption)
 
 

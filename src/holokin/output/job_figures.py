@@ -13,7 +13,17 @@ from ..motion.trajectory import Status, Trajectory
 from .coverage_plots import coverage_figure
 from .job_result import JobResult, StrategyResult
 from .palette import CLOCKWISE, COUNTER_CLOCKWISE, GREY, HOLONOMIC, LOOP, NONHOLONOMIC, law_colors
-from .plots import LABELS, drift_per_cycle, joint_cycles, joint_histories, joint_ranges, movers, style, thin
+from .plots import (
+    LABELS,
+    drift_per_cycle,
+    joint_cycles,
+    joint_histories,
+    joint_ranges,
+    legible,
+    movers,
+    style,
+    thin,
+)  # fmt: skip
 from .robot_panels import Actor, Curve, Stage, draw_panel, stage_of
 from .words import away, joint_unit, on_figure, paths_end, stopped
 
@@ -29,7 +39,7 @@ CUTS = "Lines: there inverse kinematics jumps, poses on both sides have joints t
 WRAP = 44
 """Letters in a line of a legend."""
 
-COLUMNS = 3
+COLUMNS = 2
 """Panels side by side, at most: more would be too small to read in a page."""
 
 
@@ -42,6 +52,11 @@ MOST_BARS = 6
 
 def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     """(file stem, caption, Figure) of every figure of a job, made one at a time."""
+    for stem, caption, figure in _figures(result):
+        yield stem, caption, legible(figure)
+
+
+def _figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     from matplotlib import rc_context
 
     with rc_context(style()):

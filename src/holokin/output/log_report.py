@@ -48,7 +48,7 @@ def log_figure(audit: LogAudit) -> Any:
     """Joints at the cycles' start pose against the cycle number, and the tool's path, cycles by colour."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10.4, 4.6))
+    figure = Figure(figsize=(9.4, 4.6))
     margins(figure, left=0.85, right=0.35, bottom=0.65, top=0.75, width_gap=0.85, grid=(1, 2))
     _joints_at_start(figure.add_subplot(1, 2, 1), audit)
     _tool_cycles(figure.add_subplot(1, 2, 2), audit)
@@ -74,7 +74,7 @@ def _joints_at_start(axes: Any, audit: LogAudit) -> Any:
     axes.set_ylim(-1.15 * most, 1.15 * most)
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_xlabel("cycles done")
-    axes.set_ylabel("joint at the start pose, less its start value [rad or m]")
+    axes.set_ylabel("less its start value [rad or m]")
     axes.set_title("Joints at the start pose", loc="left", color=INK, fontsize=10)
     axes.legend(fontsize=8, loc="best")
     return axes

@@ -75,7 +75,7 @@ def arms_figure(runs: Mapping[str, PhysicalRun]) -> Any:
     robot = next(iter(runs.values())).strategy.task.robot
     stage = stage_of(robot, np.vstack(ends), loops, pairs=ends)
     wide, tall = stage.scene.shape
-    figure = Figure(figsize=(4.6 * len(runs), 4.4 * tall / wide + 0.9), layout="constrained")
+    figure = Figure(figsize=(3.65 * len(runs), 3.45 * tall / wide + 0.9), layout="constrained")
     for i, (label, run) in enumerate(runs.items()):
         first, last = ends[i]
         actors = [Actor(first, GREY, "ghost"), Actor(last, colors[i]), Actor(first, GREY, "outline")]
@@ -87,4 +87,4 @@ def arms_figure(runs: Mapping[str, PhysicalRun]) -> Any:
 def _caption(label: str, run: PhysicalRun) -> str:
     unit = joint_unit(run.strategy.task.robot)
     said = f"after {run.cycles} cycles {run.apart[-1]:.2g} {unit} away" if run.cycles else "no cycle done"
-    return f"{on_figure(label)}: {said}"
+    return f"{on_figure(label)}\n{said}"

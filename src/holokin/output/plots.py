@@ -34,6 +34,9 @@ LABELS = 8
 ROUND_OFF = 1e-9
 """Drift [rad or m] below which a law is counted to those that come back to the start."""
 
+PAGE, TYPE = 7.3, 8.0
+"""Width of a page [inches], to which wider figures are made smaller, and the smallest type on it [points]."""
+
 _STYLE = {
     "font.size": 10,
     "axes.titlesize": 11,
@@ -53,8 +56,11 @@ _STYLE = {
 }
 
 
-def write_figure(draw: Callable[[], Any], file: FilePath) -> None:
+def write_figure(draw: Callable[[], Any], file: FilePath, *, alone: bool = False) -> None:
     """Write the figure that `draw` makes as an image of the file's type, PNG where its name has no ending.
+
+    Args:
+        alone: the picture is looked at in its own width, not on a page: its letters stay as they are.
 
     Raises:
         ArgumentError: there is no such type. WriteError: the system refuses the file.
@@ -67,7 +73,21 @@ def write_figure(draw: Callable[[], Any], file: FilePath) -> None:
     if kind not in known:
         raise ArgumentError("the file to write", str(file), f"it cannot be written: choose of {', '.join(known)}")
     with rc_context(style()), replacing(file) as part:
-        draw().savefig(part, format=kind, dpi=130, facecolor="white")
+        figure = draw() if alone else legible(draw())
+        figure.savefig(part, format=kind, dpi=130, facecolor="white")
+
+
+def legible(figure: Any) -> Any:
+    """The figure, its smallest type no smaller than `TYPE` where it is as wide as a `PAGE`."""
+    from matplotlib.text import Text
+
+    least = TYPE * max(1.0, figure.get_figwidth() / PAGE)
+    for axes in figure.axes:
+        for axis in axes._axis_map.values():  # ticks that are not made yet, too
+            axis.set_tick_params(labelsize=max(least, *(t.get_fontsize() for t in axis.get_ticklabels()), 0.0))
+    for text in figure.findobj(Text):
+        text.set_fontsize(max(least, text.get_fontsize()))
+    return figure
 
 
 def style() -> Any:

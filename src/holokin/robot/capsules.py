@@ -112,7 +112,7 @@ def with_shape(
     end = robot.tip(tip)
     placed = end.placement @ pose_matrix(finite("xyz of a shape", xyz, (3,)), finite("rpy of a shape", rpy, (3,)))
     clad = with_capsules(robot) if all(known.obstacle for known in robot.shapes) else robot
-    return replace(clad, shapes=(*clad.shapes, LinkShape(name, end.joint, placed, shape)))
+    return replace(clad, shapes=(*clad.shapes, LinkShape(name, end.joint, placed, shape, carried=True)))
 
 
 @typed

@@ -336,6 +336,7 @@ class LinkShape(Value):
     """A shape of a link, at `placement` (4, 4) on the moving side of a joint (by its index; joint -1: the base).
 
     `obstacle`: it stands around the robot and is no part of it, so that even the link next to the base may hit it.
+    `carried`: it is of a tool that the link carries, beside the link's own shapes.
     """
 
     link: str
@@ -343,6 +344,7 @@ class LinkShape(Value):
     placement: Matrix
     shape: Shape
     obstacle: bool = False
+    carried: bool = False
 
 
 def lowest(shape: Shape, positions: Matrix, rotations: Array) -> Vector:

@@ -11,7 +11,7 @@ import numpy as np
 from ..base.types import Array, Indices, Matrix, Value
 from ..errors import MissingExtraError, RobotFileError, brief
 from ..output.bodies import pieces_of
-from ..robot import Box, Capsule, Cylinder, Ellipsoid, Hull, Mesh, Robot, Shape, Surface, chain_length
+from ..robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Robot, Shape, Surface, chain_length
 from ..robot.numeric import Frames, joint_frames
 
 SOLID = 200_000
@@ -22,6 +22,9 @@ GHOST = 20_000
 
 LINK, JOINT = (226, 229, 234), (96, 104, 117)
 """Colours of the rods that stand for links, and of all else that has no mesh: light and dark grey."""
+
+TOOL, THING = (74, 80, 92), (196, 180, 150)
+"""Colours of the tools that robots carry, and of what stands around them."""
 
 _SHARP = np.deg2rad(30.0)
 """Edges that are sharper than this are drawn as edges, others as round."""
@@ -80,6 +83,9 @@ def _whole(robot: Robot) -> tuple[dict[int, Any], tuple[str, ...]]:
         parts.setdefault(visual.joint, []).append(mesh)
     for joint, capsules in _capsules(robot).items():
         parts.setdefault(joint, capsules)
+    for part in robot.shapes:
+        if part.carried and not part.shape.fault:
+            parts.setdefault(part.joint, []).append(shape_mesh(part, TOOL))
     whole = {joint: trimesh_package().util.concatenate(meshes) for joint, meshes in sorted(parts.items())}
     for mesh in whole.values():
         mesh.merge_vertices(merge_norm=True, merge_tex=True)
@@ -171,21 +177,29 @@ def _solid(shape: Shape) -> Any:
 
 
 def _capsules(robot: Robot) -> dict[int, list[Any]]:
-    """Joint -> what stands for it, as in pictures, but for rails that are longer than the arm reaches both ways.
+    """Joint -> what stands for it, as in pictures; tools that links carry are not among it.
 
-    A slider that goes so far stands for a base that drives. Under a robot with meshes is neither plate nor rail.
+    A slider that goes farther than the arm reaches both ways stands for a base that drives: it has no rail. Under a
+    robot with meshes is neither plate nor rail.
     """
     found: dict[int, list[Any]] = {}
     far = max(chain_length(robot), 1.0)
     Q = np.clip([robot.lower, robot.upper], -2 * far, 2 * far)
-    for piece in pieces_of(replace(robot, shapes=()), Q):
-        if piece.role in ("base", "rail") and (robot.visuals or piece.part.shape.ball[1] > far):
+    tools = tuple(part for part in robot.shapes if part.carried)
+    for piece in pieces_of(replace(robot, shapes=tools), Q):
+        far_off = piece.part.shape.ball[1] > far
+        if piece.role == "tool" or (piece.role in ("base", "rail") and (robot.visuals or far_off)):
             continue
         color = LINK if piece.role == "link" else JOINT
-        mesh = _mesh(piece.part.shape, np.array(color) / 255)
-        mesh.apply_transform(piece.part.placement)
-        found.setdefault(piece.joint, []).append(mesh)
+        found.setdefault(piece.joint, []).append(shape_mesh(piece.part, color))
     return found
+
+
+def shape_mesh(part: LinkShape, color: tuple[int, int, int]) -> Any:
+    """A shape as a trimesh.Trimesh in a colour, where it is in the frame of its joint. Raises: RobotFileError."""
+    mesh = _mesh(part.shape, np.array(color) / 255)
+    mesh.apply_transform(part.placement)
+    return mesh
 
 
 def _look(joint: int, mesh: Any, share: float) -> Look:

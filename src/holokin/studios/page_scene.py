@@ -12,8 +12,8 @@ import numpy as np
 from ..base.types import ArrayLike, Indices, Matrix, Vector
 from ..errors import MissingExtraError
 from ..output.palette import GREY, LOOP, color_of, rgb
-from ..robot import Robot, Tip, reach
-from .meshes import GHOST, SOLID, frames_of, looks_of, quaternions, trimesh_package
+from ..robot import LinkShape, Robot, Tip, reach
+from .meshes import GHOST, SOLID, THING, frames_of, looks_of, quaternions, shape_mesh, trimesh_package
 
 OPACITY = 0.62
 """Of a ghost that stands well away from the robot; the colours of four on top of each other are still told apart."""
@@ -176,6 +176,20 @@ class Scene:
                 receive_shadow=False,
             )  # fmt: skip
             self._start.append(handle)
+
+    def stand(self, things: Sequence[LinkShape]) -> Matrix:
+        """Draw what stands around the robot, and return points (k, 3) [m] round it: corners of boxes.
+
+        Raises: RobotFileError, from a mesh that cannot be read.
+        """
+        corners = [np.zeros((0, 3))]
+        for index, thing in enumerate(things):
+            mesh = shape_mesh(thing, THING)
+            self.server.scene.add_mesh_simple(
+                f"/things/{index}", mesh.vertices, mesh.faces, color=THING, flat_shading=True
+            )
+            corners.append(_corners(np.asarray(mesh.vertices)))
+        return np.concatenate(corners)
 
     def path(self, points: ArrayLike, name: str = "loop", color: str = LOOP) -> None:
         """The line that the tool shall follow, through points (k, 3) [m]; fewer than two take it away."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import pairwise
@@ -24,7 +24,7 @@ from ..errors import ArgumentError, ShapeError
 from ..motion.trajectory import Status
 from ..output.palette import law_colors
 from ..output.robot_view import best_view
-from ..robot import Robot
+from ..robot import LinkShape, Robot
 from .door import HERE, Door
 from .page_scene import FOV, Scene, silent_viser, viser_package
 from .session import Session
@@ -140,6 +140,7 @@ def player() -> str:
 def record(
     robot: Robot, motions: Mapping[str, Any], file: str | FilePath | None = None, *, title: str = "", text: str = "",
     path: ArrayLike | None = None, lead: str | None = None, seconds: float = 20.0,
+    obstacles: Sequence[LinkShape] = (),
 ) -> Recording:  # fmt: skip
     """Record motions of one robot, side by side in one place, to an HTML file that plays without a server.
 
@@ -151,6 +152,8 @@ def record(
             default where the tools of the lead went.
         lead: the law whose robot is drawn solid, by default the last one; the others are translucent ghosts.
         seconds: for how long it plays at most; longer motions are played faster.
+        obstacles: what stands around the robot, such as the part that it works on: shapes of `hk.obstacle`.
+            Tools that the robot carries are drawn, too: see `hk.with_shape`.
 
     Returns:
         The recording; its `html()` is what the file holds.
@@ -166,7 +169,7 @@ def record(
         lead = list(clips)[-1]
     if lead not in clips:
         raise ArgumentError("lead", lead, f"give one of {', '.join(clips)}")
-    film = _Film(robot, clips, lead, positive("seconds", seconds))
+    film = _Film(robot, clips, lead, positive("seconds", seconds), tuple(obstacles))
     made = Recording(film.shoot(path), film.caption(title, text))
     if file is not None:
         made.save(file)
@@ -198,11 +201,28 @@ def record_session(session: Session, file: str | FilePath | None = None, *, text
     return record(session.robot, motions, file, title=session.title, text=text, path=points, lead=lead)
 
 
+def _hidden(points: Matrix, things: Matrix, ahead: Vector, up: float) -> int:
+    """How many of the points (k, 3) are behind things, by the eight corners of their boxes, for a distant camera."""
+    away = np.array([*(np.cos(up) * ahead[:2]), np.sin(up)])
+    right = np.array([-ahead[1], ahead[0], 0.0])
+    axes = np.stack([right, np.cross(away, right), away], axis=1)
+    behind = np.zeros(len(points), dtype=bool)
+    for corners in things.reshape(-1, 8, 3) @ axes:
+        low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
+        seen = points @ axes
+        across = ((seen[:, :2] > low) & (seen[:, :2] < high)).all(axis=1)
+        behind |= across & (seen[:, 2] < corners[:, 2].mean())
+    return int(behind.sum())
+
+
 class _Film:
     """Motions on the clock of a recording."""
 
-    def __init__(self, robot: Robot, clips: Mapping[str, Motion], lead: str, seconds: float):
+    def __init__(self, robot: Robot, clips: Mapping[str, Motion], lead: str, seconds: float,
+        things: tuple[LinkShape, ...] = (),
+    ):  # fmt: skip
         self.robot, self.clips, self.lead = robot, clips, list(clips).index(lead)
+        self.things = things
         self.start = min(float(clip.t[0]) for clip in clips.values())
         self.length = max(float(clip.t[-1]) for clip in clips.values()) - self.start
         self.pace = max(1.0, self.length / seconds)
@@ -227,7 +247,8 @@ class _Film:
             loops = [loop + self.lift for loop in self._loops(scene, Q, path)]
             for index, loop in enumerate(loops):
                 scene.path(loop, f"loop{index or ''}")
-            scene.look_from(*self.view(scene, Q, np.vstack(loops)))
+            things = scene.stand(self.things)
+            scene.look_from(*self.view(scene, Q, np.vstack(loops), things))
             pieces = self._pieces(scene)
             tape = server.get_scene_serializer()
             for frame in range(self.count):
@@ -248,7 +269,7 @@ class _Film:
             return [*given] if given.ndim == 3 else [given]
         return [scene.points_of(Q[:, self.lead], tip)[0] for tip in self.tools]
 
-    def view(self, scene: Scene, Q: Array, loop: Matrix) -> tuple[Vector, Vector]:
+    def view(self, scene: Scene, Q: Array, loop: Matrix, things: Matrix) -> tuple[Vector, Vector]:
         """(place of the camera, point it looks at): from where the laws are seen best apart, beside the caption."""
         frames = Q[np.linspace(0, len(Q) - 1, 13).round().astype(int)]
         bodies = [[np.vstack(self.robot.skeleton(q)) for q in row] for row in frames]
@@ -268,10 +289,13 @@ class _Film:
             not self.robot.planar and len(self.tools) == 1 and ahead @ gap < -1e-9
         ):  # the ghosts in front of the robot, not behind it
             ahead, side = -ahead, side + np.pi
+        body = np.vstack([loop, *(one for one, _ in pairs)])
+        if _hidden(body, things, ahead, up) > _hidden(body, things, -ahead, up):
+            ahead, side = -ahead, side + np.pi
         away = np.array([*(np.cos(up) * ahead[:2]), np.sin(up)])
         right = np.array([-np.sin(side), np.cos(side), 0.0])
         above = np.cross(away, right)
-        points = np.vstack([*(scene.drawn(q) for q in frames[::3].reshape(-1, self.robot.n)), loop])
+        points = np.vstack([*(scene.drawn(q) for q in frames[::3].reshape(-1, self.robot.n)), loop, things])
         seen = points @ np.stack([right, above, away], axis=1)
         low, high = seen.min(axis=0), seen.max(axis=0)
         tan, wide, tall = np.tan(FOV / 2), (high[0] - low[0]) / ASPECT, high[1] - low[1]

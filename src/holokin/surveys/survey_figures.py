@@ -22,7 +22,7 @@ from ..output.palette import (
     YELLOW,
     law_colors,
 )
-from ..output.plots import style
+from ..output.plots import PAGE, TYPE, legible, style
 from ..output.words import on_figure
 from .findings import ON_PATH, RETURNS, STATUS_ORDER, Findings, robot_labels
 
@@ -57,10 +57,10 @@ def _empty(height: float) -> Any:
     class Shown(Figure):
         def _repr_png_(self) -> bytes:
             stream = io.BytesIO()
-            self.savefig(stream, format="png", facecolor="white")
+            legible(self).savefig(stream, format="png", facecolor="white")
             return stream.getvalue()
 
-    return Shown(figsize=(10.4, height), layout="constrained")
+    return Shown(figsize=(PAGE, height), layout="constrained")
 
 
 def _figure(height: float) -> tuple[Any, Any]:
@@ -165,12 +165,10 @@ def coverage_figure(found: Findings) -> Any:
         for column in range(len(laws)):
             value = share[robot, column]
             if not np.isfinite(value) and (robots[robot], laws[column]) in faults:
-                axes.text(column, row, "faults", ha="center", va="center", fontsize=7, color=INK)
+                axes.text(column, row, "faults", ha="center", va="center", fontsize=TYPE, color=INK)
             if np.isfinite(value):
                 ink = "white" if value > 0.9 or value < 0.1 else INK
-                axes.text(
-                    column, row, f"{100 * value:.0f}", ha="center", va="center", fontsize=7.5, color=ink
-                )  # fmt: skip
+                axes.text(column, row, f"{100 * value:.0f}", ha="center", va="center", fontsize=TYPE, color=ink)
     axes.set_xticks(range(len(laws)), [on_figure(law, 30) for law in laws], rotation=35, ha="left", fontsize=9)
     axes.xaxis.tick_top()
     axes.set_yticks(range(len(robots)), [on_figure(names[i], 44) for i in order], fontsize=8.5)
@@ -181,7 +179,7 @@ def coverage_figure(found: Findings) -> Any:
     bar = figure.colorbar(image, ax=axes, location="bottom", fraction=0.02, pad=0.01, aspect=40)
     bar.outline.set_visible(False)
     bar.ax.xaxis.set_major_formatter(_percent)
-    bar.set_label(f"loops that were gone round to the end with the tool within {1e3 * ON_PATH:g} mm of the path")
+    bar.set_label(f"loops that were gone round to the end\nwith the tool within {1e3 * ON_PATH:g} mm of the path")
     return figure
 
 
@@ -214,8 +212,8 @@ def boxes_figure(found: Findings) -> Any:
     figure = _empty(1.5 + 0.34 * len(laws))
     axes = figure.subplots(1, 2, sharey=True)
     panels = (
-        ("cost", "joint speed over that of the pseudo-inverse"),
-        ("margin", "least distance to a limit, of its range"),
+        ("cost", "joint speed over that\nof the pseudo-inverse"),
+        ("margin", "least distance to a limit,\nof its range"),
     )
     for ax, (metric, words) in zip(axes, panels, strict=True):
         values = [found.of_law(law).known(metric) for law in laws]
