@@ -1,7 +1,7 @@
 """Small parsers of robot languages, written from the vendors' grammars, for the tests: what they refuse is an error.
 
 ABB: "RAPID kernel" 3HAC050946 (identifiers, modules, declarations) and "RAPID Instructions, Functions and Data types"
-3HAC050917 (MoveAbsJ, MoveL, MoveC, CalcRobT, GripLoad, SetDO, WaitTime). KUKA: KSS 8.3 "Operating
+3HAC050917 (MoveAbsJ, MoveL, MoveC, CalcRobT, CirPathMode, GripLoad, SetDO, WaitTime). KUKA: KSS 8.3 "Operating
 and Programming Instructions for System Integrators" (DEF, DEFDAT, E6AXIS, PTP_SPLINE, TIME_BLOCK, LIN, CIRC, FORWARD,
 $OUT, WAIT). Universal Robots: "The URScript Programming Language" 5 (movej, movel, movec, servoj, stopj,
 set_tcp, set_payload, set_digital_out, sleep).
@@ -96,7 +96,11 @@ def rapid(text: str, own: str = "(?!)") -> Parsed:
             _moved(made, "circular", speed=float(found[5]) / 1e3)
             made.stops.append(found[6] == "fine")
         else:
-            _match(rf"(SetDO \w+,[01]|WaitTime {REAL}|GripLoad \w+|{own})", statement, "instruction")
+            _match(
+                rf"(SetDO \w+,[01]|WaitTime {REAL}|GripLoad \w+|CirPathMode\\(?:Object|Path)Frame|{own})",
+                statement,
+                "instruction",
+            )
             made.lines.append((len(axes), statement))
     made.axes = np.array([[x for x in row if x != 9e9] for row in axes])
     return made
@@ -134,6 +138,8 @@ def krl(source: str, data: str, own: str = "(?!)") -> Parsed:
             halt = ["IF XERR<>0 THEN", "HALT", "ENDIF"]
         elif halt and line == halt[0]:
             halt.pop(0)
+        elif line in ("$ORI_TYPE=#VAR", "$CIRC_TYPE=#BASE"):
+            continue
         elif found := re.fullmatch(rf"\$(VEL\.CP|APO\.CDIS)=({REAL})", line):
             speed = float(found[2]) if found[1] == "VEL.CP" else speed
         elif found := re.fullmatch(r"LIN (\w+)( C_DIS)?", line):
@@ -249,15 +255,18 @@ def listing(text: str, own: str = "(?!)") -> Parsed:
         found = _match(r" *(\d+):(  |)(.*) ;", line, "line")
         if int(found[1]) != number:
             raise GrammarError(line)
-        motion = re.fullmatch(r"(?:([JL]) |C P\[(\d+)\] :)P\[(\d+)\] (\d+)(%|msec) (FINE|CNT(?:\d+))", found[3])
+        motion = re.fullmatch(
+            r"(?:([JL]) |C P\[(\d+)\] :)P\[(\d+)\] (\d+(?:\.\d)?)(%|msec|sec) (FINE|CNT(?:\d+))", found[3]
+        )
         if motion:
-            if (motion[5] == "%") != (not axes) or not 1 <= int(motion[4]) <= 32_000 or found[2]:
+            least, most = {"%": (1, 100), "msec": (1, 32_000), "sec": (0.1, 3200)}[motion[5]]
+            if (motion[5] == "%") != (not axes) or not least <= float(motion[4]) <= most or found[2]:
                 raise GrammarError(line)
             if motion[2]:
                 made.via[len(made.kinds)] = known[int(motion[2])]
             if axes:
                 kind = {"J": "joint", "L": "linear", None: "circular"}[motion[1]]
-                _moved(made, kind, seconds=int(motion[4]) / 1e3)
+                _moved(made, kind, seconds=float(motion[4]) / (1e3 if motion[5] == "msec" else 1.0))
             axes.append(known[int(motion[3])])
             made.stops.append(motion[6] == "FINE")
         elif found[3].startswith("!"):

@@ -49,6 +49,7 @@ self_collision = false
 pulses = [1000, 1000, 1000, 1000, 1000, 1000]
 tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}
 linear = true
+tool = "tTorch"
 before = ["wait 0.25"]
 on = ["output 3 on"]
 off = ["output 3 off", "wait 1"]
@@ -85,6 +86,14 @@ def torch_at(q: np.ndarray) -> np.ndarray:
     return (referees.irb140(q) @ TORCH)[:3, 3]
 
 
+TOOL = {"urscript": "[0, 0, 0.3, 0, 0, 0]", "krl": "3", "ls": "3", "inform": "3"}
+
+
+def of(language: str, text: str = WELD) -> str:
+    """A job with the tool as a language has it: by name, by number or by its pose."""
+    return text.replace('"tTorch"', TOOL.get(language, '"tTorch"'))
+
+
 @pytest.fixture
 def weld(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
@@ -95,6 +104,7 @@ def weld(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @sampled(2, "language", READ)
 def test_the_process_begins_and_ends_where_the_seam_does(language: str, weld: Path) -> None:
     """The torch is on from one end of the seam to the other, and off on leads, retracts and on the way there."""
+    weld.write_text(of(language), "utf-8")
     program, timed, found = program_of_job(*open_job(str(weld)), language)
     read = READ[language](*program.files.values())
     assert [line for _, line in read.lines] == list(SAID[language])
@@ -109,6 +119,7 @@ def test_the_process_begins_and_ends_where_the_seam_does(language: str, weld: Pa
 
 
 def test_the_seam_is_straight_and_even_from_its_start_to_its_end(weld: Path) -> None:
+    weld.write_text(of("krl"), "utf-8")
     program, _, _ = program_of_job(*open_job(str(weld)), "krl")
     read = grammars.krl(*program.files.values())
     made = controllers.play(read, lambda q: referees.irb140(q) @ TORCH)
@@ -132,9 +143,13 @@ def test_an_entry_is_timed_and_checked_and_the_report_says_so(weld: Path) -> Non
 @pytest.mark.parametrize(
     ("language", "old", "new", "words"),
     [
-        ("rapid", "linear = true", 'linear = true\ntool = "my torch"', "a letter, then letters"),
-        ("krl", "linear = true", 'linear = true\ntool = "tTorch"', "tool"),
-        ("krl", "linear = true", "linear = true\ntool = 99", "0 to 16"),
+        ("rapid", '"tTorch"', '"my torch"', "a letter, then letters"),
+        ("krl", "tool = 3", 'tool = "tTorch"', "tool"),
+        ("krl", "tool = 3", "tool = 99", "0 to 16"),
+        ("krl", "tool = 3\n", "", "the tool that the controller has"),
+        ("krl", "tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}", "tolerance = 0.01", "tolerance of the tool"),
+        ("rapid", '"output 3 on"', '"output 3 ON"', "output 3 on"),
+        ("rapid", "linear = true", "linear = true\nzone = -1.0", "zone"),
         ("ls", '"output 3 on"', '"DO[1]=ON;CALL X"', "a process line"),
         ("rapid", '"output 3 on"', '"SetDO x,1;\\n END"', "line breaks"),
         ("urscript", '"output 3 on"', '"end"', "a process line"),
@@ -145,19 +160,19 @@ def test_an_entry_is_timed_and_checked_and_the_report_says_so(weld: Path) -> Non
 def test_what_a_language_cannot_hold_is_refused_and_named(
     language: str, old: str, new: str, words: str, weld: Path
 ) -> None:
-    weld.write_text(WELD.replace(old, new, 1), "utf-8")
+    assert old in of(language)
+    weld.write_text(of(language).replace(old, new, 1), "utf-8")
     with pytest.raises(HolokinError, match=words):
         program_of_job(*open_job(str(weld)), language)
 
 
 def test_the_command_says_what_is_kept_and_what_was_left_out(holokin: Command, weld: Path) -> None:
-    weld.write_text(WELD.replace("linear = true", "linear = true\ntool = [0, 0, 0.3, 0, 0, 0]\nbase = 2"), "utf-8")
+    weld.write_text(of("urscript").replace("linear = true", "linear = true\nbase = 2"), "utf-8")
     done = holokin("export", "urscript", "weld.toml", "--out", "ur")
     assert done.code == 0, done.err
     assert "mm/s" in done.out and "urscript takes no base and no pulses of [program]: left out" in done.out
-    weld.write_text(
-        WELD.replace("tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}\nlinear = true\n", ""), "utf-8"
-    )
+    few = of("urscript").replace("tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}\nlinear = true\n", "")
+    weld.write_text(few, "utf-8")
     done = holokin("export", "urscript", "weld.toml", "--out", "ur")
     assert "20 ms is no step of servoj" in done.out
     text = Path("ur/irb140_wrist.script").read_text("utf-8")
@@ -165,9 +180,28 @@ def test_the_command_says_what_is_kept_and_what_was_left_out(holokin: Command, w
 
 
 def test_inform_asks_for_the_pulses_of_the_axes(weld: Path) -> None:
-    weld.write_text(WELD.replace("pulses = [1000, 1000, 1000, 1000, 1000, 1000]\n", ""), "utf-8")
+    weld.write_text(of("inform").replace("pulses = [1000, 1000, 1000, 1000, 1000, 1000]\n", ""), "utf-8")
     with pytest.raises(HolokinError, match="pulses of \\[program\\]"):
         program_of_job(*open_job(str(weld)), "inform")
-    weld.write_text(WELD.replace("1000, 1000]", "1000]"), "utf-8")
+    weld.write_text(of("inform").replace("1000, 1000]", "1000]"), "utf-8")
     with pytest.raises(HolokinError, match="pulses of the axes"):
         program_of_job(*open_job(str(weld)), "inform")
+
+
+def test_linear_is_kept_at_a_step_of_the_controller(weld: Path) -> None:
+    """At 8 ms URScript would send every sample; a job that asks for linear moves gets them."""
+    few = (
+        of("urscript")
+        .replace("dt = 0.02", "dt = 0.008")
+        .replace("tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}\n", "")
+    )
+    weld.write_text(few, "utf-8")
+    program, _, _ = program_of_job(*open_job(str(weld)), "urscript")
+    assert "movel(" in program.text and "servoj(" not in program.text
+
+
+def test_ros_says_which_keys_of_the_program_it_leaves_out(holokin: Command, weld: Path) -> None:
+    done = holokin("export", "ros", "weld.toml", "--out", "ros")
+    assert done.code == 0, done.err
+    left = next(line for line in done.out.splitlines() if "left out" in line)
+    assert all(f" {key}" in left for key in ("tool_tolerance", "linear", "tool", "before", "on", "off", "pulses")), left

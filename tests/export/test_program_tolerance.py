@@ -188,3 +188,28 @@ def test_a_tolerance_of_nothing_or_of_another_robot_is_refused(welder: hk.Task, 
         to_krl(corner, tolerance=ToolTolerance(hk.pose(hk.load("panda"))))
     with pytest.raises(ArgumentError):
         ToolTolerance(welder.robot)
+
+
+def test_a_tool_that_only_turns_has_no_speed_and_few_targets(welder: hk.Task) -> None:
+    """Round-off of the tool's place is no way, and no speed."""
+    poses = np.tile(welder.robot.pose(Q0), (2, 1, 1))
+    poses[1, :3, :3] = Rotation.from_euler("x", 0.3).as_matrix() @ poses[0, :3, :3]
+    timed = seam(welder, hk.polyline(poses), 0.02)
+    program = to_rapid(timed, tolerance=ToolTolerance(welder, 2e-4, 0.02, 0.02, 0.02))
+    assert program.targets < 12 and np.isnan(program.tool.slowest)
+    assert "its speed was not compared" in " ".join(read(program, "rapid").comments)
+
+
+def test_a_tolerance_that_the_samples_cannot_keep_is_said_to_be_missed(welder: hk.Task) -> None:
+    at = welder.robot.pose(Q0)[:3, 3]
+    timed = seam(welder, hk.arc(at, at - [0.06, 0, 0], 2.0), 0.2, dt=0.1)
+    program = to_rapid(timed, tolerance=ToolTolerance(welder, 1e-6, 0.02, 1e-6, 0.02))
+    assert not program.tool.kept and "NOT within what was asked for" in " ".join(read(program, "rapid").comments)
+
+
+def test_a_slow_line_takes_as_many_seconds_as_fanuc_allows(welder: hk.Task) -> None:
+    """50 s do not fit into the 32,000 ms of an instruction: they are written in seconds."""
+    at = welder.robot.pose(Q0)[:3, 3]
+    timed = seam(welder, hk.polyline(at + np.array([[0, 0, 0], [0, 0.1, 0]])), 0.002, dt=0.04)
+    found = read(to_fanuc(timed, tolerance=ToolTolerance(welder, 1e-3, 0.1, 0.05, 0.05, True)), "ls")
+    assert max(found.seconds) > 32.0 and sum(found.seconds) == pytest.approx(50.0, abs=0.2)

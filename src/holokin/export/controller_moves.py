@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Literal
@@ -28,6 +28,9 @@ FLAT = 1e-6
 
 STILL = 1e-3
 """Share of the tool's largest speed below which the tool turns in place, and has no speed to keep."""
+
+NO_WAY, SLOWEST = 1e-6, 1e-5
+"""Way [m or rad] of a tool that is none, and speed [m/s] that is none: round-off."""
 
 ARRIVED, STEPS = 1e-9, 8
 """Error [m, rad] at which a controller's inverse has arrived at a pose, and the steps of Newton's method to it."""
@@ -73,6 +76,7 @@ class ToolDeviation:
     """How far moves are from a timed motion: of the tool [m, rad], of its speed (share), of the joints [rad or m].
 
     `slowest` and `fastest` [m/s] are the speeds of the tool where it has one to keep; NaN where it never has.
+    `compared` is that share of the motion's time; `kept`, whether all is within what was asked for.
     """
 
     position: float = 0.0
@@ -81,6 +85,8 @@ class ToolDeviation:
     joints: float = 0.0
     slowest: float = float("nan")
     fastest: float = float("nan")
+    compared: float = 0.0
+    kept: bool = True
 
     def within(self, tolerance: ToolTolerance) -> bool:
         """Whether all is kept; a NaN is not."""
@@ -92,21 +98,29 @@ class ToolDeviation:
         """What is kept, in mm and degrees."""
         place = f"between them the tool is within {1e3 * self.position:.2g} mm"
         said = [
-            f"{place} and {np.rad2deg(self.rotation):.2g} deg of the timed motion",
+            f"{place} and {np.rad2deg(self.rotation):.2g} deg of the timed motion, at its samples",
             f"and the joints within {self.joints:.2g} rad or m",
         ]
         if np.isfinite(self.slowest):
             speeds = f"{1e3 * self.slowest:.4g} to {1e3 * self.fastest:.4g} mm/s"
-            said.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed, ramps left out")
+            said.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed,")
+            said.append(f"compared in {100 * self.compared:.3g} % of the time: ramps are the controller's")
+        else:
+            said.append("its speed was not compared: it only gathers speed and loses it, or turns in place")
+        if not self.kept:
+            said.append("NOT within what was asked for, from one sample to the next: time it with a smaller dt")
         return [*said, "where a zone passes a target, it rounds the corner: that comes on top"]
 
     def __or__(self, other: ToolDeviation) -> ToolDeviation:
-        """The larger of each of the two."""
-        pairs = {f.name: (getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
-        slow = pairs.pop("slowest")
+        """The larger of each of the two; kept if both are."""
+
+        def larger(name: str) -> float:
+            return float(np.fmax(getattr(self, name), getattr(other, name)))
+
         return ToolDeviation(
-            slowest=float(np.fmin(*slow)), **{name: float(np.fmax(*pair)) for name, pair in pairs.items()}
-        )
+            larger("position"), larger("rotation"), larger("speed"), larger("joints"),
+            float(np.fmin(self.slowest, other.slowest)), larger("fastest"), larger("compared"), self.kept and other.kept,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +160,7 @@ class ToolMotion(Value):
         J, _ = task.jacobian_batch(timed.q)
         speed = np.linalg.norm(np.einsum("kij,kj->ki", J[:, :3], timed.dq), axis=1)
         way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
-        if not way[-1] > ARRIVED:
+        if not np.ptp(p, axis=0).max() > NO_WAY:
             turns = rotation_vector(R[1:] @ np.swapaxes(R[:-1], 1, 2))
             way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(turns, axis=1))])
         ramp = _ramps(speed, [0, *timed.stops, len(timed) - 1], tolerance.speed)
@@ -155,7 +169,7 @@ class ToolMotion(Value):
 
     def share(self, a: int, b: int, rows: Indices) -> Vector:
         """How far along the move from sample a to sample b its samples are, by the tool's way, else by time."""
-        along = self.way if self.way[b] - self.way[a] > ARRIVED else self.t
+        along = self.way if self.way[b] - self.way[a] > NO_WAY else self.t
         return (along[rows] - along[a]) / (along[b] - along[a])
 
     def deviation(self, kind: Kind, a: int, b: int, rows: Indices) -> ToolDeviation:
@@ -171,7 +185,7 @@ class ToolMotion(Value):
             p, R = self._line(a, b, share) if kind == "linear" else self._arc(a, b, share)
             speed, q = np.full(len(rows), self.steady(a, b)), self.q[rows]
         turned = rotation_vector(R @ np.swapaxes(self.R[rows], 1, 2))
-        kept = self._kept[rows]
+        kept = self.has_speed[rows]
         return ToolDeviation(
             float(np.linalg.norm(p - self.p[rows], axis=1).max()), float(np.linalg.norm(turned, axis=1).max()),
             float(np.abs(speed[kept] / self.speed[rows][kept] - 1.0).max(initial=0.0)),
@@ -180,14 +194,14 @@ class ToolMotion(Value):
         )  # fmt: skip
 
     @cached_property
-    def _kept(self) -> Flags:
+    def has_speed(self) -> Flags:
         """Where the tool has a speed to keep (k,)."""
-        return ~self.ramp & (self.speed > STILL * self.speed.max())
+        return ~self.ramp & (self.speed > max(STILL * self.speed.max(), SLOWEST))
 
     def steady(self, a: int, b: int) -> float:
         """The speed of a linear or circular move [m/s]: the mean where there is one to keep, else the largest."""
         part = self.speed[a : b + 1]
-        kept = part[self._kept[a : b + 1]]
+        kept = part[self.has_speed[a : b + 1]]
         return float(kept.mean() if len(kept) else part.max())
 
     def _chord(self, a: int, b: int, rows: Indices) -> Vector:
@@ -250,7 +264,7 @@ class ToolMotion(Value):
 
     def middle(self, a: int, b: int) -> int:
         """The sample half way along the path between two."""
-        along = self.way if self.way[b] - self.way[a] > ARRIVED else self.t
+        along = self.way if self.way[b] - self.way[a] > NO_WAY else self.t
         return int(np.clip(np.searchsorted(along[a:b], (along[a] + along[b]) / 2) + a, a, b))
 
 

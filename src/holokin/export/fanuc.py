@@ -29,8 +29,8 @@ REMARK = 32
 
 MOTIONS = ("J ", "L ", "C ")
 
-LONGEST_MOVE = 32_000
-"""Milliseconds that one motion instruction may take."""
+IN_MS, LONGEST_MOVE = 32_000, 3_200_000
+"""Milliseconds that a motion instruction takes as such, and at all."""
 
 DIALECT = Dialect(
     "FANUC's TP language",
@@ -105,7 +105,8 @@ def _moves(found: Targets, zone: int) -> list[list[str]]:
         lasts = max(1, int(times[i] - times[i - 1]))
         if lasts > LONGEST_MOVE:
             raise ArgumentError("the time of a move [ms]", lasts, f"a move takes at most {LONGEST_MOVE}")
-        way = f"{lasts}msec {'FINE' if i == last or found.stops[i] else f'CNT{zone}'}"
+        time = f"{lasts}msec" if lasts <= IN_MS else f"{lasts / 1e3:.1f}sec"
+        way = f"{time} {'FINE' if i == last or found.stops[i] else f'CNT{zone}'}"
         if move.kind == "circular":
             moves.append([f"C P[{number[i - 1]}]\n    :  P[{i + 1}] {way}"])
         else:

@@ -1,8 +1,8 @@
 """KUKA KRL: blocks of `SPTP`, and `LIN` and `CIRC`, to joint targets, in the times and speeds of the timed trajectory.
 
 Grammar: KUKA System Software 8.3, "Operating and Programming Instructions for System Integrators": DEF, DEFDAT,
-E6AXIS, E6POS, PTP_SPLINE, SPTP, TIME_BLOCK, LIN, CIRC, $VEL.CP, $APO.CDIS, BAS, $OUT, WAIT SEC; names of at most 24
-characters. FORWARD(axes, error) gives the E6POS of an E6AXIS, with its status and turn.
+E6AXIS, E6POS, PTP_SPLINE, SPTP, TIME_BLOCK, LIN, CIRC, $VEL.CP, $ORI_TYPE, $CIRC_TYPE, $APO.CDIS, BAS, $OUT, WAIT SEC;
+names of at most 24 characters. FORWARD(axes, error) gives the E6POS of an E6AXIS, with its status and turn.
 """
 
 from __future__ import annotations
@@ -77,6 +77,7 @@ def to_krl(
     frames += [f"$LOAD=LOAD_DATA[{payload}]"] if payload is not None else []
     text = ["&ACCESS RVP", "&REL 1", f"DEF {short}()", *(declared if found.linear else []), *facts]
     text += ["BAS(#INITMOV,0)", *frames, "BAS(#VEL_PTP,10)", *_computed(found)]
+    text += ["$ORI_TYPE=#VAR", "$CIRC_TYPE=#BASE"] if found.linear else []  # the tool turns evenly along a move
     text += [f"$APO.CDIS={1e3 * not_negative('zone', zone):g}"] if found.linear else []
     text += with_lines(
         found, DIALECT, lines, [["SPTP XP1", "BAS(#VEL_PTP,100)", "BAS(#ACC_PTP,100)"], *_moves(found, lines, zone)]

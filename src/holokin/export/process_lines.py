@@ -83,9 +83,11 @@ class Dialect:
             return self.output.format(number=int(found[1]), state=self.states[found[2] == "on"]) + self.end
         if found := WAIT.fullmatch(line):
             return self.wait.format(seconds=float(found[1])) + self.end
+        if re.match(r"(?:output|wait)\b(?=[ .\d]|$)", line):
+            raise ArgumentError("a process line", line, "write 'output 3 on', 'output 3 off' or 'wait 0.5'")
         if re.search(self.forbidden, line) or len(line) > self.longest:
             cure = (
                 f"{self.language} takes at most {self.longest} characters, without what ends a line or starts a section"
             )
             raise ArgumentError("a process line", line, cure)
-        return line if not self.end or line.endswith(self.end) or line.startswith("!") else line + self.end
+        return line

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -85,7 +85,8 @@ def tool_moves(
             kind = kind if ends[kind] > here + 1 else "joint"
             moves.append(_move(motion, kind, here, ends[kind]))
             largest |= measured(motion, kind, here, ends[kind], np.arange(here, ends[kind] + 1))
-    return moves, largest
+    share = float(motion.has_speed.mean())
+    return moves, replace(largest, compared=share, kept=largest.within(tolerance))
 
 
 def _move(motion: ToolMotion, kind: Kind, a: int, b: int) -> Move:

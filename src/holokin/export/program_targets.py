@@ -96,12 +96,6 @@ class Targets(Value):
         return np.where(np.isfinite(even), even, np.diff(self.t))
 
     @property
-    def parts(self) -> list[range]:
-        """From rest to rest: the targets of each part, the last of one being the first of the next."""
-        ends = [0, *np.flatnonzero(self.stops).tolist(), len(self.t) - 1]
-        return [range(a, b + 1) for a, b in pairwise(ends)]
-
-    @property
     def linear(self) -> bool:
         """Whether there are linear or circular moves."""
         return any(move.kind != "joint" for move in self.moves)
@@ -133,12 +127,12 @@ def targets(
         at = range(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance), more).tolist()
         moves = [Move("joint", a, b) for a, b in pairwise(at)]
     picked = np.array([0, *(move.b for move in moves)])
-    stops = np.isin(picked, timed.stops)
+    stops = np.isin(picked, [*timed.stops, *more])  # where lines stand the robot stops, so that they come in time
     via = {i: q[move.via] for i, move in enumerate(moves) if move.kind == "circular"}
     return Targets(
         timed.t[picked], q[picked], tuple(picked.tolist()), lengths, tuple(stops.tolist()),
         dialect.own or timed.q.shape[1], deviation(timed.q, picked), tuple(moves), via, tool,
-        isinstance(tolerance, ToolTolerance) and tolerance.linear,
+        isinstance(tolerance, ToolTolerance) and tolerance.linear and "linear" in dialect.kinds,
         int(np.searchsorted(picked, on)), int(np.searchsorted(picked, off)),
     )  # fmt: skip
 

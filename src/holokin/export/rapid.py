@@ -1,13 +1,14 @@
 """ABB RAPID: `MoveAbsJ`, `MoveL` and `MoveC` to joint targets, in the times and at the speeds of the timed trajectory.
 
 Grammar: ABB, "Technical reference manual: RAPID Instructions, Functions and Data types" (3HAC050917), MoveAbsJ, MoveL,
-MoveC, CalcRobT, GripLoad, SetDO, jointtarget, robjoint, extjoint; "RAPID kernel" (3HAC050946), identifiers of at most
-32 characters.
+MoveC, CirPathMode, CalcRobT, GripLoad, SetDO, jointtarget, robjoint, extjoint; "RAPID kernel" (3HAC050946), identifiers
+of at most 32 characters.
 """
 
 from __future__ import annotations
 
 from ..base.arguments import typed
+from ..base.types import not_negative
 from ..motion import TimedTrajectory
 from .controller_moves import ToolTolerance
 from .process_lines import Dialect, ProcessLines
@@ -74,6 +75,8 @@ def to_rapid(
             moves.append([f"    MoveC CalcRobT(c{i},{used}),{end},", f"      v1000\\V:={1e3 * move.speed:.3f},{way}"])
     load = [] if payload is None else [f"GripLoad {payload};"]
     body = with_lines(found, DIALECT, lines, moves)
+    if found.via:  # the tool turns evenly from the start to the end of an arc, not along with the arc
+        body = ["CirPathMode\\ObjectFrame;", *body, "CirPathMode\\PathFrame;"]
     text += ["", f"  PROC {short}()", *(f"    {line.strip()}" for line in [*load, *body])]
     text += ["  ENDPROC", "ENDMODULE", ""]
     return Program({f"{short}_M.mod": "\n".join(text)}, len(found.q), found.deviation, found.tool)
@@ -91,6 +94,6 @@ def _zones(found: Targets, zone: str | float) -> tuple[list[str], list[str]]:
     if isinstance(zone, str):
         last = len(found.q) - 1
         return ["fine" if i in (0, last) or stop else zone for i, stop in enumerate(found.stops)], []
-    radii, less = zones(found, zone)
+    radii, less = zones(found, not_negative("zone", zone))
     said = [f"the zone is half a move at {less} targets, where that is less"] if less else []
     return [f"z1\\Z:={1e3 * radius:.3f}" if radius else "fine" for radius in radii], said

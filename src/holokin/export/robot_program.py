@@ -74,10 +74,10 @@ def header(
         turned = [f"sign {wiring.signs[name]:+d}"] if name in wiring.signs else []
         turned += [f"offset {wiring.offsets[name]:.6g} {unit}"] if name in wiring.offsets else []
         lines.append(f"{name}: " + ", ".join([span, *rates, *turned]))
-    if found is not None and not found.deviation:
-        lines.append(f"{len(found.t)} joint targets, one for each step")
-    elif found is not None and found.tool is not None:
+    if found is not None and found.tool is not None:
         lines += [f"{len(found.t)} joint targets, {_counted(found)}", *found.tool.sentences()]
+    elif found is not None and not found.deviation:
+        lines.append(f"{len(found.t)} joint targets, one for each step")
     elif found is not None:
         lines.append(f"{len(found.t)} joint targets; even motion between them is within {found.deviation:.2g} rad or m")
         lines.append("of the timed motion")

@@ -29,7 +29,7 @@ LOCALS = {"l_jA": "jointRx", "l_jB": "jointRx", "l_pA": "pointRx", "l_pB": "poin
 
 DIALECT = Dialect(
     "VAL3", "diOut{number}={state}", "delay({seconds:g})", ("false", "true"), halt="waitEndMove()",
-    forbidden=r"\]\]>|^(begin|end)",
+    forbidden=r"\]\]>|^(begin|end)\b",
 )  # fmt: skip
 
 
@@ -67,7 +67,7 @@ def to_val3(
     radii, less = zones(found, not_negative("zone", zone))
     more = ["degrees, mm", f"tool {tool}, frame {base}"]
     more += [f"leave and reach are half a move at {less} targets, where that is less"] if less else []
-    facts = [f"// {line}" for line in header(timed, about, found, wiring, more)]
+    facts = [f"// {line.replace(']]>', ']] >')}" for line in header(timed, about, found, wiring, more)]
     shares = speed_shares(found, timed, wiring, speeds)
     first = ["l_mDesc.accel=100", "l_mDesc.decel=100", "l_mDesc.vel=10", "l_mDesc.blend=off"]
     first += [*_joints("A", found, found.q[0]), f"movej(l_jA,{tool},l_mDesc)", "waitEndMove()"]

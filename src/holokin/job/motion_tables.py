@@ -25,6 +25,13 @@ Lines = Annotated[list[str], Field(max_length=100)]
 OF_SOME = ("tool", "base", "payload", "zone", "coupled", "pulses", "letters")
 """Keys of [program] that some languages take, each in its own kind."""
 
+HELD_IN = {
+    "wiring": ("axes", "external", "signs", "offsets", "offsets_deg"),
+    "lines": ("before", "on", "off", "after"),
+    "tolerance": ("tolerance", "tool_tolerance", "linear"),
+}
+"""Arguments of writers that hold several keys of [program]."""
+
 ALL_JOINTS = 2e-3
 """Tolerance of the joints [rad or m] for tasks of several tools."""
 
@@ -89,6 +96,8 @@ class ProgramTable(Table):
     def _one_tolerance(self) -> ProgramTable:
         if self.tolerance is not None and self.tool_tolerance is not None:
             raise ValueError("tolerance and tool_tolerance both say how exact the program is; leave out one")
+        if self.tolerance is not None and self.linear:
+            raise ValueError("linear moves need a tolerance of the tool; give tool_tolerance in place of tolerance")
         return self
 
     @property
@@ -99,9 +108,9 @@ class ProgramTable(Table):
         return Wiring(axes, tuple(self.external), dict(self.signs), dict(self.offsets) | turned)
 
     @property
-    def named(self) -> tuple[str, ...]:
-        """The keys given that not every language takes."""
-        return tuple(key for key in OF_SOME if getattr(self, key) not in (None, False))
+    def given_keys(self) -> tuple[str, ...]:
+        """The keys that the job gives."""
+        return tuple(key for key in type(self).model_fields if key in self.model_fields_set)
 
     def lines(self, window: tuple[float, float] | None) -> ProcessLines:
         """The process lines as a value. Raises: ArgumentError: a line that no program can hold."""
@@ -115,7 +124,7 @@ class ProgramTable(Table):
     def _kept(self, task: Task, streams: bool) -> float | ToolTolerance | None:
         """Of the tool, unless the job gives one of the joints or the task has several tools."""
         kept = self.tool_tolerance
-        if self.tolerance is not None or (kept is None and (streams or task.frames > 1)):
+        if self.tolerance is not None or (kept is None and not self.linear and (streams or task.frames > 1)):
             return self.tolerance or (None if streams else ALL_JOINTS)
         kept = kept or ToolToleranceTable()
         rotation = float(np.deg2rad(kept.degrees))

@@ -17,7 +17,7 @@ from ..path.synchronized_paths import AnyPath
 from ..strategies import Strategy
 from .export_strategy import job_strategy
 from .job_parts import naming
-from .motion_tables import ProgramTable, TimingTable
+from .motion_tables import HELD_IN, ProgramTable, TimingTable
 from .path_entry import build_entry
 from .schema import Job
 from .several_paths import build_paths
@@ -78,10 +78,19 @@ def _written(
         for key in written.needs:
             if key not in given:
                 raise ArgumentError(f"{key} of [program]", None, f"{language} needs it: add it to [program]")
-        left = [key for key in how.named if key not in written.takes]
+        if how.linear and "tool" in written.takes and how.tool is None:
+            cure = "linear moves lead the tool that the controller has: give its name or number, or that of the flange"
+            raise ArgumentError("tool of [program]", None, cure)
+        left = [key for key in how.given_keys if _argument(key) not in written.takes]
         program = written.write(timed, **{key: value for key, value in given.items() if key in written.takes})
     notes = (f"{language} takes no {' and no '.join(left)} of [program]: left out",) if left else ()
     return replace(program, notes=(*notes, *program.notes))
+
+
+def _argument(key: str) -> str:
+    """The argument of a writer that holds a key of [program]."""
+    found = (argument for argument, keys in HELD_IN.items() if key in keys)
+    return next(found, key)
 
 
 def _window(job: Job, path: AnyPath) -> tuple[float, float] | None:
