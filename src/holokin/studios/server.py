@@ -78,7 +78,8 @@ class Studio:
         if not loopback(host):
             self.notes.append(OPEN.format(host=host, url=f"{url_of(_known_as(host), found)}/{self.door.token}/"))
         self.page = self._shown(session)
-        self.server.on_client_disconnect(lambda _client: self.page.handles.let_go())
+        self.server.on_client_connect(self._welcome)
+        self.server.on_client_disconnect(self._farewell)
 
     @property
     def session(self) -> Session:
@@ -125,6 +126,15 @@ class Studio:
             pass
         finally:
             self.close()
+
+    def _welcome(self, client: Any) -> None:
+        """A browser came: its window is looked at now, and whenever its camera or its size changes."""
+        client.camera.on_update(lambda _camera: self.page.fit(client))
+        self.page.fit(client)
+
+    def _farewell(self, client: Any) -> None:
+        self.page.handles.let_go()
+        self.page.ask(lambda: self.page.cameras.forget(client))
 
     def _shown(self, session: Session) -> Page:
         self.server.scene.reset()

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..job import packaged_jobs
+from .cameras import BOTTOM_SHEET
 from .loop_panel import LoopPanel
 from .panel_texts import block, gauge, line, named, plain, put, quiet, swatch, table, warning
 from .posture_panel import PosturePanel
@@ -39,7 +40,7 @@ class Panels:
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
         gui.main_panel.dock_right()
         gui.main_panel.set_width(350)
-        self.head = gui.add_html(self._head())
+        self.head = gui.add_html(f'{BOTTOM_SHEET}<div class="holokin-head">{self._head()}</div>')
         self.doing = gui.add_html("")
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):

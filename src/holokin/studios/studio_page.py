@@ -14,6 +14,7 @@ from ..base.types import Matrix
 from ..errors import HolokinError
 from ..output.palette import BAD, LOOP, law_colors
 from ..output.plots import thin
+from .cameras import Cameras
 from .charts import Charts
 from .handles import Handles
 from .page_scene import Scene
@@ -63,7 +64,9 @@ class Page:
         self.scene = Scene(server, session.robot, session.home)
         self.handles = Handles(self)
         self._arrange()
-        self._look()
+        self.cameras = Cameras(self.scene, self._seen())
+        for client in server.get_clients().values():
+            self.cameras.fit(client, anew=True)
         snap = session.snapshot()
         self.draw(snap)
         for draw in self._slow:
@@ -187,10 +190,17 @@ class Page:
             with self._wake:
                 self._busy.discard(key)
 
-    def _look(self) -> None:
-        loop = self.session.loop
-        points: Matrix = np.zeros((0, 3)) if loop is None else loop.points(50).reshape(-1, 3)
-        self.scene.look_from(*self.scene.view(points))
+    def fit(self, client: Any) -> None:
+        """A browser told how large its picture is, and from where it looks."""
+        self.ask(lambda: self.cameras.fit(client), ("camera", client.client_id))
+
+    def _seen(self) -> Matrix:
+        """Points (k, 3) [m] that shall be seen besides the robot: the loop, and the handles of the tools."""
+        loop, size = self.session.loop, self.handles.size
+        line: Matrix = np.zeros((0, 3)) if loop is None else loop.points(50).reshape(-1, 3)
+        tools = self.session.snapshot().target
+        grips = [pose[:3, 3] + sign * size * pose[:3, :3].T for pose in tools for sign in (-1, 1)]
+        return np.vstack([line, *grips])
 
     def _draw_loop(self, moved: bool, red: bool) -> None:
         """The line of the loop, red where a law does not get round it; what elbows drew belongs to the loop before."""
