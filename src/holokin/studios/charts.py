@@ -41,7 +41,12 @@ class Charts:
             gui = page.server.gui
             gui.add_markdown("**Drift**: how far the worst joint is from where it began, after each cycle [rad or m]")
             self.drift = self._plot("cycle", dots=True)
-            self.pick = gui.add_dropdown("Joint", names, initial_value=names[self._restless()])
+            self.pick = gui.add_dropdown(
+                "Joint",
+                names,
+                initial_value=names[self._restless()],
+                hint="The joint of the plot below, with a line for each law",
+            )
             self.history = self._plot("time [s]", dots=False)
             gui.add_markdown("**Joints** between their limits, a mark for each law")
             self.bars = gui.add_html("")

@@ -21,6 +21,11 @@ SAME = 1e-6
 """Joint difference [rad or m] below which two postures are one: round-off is far below it."""
 
 
+_CENTER = "Of the circle, or where the eight crosses itself: x, y, z in the frame of the robot's base"
+_RADIUS = "Of the circle; an eight is twice as wide"
+_NORMAL = "A direction at right angles to the loop; 0, 0, 1 is a level loop"
+
+
 class LoopPanel:
     """Its controls; built inside a tab."""
 
@@ -29,24 +34,34 @@ class LoopPanel:
         gui, loop = page.server.gui, page.session.loop
         center, normal, radius = circle_of(loop) or (self._tool(), np.array([0.0, 0.0, 1.0]), 0.1)
         gui.add_markdown("A closed path of the tool. Laws that are not holonomic drift on it.")
-        self.dragged = gui.add_checkbox("Drag centre, plane and radius in the scene", False)
-        self.shape = gui.add_dropdown("Shape", ("circle", "figure eight"))
-        self.center = gui.add_vector3("Centre [m]", tuple(float(v) for v in np.round(center, 4)), step=0.01)
-        self.radius = gui.add_number("Radius [m]", float(radius), min=0.005, max=10.0, step=0.005)
-        self.normal = gui.add_vector3("Normal of the plane", tuple(float(v) for v in np.round(normal, 4)), step=0.05)
+        self.dragged = gui.add_checkbox(
+            "Drag centre, plane and radius in the scene", False, hint="Handles on the circle"
+        )
+        self.shape = gui.add_dropdown("Shape", ("circle", "figure eight"), hint="Of the loop that is taken below")
+        self.center = gui.add_vector3(
+            "Centre [m]", tuple(float(v) for v in np.round(center, 4)), step=0.01, hint=_CENTER
+        )
+        self.radius = gui.add_number("Radius [m]", float(radius), min=0.005, max=10.0, step=0.005, hint=_RADIUS)
+        self.normal = gui.add_vector3(
+            "Normal of the plane", tuple(float(v) for v in np.round(normal, 4)), step=0.05, hint=_NORMAL
+        )
         self.here = gui.add_button("Begin at the tool", color="gray", hint="The loop then starts where the tool is now")
-        self.make = gui.add_button("Take this loop")
+        self.make = gui.add_button("Take this loop", hint="All laws follow it from now on")
         gui.add_divider()
         gui.add_markdown("**By clicks**: corners on the level of the tool. Look from above.")
-        self.clicks = gui.add_button("Begin to click", color="gray")
-        self.close = gui.add_button("Close the polygon", color="gray", disabled=True)
+        self.clicks = gui.add_button("Begin to click", color="gray", hint="Each click in the scene is a corner")
+        self.close = gui.add_button(
+            "Close the polygon", color="gray", disabled=True, hint="The loop through the corners"
+        )
         gui.add_divider()
         gui.add_markdown(
             "**Two paths to one pose**: drag the tool somewhere, then see a law go there from the start by two paths."
         )
         names = tuple(law.name for law in page.session.laws)
-        self.law = gui.add_dropdown("Law", names)
-        self.two_paths = gui.add_button("Go two paths to the tool's place", color="gray")
+        self.law = gui.add_dropdown("Law", names, hint="Whose joints are compared at the end of both paths")
+        self.two_paths = gui.add_button(
+            "Go two paths to the tool's place", color="gray", hint="From the start, by a corner to each side"
+        )
         self.answer = gui.add_markdown("")
         self._connect()
 

@@ -31,6 +31,15 @@ SELF, LEVEL = "self-motion", "level"
 """The two sliders."""
 
 
+_FIND = "Points about the tool, each as far from joint limits as its colour says"
+
+COLUMNS = (
+    "verdict: whether small loops near the start bring the joints back. rcond: how near the law is to singular, "
+    "1 is good, 0 singular"
+)
+"""What the columns of the table are."""
+
+
 class PosturePanel:
     """Its controls; built inside a tab."""
 
@@ -40,11 +49,22 @@ class PosturePanel:
         names = tuple(law.name for law in page.session.laws)
         self.known = gui.add_html("")
         gui.add_divider()
-        self.law = gui.add_dropdown("Sliders of", names, initial_value=names[page.lead])
+        self.law = gui.add_dropdown(
+            "Sliders of", names, initial_value=names[page.lead], hint="The law that the two sliders move"
+        )
         gui.add_markdown("**Self-motion**: the joints move, the tool stands still.")
-        self.self_motion = gui.add_slider("Self-motion", min=0.0, max=1.0, step=0.001, initial_value=0.0)
+        self.self_motion = gui.add_slider(
+            "Self-motion", min=0.0, max=1.0, step=0.001, initial_value=0.0, hint="Along the postures of this tool pose"
+        )
         self.level_text = gui.add_markdown("")
-        self.level = gui.add_slider("Level", min=0.0, max=1.0, step=0.001, initial_value=0.0)
+        self.level = gui.add_slider(
+            "Level",
+            min=0.0,
+            max=1.0,
+            step=0.001,
+            initial_value=0.0,
+            hint="From leaf to leaf; the law keeps the new one",
+        )
         gui.add_divider()
         gui.add_markdown("**How far** does the pose decide the joints? Round a cusp they may not come back.")
         self.far = gui.add_button("Look for cusps of this law", color="gray")
@@ -52,9 +72,11 @@ class PosturePanel:
         gui.add_divider()
         gui.add_markdown("**Coverage** of the space around the tool by the leaf of a holonomic law.")
         holonomic = tuple(law.name for law in page.session.laws if law.holonomic)
-        self.cover = gui.add_dropdown("Law", holonomic or ("none",))
-        self.find = gui.add_button("Find the coverage", color="gray", disabled=not holonomic)
-        self.clear = gui.add_button("Take the cloud away", color="gray", disabled=not holonomic)
+        self.cover = gui.add_dropdown("Law", holonomic or ("none",), hint="Whose leaf is looked at")
+        self.find = gui.add_button("Find the coverage", color="gray", disabled=not holonomic, hint=_FIND)
+        self.clear = gui.add_button(
+            "Take the cloud away", color="gray", disabled=not holonomic, hint="And look no farther"
+        )
         self.cloud_text = gui.add_html("")
         self._ranges: dict[str, Slider | None] = {}
         self._cloud: Cloud | None = None
@@ -176,7 +198,7 @@ class PosturePanel:
             bend = "" if judged is None else f", curvature {judged.curvature:.2g}"
             near = plain(f"{law.rcond:.3f}", red=bool(law.rcond < SINGULAR), right=True)
             rows.append((swatch(color), plain(law.name), plain(f"{verdict}{bend}"), near))
-        hints = ["", *("" if law.judgement is None else law.judgement.sentence for law in snap.laws)]
+        hints = [COLUMNS, *("" if law.judgement is None else law.judgement.sentence for law in snap.laws)]
         foot = "rcond: 1 is good, 0 singular. curvature: drift over the area of a small loop."
         return block(table(rows, hints), quiet(foot))
 

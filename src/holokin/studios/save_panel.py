@@ -30,14 +30,16 @@ class SavePanel:
     def __init__(self, page: Stage):
         self.page = page
         gui = page.server.gui
-        self.name = gui.add_text("Name", _file_name(page.session.title))
+        self.name = gui.add_text("Name", _file_name(page.session.title), hint="Of the files, and the title of the job")
         gui.add_markdown("A **job** runs to the same numbers: `holokin run NAME.toml`.")
-        self.job = gui.add_button("Save as job")
-        self.picture = gui.add_button("Screenshot", color="gray")
+        self.job = gui.add_button("Save as job", hint="A TOML file with robot, task, start, loop and laws")
+        self.picture = gui.add_button("Screenshot", color="gray", hint="A PNG of the scene as this browser sees it")
         gui.add_markdown("A **GIF** shows a cycle from now on, as this browser sees it.")
-        self.film = gui.add_button("Make a GIF", color="gray")
+        self.film = gui.add_button("Make a GIF", color="gray", hint="At most 60 pictures, ten a second")
         gui.add_markdown("A **recording** is a page of its own: one HTML file, without a server.")
-        self.recording = gui.add_button("Record to HTML", color="gray")
+        self.recording = gui.add_button(
+            "Record to HTML", color="gray", hint="Of the loop that has run; press Start first"
+        )
         self._connect()
 
     def _connect(self) -> None:

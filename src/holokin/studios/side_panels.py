@@ -21,6 +21,12 @@ ENDLESS = 0
 ELSEWHERE = 1e-6
 """Joint difference [rad, m] to the start posture at which a law does not stand there."""
 
+COLUMNS = (
+    "law: the rule that moves the joints. drift: how far the worst joint is from its start after the last cycle. "
+    "state: whether the tool is at the target"
+)
+"""What the columns of the table are."""
+
 _DOING = {
     Phase.IDLE: "Drag the tool, or start the loop.",
     Phase.GATHERING: "The joints go to where the loop begins.",
@@ -71,19 +77,32 @@ class Panels:
     def _run(self, gui: Any) -> None:
         page = self.page
         self.table = gui.add_html("")
-        self.start = gui.add_button("Start", color="blue")
-        self.home = gui.add_button("All back to the start posture", color="gray")
+        self.start = gui.add_button("Start", color="blue", hint="All laws run round the loop; press again to hold them")
+        self.home = gui.add_button(
+            "All back to the start posture", color="gray", hint="The loop stops, and its drift is forgotten"
+        )
         self.speed = gui.add_slider(
-            "Speed", min=0.25, max=8.0, step=0.25, initial_value=2.0, hint="Times its own speed"
+            "Speed",
+            min=0.25,
+            max=8.0,
+            step=0.25,
+            initial_value=2.0,
+            hint="How many times as fast as its own speed the loop runs; the drift is the same",
         )
         cycles = page.session.snapshot().cycles
         shown = ENDLESS if cycles is None else cycles
-        self.cycles = gui.add_number("Cycles", shown, min=0, max=10_000, step=1, hint="0: for ever")
-        self.way = gui.add_dropdown("Way round", ("as drawn", "the other way"))
+        self.cycles = gui.add_number(
+            "Cycles", shown, min=0, max=10_000, step=1, hint="The loop ends after so many rounds; 0: never"
+        )
+        self.way = gui.add_dropdown(
+            "Way round", ("as drawn", "the other way"), hint="The sense in which the loop is run"
+        )
         names = tuple(law.name for law in page.session.laws)
         solid = "The law whose robot is drawn solid; the others are ghosts"
         self.solid = gui.add_dropdown("Solid robot", names, initial_value=names[page.lead], hint=solid)
-        self.at_start = gui.add_checkbox("Show the start posture, in grey", False)
+        self.at_start = gui.add_checkbox(
+            "Show the start posture, in grey", False, hint="A grey robot where all laws began"
+        )
         page.session.set_speed(self.speed.value)
 
         self.start.on_click(lambda _event: page.ask(self._start_or_pause))
@@ -113,8 +132,8 @@ class Panels:
     def _jobs(self, gui: Any, reopen: Any) -> None:
         jobs = tuple(packaged_jobs())
         chosen = self.page.session.source if self.page.session.source in jobs else jobs[0]
-        self.job = gui.add_dropdown("Packaged job", jobs, initial_value=chosen)
-        self.open = gui.add_button("Open this job", color="gray")
+        self.job = gui.add_dropdown("Packaged job", jobs, initial_value=chosen, hint="Examples that come with holokin")
+        self.open = gui.add_button("Open this job", color="gray", hint="The page shows it instead, to all browsers")
 
         self.open.on_click(lambda _event: self.page.alone("open", lambda: reopen(self.job.value)))
 
@@ -153,4 +172,4 @@ class Panels:
                 swatch(color, index == self.page.lead), named(law.name, kind),
                 plain(drift, right=True), plain(state, red=not law.following, right=True),
             ))  # fmt: skip
-        return block(table(rows, ["", *(law.sentence for law in snap.laws)]))
+        return block(table(rows, [COLUMNS, *(law.sentence for law in snap.laws)]))
