@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 import holokin as hk
+from conftest import PANDA_START
+from holokin.studios.handles import circle_of
+from holokin.studios.units import UNITS
+from sessions import panda
+from sessions import run as run_to_the_end
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
 
@@ -30,3 +37,77 @@ def test_every_control_of_the_page_says_what_it_does_where_the_mouse_rests_on_it
     controls = studio.server.gui._gui_input_handle_from_uuid.values()
     assert len(controls) > 30 and [control.label for control in controls if not control.hint] == []
     assert [control.label for control in controls if control.hint.lower() == control.label.lower()] == []
+
+
+def page_thread_done(page: Any) -> None:
+    """Wait until the page's thread has done all that it was asked for."""
+    done = threading.Event()
+    page.ask(done.set)
+    assert done.wait(10)
+
+
+def choose(page: Any, control: Any, value: Any) -> None:
+    """What a browser does: a control has another value, and what hangs on it is done."""
+    control.value = value
+    page_thread_done(page)
+
+
+def test_in_degrees_and_mm_all_numbers_of_the_page_say_the_same_and_the_loop_stays_where_it_is() -> None:
+    """The planar arm has hinges and a slider: a drift in mixed units is that of the joint that went most in them."""
+    studio = hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)
+    try:
+        page, session = studio.page, studio.session
+        run_to_the_end(session)
+        snap, loop = session.snapshot(), page.panels.loop
+        known = {c.unit for c in session.robot.coordinates}
+        assert known == {"rad", "m"}
+        before = loop.center.value, loop.radius.value, loop.radius.min, loop.radius.max
+        choose(page, page.panels.units, "deg, mm")
+        page.close()  # its thread: from here the test draws
+        assert loop.center.label == "Centre [mm]" and loop.radius.label == "Radius [mm]"
+        assert np.array(loop.center.value) == pytest.approx(1000 * np.array(before[0]), rel=1e-9)
+        assert loop.radius.value == pytest.approx(1000 * before[1], rel=1e-9)
+        page.charts.draw(snap)
+        factors = [180 / np.pi if c.unit == "rad" else 1000 for c in session.robot.coordinates]
+        for row, law in enumerate(snap.laws, 1):
+            wanted = max(abs(factor * joint) for factor, joint in zip(factors, law.drift_joints[-1], strict=True))
+            assert page.charts.drift.data[row][-1] == pytest.approx(wanted, abs=1e-12)
+            assert f">{wanted:.3g}<" in page.panels._table(snap)
+        assert "deg or mm" in page.charts.title.content
+        loop._make()
+        assert circle_of(session.loop)[2] == pytest.approx(before[1], rel=1e-9)  # type: ignore[index]
+        page.set_units(UNITS["rad, m"])
+        for now, then in zip(
+            (loop.center.value, loop.radius.value, loop.radius.min, loop.radius.max), before, strict=True
+        ):
+            assert now == pytest.approx(then, rel=1e-9)
+        page.charts.draw(snap)
+        for row, law in enumerate(snap.laws, 1):
+            assert page.charts.drift.data[row][-1] == pytest.approx(law.drift[-1], abs=1e-12)
+    finally:
+        studio.close()
+
+
+@pytest.mark.parametrize("units", UNITS.values(), ids=UNITS)
+def test_a_slider_in_degrees_moves_the_arm_as_far_as_one_in_radians(units: Any) -> None:
+    studio = hk.studio(panda(), port=0, browser=False, wait=False, tell=str)
+    try:
+        page, panel = studio.page, studio.page.panels.posture
+        page.close()  # its thread: the test draws
+        page.set_units(units)
+        choose_law(panel, "lock", studio.session)
+        assert panel.self_motion.label == f"Self-motion [{units.angle}]"
+        panel.self_motion.value = units.per_radian * 0.2
+        panel._slide()
+        wanted = panda().move_self("lock", 0.2).law("lock").q
+        assert np.abs(wanted - PANDA_START).max() > 0.05
+        assert studio.session.snapshot().law("lock").q == pytest.approx(wanted, abs=1e-9)
+    finally:
+        studio.close()
+
+
+def choose_law(panel: Any, name: str, session: Any) -> None:
+    """Its sliders are those of a law; they are drawn when the posture has stood still for two pictures."""
+    panel.law.value = name
+    for _ in range(2):
+        panel.draw(session.snapshot())

@@ -123,18 +123,22 @@ class PosturePanel:
         self._cloud = self.page.session.cancel_cloud().cloud
         self._draw_cloud(None)
 
+    def refit(self) -> None:
+        """The sliders are drawn anew, as in other units."""
+        self._fitted = {}
+
     def _slide(self) -> None:
         known = self._ranges.get(SELF)
         if known is not None:
             self.page.say("")
-            place = float(np.clip(self.self_motion.value, known.low, known.high))
+            place = float(np.clip(self.self_motion.value / self._unit(known)[0], known.low, known.high))
             self.page.session.move_self(self.law.value, place)
             self._fitted[SELF] = self._key(self.page.session.snapshot())
 
     def _lift(self) -> None:
         known = self._ranges.get(LEVEL)
         if known is not None:
-            value = float(np.clip(self.level.value, known.low, known.high))
+            value = float(np.clip(self.level.value / self._unit(known)[0], known.low, known.high))
             self.page.say("")
             self.page.session.move_level(self.law.value, value)
             self._fitted[LEVEL] = self._key(self.page.session.snapshot())
@@ -171,11 +175,17 @@ class PosturePanel:
     def _scale(self, handle: Any, known: Slider) -> None:
         """A slider in the units of what it moves."""
         with self.page.server.atomic():
-            handle.label = f"{_what(known)} [{known.unit}]" if known.unit else _what(known)
-            fine = 10 if known.unit == DEGREES else 1000  # what is shown at its ends is rounded inwards
-            handle.min, handle.max = np.ceil(fine * known.low) / fine, np.floor(fine * known.high) / fine
-            handle.step, handle.precision = 1 / fine, 1 if known.unit == DEGREES else 3
-            handle.value = float(np.clip(known.value, handle.min, handle.max))
+            scale, unit = self._unit(known)
+            handle.label = f"{_what(known)} [{unit}]" if unit else _what(known)
+            fine = 10 if unit in (DEGREES, "mm") else 1000  # what is shown at its ends is rounded inwards
+            low, high = np.ceil(fine * scale * known.low) / fine, np.floor(fine * scale * known.high) / fine
+            handle.min, handle.max = low, high
+            handle.step, handle.precision = 1 / fine, 1 if fine == 10 else 3
+            handle.value = float(np.clip(scale * known.value, low, high))
+
+    def _unit(self, known: Slider) -> tuple[float, str]:
+        """(factor, name) with which the numbers of a slider are shown."""
+        return self.page.units.of(known.unit)
 
     def _range(self, name: str, law: LawState) -> Slider | None:
         if name == SELF:
@@ -186,8 +196,10 @@ class PosturePanel:
         return None
 
     def _say_level(self, known: Slider) -> None:
-        unit = f" {known.unit}" if known.unit else ""
-        span = f"{known.value:.4g}{unit}, from {known.low:.4g} ({known.why_low}) to {known.high:.4g} ({known.why_high})"
+        scale, name = self._unit(known)
+        unit = f" {name}" if name else ""
+        low, high = scale * known.low, scale * known.high
+        span = f"{scale * known.value:.4g}{unit}, from {low:.4g} ({known.why_low}) to {high:.4g} ({known.why_high})"
         put(self.level_text, f"**{_what(known)}** of {known.name}: {span}. The law keeps the new leaf.")
 
     def _known(self, snap: Snapshot) -> str:

@@ -22,6 +22,7 @@ from .new_session import open_session, session_of_robot
 from .page_scene import name_tab, silent_viser, viser_package
 from .session import Session
 from .studio_page import Page
+from .units import SI, Units
 
 PORT = 8080
 """Where the page is, unless it is in use."""
@@ -95,10 +96,10 @@ class Studio:
             before = self.page
             before.close()
             try:
-                self.page = self._shown(session)
+                self.page = self._shown(session, before.units)
             except BaseException:
                 session.close()
-                self.page = self._shown(before.session)
+                self.page = self._shown(before.session, before.units)
                 raise
             before.session.close()
 
@@ -136,10 +137,10 @@ class Studio:
         self.page.handles.let_go()
         self.page.ask(lambda: self.page.cameras.forget(client))
 
-    def _shown(self, session: Session) -> Page:
+    def _shown(self, session: Session, units: Units = SI) -> Page:
         self.server.scene.reset()
         self.server.gui.reset()
-        page = Page(self.server, session, self._reopen)
+        page = Page(self.server, session, self._reopen, units)
         session.start_work()
         page.start()
         name_tab(self.server, f"{session.source or session.title} - holokin studio")

@@ -13,7 +13,8 @@ from .panel_texts import block, gauge, line, named, plain, put, quiet, swatch, t
 from .posture_panel import PosturePanel
 from .save_panel import SavePanel
 from .stage import Stage
-from .states import Phase, Snapshot
+from .states import LawState, Phase, Snapshot
+from .units import UNITS, Units
 
 ENDLESS = 0
 """Cycles that mean: for ever."""
@@ -65,6 +66,11 @@ class Panels:
         self.posture.draw(snap)
         running = snap.phase in (Phase.RUNNING, Phase.GATHERING)
         self.start.label = "Pause" if running else "Go on" if snap.phase is Phase.PAUSED else "Start"
+
+    def rescale(self, before: Units) -> None:
+        """All numbers in the units of the page, which were others before."""
+        self.loop.rescale(before)
+        self.posture.refit()
 
     def _head(self) -> str:
         session = self.page.session
@@ -126,6 +132,10 @@ class Panels:
             )
         )
 
+        self.units = gui.add_dropdown(
+            "Units", tuple(UNITS), initial_value=page.units.name, hint="Of the numbers in the page, not of files"
+        )
+        self.units.on_update(lambda _event: page.ask(lambda: page.set_units(UNITS[self.units.value]), "units"))
         if page.reopen is not None:
             self._jobs(gui, page.reopen)
 
@@ -160,12 +170,21 @@ class Panels:
         red = self.page.said or snap.message or (faults[0] if faults else snap.loop_fault)
         return block(line(text), gauge(snap.progress), warning(red), warning(snap.fault))
 
+    def _last(self, law: LawState) -> float:
+        """The drift of a law after its last cycle, in the units of the page."""
+        return float(self.page.units.largest(self.page.session.robot, law.drift_joints[-1]))
+
     def _table(self, snap: Snapshot) -> str:
         rows = [
-            ("", plain("law", grey=True), plain("drift", grey=True, right=True), plain("state", grey=True, right=True))
+            (
+                "",
+                plain("law", grey=True),
+                plain(f"drift [{self.page.units.joints(self.page.session.robot)}]", grey=True, right=True),
+                plain("state", grey=True, right=True),
+            )
         ]
         for index, (law, color) in enumerate(zip(snap.laws, self.page.colors, strict=False)):
-            drift = "" if not len(law.drift) else "stopped" if np.isnan(law.drift[-1]) else f"{law.drift[-1]:.3g}"
+            drift = "" if not len(law.drift) else "stopped" if np.isnan(law.drift[-1]) else f"{self._last(law):.3g}"
             state = "follows" if law.following else law.status.value
             kind = "holonomic" if law.holonomic else "not holonomic"
             rows.append((

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from .page_scene import Scene
 from .session import Session
+from .units import Units
 
 
 class Stage(Protocol):
@@ -16,6 +17,7 @@ class Stage(Protocol):
     Attributes:
         server: of viser. session, scene: what is shown, and where. lead: the law whose robot is solid.
         colors: of the laws (#RRGGBB). said: the sentence for everyone. reopen: shows another job, by name.
+        units: of what is shown.
         drawn: the number of the snapshot that is drawn, -1 to draw it again. handles: of the scene.
     """
 
@@ -26,6 +28,7 @@ class Stage(Protocol):
     colors: tuple[str, ...]
     said: str
     reopen: Callable[[str], None] | None
+    units: Units
     drawn: int
     handles: Any
 
@@ -47,6 +50,10 @@ class Stage(Protocol):
 
     def say(self, sentence: str) -> None:
         """A sentence for everyone, until the next."""
+        ...
+
+    def set_units(self, units: Units) -> None:
+        """In what numbers are shown."""
         ...
 
     def set_lead(self, index: int) -> None:

@@ -21,6 +21,7 @@ from .page_scene import Scene
 from .session import Session
 from .side_panels import Panels
 from .states import Phase, Snapshot
+from .units import SI, Units
 
 RATE = 30.0
 """Pictures a second."""
@@ -44,13 +45,14 @@ class Page:
         server: a viser.ViserServer.
         session: what is shown.
         reopen: called with the name of a job or robot that the page is asked to show instead.
+        units: of what is shown.
 
     Raises:
         MissingExtraError: trimesh is not installed.
     """
 
-    def __init__(self, server: Any, session: Session, reopen: Callable[[str], None] | None = None):
-        self.server, self.session, self.reopen = server, session, reopen
+    def __init__(self, server: Any, session: Session, reopen: Callable[[str], None] | None = None, units: Units = SI):
+        self.server, self.session, self.reopen, self.units = server, session, reopen, units
         self.lead = next((i for i, law in enumerate(session.laws) if law.holonomic), 0)
         self.paused_drawing = False
         self.drawn = -1
@@ -99,6 +101,12 @@ class Page:
     def say(self, sentence: str) -> None:
         """A sentence for everyone, until the next; an empty one takes it away."""
         self.said = sentence
+
+    def set_units(self, units: Units) -> None:
+        """In what numbers are shown; what they mean stays the same."""
+        before, self.units = self.units, units
+        self.charts.forget()
+        self.panels.rescale(before)
 
     def set_lead(self, index: int) -> None:
         """Whose robot is drawn solid."""
