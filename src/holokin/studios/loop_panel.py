@@ -11,9 +11,9 @@ from ..errors import HolokinError
 from ..output.palette import CLOCKWISE, COUNTER_CLOCKWISE
 from .handles import FAR, LEAST, circle_of
 from .session_loops import circle_loop, eight_loop
+from .shown_units import SI, Units
 from .stage import Stage
 from .two_paths import LawPaths
-from .units import SI, Units
 
 SHOWN = 3.0
 """Seconds in which two paths are shown."""
@@ -40,7 +40,12 @@ class LoopPanel:
         )
         self.shape = gui.add_dropdown("Shape", ("circle", "figure eight"), hint="Of the loop that is taken below")
         self.center = gui.add_vector3(
-            "Centre [m]", tuple(float(v) for v in np.round(center, 4)), (-FAR,) * 3, (FAR,) * 3, step=0.01, hint=_CENTER
+            "Centre [m]",
+            tuple(float(v) for v in np.round(center, 4)),
+            min=(-FAR,) * 3,
+            max=(FAR,) * 3,
+            step=0.01,
+            hint=_CENTER,
         )
         self.radius = gui.add_number("Radius [m]", float(radius), min=LEAST, max=10.0, step=0.005, hint=_RADIUS)
         self.normal = gui.add_vector3(

@@ -21,8 +21,8 @@ from .meshes import GHOST, SOLID, looks_of, trimesh_package
 from .new_session import open_session, session_of_robot
 from .page_scene import name_tab, silent_viser, viser_package
 from .session import Session
+from .shown_units import SI, Units
 from .studio_page import Page
-from .units import SI, Units
 
 PORT = 8080
 """Where the page is, unless it is in use."""

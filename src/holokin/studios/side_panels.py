@@ -12,15 +12,18 @@ from .loop_panel import LoopPanel
 from .panel_texts import block, gauge, line, named, plain, put, quiet, swatch, table, warning
 from .posture_panel import PosturePanel
 from .save_panel import SavePanel
+from .shown_units import UNITS, Units
 from .stage import Stage
 from .states import LawState, Phase, Snapshot
-from .units import UNITS, Units
 
 ENDLESS = 0
 """Cycles that mean: for ever."""
 
 ELSEWHERE = 1e-6
 """Joint difference [rad, m] to the start posture at which a law does not stand there."""
+
+ROUND = ("as drawn", "the other way")
+"""The ways round a loop: not clockwise, clockwise."""
 
 COLUMNS = (
     "law: the rule that moves the joints. drift: how far the worst joint is from its start after the last cycle. "
@@ -64,6 +67,9 @@ class Panels:
         put(self.doing, self._doing(snap))
         put(self.table, self._table(snap))
         self.posture.draw(snap)
+        for button, there in zip((self.undo, self.redo), self.page.undo.steps, strict=True):
+            if button.disabled == there:
+                button.disabled = not there
         running = snap.phase in (Phase.RUNNING, Phase.GATHERING)
         self.start.label = "Pause" if running else "Go on" if snap.phase is Phase.PAUSED else "Start"
 
@@ -87,6 +93,7 @@ class Panels:
         self.home = gui.add_button(
             "All back to the start posture", color="gray", hint="The loop stops, and its drift is forgotten"
         )
+        self._undo(gui)
         self.speed = gui.add_slider(
             "Speed",
             min=0.25,
@@ -100,9 +107,7 @@ class Panels:
         self.cycles = gui.add_number(
             "Cycles", shown, min=0, max=10_000, step=1, hint="The loop ends after so many rounds; 0: never"
         )
-        self.way = gui.add_dropdown(
-            "Way round", ("as drawn", "the other way"), hint="The sense in which the loop is run"
-        )
+        self.way = gui.add_dropdown("Way round", ROUND, hint="The sense in which the loop is run")
         names = tuple(law.name for law in page.session.laws)
         solid = "The law whose robot is drawn solid; the others are ghosts"
         self.solid = gui.add_dropdown("Solid robot", names, initial_value=names[page.lead], hint=solid)
@@ -118,7 +123,7 @@ class Panels:
             lambda _event: page.ask(lambda: page.session.set_cycles(int(self.cycles.value) or None), "cycles")
         )
         self.way.on_update(
-            lambda _event: page.ask(lambda: page.session.set_clockwise(self.way.value == "the other way"), "way")
+            lambda _event: page.ask(lambda: page.session.set_clockwise(self.way.value == ROUND[True]), "way")
         )
 
         @self.solid.on_update
@@ -138,6 +143,25 @@ class Panels:
         self.units.on_update(lambda _event: page.ask(lambda: page.set_units(UNITS[self.units.value]), "units"))
         if page.reopen is not None:
             self._jobs(gui, page.reopen)
+
+    def _undo(self, gui: Any) -> None:
+        """Two buttons, and the keys that people know for them."""
+        page = self.page
+        self.undo = gui.add_button("Undo", color="gray", hint="The last change of posture, loop, level or laws: Ctrl+Z")
+        self.redo = gui.add_button("Redo", color="gray", hint="What was undone last: Ctrl+Shift+Z")
+        for button, modifier, action in (
+            (self.undo, "cmd/ctrl", page.undo_last), (self.redo, "cmd/ctrl+shift", page.redo_next),
+        ):  # fmt: skip
+            button.on_click(lambda _event, action=action: page.ask(action))
+            command = gui.add_command(button.label, hotkey="Z", modifier=modifier)
+            command.on_trigger(lambda _event, action=action: page.ask(action))
+
+    def follow(self, snap: Snapshot) -> None:
+        """Controls of what runs show what there is, where something else than they changed it."""
+        cycles = ENDLESS if snap.cycles is None else snap.cycles
+        for handle, value in ((self.speed, snap.factor), (self.cycles, cycles), (self.way, ROUND[snap.clockwise])):
+            if handle.value != value:
+                handle.value = value
 
     def _jobs(self, gui: Any, reopen: Any) -> None:
         jobs = tuple(packaged_jobs())

@@ -19,9 +19,10 @@ from .charts import Charts
 from .handles import Handles
 from .page_scene import Scene
 from .session import Session
+from .setups import Setup, Undo
+from .shown_units import SI, Units
 from .side_panels import Panels
 from .states import Phase, Snapshot
-from .units import SI, Units
 
 RATE = 30.0
 """Pictures a second."""
@@ -69,6 +70,7 @@ class Page:
         self.cameras = Cameras(self.scene, self._seen())
         for client in server.get_clients().values():
             self.cameras.fit(client, anew=True)
+        self.undo = Undo(session.setup())
         snap = session.snapshot()
         self.draw(snap)
         for draw in self._slow:
@@ -167,14 +169,38 @@ class Page:
                     self._wake.wait(left)
                 if self._over:
                     return
-                actions, self._waiting = list(self._waiting.values()), {}
-            for action in actions:
-                self.attempt(action)
+                actions, self._waiting = list(self._waiting.items()), {}
+            for key, action in actions:
+                self._noted(key, action)
             now = time.perf_counter()
             if now >= due:
                 self.attempt(lambda dt=now - before: self.session.advance(min(dt, 0.2)))
                 before, due = now, max(due + 1 / RATE, now)
             self.attempt(lambda now=now: self._picture(now))
+
+    def _noted(self, key: object, action: Action) -> None:
+        """Do it, and note what it changed, so that it can be undone."""
+        before = self.session.setup()
+        self.attempt(action)
+        after = self.session.setup()
+        if not (after.same(before) or after.same(self.undo.here)):  # the second of what was undone
+            self.undo.note(before)
+            self.undo.note(after, key if isinstance(key, str) else None, time.monotonic())
+
+    def undo_last(self) -> None:
+        """The session as it was before the last change."""
+        self._restore(self.undo.back(self.session.setup()))
+
+    def redo_next(self) -> None:
+        """The session as it was before the last `undo_last`."""
+        self._restore(self.undo.forward(self.session.setup()))
+
+    def _restore(self, setup: Setup | None) -> None:
+        if setup is not None:
+            self.said = ""
+            self.session.restore(setup)
+            self.panels.follow(self.session.snapshot())
+            self.clear_traces()
 
     def attempt(self, action: Action) -> None:
         """Do it in the thread of the caller. What it raises is said in the page, which goes on whatever happens."""
