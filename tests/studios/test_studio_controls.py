@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import io
+import json
+import re
 import threading
+import zipfile
 from collections.abc import Iterator
+from html import escape
 from itertools import pairwise
 from typing import Any
 
@@ -179,3 +184,82 @@ def test_a_drag_of_many_small_moves_is_undone_as_one_and_a_law_is_undone_to_its_
         assert after.law("lock").q == pytest.approx(wanted, abs=1e-9)
     finally:
         studio.close()
+
+
+class Browser:
+    """A browser that keeps what it downloads."""
+
+    def __init__(self) -> None:
+        self.files: dict[str, bytes] = {}
+
+    def send_file_download(self, name: str, content: bytes, save_immediately: bool) -> None:
+        self.files[name] = content
+
+
+@pytest.fixture(scope="module")
+def worked() -> Iterator[Any]:
+    """A studio on a Panda with one cycle of its loop to run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOLOKIN_NATIVE", "0")
+        made = hk.studio(panda(cycles=1, title="Bolts & nuts"), port=0, browser=False, wait=False, tell=str)
+        made.page.panels.work.law.value = "lock"
+        yield made
+        made.close()
+
+
+def test_the_program_of_a_law_begins_and_ends_where_the_law_does_on_the_loop(worked: Any) -> None:
+    """The program of ROS, and all samples; the third joint, which the law locks, stands still."""
+    panel, browser = worked.page.panels.work, Browser()
+    panel.language.value = "ros"
+    panel._work(browser, panel._program)
+    assert worked.page.said == ""
+    (name, content), *others = browser.files.items()
+    assert name == "bolts-nuts-ros.zip" and not others
+    with zipfile.ZipFile(io.BytesIO(content)) as box:
+        assert len(box.namelist()) == 2
+        samples = np.loadtxt(io.StringIO(box.read("joints.csv").decode()), delimiter=",", skiprows=1)
+        source = next(box.read(one).decode() for one in box.namelist() if one.endswith(".yaml"))
+    joints = samples[:, 1:8]
+    assert joints[0] == pytest.approx(PANDA_START, abs=1e-6) and joints[-1] == pytest.approx(PANDA_START, abs=1e-6)
+    assert np.ptp(joints[:, 2]) < 1e-9 < np.ptp(joints[:, 0])  # the third joint is locked
+    steps = np.diff(joints, n=2, axis=0) / (samples[1, 0] - samples[0, 0]) ** 2
+    assert np.abs(steps).max() < 1.02 * panel.acceleration.value
+    points = [one.split(",") for one in re.findall(r'positions"?: \[([^]]*)\]', source)]
+    for point, wanted in ((points[0], joints[0]), (points[-1], joints[-1])):
+        assert [float(one) for one in point] == pytest.approx(wanted, abs=1e-6)
+
+
+def test_a_law_with_leaves_is_certified_from_the_page_and_one_without_is_not_and_says_why(worked: Any) -> None:
+    panel, browser = worked.page.panels.work, Browser()
+    panel._work(browser, panel._certificate)
+    assert "every place on the path has exactly one posture" in panel.answer.content
+    (name, content), *others = browser.files.items()
+    assert name == "bolts-nuts-certificate.json" and not others
+    assert json.loads(content)
+    panel.law.value = "pseudo-inverse"
+    panel._work(browser, panel._certificate)
+    panel.law.value = "lock"
+    assert "is not certified" in panel.answer.content and "no leaves" in panel.answer.content
+    assert len(browser.files) == 1
+
+
+def test_what_cannot_be_written_is_said_in_the_page_and_nothing_is_downloaded(worked: Any) -> None:
+    panel, browser, session = worked.page.panels.work, Browser(), worked.session
+    panel.language.value = "rapid"  # which needs to be told what its seventh axis is
+    panel._work(browser, panel._program)
+    assert "RAPID holds 6 axes" in worked.page.said and "Save the job" in worked.page.said
+    assert "/tmp" not in worked.page.said
+    before = session.setup()
+    session.set_loop(None)
+    panel._work(browser, panel._program)
+    assert "a job has a path" in worked.page.said and browser.files == {} and panel.answer.content == ""
+    session.restore(before)
+
+
+@pytest.mark.campaign
+def test_advice_in_the_page_is_that_of_advise(worked: Any) -> None:
+    panel = worked.page.panels.work
+    panel._work(Browser(), panel._advice)
+    found = hk.advise(worked.session.robot, task="pose", q0=worked.session.home)
+    assert f"The best is {escape(found.best.name)}." in panel.answer.content
+    assert all(escape(reason) in panel.answer.content for reason in found.reasons)

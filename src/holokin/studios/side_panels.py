@@ -15,6 +15,7 @@ from .save_panel import SavePanel
 from .shown_units import UNITS, Units
 from .stage import Stage
 from .states import LawState, Phase, Snapshot
+from .work_panel import WorkPanel
 
 ENDLESS = 0
 """Cycles that mean: for ever."""
@@ -59,6 +60,8 @@ class Panels:
             self.loop = LoopPanel(page)
         with tabs.add_tab("Posture"):
             self.posture = PosturePanel(page)
+        with tabs.add_tab("Work"):
+            self.work = WorkPanel(page)
         with tabs.add_tab("Save"):
             self.save = SavePanel(page)
 
