@@ -85,7 +85,7 @@ class WorkPanel:
 
     def _program(self) -> tuple[str, bytes]:
         language, changes = self.language.value, {"acceleration": float(self.acceleration.value)}
-        with saved_job(self.page.session) as (name, job, file):
+        with _saved_job(self.page.session) as (name, job, file):
             program, timed, _ = program_of_job(name, job, file, language, self._label(), changes=changes)
             program.save(file.parent / "program")
             timed.save(file.parent / "program" / "joints.csv")
@@ -99,7 +99,7 @@ class WorkPanel:
 
     def _certificate(self) -> tuple[str, bytes] | None:
         label = self._label()
-        with saved_job(self.page.session) as (name, job, file):
+        with _saved_job(self.page.session) as (name, job, file):
             chosen = job.model_copy(update={"strategies": {label: job.strategies[label]}})
             found = next(one for title, one in certify_job(chosen, file) if title in (label, self.law.value))
             if not isinstance(found, Certificate):
@@ -123,7 +123,7 @@ class WorkPanel:
 
 
 @contextmanager
-def saved_job(session: Session) -> Iterator[tuple[str, Job, FilePath]]:
+def _saved_job(session: Session) -> Iterator[tuple[str, Job, FilePath]]:
     """(name, job, file) of a session as a job, in a folder that is there meanwhile. Raises: as `to_job`."""
     with TemporaryDirectory() as folder:
         name = file_name(session.title)
