@@ -47,7 +47,9 @@ class WorkPanel:
         self.acceleration = gui.add_number(
             "Acceleration", ACCELERATION, min=0.01, max=100.0, step=0.1, hint="Largest of any joint [rad/s^2, m/s^2]"
         )
-        self.program = gui.add_button("Write the program", disabled=off, hint="A ZIP with the program and all samples")
+        self.program = gui.add_button(
+            "Write the program", color="blue", disabled=off, hint="A ZIP with the program and all samples"
+        )
         gui.add_markdown("A **certificate** proves that the joints on the loop are one function of the tool pose.")
         self.certify = gui.add_button(
             "Certify the law", color="gray", disabled=off, hint="On the loop; it takes seconds to a minute"
