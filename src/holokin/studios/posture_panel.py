@@ -67,7 +67,9 @@ class PosturePanel:
         )
         gui.add_divider()
         gui.add_markdown("**How far** does the pose decide the joints? Round a cusp they may not come back.")
-        self.far = gui.add_button("Look for cusps of this law", color="gray")
+        self.far = gui.add_button(
+            "Look for cusps of this law", color="gray", hint="On its leaf, about the tool; it takes some seconds"
+        )
         self.far_text = gui.add_html("")
         gui.add_divider()
         gui.add_markdown("**Coverage** of the space around the tool by the leaf of a holonomic law.")

@@ -277,6 +277,7 @@ class Session(LawGroup):
         """A setup of this session again; a loop that runs stops, and what was recorded is forgotten."""
         with self._lock:
             self.cancel_cloud()
+            self.cancel_cusps()
             self._halt()
             self._runs = {run.law.name: kept(run) for run in setup.runs}
             for run in self._runs.values():
