@@ -248,3 +248,25 @@ def test_another_home_makes_radial_laws_anew() -> None:
 def run_ppr(session: Session) -> Snapshot:
     session.set_cycles(1)
     return run(session)
+
+
+@pytest.mark.parametrize(("name", "own"), [("irb140-half-square", 1), ("ppr-cycle", 10), ("panda-circle", 3)])
+def test_a_job_plays_so_many_cycles_that_its_drift_is_seen_and_never_fewer_than_its_own(name: str, own: int) -> None:
+    session = open_session(name)
+    cycles, loop = session.snapshot().cycles, session.loop
+    assert loop is not None and cycles is not None and cycles >= own
+    drifting = [law.strategy for law in session.laws if not law.holonomic and law.strategy is not None]
+    seen = np.max([hk.drift(one, loop.path, session.home, cycles=5, samples=200).largest for one in drifting], axis=0)
+    if cycles > own:  # no more than it takes
+        assert seen[cycles - 2] < 0.1 and (seen[cycles - 1] > 0.1 or cycles == 5)
+    else:
+        assert seen[min(own, 5) - 1] > 0.1
+
+
+def test_where_no_law_drifts_a_job_plays_its_own_cycles() -> None:
+    from holokin.studios.new_session import visible_cycles
+
+    assert visible_cycles([law for law in LAWS if law.holonomic], panda().loop, PANDA_START) == 1  # type: ignore[arg-type]
+    assert visible_cycles(LAWS, panda().loop, PANDA_START) == 1  # 0.16 rad after the first, as the README says
+    small = circle_loop(TOOL[:3, 3] - [0.05, 0, 0], 0.05, near=TOOL[:3, 3])
+    assert 1 < visible_cycles(LAWS, small, PANDA_START) <= 5

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -344,7 +345,7 @@ def test_a_page_lets_go_of_what_is_taken_away_and_plots_a_long_run_in_few_points
     until(lambda: "poses looked at" in panel.cloud_text.content)
     page.handles._held.add("tool0")
     for gone in page.server._client_disconnect_cb:
-        gone(None)
+        gone(SimpleNamespace(client_id=0))
     plotted: list[Any] = []
 
     def plot() -> None:

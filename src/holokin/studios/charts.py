@@ -9,7 +9,7 @@ import numpy as np
 from ..base.types import Vector
 from ..output.palette import INK, PALE
 from ..output.plots import thin
-from .panel_texts import block, marks, plain, quiet, short_names, table
+from .panel_texts import block, marks, plain, put, quiet, short_names, table
 from .stage import Stage
 from .states import Snapshot
 
@@ -21,8 +21,8 @@ KEPT = 400
 
 _EMPTY = np.array([0.0, 1.0])
 
-_SOFT = {"min": {"pad": 0.05, "soft": 0.0, "mode": 1}, "max": {"pad": 0.05, "soft": 0.1, "mode": 1}}
-"""Of drifts: from 0 to 0.1, and farther where they go farther."""
+SOFT = 0.1
+"""Drift [rad or m] to which its plot goes at least."""
 
 
 class Charts:
@@ -39,9 +39,14 @@ class Charts:
         self._names = short_names(names)
         with self.panel.add_tab("What the joints do"):
             gui = page.server.gui
-            gui.add_markdown("**Drift**: how far the worst joint is from where it began, after each cycle [rad or m]")
+            self.title = gui.add_markdown(self._title())
             self.drift = self._plot("cycle", dots=True)
-            self.pick = gui.add_dropdown("Joint", names, initial_value=names[self._restless()])
+            self.pick = gui.add_dropdown(
+                self._picked(),
+                names,
+                initial_value=names[self._restless()],
+                hint="The joint of the plot below, with a line for each law",
+            )
             self.history = self._plot("time [s]", dots=False)
             gui.add_markdown("**Joints** between their limits, a mark for each law")
             self.bars = gui.add_html("")
@@ -58,20 +63,43 @@ class Charts:
             return
         self._drawn = news
         cycles = max((len(law.drift) for law in laws), default=0)
+        units, robot = self.page.units, self.page.session.robot
+        drifts = [units.largest(robot, law.drift_joints) for law in laws]
         if cycles:
             rows = thin(cycles + 1, KEPT)
-            lines = [np.concatenate([[0.0], law.drift, np.full(cycles - len(law.drift), np.nan)]) for law in laws]
+            lines = [np.concatenate([[0.0], drift, np.full(cycles - len(drift), np.nan)]) for drift in drifts]
             self.drift.data = (rows.astype(float), *(line[rows] for line in lines))
         else:
             self.drift.data = (_EMPTY, *[np.zeros(2) for _ in laws])
-        joint = self.page.session.robot.joint_names.index(self.pick.value)
+        joint = robot.joint_names.index(self.pick.value)
+        scale = units.scales(robot)[joint]
         longest = max((law.t for law in laws), key=len, default=np.zeros(0))
         if len(longest) > 1:
             t = longest[thin(len(longest), KEPT)]
-            self.history.data = (t, *[_at(t, law.t, law.history, joint) for law in laws])
+            self.history.data = (t, *[scale * _at(t, law.t, law.history, joint) for law in laws])
         else:
-            self.history.data = (_EMPTY, *[np.full(2, law.q[joint]) for law in laws])
+            self.history.data = (_EMPTY, *[np.full(2, scale * law.q[joint]) for law in laws])
         self.bars.content = self._bars(snap)
+
+    def forget(self) -> None:
+        """All is drawn anew, as in other units."""
+        self._drawn = ()
+        put(self.title, self._title())
+        self.drift.scales = self._scales(soft=True)
+        self.pick.label = self._picked()
+
+    def _title(self) -> str:
+        unit = self.page.units.joints(self.page.session.robot)
+        return f"**Drift**: how far the worst joint is from where it began, after each cycle [{unit}]"
+
+    def _picked(self) -> str:
+        """The label of the joint that is plotted, with its unit."""
+        return f"Joint [{self.page.units.joints(self.page.session.robot)}]"
+
+    def _scales(self, soft: bool) -> dict[str, Any]:
+        least = SOFT * self.page.units.scales(self.page.session.robot).max()
+        grows = {"min": {"pad": 0.05, "soft": 0.0, "mode": 1}, "max": {"pad": 0.05, "soft": least, "mode": 1}}
+        return {"x": {"time": False}, **({"y": {"range": grows}} if soft else {})}
 
     def _plot(self, across: str, dots: bool) -> Any:
         from viser import uplot
@@ -84,7 +112,7 @@ class Charts:
         axis = {"stroke": INK, "grid": {"stroke": PALE}, "size": 34}
         return self.page.server.gui.add_uplot(
             (_EMPTY, *[np.zeros(2) for _ in laws]), tuple(series), height=180, legend={"show": False},
-            scales={"x": {"time": False}, **({"y": {"range": _SOFT}} if dots else {})}, padding=(14, 16, 0, 0),
+            scales=self._scales(dots), padding=(14, 16, 0, 0),
             axes=({**axis, "label": across, "labelSize": 18}, {**axis, "size": 52}),
         )  # fmt: skip
 
@@ -98,10 +126,16 @@ class Charts:
             bounded = bool(np.isfinite([c.lower, c.upper]).all())
             low, high = (c.lower, c.upper) if bounded else (-np.pi, np.pi)
             values = [_share(law.q[index], low, high) for law in snap.laws[:MOST]]
-            number = plain(f"{snap.laws[self.page.lead].q[index]:.3f}", right=True)
+            scale, unit = self.page.units.of(c.unit)
+            number = plain(f"{scale * snap.laws[self.page.lead].q[index]:.{3 if scale == 1 else 1}f}", right=True)
             rows.append((plain(self._names[index]), marks(values, self.page.colors, bounded), number))
-            hints.append(f"{c.name}: {low:.4g} to {high:.4g} {c.unit}" if bounded else f"{c.name}: without limits")
-        return block(table(rows, hints), quiet("Number: of the solid robot [rad or m]. Dark ends: limits."))
+            hints.append(
+                f"{c.name}: {scale * low:.4g} to {scale * high:.4g} {unit}" if bounded else f"{c.name}: without limits"
+            )
+        return block(
+            table(rows, hints),
+            quiet(f"Number: of the solid robot [{self.page.units.joints(robot)}]. Dark ends: limits."),
+        )
 
 
 def _share(value: float, low: float, high: float) -> float:

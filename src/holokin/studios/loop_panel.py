@@ -9,8 +9,9 @@ import numpy as np
 
 from ..errors import HolokinError
 from ..output.palette import CLOCKWISE, COUNTER_CLOCKWISE
-from .handles import circle_of
+from .handles import FAR, LEAST, circle_of
 from .session_loops import circle_loop, eight_loop
+from .shown_units import SI, Units
 from .stage import Stage
 from .two_paths import LawPaths
 
@@ -21,6 +22,11 @@ SAME = 1e-6
 """Joint difference [rad or m] below which two postures are one: round-off is far below it."""
 
 
+_CENTER = "Of the circle, or where the eight crosses itself: x, y, z in the frame of the robot's base"
+_RADIUS = "Of the circle; an eight is twice as wide"
+_NORMAL = "A direction at right angles to the loop; 0, 0, 1 is a level loop"
+
+
 class LoopPanel:
     """Its controls; built inside a tab."""
 
@@ -29,25 +35,41 @@ class LoopPanel:
         gui, loop = page.server.gui, page.session.loop
         center, normal, radius = circle_of(loop) or (self._tool(), np.array([0.0, 0.0, 1.0]), 0.1)
         gui.add_markdown("A closed path of the tool. Laws that are not holonomic drift on it.")
-        self.dragged = gui.add_checkbox("Drag centre, plane and radius in the scene", False)
-        self.shape = gui.add_dropdown("Shape", ("circle", "figure eight"))
-        self.center = gui.add_vector3("Centre [m]", tuple(float(v) for v in np.round(center, 4)), step=0.01)
-        self.radius = gui.add_number("Radius [m]", float(radius), min=0.005, max=10.0, step=0.005)
-        self.normal = gui.add_vector3("Normal of the plane", tuple(float(v) for v in np.round(normal, 4)), step=0.05)
+        self.dragged = gui.add_checkbox(
+            "Drag centre, plane and radius in the scene", False, hint="Handles on the circle"
+        )
+        self.shape = gui.add_dropdown("Shape", ("circle", "figure eight"), hint="Of the loop that is taken below")
+        self.center = gui.add_vector3(
+            "Centre [m]",
+            tuple(float(v) for v in np.round(center, 4)),
+            min=(-FAR,) * 3,
+            max=(FAR,) * 3,
+            step=0.01,
+            hint=_CENTER,
+        )
+        self.radius = gui.add_number("Radius [m]", float(radius), min=LEAST, max=10.0, step=0.005, hint=_RADIUS)
+        self.normal = gui.add_vector3(
+            "Normal of the plane", tuple(float(v) for v in np.round(normal, 4)), step=0.05, hint=_NORMAL
+        )
         self.here = gui.add_button("Begin at the tool", color="gray", hint="The loop then starts where the tool is now")
-        self.make = gui.add_button("Take this loop")
+        self.make = gui.add_button("Take this loop", hint="All laws follow it from now on")
         gui.add_divider()
         gui.add_markdown("**By clicks**: corners on the level of the tool. Look from above.")
-        self.clicks = gui.add_button("Begin to click", color="gray")
-        self.close = gui.add_button("Close the polygon", color="gray", disabled=True)
+        self.clicks = gui.add_button("Begin to click", color="gray", hint="Each click in the scene is a corner")
+        self.close = gui.add_button(
+            "Close the polygon", color="gray", disabled=True, hint="The loop through the corners"
+        )
         gui.add_divider()
         gui.add_markdown(
             "**Two paths to one pose**: drag the tool somewhere, then see a law go there from the start by two paths."
         )
         names = tuple(law.name for law in page.session.laws)
-        self.law = gui.add_dropdown("Law", names)
-        self.two_paths = gui.add_button("Go two paths to the tool's place", color="gray")
+        self.law = gui.add_dropdown("Law", names, hint="Whose joints are compared at the end of both paths")
+        self.two_paths = gui.add_button(
+            "Go two paths to the tool's place", color="gray", hint="From the start, by a corner to each side"
+        )
         self.answer = gui.add_markdown("")
+        self.rescale(SI)
         self._connect()
 
     def _connect(self) -> None:
@@ -57,7 +79,7 @@ class LoopPanel:
 
         @self.here.on_click
         def _(_event: Any) -> None:
-            tool = self._tool()
+            tool = self._tool() * self.page.units.per_metre
             self.center.value = tuple(float(v) for v in tool - [self.radius.value, 0.0, 0.0])
 
         self.make.on_click(lambda _event: page.ask(self._make))
@@ -74,11 +96,24 @@ class LoopPanel:
 
         self.two_paths.on_click(lambda _event: page.alone("two paths", self._two_paths))
 
+    def rescale(self, before: Units) -> None:
+        """Centre and radius in the units of the page, from those before."""
+        units, ratio = self.page.units, self.page.units.per_metre / before.per_metre
+        if ratio == 1:
+            return
+        with self.page.server.atomic():
+            for handle, name in ((self.center, "Centre"), (self.radius, "Radius")):
+                handle.label = f"{name} [{units.length}]"
+                handle.step, handle.precision = handle.step * ratio, 1 if units.per_metre > 1 else 4
+                value, low, high = (_times(ratio, one) for one in (handle.value, handle.min, handle.max))
+                handle.min, handle.max, handle.value = low, high, value
+
     def _tool(self) -> Any:
         return self.page.session.snapshot().target[0][:3, 3]
 
     def _make(self) -> None:
-        center, normal, size = np.array(self.center.value), np.array(self.normal.value), float(self.radius.value)
+        metre, normal = self.page.units.per_metre, np.array(self.normal.value)
+        center, size = np.array(self.center.value) / metre, float(self.radius.value) / metre
         if self.shape.value == "circle":
             loop = circle_loop(center, size, normal, near=self._tool())
         else:
@@ -105,7 +140,9 @@ class LoopPanel:
             self.answer.content = path.sentence
         else:
             same = "the same joints" if path.spread < SAME else "other joints"
-            self.answer.content = f"Both paths end at one pose, with **{same}**: {path.spread:.3g} rad or m apart."
+            units, robot = page.units, page.session.robot
+            apart = f"{float(units.largest(robot, path.a[-1] - path.b[-1])):.3g} {units.joints(robot)}"
+            self.answer.content = f"Both paths end at one pose, with **{same}**: {apart} apart."
         with page.own_drawing():
             self._show(path, [law.name for law in page.session.laws].index(path.name))
         for index in range(2):
@@ -123,3 +160,10 @@ class LoopPanel:
             page.scene.show(Q)
             time.sleep(SHOWN / 75)
         time.sleep(SHOWN / 2)
+
+
+def _times(ratio: float, value: Any) -> Any:
+    """A number, or each of several, times a ratio; to twelve digits, so that there and back is what it was."""
+    if isinstance(value, tuple | list | np.ndarray):
+        return tuple(_times(ratio, one) for one in value)
+    return float(f"{ratio * float(value):.12g}")

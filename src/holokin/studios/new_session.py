@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path as FilePath
 from typing import Any
@@ -25,6 +25,7 @@ from ..strategies import moore_penrose
 from ..tasks.frame_tasks import pose
 from ..tasks.task import Task
 from ..tasks.task_kinds import stacked
+from .loop_follower import loop_start
 from .session import Session
 from .session_laws import Law, default_laws, redundant
 from .session_loops import Loop, circle_loop, entered
@@ -47,6 +48,9 @@ LARGEST = 0.15
 
 LOOK, TRY = 100, 40
 """Steps a circle with which loops are compared, and laws are tried."""
+
+VISIBLE, UNSEEN, MOST = 0.1, 1e-6, 5
+"""Drift [rad or m] that is well seen; drift that is none; and cycles that are played at most to see it."""
 
 CYCLES = 3
 """Of a robot's loop, as of the packaged job."""
@@ -124,7 +128,28 @@ def session_of_job(name: str, job: Job, file: FilePath) -> Session:
     loop = Loop(job.path.kind, path, _based(keys, path), job.path.samples, bool(job.path.clockwise))
     robot, work = (part.model_dump(exclude_unset=True, exclude_none=True) for part in (job.robot, job.task))
     origin = Origin(robot, work, file.parent.absolute())
-    return Session(laws, start, loop, title=job.title, source=name, cycles=job.path.cycles, origin=origin)
+    cycles = max(job.path.cycles, visible_cycles(laws, loop, start))
+    return Session(laws, start, loop, title=job.title, source=name, cycles=cycles, origin=origin)
+
+
+def visible_cycles(laws: Sequence[Law], loop: Loop, q0: Vector) -> int:
+    """After how many cycles of a loop, begun from a posture (n,), the largest drift of its laws is seen; at most MOST.
+
+    One for an open path, and where no law drifts. A law that does not get round so often does not count.
+    """
+    largest = np.zeros(MOST)
+    for law in laws if loop.path.closed else ():
+        if law.strategy is None or law.holonomic:
+            continue
+        try:
+            start = loop_start(law, loop, q0)
+            found = drift(law.strategy, loop.path, start, samples=LOOK, cycles=MOST)
+        except HolokinError:
+            continue
+        largest = np.maximum(largest, found.largest)
+    if not largest.max() > UNSEEN:
+        return 1
+    return int(np.argmax(largest >= VISIBLE)) + 1 if largest.max() >= VISIBLE else MOST
 
 
 def _based(keys: dict[str, Any], path: AnyPath) -> dict[str, Any]:

@@ -106,7 +106,6 @@ class Scene:
         self._elbow = elbow_joint(robot, self.q0)
         self._floor()
         self._draw_robot()
-        self.look_from(*self.view())
 
     def set_laws(self, names: Sequence[str], colors: Sequence[str] = (), lead: int = 0) -> None:
         """A ghost for each law, in its colour (#RRGGBB); that of the `lead` is the robot itself, in its own colours."""
@@ -238,25 +237,16 @@ class Scene:
         ]
         return np.concatenate(ends) if ends else np.zeros((1, 3))
 
-    def view(self, more: ArrayLike = (), aside: float = 0.0) -> tuple[Vector, Vector]:
-        """(place of the camera, point it looks at) (3,) [m]: from the side, so that the arm and more points fit in.
-
-        `aside`: share of the picture's height by which all stands left of its middle, where panels are on the right.
-        """
+    def outlook(self, more: ArrayLike = ()) -> tuple[Vector, Matrix]:
+        """(unit vector (3,) to the camera, points (k, 3) [m] to be seen): the arm from the side, and more points."""
         low, high = self.box()
-        extra = np.asarray(more, dtype=float).reshape(-1, 3)
-        points = np.vstack([low, high, extra, [[low[0], low[1], 0.0]]])
-        low, high = points.min(axis=0), points.max(axis=0)
-        middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-        tool = self.robot.pose(self.q0)[:3, 3] if self.robot.tips else middle
-        reached = tool[:2] - self.box()[0][:2]
+        points = np.vstack([self.drawn(), np.asarray(more, dtype=float).reshape(-1, 3)])
+        tool = self.robot.pose(self.q0)[:3, 3] if self.robot.tips else (low + high) / 2
+        reached = tool[:2] - low[:2]
         ahead = float(np.arctan2(*(tool[:2])[::-1])) if np.linalg.norm(reached) > 1e-6 else 0.0
         side = ahead - np.deg2rad(62.0)
         up = np.deg2rad(72.0 if self.robot.planar else 20.0)
-        away = np.array([np.cos(side) * np.cos(up), np.sin(side) * np.cos(up), np.sin(up)])
-        far = 1.05 * radius / np.sin(FOV / 2)
-        at = middle + aside * 2 * far * np.tan(FOV / 2) * np.array([-np.sin(side), np.cos(side), 0.0])
-        return at + far * away, at
+        return np.array([np.cos(side) * np.cos(up), np.sin(side) * np.cos(up), np.sin(up)]), points
 
     def look_from(self, place: Vector, at: Vector) -> None:
         """Where the camera of a browser begins, and returns to on "reset view"."""

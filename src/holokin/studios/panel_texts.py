@@ -107,3 +107,8 @@ def put(handle: Any, content: str) -> None:
     """Set the content of a text, if it is another one: every message costs all browsers time."""
     if handle.content != content:
         handle.content = content
+
+
+def file_name(title: str) -> str:
+    """A title as the name of a file."""
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:60] or "studio"

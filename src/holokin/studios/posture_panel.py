@@ -31,6 +31,15 @@ SELF, LEVEL = "self-motion", "level"
 """The two sliders."""
 
 
+_FIND = "Points about the tool, each as far from joint limits as its colour says"
+
+COLUMNS = (
+    "verdict: whether small loops near the start bring the joints back. rcond: how near the law is to singular, "
+    "1 is good, 0 singular"
+)
+"""What the columns of the table are."""
+
+
 class PosturePanel:
     """Its controls; built inside a tab."""
 
@@ -40,21 +49,36 @@ class PosturePanel:
         names = tuple(law.name for law in page.session.laws)
         self.known = gui.add_html("")
         gui.add_divider()
-        self.law = gui.add_dropdown("Sliders of", names, initial_value=names[page.lead])
+        self.law = gui.add_dropdown(
+            "Sliders of", names, initial_value=names[page.lead], hint="The law that the two sliders move"
+        )
         gui.add_markdown("**Self-motion**: the joints move, the tool stands still.")
-        self.self_motion = gui.add_slider("Self-motion", min=0.0, max=1.0, step=0.001, initial_value=0.0)
+        self.self_motion = gui.add_slider(
+            "Self-motion", min=0.0, max=1.0, step=0.001, initial_value=0.0, hint="Along the postures of this tool pose"
+        )
         self.level_text = gui.add_markdown("")
-        self.level = gui.add_slider("Level", min=0.0, max=1.0, step=0.001, initial_value=0.0)
+        self.level = gui.add_slider(
+            "Level",
+            min=0.0,
+            max=1.0,
+            step=0.001,
+            initial_value=0.0,
+            hint="From leaf to leaf; the law keeps the new one",
+        )
         gui.add_divider()
         gui.add_markdown("**How far** does the pose decide the joints? Round a cusp they may not come back.")
-        self.far = gui.add_button("Look for cusps of this law", color="gray")
+        self.far = gui.add_button(
+            "Look for cusps of this law", color="gray", hint="On its leaf, about the tool; it takes some seconds"
+        )
         self.far_text = gui.add_html("")
         gui.add_divider()
         gui.add_markdown("**Coverage** of the space around the tool by the leaf of a holonomic law.")
         holonomic = tuple(law.name for law in page.session.laws if law.holonomic)
-        self.cover = gui.add_dropdown("Law", holonomic or ("none",))
-        self.find = gui.add_button("Find the coverage", color="gray", disabled=not holonomic)
-        self.clear = gui.add_button("Take the cloud away", color="gray", disabled=not holonomic)
+        self.cover = gui.add_dropdown("Law", holonomic or ("none",), hint="Whose leaf is looked at")
+        self.find = gui.add_button("Find the coverage", color="gray", disabled=not holonomic, hint=_FIND)
+        self.clear = gui.add_button(
+            "Take the cloud away", color="gray", disabled=not holonomic, hint="And look no farther"
+        )
         self.cloud_text = gui.add_html("")
         self._ranges: dict[str, Slider | None] = {}
         self._cloud: Cloud | None = None
@@ -101,18 +125,22 @@ class PosturePanel:
         self._cloud = self.page.session.cancel_cloud().cloud
         self._draw_cloud(None)
 
+    def refit(self) -> None:
+        """The sliders are drawn anew, as in other units."""
+        self._fitted = {}
+
     def _slide(self) -> None:
         known = self._ranges.get(SELF)
         if known is not None:
             self.page.say("")
-            place = float(np.clip(self.self_motion.value, known.low, known.high))
+            place = float(np.clip(self.self_motion.value / self._unit(known)[0], known.low, known.high))
             self.page.session.move_self(self.law.value, place)
             self._fitted[SELF] = self._key(self.page.session.snapshot())
 
     def _lift(self) -> None:
         known = self._ranges.get(LEVEL)
         if known is not None:
-            value = float(np.clip(self.level.value, known.low, known.high))
+            value = float(np.clip(self.level.value / self._unit(known)[0], known.low, known.high))
             self.page.say("")
             self.page.session.move_level(self.law.value, value)
             self._fitted[LEVEL] = self._key(self.page.session.snapshot())
@@ -149,11 +177,17 @@ class PosturePanel:
     def _scale(self, handle: Any, known: Slider) -> None:
         """A slider in the units of what it moves."""
         with self.page.server.atomic():
-            handle.label = f"{_what(known)} [{known.unit}]" if known.unit else _what(known)
-            fine = 10 if known.unit == DEGREES else 1000  # what is shown at its ends is rounded inwards
-            handle.min, handle.max = np.ceil(fine * known.low) / fine, np.floor(fine * known.high) / fine
-            handle.step, handle.precision = 1 / fine, 1 if known.unit == DEGREES else 3
-            handle.value = float(np.clip(known.value, handle.min, handle.max))
+            scale, unit = self._unit(known)
+            handle.label = f"{_what(known)} [{unit}]" if unit else _what(known)
+            fine = 10 if unit in (DEGREES, "mm") else 1000  # what is shown at its ends is rounded inwards
+            low, high = np.ceil(fine * scale * known.low) / fine, np.floor(fine * scale * known.high) / fine
+            handle.min, handle.max = low, high
+            handle.step, handle.precision = 1 / fine, 1 if fine == 10 else 3
+            handle.value = float(np.clip(scale * known.value, low, high))
+
+    def _unit(self, known: Slider) -> tuple[float, str]:
+        """(factor, name) with which the numbers of a slider are shown."""
+        return self.page.units.of(known.unit)
 
     def _range(self, name: str, law: LawState) -> Slider | None:
         if name == SELF:
@@ -164,8 +198,10 @@ class PosturePanel:
         return None
 
     def _say_level(self, known: Slider) -> None:
-        unit = f" {known.unit}" if known.unit else ""
-        span = f"{known.value:.4g}{unit}, from {known.low:.4g} ({known.why_low}) to {known.high:.4g} ({known.why_high})"
+        scale, name = self._unit(known)
+        unit = f" {name}" if name else ""
+        low, high = scale * known.low, scale * known.high
+        span = f"{scale * known.value:.4g}{unit}, from {low:.4g} ({known.why_low}) to {high:.4g} ({known.why_high})"
         put(self.level_text, f"**{_what(known)}** of {known.name}: {span}. The law keeps the new leaf.")
 
     def _known(self, snap: Snapshot) -> str:
@@ -176,7 +212,7 @@ class PosturePanel:
             bend = "" if judged is None else f", curvature {judged.curvature:.2g}"
             near = plain(f"{law.rcond:.3f}", red=bool(law.rcond < SINGULAR), right=True)
             rows.append((swatch(color), plain(law.name), plain(f"{verdict}{bend}"), near))
-        hints = ["", *("" if law.judgement is None else law.judgement.sentence for law in snap.laws)]
+        hints = [COLUMNS, *("" if law.judgement is None else law.judgement.sentence for law in snap.laws)]
         foot = "rcond: 1 is good, 0 singular. curvature: drift over the area of a small loop."
         return block(table(rows, hints), quiet(foot))
 

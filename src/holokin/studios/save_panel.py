@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import io
-import re
 import time
 from typing import Any
 
+from .panel_texts import file_name
 from .session_job import to_job
 from .stage import Stage
 from .states import Phase
@@ -30,14 +30,16 @@ class SavePanel:
     def __init__(self, page: Stage):
         self.page = page
         gui = page.server.gui
-        self.name = gui.add_text("Name", _file_name(page.session.title))
+        self.name = gui.add_text("Name", file_name(page.session.title), hint="Of the files, and the title of the job")
         gui.add_markdown("A **job** runs to the same numbers: `holokin run NAME.toml`.")
-        self.job = gui.add_button("Save as job")
-        self.picture = gui.add_button("Screenshot", color="gray")
+        self.job = gui.add_button("Save as job", hint="A TOML file with robot, task, start, loop and laws")
+        self.picture = gui.add_button("Screenshot", color="gray", hint="A PNG of the scene as this browser sees it")
         gui.add_markdown("A **GIF** shows a cycle from now on, as this browser sees it.")
-        self.film = gui.add_button("Make a GIF", color="gray")
+        self.film = gui.add_button("Make a GIF", color="gray", hint="At most 60 pictures, ten a second")
         gui.add_markdown("A **recording** is a page of its own: one HTML file, without a server.")
-        self.recording = gui.add_button("Record to HTML", color="gray")
+        self.recording = gui.add_button(
+            "Record to HTML", color="gray", hint="Of the loop that has run; press Start first"
+        )
         self._connect()
 
     def _connect(self) -> None:
@@ -58,11 +60,11 @@ class SavePanel:
         except (TimeoutError, RuntimeError) as problem:
             self.page.say(f"The browser gave no picture ({problem}): keep its window in sight and try again.")
         else:
-            client.send_file_download(f"{_file_name(self.name.value)}{name}", content, save_immediately=True)
+            client.send_file_download(f"{file_name(self.name.value)}{name}", content, save_immediately=True)
 
     def _job(self, _client: Any) -> tuple[str, bytes]:
         name, title = self.name.value, self.page.session.title
-        return ".toml", to_job(self.page.session, title if name in ("", _file_name(title)) else name).encode()
+        return ".toml", to_job(self.page.session, title if name in ("", file_name(title)) else name).encode()
 
     def _picture(self, client: Any) -> tuple[str, bytes]:
         from PIL import Image
@@ -99,8 +101,3 @@ class SavePanel:
         from .playback import record_session
 
         return ".html", record_session(self.page.session, text=self.page.session.title).html().encode()
-
-
-def _file_name(title: str) -> str:
-    """A title as the name of a file."""
-    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:60] or "studio"

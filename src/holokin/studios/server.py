@@ -21,6 +21,7 @@ from .meshes import GHOST, SOLID, looks_of, trimesh_package
 from .new_session import open_session, session_of_robot
 from .page_scene import name_tab, silent_viser, viser_package
 from .session import Session
+from .shown_units import SI, Units
 from .studio_page import Page
 
 PORT = 8080
@@ -78,7 +79,8 @@ class Studio:
         if not loopback(host):
             self.notes.append(OPEN.format(host=host, url=f"{url_of(_known_as(host), found)}/{self.door.token}/"))
         self.page = self._shown(session)
-        self.server.on_client_disconnect(lambda _client: self.page.handles.let_go())
+        self.server.on_client_connect(self._welcome)
+        self.server.on_client_disconnect(self._farewell)
 
     @property
     def session(self) -> Session:
@@ -94,10 +96,10 @@ class Studio:
             before = self.page
             before.close()
             try:
-                self.page = self._shown(session)
+                self.page = self._shown(session, before.units)
             except BaseException:
                 session.close()
-                self.page = self._shown(before.session)
+                self.page = self._shown(before.session, before.units)
                 raise
             before.session.close()
 
@@ -126,10 +128,19 @@ class Studio:
         finally:
             self.close()
 
-    def _shown(self, session: Session) -> Page:
+    def _welcome(self, client: Any) -> None:
+        """A browser came: its window is looked at now, and whenever its camera or its size changes."""
+        client.camera.on_update(lambda _camera: self.page.fit(client))
+        self.page.fit(client)
+
+    def _farewell(self, client: Any) -> None:
+        self.page.handles.let_go()
+        self.page.ask(lambda: self.page.cameras.forget(client))
+
+    def _shown(self, session: Session, units: Units = SI) -> Page:
         self.server.scene.reset()
         self.server.gui.reset()
-        page = Page(self.server, session, self._reopen)
+        page = Page(self.server, session, self._reopen, units)
         session.start_work()
         page.start()
         name_tab(self.server, f"{session.source or session.title} - holokin studio")

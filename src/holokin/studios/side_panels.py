@@ -7,18 +7,30 @@ from typing import Any
 import numpy as np
 
 from ..job import packaged_jobs
+from .cameras import BOTTOM_SHEET
 from .loop_panel import LoopPanel
 from .panel_texts import block, gauge, line, named, plain, put, quiet, swatch, table, warning
 from .posture_panel import PosturePanel
 from .save_panel import SavePanel
+from .shown_units import UNITS, Units
 from .stage import Stage
-from .states import Phase, Snapshot
+from .states import LawState, Phase, Snapshot
+from .work_panel import WorkPanel
 
 ENDLESS = 0
 """Cycles that mean: for ever."""
 
 ELSEWHERE = 1e-6
 """Joint difference [rad, m] to the start posture at which a law does not stand there."""
+
+ROUND = ("as drawn", "the other way")
+"""The ways round a loop: not clockwise, clockwise."""
+
+COLUMNS = (
+    "law: the rule that moves the joints. drift: how far the worst joint is from its start after the last cycle. "
+    "state: whether the tool is at the target"
+)
+"""What the columns of the table are."""
 
 _DOING = {
     Phase.IDLE: "Drag the tool, or start the loop.",
@@ -39,7 +51,7 @@ class Panels:
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
         gui.main_panel.dock_right()
         gui.main_panel.set_width(350)
-        self.head = gui.add_html(self._head())
+        self.head = gui.add_html(f'{BOTTOM_SHEET}<div class="holokin-head">{self._head()}</div>')
         self.doing = gui.add_html("")
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
@@ -48,6 +60,8 @@ class Panels:
             self.loop = LoopPanel(page)
         with tabs.add_tab("Posture"):
             self.posture = PosturePanel(page)
+        with tabs.add_tab("Work"):
+            self.work = WorkPanel(page)
         with tabs.add_tab("Save"):
             self.save = SavePanel(page)
 
@@ -56,8 +70,16 @@ class Panels:
         put(self.doing, self._doing(snap))
         put(self.table, self._table(snap))
         self.posture.draw(snap)
+        for button, there in zip((self.undo, self.redo), self.page.undo.steps, strict=True):
+            if button.disabled == there:
+                button.disabled = not there
         running = snap.phase in (Phase.RUNNING, Phase.GATHERING)
         self.start.label = "Pause" if running else "Go on" if snap.phase is Phase.PAUSED else "Start"
+
+    def rescale(self, before: Units) -> None:
+        """All numbers in the units of the page, which were others before."""
+        self.loop.rescale(before)
+        self.posture.refit()
 
     def _head(self) -> str:
         session = self.page.session
@@ -70,19 +92,31 @@ class Panels:
     def _run(self, gui: Any) -> None:
         page = self.page
         self.table = gui.add_html("")
-        self.start = gui.add_button("Start", color="blue")
-        self.home = gui.add_button("All back to the start posture", color="gray")
+        self.start = gui.add_button("Start", color="blue", hint="All laws run round the loop; press again to hold them")
+        self.home = gui.add_button(
+            "All back to the start posture", color="gray", hint="The loop stops, and its drift is forgotten"
+        )
+        self._undo(gui)
         self.speed = gui.add_slider(
-            "Speed", min=0.25, max=8.0, step=0.25, initial_value=2.0, hint="Times its own speed"
+            "Speed",
+            min=0.25,
+            max=8.0,
+            step=0.25,
+            initial_value=2.0,
+            hint="How many times as fast as its own speed the loop runs; the drift is the same",
         )
         cycles = page.session.snapshot().cycles
         shown = ENDLESS if cycles is None else cycles
-        self.cycles = gui.add_number("Cycles", shown, min=0, max=10_000, step=1, hint="0: for ever")
-        self.way = gui.add_dropdown("Way round", ("as drawn", "the other way"))
+        self.cycles = gui.add_number(
+            "Cycles", shown, min=0, max=10_000, step=1, hint="The loop ends after so many rounds; 0: never"
+        )
+        self.way = gui.add_dropdown("Way round", ROUND, hint="The sense in which the loop is run")
         names = tuple(law.name for law in page.session.laws)
         solid = "The law whose robot is drawn solid; the others are ghosts"
         self.solid = gui.add_dropdown("Solid robot", names, initial_value=names[page.lead], hint=solid)
-        self.at_start = gui.add_checkbox("Show the start posture, in grey", False)
+        self.at_start = gui.add_checkbox(
+            "Show the start posture, in grey", False, hint="A grey robot where all laws began"
+        )
         page.session.set_speed(self.speed.value)
 
         self.start.on_click(lambda _event: page.ask(self._start_or_pause))
@@ -92,7 +126,7 @@ class Panels:
             lambda _event: page.ask(lambda: page.session.set_cycles(int(self.cycles.value) or None), "cycles")
         )
         self.way.on_update(
-            lambda _event: page.ask(lambda: page.session.set_clockwise(self.way.value == "the other way"), "way")
+            lambda _event: page.ask(lambda: page.session.set_clockwise(self.way.value == ROUND[True]), "way")
         )
 
         @self.solid.on_update
@@ -106,14 +140,37 @@ class Panels:
             )
         )
 
+        self.units = gui.add_dropdown(
+            "Units", tuple(UNITS), initial_value=page.units.name, hint="Of the numbers in the page, not of files"
+        )
+        self.units.on_update(lambda _event: page.ask(lambda: page.set_units(UNITS[self.units.value]), "units"))
         if page.reopen is not None:
             self._jobs(gui, page.reopen)
+
+    def _undo(self, gui: Any) -> None:
+        """Two buttons, and the keys that people know for them."""
+        page = self.page
+        self.undo = gui.add_button("Undo", color="gray", hint="The last change of posture, loop, level or laws: Ctrl+Z")
+        self.redo = gui.add_button("Redo", color="gray", hint="What was undone last: Ctrl+Shift+Z")
+        for button, modifier, action in (
+            (self.undo, "cmd/ctrl", page.undo_last), (self.redo, "cmd/ctrl+shift", page.redo_next),
+        ):  # fmt: skip
+            button.on_click(lambda _event, action=action: page.ask(action))
+            command = gui.add_command(button.label, hotkey="Z", modifier=modifier)
+            command.on_trigger(lambda _event, action=action: page.ask(action))
+
+    def follow(self, snap: Snapshot) -> None:
+        """Controls of what runs show what there is, where something else than they changed it."""
+        cycles = ENDLESS if snap.cycles is None else snap.cycles
+        for handle, value in ((self.speed, snap.factor), (self.cycles, cycles), (self.way, ROUND[snap.clockwise])):
+            if handle.value != value:
+                handle.value = value
 
     def _jobs(self, gui: Any, reopen: Any) -> None:
         jobs = tuple(packaged_jobs())
         chosen = self.page.session.source if self.page.session.source in jobs else jobs[0]
-        self.job = gui.add_dropdown("Packaged job", jobs, initial_value=chosen)
-        self.open = gui.add_button("Open this job", color="gray")
+        self.job = gui.add_dropdown("Packaged job", jobs, initial_value=chosen, hint="Examples that come with holokin")
+        self.open = gui.add_button("Open this job", color="gray", hint="The page shows it instead, to all browsers")
 
         self.open.on_click(lambda _event: self.page.alone("open", lambda: reopen(self.job.value)))
 
@@ -140,16 +197,25 @@ class Panels:
         red = self.page.said or snap.message or (faults[0] if faults else snap.loop_fault)
         return block(line(text), gauge(snap.progress), warning(red), warning(snap.fault))
 
+    def _last(self, law: LawState) -> float:
+        """The drift of a law after its last cycle, in the units of the page."""
+        return float(self.page.units.largest(self.page.session.robot, law.drift_joints[-1]))
+
     def _table(self, snap: Snapshot) -> str:
         rows = [
-            ("", plain("law", grey=True), plain("drift", grey=True, right=True), plain("state", grey=True, right=True))
+            (
+                "",
+                plain("law", grey=True),
+                plain(f"drift [{self.page.units.joints(self.page.session.robot)}]", grey=True, right=True),
+                plain("state", grey=True, right=True),
+            )
         ]
         for index, (law, color) in enumerate(zip(snap.laws, self.page.colors, strict=False)):
-            drift = "" if not len(law.drift) else "stopped" if np.isnan(law.drift[-1]) else f"{law.drift[-1]:.3g}"
+            drift = "" if not len(law.drift) else "stopped" if np.isnan(law.drift[-1]) else f"{self._last(law):.3g}"
             state = "follows" if law.following else law.status.value
             kind = "holonomic" if law.holonomic else "not holonomic"
             rows.append((
                 swatch(color, index == self.page.lead), named(law.name, kind),
                 plain(drift, right=True), plain(state, red=not law.following, right=True),
             ))  # fmt: skip
-        return block(table(rows, ["", *(law.sentence for law in snap.laws)]))
+        return block(table(rows, [COLUMNS, *(law.sentence for law in snap.laws)]))

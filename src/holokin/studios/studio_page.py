@@ -14,10 +14,13 @@ from ..base.types import Matrix
 from ..errors import HolokinError
 from ..output.palette import BAD, LOOP, law_colors
 from ..output.plots import thin
+from .cameras import Cameras
 from .charts import Charts
 from .handles import Handles
 from .page_scene import Scene
 from .session import Session
+from .setups import Setup, Undo
+from .shown_units import SI, Units
 from .side_panels import Panels
 from .states import Phase, Snapshot
 
@@ -43,13 +46,14 @@ class Page:
         server: a viser.ViserServer.
         session: what is shown.
         reopen: called with the name of a job or robot that the page is asked to show instead.
+        units: of what is shown.
 
     Raises:
         MissingExtraError: trimesh is not installed.
     """
 
-    def __init__(self, server: Any, session: Session, reopen: Callable[[str], None] | None = None):
-        self.server, self.session, self.reopen = server, session, reopen
+    def __init__(self, server: Any, session: Session, reopen: Callable[[str], None] | None = None, units: Units = SI):
+        self.server, self.session, self.reopen, self.units = server, session, reopen, units
         self.lead = next((i for i, law in enumerate(session.laws) if law.holonomic), 0)
         self.paused_drawing = False
         self.drawn = -1
@@ -63,7 +67,10 @@ class Page:
         self.scene = Scene(server, session.robot, session.home)
         self.handles = Handles(self)
         self._arrange()
-        self._look()
+        self.cameras = Cameras(self.scene, self._seen())
+        for client in server.get_clients().values():
+            self.cameras.fit(client, anew=True)
+        self.undo = Undo(session.setup())
         snap = session.snapshot()
         self.draw(snap)
         for draw in self._slow:
@@ -96,6 +103,12 @@ class Page:
     def say(self, sentence: str) -> None:
         """A sentence for everyone, until the next; an empty one takes it away."""
         self.said = sentence
+
+    def set_units(self, units: Units) -> None:
+        """In what numbers are shown; what they mean stays the same."""
+        before, self.units = self.units, units
+        self.charts.forget()
+        self.panels.rescale(before)
 
     def set_lead(self, index: int) -> None:
         """Whose robot is drawn solid."""
@@ -156,14 +169,38 @@ class Page:
                     self._wake.wait(left)
                 if self._over:
                     return
-                actions, self._waiting = list(self._waiting.values()), {}
-            for action in actions:
-                self.attempt(action)
+                actions, self._waiting = list(self._waiting.items()), {}
+            for key, action in actions:
+                self._noted(key, action)
             now = time.perf_counter()
             if now >= due:
                 self.attempt(lambda dt=now - before: self.session.advance(min(dt, 0.2)))
                 before, due = now, max(due + 1 / RATE, now)
             self.attempt(lambda now=now: self._picture(now))
+
+    def _noted(self, key: object, action: Action) -> None:
+        """Do it, and note what it changed, so that it can be undone."""
+        before = self.session.setup()
+        self.attempt(action)
+        after = self.session.setup()
+        if not (after.same(before) or after.same(self.undo.here)):  # the second of what was undone
+            self.undo.note(before)
+            self.undo.note(after, key if isinstance(key, str) else None, time.monotonic())
+
+    def undo_last(self) -> None:
+        """The session as it was before the last change."""
+        self._restore(self.undo.back(self.session.setup()))
+
+    def redo_next(self) -> None:
+        """The session as it was before the last `undo_last`."""
+        self._restore(self.undo.forward(self.session.setup()))
+
+    def _restore(self, setup: Setup | None) -> None:
+        if setup is not None:
+            self.said = ""
+            self.session.restore(setup)
+            self.panels.follow(self.session.snapshot())
+            self.clear_traces()
 
     def attempt(self, action: Action) -> None:
         """Do it in the thread of the caller. What it raises is said in the page, which goes on whatever happens."""
@@ -187,10 +224,17 @@ class Page:
             with self._wake:
                 self._busy.discard(key)
 
-    def _look(self) -> None:
-        loop = self.session.loop
-        points: Matrix = np.zeros((0, 3)) if loop is None else loop.points(50).reshape(-1, 3)
-        self.scene.look_from(*self.scene.view(points))
+    def fit(self, client: Any) -> None:
+        """A browser told how large its picture is, and from where it looks."""
+        self.ask(lambda: self.cameras.fit(client), ("camera", client.client_id))
+
+    def _seen(self) -> Matrix:
+        """Points (k, 3) [m] that shall be seen besides the robot: the loop, and the handles of the tools."""
+        loop, size = self.session.loop, self.handles.size
+        line: Matrix = np.zeros((0, 3)) if loop is None else loop.points(50).reshape(-1, 3)
+        tools = self.session.snapshot().target
+        grips = [pose[:3, 3] + sign * size * pose[:3, :3].T for pose in tools for sign in (-1, 1)]
+        return np.vstack([line, *grips])
 
     def _draw_loop(self, moved: bool, red: bool) -> None:
         """The line of the loop, red where a law does not get round it; what elbows drew belongs to the loop before."""
