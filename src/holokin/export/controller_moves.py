@@ -119,7 +119,8 @@ class ToolDeviation:
 
         return ToolDeviation(
             larger("position"), larger("rotation"), larger("speed"), larger("joints"),
-            float(np.fmin(self.slowest, other.slowest)), larger("fastest"), larger("compared"), self.kept and other.kept,
+            float(np.fmin(self.slowest, other.slowest)), larger("fastest"), larger("compared"),
+            self.kept and other.kept,
         )  # fmt: skip
 
 
@@ -186,12 +187,15 @@ class ToolMotion(Value):
             speed, q = np.full(len(rows), self.steady(a, b)), self.q[rows]
         turned = rotation_vector(R @ np.swapaxes(self.R[rows], 1, 2))
         kept = self.has_speed[rows]
+        slowest, fastest = (speed[kept].min(), speed[kept].max()) if kept.any() else (np.nan, np.nan)
         return ToolDeviation(
-            float(np.linalg.norm(p - self.p[rows], axis=1).max()), float(np.linalg.norm(turned, axis=1).max()),
+            float(np.linalg.norm(p - self.p[rows], axis=1).max()),
+            float(np.linalg.norm(turned, axis=1).max()),
             float(np.abs(speed[kept] / self.speed[rows][kept] - 1.0).max(initial=0.0)),
             float(np.abs(q - self.q[rows]).max()),
-            *((float(speed[kept].min()), float(speed[kept].max())) if kept.any() else ()),
-        )  # fmt: skip
+            float(slowest),
+            float(fastest),
+        )
 
     @cached_property
     def has_speed(self) -> Flags:
