@@ -179,7 +179,8 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         name, job.title, about.strip(), robot, task_name, start, path, job.path.cycles, tuple(results), seconds,
         tuple(failed), str(covering.workspace) if covering is not None else "",
         job.checks.standing() if job.checks is not None else (), one_way(path),
-        {key: metric.meaning for key, metric in METRICS.items()},
+        {key: metric.meaning for key, metric in METRICS.items()}, job.printed_units,
+        job.checks.clearance if job.checks is not None else None,
     )  # fmt: skip
 
 
