@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import replacing
+from ..base.printed_units import SI, PrintedUnits
 from ..base.types import NoTruthValue
 
 MOST_TOLD = 20
@@ -58,6 +59,11 @@ class Finding:
     def is_least(self) -> bool:
         """True where the limit is a least value, and not a largest one."""
         return self.kind in (FindingKind.COLLISION, FindingKind.CLEARANCE, FindingKind.SINGULARITY)
+
+    def printed(self, units: PrintedUnits) -> Finding:
+        """The same in other units."""
+        by = units.factor(self.unit)
+        return replace(self, value=by * self.value, limit=by * self.limit, unit=units.name(self.unit))
 
     def __str__(self) -> str:
         when = f"{self.start:.3f} to {self.stop:.3f} s" if self.stop > self.start else f"{self.start:.3f} s"
@@ -132,21 +138,22 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
         """What the clearance is at least on the whole motion [m], joints going straight from sample to sample."""
         return min((pair.bound for pair in self.pairs), default=float("nan"))
 
-    def table(self) -> str:
+    def table(self, units: PrintedUnits = SI) -> str:
         """Lines of text: the findings, the least distance, and what was not looked at."""
-        told = [str(finding) for finding in self.findings[:MOST_TOLD]] or ["nothing found"]
+        told = [str(finding.printed(units)) for finding in self.findings[:MOST_TOLD]] or ["nothing found"]
         more = len(self.findings) - len(told)
-        return "\n".join([*told, *([f"and {more} more"] if more > 0 else []), *self.notes()])
+        return "\n".join([*told, *([f"and {more} more"] if more > 0 else []), *self.notes(units)])
 
-    def notes(self) -> list[str]:
+    def notes(self, units: PrintedUnits = SI) -> list[str]:
         """Sentences: the least distance, what was not looked at, and what was assumed."""
         lines: list[str] = []
         if self.pairs:
             near = self.pairs[0]
-            told = f"; on the whole motion at least {self.bound:.4f} m" if self.bound > 0 else ""
+            by, unit, digits = units.factor("m"), units.name("m"), 4 if units.length == "m" else 1
+            told = f"; on the whole motion at least {by * self.bound:.{digits}f} {unit}" if self.bound > 0 else ""
+            least = f"{by * near.least:.{digits}f} {unit}"
             lines.append(
-                f"least distance {near.least:.4f} m, {' and '.join(near.pair)} at {near.time:.3f} s{told}; "
-                f"{len(self.pairs)} pairs"
+                f"least distance {least}, {' and '.join(near.pair)} at {near.time:.3f} s{told}; {len(self.pairs)} pairs"
             )
         lines += [f"not looked at: {one.link}: {one.reason}" for one in self.unseen]
         reasons = dict.fromkeys(one.reason for one in self.left_out)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +21,9 @@ def run(
         list[str], typer.Argument(metavar="JOB...", help="Packaged jobs (`holokin jobs`), 'paper', or .toml files.")
     ],
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
+    units: Annotated[
+        str | None, typer.Option(help='Print in these units: "degrees", "mm" or "degrees,mm"; by default rad and m.')
+    ] = None,
     animate: Annotated[bool, typer.Option("--animate", help="Make films of the two paths and of the cycles.")] = False,
 ) -> None:
     """Do jobs: a table each in the terminal, figures, trajectories and a report in OUT/<job>/.
@@ -28,12 +32,14 @@ def run(
     others have been, and on bad input: of the command or of a job file before anything runs, else of the jobs that
     cannot be done or written, after the others have been; 3 where holokin itself failed at one.
     """
+    from ..base.printed_units import printed_units
     from ..job import run_job
     from ..output.animate import animate as draw
     from ..output.job_report import write_report
     from ..output.job_table import print_result
     from ..output.result_folder import check_folder
 
+    wanted = None if units is None else printed_units(units)
     code = 0
     opened = _opened(jobs)
     for name, _, _ in opened:
@@ -42,6 +48,7 @@ def run(
         with ending().telling(name) as say:
             try:
                 result = run_job(name, job, file, say)
+                result = result if wanted is None else replace(result, units=wanted)
                 say("drawing")
                 extra = (lambda folder, result=result, say=say: draw(result, folder, say)) if animate else None
                 folder = write_report(result, out, build(), extra)

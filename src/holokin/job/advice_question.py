@@ -18,7 +18,7 @@ from ..designing.trials import everywhere
 from ..errors import ArgumentError
 from ..path import Path
 from ..path.workspaces import Workspace, pose_cloud
-from ..robot import LinkShape, Robot, catalogue
+from ..robot import LinkShape, Robot
 from ..tasks.task import Task
 from .advice_words import axis_of, frame_words, limits_of, obstacle_words, posture_of
 from .check_tables import ChecksTable
@@ -26,7 +26,7 @@ from .cover_strategies import build_workspace
 from .job_file import job_of
 from .job_parts import build_tasks
 from .robot_tables import RobotTable, robot_of_job
-from .runner import open_one_job, packaged_jobs
+from .runner import is_job, open_one_job
 from .schema import Job
 from .several_paths import build_paths
 from .table_values import filled
@@ -78,18 +78,7 @@ def question(name: str, typed: Typed) -> Question:
     """What is asked about a robot or a job. Raises: as `load`, `open_job`, `parse_workspace`; ArgumentError."""
     if typed.axis is not None and typed.task not in (None, "axis"):
         raise ArgumentError("the axis", typed.axis, f"only the task axis has one: leave it out for {typed.task}")
-    return _of_job(name, typed) if _is_job(name) else _of_robot(name, typed)
-
-
-def _is_job(name: str) -> bool:
-    """Whether a name is that of a job: a packaged one, or a .toml file with a table [robot]."""
-    file = FilePath(name)
-    if file.suffix.lower() != ".toml":
-        return name in packaged_jobs() and name not in catalogue()
-    try:
-        return isinstance(tomllib.loads(file.read_text("utf-8")).get("robot"), Mapping)
-    except (OSError, ValueError):  # who reads it as a robot says what is wrong
-        return False
+    return _of_job(name, typed) if is_job(name) else _of_robot(name, typed)
 
 
 def _of_robot(name: str, typed: Typed) -> Question:

@@ -19,6 +19,7 @@ MOST_PARTS = 32
 
 Three = Annotated[list[Length], Field(min_length=3, max_length=3)]
 Names = Annotated[list[str], Field(max_length=1000)]
+Tips = Annotated[list[str], Field(min_length=1, max_length=MOST_PARTS)]
 Limit = Number | Numbers | Annotated[dict[str, Number], Field(max_length=1000)]
 """Of all joints, of each, or of some by name."""
 
@@ -51,11 +52,12 @@ class FrameTable(Table):
 class ModelTable(Table):
     """What a robot and a part of one have in common: which chain is taken of a model, and its tool."""
 
-    tip: str | None = None
+    tip: str | Tips | None = None
     base: str | None = None
     locked: dict[str, Number] = Field(default={})
     args: dict[str, str | Number | bool] = Field(default={})
     tool: FrameTable | None = None
+    tools: Annotated[dict[str, FrameTable], Field(min_length=1, max_length=MOST_PARTS)] | None = None
 
 
 class PartTable(ModelTable, FrameTable):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+import tomllib
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib.resources import as_file, files
 from pathlib import Path as FilePath
@@ -31,11 +32,11 @@ from ..motion.follow_path import by_leaf
 from ..motion.trajectory import Status, Trajectory
 from ..output.job_result import Check, JobResult, NotRun, StrategyResult
 from ..path.synchronized_paths import AnyPath
-from ..robot import Robot
+from ..robot import Robot, catalogue, load
 from ..strategies import HolonomicStrategy, Strategy
 from .cover_strategies import build_covering
 from .job_file import read_job
-from .job_parts import build_begin, build_strategy, build_tasks, naming
+from .job_parts import build_begin, build_robot, build_strategy, build_tasks, naming
 from .metrics import METRICS, Run, apart
 from .motion_tables import TimingTable
 from .path_entry import build_entry, entry_report
@@ -91,6 +92,27 @@ def open_one_job(name: str) -> tuple[str, Job, FilePath]:
     if names != [name]:
         raise ArgumentError("the job", name, f"it stands for several: choose one of {', '.join(names)}")
     return open_job(name)
+
+
+def is_job(name: str) -> bool:
+    """Whether a name is that of a job: a packaged one, or a .toml file with a table [robot]."""
+    file = FilePath(name)
+    if file.suffix.lower() != ".toml":
+        return name in packaged_jobs() and name not in catalogue()
+    try:
+        return os.path.isfile(file) and isinstance(tomllib.loads(file.read_text("utf-8")).get("robot"), dict)
+    except (OSError, ValueError):  # who reads it as a robot says what is wrong
+        return False
+
+
+def robot_of_file(name: str, tip: Sequence[str] | None = None) -> Robot:
+    """The robot of a job, or one by catalogue name or file. Raises: as `open_job` and `load`."""
+    if is_job(name):
+        if tip:
+            raise ArgumentError("the tip", list(tip), "a job says it itself: leave it out")
+        _, job, file = open_one_job(name)
+        return build_robot(job, file)
+    return load(name, tip=tip or None)
 
 
 def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = lambda _text: None) -> JobResult:
@@ -157,7 +179,8 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         name, job.title, about.strip(), robot, task_name, start, path, job.path.cycles, tuple(results), seconds,
         tuple(failed), str(covering.workspace) if covering is not None else "",
         job.checks.standing() if job.checks is not None else (), one_way(path),
-        {key: metric.meaning for key, metric in METRICS.items()},
+        {key: metric.meaning for key, metric in METRICS.items()}, job.printed_units,
+        job.checks.clearance if job.checks is not None else None,
     )  # fmt: skip
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field, create_model, model_validator
+from pydantic import AfterValidator, Field, create_model, model_validator
 
-from ..errors import brief, closest
+from ..base.printed_units import SI, PrintedUnits, printed_units
+from ..errors import HolokinError, brief, closest
 from ..robot import FARTHEST
 from .check_tables import ChecksTable
 from .metrics import METRICS
@@ -137,11 +138,22 @@ class WorkspaceTable(KindTable):
     slices: Annotated[int, Field(ge=0, le=MOST_CELLS)] = 31
 
 
+def _known_units(given: str | list[str]) -> str | list[str]:
+    """The words for units, where they are known ones."""
+    if given:
+        try:
+            printed_units(given)
+        except HolokinError as problem:
+            raise ValueError(str(problem)) from None
+    return given
+
+
 class Job(Table):
     """A whole job file."""
 
     title: Annotated[str, Field(max_length=LONGEST_TITLE)]
     about: Annotated[str, Field(max_length=LONGEST_ABOUT)] = ""
+    units: Annotated[str | Names, AfterValidator(_known_units)] = ""
     robot: RobotTable
     task: TaskTable = TaskTable()
     start: StartTable
@@ -154,6 +166,11 @@ class Job(Table):
     strategies: Annotated[dict[str, AnyStrategy], Field(min_length=1, max_length=MOST_STRATEGIES)]
     expect: dict[str, ExpectTable] = Field(default={})
     verdict: VerdictTable = VerdictTable()
+
+    @property
+    def printed_units(self) -> PrintedUnits:
+        """The units in which results are printed."""
+        return printed_units(self.units) if self.units else SI
 
     @model_validator(mode="after")
     def _consistent(self) -> Job:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import write_csv
+from ..base.printed_units import SI, PrintedUnits
 from ..base.types import Matrix, Value, Vector
 from .trajectory import Trajectory
 
@@ -64,6 +65,12 @@ class JointLoad:
     shares: tuple[float, ...]
     distance: float
     distance_at: float
+
+    def printed(self, units: PrintedUnits) -> JointLoad:
+        """The same in other units."""
+        by = units.factor(self.unit)
+        peaks = tuple(by * peak for peak in self.peaks)
+        return replace(self, unit=units.name(self.unit), peaks=peaks, distance=by * self.distance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,11 +183,11 @@ class TimedTrajectory(Value):
         fastest = f"up to {self.path_speed.max():.3g} times the speed of the path"
         return f"{self.profile}, {self.duration:.3f} s, {len(self)} samples of {1e3 * self.dt:g} ms, {fastest}"
 
-    def table(self) -> str:
+    def table(self, units: PrintedUnits = SI) -> str:
         """Lines of text: a joint each with its peaks, shares of limits, and least distance to a position limit."""
-        lines = [self.sentence]
+        lines = [self.sentence + ("" if units.plain else f", in {units.angle} and {units.length}")]
         lines.append(f"{'joint':20} {'speed':>15} {'acceleration':>15} {'jerk':>15} {'to a limit':>12} {'at s':>8}")
-        for load in self.loads:
+        for load in (one.printed(units) for one in self.loads):
             cells = [
                 f"{peak if peak > NOTHING else 0.0:8.4g} {100 * share:4.0f} %"
                 if np.isfinite(share)
@@ -214,7 +221,7 @@ class TimedTrajectory(Value):
         }  # fmt: skip
 
     @typed
-    def save(self, path: str | FilePath) -> None:
+    def save(self, path: str | FilePath, units: PrintedUnits = SI) -> None:
         """Write CSV with a header of names and units: time [s], then position, rate and acceleration of each joint.
 
         Full precision, one line a sample, complete or not at all.
@@ -222,10 +229,11 @@ class TimedTrajectory(Value):
         Raises:
             WriteError: the system refuses the file.
         """
-        pairs = list(zip(self.joint_names, self.joint_units, strict=True))
+        pairs = list(zip(self.joint_names, map(units.name, self.joint_units), strict=True))
         header = ["time [s]", *(f"{name} [{unit}]" for name, unit in pairs)]
         header += [f"d_{name} [{unit}/s]" for name, unit in pairs] + [f"dd_{name} [{unit}/s^2]" for name, unit in pairs]
-        write_csv(path, header, np.column_stack([self.t, self.q, self.dq, self.ddq]).tolist())
+        scaled = [values * units.factors(self.joint_units) for values in (self.q, self.dq, self.ddq)]
+        write_csv(path, header, np.column_stack([self.t, *scaled]).tolist())
 
 
 def with_entry(entry: TimedTrajectory, timed: TimedTrajectory) -> TimedTrajectory:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import write_csv
+from ..base.printed_units import SI, PrintedUnits
 from ..base.types import Indices, Matrix, NoTruthValue, Value, Vector, frozen
 from ..errors import ArgumentError
 
@@ -147,15 +148,35 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         rows = [i for i, u in enumerate(self.row_units) if u == unit]
         return float(np.linalg.norm(self.error[:, rows], axis=1).max()) if rows and len(self) else 0.0
 
+    def printed(self, units: PrintedUnits) -> Trajectory:
+        """The same motion with its values in other units, to be printed."""
+        joints, rows = units.factors(self.joint_units), units.factors(self.row_units)
+        measures = Measures(
+            lambda count: self.dq[:count] * joints, lambda count: self.x[:count] * rows,
+            lambda count: self.error[:count] * rows, lambda count: self.sigma[:count],
+            lambda count: self.residual[:count],
+        )  # fmt: skip
+        return replace(
+            self, joint_units=tuple(map(units.name, self.joint_units)), q=self.q * joints,
+            row_units=tuple(map(units.name, self.row_units)), measures=measures,
+        )  # fmt: skip
+
     @typed
-    def save(self, path: str | FilePath) -> None:
+    def save(self, path: str | FilePath, units: PrintedUnits = SI) -> None:
         """Write CSV: t, the joints (names as in the robot), their rates as d_NAME, the task rows as x_NAME.
 
-        Full precision, one line a sample, complete or not at all.
+        Full precision, one line a sample, complete or not at all. In units other than rad and m the header names them:
+        "NAME [deg]".
 
         Raises:
             WriteError: the system refuses the file.
         """
         header = ["t", *self.joint_names, *(f"d_{name}" for name in self.joint_names)]
         header += [f"x_{name}" for name in self.row_names]
-        write_csv(path, header, np.column_stack([self.t, self.q, self.dq, self.x]).tolist())
+        if units.plain:
+            write_csv(path, header, np.column_stack([self.t, self.q, self.dq, self.x]).tolist())
+            return
+        seen = self.printed(units)
+        named = ["s", *seen.joint_units, *(f"{unit}/s" for unit in seen.joint_units), *seen.row_units]
+        header = [f"{name} [{unit}]" for name, unit in zip(header, named, strict=True)]
+        write_csv(path, header, np.column_stack([seen.t, seen.q, seen.dq, seen.x]).tolist())

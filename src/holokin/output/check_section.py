@@ -20,16 +20,17 @@ def check_section(result: JobResult, table: Callable[[list[str], list[list[str]]
     parts = []
     for strategy in result.strategies:
         if strategy.motion_check is not None:
-            parts += [f"<h3>{escape(strategy.name)}</h3>", *_told(strategy, strategy.motion_check, table)]
+            parts += [f"<h3>{escape(strategy.name)}</h3>", *_told(result, strategy, strategy.motion_check, table)]
     return ["<h2>Checks of the motion</h2>", *parts] if parts else []
 
 
 def _told(
-    strategy: StrategyResult, report: CheckReport, table: Callable[[list[str], list[list[str]]], str]
-) -> list[str]:
+    result: JobResult, strategy: StrategyResult, report: CheckReport,
+    table: Callable[[list[str], list[list[str]]], str],
+) -> list[str]:  # fmt: skip
     """The findings as a table, and the other lines of the report as a list."""
-    lines = "".join(f"<li>{escape(line)}</li>" for line in report.notes())
-    found = table(_HEAD, [_row(one) for one in report.findings[:MOST_ROWS]])
+    lines = "".join(f"<li>{escape(line)}</li>" for line in report.notes(result.units))
+    found = table(_HEAD, [_row(one.printed(result.units)) for one in report.findings[:MOST_ROWS]])
     mark = "yes" if strategy.followed == 1.0 else "no"
     said = [f"<p class='{mark}'>{escape(text)}</p>" for text in [check_words(strategy)] if text]
     return [*([found] if report.findings else []), *said, f"<ul class='small'>{lines}</ul>"]

@@ -25,7 +25,7 @@ from .plots import (
     thin,
 )  # fmt: skip
 from .robot_panels import Actor, Curve, Stage, draw_panel, stage_of
-from .words import away, joint_unit, on_figure, paths_end, stopped
+from .words import away, on_figure, paths_end, stopped
 
 MAPS = (
     "Maps: planes through the centre of the workspace, the tool in its middle orientation, a cross at the start. "
@@ -59,6 +59,7 @@ def figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
 def _figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     from matplotlib import rc_context
 
+    seen = result.printed
     with rc_context(style()):
         if result.robot.tips:
             yield "robot", _robot_caption(result), robot_figure(result)
@@ -67,20 +68,20 @@ def _figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
                 "The largest joint error after each cycle, on a logarithmic scale. A law that is repeatable stays in "
                 "the grey band, which is round-off; the other lines are what the robot has drifted."
             )
-            yield "drift", caption, drift_figure(result)
+            yield "drift", caption, drift_figure(seen)
         if result.cycles > 1:
             caption = (
                 f"How far each joint is from its start, over {result.cycles} cycles; pale upright lines end the "
                 "cycles. Of a repeatable law every line is back at zero at each of them."
             )
-            yield "cycles", caption, cycles_figure(result)
-    for strategy in result.drawn:
+            yield "cycles", caption, cycles_figure(seen)
+    for strategy in seen.drawn:
         if strategy.two_paths is not None:
             with rc_context(style()):
                 yield (
                     f"paths-{result.stems[strategy.name]}",
                     _two_paths_caption(result, strategy),
-                    two_paths_figure(strategy, result),
+                    two_paths_figure(strategy, seen),
                 )
     if _has_ranges(result):
         with rc_context(style()):
@@ -123,8 +124,9 @@ def _two_paths_caption(result: JobResult, strategy: StrategyResult) -> str:
     )
     apart = strategy.metrics["same_joints"]
     if np.isfinite(apart):
-        caption += f" With the other representations of orientation the joints differ by {apart:.1g} "
-        caption += f"{joint_unit(result.robot)} at most."
+        unit, factor = result.joint_unit
+        caption += f" With the other representations of orientation the joints differ by {factor * apart:.1g} "
+        caption += f"{unit} at most."
     return caption
 
 
@@ -206,8 +208,9 @@ def cycles_figure(result: JobResult) -> Any:
         below = k + columns < count
         axes.tick_params(labelbottom=not below)
         axes.set_xlabel("" if below else "time [s]")
+    unit = " or ".join(dict.fromkeys(result.drawn[0].cycles.joint_units))
     for axes in grid[:, 0]:
-        axes.set_ylabel(f"q - q(0) [{joint_unit(result.robot)}]")
+        axes.set_ylabel(f"q - q(0) [{unit}]")
     legend(figure, grid, count)
     return figure
 
@@ -257,7 +260,7 @@ def robot_figure(result: JobResult) -> Any:
     width = {1: 5.4, 2: 4.6}.get(columns, 3.75 if result.robot.planar else 4.1)
     side = (0.8, 0.15, 0.55) if result.robot.planar else (0.12, 0.12, 0.12)  # left, right, bottom
     height = width * tall / wide
-    titles = [f"{on_figure(s.name)}\n{_ending(s)}" for s in drawn]
+    titles = [f"{on_figure(drawn[k].name)}\n{_ending(s)}" for k, s in enumerate(_printed(result, drawn))]
     top = 0.26 + 0.17 * max(title.count("\n") + 1 for title in titles)
     gap = (side[0] if result.robot.planar else 0.2, top + (side[2] if result.robot.planar else 0.1))
     size = (
@@ -278,6 +281,12 @@ def robot_figure(result: JobResult) -> Any:
         if result.robot.planar and axes not in grid[:, 0]:
             axes.set_ylabel("")
     return figure
+
+
+def _printed(result: JobResult, drawn: list[StrategyResult]) -> list[StrategyResult]:
+    """The same strategies in the units in which they are printed."""
+    names = [s.name for s in drawn]
+    return [s for s in result.printed.strategies if s.name in names]
 
 
 def _stage_for(result: JobResult, drawn: list[StrategyResult] | tuple[StrategyResult, ...]) -> Stage:

@@ -11,6 +11,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from ..base.files import writing
+from ..base.printed_units import PrintedUnits
 from ..errors import posture_text
 from ..motion import TimedTrajectory
 from .check_section import check_section
@@ -18,8 +19,15 @@ from .html_page import html_table, page, svg_figure
 from .job_figures import figures
 from .job_result import JobResult
 from .job_table import NOTHING, columns, remarks, rows
+from .job_verdict import verdict_section
 from .result_folder import FACTS, renewed
-from .words import joint_unit, paths_words
+from .words import ALIKE, paths_words
+
+RETURNS = ", returns"
+"""Beside a drift that is none."""
+
+_DRIFTS = ("drift", "drift_mean", "drift_total", "drift_least", "drift_most")
+"""Metrics that say whether the joints return."""
 
 NOTHING_MOVES = 1e-9
 """Peak of a rate [joint units / s, s^2, s^3] that is shown as 0."""
@@ -74,9 +82,9 @@ def _fill(result: JobResult, folder: FilePath, version: str, films: list[tuple[s
         shown.append((stem, caption))
     for strategy in result.strategies:
         for key, walk in strategy.trajectories().items():
-            walk.save(folder / f"{result.stems[strategy.name]}-{key}.csv")
+            walk.save(folder / f"{result.stems[strategy.name]}-{key}.csv", result.units)
         if strategy.timed is not None:
-            strategy.timed.save(folder / f"{result.stems[strategy.name]}-timed.csv")
+            strategy.timed.save(folder / f"{result.stems[strategy.name]}-timed.csv", result.units)
         if strategy.coverage is not None:
             strategy.coverage.save(folder / f"{result.stems[strategy.name]}-workspace.csv")
     with writing(folder / "report.html"):
@@ -104,19 +112,24 @@ def _page(
     result: JobResult, folder: FilePath, shown: list[tuple[str, str]], films: list[tuple[str, str]], version: str
 ) -> str:  # fmt: skip
     robot = result.robot
-    start = posture_text(result.q0, robot.joint_names)
+    units = [c.unit for c in robot.coordinates]
+    start = posture_text(result.q0 * result.units.factors(units), robot.joint_names)
     verdicts = [(escape(s.verdict.sentence), escape(s.verdict.told(robot.joint_names))) for s in result.strategies]
     parts = [
         f"<h1>{escape(result.title)}</h1>",
+        *verdict_section(result),
         f"<p>{escape(' '.join(result.about.split()))}</p>",
         f"<p class='small'>{escape(robot.name)}, {robot.n} joints ({escape(robot.source)}); "
-        f"task: {escape(result.task)}; path {result.path.length:.4g} m in {result.path.duration:.4g} s, "
-        f"{result.cycles} cycle(s); start: {escape(start)} [{joint_unit(robot)}]. "
+        f"task: {escape(result.task)}; path {result.units.said(result.path.length, 'm')} in "
+        f"{result.path.duration:.4g} s, "
+        f"{result.cycles} cycle(s); start: {escape(start)} "
+        f"[{' or '.join(map(result.units.name, dict.fromkeys(units)))}]. "
         f"holokin {escape(version)}, {result.seconds:.1f} s.</p>",
         "<h2>Verdicts and numbers</h2>",
         html_table(
-            [escape(title) for title, _ in columns(result)], [[_cell(c) for c in cells] for cells in rows(result)]
+            [escape(title) for title, _ in columns(result)], [[_cell(c) for c in cells] for cells in _rows(result)]
         ),
+        f"<p class='small'>{escape(_tolerance(result))}</p>",
         "<ul>",
         *(
             f"<li>{told}.<details class='small'><summary>Details</summary>{shown}</details></li>"
@@ -138,6 +151,22 @@ def _page(
         _expectations(result),
     ]
     return page(result.title, parts)
+
+
+def _rows(result: JobResult) -> list[list[str]]:
+    """The cells of the table; where the joints come back it says so."""
+    place = next(k for k, (title, _) in enumerate(columns(result)) if title.startswith("drift"))
+    found = rows(result)
+    for cells, strategy in zip(found, result.strategies, strict=False):
+        if strategy.metrics["drift_most"] <= ALIKE:
+            cells[place] += RETURNS
+    return found
+
+
+def _tolerance(result: JobResult) -> str:
+    """What is meant by "returns"."""
+    unit, factor = result.joint_unit
+    return f"returns: every joint is back at its start within {factor * ALIKE:.1g} {unit}, which nobody could measure."
 
 
 def _terms() -> list[str]:
@@ -170,17 +199,20 @@ def _timing(result: JobResult) -> list[str]:
     for s in result.strategies:
         if s.timed is not None:
             slow = "".join(f"<li>{escape(str(one))}</li>" for one in s.timed.slowdowns)
-            parts += [f"<h3>{escape(s.name)}</h3><p class='small'>{escape(s.timed.sentence)}</p>", _loads(s.timed)]
+            parts += [
+                f"<h3>{escape(s.name)}</h3><p class='small'>{escape(s.timed.sentence)}</p>",
+                _loads(s.timed, result.units),
+            ]
             parts += [f"<ul class='small'>{slow}</ul>"] if slow else []
     said = "The greatest speed, acceleration and jerk of each joint, and what share of its limit that is."
     return ["<h2>Timing</h2>", f"<p class='small'>{said}</p>", *parts] if parts else []
 
 
-def _loads(timed: TimedTrajectory) -> str:
+def _loads(timed: TimedTrajectory, units: PrintedUnits) -> str:
     """The peaks of each joint as a table, numbers under their headings."""
     head = ["joint", "speed", "of limit", "acceleration", "of limit", "jerk", "of limit", "nearest limit at", "time"]
     table = []
-    for load in timed.loads:
+    for load in (one.printed(units) for one in timed.loads):
         cells = [escape(load.joint)]
         for order, (peak, share) in enumerate(zip(load.peaks, load.shares, strict=True), 1):
             unit = f"{load.unit}/s" + (f"<sup>{order}</sup>" if order > 1 else "")
@@ -215,11 +247,12 @@ def _film(file: FilePath, caption: str) -> str:
 
 def _all_figures(result: JobResult) -> str:
     rows: list[list[str]] = []
-    for key, meaning in result.meanings.items():
+    for key in result.meanings:
         values = [s.metrics.get(key, np.nan) for s in result.strategies]
         if any(np.isfinite(values)):
-            cells = [_measured(value) for value in values]
-            rows.append([escape(meaning.replace("[joint]", f"[{joint_unit(result.robot)}]")), *cells])
+            by, words = result.factor(key), RETURNS if key in _DRIFTS else ""
+            cells = [_measured(by * value) + (words if abs(value) <= ALIKE else "") for value in values]
+            rows.append([escape(result.meaning(key)), *cells])
     return html_table(["", *(escape(s.name) for s in result.strategies)], rows)
 
 
@@ -240,4 +273,5 @@ def _expectations(result: JobResult) -> str:
     ]
     if not rows:
         return "<p>The job file holds no [expect] table.</p>"
-    return html_table(["strategy", "figure", "wanted", "found", ""], rows)
+    said = "" if result.units.plain else "<p class='small'>In rad and m, the units of the job file.</p>"
+    return said + html_table(["strategy", "figure", "wanted", "found", ""], rows)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..analysis import Verdict
+from ..base.printed_units import SI, PrintedUnits
 from ..base.types import NoTruthValue, Vector
 from ..checking import CheckReport
 from ..designing import Coverage, Slice
@@ -107,6 +108,7 @@ class JobResult:
 
     obstacles: those of [checks] that stand still. one_way: why its path has no two paths to a pose, at which joints
     could be compared, or empty. meanings: of the metrics of its strategies; [joint] there stands for the joints' unit.
+    units: in which it is printed; all values here are in rad and m. clearance: the one that [checks] want [m].
     """
 
     name: str
@@ -124,6 +126,40 @@ class JobResult:
     obstacles: tuple[LinkShape, ...] = ()
     one_way: str = ""
     meanings: Mapping[str, str] = field(default_factory=dict)
+    units: PrintedUnits = SI
+    clearance: float | None = None
+
+    @property
+    def joint_unit(self) -> tuple[str, float]:
+        """The unit in which figures of all joints are printed, and by what they are multiplied for that."""
+        return self.units.together(c.unit for c in self.robot.coordinates)
+
+    @property
+    def row_unit(self) -> tuple[str, float]:
+        """The same of figures of all rows of the task."""
+        return self.units.together(unit for s in self.strategies for unit in s.cycles.row_units)
+
+    def factor(self, metric: str) -> float:
+        """By what a metric is multiplied to be printed: its meaning says its unit."""
+        found = re.search(r"\[([^\]]+)\]$", self.meanings.get(metric, ""))
+        known = {"joint": self.joint_unit[1], "m or rad": self.row_unit[1], "m": self.units.factor("m")}
+        return known.get(found[1], 1.0) if found else 1.0
+
+    def meaning(self, metric: str) -> str:
+        """What a metric is, with its unit as it is printed."""
+        text = self.meanings[metric].replace("[joint]", f"[{self.joint_unit[0]}]")
+        return text.replace("[m or rad]", f"[{self.row_unit[0]}]").replace("[m]", f"[{self.units.length}]")
+
+    @cached_property
+    def printed(self) -> JobResult:
+        """The same with the motions of its strategies in the units in which it is printed: for figures of them."""
+        if self.units.plain:
+            return self
+        found = []
+        for s in self.strategies:
+            pair = s.two_paths and (s.two_paths[0].printed(self.units), s.two_paths[1].printed(self.units))
+            found.append(replace(s, two_paths=pair, cycles=s.cycles.printed(self.units)))
+        return replace(self, strategies=tuple(found))
 
     @property
     def drawn(self) -> tuple[StrategyResult, ...]:

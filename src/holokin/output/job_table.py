@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import brief
 from .job_result import JobResult, StrategyResult
 from .palette import BAD, GOOD, HOLONOMIC_TEXT, WARNING
-from .words import check_words, joint_unit, paths_words, speed_warning
+from .words import check_words, paths_words, speed_warning
 
 NOTHING = 1e-18
 """Size [any unit] below which a figure is 0: differences of doubles over 0.01 are at least that."""
@@ -39,10 +39,10 @@ def _columns(result: JobResult) -> list[_Column]:
     """The columns; clearance and share of the workspace in a job that has them."""
 
     def figure(key: str, form: Callable[[float], str] = number) -> Callable[[StrategyResult], str]:
-        return lambda s: form(s.metrics[key]) if np.isfinite(s.metrics[key]) else "-"
+        by = result.factor(key)
+        return lambda s: form(by * s.metrics[key]) if np.isfinite(s.metrics[key]) else "-"
 
-    joints = joint_unit(result.robot)
-    task = " or ".join(dict.fromkeys(unit for s in result.strategies for unit in s.cycles.row_units))
+    joints, task = result.joint_unit[0], result.row_unit[0]
     looked_at = any(np.isfinite(s.metrics["clearance"]) for s in result.strategies)
     narrow = result.workspace or looked_at
     found = [
@@ -55,7 +55,9 @@ def _columns(result: JobResult) -> list[_Column]:
         _Column("speed\n/ MP", figure("speed", "{:.3f}".format)),
         _Column("peak\nspeed", figure("peak_speed")),
     ]
-    found += [_Column("clear.\n[m]", figure("clearance"))] if looked_at else []
+    unit = result.units.length
+    clear = figure("clearance", number if unit == "m" else "{:.1f}".format)
+    found += [_Column(f"clear.\n[{unit}]", clear)] if looked_at else []
     found += [_Column("work-\nspace", figure("coverage", "{:.1%}".format))] if result.workspace else []
     return [*found, _Column("expected", _expected, "left")]
 
@@ -103,11 +105,11 @@ def print_result(result: JobResult, console: Any) -> None:
     for strategy in result.strategies:
         if strategy.timed is not None:
             console.print(f"  {brief(strategy.name)}, timed:", markup=False, highlight=False)
-            for line in strategy.timed.table().splitlines():
+            for line in strategy.timed.table(result.units).splitlines():
                 console.print(f"    {brief(line)}", markup=False, highlight=False)
         if strategy.motion_check is not None:
             console.print(f"  {brief(strategy.name)}, checked:", markup=False, highlight=False)
-            told = strategy.motion_check.table().splitlines()
+            told = strategy.motion_check.table(result.units).splitlines()
             said = [text for text in [check_words(strategy)] if text]
             for line in [*said, *told[strategy.motion_check.passed :]]:
                 console.print(f"    {brief(line)}", markup=False, highlight=False)

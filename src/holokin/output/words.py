@@ -28,6 +28,12 @@ def joint_unit(robot: Robot) -> str:
     return " or ".join(dict.fromkeys(c.unit for c in robot.coordinates))
 
 
+def alike(shift: Vector, units: tuple[str, ...]) -> bool:
+    """Whether a joint difference (n,) in these units, also printed ones, is none that anybody could measure."""
+    each = {"deg": ALIKE * 180 / np.pi, "mm": 1000 * ALIKE}
+    return bool((np.abs(shift) < [each.get(unit, ALIKE) for unit in units]).all())
+
+
 def largest(shift: Vector, units: tuple[str, ...]) -> str:
     """The largest entry of a joint difference (n,), with the unit of the joint that it is of."""
     i = int(np.argmax(np.abs(shift)))
@@ -47,7 +53,7 @@ def paths_end(pair: tuple[Trajectory, Trajectory]) -> str:
     if clockwise.status is counter.status is Status.COMPLETE:
         gap = clockwise.q[-1] - counter.q[-1]
         apart = f"the two paths end {largest(gap, clockwise.joint_units)} apart"
-        return "both paths end at the same joints" if np.abs(gap).max() < ALIKE else apart
+        return "both paths end at the same joints" if alike(gap, clockwise.joint_units) else apart
     named = [("clockwise", clockwise), ("counter-clockwise", counter)]
     return "\n".join(f"{name} {stopped(walk)}" for name, walk in named if walk.status is not Status.COMPLETE)
 
@@ -56,7 +62,7 @@ def away(walk: Trajectory, cycles: int) -> str:
     """Where the joints stand after some cycles."""
     count = "1 cycle" if cycles == 1 else f"{cycles} cycles"
     shift = walk.q[walk.marks[cycles]] - walk.q[0]
-    same = np.abs(shift).max() < ALIKE
+    same = alike(shift, walk.joint_units)
     return f"after {count}: " + ("back at the start" if same else f"{largest(shift, walk.joint_units)} away")
 
 
@@ -84,6 +90,6 @@ def speed_warning(result: JobResult, strategy: StrategyResult) -> str:
     slower = 0.99 * result.path.speed / shares[i]
     return (
         f"joint {result.robot.joint_names[i]!r} would have to run at {shares[i]:.3g} times its speed limit of "
-        f"{limits[i]:.3g} {result.robot.coordinates[i].unit}/s; run the path at {slower:.2g} m/s "
-        "or slower"
+        f"{result.units.said(limits[i], result.robot.coordinates[i].unit + '/s', 3)}; run the path at "
+        f"{result.units.said(slower, 'm/s', 2)} or slower"
     )

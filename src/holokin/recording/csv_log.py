@@ -13,7 +13,7 @@ from ..base.types import Matrix, Vector
 from ..errors import RecordingError
 from ..robot import Robot
 from .csv_table import read_table
-from .joint_columns import Columns, column_named, columns_named, in_si, joint_columns, time_column
+from .joint_columns import Columns, column_named, columns_named, joint_columns, plain_name, scale_of, time_column
 from .log import Samples
 
 CURE = "log a header and at least two cycles"
@@ -27,9 +27,15 @@ def read_csv(file: Path, robot: Robot, columns: Columns | None = None, time: str
         RecordingError. UnknownNameError, ArgumentError: as `columns_named`.
     """
     times: list[int] = []
+    scales: list[float] = []
 
     def wanted(names: Sequence[str]) -> list[int]:
-        header = [in_si(name) for name in names]
+        places = chosen(names)
+        scales.extend(scale_of(names[place]) for place in places[len(times) :])
+        return places
+
+    def chosen(names: Sequence[str]) -> list[int]:
+        header = [plain_name(name) for name in names]
         times.extend(time_column(file, header) if time is None else [column_named(file, header, time, "the time")])
         if columns is None:
             return [*times, *joint_columns(file, header, robot, robot.joint_names)]
@@ -43,13 +49,14 @@ def read_csv(file: Path, robot: Robot, columns: Columns | None = None, time: str
     ):
         stamps = stamps or _Stamps(len(times) == 2)
         stamps.add(table[:, : len(times)], texts)
-        q.frombytes(table[:, len(times) :].tobytes())
+        q.frombytes((table[:, len(times) :] * scales).tobytes())
         numbers.extend(places)
     if stamps is None:
         raise RecordingError(file, "has a header but no samples", "log at least two cycles")
     notes: list[str] = []
     t = stamps.seconds(file, notes)
-    return Samples(t, np.frombuffer(q).reshape(len(t), -1), "line", np.frombuffer(numbers, dtype=np.int64), notes)
+    lines, said = np.frombuffer(numbers, dtype=np.int64), any(scale != 1.0 for scale in scales)
+    return Samples(t, np.frombuffer(q).reshape(len(t), -1), "line", lines, notes, said)
 
 
 class _Stamps:

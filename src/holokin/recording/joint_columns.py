@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from math import pi
 from pathlib import Path
 
 from ..errors import ArgumentError, RecordingError, UnknownNameError, closest
@@ -27,14 +28,20 @@ _OTHER = re.compile(
 _POSITION = re.compile(r"[./_: ](position|positions|pos|q|actual)$", re.IGNORECASE)
 
 
-def in_si(name: str) -> str:
-    """The name of a column without a unit in brackets that is of SI, as in "time [s]"; with any other as it is."""
-    return re.sub(r"\s*\[(s|rad|m)\]$", "", name)
+def plain_name(name: str) -> str:
+    """The name of a column without a unit in brackets that is understood, as in "time [s]"; with another as it is."""
+    return re.sub(r"\s*\[(s|rad|m|deg|mm)\]$", "", name)
+
+
+def scale_of(name: str) -> float:
+    """By what a column is multiplied to be in rad or m: of "NAME [deg]" and "NAME [mm]"; 1 without these units."""
+    unit = re.search(r"\[(deg|mm)\]$", name)
+    return 1.0 if unit is None else {"deg": pi / 180, "mm": 1e-3}[unit[1]]
 
 
 def column_named(file: Path, header: Sequence[str], name: str, what: str) -> int:
     """The place of a column. Raises: RecordingError, which names the nearest."""
-    name = in_si(name)
+    name = plain_name(name)
     if name in header:
         return header.index(name)
     fact = f"there is no column {shown(name)!r} for {what}"

@@ -68,7 +68,7 @@ def read_recording(
         samples = read_csv(file, robot, columns, time)
     notes = samples.notes
     t, q = _in_order(file, samples, notes)
-    _to_radians(file, q, robot, degrees, notes)
+    _to_radians(file, q, robot, False if samples.in_si else degrees, notes)
     _unwrap(q, robot, notes)
     log = Recording(robot.joint_names, t, q, str(file))
     if len(log.gaps):

@@ -69,13 +69,14 @@ class Recording(Value):
 @dataclass(frozen=True, eq=False)
 class Samples:
     """What a file holds, in its own order and units: t (k,) [s] and q (k, n); `place` and `numbers` (k,) name each
-    ('line 7'), for messages."""
+    ('line 7'), for messages. in_si: whether the file named its units, so that q is in rad and m for sure."""
 
     t: Vector
     q: Matrix
     place: str
     numbers: Indices
     notes: list[str] = field(default_factory=list)
+    in_si: bool = False
 
     def where(self, i: int) -> str:
         """The place of sample i in the file, in words."""

@@ -15,6 +15,7 @@ from .chains import robot_of
 from .composition import Part, compose, ordered, pose_matrix, with_base_pose, with_tool
 from .dh import from_dh
 from .model import Robot
+from .models_by_name import is_model
 from .tree import MOVING, Branch, Tree, checked
 
 Loader = Callable[[Mapping[str, Any]], Robot]
@@ -27,11 +28,11 @@ CHAIN = ("tip", "base", "locked", "args")
 """Keys of a part that choose from a file, as in `load`."""
 
 _FRAME = ("xyz", "rpy", "rpy_deg")
-_TOP = ("name", "source", "convention", "base", "tool", "tip", "joints", "parts", "order")
+_TOP = ("name", "source", "convention", "base", "tool", "tools", "tip", "joints", "parts", "order")
 _LIMITS = ("lower", "upper", "max_velocity", "degrees")
 _DH_ROW = ("joint", "kind", "a", "d", "alpha_deg", "theta_deg", *_LIMITS)
 _URDF_ROW = ("joint", "kind", *_FRAME, "axis", *_LIMITS)
-_PART = ("name", *CHAIN, "tool", "on", *_FRAME, "prefix")
+_PART = ("name", *CHAIN, "tool", "tools", "on", *_FRAME, "prefix")
 _FORM = "see the packaged robots for the form"
 
 
@@ -57,16 +58,18 @@ def robot_of_table(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
 
 
 def assembled(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
-    """The robot that the keys of [robot] describe: one by name or parts, with tool, base_pose and order.
+    """The robot that the keys of [robot] describe: one by name or parts, with tool, tools, base_pose and order.
 
     Raises: RobotFileError, and what `load`, `compose`, `ordered` raise.
     """
     if "parts" in table:
+        _one_robot_once(path, table["parts"])
         parts = [_part_of_table(path, part, load) for part in table["parts"]]
         robot = compose(*parts, name=table.get("name", Path(str(path)).stem))
-        robot = with_tool(robot, *frame_of(path, "tool", table["tool"])) if "tool" in table else robot
+        robot = _tooled(path, table, robot)
     else:
-        robot = _part_of_table(path, {key: table[key] for key in ("name", *CHAIN, "tool") if key in table}, load).robot
+        own = ("name", *CHAIN, "tool", "tools")
+        robot = _part_of_table(path, {key: table[key] for key in own if key in table}, load).robot
     if "base_pose" in table:
         robot = with_base_pose(robot, *frame_of(path, "base_pose", table["base_pose"]))
     return ordered(robot, table["order"]) if "order" in table else robot
@@ -79,11 +82,40 @@ def _part_of_table(path: Any, table: Mapping[str, Any], load: Loader) -> Part:
         _text(path, f"parts.{key}", {f"parts.{key}": table[key]} if key in table else {})
     if "name" not in table:
         raise RobotFileError(path, "a part lacks 'name'", "name a robot of the catalogue, or a file")
-    robot = load({key: table[key] for key in ("name", *CHAIN) if key in table})
-    if "tool" in table:
-        robot = with_tool(robot, *frame_of(path, "tool", table["tool"]))
+    robot = _tooled(path, table, load({key: table[key] for key in ("name", *CHAIN) if key in table}))
     mount = {key: table[key] for key in _FRAME if key in table}
     return Part(robot, table.get("on"), *frame_of(path, "parts", mount), table.get("prefix", ""))
+
+
+def _tooled(path: Any, table: Mapping[str, Any], robot: Robot) -> Robot:
+    """A robot with the `tool` of its first tip, or with `tools`: those of tips by name, which keep their names.
+
+    Raises: RobotFileError, UnknownNameError, and what `with_tool` raises.
+    """
+    if "tool" in table and "tools" in table:
+        raise RobotFileError(path, "has 'tool' and 'tools'", "give one of them")
+    if "tool" in table:
+        return with_tool(robot, *frame_of(path, "tool", table["tool"]))
+    tools = table.get("tools", {})
+    if not isinstance(tools, Mapping):
+        raise RobotFileError(path, f"tools is {shown(tools, 100)}", "give a table, tip = { xyz = [x, y, z] }")
+    for tip, frame in tools.items():
+        robot = with_tool(robot, *frame_of(path, f"tools.{tip}", frame), tip=tip, name=tip)
+    return robot
+
+
+def _one_robot_once(path: Any, parts: Sequence[Any]) -> None:
+    """Raises: RobotFileError where two parts are one model at one place: each brings all links of the file."""
+    seen: list[tuple[object, ...]] = []
+    for part in parts:
+        if not isinstance(part, Mapping) or not is_model(str(part.get("name", ""))) or "on" not in part:
+            continue
+        place = (part["name"], part.get("base"), part["on"], *(part.get(key) for key in _FRAME))
+        if place in seen:
+            fact = f"two parts are {shown(part['name'], 100)} at one place, so each link stands there twice"
+            cure = "make it one robot with several tips: name = FILE and tip = ['left_tip', 'right_tip']"
+            raise RobotFileError(path, fact, cure)
+        seen.append(place)
 
 
 def frame_of(path: Any, key: str, table: Mapping[str, Any]) -> tuple[Vector, Vector]:
@@ -98,7 +130,7 @@ def frame_of(path: Any, key: str, table: Mapping[str, Any]) -> tuple[Vector, Vec
 def _robot(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
     name, source = str(table.get("name", Path(str(path)).stem)), table["source"]
     if "parts" in table:
-        given = {"name": name} | {key: table[key] for key in ("parts", "tool", "order") if key in table}
+        given = {"name": name} | {key: table[key] for key in ("parts", "tool", "tools", "order") if key in table}
         given |= {"base_pose": table["base"]} if "base" in table else {}
         return replace(assembled(path, given, load), source=source)
     frames = {key: frame_of(path, key, table[key]) for key in ("base", "tool") if key in table}
