@@ -17,6 +17,7 @@ import holokin as hk
 from bags import JOINTS, write_bag
 from conftest import sampled
 from holokin import auditing, recording
+from holokin.auditing.arcs import FREE
 from holokin.auditing.cycles import find_cycles
 from holokin.errors import ArgumentError, RecordingError
 
@@ -204,7 +205,7 @@ def recorded(q: np.ndarray, robot: hk.Robot = PPR) -> recording.Recording:
 def test_the_loops_of_a_circle_are_counted(rows: int, loops: int, kind: str) -> None:
     angle = phase(rows, loops, kind)
     q = joined(0.3 * np.cos(angle), 0.3 * np.sin(angle))
-    assert len(find_cycles(recorded(q), PPR, orientation=False)) == loops
+    assert len(find_cycles(recorded(q), PPR, axes=FREE)) == loops
 
 
 @pytest.mark.campaign
@@ -212,7 +213,7 @@ def test_loops_of_few_samples_are_counted_in_a_log_of_thousands() -> None:
     """On one grid over the whole log a loop would have eight points: seven were one cycle."""
     angle = phase(30_000, 2100, "even")
     q = joined(0.3 * np.cos(angle), 0.3 * np.sin(angle))
-    cycles = find_cycles(recorded(q), PPR, orientation=False)
+    cycles = find_cycles(recorded(q), PPR, axes=FREE)
     assert len(cycles) == 2100
     assert cycles.length == pytest.approx(0.6 * np.pi, rel=0.05)
 
@@ -229,7 +230,7 @@ def test_the_drift_of_a_pseudo_inverse_does_not_hide_its_loops() -> None:
         middle = z[k - 1] + (np.cos(z[k - 1]) * (y[k] - y[k - 1]) - np.sin(z[k - 1]) * (x[k] - x[k - 1])) / 4
         z[k] = z[k - 1] + (np.cos(middle) * (y[k] - y[k - 1]) - np.sin(middle) * (x[k] - x[k - 1])) / 2
     q = np.column_stack([x - np.cos(z), y - np.sin(z), z])
-    assert len(find_cycles(recorded(q), PPR, orientation=False)) == 100
+    assert len(find_cycles(recorded(q), PPR, axes=FREE)) == 100
     assert hk.audit_recording(recorded(q), PPR).verdict is not auditing.LogVerdict.REPEATS
 
 
@@ -242,7 +243,7 @@ def test_the_loops_of_a_fine_raster_are_counted(lines: int, loops: int) -> None:
     share = phase(60_000, loops, "even") / (2 * np.pi)
     at = np.minimum(share, loops - 1e-9) % 1 * s[-1]
     q = joined(np.interp(at, s, corners[:, 0]), np.interp(at, s, corners[:, 1]))
-    cycles = find_cycles(recorded(q), PPR, orientation=False)
+    cycles = find_cycles(recorded(q), PPR, axes=FREE)
     assert len(cycles) == loops
     assert cycles.length == pytest.approx(s[-1], rel=0.01)
 

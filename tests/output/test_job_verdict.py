@@ -147,3 +147,10 @@ def test_an_open_path_and_a_failed_expectation_are_told(circle: JobResult) -> No
     opened = replace(circle, path=line)
     assert all("follows the path to its end" in does for _, does, _, _ in strategy_verdicts(opened))
     assert "whether the joints return: the path is open" in not_tested(opened)
+
+
+def test_pairs_that_were_left_out_and_capsules_for_links_are_named_as_not_tested(circle: JobResult) -> None:
+    report = hk.check(circle.strategies[0].cycles.q, circle.robot)
+    said = " ".join(not_tested(replace(circle, strategies=(replace(circle.strategies[0], motion_check=report),))))
+    assert f"{len({one.pair for one in report.left_out})} pairs of links" in said and report.left_out
+    assert "capsules of radius" in said and "has no [checks]" not in said

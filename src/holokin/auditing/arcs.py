@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..base.types import Array, Indices, Matrix, Vector
+from ..base.types import Array, Indices, Matrix, Vector, frozen
 from ..robot import Robot
 
 NOISE_STEPS = 12.0
@@ -18,14 +18,20 @@ BLOCK = 50_000
 """Samples whose tool poses are in memory at one time: five megabytes."""
 
 
-def tool_points(position: Matrix, rotation: Array | None, length_scale: float) -> Matrix:
+WHOLE, FREE = frozen(np.eye(3)), frozen(np.zeros((3, 0)))
+"""Axes of the tool (3, a), as columns, whose directions belong to its path: all, of a pose; none, of a position."""
+
+
+def tool_points(position: Matrix, rotation: Array, axes: Matrix, length_scale: float) -> Matrix:
     """Poses as points (k, d) whose distance is sqrt(|dp|^2 + (l 2 sin(angle/2))^2), l the length scale [m/rad].
 
-    The rotation enters by its nine entries, since |R - S|_F = 2 sqrt(2) sin(angle/2); None leaves it out.
+    A rotation enters by its nine entries, since |R - S|_F = 2 sqrt(2) sin(angle/2), and one axis a by the direction
+    R a, since |R a - S a| = 2 sin(angle/2).
     """
-    if rotation is None:
+    if not axes.shape[1]:
         return position
-    return np.hstack([position, length_scale / np.sqrt(2) * rotation.reshape(len(position), 9)])
+    weight = length_scale / np.sqrt(2) if axes.shape[1] == 3 else length_scale
+    return np.hstack([position, weight * (rotation @ axes).reshape(len(position), -1)])
 
 
 def noise_level(x: Matrix) -> float:
@@ -57,7 +63,7 @@ class ToolMotion:
     robot: Robot
     q: Matrix
     tip: str | None
-    orientation: bool
+    axes: Matrix
     length_scale: float
 
     def __len__(self) -> int:
@@ -69,7 +75,7 @@ class ToolMotion:
 
     def _points(self, rows: slice | Indices) -> Matrix:
         position, rotation = self.robot.pose_batch(self.q[rows], self.tip)
-        return tool_points(position, rotation if self.orientation else None, self.length_scale)
+        return tool_points(position, rotation, self.axes, self.length_scale)
 
     def at(self, rows: slice | Indices) -> Matrix:
         """Tool points of some samples."""

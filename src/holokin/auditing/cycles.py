@@ -10,7 +10,7 @@ from ..base.types import Array, Indices, Matrix, Vector
 from ..errors import RecordingError
 from ..recording import Recording
 from ..robot import Robot
-from .arcs import BLOCK, NOISE_STEPS, ToolMotion, ToolPath, tool_path
+from .arcs import BLOCK, FREE, NOISE_STEPS, WHOLE, ToolMotion, ToolPath, tool_path
 from .period import Period, find_period, repeating
 
 LENGTH_SCALE = 0.1
@@ -80,26 +80,27 @@ def find_cycles(
     robot: Robot,
     *,
     tip: str | None = None,
-    orientation: bool = True,
+    axes: Matrix = WHOLE,
     length_scale: float = LENGTH_SCALE,
 ) -> Cycles:
     """Find the cycles of a recording.
 
     Args:
-        orientation: whether the tool's orientation belongs to its path; False looks at positions alone.
+        axes: those of the tool (3, a), as columns, whose directions belong to its path: `WHOLE`, the orientation;
+            `FREE`, none; or the one about which the tool may spin.
         length_scale: [m/rad], what one radian of turn counts beside metres in the distance of two poses.
 
     Raises:
         RecordingError: the tool does not move, repeats no path, or runs fewer than two whole cycles.
     """
-    motion = ToolMotion(robot, recording.q, tip, orientation, length_scale)
+    motion = ToolMotion(robot, recording.q, tip, axes, length_scale)
     extent, noise = motion.extent_and_noise()
     if extent < max(1e-6, 4 * NOISE_STEPS * noise):
         fact = f"the tool moves by {extent:.2g} m only, with {noise:.2g} m of noise"
         raise RecordingError(recording.source, fact, "log a motion of the arm, check tip and unit")
     period = find_period(motion, noise, max(extent / 400, NOISE_STEPS * noise))
     if period is None:
-        raise _no_cycles(recording, robot, tip, orientation, length_scale)
+        raise _no_cycles(recording, robot, tip, axes, length_scale)
     points = int(np.clip(_FINE * period.length / extent, _TEMPLATE, _MOST_TEMPLATE))
     path = tool_path(motion, max(period.length / points, NOISE_STEPS * noise), noise)
     begin, length = _begin_of(path, *_first_round(path, period), noise, 0.1 * extent)
@@ -116,18 +117,18 @@ def find_cycles(
 
 
 def _no_cycles(
-    recording: Recording, robot: Robot, tip: str | None, orientation: bool, length_scale: float
+    recording: Recording, robot: Robot, tip: str | None, axes: Matrix, length_scale: float
 ) -> RecordingError:
     fact = "the tool repeats no path in the same direction, so there are fewer than two cycles"
     cure = "log at least two whole cycles, check tip and unit"
-    if orientation:
+    if axes.shape[1]:
         try:
-            find_cycles(recording, robot, tip=tip, orientation=False, length_scale=length_scale)
+            find_cycles(recording, robot, tip=tip, axes=FREE, length_scale=length_scale)
         except RecordingError:
             pass
         else:
             fact = "the pose of the tool repeats no path, but its position does"
-            cure = "pass --position (orientation=False) if the orientation is free"
+            cure = "pass --position (orientation=False) if the orientation is free, --axis z if the tool may spin"
     return RecordingError(recording.source, fact, cure)
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import Indices, Matrix, Vector
+from ..base.types import ArrayLike, Indices, Matrix, Vector
 from ..errors import ArgumentError, ShapeError
 from ..recording import Recording
 from ..robot import Robot
 from ..tasks.frame_tasks import pose, position
-from .arcs import encoder_levels
+from ..tasks.task import Task
+from ..tasks.task_kinds import parts_of
+from .arcs import FREE, WHOLE, encoder_levels
 from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles
 from .equal_poses import Distance, LogVerdict, spread, to_pose
@@ -35,6 +37,7 @@ def audit_recording(
     *,
     tip: str | None = None,
     orientation: bool | None = None,
+    axis: str | ArrayLike | None = None,
     tolerance: float = TOLERANCE,
     length_scale: float = LENGTH_SCALE,
 ) -> LogAudit:
@@ -47,6 +50,8 @@ def audit_recording(
     Args:
         orientation: whether the tool's orientation belongs to its task; by default where the robot has joints to
             spare with it.
+        axis: about which the tool may spin, "x", "y" or "z" of the tool or a direction (3,) in its frame: then its
+            point and the direction of this axis are its task.
         tolerance: joint distance [rad or m], on top of the noise floor, that counts as equal, and drift [rad or m a
             cycle] that must be excluded before the joints are called the same.
         length_scale: [m/rad] of the distance of two poses, see `find_cycles`.
@@ -61,8 +66,13 @@ def audit_recording(
     if recording.q.shape[1] != robot.n:
         raise ShapeError("q of the recording", ("k", robot.n), recording.q.shape, "read it with the same robot")
     whole = robot.n > (3 if robot.planar else 6) if orientation is None else orientation
-    task = pose(robot, tip=tip) if whole else position(robot, tip)
-    cycles = find_cycles(recording, robot, tip=tip, orientation=whole, length_scale=length_scale)
+    if axis is None:
+        task, axes = (pose(robot, tip=tip), WHOLE) if whole else (position(robot, tip), FREE)
+    else:
+        if orientation is not None:
+            raise ArgumentError("axis beside orientation", axis, "give one of them")
+        task, axes = _about(robot, tip, axis, recording.q[0])
+    cycles = find_cycles(recording, robot, tip=tip, axes=axes, length_scale=length_scale)
     count, poses, n = cycles.q.shape
     place, turn = robot.pose_batch(cycles.q[0], tip)
     place[-1], turn[-1] = place[0], turn[0]
@@ -154,6 +164,12 @@ def audit_recording(
         at_crossings,
         verdict,
     )
+
+
+def _about(robot: Robot, tip: str | None, axis: str | ArrayLike, q: Vector) -> tuple[Task, Matrix]:
+    """(the task of a tool that may spin about an axis, the axis (3, 1)); its direction counts from that at q."""
+    task = pose(robot, "axis", reference=robot.pose(q, tip)[:3, :3], axis=axis, tip=tip)
+    return task, parts_of(task)[0].axis[:, None]
 
 
 def _rising(x: Vector, y: Vector) -> tuple[Vector, Vector]:

@@ -88,7 +88,8 @@ def scatter(visits: Visits) -> Noise:
     own, pooled = serial * (rest**2).sum(axis=0), serial * total / (phases * d)
     waves = np.abs(np.fft.fft(rest, axis=1)) ** 2
     correlation = np.fft.ifft(waves.sum(axis=(0, 2))).real / total  # of phases at each distance
-    dof = max(free, free * phases / float((correlation**2).sum())) + PRIOR
+    alone = max(float((correlation**2).sum()), 1.0)  # 1 at distance 0, unless nothing at all is left over
+    dof = max(free, free * phases / alone) + PRIOR
     each = np.sqrt(np.maximum(np.maximum(own, pooled), visits.noise**2))
     average = np.sqrt(np.maximum(serial * (rest.mean(axis=1) ** 2).sum(axis=0), encoder**2))
     moves = residual(visits.moves.reshape(k, -1) - visits.moves.reshape(k, -1).mean(axis=0))

@@ -3,6 +3,7 @@
 Uses all that a job may name. Read first: `schema.py`, `job_parts.py`, `runner.py`.
 """
 
+from .advice_words import axis_of
 from .certify_strategies import certify_job
 from .export_strategy import export_job, job_strategy
 from .job_file import read_job
@@ -17,6 +18,7 @@ __all__ = [
     "KINDS",
     "PAPER",
     "Job",
+    "axis_of",
     "certify_job",
     "expand",
     "export_job",

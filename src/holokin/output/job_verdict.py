@@ -146,6 +146,11 @@ def not_tested(result: JobResult) -> list[str]:
         found.append("collisions, obstacles, floor, singular postures of the motion: the job has no [checks]")
     elif any(s.followed < 1.0 for s in result.strategies):
         found.append("the rest of the path of a strategy that stopped")
+    reports = [s.motion_check for s in result.strategies if s.motion_check is not None]
+    left_out = {one.pair for report in reports for one in report.left_out}
+    if left_out:
+        found.append(f"{len(left_out)} pairs of links whose distances were left out: see the checks of the motion")
+    found += dict.fromkeys(remark for report in reports for remark in report.remarks)
     if all(s.timed is None for s in result.strategies):
         found.append("accelerations and jerks: the job has no [timing]")
     return [*found, "the controller and the robot: servos, weight, backlash, its own planning"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -38,10 +39,12 @@ def print_log_audit(audit: LogAudit, console: Any) -> None:
     console.print(Text(audit.sentence(), style=color), highlight=False)
 
 
-def save_log_audit(audit: LogAudit, file: FilePath) -> None:
-    """Write `LogAudit.summary` as JSON. Raises: WriteError."""
+def save_log_audits(audits: Sequence[LogAudit], file: FilePath) -> None:
+    """Write `LogAudit.summary` as JSON; of several runs a list of them, under "runs". Raises: WriteError."""
+    found = [audit.summary() for audit in audits]
+    facts = found[0] if len(found) == 1 else {"runs": found}
     with replacing(file) as part:
-        part.write_text(json.dumps(audit.summary(), indent=2, allow_nan=False) + "\n", "utf-8")
+        part.write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")
 
 
 def log_figure(audit: LogAudit) -> Any:

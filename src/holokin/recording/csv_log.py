@@ -13,6 +13,7 @@ from ..base.types import Matrix, Vector
 from ..errors import RecordingError
 from ..robot import Robot
 from .csv_table import read_table
+from .headless import guessed, numbered
 from .joint_columns import Columns, column_named, columns_named, joint_columns, plain_name, scale_of, time_column
 from .log import Samples
 
@@ -20,13 +21,29 @@ CURE = "log a header and at least two cycles"
 _WHOLE = re.compile(r"[+-]?\d{1,19}")
 
 
-def read_csv(file: Path, robot: Robot, columns: Columns | None = None, time: str | None = None) -> Samples:
-    """The samples of a CSV file; columns and time name its columns.
+def read_csv(
+    file: Path, robot: Robot, columns: Columns | None = None, time: str | None = None, *, skip_bad: bool = False
+) -> Samples:
+    """The samples of a CSV file; columns and time name its columns, of a file without a header by their numbers.
+
+    skip_bad: rows that cannot be read are left out and counted; else the first one is refused.
 
     Raises:
         RecordingError. UnknownNameError, ArgumentError: as `columns_named`.
     """
     times: list[int] = []
+    notes: list[str] = []
+    bad: list[RecordingError] | None = [] if skip_bad else None
+
+    def headless(cells: Sequence[str]) -> list[str]:
+        if columns is None and time is None:
+            names, note = guessed(file, cells, robot)
+            notes.append(note)
+            return names
+        first = "" if time is not None else "column 1 was taken for the time, "
+        notes.append(f"no header: {first}columns by their numbers")
+        return [*(["t"] if time is None else ["1"]), *numbered(cells)[1:]]
+
     scales: list[float] = []
 
     def wanted(names: Sequence[str]) -> list[int]:
@@ -44,19 +61,19 @@ def read_csv(file: Path, robot: Robot, columns: Columns | None = None, time: str
 
     stamps: _Stamps | None = None
     q, numbers = array("d"), array("q")
-    for table, texts, places in read_table(
-        file, wanted, "log a header and at least two cycles", "t and the robot's joints"
-    ):
+    for table, texts, places in read_table(file, wanted, CURE, "t and the robot's joints", headless=headless, bad=bad):
         stamps = stamps or _Stamps(len(times) == 2)
         stamps.add(table[:, : len(times)], texts)
         q.frombytes((table[:, len(times) :] * scales).tobytes())
         numbers.extend(places)
     if stamps is None:
         raise RecordingError(file, "has a header but no samples", "log at least two cycles")
-    notes: list[str] = []
-    t = stamps.seconds(file, notes)
+    if bad:
+        rows = "1 row was" if len(bad) == 1 else f"{len(bad)} rows were"
+        notes.append(f"{rows} left out that could not be read; the first: {bad[0].fact}")
+    t, origin = stamps.seconds(file, notes)
     lines, said = np.frombuffer(numbers, dtype=np.int64), any(scale != 1.0 for scale in scales)
-    return Samples(t, np.frombuffer(q).reshape(len(t), -1), "line", lines, notes, said)
+    return Samples(t, np.frombuffer(q).reshape(len(t), -1), "line", lines, notes, said, origin)
 
 
 class _Stamps:
@@ -82,20 +99,23 @@ class _Stamps:
         else:
             self.whole = False
 
-    def seconds(self, file: Path, notes: list[str]) -> Vector:
-        """Seconds since the first stamp. Whole nanoseconds are told by their step; their differences are exact."""
+    def seconds(self, file: Path, notes: list[str]) -> tuple[Vector, float]:
+        """(seconds since the first stamp, that stamp), or (seconds, 0.0) of small ones. Whole nanoseconds are told by
+        their step; their differences are exact.
+        """
         t = np.frombuffer(self.values)
         if self.split:
-            return t
+            return t, self.origin
         if self.whole and np.abs(t).max() < 2**62:  # no difference overflows
             ticks = np.frombuffer(self.ticks, dtype=np.int64)
+            first = float(ticks[0])
             ticks = (ticks - ticks[0]).astype(float)
             step = float(np.median(np.abs(np.diff(ticks)))) if len(ticks) > 1 else 0.0
             if step >= 1e4:
                 notes.append("stamps read as nanoseconds")
-                return ticks * 1e-9
+                return ticks * 1e-9, first * 1e-9
             if step > 5:
                 fact = f"its whole-number stamps are {step:g} apart: neither seconds nor nanoseconds"
                 raise RecordingError(file, fact, "give seconds, or whole nanoseconds")
         with np.errstate(over="ignore"):  # an infinite span is refused later, as all over three centuries
-            return t - t[0] if abs(t[0]) > 1e6 else t
+            return (t - t[0], float(t[0])) if abs(t[0]) > 1e6 else (t, 0.0)

@@ -23,13 +23,16 @@ LONGEST_LINE = 1_000_000
 
 
 def read_table(
-    file: Path, wanted: Callable[[Sequence[str]], Sequence[int]], cure: str, names: str
-) -> Iterator[tuple[Matrix, list[str], Sequence[int]]]:
+    file: Path, wanted: Callable[[Sequence[str]], Sequence[int]], cure: str, names: str, *,
+    headless: Callable[[Sequence[str]], list[str]] | None = None, bad: list[RecordingError] | None = None,
+) -> Iterator[tuple[Matrix, list[str], Sequence[int]]]:  # fmt: skip
     """Some rows of a CSV file at a time: the wanted columns as finite numbers, the first of them as text, the lines.
 
     Args:
         wanted: the columns that are read, of the header's names.
         cure: for a file without a header or rows. names: of the columns that it should have.
+        headless: names the columns of a file whose first line holds numbers, by this line; None refuses such a file.
+        bad: gets the error of each row that cannot be read, and the row is left out; None raises it.
 
     Raises:
         RecordingError: it cannot be read, has no header, or a cell that is no finite number.
@@ -47,9 +50,13 @@ def read_table(
             if not any(header):
                 fact = "line 1 is empty, no header" if next(lines, "") else "is empty"
                 raise RecordingError(file, fact, cure)
+            done = 1
             if _number(header[0]) is not None:
-                raise RecordingError(file, "line 1 holds numbers, no header", f"name the columns: {names}")
-            yield from _pieces(file, header, _told_apart(file, header, wanted(header)), lines, delimiter)
+                if headless is None:
+                    raise RecordingError(file, "line 1 holds numbers, no header", f"name the columns: {names}")
+                header, lines, done = headless([cell.strip() for cell in cells]), chain([first], lines), 0
+            columns = _told_apart(file, header, wanted(header))
+            yield from _pieces(file, header, columns, lines, delimiter, done, bad)
     except (OSError, UnicodeError, csv.Error) as problem:
         fact = f"cannot be read as text ({shown(str(problem), 200)})"
         raise RecordingError(file, fact, "give a CSV file in UTF-8, a bag or .mcap") from None
@@ -81,10 +88,10 @@ def _lines(file: Path, stream: TextIO) -> Iterator[str]:
 
 
 def _pieces(
-    file: Path, header: Sequence[str], wanted: Sequence[int], lines: Iterator[str], delimiter: str
-) -> Iterator[tuple[Matrix, list[str], Sequence[int]]]:
+    file: Path, header: Sequence[str], wanted: Sequence[int], lines: Iterator[str], delimiter: str, done: int,
+    bad: list[RecordingError] | None,
+) -> Iterator[tuple[Matrix, list[str], Sequence[int]]]:  # fmt: skip
     """The wanted columns of some rows as numbers, the first of them, the time, as text too, and the rows' lines."""
-    done = 1
     while piece := list(islice(lines, PIECE)):
         plain = not any('"' in line for line in piece)
         fits = plain and max(line.count(delimiter) for line in piece) < len(header)
@@ -99,8 +106,9 @@ def _pieces(
         reader = csv.reader(piece if plain else chain(piece, lines), delimiter=delimiter)
         rows = ((done + reader.line_num, row) for row in reader if any(cell.strip() for cell in row))
         while some := list(islice(rows, PIECE)):
-            table = _row_numbers(file, header, wanted, some)
-            yield table, [row[wanted[0]].strip() for _, row in some], [line for line, _ in some]
+            kept, numbers = _row_numbers(file, header, wanted, some, bad)
+            if kept:
+                yield np.array(numbers), [row[wanted[0]].strip() for _, row in kept], [line for line, _ in kept]
         done += reader.line_num
 
 
@@ -116,22 +124,36 @@ def _plain_numbers(lines: Sequence[str], wanted: Sequence[int], delimiter: str) 
 
 
 def _row_numbers(
-    file: Path, header: Sequence[str], wanted: Sequence[int], rows: Sequence[tuple[int, list[str]]]
-) -> Matrix:
-    """Columns of rows, cell by cell. Raises: RecordingError: one is no finite number; rows too long or short."""
-    lengths = f"cells, the header {len(header)}"
+    file: Path, header: Sequence[str], wanted: Sequence[int], rows: Sequence[tuple[int, list[str]]],
+    bad: list[RecordingError] | None,
+) -> tuple[list[tuple[int, list[str]]], list[list[float]]]:  # fmt: skip
+    """(the rows, their wanted columns), cell by cell. Raises: RecordingError: one cannot be read, and `bad` is None."""
+    kept, numbers = [], []
     for line, row in rows:
-        if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
-            cure = "delete what is too much; write decimals with a point, not a comma"
-            raise RecordingError(file, f"line {line} has {len(row)} {lengths}", cure)
-    table = np.empty((len(rows), len(wanted)))
-    for k, (line, row) in enumerate(rows):
-        for j, c in enumerate(wanted):
-            if c >= len(row):
-                raise RecordingError(file, f"line {line} has {len(row)} {lengths}", "complete or delete the line")
-            number = _number(row[c])
-            if number is None or not isfinite(number):
-                fact = f"line {line}, column {shown(header[c])!r} holds {shown(row[c].strip())!r}, not a finite number"
-                raise RecordingError(file, fact, "correct or delete the line")
-            table[k, j] = number
-    return table
+        try:
+            numbers.append(_row(file, header, wanted, line, row))
+        except RecordingError as problem:
+            if bad is None:
+                raise
+            bad.append(problem)
+        else:
+            kept.append((line, row))
+    return kept, numbers
+
+
+def _row(file: Path, header: Sequence[str], wanted: Sequence[int], line: int, row: Sequence[str]) -> list[float]:
+    """The wanted columns of a row. Raises: RecordingError: one is no finite number; the row is too long or short."""
+    lengths = f"cells, the header {len(header)}"
+    if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
+        cure = "delete what is too much; write decimals with a point, not a comma"
+        raise RecordingError(file, f"line {line} has {len(row)} {lengths}", cure)
+    found = []
+    for c in wanted:
+        if c >= len(row):
+            raise RecordingError(file, f"line {line} has {len(row)} {lengths}", "complete or delete the line")
+        number = _number(row[c])
+        if number is None or not isfinite(number):
+            fact = f"line {line}, column {shown(header[c])!r} holds {shown(row[c].strip())!r}, not a finite number"
+            raise RecordingError(file, fact, "correct or delete the line")
+        found.append(number)
+    return found

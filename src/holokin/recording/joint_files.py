@@ -33,7 +33,7 @@ FASTEST = 1e-9
 @typed
 def read_recording(
     path: str | Path, robot: Robot, *, degrees: bool | None = None, topic: str | None = None,
-    columns: Columns | None = None, time: str | None = None,
+    columns: Columns | None = None, time: str | None = None, skip_bad: bool = False,
 ) -> Recording:  # fmt: skip
     """Read the joints of a robot from a log.
 
@@ -47,7 +47,9 @@ def read_recording(
         columns: of a CSV file whose columns have other names than the joints: n names in the robot's order, a mapping
             joint -> name, or text: "q_a, q_b, ...", "elbow=q_c, wrist=q_d" or a pattern "actual_q_%d", which counts
             from 0, or from 1 where there is no column with 0. Joints that a mapping leaves out have their own names.
+            Of a file without a header the columns are "1", "2", ...; without `columns` they are guessed, see notes.
         time: of a CSV file: the name of the time column.
+        skip_bad: of a CSV file: rows that cannot be read are left out and counted in the notes, not refused.
 
     Raises:
         RecordingError: no such file, unreadable, no time column, joints missing, empty, text or NaN in a cell (with
@@ -57,19 +59,29 @@ def read_recording(
         UnknownNameError: a column for a joint that the robot has not.
     """
     file = Path(path)
+    return recorded(file, samples_of(file, robot, topic, columns, time, skip_bad), robot, degrees)
+
+
+def samples_of(
+    file: Path, robot: Robot, topic: str | None, columns: Columns | None, time: str | None, skip_bad: bool
+) -> Samples:
+    """What a file holds, in its own units and order. Raises: as `read_recording`."""
     if is_folder(file) or file.suffix.lower() in (".mcap", ".db3", ".bag"):
-        for name, given in (("columns", columns), ("time", time)):
+        for name, given in (("columns", columns), ("time", time), ("skip_bad", skip_bad or None)):
             if given is not None:
-                raise ArgumentError(name, given, "only CSV files have columns; leave it out for a bag")
-        samples = read_bag(file, robot, topic)
-    elif topic is not None:
+                raise ArgumentError(name, given, "only CSV files have columns and rows; leave it out for a bag")
+        return read_bag(file, robot, topic)
+    if topic is not None:
         raise ArgumentError("topic", topic, "only bags have topics; leave it out for a CSV file")
-    else:
-        samples = read_csv(file, robot, columns, time)
+    return read_csv(file, robot, columns, time, skip_bad=skip_bad)
+
+
+def recorded(file: Path, samples: Samples, robot: Robot, degrees: bool | None) -> Recording:
+    """Samples as a recording: in rad and m, with rising times, joints that run on. Raises: RecordingError."""
     notes = samples.notes
     t, q = _in_order(file, samples, notes)
     _to_radians(file, q, robot, False if samples.in_si else degrees, notes)
-    _unwrap(q, robot, notes)
+    unwrap(q, robot, notes)
     log = Recording(robot.joint_names, t, q, str(file))
     if len(log.gaps):
         longest = float(np.diff(t).max())
@@ -100,7 +112,7 @@ def _in_order(file: Path, samples: Samples, notes: list[str]) -> tuple[Vector, M
     step = np.diff(t)
     for i in np.flatnonzero(step < 0)[:1]:
         fact = f"time runs backward at {samples.where(i + 1)}, from {t[i]:.9g} to {t[i + 1]:.9g} s"
-        raise RecordingError(file, fact, "sort the log by time, or audit its parts apart")
+        raise RecordingError(file, fact, "sort the log by time, or audit its parts apart: --split")
     same = np.flatnonzero(step == 0) + 1
     for i in same[(q[same] != q[same - 1]).any(axis=1)][:1]:
         fact = f"{samples.where(i)} repeats the time {t[i]:.9g} s with other joints"
@@ -145,7 +157,7 @@ def _to_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, notes
     notes.append(f"joint {name} is logged up to {beyond}")
 
 
-def _unwrap(q: Matrix, robot: Robot, notes: list[str]) -> None:
+def unwrap(q: Matrix, robot: Robot, notes: list[str]) -> None:
     """Joints without limits are often logged modulo a turn: make them run on, in place."""
     turned = []
     for i, c in enumerate(robot.coordinates):

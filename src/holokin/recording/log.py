@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -69,7 +69,8 @@ class Recording(Value):
 @dataclass(frozen=True, eq=False)
 class Samples:
     """What a file holds, in its own order and units: t (k,) [s] and q (k, n); `place` and `numbers` (k,) name each
-    ('line 7'), for messages. in_si: whether the file named its units, so that q is in rad and m for sure."""
+    ('line 7'), for messages. in_si: whether the file named its units, so that q is in rad and m for sure.
+    origin: the stamp [s] from which t counts."""
 
     t: Vector
     q: Matrix
@@ -77,6 +78,14 @@ class Samples:
     numbers: Indices
     notes: list[str] = field(default_factory=list)
     in_si: bool = False
+    origin: float = 0.0
+
+    def some(self, first: int, last: int) -> Samples:
+        """The samples from one to before another."""
+        return replace(
+            self, t=self.t[first:last], q=self.q[first:last].copy(), numbers=self.numbers[first:last],
+            notes=list(self.notes),
+        )  # fmt: skip
 
     def where(self, i: int) -> str:
         """The place of sample i in the file, in words."""
