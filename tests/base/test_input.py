@@ -217,11 +217,14 @@ def test_a_new_job_may_end_in_capitals_and_says_what_its_expectations_are_of(hol
     assert read_job(file) == open_job("panda-circle")[1]
 
 
-@pytest.mark.parametrize("name", ["poly.toml", "poly.txt"])
-def test_what_is_no_urdf_is_told_what_is_wanted(holokin: Command, tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("poly.toml", "known: name, source, convention, base"), ("poly.txt", "give a model (.urdf")],
+)
+def test_what_is_no_robot_is_told_what_is_wanted(holokin: Command, tmp_path: Path, name: str, words: str) -> None:
     (tmp_path / name).write_text(SOUND["title"])
     outcome = holokin("robots", tmp_path / name)
-    assert_refused(outcome, name, "is not XML, so no URDF", "give the URDF file of a robot (.urdf)")
+    assert_refused(outcome, name, words)
     assert "mend the line" not in outcome.err
 
 

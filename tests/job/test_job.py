@@ -96,7 +96,7 @@ def test_figures_show_the_data_they_are_of() -> None:
     made = {stem: figure for stem, _, figure in figures(result)}
     assert set(made) == {"robot", "cycles", "drift", "ranges", *(f"paths-{s.name}" for s in result.strategies)}
     pseudo = result.strategies[0]
-    for joint, axes in enumerate(made["paths-moore-penrose"].axes):
+    for joint, axes in enumerate(made["paths-moore-penrose"].axes[: pseudo.two_paths[0].q.shape[1]]):
         ends = [line.get_ydata()[-1] for line in axes.lines if "clockwise" in str(line.get_label())]
         assert ends == [walk.q[-1, joint] for walk in pseudo.two_paths]
         styles = [line.get_linestyle() for line in axes.lines if "clockwise" in str(line.get_label())]
