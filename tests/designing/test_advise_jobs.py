@@ -195,6 +195,8 @@ def test_laws_with_the_same_joint_rates_everywhere_are_one_and_others_are_not() 
     }  # fmt: skip
     bent = _trials(hk.with_tool(hk.load("ur5e"), xyz=[0.08, 0, 0.25], rpy=[0, 0.6, 0]), names)
     assert len(distinct(bent)) == len(bent) >= 2
+    other = replace(bent[1], speed=bent[0].speed, served=bent[0].served)  # as fast by chance
+    assert len(distinct([bent[0], other])) == 2
 
 
 def test_the_direction_of_a_designed_law_counts_from_the_middle_of_the_workspace() -> None:
@@ -278,6 +280,19 @@ def test_the_command_refuses_what_does_not_go_together(holokin: Command, tmp_pat
     assert_refused(holokin("advise", file, "--task", "pose", *out), "redundant")
     assert_refused(holokin("advise", file, "--position", "--axis", "z", *out), "only the task axis has one")
     assert_refused(holokin("advise", file, "--position", "--task", "axis", *out), "give one of them")
+
+
+def test_a_law_on_trial_serves_only_where_its_postures_are_clear() -> None:
+    """Clear is what has the first joint below its median: of the poses served without this, those are left."""
+    task, q0 = hk.position(hk.load("planar-3r")), np.array([0.3, 0.8, 0.5])
+    T = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3)).poses(32)
+    law = next(law for law in candidates(task, q0[None]) if law.keys["kind"] == "lock")
+    plain = Poses(T, np.tile(np.eye(2), (32, 1, 1)), np.ones(3))
+    (free,) = tried(law, q0[None], plain)
+    middle = float(np.median(free.q[:, 0]))
+    (kept,) = tried(law, q0[None], replace(plain, clear=lambda Q: Q[:, 0] < middle))
+    assert kept.served.tolist() == (free.served & (free.q[:, 0] < middle)).tolist()
+    assert 0 < kept.coverage < free.coverage
 
 
 def test_a_pose_at_which_a_link_is_too_near_is_not_served() -> None:
