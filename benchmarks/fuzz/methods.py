@@ -69,6 +69,7 @@ def _good() -> dict[str, Any]:
         "order": list(robot.joint_names), "A": lambda q: [[q[0], 1.0, 0.0]], "placement": np.eye(4),
         "rotations": np.eye(3), "rows": (0,), "stop": 0.5, "index": np.zeros(2, dtype=int), "u": np.array([0.0, 0.5]),
         "start_rotation": np.eye(3), "positions": np.zeros((2, 3)), "directions": np.eye(3), "dq": np.zeros(3),
+        "free": 3.0, "s": 0.0, "clear": lambda Q: np.ones(len(Q), dtype=bool),
         "gap": SX(1), "k": robot.kinematics(symbol("q", 3)), "link": robot.joint_names[0],
     }  # fmt: skip
 

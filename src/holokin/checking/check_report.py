@@ -60,6 +60,7 @@ class Finding:
         """True where the limit is a least value, and not a largest one."""
         return self.kind in (FindingKind.COLLISION, FindingKind.CLEARANCE, FindingKind.SINGULARITY)
 
+    @typed
     def printed(self, units: PrintedUnits) -> Finding:
         """The same in other units."""
         by = units.factor(self.unit)
@@ -138,12 +139,14 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
         """What the clearance is at least on the whole motion [m], joints going straight from sample to sample."""
         return min((pair.bound for pair in self.pairs), default=float("nan"))
 
+    @typed
     def table(self, units: PrintedUnits = SI) -> str:
         """Lines of text: the findings, the least distance, and what was not looked at."""
         told = [str(finding.printed(units)) for finding in self.findings[:MOST_TOLD]] or ["nothing found"]
         more = len(self.findings) - len(told)
         return "\n".join([*told, *([f"and {more} more"] if more > 0 else []), *self.notes(units)])
 
+    @typed
     def notes(self, units: PrintedUnits = SI) -> list[str]:
         """Sentences: the least distance, what was not looked at, and what was assumed."""
         lines: list[str] = []

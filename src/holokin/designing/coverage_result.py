@@ -101,6 +101,7 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
     def __len__(self) -> int:
         return len(self.status)
 
+    @typed
     def blocked(self, clear: Clear) -> Coverage:
         """The same without the poses whose posture does not keep clear of what stands round the robot."""
         status = self.status.copy()

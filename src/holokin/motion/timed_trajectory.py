@@ -66,6 +66,7 @@ class JointLoad:
     distance: float
     distance_at: float
 
+    @typed
     def printed(self, units: PrintedUnits) -> JointLoad:
         """The same in other units."""
         by = units.factor(self.unit)
@@ -183,6 +184,7 @@ class TimedTrajectory(Value):
         fastest = f"up to {self.path_speed.max():.3g} times the speed of the path"
         return f"{self.profile}, {self.duration:.3f} s, {len(self)} samples of {1e3 * self.dt:g} ms, {fastest}"
 
+    @typed
     def table(self, units: PrintedUnits = SI) -> str:
         """Lines of text: a joint each with its peaks, shares of limits, and least distance to a position limit."""
         lines = [self.sentence + ("" if units.plain else f", in {units.angle} and {units.length}")]

@@ -148,6 +148,7 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         rows = [i for i, u in enumerate(self.row_units) if u == unit]
         return float(np.linalg.norm(self.error[:, rows], axis=1).max()) if rows and len(self) else 0.0
 
+    @typed
     def printed(self, units: PrintedUnits) -> Trajectory:
         """The same motion with its values in other units, to be printed."""
         joints, rows = units.factors(self.joint_units), units.factors(self.row_units)

@@ -242,7 +242,8 @@ class Robot(Value):
 
     def ranges(self, free: float | Vector) -> tuple[Vector, Vector]:
         """The joint limits (n,); a joint without them has `free` [joint units] on either side of zero, one with a
-        single limit 2 `free` from there."""
+        single limit 2 `free` from there. Raises: ArgumentError."""
+        free = finite("free", free)
         lower = np.where(np.isfinite(self.lower), self.lower, np.minimum(-free, self.upper - 2 * free))
         upper = np.where(np.isfinite(self.upper), self.upper, np.maximum(free, self.lower + 2 * free))
         return lower, upper
