@@ -78,7 +78,7 @@ class Controller(ControlLaw):
         return f"Controller({self.strategy.name!r}, dt={self.dt:g}, {self.engine})"
 
     def step(
-        self, q: ArrayLike, pose: ArrayLike, twist: ArrayLike, *, level: ArrayLike | None = None,
+        self, q: ArrayLike, pose: ArrayLike, twist: ArrayLike, level: ArrayLike | None = None,
         level_rate: ArrayLike = 0.0,
     ) -> Vector:  # fmt: skip
         """Joint rates for the next dt: [J; J_g] dq = [x' + K e; c' - K_g (g(q) - c)], slowed where limits ask for it.

@@ -86,10 +86,8 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     for i, unit in enumerate(task.units):
         if unit in UNLIMITED:  # of other units, as of thrust, nobody knows what is far
             largest = fmax(largest, fabs(error[i]))
-    given, scale = SX(0), fmin(fast, room)
-    values = vertcat(e.q, vec(pose), twist, parameters)
-    for i in range(values.shape[0]):
-        given = given + fabs(values[i]) / 1024  # their sum is finite where they are
+    scale = fmin(fast, room)
+    given = _sum_by_halves(vertcat(e.q, vec(pose), twist, parameters) / 1024)  # finite where all of them are
     outputs = {
         "dq": scale * dq,
         "scale": scale,
@@ -101,3 +99,11 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     }
     inputs = {"q": e.q, "pose": pose, "twist": twist, "parameters": parameters}
     return Function("step", inputs, outputs, found.system, strategy.transport)
+
+
+def _sum_by_halves(values: SX) -> SX:
+    """The sum of a column's rows: a processor adds many pairs at once, but a running sum one by one."""
+    while (rows := values.shape[0]) > 1:
+        half = rows // 2
+        values = vertcat(values[:half] + values[half : 2 * half], values[2 * half :])
+    return values
