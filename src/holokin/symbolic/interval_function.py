@@ -7,13 +7,13 @@ Python's own time does not count. An operation without a rule is refused by its 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ..base.types import Array, Flags, Vector
+from ..base.types import Array, Flags, Indices, Vector
 from ..errors import ExpressionError
 from . import intervals as iv
 from .intervals import Interval
@@ -210,26 +210,26 @@ class IntervalFunction:
         given = ca.veccat(*inputs.values(), symbols)
         made = ca.Function("enclosed", [given], ca.cse([ca.densify(ca.vec(output))]))
         self.name, self.rows, self.columns = name, made.size1_out(0), made.size1_in(0) - len(values)
-        self._constants: list[tuple[int, float]] = []
-        self._arguments: list[tuple[int, int]] = []
-        self._results: list[tuple[int, int]] = []
+        constants: dict[int, float] = {}
+        arguments: dict[int, int] = {}
+        results: dict[int, int] = {}
         layer: list[int] = []
         register: dict[int, int] = {}
         groups: dict[tuple[int, int, int, float], list[tuple[int, ...]]] = {}
         for k in range(made.n_instructions()):
             op, out, into = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
             if op == ca.OP_OUTPUT:
-                self._results.append((out[1], register[into[0]]))
+                results[out[1]] = register[into[0]]
                 continue
             place = len(layer)
             if op == ca.OP_CONST:
-                self._constants.append((place, made.instruction_constant(k)))
+                constants[place] = made.instruction_constant(k)
                 layer.append(0)
             elif op == ca.OP_INPUT:
                 if into[1] < self.columns:
-                    self._arguments.append((place, into[1]))
+                    arguments[place] = into[1]
                 else:
-                    self._constants.append((place, float(values[into[1] - self.columns])))
+                    constants[place] = float(values[into[1] - self.columns])
                 layer.append(0)
             elif op not in _RULES:
                 cure = "write it with + - * /, roots, sines, arc tangents, exp and log"
@@ -237,17 +237,17 @@ class IntervalFunction:
             else:
                 places = tuple(register[i] for i in into)
                 layer.append(1 + max(layer[i] for i in places))
-                power = self._constant(places[1]) if op in (ca.OP_POW, ca.OP_CONSTPOW) else 0.0
+                power = constants.get(places[1], np.nan) if op in (ca.OP_POW, ca.OP_CONSTPOW) else 0.0
                 groups.setdefault((layer[place], op, len(places), power), []).append((place, *places))
             register[out[0]] = place
         self.operations = len(layer)
+        self._constants = _indices(constants), np.array(list(constants.values()))[:, None]
+        self._arguments = _indices(arguments), _indices(arguments.values())
+        self._results = _indices(results), _indices(results.values())
         self._steps = [
             (_RULES[key[1]], *(np.array(column) for column in zip(*rows, strict=True)))
             for key, rows in sorted(groups.items(), key=lambda item: item[0][0])
         ]
-
-    def _constant(self, place: int) -> float:
-        return dict(self._constants).get(place, np.nan)
 
     def __call__(self, low: Array, high: Array) -> Interval:
         """Enclosures (k, boxes) of y over boxes [low, high], each (symbols, boxes)."""
@@ -255,18 +255,22 @@ class IntervalFunction:
         if lost.any():  # no number: anything
             low, high = np.where(lost, -np.inf, low), np.where(lost, np.inf, high)
         below, above = np.empty((self.operations, boxes)), np.empty((self.operations, boxes))
-        for place, value in self._constants:
-            below[place] = above[place] = value
-        for place, column in self._arguments:
-            below[place], above[place] = low[column], high[column]
+        places, values = self._constants
+        below[places] = above[places] = values
+        places, columns = self._arguments
+        below[places], above[places] = low[columns], high[columns]
         with np.errstate(all="ignore"):
             for rule, out, *into in self._steps:
                 found: Any = rule(*(Interval(below[i], above[i]) for i in into))
                 below[out], above[out] = found
         y = Interval(np.zeros((self.rows, boxes)), np.zeros((self.rows, boxes)))
-        for row, place in self._results:
-            y.low[row], y.high[row] = below[place], above[place]
+        rows, places = self._results
+        y.low[rows], y.high[rows] = below[places], above[places]
         return y
+
+
+def _indices(places: Iterable[int]) -> Indices:
+    return np.array(list(places), int)
 
 
 def operation_list(inputs: Mapping[str, ca.SX], output: ca.SX) -> list[list[Any]]:

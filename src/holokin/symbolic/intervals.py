@@ -19,7 +19,7 @@ import numpy as np
 
 from ..base.types import Array, Flags
 
-_NEXT, _LEAST, _LARGEST = 2.0**-52, 2.0**-1022, np.finfo(float).max
+_NEXT, _LEAST, _LARGEST = np.array(2.0**-52), np.array(2.0**-1022), np.finfo(float).max
 """Of a number, at least the distance to its next double; the same of those too small for this; the largest double."""
 
 
@@ -52,9 +52,12 @@ def outward(low: Array, high: Array) -> Interval:
     |x| 2^-52 is at least the distance to the next double, which is itself a double: rounding does not come below it.
     The next one exactly (`nextafter`) takes five times as long.
     """
-    below, above = low - (np.abs(low) * _NEXT + _LEAST), high + (np.abs(high) * _NEXT + _LEAST)
-    lost = np.isnan(below) | np.isnan(above)
-    if lost.any():  # inf - inf, too: what overflowed is beyond the largest double
+    below, above = np.abs(low, np.empty(low.shape)), np.abs(high, np.empty(high.shape))
+    np.multiply(below, _NEXT, below)  # in place: most of the time would go into new arrays
+    np.multiply(above, _NEXT, above)
+    np.subtract(low, np.add(below, _LEAST, below), below)
+    np.add(high, np.add(above, _LEAST, above), above)
+    if not np.logical_and.reduce(below <= above, None):  # one is not a number, as inf - inf is, or it overflowed
         lost = np.isnan(low) | np.isnan(high)
         below, above = np.where(low == np.inf, _LARGEST, below), np.where(high == -np.inf, -_LARGEST, above)
         below, above = np.where(lost, -np.inf, below), np.where(lost, np.inf, above)
@@ -168,6 +171,10 @@ def _half(a: Interval) -> Interval:
     return Interval(a.low / 2, a.high / 2)
 
 
+_QUARTER = _half(_around(PI))
+"""A quarter of a turn, pi / 2."""
+
+
 def _quotients(terms: Sequence[tuple[int, int]]) -> list[Interval]:
     """Enclosures of p / q, both of them doubles."""
     return [outward(np.array(p / q), np.array(p / q)) for p, q in terms]
@@ -214,7 +221,7 @@ def _sine_at(x: Array, shift: int) -> Interval:
     y is known to an interval; both functions change by its half width at most from what they are at a double in it.
     """
     k = np.rint(x * (2 / math.pi))
-    y = subtract(point(x), multiply(point(k), _half(_around(PI))))
+    y = subtract(point(x), multiply(point(k), _QUARTER))
     c = y.middle
     far = ~(np.maximum(np.abs(y.low), np.abs(y.high)) < 1.0)  # so large that pi is not known well enough
     c = np.where(far, 0.0, c)
@@ -232,11 +239,11 @@ def _wave(a: Interval, shift: int) -> Interval:
     """sin(a + shift pi / 2): at the ends, and +-1 where an extreme may lie between them."""
     wide = ~((a.high - a.low < 6.0) & (np.maximum(np.abs(a.low), np.abs(a.high)) < 1e6))
     low, high = np.where(wide, 0.0, a.low), np.where(wide, 0.0, a.high)
-    found = _sine_at(low, shift)
-    if not np.array_equal(low, high):
-        found = hull(found, _sine_at(high, shift))
-    quarter = _half(_around(PI))
-    first, last = divide(point(low), quarter).low, divide(point(high), quarter).high
+    ends = low[None] if np.array_equal(low, high) else np.stack((low, high))
+    found = _sine_at(ends, shift)
+    found = hull(Interval(found.low[0], found.high[0]), Interval(found.low[-1], found.high[-1]))
+    turns = divide(point(ends), _QUARTER)
+    first, last = turns.low[0], turns.high[-1]
     top = _holds(first + shift, last + shift, 1)  # x = pi/2 + 2 pi j: x / (pi/2) = 1 mod 4; adding a small whole
     bottom = _holds(first + shift, last + shift, 3)  # number may round, so a bit more than the interval is looked at
     return Interval(np.where(wide | bottom, -1.0, found.low), np.where(wide | top, 1.0, found.high))
@@ -297,7 +304,7 @@ arctan = _rising(_arctan_at)
 
 def arctan2(y: Interval, x: Interval) -> Interval:
     """atan2(y, x): from atan(y / x) or atan(x / y), whichever divisor keeps its sign; [-pi, pi] across the cut."""
-    pi, quarter = _around(PI), _half(_around(PI))
+    pi, quarter = _around(PI), _QUARTER
     right, over = arctan(divide(y, x)), arctan(divide(x, y))
     found = [right, subtract(quarter, over), subtract(negate(quarter), over), add(right, pi)]
     cases = [x.low > 0, y.low > 0, y.high < 0, (x.high < 0) & (y.low >= 0)]
