@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0xa9386a98690c094eU
+#if PPR_EXPORT != 0xf4ac61cd8ca0e4c2U
 #error "these files are of different exports: export again"
 #endif
 
@@ -523,58 +523,42 @@ static void hk_step_body(const hk_t *restrict x, hk_t *restrict y) {
   const hk_t v224 = HK_FABS(v52);
   const hk_t v225 = HK_FMAX(v223, v224);
   y[7] = v225;
-  const hk_t v227 = HK_FABS(v4);
-  const hk_t v229 = v227 / HK_C(1024.0);
-  const hk_t v230 = HK_FABS(v33);
-  const hk_t v231 = v230 / HK_C(1024.0);
-  const hk_t v232 = v229 + v231;
-  const hk_t v233 = HK_FABS(v5);
-  const hk_t v234 = v233 / HK_C(1024.0);
-  const hk_t v235 = v232 + v234;
-  const hk_t v236 = HK_FABS(v3);
-  const hk_t v237 = v236 / HK_C(1024.0);
-  const hk_t v238 = v235 + v237;
-  const hk_t v239 = HK_FABS(v48);
-  const hk_t v240 = v239 / HK_C(1024.0);
-  const hk_t v241 = v238 + v240;
-  const hk_t v242 = x[5];
-  const hk_t v243 = HK_FABS(v242);
-  const hk_t v244 = v243 / HK_C(1024.0);
-  const hk_t v245 = v241 + v244;
-  const hk_t v246 = HK_FABS(v1);
-  const hk_t v247 = v246 / HK_C(1024.0);
-  const hk_t v248 = v245 + v247;
-  const hk_t v249 = HK_FABS(v47);
-  const hk_t v250 = v249 / HK_C(1024.0);
-  const hk_t v251 = v248 + v250;
-  const hk_t v252 = x[8];
-  const hk_t v253 = HK_FABS(v252);
-  const hk_t v254 = v253 / HK_C(1024.0);
-  const hk_t v255 = v251 + v254;
-  const hk_t v256 = HK_FABS(v30);
-  const hk_t v257 = v256 / HK_C(1024.0);
-  const hk_t v258 = v255 + v257;
-  const hk_t v259 = HK_FABS(v28);
-  const hk_t v260 = v259 / HK_C(1024.0);
-  const hk_t v261 = v258 + v260;
-  const hk_t v262 = HK_FABS(v9);
-  const hk_t v263 = v262 / HK_C(1024.0);
-  const hk_t v264 = v261 + v263;
-  const hk_t v265 = HK_FABS(v2);
-  const hk_t v266 = v265 / HK_C(1024.0);
-  const hk_t v267 = v264 + v266;
-  const hk_t v268 = HK_FABS(v29);
-  const hk_t v269 = v268 / HK_C(1024.0);
-  const hk_t v270 = v267 + v269;
-  const hk_t v271 = x[14];
-  const hk_t v272 = HK_FABS(v271);
-  const hk_t v273 = v272 / HK_C(1024.0);
-  const hk_t v274 = v270 + v273;
-  const hk_t v275 = x[15];
-  const hk_t v276 = HK_FABS(v275);
-  const hk_t v277 = v276 / HK_C(1024.0);
-  const hk_t v278 = v274 + v277;
-  y[8] = v278;
+  const hk_t v228 = v4 / HK_C(1024.0);
+  const hk_t v229 = x[8];
+  const hk_t v230 = v229 / HK_C(1024.0);
+  const hk_t v231 = v228 + v230;
+  const hk_t v232 = v48 / HK_C(1024.0);
+  const hk_t v233 = v2 / HK_C(1024.0);
+  const hk_t v234 = v232 + v233;
+  const hk_t v235 = v231 + v234;
+  const hk_t v236 = v5 / HK_C(1024.0);
+  const hk_t v237 = v28 / HK_C(1024.0);
+  const hk_t v238 = v236 + v237;
+  const hk_t v239 = v1 / HK_C(1024.0);
+  const hk_t v240 = x[14];
+  const hk_t v241 = v240 / HK_C(1024.0);
+  const hk_t v242 = v239 + v241;
+  const hk_t v243 = v238 + v242;
+  const hk_t v244 = v235 + v243;
+  const hk_t v245 = v33 / HK_C(1024.0);
+  const hk_t v246 = v30 / HK_C(1024.0);
+  const hk_t v247 = v245 + v246;
+  const hk_t v248 = x[5];
+  const hk_t v249 = v248 / HK_C(1024.0);
+  const hk_t v250 = v29 / HK_C(1024.0);
+  const hk_t v251 = v249 + v250;
+  const hk_t v252 = v247 + v251;
+  const hk_t v253 = v3 / HK_C(1024.0);
+  const hk_t v254 = v9 / HK_C(1024.0);
+  const hk_t v255 = v253 + v254;
+  const hk_t v256 = v47 / HK_C(1024.0);
+  const hk_t v257 = x[15];
+  const hk_t v258 = v257 / HK_C(1024.0);
+  const hk_t v259 = v256 + v258;
+  const hk_t v260 = v255 + v259;
+  const hk_t v261 = v252 + v260;
+  const hk_t v262 = v244 + v261;
+  y[8] = v262;
 }
 static void hk_constraint_body(const hk_t *restrict x, hk_t *restrict y) {
   (void)x;

@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0xa9386a98690c094eU
+#define PPR_EXPORT 0xf4ac61cd8ca0e4c2U
 
 #ifdef __cplusplus
 extern "C" {

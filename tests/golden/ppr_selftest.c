@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0xa9386a98690c094eU
+#if PPR_EXPORT != 0xf4ac61cd8ca0e4c2U
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0xa9386a98690c094eU
+#if PPR_VECTORS != 0xf4ac61cd8ca0e4c2U
 #error "these files are of different exports: export again"
 #endif
 
