@@ -237,7 +237,7 @@ def test_bad_numbers_give_a_status_and_no_motion(cache: Path, strategy: hk.Strat
             ((np.array(["a"] * 7), pose, dx), ArgumentError),
             ((PANDA_START, pose, dx[:3]), ShapeError),
             ((PANDA_START, pose), TypeError),  # as of every method
-            ((PANDA_START, pose, dx, dx), TypeError),
+            ((PANDA_START, pose, dx, dx), ShapeError),  # a level of another size
         ):
             with pytest.raises(error):
                 servo.step(*arguments)

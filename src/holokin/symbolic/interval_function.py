@@ -210,7 +210,7 @@ class IntervalFunction:
         given = ca.veccat(*inputs.values(), symbols)
         made = ca.Function("enclosed", [given], ca.cse([ca.densify(ca.vec(output))]))
         self.name, self.rows, self.columns = name, made.size1_out(0), made.size1_in(0) - len(values)
-        constants: dict[int, float] = {}
+        fixed: dict[int, float] = {}
         arguments: dict[int, int] = {}
         results: dict[int, int] = {}
         layer: list[int] = []
@@ -223,13 +223,13 @@ class IntervalFunction:
                 continue
             place = len(layer)
             if op == ca.OP_CONST:
-                constants[place] = made.instruction_constant(k)
+                fixed[place] = made.instruction_constant(k)
                 layer.append(0)
             elif op == ca.OP_INPUT:
                 if into[1] < self.columns:
                     arguments[place] = into[1]
                 else:
-                    constants[place] = float(values[into[1] - self.columns])
+                    fixed[place] = float(values[into[1] - self.columns])
                 layer.append(0)
             elif op not in _RULES:
                 cure = "write it with + - * /, roots, sines, arc tangents, exp and log"
@@ -237,11 +237,11 @@ class IntervalFunction:
             else:
                 places = tuple(register[i] for i in into)
                 layer.append(1 + max(layer[i] for i in places))
-                power = constants.get(places[1], np.nan) if op in (ca.OP_POW, ca.OP_CONSTPOW) else 0.0
+                power = fixed.get(places[1], np.nan) if op in (ca.OP_POW, ca.OP_CONSTPOW) else 0.0
                 groups.setdefault((layer[place], op, len(places), power), []).append((place, *places))
             register[out[0]] = place
         self.operations = len(layer)
-        self._constants = _indices(constants), np.array(list(constants.values()))[:, None]
+        self._constants = _indices(fixed), np.array(list(fixed.values()))[:, None]
         self._arguments = _indices(arguments), _indices(arguments.values())
         self._results = _indices(results), _indices(results.values())
         self._steps = [
