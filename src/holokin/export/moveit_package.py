@@ -56,8 +56,9 @@ ROS_NAMES = frozenset(
 PACKAGE = re.compile(r"[a-z](_?[a-z0-9])+")
 """Names of packages, as REP 144 has them: no underscore at the end, no two in a row."""
 
-MOST = 200
-"""Pieces of the way to a pose that the plugin tries at most, by default."""
+MOST = 1000
+"""Pieces of the way to a pose that the plugin tries at most, by default: 781 of 786 poses that 20,000 reach anywhere
+within the joint ranges of a Panda."""
 
 POSES = 16
 """Of the test in the package."""
@@ -107,7 +108,7 @@ def export_moveit(
 ) -> MoveItPackage:
     """Write a package of ROS 2: a kinematics plugin of MoveIt 2 over the exported C, with tests and README.
 
-    The plugin answers as `inverse(strategy, q0)`: the same pose gives the same joints, whatever the seed. The C lies in
+    The plugin answers as `inverse(strategy, q0, limits=True)`: the same pose gives the same joints, whatever the seed. The C lies in
     the folder c, as `export_c` writes it.
 
     Args:
@@ -233,7 +234,7 @@ def _python_joints(source: Source, strategy: HolonomicStrategy) -> str:
     from scipy.spatial.transform import Rotation
 
     robot, tip = strategy.task.robot, _tip(strategy.task)
-    ik, rng = inverse(strategy, source.q0), np.random.default_rng(0)
+    ik, rng = inverse(strategy, source.q0, limits=source.limits), np.random.default_rng(0)
     near = source.q0 + rng.uniform(-0.3, 0.3, (4 * POSES, robot.n))
     poses = np.array([robot.pose(q, tip) for q in near])
     found = ik.batch(poses if strategy.task.orientation is not None else poses[:, :3, 3])

@@ -36,7 +36,7 @@ $joint_strings};
 const char *const TIP = $tip_string;
 
 /* The first try takes this many pieces at most, each other one twice as many as the one before. */
-constexpr int FIRST_PIECES = 8;
+constexpr int FIRST_PIECES = 64;
 
 /* By how much [rad, m] one joint after another is moved from the start to compare MoveIt's model with the export. */
 constexpr double MOVED = 0.3;
