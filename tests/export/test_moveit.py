@@ -219,3 +219,38 @@ def test_a_pose_that_is_none_is_refused(plugin: Plugin) -> None:
     T[0, 0, 3] = np.nan
     found = ask(plugin, T, near(2), tip=TIP)
     assert found.codes.tolist() == [NO_SOLUTION, SUCCESS] and "the pose is not finite" in found.words
+
+
+def test_from_seeds_near_the_start_come_the_same_joints(plugin: Plugin) -> None:
+    T, ik = poses(near(60)), hk.inverse(LAW, PANDA_START, limits=True)
+    close = near(60, seed=3, size=0.05)
+    found = ask(plugin, T, close, "from_seed=bool:true", tip=TIP)
+    assert (found.codes == SUCCESS).all()
+    np.testing.assert_allclose(found.joints, ik.batch(T).q, atol=1e-9)
+
+
+REAL = [Path("/usr/include/pluginlib"), Path("/usr/include/gtest"), Path("/usr/share/ament_cmake")]
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif(not all(map(Path.exists, REAL)), reason="pluginlib, GoogleTest or ament_cmake is not installed")
+def test_ament_builds_the_package_and_pluginlib_finds_it(package: MoveItPackage, tmp_path: Path) -> None:
+    """With Debian's ament_cmake, class_loader, pluginlib and GoogleTest; MoveIt and rclcpp are stand-ins."""
+    build, installed = tmp_path / "build", tmp_path / "installed"
+    options = [f"-DCMAKE_PREFIX_PATH={STUBS / 'cmake'}", f"-DCMAKE_INSTALL_PREFIX={installed}"]
+    run("cmake", "-S", package.folder, "-B", build, "-DPython3_EXECUTABLE=/usr/bin/python3", *options)
+    run("cmake", "--build", build)
+    assert "100% tests passed" in run("ctest", "--test-dir", build).stdout
+    run("cmake", "--install", build)
+    (installed / "share" / "ament_index" / "resource_index" / "packages" / "moveit_core").touch()
+    includes = [
+        f"-I/usr/include/{name}" for name in ("pluginlib", "class_loader", "rcpputils", "rcutils", "ament_index_cpp")
+    ]
+    libraries = [
+        f"-l{name}"
+        for name in ["class_loader", "ament_index_cpp", "rcpputils", "rcutils", "tinyxml2", "console_bridge", "roslib"]
+    ]
+    source, load = STUBS / "pluginlib_load.cpp", tmp_path / "load"
+    run("g++", "-std=c++17", "-w", f"-I{STUBS / 'ros'}", *includes, source, "-o", load, *libraries)
+    said = run("env", f"AMENT_PREFIX_PATH={installed}", load, "panda_law_moveit_plugin/KinematicsPlugin").stdout
+    assert said == "panda_law_moveit_plugin/KinematicsPlugin\n"

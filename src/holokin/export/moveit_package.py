@@ -7,7 +7,6 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from unicodedata import category
 
 import numpy as np
 
@@ -25,32 +24,12 @@ from ..version import __version__
 from .c_folder import c_name, c_texts, operations_of, write_texts
 from .c_text import RESERVED, Source, line, text
 
-ROS_NAMES = frozenset(
-    [
-        "angles",
-        "boost",
-        "class_loader",
-        "eigen",
-        "geometry_msgs",
-        "kinematics",
-        "moveit",
-        "moveit_core",
-        "moveit_msgs",
-        "pluginlib",
-        "rcl",
-        "rcl_interfaces",
-        "rclcpp",
-        "rcpputils",
-        "rcutils",
-        "rosidl",
-        "srdf",
-        "srdfdom",
-        "std_msgs",
-        "testing",
-        "urdf",
-        "urdfdom",
-    ]
-)
+_ROS_WORDS = """
+angles boost class_loader eigen geometry_msgs kinematics moveit moveit_core moveit_msgs pluginlib rcl rcl_interfaces
+rclcpp rcpputils rcutils rosidl srdf srdfdom std_msgs testing urdf urdfdom
+"""
+
+ROS_NAMES = frozenset(_ROS_WORDS.split())
 """Packages and namespaces that the plugin uses itself."""
 
 PACKAGE = re.compile(r"[a-z](_?[a-z0-9])+")
@@ -79,7 +58,7 @@ _FILES = {
 
 @dataclass(frozen=True)
 class MoveItPackage:
-    """What was written: the folder, the package, the C name in it, the files, the operations of each function of the C."""
+    """What was written: the folder, the package, its C name, its files, the operations of each C function."""
 
     folder: Path
     package: str
@@ -130,11 +109,12 @@ def export_moveit(
     robot = strategy.task.robot
     short = c_name(f"{robot.name}_{strategy.name}") if name is None else str(name)
     chosen = _package_name(short, package)
-    for what, word in [("a joint", joint) for joint in robot.joint_names] + [("the tip", _tip(strategy.task))]:
-        _check_word(what, word, "give it a name of printable characters")
-    _check_word("the group", group, "give the name of a group in your SRDF")
+    for joint in robot.joints:
+        _check_word("the name of a joint", joint.name)
+    _check_word("the name of the tip", _tip(strategy.task))
+    _check_word("the group", group)
     if "." in group:
-        raise ArgumentError("the group", group, "ROS parameters have no dots in a name: choose another")
+        raise ArgumentError("the group", group, "the names of ROS parameters have no dots within: choose another")
     source, c = c_texts(strategy, q0, 0.001, name, limits, vectors_count, origin)
     words = source.words | _words(source, chosen, group) | {"version": __version__, "origin": line(origin)}
     texts = {f"c/{file}": content for file, content in c.items()}
@@ -171,10 +151,10 @@ def _package_name(short: str, package: str | None) -> str:
     return name
 
 
-def _check_word(what: str, word: str, cure: str) -> None:
+def _check_word(what: str, word: str) -> None:
     """Raises: ArgumentError for a name that XML, YAML or a log cannot show as it is."""
-    if not word.strip() or any(category(c)[0] == "C" or category(c) in ("Zl", "Zp") for c in word):
-        raise ArgumentError(what, word, cure)
+    if not word.strip() or not word.isprintable():
+        raise ArgumentError(what, word, "give a name of printable characters")
 
 
 def _tip(task: Task) -> str:
@@ -226,7 +206,8 @@ def _task_note(task: Task) -> str:
     if task.m == 6:
         return ""
     rows = ", ".join(task.row_names)
-    return f"- **The task has the rows {rows}.** The rest of the pose is left free: the plugin does not lead the tip there.\n"
+    free = "The rest of the pose is left free: the plugin does not lead the tip there."
+    return f"- **The task has the rows {rows}.** {free}\n"
 
 
 def _python_joints(source: Source, strategy: HolonomicStrategy) -> str:
