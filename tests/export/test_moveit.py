@@ -205,7 +205,7 @@ def test_bad_parameters_are_said_and_few_pieces_reach_nothing_far(plugin: Plugin
 
 
 def test_the_time_is_over_between_two_tries(plugin: Plugin) -> None:
-    """A pose that takes more than the first 64 pieces, and no time for more."""
+    """A pose that takes more than the first 256 pieces, and no time for more."""
     T = poses(anywhere(40))
     late: Answers = ask(plugin, T, anywhere(40), tip=TIP, timeout=1e-9)
     slow = ask(plugin, T, anywhere(40), tip=TIP)

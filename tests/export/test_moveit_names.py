@@ -9,8 +9,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from typer.testing import CliRunner
+
 import holokin as hk
 from conftest import PANDA_START
+from holokin.commands.main import app
 from holokin.errors import ArgumentError, ExportError
 from holokin.export import MoveItPackage, export_moveit
 from moveit_plugins import SUCCESS, Plugin, ask, driver, library
@@ -157,3 +160,14 @@ def test_from_the_seed_the_posture_may_be_another_one_of_the_leaf(named: Plugin)
     assert 10 < apart.sum() < reached.sum()
     np.testing.assert_allclose(found.joints[reached, 3], START[3], atol=1e-9)
     np.testing.assert_allclose(poses(found.joints[reached])[:, :3, 3], T[reached][:, :3, 3], atol=1e-9)
+
+
+def test_the_command_writes_the_package_of_a_job(tmp_path: Path) -> None:
+    """And says in a sentence what it refuses."""
+    out = tmp_path / "out"
+    words = ["export", "moveit", "panda-circle", "--strategy", "lock-3", "--group", "panda_arm", "--out", str(out)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    assert "kinematics_solver: panda_lock_3_moveit_plugin/KinematicsPlugin" in done.output
+    assert '"panda_arm":' in (out / "config" / "kinematics.yaml").read_text("utf-8")
+    assert "from the job panda-circle, strategy lock-3" in " ".join((out / "README.md").read_text("utf-8").split())

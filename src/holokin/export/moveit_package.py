@@ -87,8 +87,8 @@ def export_moveit(
 ) -> MoveItPackage:
     """Write a package of ROS 2: a kinematics plugin of MoveIt 2 over the exported C, with tests and README.
 
-    The plugin answers as `inverse(strategy, q0, limits=True)`: the same pose gives the same joints, whatever the seed. The C lies in
-    the folder c, as `export_c` writes it.
+    The plugin answers as `inverse(strategy, q0, limits=True)`: the same pose gives the same joints, whatever the seed.
+    The C lies in the folder c, as `export_c` writes it.
 
     Args:
         folder: made if need be; files there that holokin did not write are left alone, or refused if in the way.
@@ -115,7 +115,7 @@ def export_moveit(
     _check_word("the group", group)
     if "." in group:
         raise ArgumentError("the group", group, "the names of ROS parameters have no dots within: choose another")
-    source, c = c_texts(strategy, q0, 0.001, name, limits, vectors_count, origin)
+    source, c = c_texts(strategy, q0, 0.001, short, limits, vectors_count, origin)
     words = source.words | _words(source, chosen, group) | {"version": __version__, "origin": line(origin)}
     texts = {f"c/{file}": content for file, content in c.items()}
     texts |= {file: text(f"moveit/{template}", words) for file, template in _FILES.items()}

@@ -52,8 +52,8 @@ def export_job(
         as `job_strategy` and `export_c`.
     """
     label, strategy, start = job_strategy(job, file, label, orientation)
-    words = _names(name, label, strategy, prefix)
-    return export_c(strategy, folder, q0=start, dt=dt, **words)
+    short, origin = _names(name, label, strategy, prefix)
+    return export_c(strategy, folder, q0=start, dt=dt, name=short, origin=origin)
 
 
 def export_job_moveit(
@@ -66,11 +66,11 @@ def export_job_moveit(
         as `job_strategy` and `export_moveit`.
     """
     label, strategy, start = job_strategy(job, file, label, orientation)
-    words = _names(name, label, strategy, prefix)
-    return export_moveit(strategy, folder, q0=start, package=package, group=group, **words)
+    short, origin = _names(name, label, strategy, prefix)
+    return export_moveit(strategy, folder, q0=start, package=package, group=group, name=short, origin=origin)
 
 
-def _names(job: str, label: str, strategy: Strategy, prefix: str | None) -> dict[str, str]:
+def _names(job: str, label: str, strategy: Strategy, prefix: str | None) -> tuple[str, str]:
     """The C name, and the words of where it comes from."""
     name = c_name(f"{strategy.task.robot.name}_{label}") if prefix is None else prefix
-    return {"name": name, "origin": f"the job {job}, strategy {label}"}
+    return name, f"the job {job}, strategy {label}"

@@ -36,10 +36,25 @@ $joint_strings};
 const char *const TIP = $tip_string;
 
 /* The first try takes this many pieces at most, each other one twice as many as the one before. */
-constexpr int FIRST_PIECES = 64;
+constexpr int FIRST_PIECES = 256;
 
-/* By how much [rad, m] one joint after another is moved from the start to compare MoveIt's model with the export. */
+/* By how much [rad, m] joints are moved from the start to compare MoveIt's model with the export. */
 constexpr double MOVED = 0.3;
+
+/* The start posture, one joint of it moved, and at the end all of them, each by another amount. */
+law::Joints posture(std::size_t k) {
+  law::Joints q = law::start();
+  for (std::size_t i = 0; i < q.size(); i++) {
+    if (k == i + 1) q[i] += MOVED;
+    if (k == q.size() + 1) q[i] += MOVED * static_cast<double>(i + 1) / static_cast<double>(q.size());
+  }
+  return q;
+}
+
+std::string posture_words(std::size_t k) {
+  if (k == 0) return "at the start";
+  return k > JOINTS.size() ? "when all joints move" : std::string("when '") + JOINTS[k - 1] + "' moves";
+}
 
 rclcpp::Logger logger() { return rclcpp::get_logger("$package"); }
 
@@ -130,21 +145,19 @@ bool KinematicsPlugin::read_parameters(std::string &why) {
   return why.empty();
 }
 
-/* Whether MoveIt's model puts the tip where the export puts it: at the start, and with one joint after another moved. */
+/* Whether MoveIt's model puts the tip where the export puts it: at the start, and where joints are moved from it. */
 bool KinematicsPlugin::agrees(std::string &why) const {
   moveit::core::RobotState state(robot_model_);
   state.setToDefaultValues();
-  for (std::size_t moved = 0; moved <= JOINTS.size(); moved++) {
-    law::Joints q = law::start();
-    if (moved > 0) q[moved - 1] += MOVED;
+  for (std::size_t k = 0; k < JOINTS.size() + 2; k++) {
+    const law::Joints q = posture(k);
     for (std::size_t i = 0; i < q.size(); i++) state.setVariablePosition(JOINTS[i], q[i]);
     const auto T = law::pose(q);
     const auto [off, turned] = difference(relative(state, base_frame_, tip_frames_[0]), T.value);
     if (T && off <= model_tolerance_ && turned <= model_tolerance_) continue;
     std::ostringstream words;
     words << "the link '" << tip_frames_[0] << "' in '" << base_frame_ << "' is " << off << " m and " << turned
-          << " rad from where the export has its tip '" << TIP << "'"
-          << (moved > 0 ? std::string(" when '") + JOINTS[moved - 1] + "' moves" : std::string(" at the start"))
+          << " rad from where the export has its tip '" << TIP << "' " << posture_words(k)
           << ". Choose base and tip of the group as they were exported, or export from this robot description";
     why = words.str();
     return false;
