@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START
@@ -74,7 +75,7 @@ def package_test(test: Path, robot: Path, plugin: Plugin, folder: Path) -> subpr
 
 def test_the_test_in_the_package_passes(package: MoveItPackage, plugin: Plugin, tmp_path: Path) -> None:
     test = package.folder / "test" / "test_plugin.cpp"
-    assert "7 tests, 0 failures" in package_test(test, plugin.robot, plugin, tmp_path).stdout
+    assert "8 tests, 0 failures" in package_test(test, plugin.robot, plugin, tmp_path).stdout
 
 
 @pytest.mark.campaign
@@ -126,6 +127,50 @@ def test_joints_are_told_apart_by_their_names(plugin: Plugin, tmp_path: Path) ->
     found = ask(plugin, T, seeds[:, ::-1], tip=TIP, robot=other)
     assert found.words.splitlines()[1].split()[1:] == list(reversed(ROBOT.joint_names))
     np.testing.assert_array_equal(found.joints[:, ::-1], ask(plugin, T, seeds, tip=TIP).joints)
+    begun = "from_seed=bool:true"
+    ours = ask(plugin, T, seeds, begun, tip=TIP)
+    theirs = ask(plugin, T, seeds[:, ::-1], begun, tip=TIP, robot=other)
+    np.testing.assert_array_equal(ours.joints, theirs.joints[:, ::-1])
+    q = 0.1 * np.arange(7, 0, -1)
+    np.testing.assert_allclose(links(found)[TIP], ROBOT.pose(q), atol=1e-12)
+
+
+def links(found: Answers) -> dict[str, np.ndarray]:
+    """The poses (4, 4) that the plugin gives for its links, with its joints at 0.1, 0.2, ..."""
+    poses = {}
+    for line in found.words.splitlines():
+        if line.startswith("link "):
+            name, *numbers = line.split()[1:]
+            poses[name] = np.eye(4)
+            poses[name][:3, 3] = np.array(numbers[:3], dtype=float)
+            poses[name][:3, :3] = Rotation.from_quat(np.array(numbers[3:], dtype=float)).as_matrix()
+    return poses
+
+
+def test_forward_kinematics_has_every_link_of_the_group(plugin: Plugin) -> None:
+    """The referee is the loader of URDF files, one link as the tip after another."""
+    found = ask(plugin, poses(near(1)), near(1), tip=TIP)
+    assert "unknown link: 0" in found.words and "redundant: 01" in found.words
+    given, q = links(found), 0.1 * np.arange(1, 8)
+    assert len(given) == 8
+    for name, pose in given.items():
+        chain = hk.from_urdf(plugin.robot.with_suffix(".urdf"), tip=name)
+        np.testing.assert_allclose(pose, chain.pose(q[: chain.n]), atol=1e-12)
+
+
+def test_where_the_robot_stands_in_the_world_makes_no_difference(plugin: Plugin, tmp_path: Path) -> None:
+    """Poses are in the base frame, and the base is turned and moved in MoveIt's model."""
+    world = (
+        '  <link name="world"/><joint name="stand" type="fixed"><origin xyz="1 2 3" rpy="0.3 -0.4 2.0"/>'
+        '<parent link="world"/><child link="base"/></joint>\n  <link name="base">'
+    )
+    other = changed(plugin, tmp_path, lambda text: text.replace('  <link name="base">', world))
+    T, seeds = poses(near(20)), near(20)
+    moved, still = ask(plugin, T, seeds, tip=TIP, robot=other), ask(plugin, T, seeds, tip=TIP)
+    np.testing.assert_array_equal(moved.joints, still.joints)
+    for name, pose in links(still).items():
+        np.testing.assert_allclose(links(moved)[name], pose, atol=1e-12)
+    assert ask(plugin, T, seeds, tip=TIP, base="world", robot=other).exit == 2
 
 
 def test_a_joint_that_follows_goes_with_its_leader(plugin: Plugin, tmp_path: Path) -> None:

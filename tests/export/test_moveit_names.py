@@ -8,7 +8,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-
 from typer.testing import CliRunner
 
 import holokin as hk

@@ -83,13 +83,17 @@ int main(int, char **argv) {
   for (const std::string &name : plugin->getJointNames()) std::cout << " " << name;
   std::cout << "\nredundant: " << plugin->setRedundantJoints(std::vector<unsigned int>{0}) << plugin->setRedundantJoints(std::vector<unsigned int>{});
   std::vector<geometry_msgs::msg::Pose> poses;
-  std::cout << "\nlinks:";
+  Values turned;
+  for (std::size_t i = 0; i < plugin->getJointNames().size(); i++) turned.push_back(0.1 * static_cast<double>(i + 1));
+  std::cout << "\nunknown link: " << plugin->getPositionFK({"no such link"}, turned, poses) << "\n";
+  std::cout.precision(17);
   for (const std::string &name : plugin->getLinkNames()) {
-    const bool known = plugin->getPositionFK({name}, Values(plugin->getJointNames().size(), 0.1), poses);
-    std::cout << " " << name << (known ? "" : "?");
-    for (const double x : {poses[0].position.x, poses[0].position.y, poses[0].position.z}) std::cout << "," << x;
+    if (!plugin->getPositionFK({name}, turned, poses)) return 5;
+    const auto &[p, o] = poses[0];
+    std::cout << "link " << name;
+    for (const double x : {p.x, p.y, p.z, o.x, o.y, o.z, o.w}) std::cout << " " << x;
+    std::cout << "\n";
   }
-  std::cout << "\nunknown link: " << plugin->getPositionFK({"no such link"}, Values(plugin->getJointNames().size(), 0.1), poses) << "\n";
 
   const std::string bytes = read(argv[6]);
   Values in(bytes.size() / sizeof(double));

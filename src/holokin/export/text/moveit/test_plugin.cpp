@@ -136,6 +136,24 @@ TEST_F(Plugin, AsksTheCallback) {
   EXPECT_TRUE(plugin->searchPositionIK(pose(0), expected(0), PATIENCE, solution, accept, code));
 }
 
+TEST_F(Plugin, AnswersTheOtherCalls) {
+  const kinematics::KinematicsBase::IKCallbackFn none;
+  const kinematics::KinematicsBase::IKCostFn cost = [](const Pose &, const moveit::core::RobotState &,
+      const moveit::core::JointModelGroup *, const Values &) { return 0.0; };
+  std::vector<Values> solutions;
+  kinematics::KinematicsResult result;
+  const std::vector<Pose> one = {pose(0)}, two = {pose(0), pose(0)};
+  EXPECT_TRUE(plugin->getPositionIK(pose(0), expected(0), solution, code));
+  EXPECT_LE(off(solution, expected(0)), 1e-9);
+  EXPECT_TRUE(plugin->getPositionIK(one, expected(0), solutions, result, kinematics::KinematicsQueryOptions()));
+  EXPECT_LE(off(solutions[0], expected(0)), 1e-9);
+  EXPECT_TRUE(plugin->searchPositionIK(one, expected(0), PATIENCE, Values(), solution, none, code));
+  EXPECT_FALSE(plugin->searchPositionIK(two, expected(0), PATIENCE, Values(), solution, none, code));
+  EXPECT_FALSE(plugin->searchPositionIK(one, expected(0), PATIENCE, Values(), solution, none, cost, code));
+  EXPECT_FALSE(plugin->searchPositionIK(pose(0), Values(), PATIENCE, solution, code));
+  EXPECT_FALSE(plugin->setRedundantJoints(std::vector<unsigned int>{0}));
+}
+
 TEST_F(Plugin, AnswersSeveralThreads) {
   std::vector<std::thread> threads;
   std::vector<double> worst(4, 0.0);
