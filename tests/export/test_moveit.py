@@ -92,14 +92,15 @@ def test_the_test_in_the_package_fails_for_other_joints(package: MoveItPackage, 
 
 def test_threads_share_a_plugin(plugin: Plugin) -> None:
     """Four threads at once: the driver compares their answers bit by bit."""
-    assert ask(plugin, poses(near(60)), anywhere(60), tip=TIP, threads=4).exit == 0
+    for begun in ("from_seed=bool:false", "from_seed=bool:true"):
+        assert ask(plugin, poses(near(60)), near(60, seed=1), begun, tip=TIP, threads=4).exit == 0
 
 
 @pytest.mark.campaign
 def test_no_thread_writes_what_another_reads(package: MoveItPackage, tmp_path: Path) -> None:
     flags = ("-fsanitize=thread", "-g")
     watched = Plugin(library(package, tmp_path, *flags), driver(tmp_path, *flags), package.folder / "test" / "robot")
-    found = ask(watched, poses(near(60)), anywhere(60), tip=TIP, threads=4)
+    found = ask(watched, poses(near(60)), near(60, seed=1), "from_seed=bool:true", tip=TIP, threads=4)
     assert found.exit == 0 and "WARNING" not in found.words, found.words
 
 
@@ -186,6 +187,9 @@ def test_a_joint_that_follows_goes_with_its_leader(plugin: Plugin, tmp_path: Pat
     T, seeds = poses(near(20)), np.hstack([near(20), np.zeros((20, 1))])
     found = ask(plugin, T, seeds, tip=TIP, robot=other)
     np.testing.assert_allclose(found.joints[:, 7], -2.0 * found.joints[:, 3] + 0.5, rtol=0, atol=1e-15)
+    begun = "from_seed=bool:true"
+    seeded = ask(plugin, T, np.hstack([near(20), np.full((20, 1), 9.0)]), begun, tip=TIP, robot=other)
+    np.testing.assert_array_equal(seeded.joints[:, :7], ask(plugin, T, near(20), begun, tip=TIP).joints)
     leaderless = changed(
         plugin, tmp_path, lambda text: text.replace("</robot>", finger.replace('<mimic joint="panda_joint4"', "<none")),
         lambda text: text.replace("</group>", '<joint name="finger"/></group>'),

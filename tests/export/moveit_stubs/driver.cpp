@@ -2,7 +2,7 @@
 
    driver LIBRARY ROBOT GROUP BASE TIPS IN OUT THREADS TIMEOUT [NAME=bool|int|double|text:VALUE ...]
    ROBOT.urdf and ROBOT.srdf are the robot. TIPS: names with commas between. IN: rows of a pose (x, y, z, quaternion x, y, z, w) and a seed. OUT: rows of an error
-   code, the joints (NaN without a solution) and the nanoseconds of the call. All threads solve all poses; where their
+   code, the joints (NaN without a solution) and the nanoseconds of the call. Each thread solves all poses, in an order of its own; where their
    answers differ the program ends with 3. It prints what the plugin is. 2: it could not be initialized. */
 #include <dlfcn.h>
 
@@ -33,11 +33,13 @@ static rclcpp::Parameter::Value value(const std::string &kind, const std::string
   return text;
 }
 
-static Values answers(const kinematics::KinematicsBase &plugin, const Values &in, double timeout) {
-  const std::size_t n = plugin.getJointNames().size(), row = 7 + n;
-  Values out;
-  for (std::size_t at = 0; at + row <= in.size(); at += row) {
-    const double *p = &in[at];
+/* Of all rows, with the row `first` first. */
+static Values answers(const kinematics::KinematicsBase &plugin, const Values &in, std::size_t first, double timeout) {
+  const std::size_t n = plugin.getJointNames().size(), row = 7 + n, count = in.size() / row;
+  Values out(count * (n + 2));
+  for (std::size_t k = 0; k < count; k++) {
+    const std::size_t at = (first + k) % count;
+    const double *p = &in[at * row];
     geometry_msgs::msg::Pose pose;
     pose.position = {p[0], p[1], p[2]};
     pose.orientation = {p[3], p[4], p[5], p[6]};
@@ -49,9 +51,10 @@ static Values answers(const kinematics::KinematicsBase &plugin, const Values &in
     const std::chrono::nanoseconds took = std::chrono::steady_clock::now() - began;
     if (found != (code.val == code.SUCCESS) || found != (joints.size() == n)) std::exit(4);
     joints.resize(n, NAN);
-    out.push_back(code.val);
-    out.insert(out.end(), joints.begin(), joints.end());
-    out.push_back(static_cast<double>(took.count()));
+    double *answer = &out[at * (n + 2)];
+    answer[0] = code.val;
+    std::copy(joints.begin(), joints.end(), answer + 1);
+    answer[n + 1] = static_cast<double>(took.count());
   }
   return out;
 }
@@ -100,7 +103,8 @@ int main(int, char **argv) {
   std::memcpy(in.data(), bytes.data(), in.size() * sizeof(double));
   std::vector<Values> all(std::stoul(argv[8]));
   std::vector<std::thread> threads;
-  for (Values &out : all) threads.emplace_back([&] { out = answers(*plugin, in, std::stod(argv[9])); });
+  for (std::size_t t = 0; t < all.size(); t++)
+    threads.emplace_back([&, t] { all[t] = answers(*plugin, in, 5 * t, std::stod(argv[9])); });
   for (std::thread &thread : threads) thread.join();
   const std::size_t row = plugin->getJointNames().size() + 2;
   for (const Values &out : all)
