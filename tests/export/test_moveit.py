@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -276,6 +277,23 @@ def test_from_seeds_near_the_start_come_the_same_joints(plugin: Plugin) -> None:
     found = ask(plugin, T, close, "from_seed=bool:true", tip=TIP)
     assert (found.codes == SUCCESS).all()
     np.testing.assert_allclose(found.joints, ik.batch(T).q, atol=1e-9)
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif("HOLOKIN_MOVEIT" not in os.environ, reason="HOLOKIN_MOVEIT is no checkout of moveit2")
+def test_moveits_own_base_class_takes_the_plugin(package: MoveItPackage, tmp_path: Path) -> None:
+    """kinematics_base.hpp and .cpp of MoveIt, 2.12 or later, with stand-ins of what they need."""
+    core = Path(os.environ["HOLOKIN_MOVEIT"]) / "moveit_core"
+    base, macros = (core / name / "include" for name in ("kinematics_base", "macros"))
+    places = (base, macros, STUBS / "base", STUBS / "ros", STUBS / "loader", package.folder / "c")
+    build = ["g++", "-std=c++17", "-O0", "-Wall", "-fPIC", *(f"-I{place}" for place in places)]
+    source, code, made = core / "kinematics_base" / "src" / "kinematics_base.cpp", tmp_path / "law.o", tmp_path / "a.so"
+    run("cc", "-std=c99", "-O1", "-fPIC", "-c", package.folder / "c" / f"{package.name}.c", "-o", code)
+    run(*build, "-shared", package.folder / "src" / "kinematics_plugin.cpp", source, code, "-o", made)
+    words = [f'-DPLUGIN="{made}"', f'-DROBOT="{package.folder / "test" / "robot"}"']
+    test, program = package.folder / "test" / "test_plugin.cpp", tmp_path / "test_plugin"
+    run(*build, *words, test, source, "-o", program, "-ldl", "-lpthread")
+    assert "8 tests, 0 failures" in run(program).stdout
 
 
 REAL = [Path("/usr/include/pluginlib"), Path("/usr/include/gtest"), Path("/usr/share/ament_cmake")]

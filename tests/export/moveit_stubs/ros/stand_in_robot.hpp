@@ -132,6 +132,7 @@ class JointModelGroup {
   std::vector<const JointModel *> joints;
   std::vector<std::string> links, variables;
   const std::vector<const JointModel *> &getJointModels() const { return joints; }
+  bool isChain() const { return true; }
   const std::vector<std::string> &getLinkModelNames() const { return links; }
   const std::vector<std::string> &getVariableNames() const { return variables; }
 };
