@@ -235,6 +235,9 @@ def calls() -> dict[str, Call]:
         "general_form": (analysis.general_form, (law, q), {"reference": q}),
         "export_c": (hk.export_c, (law, "out"), {
             "q0": q, "dt": 0.01, "name": "law", "limits": True, "vectors_count": 1, "origin": "fuzz"}),
+        "export_moveit": (hk.export.export_moveit, (held, "out"), {
+            "q0": q, "package": "law_plugin", "group": "arm", "name": "law", "limits": True, "vectors_count": 1,
+            "origin": "fuzz"}),
         "Recording": (recording.Recording, (("a", "b", "c"), t, np.zeros((3, 3)), "here"), {"notes": ()}),
         "audit_recording": (hk.audit_recording, (recording.Recording(tuple(robot.joint_names), t, np.zeros((3,
             3)), "here"),

@@ -24,6 +24,7 @@ NO_QUESTION = {
     # numbers, files and sequences: what is found is in them, and an empty sequence is False as a list is
     "DegreeTried", "NearbyCusps", "CuspWitness", "ProcessLines", "ToolTolerance", "ToolDeviation",
     "Clearance", "Deviation", "DriftFree", "DriftPrediction", "Exported", "GeneralForm", "Jump", "JointLoad",
+    "MoveItPackage",
     "LeafFunction",
     "LeftOut", "ClosestHolonomic", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
     "Slice", "Slowdown", "TimedTrajectory", "Unseen", "Witness",

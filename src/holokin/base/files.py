@@ -271,7 +271,10 @@ def put(work: Path, target: Path, ours: set[str]) -> None:
 
 
 def replace_files(work: Path, folder: Path, names: list[str]) -> None:
-    """Move finished files into a folder, over those of the same names: all or, where the system refuses, none."""
+    """Move finished files into a folder, over those of the same names: all or, where the system refuses, none.
+
+    A name may lead into a folder of the folder, which is there.
+    """
     copies = work.with_name("before")
     copies.mkdir()
     done: list[str] = []
@@ -279,6 +282,7 @@ def replace_files(work: Path, folder: Path, names: list[str]) -> None:
         for name in names:
             with writing(folder / name):
                 if (folder / name).exists():
+                    (copies / name).parent.mkdir(parents=True, exist_ok=True)
                     shutil.copy2(folder / name, copies / name)
         for name in names:
             with writing(folder / name):

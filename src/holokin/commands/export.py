@@ -47,6 +47,36 @@ def export_c(
             show(line)
 
 
+@exporting.command("moveit")
+def export_moveit(
+    job: OneJob,
+    out: Folder,
+    strategy: StrategyName = None,
+    orientation: Annotated[
+        str | None, typer.Option(help="One of the job's representations of orientation; by default its first.")
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Prefix of the C names; by default that of robot and strategy.")
+    ] = None,
+    package: Annotated[
+        str | None, typer.Option(help="Name of the package; by default the C name and _moveit_plugin.")
+    ] = None,
+    group: Annotated[str, typer.Option(help="The planning group, for config/kinematics.yaml.")] = "arm",
+) -> None:
+    """Write a strategy as a kinematics plugin for MoveIt 2: a package of ROS 2 with the C, its tests and a README.md.
+
+    Exits 0 when all is written, 2 else.
+    """
+    from ..job import export_job_moveit, open_one_job
+
+    written = export_job_moveit(
+        *open_one_job(job), out, strategy, orientation=orientation, prefix=name, package=package, group=group
+    )
+    for file in written.files:
+        show(f"wrote {out / file}")
+    show(f"in kinematics.yaml: kinematics_solver: {written.plugin}")
+
+
 def _speed(text: str) -> float | str:
     """A number, or "fastest", which [timing] judges."""
     try:

@@ -11,6 +11,7 @@ from .gcode import to_gcode
 from .inform import to_inform
 from .krl import to_krl
 from .languages import LANGUAGES as LANGUAGES
+from .moveit_package import MoveItPackage, export_moveit
 from .process_lines import ProcessLines
 from .program_targets import Wiring
 from .rapid import to_rapid
@@ -22,12 +23,14 @@ from .val3 import to_val3
 
 __all__ = [
     "Exported",
+    "MoveItPackage",
     "ProcessLines",
     "Program",
     "ToolDeviation",
     "ToolTolerance",
     "Wiring",
     "export_c",
+    "export_moveit",
     "to_fanuc",
     "to_gcode",
     "to_inform",

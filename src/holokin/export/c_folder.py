@@ -68,6 +68,15 @@ def export_c(
         ArgumentError: a name that is no C name, a bad dt, files in the way, a start near a singularity.
         ExportError: the strategy is too large, or has no C. SingularityError, JointLimitError: of the start.
     """
+    source, texts = c_texts(strategy, q0, dt, name, limits, vectors_count, origin)
+    write_texts(Path(folder), texts, f"project({source.name} C)")
+    return Exported(Path(folder), source.name, tuple(texts), operations_of(source))
+
+
+def c_texts(
+    strategy: Strategy, q0: ArrayLike, dt: float, name: str | None, limits: bool, vectors_count: int, origin: str
+) -> tuple[Source, dict[str, str]]:
+    """What is exported, and the texts of its files. Arguments and errors as of `export_c`."""
     robot = strategy.task.robot
     q0 = robot.checked(q0, "the start posture")
     robot.check_limits(q0)
@@ -76,9 +85,8 @@ def export_c(
     short = c_name(f"{robot.name}_{strategy.name}") if name is None else str(name)
     source = Source(strategy, q0, number("dt", dt), short, limits)
     found = vectors(source, count)
-    operations = {key: function.program.operations for key, function in source.functions.items()}
     words = source.words | {"version": __version__, "origin": line(origin), "count": len(found)}
-    words |= _tables(source, operations)
+    words |= _tables(source, operations_of(source))
     texts = {
         f"{short}.h": header(source, words),
         f"{short}.hpp": wrapper(source, words),
@@ -88,8 +96,12 @@ def export_c(
         "CMakeLists.txt": text("CMakeLists.txt", words),
         "README.md": text("README.md", words),
     }
-    _write(Path(folder), _stamped(texts), short)
-    return Exported(Path(folder), short, tuple(texts), operations)
+    return source, _stamped(texts)
+
+
+def operations_of(source: Source) -> dict[str, int]:
+    """Operations of each function of an export."""
+    return {key: function.program.operations for key, function in source.functions.items()}
 
 
 def c_name(words: str) -> str:
@@ -142,24 +154,33 @@ def _stamped(texts: dict[str, str]) -> dict[str, str]:
     return {file: content.replace(STAMP, digest) for file, content in texts.items()}
 
 
-def _write(folder: Path, texts: dict[str, str], name: str) -> None:
-    """All files or, where the system refuses one, none. Raises: ArgumentError, WriteError."""
+def write_texts(folder: Path, texts: dict[str, str], project: str) -> None:
+    """All files or, where the system refuses one, none.
+
+    Args:
+        texts: by file; a file may lie in a folder of the folder.
+        project: the line of its CMakeLists.txt that says which export the folder holds.
+
+    Raises:
+        ArgumentError, WriteError.
+    """
     try:
         for file in texts:
             there = folder / file
             if there.exists() and not (there.is_file() and MARK.search(there.read_text("utf-8", "replace")[:600])):
                 raise ArgumentError("the output folder", str(folder), f"its {file} is not holokin's: choose another")
         build = folder / "CMakeLists.txt"
-        if build.exists() and f"project({name} C)" not in build.read_text("utf-8", "replace"):
+        if build.exists() and project not in build.read_text("utf-8", "replace"):
             raise ArgumentError("the output folder", str(folder), "it holds another export: give each its own")
-        folder.mkdir(parents=True, exist_ok=True)
+        for file in texts:
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as problem:
         why = problem.strerror if isinstance(problem, OSError) else str(problem)
         raise ArgumentError("the output folder", str(folder), f"cannot be written: {why}") from None
     with writing(folder), aside(folder) as place:
-        (place / "new").mkdir()
         for file, content in texts.items():
             with writing(folder / file):
+                (place / "new" / file).parent.mkdir(parents=True, exist_ok=True)
                 (place / "new" / file).write_text(content, "utf-8")
         with alone(folder), uninterrupted():
             replace_files(place / "new", folder, list(texts))

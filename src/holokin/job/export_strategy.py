@@ -6,7 +6,7 @@ from pathlib import Path as FilePath
 
 from ..base.types import Vector
 from ..errors import ArgumentError, UnknownNameError
-from ..export import Exported, c_name, export_c
+from ..export import Exported, MoveItPackage, c_name, export_c, export_moveit
 from ..strategies import Strategy
 from .job_parts import build_begin, build_strategy, build_tasks, naming
 from .schema import Job
@@ -52,13 +52,25 @@ def export_job(
         as `job_strategy` and `export_c`.
     """
     label, strategy, start = job_strategy(job, file, label, orientation)
-    robot = strategy.task.robot.name
-    origin = f"the job {name}, strategy {label}"
-    return export_c(
-        strategy,
-        folder,
-        q0=start,
-        dt=dt,
-        name=c_name(f"{robot}_{label}") if prefix is None else prefix,
-        origin=origin,
-    )
+    short, origin = _names(name, label, strategy, prefix)
+    return export_c(strategy, folder, q0=start, dt=dt, name=short, origin=origin)
+
+
+def export_job_moveit(
+    name: str, job: Job, file: FilePath, folder: FilePath, label: str | None = None, *,
+    orientation: str | None = None, prefix: str | None = None, package: str | None = None, group: str = "arm",
+) -> MoveItPackage:  # fmt: skip
+    """Write a strategy of a job as a kinematics plugin of MoveIt 2, see `export_moveit`.
+
+    Raises:
+        as `job_strategy` and `export_moveit`.
+    """
+    label, strategy, start = job_strategy(job, file, label, orientation)
+    short, origin = _names(name, label, strategy, prefix)
+    return export_moveit(strategy, folder, q0=start, package=package, group=group, name=short, origin=origin)
+
+
+def _names(job: str, label: str, strategy: Strategy, prefix: str | None) -> tuple[str, str]:
+    """The C name, and the words of where it comes from."""
+    name = c_name(f"{strategy.task.robot.name}_{label}") if prefix is None else prefix
+    return name, f"the job {job}, strategy {label}"

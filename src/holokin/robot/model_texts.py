@@ -41,7 +41,7 @@ def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFOR
             positive. ShapeError.
     """
     efforts = _efforts(robot, effort)
-    heavy, names = weighed(robot, density), _link_names(robot)
+    heavy, names = weighed(robot, density), link_names(robot)
     masses, shapes = merged(heavy.bodies), drawn_links(robot)
     lines = ['<?xml version="1.0"?>', *_remarks(robot, density), f"<robot name={_quoteattr(robot.name)}>"]
     for k, link in enumerate(names, -1):
@@ -93,7 +93,7 @@ def to_mjcf(
     """
     if servo is not None and len(servo.damping) != robot.n:
         raise ArgumentError("the servo's joints", len(servo.damping), f"make one for the {robot.n} of {robot.name!r}")
-    heavy, names = weighed(robot, density), _link_names(robot)
+    heavy, names = weighed(robot, density), link_names(robot)
     masses, shapes, compensated = merged(heavy.bodies), drawn_links(robot), servo is not None and servo.compensated
     children: dict[int, list[int]] = {}
     for k, joint in enumerate(robot.joints):
@@ -207,7 +207,7 @@ def _efforts(robot: Robot, effort: ArrayLike) -> list[float]:
     return [positive("effort", float(v)) for v in np.broadcast_to(given, (robot.n,))]
 
 
-def _link_names(robot: Robot) -> list[str]:
+def link_names(robot: Robot) -> list[str]:
     """Names of the base and of each joint's link, all of them unlike the tips'."""
     taken = {tip.name for tip in robot.tips}
     found = []
