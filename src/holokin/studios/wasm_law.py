@@ -8,7 +8,6 @@ import subprocess
 import sys
 import tempfile
 import zlib
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -22,13 +21,11 @@ from ..codegen import LARGEST
 from ..codegen.toolchain import call
 from ..errors import ExportError, MissingExtraError, NativeError
 from ..inverse_kinematics.branch import branch_code
-from ..inverse_kinematics.leaf import leaf_rules, leaf_step
+from ..inverse_kinematics.leaf import leaf_rules, leaf_step, leaf_value
 from ..motion.follow_path import by_leaf
 from ..motion.velocity_steps import path_rate, velocity_rules
-from ..output.bodies import Piece
-from ..robot import Robot
 from ..strategies import Strategy, may_jump
-from ..symbolic import SX, Function, symbol, vertcat
+from .drawn_arm import DrawnArm
 
 PATIENCE = 300.0
 """Seconds that the compiler may take: at its first call it builds the C library of WebAssembly, some 20 seconds."""
@@ -40,32 +37,7 @@ ENDLESS = 1e300
 """A joint limit [joint units] that is none."""
 
 
-@dataclass(frozen=True, eq=False)
-class Drawn:
-    """Points (k, 3) that a page draws an arm by, each in the frame of a joint, -1 for the base."""
-
-    joints: tuple[int, ...]
-    points: Matrix
-
-    def function(self, robot: Robot) -> Function:
-        """q -> the points in the base's frame (3 k,)."""
-        q = symbol("q", robot.n)
-        frames = {j: robot.kinematics_at(q, j, np.eye(4)) for j in sorted(set(self.joints) - {-1})}
-        rows = [
-            SX(point) if j < 0 else frames[j].position + frames[j].rotation @ SX(point)
-            for j, point in zip(self.joints, self.points, strict=True)
-        ]
-        return Function("drawn", {"q": q}, {"points": vertcat(*rows)})
-
-
-def drawn_of(robot: Robot, pieces: tuple[Piece, ...], ends: list[tuple[Vector, Vector]], tip: str | None) -> Drawn:
-    """The tool's point of a tip, then both ends of each piece, given in the frames of their joints."""
-    tool = robot.tip(tip)
-    joints = [tool.joint, *(piece.joint for piece in pieces for _ in range(2))]
-    return Drawn(tuple(joints), np.vstack([tool.placement[:3, 3], *(end for pair in ends for end in pair)]))
-
-
-def law_code(strategy: Strategy, drawn: Drawn, segments: int) -> str:
+def law_code(strategy: Strategy, arm: DrawnArm, segments: int) -> str:
     """The C of a strategy for a page: `hk_follow` with its functions, and law.c.
 
     Args:
@@ -89,13 +61,13 @@ def law_code(strategy: Strategy, drawn: Drawn, segments: int) -> str:
     robot, slack = strategy.task.robot, TOLERANCES.limit
     rules = velocity_rules() if leaf is None else leaf_rules(0.0)
     words = {
-        "drawn": drawn.points.size, "segments": segments,
+        "drawn": 3 + 6 * len(arm.parts), "segments": segments,
         "lower": _row(robot.lower - slack), "upper": _row(robot.upper + slack),
         "free_lower": _row(np.full(robot.n, -np.inf)), "free_upper": _row(np.full(robot.n, np.inf)),
         "rules": ", ".join("side" if key == "side" else repr(getattr(rules, key)) for key, *_ in rules._fields_),
     }  # fmt: skip
     driver = Template(files("holokin.studios").joinpath("web", "law.c").read_text("utf-8")).substitute(words)
-    return code + drawn.function(robot).c("hk_drawn_body") + driver
+    return code + arm.function.c("hk_drawn_body") + driver
 
 
 def _row(values: Vector) -> str:
@@ -124,18 +96,16 @@ def wasm_of(code: str, name: str) -> bytes:
         return module.read_bytes()
 
 
-def packed(module: bytes) -> str:
-    """A module for a page: deflated, in base64."""
-    return base64.b64encode(zlib.compress(module, 9)).decode("ascii")
+def packed(data: bytes) -> str:
+    """Bytes for a page: deflated, in base64."""
+    return base64.b64encode(zlib.compress(data, 9)).decode("ascii")
 
 
-def start_of(strategy: Strategy, q0: Vector, p: Vector, R: Matrix) -> dict[str, Any]:
-    """What a run begins with: the state behind the joints (p, R, c), and the side of det [J; J_g]."""
-    leaf = by_leaf(strategy)
+def begin_of(strategy: Strategy, q0: Vector, p: Vector, R: Matrix) -> dict[str, Any]:
+    """What a run begins with: joints, the state behind them (p, R, c), and the side of det [J; J_g]."""
+    leaf, found = by_leaf(strategy), {"q0": q0.tolist(), "state": [], "side": 0.0}
     if leaf is None:
-        return {"state": [], "side": 0.0}
-    from ..inverse_kinematics.leaf import leaf_value
-
+        return found
     c = leaf_value(leaf, q0)
     side = float(leaf_step(leaf)(q0, p, R, c)[3])
-    return {"state": [*p.tolist(), *R.ravel().tolist(), *c.tolist()], "side": side}
+    return found | {"state": [*p.tolist(), *R.ravel().tolist(), *c.tolist()], "side": side}

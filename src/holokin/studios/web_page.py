@@ -1,67 +1,67 @@
-"""A page to play with: two laws of one robot in one HTML file, that a browser computes itself, without Python.
+"""A page to play with: laws of one robot in one HTML file, which a browser computes itself, without Python.
 
-The file has the laws as WebAssembly, the C that `hk.follow` runs, and draws by WebGL. It asks for nothing from a network.
+The file has the laws as WebAssembly, from the C that `hk.follow` runs, and draws by WebGL. It needs no network.
 """
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
-from importlib.resources import files
+from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
+from ..analysis import CuspWitness
 from ..base.arguments import typed
 from ..base.files import replacing
-from ..base.types import Array, ArrayLike, Matrix, Value, Vector
-from ..errors import ArgumentError, OpenPathError
+from ..base.types import ArrayLike, Matrix, Value, Vector
+from ..errors import ArgumentError, OpenPathError, PathError
+from ..motion import follow
 from ..motion.follow_path import by_leaf
-from ..output.bodies import Piece, pieces_of
 from ..output.palette import law_colors
-from ..output.robot_view import best_view
-from ..path import Path
+from ..path import Path, circle
 from ..path.plan import check_start, make_plan
-from ..robot import Box, Capsule, Cylinder, Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import Task, of_one_tool
-from ..version import __version__
-from .wasm_law import drawn_of, law_code, packed, start_of, wasm_of
+from .drawn_arm import DrawnArm
+from .page_text import page_text
+from .wasm_law import begin_of, law_code, packed, wasm_of
 
 STEPS = 240
-"""Steps of a cycle: as many as make the drift of `hk.drift`, with as many samples, the same."""
+"""Steps of a round: `hk.follow` with as many samples gives the same joints."""
 
-CYCLES = 8
-"""Cycles that are shown at first."""
+ROUNDS = 8
+"""Rounds that are shown at first."""
 
 MOST_LAWS = 3
-"""Laws side by side: more are too narrow."""
+"""Laws beside each other: more are too narrow."""
 
-SCRIPTS = ("stage.js", "loops.js", "law.js", "charts.js", "play.js")
+LOOKED = 24
+"""Postures of a round by which a view is chosen."""
 
-_HOLE = re.compile(r"\{\{(\w+)\}\}")
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+SMALL = 0.15
+"""Diameter of the first circle over the size of the arm, where there is no path."""
 
 
 @dataclass(frozen=True, eq=False)
 class PageLoop(Value):
-    """A closed path that a page offers: its name, the path, the posture (n,) it begins at, and what there is to see."""
+    """A closed path that a page offers: its name, the path, the posture (n,) at which all laws begin, what to see.
+
+    rounds: how often it is gone; 0 for as often as the page's reader wants.
+    """
 
     name: str
     path: Path
     q0: Vector
     text: str = ""
+    rounds: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class WebPage(Value):
-    """A page, as a file of its own."""
+    """A page as the text of one HTML file."""
 
     html: str
 
@@ -75,195 +75,148 @@ class WebPage(Value):
 
 @typed
 def web_page(
-    laws: Mapping[str, Strategy],
-    q0: ArrayLike,
-    path: Path,
-    *,
-    title: str | None = None,
-    text: str = "",
+    laws: Mapping[str, Strategy], q0: ArrayLike, path: Path | None = None, *, title: str = "", text: str = "",
     loops: Sequence[PageLoop] = (),
-) -> WebPage:
-    """A page on which a loop of the tool is dragged, and laws of one robot follow it side by side.
+) -> WebPage:  # fmt: skip
+    """A page on which a loop of the tool is dragged, and laws of one robot follow it beside each other.
 
-    The numbers are those of `hk.follow` with 240 samples a cycle. The circle and the figure eight of the page begin at
-    the tool pose of q0.
+    The numbers are those of `hk.follow` with 240 samples a round. The page has a circle and a figure eight, which begin
+    at the tool pose of q0, beside the path.
 
     Args:
         laws: name -> strategy, one to three of one robot and task; the first is at the left.
-        q0: the posture (n,) at which all begin.
-        path: a closed path from there: the page shows it first. A circle and a figure eight have its size.
-        text: what there is to see, beside what the page says of drift.
+        q0: the posture (n,) at which all begin, or one for each law (laws, n), of one tool pose.
+        path: a closed path from there, whose size and plane the circle has at first.
+        title: heads the page. text: what there is to see, beside what the page says of drift.
         loops: more closed paths, with postures of their own.
 
     Raises:
-        MissingExtraError: zig is not installed. ExportError: a law that cannot be compiled. OpenPathError.
-        ArgumentError: too many laws, or of several robots or tasks; several tips. StartError: of a path. JointLimitError.
+        MissingExtraError: zig is not installed. ExportError: a law cannot be compiled. OpenPathError. StartError: a path
+            begins elsewhere. ArgumentError: too many laws, or of several robots, tasks or tips. ShapeError,
+            NotFiniteError, JointLimitError, SingularityError: of a start.
     """
-    names, strategies = list(laws), list(laws.values())
-    if not 1 <= len(laws) <= MOST_LAWS:
-        raise ArgumentError("the number of laws on a page", len(laws), f"give one to {MOST_LAWS}")
+    strategies = _checked(laws)
     task = strategies[0].task
-    for one in strategies:
-        if one.task.robot is not task.robot and one.task.robot != task.robot or one.task.m != task.m:
-            raise ArgumentError("the laws of a page", [s.name for s in strategies], "give those of one robot and task")
-        of_one_tool(one.task, "a page")
-    start = task.robot.checked(q0, "the start posture")
-    task.robot.check_limits(start)
-    offered = [PageLoop("The path of the job", path, start), *loops]
-    drawing = _Drawing.of(task, start)
-    longest = max(len(loop.path.segments) for loop in offered)
-    shown = [_loop(loop, strategies) for loop in offered]
+    starts = _starts(strategies, q0)
+    loop = path if path is not None else _first_circle(task, starts[0])
+    arm = DrawnArm.of(task, _postures(strategies, loop, starts))
+    offered = [_loop(PageLoop("", loop, starts[0]), strategies, starts, arm)]
+    if path is not None and not _is_circle(path):
+        offered.append(_loop(PageLoop("Its own path", path, starts[0]), strategies, starts, arm))
+    for more in loops:
+        one = task.robot.checked(more.q0, f"the start posture of {more.name!r}")
+        offered.append(_loop(more, strategies, [one] * len(strategies), arm))
+    plane = 2 if task.robot.planar else _plane(loop)
     data = {
-        "title": title or f"{task.robot.name}: drag the loop",
-        "robot": task.robot.name,
         "joints": [{"name": joint.name, "unit": joint.unit} for joint in task.robot.coordinates],
-        "steps": STEPS,
-        "cycles": CYCLES,
-        "laws": [
-            {
-                "name": name,
-                "leaf": by_leaf(law) is not None,
-                "color": color,
-                "module": packed(wasm_of(law_code(law, drawing.drawn, max(2, longest)), law.name)),
-            }
-            for (name, law), color in zip(laws.items(), _colors(strategies), strict=True)
-        ],
-        "pieces": drawing.pieces,
-        "view": _view(task, drawing, start, path),
-        "planar": task.robot.planar,
-        "size": _size(path),
-        "plane": _plane(path) if not task.robot.planar else 2,
-        "turns": bool(task.rotations),
-        "loops": shown,
-        "names": names,
-    }
-    return WebPage(_page(data, text))
+        "steps": STEPS, "rounds": ROUNDS, "planar": task.robot.planar, "plane": plane, "size": _size(loop, plane),
+        "pieces": arm.pieces, "loops": offered,
+        "laws": _modules(laws, arm, max(len(one["counts"]) for one in offered)),
+    }  # fmt: skip
+    return WebPage(page_text(title or f"{task.robot.name}: drag the loop", text, data))
 
 
-@dataclass(frozen=True, eq=False)
-class _Drawing:
-    """What an arm is drawn by: its pieces for the page, and their points."""
-
-    pieces: list[dict[str, Any]]
-    drawn: Any
-    found: tuple[Piece, ...]
-
-    @staticmethod
-    def of(task: Task, q0: Vector) -> _Drawing:
-        robot = _bare(task.robot)
-        found = pieces_of(robot, q0[None])
-        ends = [_ends(piece) for piece in found]
-        pieces = [
-            {"role": piece.role, "radius": _radius(piece), "flat": not isinstance(piece.part.shape, Capsule)}
-            for piece in found
-        ]
-        return _Drawing(pieces, drawn_of(robot, found, ends, task.tip), found)
-
-    def at(self, robot: Robot, q: Vector) -> Matrix:
-        """The points (k, 3) at a posture."""
-        return np.asarray(self.drawn.function(robot)(q)).reshape(-1, 3)
+def cusp_loop(witness: CuspWitness, rule: str = "the rule") -> PageLoop:
+    """The loop of a cusp for a page, which says how far the joints end from where they began."""
+    said = (
+        f"This loop is {100 * witness.length:.1f} cm long, and the tool turns by {np.degrees(witness.turn):.0f} degrees on "
+        f"it. It goes round a cusp of {rule}: the joints end {witness.apart:.2f} rad from where they began, though no "
+        "posture on it is singular and the rule is kept all the way. A rule is repeatable within a region of tool poses, "
+        "and this loop leaves every such region."
+    )
+    return PageLoop("A loop round a cusp", witness.path, witness.first, said, rounds=1)
 
 
-def _bare(robot: Robot) -> Robot:
-    """The robot without the shapes of its model: a page draws rods."""
-    from dataclasses import replace
-
-    return replace(robot, shapes=(), visuals=())
-
-
-def _half(piece: Piece) -> float:
-    shape = piece.part.shape
-    return float(shape.sides[2]) / 2 if isinstance(shape, Box) else float(shape.length) / 2  # type: ignore[union-attr]
-
-
-def _radius(piece: Piece) -> float:
-    shape = piece.part.shape
-    return float(shape.sides[0]) / 2 if isinstance(shape, Box) else float(shape.radius)  # type: ignore[union-attr]
-
-
-def _ends(piece: Piece) -> tuple[Vector, Vector]:
-    """Both ends of a rod, a disc or a beam, in the frame of its joint."""
-    T = piece.part.placement
-    step = _half(piece) * T[:3, 2]
-    return T[:3, 3] - step, T[:3, 3] + step
+def _checked(laws: Mapping[str, Strategy]) -> list[Strategy]:
+    """The laws. Raises: ArgumentError."""
+    found = list(laws.values())
+    if not 1 <= len(found) <= MOST_LAWS:
+        raise ArgumentError("the number of laws on a page", len(found), f"give one to {MOST_LAWS}")
+    for one, other in pairwise(found):
+        same = one.task.robot == other.task.robot and (one.task.m, one.task.tip) == (other.task.m, other.task.tip)
+        if not same:
+            raise ArgumentError("the laws of a page", list(laws), "give those of one robot and one task")
+    for one in found:
+        of_one_tool(one.task, "a page")
+    if not found[0].task.spatial:
+        raise ArgumentError("the task", found[0].task.name, "a page leads a tool in space: take a position or a pose")
+    return found
 
 
-def _loop(loop: PageLoop, laws: Sequence[Strategy]) -> dict[str, Any]:
-    """A loop for the page: its table, as `hk.follow` has it, and what each law begins with."""
-    task = laws[0].task
-    start = task.robot.checked(loop.q0, f"the start posture of {loop.name!r}")
-    task.robot.check_limits(start)
-    if not loop.path.closed:
-        raise OpenPathError("a page", loop.path.gap)
-    plan = make_plan(task, loop.path, STEPS, task.place(start)[1])
+def _starts(laws: Sequence[Strategy], q0: ArrayLike) -> list[Vector]:
+    """The posture at which each law begins. Raises: ShapeError, NotFiniteError."""
+    robot = laws[0].task.robot
+    many = np.ndim(q0) == 2
+    given = list(np.asarray(q0)) if many else [q0] * len(laws)
+    if len(given) != len(laws):
+        raise ArgumentError("the number of start postures", len(given), f"give one, or {len(laws)}")
+    return [robot.checked(q, "the start posture") for q in given]
+
+
+def _modules(laws: Mapping[str, Strategy], arm: DrawnArm, segments: int) -> list[dict[str, Any]]:
+    """Each law for the page: name, colour, module."""
+    colors = law_colors([isinstance(law, HolonomicStrategy) for law in laws.values()])
+    return [
+        {
+            "name": name, "leaf": by_leaf(law) is not None, "color": color,
+            "module": packed(wasm_of(law_code(law, arm, max(2, segments)), name)),
+        }
+        for (name, law), color in zip(laws.items(), colors, strict=True)
+    ]  # fmt: skip
+
+
+def _loop(loop: PageLoop, laws: Sequence[Strategy], starts: Sequence[Vector], arm: DrawnArm) -> dict[str, Any]:
+    """A loop for the page: its table, as `hk.follow` has it, what each law begins with, and from where it is seen."""
+    task, path = laws[0].task, loop.path
+    if not path.closed:
+        raise OpenPathError("a page", path.gap)
+    plan = make_plan(task, path, STEPS, task.place(starts[0])[1])
     p, R = plan.first
-    check_start(task, start, p, R)
+    for law, q in zip(laws, starts, strict=True):
+        task.robot.check_limits(q)
+        law(q)
+        check_start(task, q, p, R)
     return {
-        "name": loop.name,
-        "text": loop.text,
-        "q0": start.tolist(),
-        "first": [*p.tolist(), *R.ravel().tolist()],
-        "rows": loop.path.table(plan.start_rotation).tolist(),
-        "counts": plan.counts.tolist(),
-        "line": plan.position[:, :3].tolist(),
-        "begin": [start_of(law, start, p, R) for law in laws],
-    }
+        "name": loop.name, "text": loop.text, "rounds": loop.rounds, "first": [*p.tolist(), *R.ravel().tolist()],
+        "table": packed(path.table(plan.start_rotation).astype("<f8").tobytes()), "counts": plan.counts.tolist(),
+        "begin": [begin_of(law, q, p, R) for law, q in zip(laws, starts, strict=True)],
+        "view": arm.view(_postures(laws, path, starts), path),
+    }  # fmt: skip
 
 
-def _colors(laws: Sequence[Strategy]) -> tuple[str, ...]:
-    return law_colors([isinstance(law, HolonomicStrategy) for law in laws])
+def _postures(laws: Sequence[Strategy], path: Path, starts: Sequence[Vector]) -> Matrix:
+    """Some postures (k, n) of the first rounds, by which a view is chosen; of a law that stops those before."""
+    found = [starts[0]]
+    for law, q in zip(laws, starts, strict=True):
+        try:
+            found += list(follow(law, path, q, samples=LOOKED).q)
+        except PathError as problem:
+            found += [] if problem.trajectory is None else list(problem.trajectory.q)
+    return np.array(found)
 
 
-def _size(path: Path) -> list[float]:
-    """From the start of a path to its farthest point (3,)."""
-    points = path.at(np.linspace(0, path.duration, 361)).position
-    return (points[np.argmax(np.linalg.norm(points - path.start, axis=1))] - path.start).tolist()
+def _is_circle(path: Path) -> bool:
+    """Whether it is what the page draws itself: one turn about an axis of the base."""
+    (first, *others), normal = path.segments, path.area
+    even = np.count_nonzero(np.abs(normal) > 1e-9 * np.abs(normal).max()) == 1
+    return not others and not first.along.any() and not first.turning.any() and even and bool(normal.max() > 0)
+
+
+def _first_circle(task: Task, q0: Vector) -> Path:
+    """A level circle that lies towards the base."""
+    start = task.place(q0)[0][:3]
+    inward = -np.sign(start[0]) or -1.0
+    return circle(start, start + [inward * SMALL / 2 * DrawnArm.of(task, q0[None]).size(q0), 0.0, 0.0])
+
+
+def _size(path: Path, plane: int) -> list[float]:
+    """From the start of a path to its farthest point, in a plane (3,)."""
+    points = path.at(np.linspace(0, path.duration, 361)).position - path.start
+    points[:, plane] = 0.0
+    return points[np.argmax(np.linalg.norm(points, axis=1))].tolist()
 
 
 def _plane(path: Path) -> int:
     """The axis, 0 to 2, about which a path winds most."""
-    area = np.abs(path.area)
+    area: Matrix = np.abs(path.area)
     return int(area.argmax()) if area.max() > 0 else 2
-
-
-def _view(task: Task, drawing: _Drawing, q0: Vector, path: Path) -> dict[str, Any]:
-    """From where the arm is seen: what to look at, how far round it there is something, azimuth and elevation."""
-    points = drawing.at(task.robot, q0)
-    line = path.at(np.linspace(0, path.duration, 61)).position
-    every = np.vstack([points, line])
-    low, high = every.min(axis=0), every.max(axis=0)
-    view = best_view([points], [line])
-    around = float(np.linalg.norm(high - low)) / 2
-    return {
-        "center": ((low + high) / 2).tolist(),
-        "around": around,
-        "azimuth": -90.0 if task.robot.planar else view.azimuth,
-        "elevation": 89.0 if task.robot.planar else view.elevation,
-        "floor": min(0.0, float(low[2])),
-    }
-
-
-def _page(data: dict[str, Any], text: str) -> str:
-    """The HTML: what is the user's own is escaped, and the policy lets nothing run but the script by its hash."""
-    script = "\n".join(_file(name) for name in SCRIPTS)
-    parts = {
-        "title": escape(str(data["title"])),
-        "text": f"<p>{escape(text)}</p>" if text else "",
-        "version": escape(__version__),
-        "style": _file("page.css"),
-        "script": script,
-        "style_hash": _hash(_file("page.css")),
-        "script_hash": _hash(script),
-        "data": json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
-    }
-    page = _HOLE.sub(lambda hole: parts[hole[1]], _file("page.html"))
-    return _CONTROL.sub("\ufffd", page)
-
-
-def _file(name: str) -> str:
-    return files("holokin.studios").joinpath("web", name).read_text("utf-8")
-
-
-def _hash(text: str) -> str:
-    """As a Content-Security-Policy names a script or a style."""
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")

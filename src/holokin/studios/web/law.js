@@ -2,11 +2,16 @@
 
 const ROWS = 64; // steps of one call: PAGE_ROWS of law.c
 
+// The bytes of deflated base64.
+async function unpacked(text) {
+  const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Response(stream).arrayBuffer();
+}
+
 class Law {
   static async load(given, data, index) {
-    const packed = Uint8Array.from(atob(given.module), (letter) => letter.charCodeAt(0));
-    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
-    const { instance } = await WebAssembly.instantiate(await new Response(stream).arrayBuffer(), {});
+    const { instance } = await WebAssembly.instantiate(await unpacked(given.module), {});
     return new Law(given, data, index, instance.exports);
   }
 
@@ -22,19 +27,20 @@ class Law {
     return new Float64Array(this.code.memory.buffer, this.code[place](), size);
   }
 
-  // Begins anew along a loop: { q0, first, rows, counts, begin }.
+  // Begins anew along a loop: { first, rows, counts, begin }.
   begin(loop) {
     const begin = loop.begin[this.index];
     this.loop = loop;
     this.side = begin.side;
+    this.q0 = begin.q0;
     this.steps = loop.counts.reduce((sum, count) => sum + count, 0);
     this.at("segments", 43 * loop.rows.length).set(loop.rows.flat());
     [...loop.counts, 0].forEach((count, i) => this.code.count(i, count));
     this.at("closing", 12).set(loop.first);
-    this.at("state", this.n + begin.state.length).set([...loop.q0, ...begin.state]);
+    this.at("state", this.n + begin.state.length).set([...begin.q0, ...begin.state]);
     if (this.leaf) this.at("state", this.n + begin.state.length + this.n + 1).fill(0, this.n + begin.state.length);
     this.rows = new Float64Array(this.n * (1 + this.steps));
-    this.rows.set(loop.q0);
+    this.rows.set(begin.q0);
     this.done = 0;
     this.ended = "";
   }
@@ -85,7 +91,7 @@ class Law {
     const end = this.row(cycle * this.steps);
     let [joint, largest] = [0, 0];
     for (let i = 0; i < this.n; i++) {
-      const far = Math.abs(end[i] - this.loop.q0[i]);
+      const far = Math.abs(end[i] - this.q0[i]);
       if (far > largest) [joint, largest] = [i, far];
     }
     return { joint, largest };

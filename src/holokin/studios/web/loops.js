@@ -20,15 +20,25 @@ function round(kind, from, size, plane, steps) {
   const rows = [turn(start, middle(1), normal, false, rotation)];
   if (kind === "eight") rows.push(turn(start, middle(-1), normal, true, rotation));
   const each = Math.ceil(steps / rows.length);
-  return { ...from, kind, size, plane, rows, counts: rows.map(() => each), line: rows.flatMap((row) => points(row, 72)) };
+  return { ...from, rounds: 0, text: "", rows, counts: rows.map(() => each), line: lineOf(rows) };
 }
 
-// Points along an arc.
-function points(row, count) {
-  return Array.from({ length: count }, (_, k) => {
-    const angle = (row[9] * (k + 1)) / count;
-    return [0, 1, 2].map((i) => row[i] + Math.cos(angle) * row[3 + i] + Math.sin(angle) * row[6 + i]);
-  });
+// Points along segments.
+function lineOf(rows) {
+  const each = Math.max(2, Math.ceil(72 / rows.length));
+  return rows.flatMap((row) => Array.from({ length: each }, (_, k) => point(row, (k + 1) / each)));
+}
+
+function point(row, u) {
+  const c = Math.cos(row[9] * u), s = Math.sin(row[9] * u);
+  return [0, 1, 2].map((i) => row[i] + c * row[3 + i] + s * row[6 + i] + u * (row[10 + i] + u * (row[13 + i] + u * row[16 + i])));
+}
+
+// A loop as the page has it from Python, with its table read.
+async function opened(loop) {
+  const numbers = Array.from(new Float64Array(await unpacked(loop.table)));
+  const rows = Array.from({ length: numbers.length / 43 }, (_, k) => numbers.slice(43 * k, 43 * (k + 1)));
+  return { ...loop, rows, line: lineOf(rows) };
 }
 
 // A vector of a length in a plane, at an angle from the plane's first axis.

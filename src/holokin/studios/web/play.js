@@ -14,17 +14,18 @@ function fail(problem) {
 
 class Page {
   constructor(laws, stage) {
-    Object.assign(this, { laws, stage, playing: true, time: 0, kind: "circle", plane: data.plane, size: data.size, cycles: data.cycles });
+    Object.assign(this, { laws, stage, playing: true, time: 0, kind: "circle", plane: data.plane, size: data.size, cycles: data.rounds });
     this.frames = [];
     this.offer();
     this.wire();
     this.change();
+    if (matchMedia("(prefers-reduced-motion: reduce)").matches) this.hold(false);
   }
 
   // The loops to choose from.
   offer() {
     const kinds = [["circle", "A circle"], ["eight", "A figure eight"], ...data.loops.map((loop, i) => [String(i), loop.name])];
-    for (const [value, name] of kinds.filter(([value]) => !data.loops[value]?.hidden)) {
+    for (const [value, name] of kinds.filter(([, name]) => name)) {
       const input = make("input", { type: "radio", name: "kind", value });
       input.checked = value === this.kind;
       $("kinds").append(make("label", {}, input, make("span", {}, name)));
@@ -55,6 +56,9 @@ class Page {
     canvas.addEventListener("touchstart", (event) => { if (this.near(event.touches[0])) event.preventDefault(); }, { passive: false });
     canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.stage.camera.zoom(Math.exp(-event.deltaY / 800)); }, { passive: false });
     canvas.addEventListener("keydown", (event) => this.key(event));
+    const wake = () => (this.fresh = true);
+    for (const name of ["input", "click", "pointerdown", "pointermove", "pointerup", "wheel", "keydown"]) document.addEventListener(name, wake, true);
+    new ResizeObserver(wake).observe(canvas);
   }
 
   set(field) {
@@ -83,13 +87,15 @@ class Page {
   }
 
   get most() {
-    return 1.2 * data.view.around;
+    return 1.2 * data.loops[0].view.around;
   }
 
   // Another loop: all laws begin anew.
   change() {
     this.loop = this.own ? round(this.kind, data.loops[0], this.size, this.plane, data.steps) : data.loops[Number(this.kind)];
+    if (this.loop.view !== this.stage.camera.view) this.stage.camera.show(this.loop.view);
     this.laws.forEach((law) => law.begin(this.loop));
+    this.rounds = this.loop.rounds || this.cycles;
     this.told = -1;
     this.time = 0;
     this.work(2 * WORK, 1);
@@ -113,7 +119,7 @@ class Page {
   }
 
   // Computes ahead, the laws in turn.
-  work(patience, cycles = this.cycles) {
+  work(patience, cycles = this.rounds) {
     for (const law of this.laws) law.advance(cycles, patience / this.laws.length);
     const done = this.laws.reduce((sum, law) => sum + law.cycles + (law.ended ? 0.5 : 0), 0);
     if (done !== this.told) this.report();
@@ -121,24 +127,24 @@ class Page {
   }
 
   report() {
-    const drifts = this.laws.map((law) => Array.from({ length: Math.min(law.cycles, this.cycles) }, (_, k) => law.drift(k + 1)));
+    const drifts = this.laws.map((law) => Array.from({ length: Math.min(law.cycles, this.rounds) }, (_, k) => law.drift(k + 1)));
     const largest = Math.max(1e-3, ...drifts.flat().map((d) => d.largest));
     const last = this.laws.map((law, i) => drifts[i].at(-1));
-    $("charts").replaceChildren(...this.laws.map((law, i) => bars(law, drifts[i], this.cycles, largest, data.joints)));
+    $("charts").replaceChildren(...this.laws.map((law, i) => bars(law, drifts[i], this.rounds, largest, data.joints)));
     $("table").replaceChildren(table(this.laws, drifts, data.joints));
     this.laws.forEach((law, i) => {
       this.labels[i].value.textContent = last[i] ? amount(last[i].largest, data.joints[last[i].joint].unit) : law.ended ? "stops" : "...";
       this.labels[i].of.textContent = law.ended && !last[i] ? `at ${law.ended}` : `drift after ${drifts[i].length} round${drifts[i].length === 1 ? "" : "s"}`;
     });
-    const ready = this.laws.every((law) => law.ended || law.cycles >= this.cycles);
+    const ready = this.laws.every((law) => law.ended || law.cycles >= this.rounds);
     if (ready) $("story").replaceChildren(...[...sentences(this.laws, drifts, data.joints), this.loop.text || ""].map((said) => make("span", {}, `${said} `)));
   }
 
   // Steps that are shown at a time: rounds with a rest between them.
   steps() {
     const steps = this.laws[0].steps, seconds = this.loop.rows.reduce((sum, row) => sum + row[40], 0);
-    const each = Math.max(2.5, Math.min(8, seconds)) + PAUSE, all = this.cycles * each;
-    const at = this.time % (all + 2), round = Math.min(Math.floor(at / each), this.cycles - 1);
+    const each = Math.max(2.5, Math.min(8, seconds)) + PAUSE, all = this.rounds * each;
+    const at = this.time % (all + 2), round = Math.min(Math.floor(at / each), this.rounds - 1);
     const share = Math.min(1, Math.max(0, (at - round * each) / (each - PAUSE)));
     return steps * (round + share);
   }
@@ -149,24 +155,29 @@ class Page {
     if (this.playing && !this.held) this.time += gap * this.rate;
     const begun = performance.now();
     this.work(WORK);
-    const computed = performance.now();
-    const steps = this.steps();
-    this.stage.draw(this.laws.length, (k) => this.fill(this.laws[k], steps));
-    this.frames.push([computed - begun, performance.now() - computed]);
-    if (this.frames.length > 600) this.frames.shift();
-    this.place();
+    const computed = performance.now(), steps = this.steps();
+    if (this.playing || this.fresh) {
+      this.fresh = false;
+      this.stage.draw(this.panels, (k) => this.fill(this.laws[k], steps));
+      this.place();
+    }
+    this.frames.push([computed - begun, performance.now() - computed, now]);
+    if (this.frames.length > 300) this.frames.shift();
     requestAnimationFrame((then) => this.frame(then));
   }
 
   // The rods of a law's panel.
   fill(law, steps) {
-    const { bodies, wires, ghosts } = this.stage, thick = 0.0035 * data.view.around, line = this.loop.line;
+    const { bodies, wires, ghosts, marks } = this.stage, thick = 0.0035 * this.loop.view.around, line = this.loop.line;
     const now = law.points(law.posture(steps));
     this.arm(law, now, bodies, 1);
-    if (steps > 0) this.arm(law, law.points(this.loop.q0), ghosts, 0.16);
+    if (steps > 0) this.arm(law, law.points(law.q0), ghosts, 0.16);
     const rounds = Math.min(Math.floor(steps / law.steps), law.cycles);
     for (let k = 1; k <= rounds; k++) this.bones(law, law.points(law.row(k * law.steps)), wires.thin, 1.2 * thick);
-    line.forEach((p, i) => wires.thin.add(line[(i || line.length) - 1], p, 1.5 * thick, GREEN, 1));
+    line.forEach((p, i) => {
+      wires.thin.add(line[(i || line.length) - 1], p, 1.5 * thick, GREEN, 1);
+      marks.thin.add(line[(i || line.length) - 1], p, thick, GREEN, 0.5);
+    });
     if (this.own) bodies.round.add(this.handle, this.handle, 9 * thick * (this.over || this.held ? 1.25 : 1), GREEN, 1);
   }
 
@@ -193,19 +204,21 @@ class Page {
 
   // Where an event is in its panel, from -1 to 1.
   spot(event) {
-    const box = this.stage.canvas.getBoundingClientRect(), wide = box.width / this.laws.length;
-    const x = event.clientX - box.left, panel = Math.max(0, Math.min(this.laws.length - 1, Math.floor(x / wide)));
-    return [(2 * (x - panel * wide)) / wide - 1, 1 - (2 * (event.clientY - box.top)) / box.height, wide, box.height];
+    const box = this.stage.canvas.getBoundingClientRect(), [x, y] = [event.clientX - box.left, event.clientY - box.top];
+    const inside = (p) => x >= p.x && x < p.x + p.wide && y >= p.y && y < p.y + p.high;
+    const panel = this.dragging ?? this.panels.find(inside) ?? this.panels[0];
+    return [(2 * (x - panel.x)) / panel.wide - 1, 1 - (2 * (y - panel.y)) / panel.high, panel];
   }
 
   near(event) {
     if (!this.own || !this.stage.lens) return false;
-    const [x, y, wide, high] = this.spot(event), [hx, hy] = project(this.stage.lens, this.handle);
-    return Math.hypot(((x - hx) * wide) / 2, ((y - hy) * high) / 2) < 30;
+    const [x, y, panel] = this.spot(event), [hx, hy] = project(this.stage.lens, this.handle);
+    return Math.hypot(((x - hx) * panel.wide) / 2, ((y - hy) * panel.high) / 2) < 30;
   }
 
   grab(event) {
     this.held = this.near(event) ? "loop" : "view";
+    this.dragging = this.spot(event)[2]; // the pointer may leave its panel
     this.last = [event.clientX, event.clientY];
     this.stage.canvas.setPointerCapture(event.pointerId);
     this.stage.canvas.classList.add("held");
@@ -231,6 +244,7 @@ class Page {
 
   release() {
     this.held = "";
+    this.dragging = undefined;
     this.stage.canvas.classList.remove("held");
   }
 
@@ -239,23 +253,31 @@ class Page {
     if (event.key === "+" || event.key === "-") this.stage.camera.zoom(event.key === "+" ? 1.1 : 1 / 1.1);
     else if (event.key === " ") this.hold(!this.playing);
     else if (moves[event.key] && this.own) {
-      const { right, up, back } = this.stage.lens, [x, y] = moves[event.key], deep = this.plane === 2 ? back.map((v) => -v) : up;
-      this.drag(this.size.map((v, i) => v + step * (x * right[i] + y * (deep[i] || up[i]))));
+      const { right, up, back } = this.stage.lens, [x, y] = moves[event.key];
+      this.drag(this.size.map((v, i) => v + step * (x * right[i] + y * (up[i] - back[i]))));
     } else return;
     event.preventDefault();
   }
 
+  // Where each law is drawn: side by side, or one above the other where the page is narrow.
+  get panels() {
+    const { clientWidth, clientHeight } = this.stage.canvas, count = this.laws.length, stacked = clientWidth < 560;
+    const [wide, high] = stacked ? [clientWidth, clientHeight / count] : [clientWidth / count, clientHeight];
+    return this.laws.map((_, k) => ({ x: stacked ? 0 : k * wide, y: stacked ? k * high : 0, wide, high }));
+  }
+
   // The hint beside the ball.
   place() {
-    const box = this.stage.canvas.getBoundingClientRect(), [x, y] = project(this.stage.lens, this.handle);
-    $("hint").style.left = `${Math.max(4, Math.min(((x + 1) / 2) * (box.width / this.laws.length) - 55, box.width - 140))}px`;
-    $("hint").style.top = `${((1 - y) / 2) * box.height + 18}px`;
+    const { wide, high } = this.panels[0], [x, y] = project(this.stage.lens, this.handle);
+    $("hint").style.left = `${Math.max(4, Math.min(((x + 1) / 2) * wide - 55, wide - 150))}px`;
+    $("hint").style.top = `${((1 - y) / 2) * high + 18}px`;
   }
 }
 
 try {
   const laws = await Promise.all(data.laws.map((given, i) => Law.load(given, data, i)));
-  const page = new Page(laws, new Stage($("canvas"), data.view, data.planar));
+  data.loops = await Promise.all(data.loops.map(opened));
+  const page = new Page(laws, new Stage($("canvas"), data.loops[0].view));
   page.frame(performance.now());
   globalThis.holokin = page;
 } catch (problem) {

@@ -36,7 +36,6 @@ out vec4 shown;
 void main() {
   if (shade.y > 0.5) { shown = vec4(0.80, 0.82, 0.85, 1); return; }
   vec3 n = normalize(outward), v = normalize(eye - place);
-  if (dot(n, v) < 0.0) n = -n;
   float key = max(dot(n, normalize(vec3(0.28, -0.2, 0.9))), 0.0), sky = 0.5 + 0.5 * n.z;
   float front = max(dot(n, v), 0.0), gloss = pow(max(dot(n, normalize(vec3(0.28, -0.2, 0.9) + v)), 0.0), 40.0);
   vec3 lit = color.rgb * (0.46 + 0.2 * sky + 0.28 * key + 0.14 * front) + 0.16 * gloss;
@@ -83,7 +82,7 @@ function program(gl, vertex, fragment) {
   return made;
 }
 
-// A ball that is cut at its middle: the halves are the ends of a rod. (spot, normal, end) of each corner of triangles.
+// A ball that is cut at its middle: the halves are the ends of a rod.
 function roundRod(around, up) {
   const rings = [];
   for (let half = 0; half < 2; half++)
@@ -105,28 +104,31 @@ function flatRod(around) {
   return strips(rings, around, corner);
 }
 
+// Rings of corners (spot, normal, end), and triangles between them.
 function strips(rings, around, corner) {
-  const found = [];
+  const corners = rings.flatMap((ring) => Array.from({ length: around }, (_, k) => corner(ring, (2 * Math.PI * k) / around)));
+  const triangles = [];
   for (let i = 0; i + 1 < rings.length; i++)
     for (let k = 0; k < around; k++) {
-      const a = (2 * Math.PI * k) / around, b = (2 * Math.PI * (k + 1)) / around;
-      const [p, q, r, s] = [corner(rings[i], a), corner(rings[i], b), corner(rings[i + 1], a), corner(rings[i + 1], b)];
-      found.push(...p, ...q, ...r, ...q, ...s, ...r);
+      const [p, q] = [i * around + k, i * around + ((k + 1) % around)], [r, s] = [p + around, q + around];
+      triangles.push(p, q, r, q, s, r); // counter-clockwise from outside
     }
-  return new Float32Array(found);
+  return { corners: new Float32Array(corners.flat()), triangles: new Uint16Array(triangles) };
 }
 
 // Rods that are drawn by one call.
 class Rods {
   constructor(gl, mesh) {
     this.gl = gl;
-    this.corners = mesh.length / 7;
+    this.corners = mesh.triangles.length;
     this.list = new Float32Array(64 * NUMBERS);
     this.count = 0;
     this.array = gl.createVertexArray();
     gl.bindVertexArray(this.array);
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ARRAY_BUFFER, mesh, gl.STATIC_DRAW);
+    gl.bufferData(gl.ARRAY_BUFFER, mesh.corners, gl.STATIC_DRAW);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.triangles, gl.STATIC_DRAW);
     [[0, 3, 0], [1, 3, 12], [2, 1, 24]].forEach(([at, size, from]) => this.attribute(at, size, 28, from));
     this.buffer = gl.createBuffer();
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
@@ -156,15 +158,20 @@ class Rods {
     gl.bindVertexArray(this.array);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
     gl.bufferData(gl.ARRAY_BUFFER, this.list.subarray(0, this.count * NUMBERS), gl.DYNAMIC_DRAW);
-    gl.drawArraysInstanced(gl.TRIANGLES, 0, this.corners, this.count);
+    gl.drawElementsInstanced(gl.TRIANGLES, this.corners, gl.UNSIGNED_SHORT, 0, this.count);
   }
 }
 
+const LOWER = 0.1; // of half a panel's height: by so much things are seen lower than its middle
+
 // A camera that goes round a point: at(width, height) gives its matrix, ray and project go between pixels and space.
 class Camera {
-  constructor(view, planar) {
+  constructor(view) {
+    this.show(view);
+  }
+
+  show(view) {
     this.view = view;
-    this.planar = planar;
     this.reset();
   }
 
@@ -194,6 +201,7 @@ class Camera {
     const [x, y, z] = [row(right, g), row(up, f), row(back, 1)];
     const depth = z.map((v) => ((far + near) / (near - far)) * v);
     depth[3] += (2 * far * near) / (near - far);
+    y.forEach((v, i) => (y[i] = v + LOWER * z[i])); // below the words at the top
     const matrix = new Float32Array(16);
     [x, y, depth, z.map((v) => -v)].forEach((values, i) => values.forEach((v, k) => (matrix[4 * k + i] = v)));
     return { matrix, eye, right, up, back, f, g };
@@ -210,7 +218,7 @@ function project(lens, p) {
 
 // Where the line of sight through (x, y), each from -1 to 1, meets a plane; null where it does not.
 function meet(lens, x, y, point, normal) {
-  const way = [0, 1, 2].map((i) => (x / lens.g) * lens.right[i] + (y / lens.f) * lens.up[i] - lens.back[i]);
+  const way = [0, 1, 2].map((i) => (x / lens.g) * lens.right[i] + ((y + LOWER) / lens.f) * lens.up[i] - lens.back[i]);
   const slope = dot(way, normal);
   if (Math.abs(slope) < 0.02 * Math.hypot(...way)) return null;
   const share = dot(normal, [0, 1, 2].map((i) => point[i] - lens.eye[i])) / slope;
@@ -218,13 +226,12 @@ function meet(lens, x, y, point, normal) {
 }
 
 class Stage {
-  constructor(canvas, view, planar) {
+  constructor(canvas, view) {
     const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
     if (!gl) throw new Error("this browser has no WebGL 2");
     this.canvas = canvas;
     this.gl = gl;
-    this.view = view;
-    this.camera = new Camera(view, planar);
+    this.camera = new Camera(view);
     this.solid = program(gl, VERTEX, FRAGMENT);
     this.ground = program(gl, FLOOR_VERTEX, FLOOR_FRAGMENT);
     const at = (made, names) => Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(made, name)]));
@@ -236,35 +243,41 @@ class Stage {
     gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]), gl.STATIC_DRAW);
     gl.enableVertexAttribArray(0);
     gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
-    const meshes = { round: roundRod(28, 7), flat: flatRod(40), thin: roundRod(8, 2) };
+    const meshes = { round: roundRod(20, 4), flat: flatRod(32), thin: roundRod(5, 1) };
     const rods = () => Object.fromEntries(Object.entries(meshes).map(([kind, mesh]) => [kind, new Rods(gl, mesh)]));
     this.bodies = rods(); // they throw shadows
     this.wires = rods();
     this.ghosts = rods();
-    const rough = view.around / 2.5, power = 10 ** Math.floor(Math.log10(rough));
-    this.square = power * [5, 2, 1].find((k) => k * power <= rough * 1.0001);
+    this.marks = rods(); // they are seen through everything
   }
 
-  // Draws `columns` panels side by side; fill(k) adds the rods of panel k to bodies, wires and ghosts.
-  draw(columns, fill) {
+  // The side of a square of the floor [m]: 1, 2 or 5 times a power of ten.
+  get square() {
+    const rough = this.camera.view.around / 2.5, power = 10 ** Math.floor(Math.log10(rough));
+    return power * [5, 2, 1].find((k) => k * power <= rough * 1.0001);
+  }
+
+  // Draws panels, { x, y, wide, high } in pixels of the page; fill(k) adds the rods of panel k to the sets.
+  draw(panels, fill) {
     const { gl, canvas } = this, scale = Math.min(2, window.devicePixelRatio || 1);
     const [width, height] = [Math.round(canvas.clientWidth * scale), Math.round(canvas.clientHeight * scale)];
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     gl.enable(gl.SCISSOR_TEST);
+    gl.enable(gl.CULL_FACE);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
-    this.lens = this.camera.at(width / columns, height);
-    for (let k = 0; k < columns; k++) {
-      const left = Math.round((k * width) / columns), wide = Math.round(((k + 1) * width) / columns) - left;
-      gl.viewport(left, 0, wide, height);
-      gl.scissor(left, 0, wide, height);
-      for (const set of [this.bodies, this.wires, this.ghosts]) Object.values(set).forEach((rods) => (rods.count = 0));
+    this.lens = this.camera.at(panels[0].wide, panels[0].high);
+    panels.forEach(({ x, y, wide, high }, k) => {
+      const place = [x, canvas.clientHeight - y - high, wide, high].map((v) => Math.round(scale * v));
+      gl.viewport(...place);
+      gl.scissor(...place);
+      for (const set of [this.bodies, this.wires, this.ghosts, this.marks]) Object.values(set).forEach((rods) => (rods.count = 0));
       fill(k);
       this.panel();
-    }
+    });
   }
 
   panel() {
-    const { gl, view, lens } = this, span = Math.max(1.6 * view.around, 2 * this.square);
+    const { gl, lens, square } = this, { view } = this.camera, span = Math.max(1.6 * view.around, 2 * square);
     gl.clearColor(0.933, 0.941, 0.953, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.disable(gl.DEPTH_TEST);
@@ -277,7 +290,7 @@ class Stage {
     gl.enable(gl.BLEND);
     gl.uniformMatrix4fv(this.groundAt.camera, false, lens.matrix);
     gl.uniform4f(this.groundAt.floor_, view.center[0], view.center[1], view.floor, span);
-    gl.uniform1f(this.groundAt.square, this.square);
+    gl.uniform1f(this.groundAt.square, square);
     gl.bindVertexArray(this.sheet);
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
     gl.disable(gl.BLEND);
@@ -285,13 +298,10 @@ class Stage {
     gl.useProgram(this.solid);
     gl.uniform3f(this.solidAt.shade, view.floor, 0, 0);
     for (const set of [this.bodies, this.wires]) Object.values(set).forEach((rods) => rods.draw());
-    gl.colorMask(false, false, false, false); // the depth of ghosts first, so that they are seen as one sheet
-    Object.values(this.ghosts).forEach((rods) => rods.draw());
-    gl.colorMask(true, true, true, true);
     gl.enable(gl.BLEND);
-    gl.depthFunc(gl.LEQUAL);
     Object.values(this.ghosts).forEach((rods) => rods.draw());
-    gl.depthFunc(gl.LESS);
+    gl.disable(gl.DEPTH_TEST);
+    Object.values(this.marks).forEach((rods) => rods.draw());
     gl.disable(gl.BLEND);
   }
 }

@@ -1,0 +1,104 @@
+"""From a session to a page that needs no installation: which laws, where they begin, and whether they get round."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from ..analysis import cusps
+from ..base.arguments import typed
+from ..base.types import Value, Vector
+from ..checking import CheckReport
+from ..errors import ArgumentError, HolokinError, UnknownNameError
+from ..inverse_kinematics.leaf import with_leaves
+from ..job import Job
+from ..motion import follow
+from ..motion.trajectory import Trajectory
+from ..path import Path
+from ..strategies import HolonomicStrategy, Strategy, moore_penrose
+from .loop_follower import leaf_start, loop_start
+from .session import Session
+from .session_laws import Law
+from .web_page import STEPS, PageLoop, WebPage, cusp_loop, web_page
+
+
+@dataclass(frozen=True, eq=False)
+class PagePlan(Value):
+    """What a page of a session shows: two laws, the posture (n,) at which each begins, the closed path, a title."""
+
+    laws: tuple[Law, Law]
+    starts: tuple[Vector, Vector]
+    path: Path | None
+    title: str
+
+    @cached_property
+    def strategies(self) -> dict[str, Strategy]:
+        """Name -> strategy of each law."""
+        return {law.name: _strategy(law) for law in self.laws}
+
+    def rounds(self) -> Iterator[tuple[str, Trajectory | HolokinError]]:
+        """Each law's name, and its first round of the path, or why it does not get round."""
+        for (name, law), start in zip(self.strategies.items(), self.starts, strict=True):
+            if self.path is None:
+                return
+            try:
+                yield name, follow(law, self.path, start, samples=STEPS)
+            except HolokinError as problem:
+                yield name, problem
+
+    def checked(self, job: Job) -> CheckReport | None:
+        """What the [checks] of a job find of the round of the second law; None where it has none, or gets round not."""
+        found = dict(self.rounds()).get(self.laws[1].name)
+        if job.checks is None or not isinstance(found, Trajectory):
+            return None
+        task = self.laws[1].task
+        return job.checks.checked(found, task.robot, task)
+
+    def cusps(self) -> list[PageLoop]:
+        """The smallest loop that is found round a cusp of the second law, if there is one."""
+        law = self.strategies[self.laws[1].name]
+        if not isinstance(law, HolonomicStrategy):
+            return []
+        witness = cusps(with_leaves(law), self.starts[1]).witness
+        return [] if witness is None else [cusp_loop(witness, self.laws[1].name)]
+
+    def page(self, loops: list[PageLoop] | None = None) -> WebPage:
+        """The page, with more loops. Raises: as `web_page`."""
+        return web_page(self.strategies, list(self.starts), self.path, title=self.title, loops=loops or [])
+
+
+@typed
+def page_plan(session: Session, name: str | None = None) -> PagePlan:
+    """What a page of a session shows: its first law without leaves, else the pseudo-inverse, beside one with leaves.
+
+    Args:
+        name: of the second law; by default the first with leaves that is not radial, or else the first with leaves.
+
+    Raises:
+        UnknownNameError: of the law. ArgumentError: a session without two laws for a page.
+    """
+    known = [law for law in session.laws if law.strategy is not None]
+    if name is not None and name not in [law.name for law in known]:
+        raise UnknownNameError("strategy of a page", name, tuple(law.name for law in known))
+    leafed = sorted((law for law in known if law.holonomic), key=lambda law: "radial" in str(law.keys or law.name))
+    second = next((law for law in known if law.name == name), next(iter(leafed), None))
+    if second is None:
+        raise ArgumentError("the strategies with leaves", 0, "a page shows one beside the pseudo-inverse: add a rule")
+    plain = [law for law in known if not law.holonomic and law is not second]
+    usual = Law("pseudo-inverse", 0, moore_penrose(second.task, name="pseudo-inverse"), second.task)
+    first = next((law for law in plain if law.task.m == second.task.m), usual)
+    loop = session.loop
+    closed = loop is not None and isinstance(loop.path, Path) and loop.path.closed
+    if loop is not None and isinstance(loop.path, Path) and closed:
+        starts, path = (loop_start(first, loop, session.home), loop_start(second, loop, session.home)), loop.path
+    else:
+        starts, path = (leaf_start(first, session.home), leaf_start(second, session.home)), None
+    return PagePlan((first, second), starts, path, f"{session.robot.name}: {session.title}"[:120])
+
+
+def _strategy(law: Law) -> Strategy:
+    """The strategy of a law of a page. Raises: ArgumentError."""
+    if law.strategy is None:
+        raise ArgumentError("the law of a page", law.name, "a page shows strategies: take one")
+    return law.strategy
