@@ -39,7 +39,12 @@ def page_text(title: str, text: str, data: dict[str, Any]) -> str:
 def sources() -> str:
     """A number of the files that every page is made of: it says whether a page is of this version of them."""
     names = ("page.html", "page.css", "law.c", *SCRIPTS)
-    return hashlib.sha256("\0".join(_file(name) for name in names).encode()).hexdigest()[:16]
+    return digest("\0".join(_file(name) for name in names))
+
+
+def digest(text: str) -> str:
+    """A number of a text, to tell whether it is another one."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _file(name: str) -> str:

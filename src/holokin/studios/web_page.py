@@ -26,7 +26,7 @@ from ..path.plan import check_start, make_plan
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import Task, of_one_tool
 from .drawn_arm import DrawnArm
-from .page_text import page_text
+from .page_text import digest, page_text
 from .wasm_law import begin_of, law_code, packed, wasm_of
 
 STEPS = 240
@@ -111,7 +111,7 @@ def web_page(
         "joints": [{"name": joint.name, "unit": joint.unit} for joint in task.robot.coordinates],
         "steps": STEPS, "rounds": ROUNDS, "planar": task.robot.planar, "plane": plane, "size": _size(loop, plane),
         "pieces": arm.pieces, "loops": offered,
-        "laws": _modules(laws, arm, max(len(one["counts"]) for one in offered)),
+        "laws": _modules(laws, arm, max(2, *(len(one["counts"]) for one in offered))),
     }  # fmt: skip
     return WebPage(page_text(title or f"{task.robot.name}: drag the loop", text, data))
 
@@ -155,14 +155,12 @@ def _starts(laws: Sequence[Strategy], q0: ArrayLike) -> list[Vector]:
 
 def _modules(laws: Mapping[str, Strategy], arm: DrawnArm, segments: int) -> list[dict[str, Any]]:
     """Each law for the page: name, colour, module."""
-    colors = law_colors([isinstance(law, HolonomicStrategy) for law in laws.values()])
-    return [
-        {
-            "name": name, "leaf": by_leaf(law) is not None, "color": color,
-            "module": packed(wasm_of(law_code(law, arm, max(2, segments)), name)),
-        }
-        for (name, law), color in zip(laws.items(), colors, strict=True)
-    ]  # fmt: skip
+    colors, found = law_colors([isinstance(law, HolonomicStrategy) for law in laws.values()]), []
+    for (name, law), color in zip(laws.items(), colors, strict=True):
+        code = law_code(law, arm, segments)
+        its = {"name": name, "leaf": by_leaf(law) is not None, "color": color}
+        found.append(its | {"code": digest(code), "module": packed(wasm_of(code, name))})
+    return found
 
 
 def _loop(loop: PageLoop, laws: Sequence[Strategy], starts: Sequence[Vector], arm: DrawnArm) -> dict[str, Any]:
