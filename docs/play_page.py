@@ -26,9 +26,9 @@ CUSP = (
 TITLE = "Drag the loop: which arm comes to rest where it began?"
 
 TEXT = (
-    "Both arms are a Franka Panda, drawn as rods. The orange arm uses the pseudo-inverse, the usual control law. The blue "
-    "arm keeps the difference of its joints 1 and 3 constant. Drag the green ball to change the loop, or try the loop "
-    "round a cusp, where the blue arm fails."
+    "Both arms are a Franka Panda, drawn as rods. The orange arm uses the pseudo-inverse, the usual control law. The "
+    "blue arm keeps the difference of its joints 1 and 3 constant. Drag the green ball to change the loop, or try the "
+    "loop round a cusp, where the blue arm does not return."
 )
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 import re
-import runpy
 from collections.abc import Iterator
 from html import unescape
 from pathlib import Path
@@ -17,21 +15,14 @@ import pytest
 
 import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
-from holokin.errors import ArgumentError, ExportError, MissingExtraError, OpenPathError
-from holokin.studios import web_page
+from holokin.errors import ArgumentError, ExportError, MissingExtraError, OpenPathError, PathError
+from holokin.studios import open_session, page_plan, web_page
 from holokin.studios.drawn_arm import DrawnArm
 from holokin.studios.page_text import digest, page_text
 from holokin.studios.wasm_law import law_code
+from web_pages import HOSTILE, PAGE, SCRIPT, data_of, joints
 
-DOCS = Path(__file__).parents[2] / "docs"
-PAGE = DOCS / "play" / "index.html"
-SCRIPT = SimpleNamespace(**runpy.run_path(str(DOCS / "play_page.py")))
 AGAIN = "python docs/play_page.py makes it again"
-
-
-def data_of(html: str) -> dict[str, Any]:
-    """What a page has as JSON."""
-    return json.loads(html.partition('id="data">')[2].partition("</script>")[0])
 
 
 def test_the_page_of_the_site_is_made_of_its_sources() -> None:
@@ -64,12 +55,6 @@ def shown() -> Iterator[Any]:
         browser.close()
 
 
-def joints(page: Any, rounds: int) -> list[np.ndarray]:
-    """Joints (steps, n) of each law on the page, for so many rounds of its loop."""
-    code = "rounds => holokin.laws.map(law => { law.advance(rounds, 1e9); return [law.n, law.done, Array.from(law.rows)] })"
-    return [np.reshape(rows[: n * (done + 1)], (-1, n)) for n, done, rows in page.evaluate(code, rounds)]
-
-
 def paths() -> dict[str, tuple[str, hk.Path, int]]:
     """Name -> (what the page is told, the same path of Python, rounds)."""
     start = hk.load("panda").pose(SCRIPT.Q0)[:3, 3]
@@ -78,9 +63,9 @@ def paths() -> dict[str, tuple[str, hk.Path, int]]:
     other = hk.circle(start, start - size / 2, clockwise=True)
     upright = np.array([0.0, 0.09, -0.04])
     return {
-        "the circle of the README": ("", hk.circle(start, start - [0.1, 0, 0]), 3),
-        "a dragged circle": (f"holokin.drag({size.tolist()})", around, 2),
-        "a figure eight": (f"holokin.kind = 'eight'; holokin.drag({size.tolist()})", around + other, 2),
+        "the circle of the README": ("", hk.circle(start, start - [0.1, 0, 0]), 2),
+        "a dragged circle": (f"holokin.drag({size.tolist()})", around, 1),
+        "a figure eight": (f"holokin.kind = 'eight'; holokin.drag({size.tolist()})", around + other, 1),
         "an upright circle": (
             f"holokin.kind = 'circle'; holokin.plane = 0; holokin.drag({upright.tolist()})",
             hk.circle(start, start + upright / 2, normal=[1, 0, 0]), 1,
@@ -131,10 +116,9 @@ def test_every_control_has_a_name_for_who_does_not_see_it(shown: Any) -> None:
     for control in shown.page.locator("input, select, button, canvas").all():
         told = control.evaluate("e => e.ariaLabel || e.innerText || (e.labels && e.labels[0] && e.labels[0].innerText)")
         assert told.strip(), control
-    assert all("round 1" in label for label in shown.page.locator("svg").evaluate_all("all => all.map(e => e.ariaLabel)"))
-
-
-HOSTILE = "</script><script>alert(1)</script><img src=x onerror=alert(2)> {{data}} <!--"
+    assert all(
+        "round 1" in label for label in shown.page.locator("svg").evaluate_all("all => all.map(e => e.ariaLabel)")
+    )
 
 
 def test_a_strangers_names_are_text_and_no_code() -> None:
@@ -172,7 +156,7 @@ def test_what_a_page_cannot_show_is_refused_by_name() -> None:
     with pytest.raises(OpenPathError):
         web_page({"a": law}, q0, hk.line(start, start + [0.1, 0, 0]))
     with pytest.raises(ArgumentError, match="one to 3"):
-        web_page({name: law for name in "abcd"}, q0)
+        web_page(dict.fromkeys("abcd", law), q0)
     with pytest.raises(ArgumentError, match="one robot"):
         web_page({"a": law, "b": hk.moore_penrose(hk.position(hk.load("ppr")))}, q0)
     with pytest.raises(ArgumentError, match="one tool"):
@@ -183,3 +167,41 @@ def test_what_a_page_cannot_show_is_refused_by_name() -> None:
     jumping = hk.holonomic(task, hk.custom(lambda q: q[0] + ca.floor(q[1])))
     with pytest.raises(ExportError, match="may jump"):
         law_code(jumping, DrawnArm.of(task, np.array([q0])), 2)
+
+
+def test_a_law_stops_where_it_stops_in_python_and_the_page_says_why(shown: Any) -> None:
+    start = hk.load("panda").pose(SCRIPT.Q0)[:3, 3]
+    for size, why in (([-0.6, 0.0, 0.0], "a joint limit"), ([0.3, 0.0, 0.0], "edge of its reach")):
+        shown.page.evaluate(f"holokin.kind = 'circle'; holokin.plane = 2; holokin.drag({size})")
+        found = joints(shown.page, 1)
+        ends = shown.page.evaluate("holokin.laws.map(law => law.ended)")
+        for law, rows, end in zip(SCRIPT.laws().values(), found, ends, strict=True):
+            with pytest.raises(PathError) as stopped:
+                hk.follow(law, hk.circle(start, start + np.array(size) / 2), SCRIPT.Q0, samples=240)
+            assert why in end
+            assert np.abs(rows - stopped.value.trajectory.q).max() < 1e-9
+        shown.page.locator("#story span", has_text="stops in round 1").first.wait_for()
+
+
+def test_a_strategy_that_does_not_get_round_is_not_written_and_the_exit_code_is_1(holokin, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    done = holokin("export", "web", "examples/panda-strategies.toml", "--strategy", "lock-3", "--out", page)
+    assert done.code == 1
+    assert "lock-3: stopped in cycle 1" in done.out
+    assert "--anyway" in done.out
+    assert not page.exists()
+
+
+def test_a_strategy_that_the_job_lacks_is_named_with_those_that_it_has(holokin, tmp_path: Path) -> None:
+    done = holokin("export", "web", "panda-circle", "--strategy", "lock-8", "--out", tmp_path / "page.html")
+    assert done.code == 2
+    assert "lock-3" in done.err
+
+
+def test_a_page_shows_a_law_without_leaves_beside_one_with_them() -> None:
+    session = open_session("panda-circle")
+    names = [law.name for law in session.laws]
+    for name in (None, *names):
+        plan = page_plan(session, name)
+        assert [law.holonomic for law in plan.laws] == [False, True], name
+        assert name is None or name in plan.strategies

@@ -11,9 +11,9 @@ from .session import Session
 from .session_job import to_job, write_job
 from .session_laws import Law, default_laws
 from .session_loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
+from .session_page import PagePlan, page_plan
 from .sliders import Slider
 from .states import Cloud, CloudStatus, Judgement, LawState, LawStatus, LeafCusps, Origin, Phase, Snapshot
-from .session_page import PagePlan, page_plan
 from .two_paths import LawPaths, TwoPaths
 from .web_page import PageLoop, WebPage, cusp_loop, web_page
 

@@ -82,12 +82,13 @@ def page_plan(session: Session, name: str | None = None) -> PagePlan:
     if name is not None and name not in [law.name for law in known]:
         raise UnknownNameError("strategy of a page", name, tuple(law.name for law in known))
     leafed = sorted((law for law in known if law.holonomic), key=lambda law: "radial" in str(law.keys or law.name))
-    second = next((law for law in known if law.name == name), next(iter(leafed), None))
+    plain = [law for law in known if not law.holonomic]
+    asked = [law for law in known if law.name == name]
+    second = next((law for law in asked + leafed if law.holonomic), None)
     if second is None:
         raise ArgumentError("the strategies with leaves", 0, "a page shows one beside the pseudo-inverse: add a rule")
-    plain = [law for law in known if not law.holonomic and law is not second]
     usual = Law("pseudo-inverse", 0, moore_penrose(second.task, name="pseudo-inverse"), second.task)
-    first = next((law for law in plain if law.task.m == second.task.m), usual)
+    first = next((law for law in asked + plain if not law.holonomic and law.task.m == second.task.m), usual)
     loop = session.loop
     closed = loop is not None and isinstance(loop.path, Path) and loop.path.closed
     if loop is not None and isinstance(loop.path, Path) and closed:

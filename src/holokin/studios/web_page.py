@@ -91,8 +91,8 @@ def web_page(
         loops: more closed paths, with postures of their own.
 
     Raises:
-        MissingExtraError: zig is not installed. ExportError: a law cannot be compiled. OpenPathError. StartError: a path
-            begins elsewhere. ArgumentError: too many laws, or of several robots, tasks or tips. ShapeError,
+        MissingExtraError: zig is not installed. ExportError: a law cannot be compiled. OpenPathError. StartError: a
+            path begins elsewhere. ArgumentError: too many laws, or of several robots, tasks or tips. ShapeError,
             NotFiniteError, JointLimitError, SingularityError: of a start.
     """
     strategies = _checked(laws)
@@ -118,11 +118,12 @@ def web_page(
 
 def cusp_loop(witness: CuspWitness, rule: str = "the rule") -> PageLoop:
     """The loop of a cusp for a page, which says how far the joints end from where they began."""
+    turn = np.degrees(witness.turn)
     said = (
-        f"This loop is {100 * witness.length:.1f} cm long, and the tool turns by {np.degrees(witness.turn):.0f} degrees on "
-        f"it. It goes round a cusp of {rule}: the joints end {witness.apart:.2f} rad from where they began, though no "
-        "posture on it is singular and the rule is kept all the way. A rule is repeatable within a region of tool poses, "
-        "and this loop leaves every such region."
+        f"This loop is {100 * witness.length:.1f} cm long, and the tool turns by {turn:.0f} degrees on it. "
+        f"It goes round a cusp of {rule}. The joints end {witness.apart:.2f} rad from where they began, "
+        "though no posture on it is singular and the rule is kept all the way. "
+        "A rule is repeatable within a region of tool poses. No such region contains this loop."
     )
     return PageLoop("A loop round a cusp", witness.path, witness.first, said, rounds=1)
 

@@ -64,7 +64,8 @@ class Law {
     if (did === last - first) return;
     this.at("state", this.n).set(this.row(this.done));
     const limit = this.code.follow(first + did, first + did + 1, 1, this.side, 1) === 1;
-    this.ended = limit ? "a joint limit" : this.leaf ? "the end of its leaf" : "a singular posture";
+    const edge = "as at the edge of its reach";
+    this.ended = limit ? "a joint limit" : this.leaf ? `the end of its leaf, ${edge}` : `a singular posture, ${edge}`;
   }
 
   keep(values) {
