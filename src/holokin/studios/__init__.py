@@ -13,9 +13,9 @@ from .session_laws import Law, default_laws
 from .session_loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
 from .session_page import PagePlan, page_plan
 from .sliders import Slider
+from .standalone_page import PageLoop, WebPage, cusp_loop, web_page
 from .states import Cloud, CloudStatus, Judgement, LawState, LawStatus, LeafCusps, Origin, Phase, Snapshot
 from .two_paths import LawPaths, TwoPaths
-from .web_page import PageLoop, WebPage, cusp_loop, web_page
 
 __all__ = [
     "DEFAULT",

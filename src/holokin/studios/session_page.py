@@ -20,7 +20,7 @@ from ..strategies import HolonomicStrategy, Strategy, moore_penrose
 from .loop_follower import leaf_start, loop_start
 from .session import Session
 from .session_laws import Law
-from .web_page import STEPS, PageLoop, WebPage, cusp_loop, web_page
+from .standalone_page import STEPS, PageLoop, WebPage, cusp_loop, web_page
 
 
 @dataclass(frozen=True, eq=False)
