@@ -67,7 +67,8 @@ class DrawnArm:
             The middle, half the size and the floor [m], azimuth and elevation [degrees].
         """
         line = path.at(np.linspace(0, path.duration, 61)).position
-        every = np.vstack([line, *(self.at(q) for q in Q)])
+        eight = 2 * path.start - line  # the other half of a figure eight
+        every = np.vstack([line, eight, *(self.at(q) for q in Q)])
         low, high = every.min(axis=0), every.max(axis=0)
         seen = best_view([self.at(Q[0])], [line])
         planar = self.task.robot.planar

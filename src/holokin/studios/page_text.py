@@ -15,8 +15,8 @@ from ..version import __version__
 SCRIPTS = ("stage.js", "loops.js", "law.js", "charts.js", "play.js")
 
 _HOLE = re.compile(r"\{\{(\w+)\}\}")
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
-"""Control characters, and those that turn the direction of what is written after them."""
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Control characters, halves of characters, and those that turn the direction of what is written after them."""
 
 
 def page_text(title: str, text: str, data: dict[str, Any]) -> str:

@@ -21,6 +21,7 @@ from .loop_follower import leaf_start, loop_start
 from .session import Session
 from .session_laws import Law
 from .standalone_page import STEPS, PageLoop, WebPage, cusp_loop, web_page
+from .wasm_law import check_zig
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,12 @@ class PagePlan(Value):
         return job.checks.checked(found, task.robot, task)
 
     def cusps(self) -> list[PageLoop]:
-        """The smallest loop that is found round a cusp of the second law, if there is one."""
+        """The smallest loop that is found round a cusp of the second law, if there is one.
+
+        Raises:
+            MissingExtraError: there is no zig, so that no page can be made.
+        """
+        check_zig()
         law = self.strategies[self.laws[1].name]
         if not isinstance(law, HolonomicStrategy):
             return []
@@ -86,7 +92,9 @@ def page_plan(session: Session, name: str | None = None) -> PagePlan:
     asked = [law for law in known if law.name == name]
     second = next((law for law in asked + leafed if law.holonomic), None)
     if second is None:
-        raise ArgumentError("the strategies with leaves", 0, "a page shows one beside the pseudo-inverse: add a rule")
+        raise ArgumentError(
+            "the number of strategies with leaves", 0, "a page shows one beside the pseudo-inverse: add a rule"
+        )
     usual = Law("pseudo-inverse", 0, moore_penrose(second.task, name="pseudo-inverse"), second.task)
     first = next((law for law in asked + plain if not law.holonomic and law.task.m == second.task.m), usual)
     loop = session.loop
@@ -95,7 +103,12 @@ def page_plan(session: Session, name: str | None = None) -> PagePlan:
         starts, path = (loop_start(first, loop, session.home), loop_start(second, loop, session.home)), loop.path
     else:
         starts, path = (leaf_start(first, session.home), leaf_start(second, session.home)), None
-    return PagePlan((first, second), starts, path, f"{session.robot.name}: {session.title}"[:120])
+    return PagePlan((first, second), starts, path, _title(session))
+
+
+def _title(session: Session) -> str:
+    """What the session is called, and what to do."""
+    return f"{session.title[:100]}: drag the loop"
 
 
 def _strategy(law: Law) -> Strategy:

@@ -102,7 +102,7 @@ def web_page(
     arm = DrawnArm.of(task, _postures(strategies, loop, starts))
     offered = [_loop(PageLoop("", loop, starts[0]), strategies, starts, arm)]
     if path is not None and not _is_circle(path):
-        offered.append(_loop(PageLoop("Its own path", path, starts[0]), strategies, starts, arm))
+        offered.append(_loop(PageLoop("The planned path", path, starts[0]), strategies, starts, arm))
     for more in loops:
         one = task.robot.checked(more.q0, f"the start posture of {more.name!r}")
         offered.append(_loop(more, strategies, [one] * len(strategies), arm))

@@ -46,10 +46,10 @@ def law_code(strategy: Strategy, arm: DrawnArm, segments: int) -> str:
     Raises:
         ExportError: the strategy is too long, may jump, or has no C.
     """
-    if jumps := may_jump(strategy):
+    leaf = by_leaf(strategy)
+    if leaf is not None and (jumps := may_jump(leaf)):
         fact = f"the rule of {strategy.name!r} may jump ({', '.join(jumps)}), which a page does not look for"
         raise ExportError(fact, "choose another rule")
-    leaf = by_leaf(strategy)
     function = path_rate(strategy) if leaf is None else leaf_step(leaf)
     if (size := function.program.instructions) > LARGEST:
         fact = f"{strategy.name!r} is {size:,} operations long, {LARGEST:,} are the most"
@@ -74,14 +74,19 @@ def _row(values: Vector) -> str:
     return ", ".join(repr(float(np.clip(value, -ENDLESS, ENDLESS))) for value in values)
 
 
+def check_zig() -> None:
+    """Raises: MissingExtraError: there is no zig."""
+    if importlib.util.find_spec("ziglang") is None:
+        raise MissingExtraError("ziglang", "native")
+
+
 def wasm_of(code: str, name: str) -> bytes:
     """The WebAssembly module of a C source, by zig.
 
     Raises:
         MissingExtraError: there is no zig. ExportError: it refuses the code, or does not end.
     """
-    if importlib.util.find_spec("ziglang") is None:
-        raise MissingExtraError("ziglang", "native")
+    check_zig()
     with tempfile.TemporaryDirectory() as folder:
         source, module = Path(folder) / "law.c", Path(folder) / "law.wasm"
         source.write_text(code, "utf-8")

@@ -48,7 +48,9 @@ function sentences(laws, drifts, joints) {
     const last = drifts[i].at(-1), stop = law.ended ? `It stops in round ${law.cycles + 1} at ${law.ended}.` : "";
     if (!last) return `${law.name}: ${stop || "no round yet."}`;
     const rounds = `${drifts[i].length} round${drifts[i].length > 1 ? "s" : ""}`, joint = joints[last.joint];
-    const said = last.largest < RETURNED
+    const said = last.largest === 0
+      ? `${law.name}: after ${rounds} every joint is where it began, to the last digit.`
+      : last.largest < RETURNED
       ? `${law.name}: after ${rounds} every joint is where it began, within ${amount(last.largest, joint.unit)}.`
       : `${law.name}: after ${rounds} ${joint.name} is ${amount(last.largest, joint.unit)} from where it began.`;
     return `${said} ${stop}`.trim();

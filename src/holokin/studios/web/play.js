@@ -15,7 +15,6 @@ function fail(problem) {
 class Page {
   constructor(laws, stage) {
     Object.assign(this, { laws, stage, playing: true, time: 0, kind: "circle", plane: data.plane, size: data.size, cycles: data.rounds });
-    this.frames = [];
     this.offer();
     this.wire();
     this.change();
@@ -36,10 +35,10 @@ class Page {
     $("plane-label").hidden = data.planar;
     this.labels = this.laws.map((law) => {
       const value = make("span", { class: "value" }), of = make("span", { class: "of" });
-      const name = make("b", {}, law.name);
-      name.style.color = law.css;
-      $("labels").append(make("div", { class: "label" }, name, value, of));
-      return { value, of };
+      const name = make("b", {}, law.name), now = make("span", { class: "of now" });
+      name.style.borderColor = law.css;
+      $("labels").append(make("div", { class: "label" }, name, value, of, now));
+      return { value, of, now };
     });
   }
 
@@ -54,7 +53,7 @@ class Page {
     canvas.addEventListener("pointermove", (event) => this.pull(event));
     for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => this.release());
     canvas.addEventListener("touchstart", (event) => { if (this.near(event.touches[0])) event.preventDefault(); }, { passive: false });
-    canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.stage.camera.zoom(Math.exp(-event.deltaY / 800)); }, { passive: false });
+    canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     canvas.addEventListener("keydown", (event) => this.key(event));
     const wake = () => (this.fresh = true);
     for (const name of ["input", "click", "pointerdown", "pointermove", "pointerup", "wheel", "keydown"]) document.addEventListener(name, wake, true);
@@ -153,17 +152,24 @@ class Page {
     const gap = Math.min(0.1, (now - (this.before ?? now)) / 1000);
     this.before = now;
     if (this.playing && !this.held) this.time += gap * this.rate;
-    const begun = performance.now();
     this.work(WORK);
-    const computed = performance.now(), steps = this.steps();
     if (this.playing || this.fresh) {
       this.fresh = false;
+      const steps = this.steps();
       this.stage.draw(this.panels, (k) => this.fill(this.laws[k], steps));
       this.place();
+      this.count(steps);
     }
-    this.frames.push([computed - begun, performance.now() - computed, now]);
-    if (this.frames.length > 300) this.frames.shift();
     requestAnimationFrame((then) => this.frame(then));
+  }
+
+  // Says which round is shown.
+  count(steps) {
+    this.laws.forEach((law, i) => {
+      const round = Math.min(Math.floor(steps / law.steps) + 1, this.rounds), stopped = law.ended && steps >= law.done;
+      const said = stopped ? `stopped in round ${law.cycles + 1}` : `shown: round ${round} of ${this.rounds}`;
+      if (this.labels[i].now.textContent !== said) this.labels[i].now.textContent = said;
+    });
   }
 
   // The rods of a law's panel.
@@ -200,6 +206,13 @@ class Page {
 
   get handle() {
     return this.loop.first.slice(0, 3).map((v, i) => v + this.size[i]);
+  }
+
+  // The page scrolls, unless the picture was chosen, by a click, or Ctrl is held, as by two fingers on a touchpad.
+  wheel(event) {
+    if (!event.ctrlKey && document.activeElement !== this.stage.canvas) return;
+    event.preventDefault();
+    this.stage.camera.zoom(Math.exp(-event.deltaY / 800));
   }
 
   // Where an event is in its panel, from -1 to 1.
