@@ -41,14 +41,14 @@ def export_web(
     from ..studios.session_page import page_plan
 
     plan = page_plan(open_session(name, tip=tip, base=base), strategy)
-    stopped = [f"{label}: {found}" for label, found in plan.rounds() if isinstance(found, HolokinError)]
+    stopped = [f"{label}: {found}" for label, found in plan.rounds.items() if isinstance(found, HolokinError)]
     found = plan.checked(open_one_job(name)[1]) if is_job(name) else None
     for line in [*stopped, *(found.table().splitlines() if found is not None else [])]:
         show(line)
     if (stopped or (found is not None and not found.passed)) and not anyway:
         show("nothing was written: cure it, or give --anyway")
         raise typer.Exit(1)
-    loops = plan.cusps() if cusps else []
+    loops = plan.cusp_loops() if cusps else []
     if cusps and not loops:
         show("no loop round a cusp was found, which is no proof that there is none")
     file = plan.page(loops).save(out)

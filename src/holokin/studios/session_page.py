@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -38,25 +37,27 @@ class PagePlan(Value):
         """Name -> strategy of each law."""
         return {law.name: _strategy(law) for law in self.laws}
 
-    def rounds(self) -> Iterator[tuple[str, Trajectory | HolokinError]]:
-        """Each law's name, and its first round of the path, or why it does not get round."""
+    @cached_property
+    def rounds(self) -> dict[str, Trajectory | HolokinError]:
+        """Each law's name, and its first round of the path, or why it does not get round; nothing without a path."""
+        found: dict[str, Trajectory | HolokinError] = {}
         for (name, law), start in zip(self.strategies.items(), self.starts, strict=True):
-            if self.path is None:
-                return
-            try:
-                yield name, follow(law, self.path, start, samples=STEPS)
-            except HolokinError as problem:
-                yield name, problem
+            if self.path is not None:
+                try:
+                    found[name] = follow(law, self.path, start, samples=STEPS)
+                except HolokinError as problem:
+                    found[name] = problem
+        return found
 
     def checked(self, job: Job) -> CheckReport | None:
         """What the [checks] of a job find of the round of the second law; None where it has none, or gets round not."""
-        found = dict(self.rounds()).get(self.laws[1].name)
+        found = self.rounds.get(self.laws[1].name)
         if job.checks is None or not isinstance(found, Trajectory):
             return None
         task = self.laws[1].task
         return job.checks.checked(found, task.robot, task)
 
-    def cusps(self) -> list[PageLoop]:
+    def cusp_loops(self) -> list[PageLoop]:
         """The smallest loop that is found round a cusp of the second law, if there is one.
 
         Raises:
