@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterator
 from html import escape
@@ -13,6 +14,7 @@ import pytest
 
 import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
+from holokin.studios import open_session, page_plan
 from web_pages import HOSTILE, PAGE, data_of, joints
 
 pytestmark = pytest.mark.campaign
@@ -166,3 +168,29 @@ def test_a_strangers_robot_as_a_page_runs_none_of_its_names_and_repeats(browser:
     assert data["joints"][1]["name"] == robot.joint_names[1] == HOSTILE
     assert np.abs(found[1][-1] - found[1][0]).max() < 1e-12
     assert np.abs(found[0][-1] - found[0][0]).max() > 1e-3
+
+
+def test_a_rule_that_begins_on_another_leaf_has_the_joints_of_follow_on_the_page(
+    browser: Any, tmp_path: Path, holokin
+) -> None:
+    """And the loop that `--cusps` finds ends on the page where `hk.cusps` says."""
+    pytest.importorskip("ziglang", reason="the extra `native` is not installed")
+    text = (Path("examples") / "panda-strategies.toml").read_text("utf-8")
+    job, page = tmp_path / "job.toml", tmp_path / "page.html"
+    job.write_text(text.replace("[strategies.linear-1-3]\n", "[strategies.linear-1-3]\nlevel = -1.2\n"), "utf-8")
+    done = holokin("export", "web", job, "--strategy", "linear-1-3", "--cusps", "--out", page)
+    assert done.code == 0, done.err
+    plan = page_plan(open_session(str(job)), "linear-1-3")
+    assert np.abs(plan.starts[1] - plan.starts[0]).max() > 0.05
+    tab = opened(browser, page)
+    found = joints(tab, 1)
+    for rows, walk in zip(found, plan.rounds.values(), strict=True):
+        assert isinstance(walk, hk.Trajectory)
+        assert np.abs(rows[: len(walk.q)] - walk.q).max() < 1e-9
+    tab.get_by_label("A loop round a cusp").check()
+    held = joints(tab, 1)[1]
+    tab.locator("#story span", has_text="cusp").first.wait_for()
+    said = re.findall(r"The joints end ([\d.]+) rad from where they began", tab.inner_text("#story"))
+    assert np.abs(held[-1] - held[0]).max() == pytest.approx(float(said[0]), abs=0.006)
+    assert float(said[0]) > 0.02
+    tab.close()
