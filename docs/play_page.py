@@ -1,16 +1,19 @@
 """The page docs/play/index.html: `python docs/play_page.py` makes it again. It needs zig, of `holokin[native]`.
 
 The page is kept beside its sources, so that the site can be built without a compiler. A test compares the two.
+`python docs/play_page.py --picture` takes the gallery's picture of it, in headless chromium.
 """
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import holokin as hk
 from holokin.studios import PageLoop, WebPage, cusp_loop, web_page
 
 FILE = Path(__file__).parent / "play" / "index.html"
+PICTURE = Path(__file__).parent / "pictures" / "play.png"
 
 Q0 = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
 """The start of the README's Panda."""
@@ -54,6 +57,31 @@ def made() -> WebPage:
     return web_page(laws(), Q0, circle, title=TITLE, text=TEXT, loops=[cusp()])
 
 
+def take_picture() -> None:
+    """The arms of the page in the eighth round, as docs/pictures/play.png."""
+    import io
+    import shutil
+
+    from PIL import Image
+    from playwright.sync_api import sync_playwright
+
+    flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=flags)
+        page = browser.new_page(viewport={"width": 1180, "height": 900}, offline=True, reduced_motion="reduce")
+        page.goto(FILE.as_uri())
+        page.locator("#story span", has_text="8 rounds").first.wait_for(timeout=60_000)
+        page.evaluate("holokin.time = 7.45 * 6.78; holokin.fresh = true")
+        page.wait_for_timeout(3000)
+        taken = Image.open(io.BytesIO(page.locator(".stage").screenshot())).convert("RGB")
+        browser.close()
+    taken.quantize(240, method=Image.Quantize.MEDIANCUT).save(PICTURE, optimize=True)
+    print(f"wrote {PICTURE}: {PICTURE.stat().st_size / 1000:.0f} kB")
+
+
 if __name__ == "__main__":
+    if "--picture" in sys.argv[1:]:
+        take_picture()
+        raise SystemExit
     FILE.parent.mkdir(exist_ok=True)
     print(f"wrote {made().save(FILE)}: {FILE.stat().st_size / 1000:.0f} kB")
