@@ -311,6 +311,7 @@ def test_what_a_compiler_refuses_is_one_sentence(cache: Path) -> None:
 def test_without_a_compiler_everything_works_and_says_so(tmp_path: Path) -> None:
     """A process that finds no compiler: the same numbers, and one line on what ran."""
     code = (
+        "import sys; sys.modules['ziglang'] = None;"  # a compiler, too, where it is installed
         "import numpy as np, holokin as hk; from holokin.codegen import engine; print(engine());"
         "p = hk.load('panda'); q = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5];"
         "s = hk.controller(hk.holonomic(hk.pose(p), hk.lock(2)), dt=1e-3, q0=q);"
@@ -327,7 +328,7 @@ def test_without_a_compiler_everything_works_and_says_so(tmp_path: Path) -> None
             check=True,
         )
         outputs.append(done.stdout.splitlines())
-    assert "no C compiler found" in outputs[0][0] or "zig" in outputs[0][0]
+    assert "no C compiler found" in outputs[0][0]
     assert "HOLOKIN_NATIVE=0" in outputs[1][0]
     assert "virtual machine" in outputs[1][1]
     values = [float.fromhex(lines[2]) for lines in outputs]

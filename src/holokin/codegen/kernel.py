@@ -93,6 +93,18 @@ class BatchKernel:
             list(pool.map(part, range(workers)))
 
 
+def follow_code(made: Program, inputs: Shapes, outputs: Shapes, method: str, more: str = "") -> str:
+    """The C of hk_follow, see `FollowKernel`."""
+    state = sum(int(np.prod(shape)) for shape in inputs)
+    head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {inputs[1][0] // 3}\n#define HK_STATE {state}\n"
+    drivers = {
+        "leaf": ("hk_leaf_body", "branch.c", "newton.c", "follow.c"),
+        "velocity": ("hk_rate_body", "velocity.c"),
+    }
+    name, *files = drivers[method]
+    return source(SCALAR, head, body(made, inputs, outputs, name) + more, "line.c", "path.c", *files)
+
+
 class FollowKernel:
     """hk_follow: many steps along a path in one call.
 
@@ -105,14 +117,7 @@ class FollowKernel:
     def __init__(
         self, made: Program, inputs: Shapes, outputs: Shapes, method: str, more: str = "", build: bool = True
     ) -> None:
-        state = sum(int(np.prod(shape)) for shape in inputs)
-        head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {inputs[1][0] // 3}\n#define HK_STATE {state}\n"
-        drivers = {
-            "leaf": ("hk_leaf_body", "branch.c", "newton.c", "follow.c"),
-            "velocity": ("hk_rate_body", "velocity.c"),
-        }
-        name, *files = drivers[method]
-        code = source(SCALAR, head, body(made, inputs, outputs, name) + more, "line.c", "path.c", *files)
+        code = follow_code(made, inputs, outputs, method, more)
         self._library = library(code, long=made.instructions > LONG, needs=("hk_follow",), build=build)
         self._run: Any = self._library.hk_follow
         self._run.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong] * 2 + [ctypes.c_void_p] * 4

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from ..export import LANGUAGES
+from .export_web import export_web
 from .outcome import show
 
 OneJob = Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")]
@@ -128,6 +129,8 @@ def _export_motion(language: str) -> Callable[..., None]:
 
     return command
 
+
+exporting.command("web")(export_web)
 
 _MORE = """With it joints.csv: every sample. Limits are those of the job's [timing], or given here.
 

@@ -295,6 +295,14 @@ def leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Callabl
     return lambda q, i: walk(q, LeafPath(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
+def leaf_rules(side: float) -> LeafRules:
+    """The rules of native code for steps on the branch whose det [J; J_g] has the sign `side`."""
+    t = TOLERANCES
+    return LeafRules(
+        t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, side, NEWTONS, TRIES
+    )
+
+
 def native_leaf(
     strategy: HolonomicStrategy, plan: Plan, q0: Vector, limits: bool, *, load: bool, build: bool
 ) -> NativeFollower | None:
@@ -303,11 +311,8 @@ def native_leaf(
     kernel = step.follower("leaf", lambda: branch_code(strategy), load=load, build=build)
     if kernel is None:
         return None
-    (p, R), c, t = plan.first, leaf_value(strategy, q0), TOLERANCES
-    side = float(step(q0, p, R, c)[3])
-    rules = LeafRules(
-        t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, side, NEWTONS, TRIES
-    )
+    (p, R), c = plan.first, leaf_value(strategy, q0)
+    rules = leaf_rules(float(step(q0, p, R, c)[3]))
     x = np.concatenate([q0, p, R.ravel(), c, np.zeros(len(q0) + 1)])
 
     def halted() -> None:

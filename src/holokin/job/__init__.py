@@ -10,7 +10,7 @@ from .job_file import read_job
 from .job_templates import new_job, new_job_for, packaged_text
 from .play_strategies import simulate_job
 from .program_strategy import program_of_job
-from .runner import PAPER, expand, open_job, open_one_job, packaged_jobs, robot_of_file, run_job
+from .runner import PAPER, expand, is_job, open_job, open_one_job, packaged_jobs, robot_of_file, run_job
 from .schema import Job
 from .strategy_tables import KINDS, keys_of
 
@@ -23,6 +23,7 @@ __all__ = [
     "expand",
     "export_job",
     "export_job_moveit",
+    "is_job",
     "job_strategy",
     "keys_of",
     "new_job",

@@ -57,11 +57,16 @@ def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], 
     return step
 
 
+def velocity_rules() -> VelocityRules:
+    """The rules of native code: when a posture is sound, and when the tool has lost the path."""
+    return VelocityRules(TOLERANCES.singular, TOLERANCES.representation, TOLERANCES.tracking)
+
+
 def native_velocity(
     strategy: Strategy, plan: Plan, q0: Vector, limits: bool, *, load: bool, build: bool
 ) -> NativeFollower | None:
     """The same steps as native code, many in one call; None without it, see `Function.follower`."""
-    kernel, t = path_rate(strategy).follower("velocity", load=load, build=build), TOLERANCES
+    kernel = path_rate(strategy).follower("velocity", load=load, build=build)
     if kernel is None:
         return None
-    return NativeFollower(kernel, plan, q0.copy(), VelocityRules(t.singular, t.representation, t.tracking), limits)
+    return NativeFollower(kernel, plan, q0.copy(), velocity_rules(), limits)

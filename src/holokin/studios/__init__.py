@@ -11,7 +11,9 @@ from .session import Session
 from .session_job import to_job, write_job
 from .session_laws import Law, default_laws
 from .session_loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
+from .session_page import PagePlan, page_plan
 from .sliders import Slider
+from .standalone_page import PageLoop, WebPage, cusp_loop, web_page
 from .states import Cloud, CloudStatus, Judgement, LawState, LawStatus, LeafCusps, Origin, Phase, Snapshot
 from .two_paths import LawPaths, TwoPaths
 
@@ -28,6 +30,8 @@ __all__ = [
     "Loop",
     "Motion",
     "Origin",
+    "PageLoop",
+    "PagePlan",
     "Phase",
     "Recording",
     "Session",
@@ -35,10 +39,13 @@ __all__ = [
     "Snapshot",
     "Studio",
     "TwoPaths",
+    "WebPage",
     "circle_loop",
+    "cusp_loop",
     "default_laws",
     "eight_loop",
     "open_session",
+    "page_plan",
     "polygon_loop",
     "record",
     "record_session",
@@ -47,5 +54,6 @@ __all__ = [
     "session_of_robot",
     "studio",
     "to_job",
+    "web_page",
     "write_job",
 ]

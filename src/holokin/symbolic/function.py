@@ -16,7 +16,7 @@ import numpy as np
 from ..base.types import Array, ArrayLike, numbers
 from ..codegen.evaluator import Doubt, Evaluator, weak
 from ..codegen.inverse_kernel import InverseKernel
-from ..codegen.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel
+from ..codegen.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel, follow_code
 from ..codegen.native_library import enabled, tell
 from ..codegen.program import Port, program
 from ..codegen.source import body
@@ -199,6 +199,10 @@ class Function:
             tell(problem)
             self._natives[method] = None
         return self._natives[method]
+
+    def follower_c(self, method: str, more: str = "") -> str:
+        """The C of that loop, for compilers other than the one here. Raises: NativeError, see `c`."""
+        return follow_code(self.program, *self._shapes, method, more)
 
     def inverse(self, more: Callable[[], str], stretches: Callable[[], str]) -> InverseKernel | None:
         """Inverse kinematics about this function, a Newton step, see `InverseKernel`; None where there can be none.
