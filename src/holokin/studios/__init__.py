@@ -11,7 +11,9 @@ from .session import Session
 from .session_job import to_job, write_job
 from .session_laws import Law, default_laws
 from .session_loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
+from .shown_units import View
 from .sliders import Slider
+from .state_link import session_of_state, state_text
 from .states import Cloud, CloudStatus, Judgement, LawState, LawStatus, LeafCusps, Origin, Phase, Snapshot
 from .two_paths import LawPaths, TwoPaths
 
@@ -35,6 +37,7 @@ __all__ = [
     "Snapshot",
     "Studio",
     "TwoPaths",
+    "View",
     "circle_loop",
     "default_laws",
     "eight_loop",
@@ -45,6 +48,8 @@ __all__ = [
     "reversed_loop",
     "session_of_job",
     "session_of_robot",
+    "session_of_state",
+    "state_text",
     "studio",
     "to_job",
     "write_job",
