@@ -17,6 +17,7 @@ from ..motion import TimedTrajectory
 from ..version import __version__
 from .controller_moves import KINDS, ToolDeviation
 from .program_targets import Targets, Wiring
+from .reserved_names import taken
 
 
 @dataclass(frozen=True)
@@ -109,12 +110,20 @@ def _reason(found: Targets, timed: TimedTrajectory) -> list[str]:
     return [*said, f"joint moves to targets {shown}: {why}"]
 
 
+def checked_name(given: str, longest: int, language: str, program: bool = True) -> str:
+    """The name of a program, or of a tool or frame that it uses. Raises: ArgumentError: the language refuses or has it."""
+    if not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{longest - 1}}}", given):
+        cure = f"{language} takes a letter, then letters, digits and _, at most {longest} in all"
+        raise ArgumentError("name", given, cure)
+    if why := taken(given, language, program):
+        raise ArgumentError("name", given, f"{why}: give another one, such as {f'hk_{given}'[:longest]}")
+    return given
+
+
 def program_name(given: str | None, about: str, longest: int, language: str) -> str:
-    """A name of letters, digits and underscores. Raises: ArgumentError: one given that the language refuses."""
+    """The name of a program that is given, or one made of a text. Raises: ArgumentError: as `checked_name`."""
     if given is not None:
-        if not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{longest - 1}}}", given):
-            cure = f"{language} takes a letter, then letters, digits and _, at most {longest} in all"
-            raise ArgumentError("name", given, cure)
-        return given
+        return checked_name(given, longest, language)
     words = re.sub(r"[^A-Za-z0-9]+", "_", about).strip("_")
-    return ("hk_" + words if not words[:1].isalpha() else words)[:longest].rstrip("_")
+    found = ("hk_" + words if not words[:1].isalpha() else words)[:longest].rstrip("_")
+    return f"hk_{found}"[:longest] if taken(found, language) else found
