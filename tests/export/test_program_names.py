@@ -26,7 +26,8 @@ from holokin.motion import TimedTrajectory
 
 WRITERS: dict[str, Any] = {
     "rapid": to_rapid, "krl": to_krl, "urscript": partial(to_urscript, tolerance=2e-3), "val3": to_val3,
-    "ls": to_fanuc, "inform": partial(to_inform, pulses=[1000.0] * 6), "gcode": partial(to_gcode, letters=list("XYZABC")),
+    "ls": to_fanuc, "inform": partial(to_inform, pulses=[1000.0] * 6),
+    "gcode": partial(to_gcode, letters=list("XYZABC")),
 }  # fmt: skip
 COMMENT = {"rapid": "!", "krl": ";", "urscript": "#", "val3": "//"}
 OWN = {

@@ -41,31 +41,31 @@ class Words:
 
 
 _RAPID = """
-    alias and backward case connect const default div do else elseif endfor endfunc endif endmodule endproc endrecord
-    endtest endtrap endwhile error exit false for from func goto if inout local mod module nostepin not noview or pers
-    proc raise readonly record retry return step sysmodule task test then to trap true trynext undo var viewonly while
-    with xor
-    moveabsj movel movec calcrobt cirpathmode gripload setdo waittime jointtarget robtarget
+    alias and backward case connect const default div do else elseif endfor endfunc endif endmodule endproc
+    endrecord endtest endtrap endwhile error exit false for from func goto if inout local mod module nostepin not
+    noview or pers proc raise readonly record retry return step sysmodule task test then to trap true trynext undo
+    var viewonly while with xor moveabsj movel movec calcrobt cirpathmode gripload setdo waittime jointtarget
+    robtarget
 """
 _KRL = """
-    and anin anout b_and b_exor b_not b_or bool brake c_dis c_ori c_ptp c_spl c_vel case char circ circ_rel confirm const
-    continue decl def default defdat deffct delay digin distance do else end enddat endfct endfor endif endloop endspline
-    endswitch endwhile enum exit exor ext extfct false for frame global goto halt if import int interrupt is lin lin_rel
-    loop maximum minimum not off on or part path prio ptp ptp_rel ptp_spline public pulse real repeat resume return scirc sec
-    scirc_rel signal slin slin_rel spl spl_rel spline sptp sptp_rel start stop_when_path struc switch then time_block to trigger
-    true until wait when while
-    axis e6axis pos e6pos load bas forward inverse
+    and anin anout b_and b_exor b_not b_or bool brake c_dis c_ori c_ptp c_spl c_vel case char circ circ_rel confirm
+    const continue decl def default defdat deffct delay digin distance do else end enddat endfct endfor endif
+    endloop endspline endswitch endwhile enum exit exor ext extfct false for frame global goto halt if import int
+    interrupt is lin lin_rel loop maximum minimum not off on or part path prio ptp ptp_rel ptp_spline public pulse
+    real repeat resume return scirc sec scirc_rel signal slin slin_rel spl spl_rel spline sptp sptp_rel start
+    stop_when_path struc switch then time_block to trigger true until wait when while axis e6axis pos e6pos load bas
+    forward inverse
 """
 _URSCRIPT = """
     and or xor not def end if elif else while break continue return sec thread kill join run halt pause sleep sync
-    global local enter_critical exit_critical True False
-    movej movel movec movep servoj stopj stopl set_tcp set_payload set_digital_out
+    global local enter_critical exit_critical True False movej movel movec movep servoj stopj stopl set_tcp
+    set_payload set_digital_out
 """
 _VAL3 = """
-    and or xor not true false if then else elseif endif while endwhile do until for to step endfor switch case default
-    break endswitch return call begin end program public private global local include void
-    bool num string dio aio sio config trsf point frame tool joint mdesc jointrx pointrx screen off cartesian
-    movej movel movec waitendmove delay jointtopoint
+    and or xor not true false if then else elseif endif while endwhile do until for to step endfor switch case
+    default break endswitch return call begin end program public private global local include void bool num string
+    dio aio sio config trsf point frame tool joint mdesc jointrx pointrx screen off cartesian movej movel movec
+    waitendmove delay jointtopoint
 """
 
 LANGUAGE_WORDS = {
