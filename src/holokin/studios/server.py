@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import errno
 import os
 import socket
@@ -80,6 +81,7 @@ class Studio:
         if not loopback(host):
             self.notes.append(OPEN.format(host=host, url=f"{url_of(_known_as(host), found)}/{self.door.token}/"))
         self.page = self._shown(session)
+        atexit.register(self.close)  # native code of its threads must not run while Python goes down
         self.server.on_client_connect(self._welcome)
         self.server.on_client_disconnect(self._farewell)
 
@@ -111,6 +113,7 @@ class Studio:
         if self._over:
             return
         self._over = True
+        atexit.unregister(self.close)
         clients = self.server.get_clients().values()
         for client in clients:
             client.add_notification("The studio was ended", ENDED, color="red", with_close_button=False)
