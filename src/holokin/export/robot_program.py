@@ -64,24 +64,32 @@ def header(
     """The facts of a program as lines of ASCII: where it is from, the law, limits, tolerances, units."""
     lines = [f"Written by holokin {__version__}", about or "law: not told"]
     lines.append(f"{timed.profile} motion of {timed.duration:.3f} s, timed at steps of {1e3 * timed.dt:g} ms")
-    limits = timed.limits
+    limits, linear = timed.limits, found is not None and found.linear
+    told = [("speed", "velocity", "")]
+    told += [] if linear else [("acc", "acceleration", "^2"), ("jerk", "jerk", "^3")]
     for i, (name, unit) in enumerate(zip(timed.joint_names, timed.joint_units, strict=True)):
         span = f"{limits.lower[i]:.6g} to {limits.upper[i]:.6g} {unit}"
         rates = [
             f"{what} {getattr(limits, rate)[i]:.6g} {unit}/s{power}"
-            for what, rate, power in (("speed", "velocity", ""), ("acc", "acceleration", "^2"), ("jerk", "jerk", "^3"))
+            for what, rate, power in told
             if np.isfinite(getattr(limits, rate)[i])
         ]
         turned = [f"sign {wiring.signs[name]:+d}"] if name in wiring.signs else []
         turned += [f"offset {wiring.offsets[name]:.6g} {unit}"] if name in wiring.offsets else []
         lines.append(f"{name}: " + ", ".join([span, *rates, *turned]))
     if found is not None and found.tool is not None:
-        lines += [f"{len(found.t)} joint targets, {_counted(found)}", *found.tool.sentences()]
+        lines += [
+            f"{len(found.t)} joint targets, {_counted(found)}",
+            *found.tool.sentences(),
+            _resolution(timed, found),
+        ]
     elif found is not None and not found.deviation:
         lines.append(f"{len(found.t)} joint targets, one for each step")
     elif found is not None:
         lines.append(f"{len(found.t)} joint targets; even motion between them is within {found.deviation:.2g} rad or m")
         lines.append("of the timed motion")
+    if linear:
+        lines.append("on linear and circular moves the controller chooses acc and jerk of the joints: none are stated")
     if found is not None and found.asked:
         lines += _reason(found, timed)
     if timed.loop is not None:
@@ -90,6 +98,13 @@ def header(
     lines += ["The robot moves to the first target on its own way: see that it is free", *more]
     plain = [re.sub(r"[^ -~]", "?", " ".join(line.split())) for line in lines]
     return [part for line in plain for part in textwrap.wrap(line, width, break_on_hyphens=False) or [""]]
+
+
+def _resolution(timed: TimedTrajectory, found: Targets) -> str:
+    """How far apart the samples are, between which nothing is known."""
+    fastest = float("nan") if found.tool is None else found.tool.fastest
+    way = f" and up to {1e3 * fastest * timed.dt:.2g} mm" if np.isfinite(fastest) else ""
+    return f"samples are {1e3 * timed.dt:g} ms{way} apart: on and off lines stand at one, deviations are told at each"
 
 
 def _counted(found: Targets) -> str:
