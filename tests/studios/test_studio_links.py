@@ -70,6 +70,7 @@ def test_a_link_opens_robot_loop_laws_levels_and_postures_as_they_were(own: Any)
     same(own, session_of_state(state_text(own)))
 
 
+@pytest.mark.campaign
 def test_the_loop_of_a_link_gives_the_drifts_of_the_session(own: Any) -> None:
     own.set_cycles(1)
     found = session_of_state(state_text(own))
