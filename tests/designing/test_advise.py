@@ -348,3 +348,15 @@ def test_the_names_of_laws_do_not_overlap_in_the_picture() -> None:
     boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
     assert len(boxes) == 12
     assert all(upper.y0 > lower.y1 for upper, lower in pairwise(boxes))
+
+
+def test_the_picture_of_advice_has_letters_of_8_points_in_its_own_width(advice: Advice) -> None:
+    """It is looked at alone, in a window: other figures keep 8 points on a page, too."""
+    from matplotlib.text import Text
+
+    from holokin.output.advice_report import advice_figure
+
+    figure = advice_figure(advice)
+    figure.canvas.draw()
+    shown = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
+    assert len(shown) > 10 and min(text.get_fontsize() for text in shown) >= 8.0

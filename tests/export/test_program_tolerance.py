@@ -140,6 +140,16 @@ def test_the_header_says_how_far_the_tool_and_its_speed_are_off(welder: hk.Task,
     program = to_rapid(corner, tolerance=ToolTolerance(welder, 2e-4, 0.02, 0.02, 0.02, True))
     said = " ".join(read(program, "rapid").comments)
     assert "linear moves" in said and "mm/s" in said and "no other joint moves" in said
+    assert "samples are 8 ms and up to 0.064 mm apart: on and off lines stand at one" in said  # 8 mm/s
+
+
+def test_acc_and_jerk_are_told_of_joint_moves_alone(welder: hk.Task, corner: TimedTrajectory) -> None:
+    """A controller makes a linear move with ramps of its own: the limits of the timed motion are not those."""
+    for linear in (False, True):
+        said = " ".join(read(to_krl(corner, tolerance=ToolTolerance(welder, linear=linear)), "krl").comments)
+        assert ("acc 5 rad/s^2" in said) is not linear
+        assert ("the controller chooses acc and jerk of the joints: none are stated" in said) is linear
+        assert "speed 3.49066 rad/s" in said
 
 
 def test_a_tool_that_turns_in_place_makes_joint_moves_and_the_header_says_where(welder: hk.Task) -> None:

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from conftest import PANDA_START
 from holokin.job import open_job, run_job
+from holokin.job.check_tables import ChecksTable
 from holokin.output import animate as films
 from holokin.output import film, palette
 from holokin.output.bodies import pieces_of, posed, solids_at
@@ -171,10 +173,27 @@ def test_obstacles_of_the_checks_are_drawn() -> None:
 def test_a_job_hands_its_obstacles_to_its_report(tmp_path: Path) -> None:
     _, _, file = open_job("panda-circle")
     post = 'name = "post"\nkind = "sphere"\nradius = 0.1\nxyz = [0, 1, 0]\n'
-    text = file.read_text("utf-8") + f"[checks]\n[[checks.obstacles]]\n{post}"
+    pin = 'name = "pin"\non = "panda_hand_tcp"\nkind = "sphere"\nradius = 0.01\n'
+    text = file.read_text("utf-8") + f"[checks]\n[[checks.obstacles]]\n{post}[[checks.obstacles]]\n{pin}"
     (tmp_path / "job.toml").write_text(text.replace("samples = 400", "samples = 20"), "utf-8")
     result = run_job(*open_job(str(tmp_path / "job.toml")))
     assert [one.link for one in result.obstacles] == ["post"]
+    assert [one.link for one in result.robot.shapes if one.carried] == ["pin"]
+
+
+def test_a_tool_of_the_checks_is_drawn_on_its_tip_and_the_arm_as_before() -> None:
+    """A pin of 0.1 m, of which the middle is 0.05 m beyond the tip along its z axis."""
+    arm, q = hk.load("panda"), PANDA_START
+    pin = {"name": "pin", "on": "panda_hand_tcp", "kind": "capsule", "radius": 0.01, "length": 0.1, "xyz": [0, 0, 0.05]}
+    shown = ChecksTable.model_validate({"obstacles": [pin]}).drawn(arm)
+    pieces, before = pieces_of(shown, q[None]), pieces_of(arm, q[None])
+    (tool,) = (piece for piece in pieces if piece.part.carried)
+    assert [piece.role for piece in pieces if piece is not tool] == [piece.role for piece in before]
+    p, R = joint_frames(shown, q[None])[tool.part.joint]
+    tip = arm.pose(q)
+    middle = p[0] + R[0] @ tool.part.placement[:3, 3]
+    assert middle == pytest.approx(tip[:3, 3] + 0.05 * tip[:3, 2], abs=1e-12)
+    assert ChecksTable().drawn(arm) is arm
 
 
 # --- lines and their names ---

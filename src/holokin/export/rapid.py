@@ -13,7 +13,7 @@ from ..motion import TimedTrajectory
 from .controller_moves import ToolTolerance
 from .process_lines import Dialect, ProcessLines
 from .program_targets import Targets, Wiring, targets, with_lines, zones
-from .robot_program import Program, header, program_name
+from .robot_program import Program, checked_name, header, program_name
 
 NAME = 32
 """Characters of a RAPID identifier."""
@@ -57,7 +57,7 @@ def to_rapid(
     short = program_name(name, about or "holokin", NAME - 2, "RAPID")
     for what in (zone, tool, base, payload):
         if isinstance(what, str):
-            program_name(what, "", NAME, "RAPID")
+            checked_name(what, NAME, "RAPID", program=False)
     places, reduced = _zones(found, zone)
     used = tool if base is None else f"{tool}\\WObj:={base}"
     more = [f"degrees, external axes degrees or mm; zone {zone}, tool {used}", *reduced]

@@ -17,6 +17,7 @@ from ..motion import TimedTrajectory
 from ..version import __version__
 from .controller_moves import KINDS, ToolDeviation
 from .program_targets import Targets, Wiring
+from .reserved_names import taken
 
 
 @dataclass(frozen=True)
@@ -63,24 +64,32 @@ def header(
     """The facts of a program as lines of ASCII: where it is from, the law, limits, tolerances, units."""
     lines = [f"Written by holokin {__version__}", about or "law: not told"]
     lines.append(f"{timed.profile} motion of {timed.duration:.3f} s, timed at steps of {1e3 * timed.dt:g} ms")
-    limits = timed.limits
+    limits, linear = timed.limits, found is not None and found.linear
+    told = [("speed", "velocity", "")]
+    told += [] if linear else [("acc", "acceleration", "^2"), ("jerk", "jerk", "^3")]
     for i, (name, unit) in enumerate(zip(timed.joint_names, timed.joint_units, strict=True)):
         span = f"{limits.lower[i]:.6g} to {limits.upper[i]:.6g} {unit}"
         rates = [
             f"{what} {getattr(limits, rate)[i]:.6g} {unit}/s{power}"
-            for what, rate, power in (("speed", "velocity", ""), ("acc", "acceleration", "^2"), ("jerk", "jerk", "^3"))
+            for what, rate, power in told
             if np.isfinite(getattr(limits, rate)[i])
         ]
         turned = [f"sign {wiring.signs[name]:+d}"] if name in wiring.signs else []
         turned += [f"offset {wiring.offsets[name]:.6g} {unit}"] if name in wiring.offsets else []
         lines.append(f"{name}: " + ", ".join([span, *rates, *turned]))
     if found is not None and found.tool is not None:
-        lines += [f"{len(found.t)} joint targets, {_counted(found)}", *found.tool.sentences()]
+        lines += [
+            f"{len(found.t)} joint targets, {_counted(found)}",
+            *found.tool.sentences(),
+            _resolution(timed, found),
+        ]
     elif found is not None and not found.deviation:
         lines.append(f"{len(found.t)} joint targets, one for each step")
     elif found is not None:
         lines.append(f"{len(found.t)} joint targets; even motion between them is within {found.deviation:.2g} rad or m")
         lines.append("of the timed motion")
+    if linear:
+        lines.append("on linear and circular moves the controller chooses acc and jerk of the joints: none are stated")
     if found is not None and found.asked:
         lines += _reason(found, timed)
     if timed.loop is not None:
@@ -89,6 +98,13 @@ def header(
     lines += ["The robot moves to the first target on its own way: see that it is free", *more]
     plain = [re.sub(r"[^ -~]", "?", " ".join(line.split())) for line in lines]
     return [part for line in plain for part in textwrap.wrap(line, width, break_on_hyphens=False) or [""]]
+
+
+def _resolution(timed: TimedTrajectory, found: Targets) -> str:
+    """How far apart the samples are, between which nothing is known."""
+    fastest = float("nan") if found.tool is None else found.tool.fastest
+    way = f" and up to {1e3 * fastest * timed.dt:.2g} mm" if np.isfinite(fastest) else ""
+    return f"samples are {1e3 * timed.dt:g} ms{way} apart: on and off lines stand at one, deviations are told at each"
 
 
 def _counted(found: Targets) -> str:
@@ -109,12 +125,20 @@ def _reason(found: Targets, timed: TimedTrajectory) -> list[str]:
     return [*said, f"joint moves to targets {shown}: {why}"]
 
 
+def checked_name(given: str, longest: int, language: str, program: bool = True) -> str:
+    """The name of a program, or of a tool or frame. Raises: ArgumentError: the language refuses it, or has it."""
+    if not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{longest - 1}}}", given):
+        cure = f"{language} takes a letter, then letters, digits and _, at most {longest} in all"
+        raise ArgumentError("name", given, cure)
+    if why := taken(given, language, program):
+        raise ArgumentError("name", given, f"{why}: give another one, such as {f'hk_{given}'[:longest]}")
+    return given
+
+
 def program_name(given: str | None, about: str, longest: int, language: str) -> str:
-    """A name of letters, digits and underscores. Raises: ArgumentError: one given that the language refuses."""
+    """The name of a program that is given, or one made of a text. Raises: ArgumentError: as `checked_name`."""
     if given is not None:
-        if not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{longest - 1}}}", given):
-            cure = f"{language} takes a letter, then letters, digits and _, at most {longest} in all"
-            raise ArgumentError("name", given, cure)
-        return given
+        return checked_name(given, longest, language)
     words = re.sub(r"[^A-Za-z0-9]+", "_", about).strip("_")
-    return ("hk_" + words if not words[:1].isalpha() else words)[:longest].rstrip("_")
+    found = ("hk_" + words if not words[:1].isalpha() else words)[:longest].rstrip("_")
+    return f"hk_{found}"[:longest] if taken(found, language) else found

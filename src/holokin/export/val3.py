@@ -16,7 +16,7 @@ from ..motion import TimedTrajectory
 from .controller_moves import ToolTolerance
 from .process_lines import Dialect, ProcessLines
 from .program_targets import Targets, Wiring, speed_shares, targets, with_lines, zones
-from .robot_program import Program, header, program_name
+from .robot_program import Program, checked_name, header, program_name
 
 NAME = 15
 """Characters of a VAL3 name."""
@@ -63,7 +63,7 @@ def to_val3(
     found = targets(timed, wiring, DIALECT, tolerance, lines)
     short = program_name(name, about or "holokin", NAME, "VAL3")
     for what in (tool, base):
-        program_name(what, "", NAME, "VAL3")
+        checked_name(what, NAME, "VAL3", program=False)
     radii, less = zones(found, not_negative("zone", zone))
     more = ["degrees, mm", f"tool {tool}, frame {base}"]
     more += [f"leave and reach are half a move at {less} targets, where that is less"] if less else []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -77,10 +78,17 @@ class ChecksTable(Table):
 
     def _shaped(self, robot: Robot) -> Robot:
         """The robot with its capsules, and with what it carries."""
-        shaped = robot if self.radius is None else with_capsules(robot, self.radius)
+        return self._loaded(robot if self.radius is None else with_capsules(robot, self.radius))
+
+    def _loaded(self, robot: Robot) -> Robot:
         for table in self.obstacles:
-            shaped = shaped if table.on is None else table.carried(shaped)
-        return shaped
+            robot = robot if table.on is None else table.carried(robot)
+        return robot
+
+    def drawn(self, robot: Robot) -> Robot:
+        """The robot for pictures: with what it carries, and else as it was. Raises: UnknownNameError: no such tip."""
+        count = sum(table.on is not None for table in self.obstacles)
+        return replace(robot, shapes=(*robot.shapes, *self._loaded(robot).shapes[-count:])) if count else robot
 
     def standing(self) -> tuple[LinkShape, ...]:
         """The obstacles that stand still."""

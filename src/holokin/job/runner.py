@@ -174,9 +174,10 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     if first is not None and not results:
         raise first
     task_name = tasks[0].name if len(tasks) == 1 else f"pose of {robot.name}, {len(tasks)} orientation representations"
+    shown = job.checks.drawn(robot) if job.checks is not None else robot
     seconds = time.perf_counter() - began
     return JobResult(
-        name, job.title, about.strip(), robot, task_name, start, path, job.path.cycles, tuple(results), seconds,
+        name, job.title, about.strip(), shown, task_name, start, path, job.path.cycles, tuple(results), seconds,
         tuple(failed), str(covering.workspace) if covering is not None else "",
         job.checks.standing() if job.checks is not None else (), one_way(path),
         {key: metric.meaning for key, metric in METRICS.items()}, job.printed_units,

@@ -253,9 +253,13 @@ class Mesh(Shape):
         try:
             mesh = trimesh.load(self.file, force="mesh")
             points = finite("the points of a mesh", np.asarray(mesh.vertices) * self.scale)  # type: ignore[union-attr]
-            return points, np.asarray(mesh.faces, dtype=np.int64)  # type: ignore[union-attr]
+            return points, self.outward(np.asarray(mesh.faces, dtype=np.int64))  # type: ignore[union-attr]
         except Exception as problem:  # its readers raise what they like, of packages that are missing, too
             raise RobotFileError(self.file, f"cannot be read ({brief(problem, 100)})", cure) from problem
+
+    def outward(self, faces: Indices) -> Indices:
+        """Triangles (f, 3) of the file as they go round seen from outside: a mirrored mesh turns them round."""
+        return np.ascontiguousarray(faces[:, ::-1]) if np.prod(self.scale) < 0 else faces
 
     @cached_property
     def hull(self) -> Hull:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import HolokinError
+from ..errors import ArgumentError, HolokinError
 from .link_shapes import Box, Capsule, Cylinder, LinkShape, Mesh, Shape, Unread
 
 BROKEN = "its <collision> elements cannot be read"
@@ -72,5 +72,9 @@ def shape_of(geometry: Any, find: Finder) -> Shape:
         return Capsule(float(geometry.sphere.radius))
     if geometry.cylinder is not None:
         return Cylinder(float(geometry.cylinder.radius), float(geometry.cylinder.length))
-    scale = geometry.mesh.scale
-    return Mesh(find(geometry.mesh.filename or ""), np.broadcast_to(1.0 if scale is None else scale, (3,)))
+    given = geometry.mesh.scale
+    scale = np.broadcast_to(1.0 if given is None else np.asarray(given, dtype=float), (3,))
+    if not (np.isfinite(scale).all() and scale.all()):
+        cure = "write three numbers that are not 0, as 0.001 0.001 0.001 for a mesh in mm"
+        raise ArgumentError(f"the scale of the mesh {geometry.mesh.filename!r}", scale.tolist(), cure)
+    return Mesh(find(geometry.mesh.filename or ""), scale)

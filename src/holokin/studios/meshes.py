@@ -134,7 +134,8 @@ def _file_mesh(shape: Mesh) -> Any:
         for piece in pieces:
             points = np.asarray(piece.vertices, dtype=float) * shape.scale
             colors = _own_colors(piece)
-            meshes.append(tm.Trimesh(points, piece.faces, vertex_colors=colors, process=False))
+            faces = shape.outward(np.asarray(piece.faces, dtype=np.int64))
+            meshes.append(tm.Trimesh(points, faces, vertex_colors=colors, process=False))
         mesh = tm.util.concatenate(meshes)
         if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
             raise RobotFileError(shape.file, "has no triangles", cure)

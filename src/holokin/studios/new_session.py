@@ -20,7 +20,7 @@ from ..job.several_paths import build_paths
 from ..motion import drift, follow
 from ..path import Path
 from ..path.synchronized_paths import AnyPath
-from ..robot import Robot
+from ..robot import Robot, is_model
 from ..strategies import moore_penrose
 from ..tasks.frame_tasks import pose
 from ..tasks.task import Task
@@ -80,7 +80,7 @@ def open_session(name: str, *, tip: str | None = None, base: str | None = None) 
         short, job, file = open_one_job(name)
         return session_of_job(short, job, file)
     chain = chain_to_tool(name, tip, base)
-    given = {"name": name, "tip": chain.tip if FilePath(name).suffix else tip, "base": chain.base}
+    given = {"name": name, "tip": chain.tip if is_model(name) else tip, "base": chain.base}
     return session_of_robot(chain.robot, source=name, origin={k: v for k, v in given.items() if v is not None})
 
 

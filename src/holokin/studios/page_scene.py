@@ -18,6 +18,9 @@ from .meshes import GHOST, SOLID, THING, frames_of, looks_of, quaternions, shape
 OPACITY = 0.62
 """Of a ghost that stands well away from the robot; the colours of four on top of each other are still told apart."""
 
+ALONE = 0.4
+"""Of the only ghost that there is: the robot is seen through it."""
+
 APART = 0.03
 """Distance [rad or m] to the robot at which a ghost has its name; a link this far away [m] is fully seen."""
 
@@ -329,7 +332,8 @@ def seen(positions: Matrix, turns: Matrix, lead: int, size: float) -> Vector:
     """
     turned = 2 * np.sqrt(np.clip(1 - (turns @ turns.T) ** 2, 0.0, 1.0))
     away = np.linalg.norm(positions[:, None] - positions, axis=2) + size * turned
-    opacity = OPACITY * np.clip((away[lead] - TOUCHING) / (APART - TOUCHING), 0.0, 1.0) ** 0.5
+    most = ALONE if len(away) == 2 else OPACITY
+    opacity = most * np.clip((away[lead] - TOUCHING) / (APART - TOUCHING), 0.0, 1.0) ** 0.5
     before = np.tri(len(away), k=-1, dtype=bool)  # of two ghosts in one place the first is drawn
     before[:, lead] = False
     nearest = np.where(before, away, np.inf).min(axis=1)

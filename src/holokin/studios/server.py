@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import errno
 import os
 import socket
@@ -22,6 +23,7 @@ from .new_session import open_session, session_of_robot
 from .page_scene import name_tab, silent_viser, viser_package
 from .session import Session
 from .shown_units import SI, Units
+from .state_link import is_link, session_of_state
 from .studio_page import Page
 
 PORT = 8080
@@ -68,7 +70,7 @@ class Studio:
         from .incoming import Incoming
 
         self._lock, self._over = threading.Lock(), False
-        self.door = Door(host)
+        self.door = Door(host, self._hear)
         self.server = open_server(host, _free_port(host, port), self.door, Incoming())
         found = self.server.get_port()
         self._base = url_of(host, found)
@@ -79,6 +81,7 @@ class Studio:
         if not loopback(host):
             self.notes.append(OPEN.format(host=host, url=f"{url_of(_known_as(host), found)}/{self.door.token}/"))
         self.page = self._shown(session)
+        atexit.register(self.close)  # native code of its threads must not run while Python goes down
         self.server.on_client_connect(self._welcome)
         self.server.on_client_disconnect(self._farewell)
 
@@ -89,7 +92,9 @@ class Studio:
 
     def open(self, name: str) -> None:
         """Show another job or robot instead. Raises: what `open_session` raises, and the page stays as it is."""
-        session = open_session(name)
+        self._show(open_session(name))
+
+    def _show(self, session: Session) -> None:
         for triangles in (SOLID, GHOST):  # what takes time, and may fail, while the page before stands
             looks_of(session.robot, triangles)
         with self._lock:
@@ -108,6 +113,7 @@ class Studio:
         if self._over:
             return
         self._over = True
+        atexit.unregister(self.close)
         clients = self.server.get_clients().values()
         for client in clients:
             client.add_notification("The studio was ended", ENDED, color="red", with_close_button=False)
@@ -158,6 +164,20 @@ class Studio:
             self.open(name)
         except Exception as problem:  # noqa: BLE001  the page that was there stands, and says it
             self.page.say(failure(f"{name} was not opened", problem))
+
+    def _hear(self, state: str) -> None:
+        """A browser came by a link with a state: it is opened in a thread of its own, one at a time."""
+
+        def opened() -> None:
+            try:
+                self._show(session_of_state(state, self.session))
+            except Exception as problem:  # noqa: BLE001  the page that was there stands, and says it
+                self.page.say(failure("The link was not opened", problem))
+
+        def work() -> None:
+            self.page.alone("open", opened)
+
+        threading.Thread(target=work, name="holokin studio link", daemon=True).start()
 
 
 def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Callable[[str], Any]) -> Studio:
@@ -217,4 +237,5 @@ def _session(what: What) -> Session:
         return what
     if isinstance(what, Robot):
         return session_of_robot(what, source=what.name)
-    return open_session(str(what or DEFAULT))
+    name = str(what or DEFAULT)
+    return session_of_state(name) if is_link(name) else open_session(name)

@@ -22,6 +22,7 @@ from .runs import Run, new_run, state_of
 from .session_laws import Law, rebuilt
 from .session_loops import Loop, entered, reversed_loop
 from .setups import Setup, kept
+from .shown_units import View
 from .sliders import leaves_of
 from .states import Cloud, CloudStatus, LeafCusps, Origin, Phase, Snapshot
 
@@ -39,6 +40,7 @@ class Session(LawGroup):
         title, source: for people; `source` is the job or robot that it was opened with.
         robot: whose joints they are. task: of the first law. home: the posture (n,) at which all laws begin.
         limits: whether joint limits stop laws. origin: what a job says of robot and task, None where none can.
+        view: how a page shows it first, as the link said that it was made from.
     """
 
     def __init__(
@@ -57,6 +59,7 @@ class Session(LawGroup):
         given = tuple(laws)
         super().__init__(given, home, limits)
         self.title, self.source, self.origin = title or self.task.name, source, origin
+        self.view: View | None = None
         self._playing = Playing(cycles=cycles)
         self._loop: Loop | None = None
         self._loops, self._number = 0, 0

@@ -12,7 +12,7 @@ from .loop_panel import LoopPanel
 from .panel_texts import block, gauge, line, named, plain, put, quiet, swatch, table, warning
 from .posture_panel import PosturePanel
 from .save_panel import SavePanel
-from .shown_units import UNITS, Units
+from .shown_units import FASTEST, SLOWEST, UNITS, Units, View
 from .stage import Stage
 from .states import LawState, Phase, Snapshot
 from .work_panel import WorkPanel
@@ -99,10 +99,10 @@ class Panels:
         self._undo(gui)
         self.speed = gui.add_slider(
             "Speed",
-            min=0.25,
-            max=8.0,
+            min=SLOWEST,
+            max=FASTEST,
             step=0.25,
-            initial_value=2.0,
+            initial_value=(page.session.view or View()).speed,
             hint="How many times as fast as its own speed the loop runs; the drift is the same",
         )
         cycles = page.session.snapshot().cycles

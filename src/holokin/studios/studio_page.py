@@ -20,7 +20,7 @@ from .handles import Handles
 from .page_scene import Scene
 from .session import Session
 from .setups import Setup, Undo
-from .shown_units import SI, Units
+from .shown_units import SI, UNITS, Units
 from .side_panels import Panels
 from .states import Phase, Snapshot
 
@@ -46,15 +46,19 @@ class Page:
         server: a viser.ViserServer.
         session: what is shown.
         reopen: called with the name of a job or robot that the page is asked to show instead.
-        units: of what is shown.
+        units: of what is shown, unless the session came with its own view.
 
     Raises:
         MissingExtraError: trimesh is not installed.
     """
 
     def __init__(self, server: Any, session: Session, reopen: Callable[[str], None] | None = None, units: Units = SI):
-        self.server, self.session, self.reopen, self.units = server, session, reopen, units
-        self.lead = next((i for i, law in enumerate(session.laws) if law.holonomic), 0)
+        view = session.view
+        self.server, self.session, self.reopen = server, session, reopen
+        self.units = units if view is None else UNITS[view.units]
+        names = [law.name for law in session.laws]
+        first = next((i for i, law in enumerate(session.laws) if law.holonomic), 0)
+        self.lead = names.index(view.solid) if view is not None and view.solid in names else first
         self.paused_drawing = False
         self.drawn = -1
         self._loop_drawn: tuple[int, str] | None = None

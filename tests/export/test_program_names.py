@@ -1,0 +1,100 @@
+"""Names that a controller has already: a program of such a name would not load, or would call itself."""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from typing import Any
+
+import pytest
+
+import holokin as hk
+from conftest import IRB_START
+from holokin.errors import ArgumentError
+from holokin.export import (
+    ProcessLines,
+    ToolTolerance,
+    to_fanuc,
+    to_gcode,
+    to_inform,
+    to_krl,
+    to_rapid,
+    to_urscript,
+    to_val3,
+)
+from holokin.motion import TimedTrajectory
+
+WRITERS: dict[str, Any] = {
+    "rapid": to_rapid, "krl": to_krl, "urscript": partial(to_urscript, tolerance=2e-3), "val3": to_val3,
+    "ls": to_fanuc, "inform": partial(to_inform, pulses=[1000.0] * 6),
+    "gcode": partial(to_gcode, letters=list("XYZABC")),
+}  # fmt: skip
+COMMENT = {"rapid": "!", "krl": ";", "urscript": "#", "val3": "//"}
+OWN = {
+    "rapid": {"hk", "hk_M", "T", "V", "NoEOffs", "box1"}, "krl": {"hk", "RVP"}, "urscript": {"hk", "a", "t", "v", "r"},
+    "val3": set[str](),
+}  # fmt: skip
+"""Words of the programs that may be names beside them: of arguments and files, and those that were given."""
+
+
+@pytest.fixture(scope="module")
+def move(irb140: hk.Robot) -> TimedTrajectory:
+    """A line of 5 cm."""
+    at = irb140.pose(IRB_START)[:3, 3]
+    corner = at + [0.05, 0, 0]
+    walk = hk.follow(hk.holonomic(hk.position(irb140), hk.lock(3, 4, 5)), hk.line(at, corner), IRB_START, samples=60)
+    return hk.retime(walk, irb140, velocity=1.0, acceleration=5.0, dt=0.008)
+
+
+@pytest.mark.parametrize(
+    ("language", "names"),
+    [
+        ("rapid", ["MoveL", "movel", "PROC", "EndProc", "TryNext", "p1", "c7", "v1000", "fine", "tool0", "CalcRobT"]),
+        ("krl", ["END", "def", "SPTP", "LIN", "xp1", "XERR", "E6AXIS", "Loop", "BAS"]),
+        ("urscript", ["end", "def", "thread", "movej", "True", "sleep"]),
+        ("val3", ["end", "begin", "elseIf", "movej", "l_jA", "jointRx", "world"]),
+        ("ls", ["con", "NUL", "Com1"]),
+        ("inform", ["AUX"]),
+        ("gcode", ["prn"]),
+    ],
+)
+def test_a_word_of_the_language_is_no_name_of_a_program(language: str, names: list[str], move: TimedTrajectory) -> None:
+    for name in names:
+        with pytest.raises(ArgumentError, match=f"name is '{name}'; .*give another one, such as hk_{name}"):
+            WRITERS[language](move, name=name)
+        assert WRITERS[language](move, name=f"hk_{name}").text
+
+
+@pytest.mark.parametrize("language", COMMENT)
+def test_no_word_that_a_written_program_uses_is_taken_as_its_name(
+    language: str, move: TimedTrajectory, irb140: hk.Robot
+) -> None:
+    lines = ProcessLines(before=["output 3 on", "wait 0.5"], after=["output 3 off"])
+    given: dict[str, Any] = {"lines": lines, "name": "hk", "tolerance": ToolTolerance(hk.position(irb140), linear=True)}
+    given |= {"payload": "box1"} if language == "rapid" else {}
+    program = WRITERS[language](move, **given)
+    words: set[str] = set()
+    for line in program.text.splitlines():
+        words |= set(re.findall(r"(?<![\w$#.&])[A-Za-z_]\w*", line.split(COMMENT[language])[0].split("<")[0]))
+    words -= OWN[language]
+    assert len(words) > 5
+    for word in sorted(words):
+        with pytest.raises(ArgumentError, match=r"has this word already|takes a letter"):
+            WRITERS[language](move, name=word)
+
+
+def test_a_tool_or_frame_may_be_one_that_the_controller_has_but_no_word_of_it(move: TimedTrajectory) -> None:
+    for given in ({"tool": "tool0"}, {"base": "wobj0"}, {"payload": "load0"}, {"zone": "z5"}):
+        assert to_rapid(move, **given).text
+    assert to_val3(move, tool="flange", base="world").text
+    for given in ({"tool": "MoveL"}, {"base": "PROC"}, {"payload": "p1"}, {"zone": "while"}):
+        with pytest.raises(ArgumentError, match="has this word already"):
+            to_rapid(move, **given)
+    with pytest.raises(ArgumentError, match="has this word already"):
+        to_val3(move, tool="l_jA")
+
+
+def test_a_name_that_is_made_of_a_title_is_no_word_either(move: TimedTrajectory) -> None:
+    assert "hk_end.script" in WRITERS["urscript"](move, about="end").files
+    assert "hk_MoveL_M.mod" in to_rapid(move, about="MoveL").files
+    assert "End.script" in WRITERS["urscript"](move, about="End").files  # URScript tells capitals apart
