@@ -1,0 +1,35 @@
+"""Who takes part: the packages of each library, and the script that runs it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+WORKERS = Path(__file__).parent / "workers"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A library: its name, what pip installs into its environment, its script in `workers/`.
+
+    packages: none for the environment of the league itself.
+    seconds: how long all its runs may take.
+    """
+
+    name: str
+    packages: tuple[str, ...]
+    worker: str
+    seconds: float = 600.0
+
+    @property
+    def script(self) -> Path:
+        """The file to run."""
+        return WORKERS / self.worker
+
+
+OURS = Entry("holokin", (), "with_holokin.py")
+ENTRIES = (
+    OURS,
+    Entry("pink", ("pin-pink", "daqp"), "with_pink.py"),
+    Entry("placo", ("placo",), "with_placo.py"),
+)

@@ -1,0 +1,125 @@
+"""What every worker does: reads the robots and paths, asks its library sample after sample, writes the joints.
+
+A worker runs in its library's environment, with NumPy and without holokin:
+
+    python with_pink.py COURSE_FOLDER ANSWER_FOLDER
+
+The robot is perfect: it is where the last answer put it. An answer that is missing leaves it there.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Step = Callable[[np.ndarray, np.ndarray, np.ndarray, float], "np.ndarray | None"]
+"""(q, wanted pose (4, 4), wanted twist (6,), seconds h) -> the joints h later, or None where there is no answer."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A robot and what its tool does: files, names, limits, the start, the targets of each run."""
+
+    name: str
+    urdf: str
+    mjcf: str
+    base: str
+    frame: str
+    joints: list[str]
+    lower: np.ndarray
+    upper: np.ndarray
+    speed: np.ndarray
+    start: np.ndarray
+    runs: dict[str, dict[str, np.ndarray]] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A way to use the library. `begin(arm)` starts a run from the arm's start and returns its step.
+
+    example: the library's own examples use it so; `source` names the example.
+    """
+
+    name: str
+    begin: Callable[[Arm], Step]
+    example: bool = False
+    source: str = ""
+
+
+def serve(settings: Callable[[Arm], Iterable[Setting]], packages: Iterable[str]) -> None:
+    """Run every setting on every arm, and keep what is done after each."""
+    course, answers = map(Path, sys.argv[1:3])
+    said: dict[str, Any] = {"versions": {name: version(name) for name in packages}, "settings": []}
+    for arm in _arms(course):
+        for setting in settings(arm):
+            joints, told = _all_runs(setting, arm)
+            file = f"{arm.name}-{len(said['settings'])}.npz"
+            np.savez(answers / file, **joints)
+            told |= {"arm": arm.name, "name": setting.name, "example": setting.example, "source": setting.source}
+            said["settings"].append(told | {"file": file})
+            (answers / "answer.json").write_text(json.dumps(said, indent=1), "utf-8")
+
+
+def _arms(course: Path) -> Iterator[Arm]:
+    for told in json.loads((course / "course.json").read_text("utf-8")):
+        with np.load(course / f"{told['name']}.npz") as arrays:
+            runs: dict[str, dict[str, np.ndarray]] = {}
+            for key in arrays.files:
+                run, _, what = key.rpartition("/")
+                runs.setdefault(run, {})[what] = arrays[key]
+        told |= {key: np.array(told[key], dtype=float) for key in ("lower", "upper", "speed", "start")}
+        told |= {key: str(course / told[key]) for key in ("urdf", "mjcf")}
+        yield Arm(**told, runs=runs)
+
+
+def _all_runs(setting: Setting, arm: Arm) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    joints: dict[str, np.ndarray] = {}
+    medians, pinv, missing, first = [], [], 0, 0.0
+    for name, run in arm.runs.items():
+        try:
+            q, seconds, held = _one_run(setting, arm, run)
+        except Exception as problem:  # noqa: BLE001  another library may throw anything: the page says what
+            return joints, {"fault": f"{type(problem).__name__}: {problem}".splitlines()[0][:200]}
+        joints[name] = q
+        missing += held
+        first = first or seconds[0]
+        medians.append(float(np.median(seconds[1:])))
+        pinv.append(_pinv_seconds())
+    told = {"fault": "", "missing": missing, "first_seconds": first}
+    return joints, told | {"call_us": 1e6 * min(medians), "pinv_us": 1e6 * min(pinv)}
+
+
+def _one_run(setting: Setting, arm: Arm, run: dict[str, np.ndarray]) -> tuple[np.ndarray, list[float], int]:
+    """Joints (k + 1, n) of the samples, seconds of each call, the first with what it takes to begin, and calls without an answer."""
+    q, held, seconds = arm.start.copy(), 0, []
+    joints = [q]
+    begun = time.perf_counter()
+    step = setting.begin(arm)
+    for pose, twist, h in zip(run["poses"], run["twists"], run["h"], strict=True):
+        begun = time.perf_counter() if seconds else begun
+        answer = step(q.copy(), pose, twist, float(h))
+        seconds.append(time.perf_counter() - begun)
+        if answer is None or not np.isfinite(answer).all():
+            held += 1
+        else:
+            q = np.array(answer, dtype=float).reshape(len(arm.joints))
+        joints.append(q)
+    return np.array(joints), seconds, held
+
+
+def _pinv_seconds() -> float:
+    """What NumPy's pinv of a 6x7 matrix takes here and now: says how busy the machine is."""
+    J, seconds = np.random.default_rng(0).normal(size=(6, 7)), []
+    for _ in range(200):
+        begun = time.perf_counter()
+        np.linalg.pinv(J)
+        seconds.append(time.perf_counter() - begun)
+    return float(np.median(seconds))
