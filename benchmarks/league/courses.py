@@ -4,20 +4,30 @@ from __future__ import annotations
 
 import json
 from importlib.metadata import PackageNotFoundError, files
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from benchmarks import drift
 from holokin.errors import MissingExtraError
-from holokin.motion.simulation import step_targets
+from holokin.motion.simulation import step_targets, steps_between
 from holokin.path.plan import make_plan
 from holokin.robot import to_mjcf, to_urdf
 
 DT = 0.01
-CYCLES = 5
+CYCLES = 4
 ARMS = ("panda", "iiwa14")
+
+TOURS = 6
+CORNERS = 3
+"""A tour leads from the start to this many poses, drawn at random, and back, two rounds."""
+REACH, TURN = np.array([0.15, 0.25, 0.15]), np.radians(30)
+"""The poses of tours lie in this box [m] about the start, turned by up to this about any axis."""
+TOUR_SPEED, TOUR_RATE = 0.15, 0.4
+"""Of a tour: no faster than this [m/s], and turns no faster than this [rad/s]."""
 
 
 def robot_of(name: str) -> hk.Robot:
@@ -43,7 +53,34 @@ def paths_of_league(robot: hk.Robot, start: np.ndarray, cycles: int) -> dict[str
     return found
 
 
-def write_course(folder: Path, arms: tuple[str, ...] = ARMS, cycles: int = CYCLES, dt: float = DT) -> None:
+def tour_of(first: np.ndarray, seed: int, dt: float) -> dict[str, np.ndarray]:
+    """Poses, twists and times of two rounds of straight legs between poses drawn at random, the first and last given."""
+    rng, corners = np.random.default_rng(seed), [first]
+    for _ in range(CORNERS):
+        pose, axis = first.copy(), rng.normal(size=3)
+        pose[:3, 3] += rng.uniform(-REACH, REACH)
+        turn = Rotation.from_rotvec(rng.uniform(0, TURN) * axis / np.linalg.norm(axis))
+        pose[:3, :3] = turn.as_matrix() @ first[:3, :3]
+        corners.append(pose)
+    poses = [first]
+    for a, b in pairwise([*corners, first]):
+        turn = Rotation.from_matrix(b[:3, :3] @ a[:3, :3].T).as_rotvec()
+        way = b[:3, 3] - a[:3, 3]
+        seconds = max(np.linalg.norm(way) / TOUR_SPEED, np.linalg.norm(turn) / TOUR_RATE)
+        for share in np.linspace(0, 1, int(np.ceil(seconds / dt)) + 1)[1:]:
+            pose = np.eye(4)
+            pose[:3, :3] = Rotation.from_rotvec(share * turn).as_matrix() @ a[:3, :3]
+            pose[:3, 3] = a[:3, 3] + share * way
+            poses.append(pose)
+    h = np.full(len(poses) - 1, dt)
+    every = np.array(poses)
+    _, twists = steps_between(every[:, None, :3, 3], every[:, None, :3, :3], h)
+    return {name: np.concatenate([one] * 2) for name, one in (("poses", every[1:]), ("twists", twists[:, 0]), ("h", h))}
+
+
+def write_course(
+    folder: Path, arms: tuple[str, ...] = ARMS, cycles: int = CYCLES, dt: float = DT, tours: int = TOURS
+) -> None:
     """Write course.json, and of each arm its URDF, its MJCF and the arrays of its runs."""
     folder.mkdir(parents=True, exist_ok=True)
     told = []
@@ -57,6 +94,10 @@ def write_course(folder: Path, arms: tuple[str, ...] = ARMS, cycles: int = CYCLE
             poses, twists = step_targets(plan)
             for what, values in (("poses", poses), ("twists", twists), ("h", plan.h)):
                 arrays[f"{run}/{what}"] = np.concatenate([values] * rounds)
+        for k in range(tours):
+            arrays |= {f"tour {k}/{what}": values for what, values in tour_of(robot.pose(start), k, dt).items()}
+        q = np.vstack([start, np.random.default_rng(0).uniform(robot.lower, robot.upper, (8, robot.n))])
+        arrays |= {"check/q": q, "check/poses": np.array([robot.pose(posture) for posture in q])}
         np.savez(folder / f"{name}.npz", **arrays)
         told.append(
             {

@@ -31,5 +31,15 @@ OURS = Entry("holokin", (), "with_holokin.py")
 ENTRIES = (
     OURS,
     Entry("pink", ("pin-pink", "daqp"), "with_pink.py"),
+    Entry("mink", ("mink", "daqp"), "with_mink.py"),
+    Entry("mink-warp", ("mink-warp",), "with_mink_warp.py"),
     Entry("placo", ("placo",), "with_placo.py"),
+    Entry("OInK", ("roboplan-oink", "pin"), "with_oink.py"),
+    Entry("embodik", ("embodik",), "with_embodik.py"),
+    Entry("Drake", ("drake",), "with_drake.py"),
+    Entry("PyRoki", ("almond-pyroki",), "with_pyroki.py"),
+    Entry("ssik", ("ssik",), "with_ssik.py"),
+    Entry("frankik", ("frankik",), "with_frankik.py"),
+    Entry("TRAC-IK", ("pytracik",), "with_tracik.py"),
+    Entry("roboticstoolbox", ("roboticstoolbox-python",), "with_roboticstoolbox.py"),
 )

@@ -11,7 +11,10 @@ import holokin as hk
 from benchmarks import drift
 
 NEAR_MM, NEAR_RAD = 1.0, 0.01
-"""A setting that leaves the path by more is not taken as the best one."""
+"""A setting that leaves the path by more is not taken as the best one; a tour that does is not whole."""
+
+AGAIN = 1e-3
+"""Joints [rad] that differ by less from one round to the next are the same."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,8 @@ class Score:
     first, later: drift of the largest joint in the first and in the last cycle. ways, speeds: the largest joint's
     difference at one tool pose, reached by two paths, and at another speed. effort: joint speed over the least that
     does the same tool motion. hurry: the fastest joint over its limit; above 1 it is a jump that no arm can follow.
+    tours, whole, again: how many there are, how many have an answer everywhere, with the tool near, within the limits and
+    without a jump, and of how many of these the second round has the joints of the first, within AGAIN, all along.
     """
 
     library: str
@@ -35,6 +40,9 @@ class Score:
     turn: float = np.nan
     effort: float = np.nan
     hurry: float = np.nan
+    tours: int = 0
+    whole: int = 0
+    again: int = 0
     within: bool = False
     missing: int = 0
     call_us: float = np.nan
@@ -61,6 +69,8 @@ def score(
     named = (library, told["name"], told["example"], told["arm"])
     if told["fault"]:
         return Score(*named, source=told["source"], fault=told["fault"])
+    toured = [_toured(robot, joints[name], run) for name, run in runs.items() if name.startswith("tour")]
+    runs = {name: run for name, run in runs.items() if not name.startswith("tour")}
     cycles = [name for name in runs if not name.startswith(("there", "round"))]
     drifts = {name: _ends(joints[name], runs[name]["poses"]) for name in cycles}
     each = [np.abs(np.diff(ends, axis=0)).max(axis=1) for ends in drifts.values()]
@@ -69,8 +79,8 @@ def score(
     middle = drift.SPEEDS[1]
     apart = [np.abs(reached[f"there at {v}"] - reached[f"round at {v}"]).max() for v in drift.SPEEDS]
     hurried = [np.abs(q - reached[f"{name.split()[0]} at {middle}"]).max() for name, q in reached.items()]
-    speeds = [np.abs(np.diff(joints[name], axis=0)) / run["h"][:, None] / robot.max_velocity for name, run in runs.items()]
-    every = np.concatenate(list(joints.values()))
+    speeds = [_speeds(robot, joints[name], run) for name, run in runs.items()]
+    every = np.concatenate([joints[name] for name in runs])
     circle = drifts["circle"]
     return Score(
         *named, first=max(d[0] for d in each), later=max(d[-1] for d in each), ways=max(apart), speeds=max(hurried),
@@ -78,7 +88,8 @@ def score(
         effort=_effort(robot, [joints[name] for name in cycles]), hurry=max(float(v.max()) for v in speeds),
         within=bool(robot.within(every).all()), missing=told["missing"], call_us=told["call_us"],
         first_seconds=told["first_seconds"], history=tuple(np.abs(circle[1:] - circle[0]).max(axis=1)),
-        source=told["source"],
+        source=told["source"], tours=len(toured), whole=sum(whole for whole, _ in toured),
+        again=sum(whole and again for whole, again in toured),
     )  # fmt: skip
 
 
@@ -99,7 +110,9 @@ def _ends(q: np.ndarray, poses: np.ndarray) -> np.ndarray:
 
 
 def _same(poses: np.ndarray, cycle: int, last: np.ndarray) -> bool:
-    return bool(np.abs(poses[cycle - 1 :: cycle] - last).max() < 1e-12 and np.array_equal(poses[:cycle], poses[-cycle:]))
+    return bool(
+        np.abs(poses[cycle - 1 :: cycle] - last).max() < 1e-12 and np.array_equal(poses[:cycle], poses[-cycle:])
+    )
 
 
 def _tool_errors(robot: hk.Robot, q: np.ndarray, poses: np.ndarray) -> tuple[float, float]:
@@ -109,6 +122,20 @@ def _tool_errors(robot: hk.Robot, q: np.ndarray, poses: np.ndarray) -> tuple[flo
     skew = poses[:, :3, :3] - here[:, :3, :3]
     chord = np.linalg.norm(skew, axis=(1, 2)) / np.sqrt(8)  # |R1 - R2| = sqrt(8) sin(angle / 2)
     return apart, float(2 * np.arcsin(np.minimum(chord, 1)).max())
+
+
+def _toured(robot: hk.Robot, q: np.ndarray, run: dict[str, np.ndarray]) -> tuple[bool, bool]:
+    """Whether a tour is whole, and whether its second round has the joints of its first."""
+    apart, turned = _tool_errors(robot, q[1:], run["poses"])
+    near = 1e3 * apart <= NEAR_MM and turned <= NEAR_RAD
+    once = len(run["h"]) // 2
+    again = np.abs(q[once + 1 :] - q[1 : once + 1]).max() < AGAIN
+    return bool(near and robot.within(q).all() and _speeds(robot, q, run).max() <= 1), bool(again)
+
+
+def _speeds(robot: hk.Robot, q: np.ndarray, run: dict[str, np.ndarray]) -> np.ndarray:
+    """Joint speeds over their limits."""
+    return np.abs(np.diff(q, axis=0)) / run["h"][:, None] / robot.max_velocity
 
 
 def _effort(robot: hk.Robot, walks: list[np.ndarray]) -> float:

@@ -53,12 +53,19 @@ def radial(task: hk.Task, arm: Arm) -> hk.Strategy:
     return hk.radial(hk.moore_penrose(task), arm.start)
 
 
+def resting(task: hk.Task, arm: Arm) -> hk.Strategy:
+    """The posture of least distance from the start: what a posture task strives for."""
+    return hk.holonomic(task, hk.stationary(hk.constraints.posture_cost(arm.start)))
+
+
 def settings(arm: Arm) -> Iterator[Setting]:
     """As the README and docs/start.md use it, and other strategies."""
     yield Setting("q1 - q3, control step", stepped(tied), example=True, source="docs/start.md, a control loop")
     yield Setting("pseudo-inverse, control step", stepped(lambda task, arm: hk.moore_penrose(task)))
     yield Setting("joint 3 locked, control step", stepped(locked))
     yield Setting("radial, control step", stepped(radial))
+    yield Setting("stationary posture, control step", stepped(resting))
+    yield Setting("stationary posture, pose to joints", solved(resting))
     yield Setting("q1 - q3, pose to joints", solved(tied))
     yield Setting("radial, pose to joints", solved(radial))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pink
@@ -10,11 +10,13 @@ import pinocchio as pin
 from pink.tasks import DampingTask, FrameTask, PostureTask
 from worker_loop import Arm, Setting, Step, serve
 
-EXAMPLE = "examples/arm_panda.py of pink 4.3"
+EXAMPLE = "examples/arm_panda.py of 4.3"
 
 
-def begin(cost: float, gain: float = 1.0, lm: float = 0.0, damping: float = 0.0, solver: str = "daqp"):
-    """A run with a posture task of this cost; `damping` is the cost of a damping task."""
+def begin(
+    cost: float, gain: float = 1.0, lm: float = 0.0, damping: float = 0.0, rounds: int = 1
+) -> Callable[[Arm], Step]:
+    """A run with a posture task of this cost, `damping` that of a damping task, `rounds` steps of it a sample."""
 
     def start(arm: Arm) -> Step:
         model = pin.buildModelFromUrdf(arm.urdf)
@@ -29,8 +31,9 @@ def begin(cost: float, gain: float = 1.0, lm: float = 0.0, damping: float = 0.0,
 
         def step(q: np.ndarray, pose: np.ndarray, twist: np.ndarray, h: float) -> np.ndarray:
             tool.set_target(pin.SE3(pose[:3, :3], pose[:3, 3]))
-            velocity = pink.solve_ik(configuration, tasks, h, solver=solver)
-            configuration.integrate_inplace(velocity, h)
+            for _ in range(rounds):
+                velocity = pink.solve_ik(configuration, tasks, h, solver="daqp")
+                configuration.integrate_inplace(velocity, h)
             return configuration.q
 
         return step
@@ -39,12 +42,13 @@ def begin(cost: float, gain: float = 1.0, lm: float = 0.0, damping: float = 0.0,
 
 
 def settings(arm: Arm) -> Iterator[Setting]:
-    """As its example of a Panda, and a sweep over what its redundancy follows."""
-    yield Setting(
-        "posture 1e-3, damping 1e-3, LM 1", begin(1e-3, lm=1.0, damping=1e-3), example=True, source=EXAMPLE
-    )
-    for cost, gain in ((0.0, 1.0), (1e-4, 1.0), (1e-3, 0.1), (1e-3, 1.0), (1e-2, 1.0), (1e-1, 1.0)):
+    """As its example of a Panda, and a sweep over the posture task and the steps a sample."""
+    yield Setting("posture 1e-3, damping 1e-3, LM 1", begin(1e-3, lm=1.0, damping=1e-3), True, EXAMPLE)
+    yield Setting("no posture task", begin(0.0))
+    for cost, gain in ((1e-4, 1.0), (1e-3, 0.1), (1e-3, 1.0), (1e-2, 1.0)):
         yield Setting(f"posture {cost:g}, gain {gain:g}", begin(cost, gain))
+    for rounds in (2, 5, 10):
+        yield Setting(f"posture 0.001, {rounds} steps a sample", begin(1e-3, rounds=rounds))
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from worker_loop import Arm, Setting, Step, serve
@@ -12,9 +12,11 @@ from worker_loop import Arm, Setting, Step, serve
 with contextlib.redirect_stdout(io.StringIO()):
     import placo
 
+EXAMPLE = "kinematics/6axis_targets.py of placo-examples, December 2025"
 
-def begin(weight: float, regularization: float = 0.0, limits: bool = False):
-    """A run with a joints task of this weight, and a regularization task of this magnitude."""
+
+def begin(weight: float, rounds: int = 1) -> Callable[[Arm], Step]:
+    """A run with a joints task of this weight, and `rounds` solutions a sample."""
 
     def start(arm: Arm) -> Step:
         robot = placo.RobotWrapper(arm.urdf, placo.Flags.ignore_collisions)
@@ -22,22 +24,20 @@ def begin(weight: float, regularization: float = 0.0, limits: bool = False):
         robot.update_kinematics()
         solver = placo.KinematicsSolver(robot)
         solver.mask_fbase(True)
-        if limits:
-            solver.enable_velocity_limits(True)
+        solver.enable_velocity_limits(True)
         tool = solver.add_frame_task(arm.frame, robot.get_T_world_frame(arm.frame))
         tool.configure("tool", "soft", 1.0, 1.0)
         if weight:
             rest = solver.add_joints_task()
             rest.set_joints(dict(zip(arm.joints, arm.start.tolist(), strict=True)))
             rest.configure("rest", "soft", weight)
-        if regularization:
-            solver.add_regularization_task(regularization)
 
         def step(q: np.ndarray, pose: np.ndarray, twist: np.ndarray, h: float) -> np.ndarray:
             solver.dt = h
             tool.T_world_frame = pose
-            solver.solve(True)
-            robot.update_kinematics()
+            for _ in range(rounds):
+                solver.solve(True)
+                robot.update_kinematics()
             return robot.state.q[7:]
 
         return step
@@ -46,11 +46,13 @@ def begin(weight: float, regularization: float = 0.0, limits: bool = False):
 
 
 def settings(arm: Arm) -> Iterator[Setting]:
-    """As its examples of an arm, and a sweep over the weight of a joints task."""
-    yield Setting("no posture", begin(0.0), example=True, source="kinematics/6axis_basic.py of placo-examples")
-    yield Setting("regularization 1e-4", begin(0.0, 1e-4), source="kinematics/6axis_regularization.py")
-    for weight in (1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-2):
-        yield Setting(f"joints task {weight:g}", begin(weight))
+    """As its examples of an arm, and a sweep over the weight of a joints task and the solutions a sample."""
+    yield Setting("no posture", begin(0.0), True, EXAMPLE)
+    for weight in (1e-8, 1e-7, 1e-6, 1e-5, 1e-4):
+        shown = "kinematics/6axis_regularization.py --posture" if weight == 1e-6 else ""
+        yield Setting(f"joints task {weight:g}", begin(weight), source=shown)
+    for rounds in (2, 5, 10):
+        yield Setting(f"joints task 1e-06, {rounds} solutions a sample", begin(1e-6, rounds))
 
 
 if __name__ == "__main__":

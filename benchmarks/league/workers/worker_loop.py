@@ -4,7 +4,8 @@ A worker runs in its library's environment, with NumPy and without holokin:
 
     python with_pink.py COURSE_FOLDER ANSWER_FOLDER
 
-The robot is perfect: it is where the last answer put it. An answer that is missing leaves it there.
+The robot is perfect: it is where the last answer put it. An answer that is missing leaves it there. A run begins with a
+call at the pose of the start: where a library has a posture of its own for that pose, the run begins there.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+SAME = 1e-9
+"""Two robots are the same if their poses [m] agree to this."""
 
 Step = Callable[[np.ndarray, np.ndarray, np.ndarray, float], "np.ndarray | None"]
 """(q, wanted pose (4, 4), wanted twist (6,), seconds h) -> the joints h later, or None where there is no answer."""
@@ -39,6 +43,8 @@ class Arm:
     speed: np.ndarray
     start: np.ndarray
     runs: dict[str, dict[str, np.ndarray]] = field(repr=False)
+    check: dict[str, np.ndarray] = field(repr=False)
+    """Postures `q` (k, n) and the poses of the tool there, `poses` (k, 4, 4)."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,20 @@ def _arms(course: Path) -> Iterator[Arm]:
                 runs.setdefault(run, {})[what] = arrays[key]
         told |= {key: np.array(told[key], dtype=float) for key in ("lower", "upper", "speed", "start")}
         told |= {key: str(course / told[key]) for key in ("urdf", "mjcf")}
-        yield Arm(**told, runs=runs)
+        yield Arm(**told, check=runs.pop("check"), runs=runs)
+
+
+def placed(arm: Arm, kinematics: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Of a library with a robot of its own: (A, B) with kinematics(q) = A pose(q) B at all postures of the check.
+
+    Raises: LookupError: its robot is another one.
+    """
+    q, poses = arm.check["q"], arm.check["poses"]
+    base, tool = np.eye(4), np.linalg.solve(poses[0], kinematics(q[0]))
+    for posture, pose in zip(q, poses, strict=True):
+        if np.abs(kinematics(posture) - base @ pose @ tool).max() > SAME:
+            raise LookupError("its robot is another one than ours")
+    return base, tool
 
 
 def _all_runs(setting: Setting, arm: Arm) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -89,7 +108,7 @@ def _all_runs(setting: Setting, arm: Arm) -> tuple[dict[str, np.ndarray], dict[s
         except Exception as problem:  # noqa: BLE001  another library may throw anything: the page says what
             return joints, {"fault": f"{type(problem).__name__}: {problem}".splitlines()[0][:200]}
         joints[name] = q
-        missing += held
+        missing += 0 if name.startswith("tour") else held
         first = first or seconds[0]
         medians.append(float(np.median(seconds[1:])))
         pinv.append(_pinv_seconds())
@@ -99,13 +118,18 @@ def _all_runs(setting: Setting, arm: Arm) -> tuple[dict[str, np.ndarray], dict[s
 
 def _one_run(setting: Setting, arm: Arm, run: dict[str, np.ndarray]) -> tuple[np.ndarray, list[float], int]:
     """Joints (k + 1, n) of the samples, seconds of each call, the first with what it takes to begin, and calls without an answer."""
-    q, held, seconds = arm.start.copy(), 0, []
-    joints = [q]
+    q, held, seconds, joints = arm.start.copy(), 0, [], []
     begun = time.perf_counter()
     step = setting.begin(arm)
-    for pose, twist, h in zip(run["poses"], run["twists"], run["h"], strict=True):
+    stand = (arm.check["poses"][0], np.zeros(6), run["h"][0])
+    for pose, twist, h in [stand, *zip(run["poses"], run["twists"], run["h"], strict=True)]:
         begun = time.perf_counter() if seconds else begun
-        answer = step(q.copy(), pose, twist, float(h))
+        try:
+            answer = step(q.copy(), pose, twist, float(h))
+        except Exception:  # noqa: BLE001  another library may throw anything where it has no answer
+            if not seconds:
+                raise
+            answer = None
         seconds.append(time.perf_counter() - begun)
         if answer is None or not np.isfinite(answer).all():
             held += 1
