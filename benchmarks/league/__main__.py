@@ -41,7 +41,8 @@ def main(arguments: list[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as folder:
         home, found = given.answers or Path(folder), []
         course = home / "course"
-        write_course(course, cycles=cycles, dt=dt, tours=tours)
+        if not (course / "course.json").exists():
+            write_course(course, cycles=cycles, dt=dt, tours=tours)
         for entry in (entry for entry in ENTRIES if entry.name in wanted):
             print(f"{entry.name} ...", flush=True)
             found.append(play(entry, course, given.environments, home / entry.name))

@@ -1,4 +1,4 @@
-"""What all libraries get: two robots as URDF and MJCF files, and the poses, twists and times of the samples of each run."""
+"""What all libraries get: two robots as URDF and MJCF files, and poses, twists and times of the samples of each run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DT = 0.01
 CYCLES = 4
 ARMS = ("panda", "iiwa14")
 
-TOURS = 6
+TOURS = 4
 CORNERS = 3
 """A tour leads from the start to this many poses, drawn at random, and back, two rounds."""
 REACH, TURN = np.array([0.15, 0.25, 0.15]), np.radians(30)
@@ -54,7 +54,7 @@ def paths_of_league(robot: hk.Robot, start: np.ndarray, cycles: int) -> dict[str
 
 
 def tour_of(first: np.ndarray, seed: int, dt: float) -> dict[str, np.ndarray]:
-    """Poses, twists and times of two rounds of straight legs between poses drawn at random, the first and last given."""
+    """Poses, twists and times of two rounds of straight legs from a pose through others, drawn at random, and back."""
     rng, corners = np.random.default_rng(seed), [first]
     for _ in range(CORNERS):
         pose, axis = first.copy(), rng.normal(size=3)

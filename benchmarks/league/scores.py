@@ -13,6 +13,9 @@ from benchmarks import drift
 NEAR_MM, NEAR_RAD = 1.0, 0.01
 """A setting that leaves the path by more is not taken as the best one; a tour that does is not whole."""
 
+RETURNED = 1e-6
+"""Joints [rad] that differ by less have returned: a drive of these arms resolves no less."""
+
 AGAIN = 1e-3
 """Joints [rad] that differ by less from one round to the next are the same."""
 
@@ -24,8 +27,8 @@ class Score:
     first, later: drift of the largest joint in the first and in the last cycle. ways, speeds: the largest joint's
     difference at one tool pose, reached by two paths, and at another speed. effort: joint speed over the least that
     does the same tool motion. hurry: the fastest joint over its limit; above 1 it is a jump that no arm can follow.
-    tours, whole, again: how many there are, how many have an answer everywhere, with the tool near, within the limits and
-    without a jump, and of how many of these the second round has the joints of the first, within AGAIN, all along.
+    tours, whole, again: how many there are, how many have an answer everywhere, with the tool near, within the limits
+    and without a jump, and of how many of these the second round has the joints of the first, all along.
     """
 
     library: str
@@ -52,10 +55,22 @@ class Score:
     fault: str = field(default="")
 
     @property
-    def fair(self) -> bool:
-        """It answered every call, kept the tool on its path and the joints within their limits and speeds."""
-        kept = self.tracking <= NEAR_MM and self.turn <= NEAR_RAD and self.within
-        return not self.fault and not self.missing and kept and self.hurry <= 1
+    def apart(self) -> float:
+        """The worse of two paths and a later cycle [rad]."""
+        return max(self.ways, self.later)
+
+    @property
+    def unfair(self) -> str:
+        """What keeps it from being the best of its library; empty if nothing does."""
+        if self.fault:
+            return "stopped"
+        if self.missing:
+            return f"{self.missing} calls without answer"
+        if not (self.tracking <= NEAR_MM and self.turn <= NEAR_RAD):
+            return "off the path"
+        if not self.within:
+            return "past a joint limit"
+        return "jumps" if self.hurry > 1 else ""
 
 
 def score(
@@ -93,13 +108,9 @@ def score(
     )  # fmt: skip
 
 
-def best_of(scores: Sequence[Score]) -> str | None:
-    """Of one library, the setting whose joints depend least on the path, worst of the arms; None if none is fair."""
-    worst: dict[str, float] = {}
-    for s in scores:
-        worst[s.name] = max(worst.get(s.name, 0.0), max(s.ways, s.later) if s.fair else np.inf)
-    name = min(worst, key=lambda setting: worst[setting], default="")
-    return name if worst.get(name, np.inf) < np.inf else None
+def best_of(scores: Sequence[Score]) -> Score | None:
+    """Of one library on one arm, the fastest setting that returns, or the least apart; None if all are unfair."""
+    return min((s for s in scores if not s.unfair), key=lambda s: (max(s.apart, RETURNED), s.call_us), default=None)
 
 
 def _ends(q: np.ndarray, poses: np.ndarray) -> np.ndarray:

@@ -60,7 +60,7 @@ def settings(arm: Arm) -> Iterator[Setting]:
     whole = 1.0 / float(arm.runs["circle"]["h"][0])
     for weight in (0.0, 1e-2, 1.0, 10.0, 100.0):
         yield Setting(f"posture {weight:g}, gain 1/dt", begin(weight, whole))
-    for rounds in (2, 5, 10):
+    for rounds in (2, 5):
         yield Setting(f"posture 100, gain 1/dt, {rounds} steps a sample", begin(100.0, whole, rounds))
 
 

@@ -1,4 +1,4 @@
-"""holokin, in the environment of the league itself: the pseudo-inverse, holonomic strategies, a pose in and joints out."""
+"""holokin, in the environment of the league itself: control steps, and a pose in and joints out."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ def settings(arm: Arm) -> Iterator[Setting]:
     yield Setting("no configuration task", begin(0.0))
     for weight, gain in ((1e-5, 1.0), (1e-4, 0.1), (1e-4, 1.0)):
         yield Setting(f"configuration {weight:g}, gain {gain:g}", begin(weight, gain))
-    for rounds in (1, 2, 5):
+    for rounds in (1, 5, 8):
         name = f"configuration 1e-05, tolerance 1e-12, {rounds} a sample"
         yield Setting(name, begin(1e-5, rounds=rounds, tolerance=1e-12))
 

@@ -51,7 +51,7 @@ def settings(arm: Arm) -> Iterator[Setting]:
     for weight in (1e-8, 1e-7, 1e-6, 1e-5, 1e-4):
         shown = "kinematics/6axis_regularization.py --posture" if weight == 1e-6 else ""
         yield Setting(f"joints task {weight:g}", begin(weight), source=shown)
-    for rounds in (2, 5, 10):
+    for rounds in (2, 5):
         yield Setting(f"joints task 1e-06, {rounds} solutions a sample", begin(1e-6, rounds))
 
 

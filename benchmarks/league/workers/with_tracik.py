@@ -26,10 +26,10 @@ def begin(aim: str, epsilon: float = 1e-5, one_seed: bool = False, timeout: floa
 
 
 def settings(arm: Arm) -> Iterator[Setting]:
-    """As its README, from one seed, and the nearest of all that it finds in 5 ms."""
+    """As its README, and from one seed. Its aim "Distance" uses all the time that it has, 5 ms a call: left out."""
     yield Setting("Speed, last answer", begin("Speed"), True, EXAMPLE)
     yield Setting("Speed, one seed", begin("Speed", one_seed=True))
-    yield Setting("Speed, one seed, 1e-9", begin("Speed", 1e-9, one_seed=True))
+    yield Setting("Speed, one seed, 50 ms", begin("Speed", one_seed=True, timeout=0.05))
 
 
 if __name__ == "__main__":

@@ -117,7 +117,7 @@ def _all_runs(setting: Setting, arm: Arm) -> tuple[dict[str, np.ndarray], dict[s
 
 
 def _one_run(setting: Setting, arm: Arm, run: dict[str, np.ndarray]) -> tuple[np.ndarray, list[float], int]:
-    """Joints (k + 1, n) of the samples, seconds of each call, the first with what it takes to begin, and calls without an answer."""
+    """Joints (k + 1, n), seconds of each call, the first with what begins the run, and calls without an answer."""
     q, held, seconds, joints = arm.start.copy(), 0, [], []
     begun = time.perf_counter()
     step = setting.begin(arm)
@@ -126,7 +126,7 @@ def _one_run(setting: Setting, arm: Arm, run: dict[str, np.ndarray]) -> tuple[np
         begun = time.perf_counter() if seconds else begun
         try:
             answer = step(q.copy(), pose, twist, float(h))
-        except Exception:  # noqa: BLE001  another library may throw anything where it has no answer
+        except Exception:
             if not seconds:
                 raise
             answer = None

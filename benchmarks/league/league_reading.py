@@ -1,0 +1,123 @@
+"""What the league found, in sentences that are made of its numbers."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Sequence
+
+from benchmarks.league.league_entries import OURS
+from benchmarks.league.played import Played
+from benchmarks.league.scores import RETURNED, Score, best_of
+
+WIDTH = 118
+"""Letters of a line of the page."""
+
+EXAMPLE, BEST, BOTH = "as its example", "at its best", "as its example, and its best"
+
+
+def arms_of(played: Sequence[Played]) -> list[str]:
+    """The names of the arms."""
+    return list(dict.fromkeys(s.arm for p in played for s in p.scores))
+
+
+def shown(p: Played, arm: str) -> list[tuple[str, Score]]:
+    """Rows of a library on one arm: its example's settings, and its best one, which may be the same."""
+    of_arm = [s for s in p.scores if s.arm == arm]
+    best = best_of(of_arm)
+    rows = [(BOTH if s is best else EXAMPLE, s) for s in of_arm if s.example]
+    return rows + ([(BEST, best)] if best is not None and not best.example else [])
+
+
+def chosen(p: Played, how: str, arms: Sequence[str]) -> list[Score]:
+    """Of each arm the example's, or the best, setting; fewer where there is none."""
+    return [s for arm in arms for told, s in shown(p, arm) if told in (how, BOTH) and not s.fault]
+
+
+def reading(played: Sequence[Played]) -> list[str]:
+    """Lines of a list."""
+    arms = arms_of(played)
+    others = [p for p in played if p.entry != OURS and p.scores]
+    ours = [p for p in played if p.entry == OURS and p.scores]
+    lines = [*_as_examples(others, arms), *_at_best(others, arms), *_why(), *_tours(played, arms)]
+    for p in ours:
+        lines += _times(p, others, arms)
+    lines += _first_calls(played)
+    return [wrapped(f"- {line}", "  ") for line in lines]
+
+
+def wrapped(words: str, indent: str = "") -> str:
+    """Words in lines of one length; the later ones are indented."""
+    how = {"subsequent_indent": indent, "break_long_words": False, "break_on_hyphens": False}
+    return textwrap.fill(" ".join(words.split()), WIDTH, **how)
+
+
+def _as_examples(others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
+    apart = {p.entry.name: [s.apart for s in chosen(p, EXAMPLE, arms)] for p in others}
+    unlike = {name: max(values) for name, values in apart.items() if values and max(values) >= RETURNED}
+    alike = [name for name, values in apart.items() if values and max(values) < RETURNED]
+    if unlike:
+        yield f"""**As their examples run them**, {len(unlike)} of {len(others)} libraries have other joints at one pose
+            after another path or another cycle, by {min(unlike.values()):.1e} to {max(unlike.values()):.1e} rad on the
+            worse arm."""
+    if alike:
+        yield f"As their examples run them, these have the same joints, within {RETURNED:g} rad: {', '.join(alike)}."
+    stopped = [f"{p.entry.name} ({s.arm}: {s.unfair})" for p in others for s in chosen(p, EXAMPLE, arms) if s.unfair]
+    if stopped:
+        yield f"Examples that did not keep to the paths: {', '.join(stopped)}."
+
+
+def _at_best(others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
+    every = {p.entry.name: chosen(p, BEST, arms) for p in others}
+    best = {name: scores for name, scores in every.items() if scores}
+    alike = {n: max(s.call_us for s in scores) for n, scores in best.items() if max(s.apart for s in scores) < RETURNED}
+    unlike = {n: max(s.apart for s in scores) for n, scores in best.items() if n not in alike}
+    if alike:
+        told = ", ".join(f"{name} ({us:,.3g} us)" for name, us in sorted(alike.items(), key=lambda pair: pair[1]))
+        yield f"""**At their best these have the same joints at one pose, as holokin has**, within {RETURNED:g} rad on
+            both arms: {told}."""
+    if unlike:
+        told = ", ".join(f"{name} {apart:.0e}" for name, apart in sorted(unlike.items(), key=lambda pair: pair[1]))
+        yield f"The others at their best, on the worse arm [rad]: {told}."
+
+
+def _why() -> Iterable[str]:
+    yield """Why: a posture task of full gain takes the whole error of its posture out of the null space in each step.
+        That is the rule of our strategy *stationary posture*, one step late. Several steps a sample bring it up to
+        date. Then such a library is holonomic near the posture, as ours is with this rule."""
+    yield """A solver that is asked from one seed each time, and draws nothing at random, remembers nothing. It is a
+        function of the pose, and returns. What it costs are jumps, where its search ends elsewhere:
+        [measured over a whole box](speed.md#inverse-kinematics-on-two-paths-to-each-pose)."""
+
+
+def _tours(played: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
+    told = []
+    for p in played:
+        if rows := chosen(p, BEST, arms):
+            counts = [sum(getattr(s, what) for s in rows) for what in ("again", "whole", "tours")]
+            told.append((*counts, p.entry.name))
+    told.sort(key=lambda row: (-row[0], -row[1], row[3]))
+    text = ", ".join(f"{name} {again} of {whole}" for again, whole, _, name in told)
+    if told:
+        yield f"""Tours at best settings, of {max(row[2] for row in told)} on both arms: as many as have the same joints
+            again, of those that are whole: {text}."""
+
+
+def _times(ours: Played, others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
+    example, best = ([*chosen(ours, how, arms)] for how in (EXAMPLE, BEST))
+    least = max(s.call_us for s in best)
+    yield f"""A call of holokin takes {max(s.call_us for s in example):.2g} us as its example, a control step, and
+        {least:.2g} us at its best. After the control step, two paths are {max(s.apart for s in example):.0e} rad apart."""
+    for how, text in ((EXAMPLE, "as their examples run them"), (BEST, "at their best")):
+        times = {p.entry.name: max(s.call_us for s in rows) for p in others if (rows := chosen(p, how, arms))}
+        faster = [f"{name} ({us:.2g} us)" for name, us in sorted(times.items(), key=lambda pair: pair[1]) if us < least]
+        if times:
+            yield f"""The others take {min(times.values()):,.3g} to {max(times.values()):,.0f} us {text}. Faster than
+                holokin at its best: {", ".join(faster) or "none"}."""
+
+
+def _first_calls(played: Sequence[Played]) -> Iterable[str]:
+    first = {p.entry.name: max(s.first_seconds for s in p.scores if not s.fault) for p in played if p.scores}
+    slow = [f"{name} {seconds:.1f} s" for name, seconds in first.items() if seconds > 0.5]
+    if slow:
+        yield f"""The first call, with what is compiled for it, is not in these times. It takes up to:
+            {", ".join(slow)}; of the others less than 0.5 s."""
