@@ -31,15 +31,18 @@ TOUR_SPEED, TOUR_RATE = 0.15, 0.4
 
 
 def robot_of(name: str) -> hk.Robot:
-    """The Panda of the file that example-robot-data ships; the iiwa14 of holokin's catalogue."""
-    if name != "panda":
-        return hk.load(name)
+    """The Panda of the file that example-robot-data ships; others of holokin's catalogue."""
+    return hk.from_urdf(panda_file(), tip="panda_hand_tcp") if name == "panda" else hk.load(name)
+
+
+def panda_file() -> Path:
+    """The URDF of the package example-robot-data. Raises: MissingExtraError."""
     try:
         listed = files("example-robot-data") or []
     except PackageNotFoundError as problem:
         raise MissingExtraError("the league", "example-robot-data", "test") from problem
     (file,) = (f.locate() for f in listed if f.name == "panda.urdf")
-    return hk.from_urdf(Path(str(file)), tip="panda_hand_tcp")
+    return Path(str(file))
 
 
 def paths_of_league(robot: hk.Robot, start: np.ndarray, cycles: int) -> dict[str, tuple[hk.Path, int]]:

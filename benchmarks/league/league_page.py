@@ -95,8 +95,8 @@ def _cells(s: Score) -> str:
 
 def _settings(played: Sequence[Played]) -> list[str]:
     lines = [
-        "After each setting: two paths or a later cycle apart, the worse of both and of the arms [rad], and what keeps it",
-        "from being the best one.\n",
+        "After each setting: by how much two paths or a later cycle differ, the worst of both and of the arms [rad],",
+        "and what keeps it from being the best one.\n",
         "| library | versions | its example | settings |",
         "|---|---|---|---|",
     ]

@@ -52,16 +52,16 @@ def wrapped(words: str, indent: str = "") -> str:
 
 
 def _as_examples(others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
-    apart = {p.entry.name: [s.apart for s in chosen(p, EXAMPLE, arms)] for p in others}
-    unlike = {name: max(values) for name, values in apart.items() if values and max(values) >= RETURNED}
-    alike = [name for name, values in apart.items() if values and max(values) < RETURNED]
+    rows = {p.entry.name: found for p in others if (found := chosen(p, EXAMPLE, arms))}
+    apart = {name: max(s.apart for s in found) for name, found in rows.items()}
+    unlike = [value for value in apart.values() if value >= RETURNED]
     if unlike:
-        yield f"""**As their examples run them**, {len(unlike)} of {len(others)} libraries have other joints at one pose
-            after another path or another cycle, by {min(unlike.values()):.1e} to {max(unlike.values()):.1e} rad on the
-            worse arm."""
+        yield f"""**As their examples run them**, {len(unlike)} of {len(rows)} libraries have other joints at one pose
+            after another path or another cycle, by {min(unlike):.1e} to {max(unlike):.1e} rad on the worse arm."""
+    alike = [f"{name} ({s.arm})" for name, found in rows.items() for s in found if s.apart < RETURNED and not s.unfair]
     if alike:
         yield f"As their examples run them, these have the same joints, within {RETURNED:g} rad: {', '.join(alike)}."
-    stopped = [f"{p.entry.name} ({s.arm}: {s.unfair})" for p in others for s in chosen(p, EXAMPLE, arms) if s.unfair]
+    stopped = [f"{name} ({s.arm}: {s.unfair})" for name, found in rows.items() for s in found if s.unfair]
     if stopped:
         yield f"Examples that did not keep to the paths: {', '.join(stopped)}."
 
@@ -103,10 +103,10 @@ def _tours(played: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
 
 
 def _times(ours: Played, others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
-    example, best = ([*chosen(ours, how, arms)] for how in (EXAMPLE, BEST))
-    least = max(s.call_us for s in best)
+    example = chosen(ours, EXAMPLE, arms)
+    apart, least = max(s.apart for s in example), max(s.call_us for s in chosen(ours, BEST, arms))
     yield f"""A call of holokin takes {max(s.call_us for s in example):.2g} us as its example, a control step, and
-        {least:.2g} us at its best. After the control step, two paths are {max(s.apart for s in example):.0e} rad apart."""
+        {least:.2g} us at its best. After the control step, two paths are {apart:.0e} rad apart."""
     for how, text in ((EXAMPLE, "as their examples run them"), (BEST, "at their best")):
         times = {p.entry.name: max(s.call_us for s in rows) for p in others if (rows := chosen(p, how, arms))}
         faster = [f"{name} ({us:.2g} us)" for name, us in sorted(times.items(), key=lambda pair: pair[1]) if us < least]

@@ -47,7 +47,7 @@ def settings(arm: Arm) -> Iterator[Setting]:
     yield Setting("no posture task", begin(0.0))
     for cost, gain in ((1e-4, 1.0), (1e-3, 0.1), (1e-3, 1.0), (1e-2, 1.0)):
         yield Setting(f"posture {cost:g}, gain {gain:g}", begin(cost, gain))
-    for rounds in (2, 5):
+    for rounds in (2, 5, 8):
         yield Setting(f"posture 0.001, {rounds} steps a sample", begin(1e-3, rounds=rounds))
 
 
