@@ -12,6 +12,9 @@ from benchmarks.league.scores import RETURNED, Score, best_of
 WIDTH = 118
 """Letters of a line of the page."""
 
+NEAR = 1e-3
+"""Joints [rad] nearer than this to a leaf, where other laws are 0.1 away, follow it."""
+
 EXAMPLE, BEST, BOTH = "as its example", "at its best", "as its example, and its best"
 
 
@@ -38,7 +41,7 @@ def reading(played: Sequence[Played]) -> list[str]:
     arms = arms_of(played)
     others = [p for p in played if p.entry != OURS and p.scores]
     ours = [p for p in played if p.entry == OURS and p.scores]
-    lines = [*_as_examples(others, arms), *_at_best(others, arms), *_why(), *_tours(played, arms)]
+    lines = [*_as_examples(others, arms), *_at_best(others, arms), *_why(others, arms), *_tours(played, arms)]
     for p in ours:
         lines += _times(p, others, arms)
     lines += _first_calls(played)
@@ -80,10 +83,16 @@ def _at_best(others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
         yield f"The others at their best, on the worse arm [rad]: {told}."
 
 
-def _why() -> Iterable[str]:
+def _why(others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
+    near = {p.entry.name: max(s.resting for s in found) for p in others if (found := chosen(p, BEST, arms))}
+    told = ", ".join(
+        f"{name} {value:.0e}" for name, value in sorted(near.items(), key=lambda pair: pair[1]) if value < NEAR
+    )
     yield """Why: a posture task of full gain takes the whole error of its posture out of the null space in each step.
         That is the rule of our strategy *stationary posture*, one step late. Several steps a sample bring it up to
-        date. Then such a library is holonomic near the posture, as ours is with this rule."""
+        date."""
+    if told:
+        yield f"""At their best these have the joints of that strategy all round the circle [rad]: {told}."""
     yield """A solver that is asked from one seed each time, and draws nothing at random, remembers nothing. It is a
         function of the pose, and returns. What it costs are jumps, where its search ends elsewhere:
         [measured over a whole box](speed.md#inverse-kinematics-on-two-paths-to-each-pose)."""

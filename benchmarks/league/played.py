@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import drift
 from benchmarks.league.courses import robot_of
 from benchmarks.league.environments import NoEnvironment, python_of, reason_of
 from benchmarks.league.league_entries import Entry
-from benchmarks.league.scores import Score, score
+from benchmarks.league.scores import Score, rested, score
 
 
 @dataclass(frozen=True)
@@ -59,9 +60,11 @@ def measured(entry: Entry, course: Path, answers: Path, late: str = "") -> Playe
         arm["name"]: runs_of(course, arm["name"]) for arm in json.loads((course / "course.json").read_text("utf-8"))
     }
     robots, found = {name: robot_of(name) for name in arms}, []
+    rest = {name: rested(robots[name], drift.STARTS[name], arms[name]["circle"]["poses"]) for name in arms}
     for told in said["settings"]:
         with np.load(answers / told["file"]) as joints:
-            found.append(score(told, entry.name, robots[told["arm"]], arms[told["arm"]], dict(joints)))
+            of = told["arm"]
+            found.append(score(told, entry.name, robots[of], arms[of], dict(joints), rest[of]))
     pinv = min((told["pinv_us"] for told in said["settings"] if not told["fault"]), default=np.nan)
     return Played(entry, said["versions"], tuple(found), pinv, late)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,7 @@ class Score:
     first, later: drift of the largest joint in the first and in the last cycle. ways, speeds: the largest joint's
     difference at one tool pose, reached by two paths, and at another speed. effort: joint speed over the least that
     does the same tool motion. hurry: the fastest joint over its limit; above 1 it is a jump that no arm can follow.
+    resting: how far the joints are from those of the leaf of the stationary posture, all round the circle.
     tours, whole, again: how many there are, how many have an answer everywhere, with the tool near, within the limits
     and without a jump, and of how many of these the second round has the joints of the first, all along.
     """
@@ -43,6 +45,7 @@ class Score:
     turn: float = np.nan
     effort: float = np.nan
     hurry: float = np.nan
+    resting: float = np.nan
     tours: int = 0
     whole: int = 0
     again: int = 0
@@ -74,12 +77,14 @@ class Score:
 
 
 def score(
-    told: dict, library: str, robot: hk.Robot, runs: dict[str, dict[str, np.ndarray]], joints: dict[str, np.ndarray]
-) -> Score:
+    told: dict[str, Any], library: str, robot: hk.Robot, runs: dict[str, dict[str, np.ndarray]],
+    joints: dict[str, np.ndarray], rest: np.ndarray | None = None,
+) -> Score:  # fmt: skip
     """Measure one answer.
 
     Args:
         told: what the worker said of the setting. runs: targets of each run. joints (k + 1, n) of each run.
+        rest (k, n): the joints of the stationary posture at the targets of the circle.
     """
     named = (library, told["name"], told["example"], told["arm"])
     if told["fault"]:
@@ -103,9 +108,21 @@ def score(
         effort=_effort(robot, [joints[name] for name in cycles]), hurry=max(float(v.max()) for v in speeds),
         within=bool(robot.within(every).all()), missing=told["missing"], call_us=told["call_us"],
         first_seconds=told["first_seconds"], history=tuple(np.abs(circle[1:] - circle[0]).max(axis=1)),
+        resting=np.nan if rest is None else float(np.abs(joints["circle"][1:] - rest).max()),
         source=told["source"], tours=len(toured), whole=sum(whole for whole, _ in toured),
         again=sum(whole and again for whole, again in toured),
     )  # fmt: skip
+
+
+def rested(robot: hk.Robot, start: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Joints (k, n) at poses on the leaf through the start whose posture is nearest to it: what posture tasks seek."""
+    ik, walk = (
+        hk.inverse(hk.holonomic(hk.pose(robot), hk.stationary(hk.constraints.posture_cost(start))), start),
+        [start],
+    )
+    for pose in poses:
+        walk.append(ik.near(pose, walk[-1]))
+    return np.array(walk[1:])
 
 
 def best_of(scores: Sequence[Score]) -> Score | None:

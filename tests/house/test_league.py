@@ -64,7 +64,7 @@ def test_a_leaf_returns_on_every_path_and_tour_and_its_tool_is_where_it_shall_be
 def test_what_turns_the_last_joint_in_each_cycle_drifts_by_that_and_turns_the_tool_as_far(
     runs: dict[str, dict[str, np.ndarray]], tied: dict[str, np.ndarray]
 ) -> None:
-    """The axis of joint 7 goes through the tool: its place stays, its turn is the angle of joint 7, 0.25 rad a cycle."""
+    """The axis of joint 7 goes through the tool: its place stays, its turn is the angle of joint 7."""
     wound = {}
     for name, q in tied.items():
         rounds = 2 if name in ("circle", "figure eight", "square") or name.startswith("tour") else 1
