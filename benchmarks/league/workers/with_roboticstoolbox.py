@@ -50,7 +50,7 @@ def solved(one_seed: bool, **options: float) -> Callable[[Arm], Step]:
 def settings(arm: Arm) -> Iterator[Setting]:
     """As its README's example of resolved-rate motion, and its solver."""
     whole = 1.0 / float(arm.runs["circle"]["h"][0])
-    yield Setting("resolved rate, gain 1", servo(1.0), True, "README.md, the loop of p_servo and pinv")
+    yield Setting("resolved rate, gain 1", servo(1.0), True, "README.md of 1.5, the loop of p_servo and pinv")
     yield Setting("resolved rate, gain 1/dt", servo(whole))
     for centred in (1.0, 10.0, whole):
         yield Setting(f"resolved rate, gain 1/dt, pull {centred:.3g}/s", servo(whole, centred))
