@@ -37,6 +37,7 @@ ENTRIES = (
     Entry("OInK", ("roboplan-oink", "pin"), "with_oink.py"),
     Entry("embodik", ("embodik",), "with_embodik.py"),
     Entry("Drake", ("drake",), "with_drake.py"),
+    Entry("pyroboplan", ("pyroboplan",), "with_pyroboplan.py"),
     Entry("PyRoki", ("almond-pyroki",), "with_pyroki.py"),
     Entry("ssik", ("ssik",), "with_ssik.py"),
     Entry("frankik", ("frankik",), "with_frankik.py"),

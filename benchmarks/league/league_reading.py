@@ -70,17 +70,28 @@ def _as_examples(others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]
 
 
 def _at_best(others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
-    every = {p.entry.name: chosen(p, BEST, arms) for p in others}
-    best = {name: scores for name, scores in every.items() if scores}
-    alike = {n: max(s.call_us for s in scores) for n, scores in best.items() if max(s.apart for s in scores) < RETURNED}
-    unlike = {n: max(s.apart for s in scores) for n, scores in best.items() if n not in alike}
+    best = {p.entry.name: rows for p in others if (rows := chosen(p, BEST, arms))}
+    alike = [n for n, rows in best.items() if len(rows) == len(arms) and max(s.apart for s in rows) < RETURNED]
     if alike:
-        told = ", ".join(f"{name} ({us:,.3g} us)" for name, us in sorted(alike.items(), key=lambda pair: pair[1]))
+        times = {name: max(s.call_us for s in best[name]) for name in alike}
+        told = ", ".join(f"{name} ({_us(times[name])} us)" for name in sorted(alike, key=lambda name: times[name]))
         yield f"""**At their best these have the same joints at one pose, as holokin has**, within {RETURNED:g} rad on
             both arms: {told}."""
+    unlike = {name: max(s.apart for s in rows) for name, rows in best.items() if name not in alike}
     if unlike:
-        told = ", ".join(f"{name} {apart:.0e}" for name, apart in sorted(unlike.items(), key=lambda pair: pair[1]))
-        yield f"The others at their best, on the worse arm [rad]: {told}."
+        told = [f"{n} {apart:.0e}{_alone(best[n], arms)}" for n, apart in sorted(unlike.items(), key=lambda n: n[1])]
+        yield f"The others at their best, on the worse arm [rad]: {', '.join(told)}."
+    none = [p.entry.name for p in others if p.entry.name not in best]
+    if none:
+        yield f"Without a setting that kept to all paths: {', '.join(none)}."
+
+
+def _alone(rows: Sequence[Score], arms: Sequence[str]) -> str:
+    return "" if len(rows) == len(arms) else f" (on the {rows[0].arm} alone)"
+
+
+def _us(value: float) -> str:
+    return f"{value:.2g}" if value < 10 else f"{value:,.0f}"
 
 
 def _why(others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
@@ -114,13 +125,13 @@ def _tours(played: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
 def _times(ours: Played, others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
     example = chosen(ours, EXAMPLE, arms)
     apart, least = max(s.apart for s in example), max(s.call_us for s in chosen(ours, BEST, arms))
-    yield f"""A call of holokin takes {max(s.call_us for s in example):.2g} us as its example, a control step, and
-        {least:.2g} us at its best. After the control step, two paths are {apart:.0e} rad apart."""
+    yield f"""A call of holokin takes {_us(max(s.call_us for s in example))} us as its example, a control step, and
+        {_us(least)} us at its best. After the control step, two paths are {apart:.0e} rad apart."""
     for how, text in ((EXAMPLE, "as their examples run them"), (BEST, "at their best")):
         times = {p.entry.name: max(s.call_us for s in rows) for p in others if (rows := chosen(p, how, arms))}
-        faster = [f"{name} ({us:.2g} us)" for name, us in sorted(times.items(), key=lambda pair: pair[1]) if us < least]
+        faster = [f"{name} ({_us(us)} us)" for name, us in times.items() if us < least]
         if times:
-            yield f"""The others take {min(times.values()):,.3g} to {max(times.values()):,.0f} us {text}. Faster than
+            yield f"""The others take {_us(min(times.values()))} to {_us(max(times.values()))} us {text}. Faster than
                 holokin at its best: {", ".join(faster) or "none"}."""
 
 

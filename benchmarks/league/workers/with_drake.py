@@ -57,7 +57,8 @@ def settings(arm: Arm) -> Iterator[Setting]:
     whole = 1.0 / float(arm.runs["circle"]["h"][0])
     for centring in (1.0, 10.0, whole):
         yield Setting(f"centring {centring:.3g}/s", begin(centring))
-    yield Setting("centring 1/dt, 3 steps a sample", begin(whole, 3))
+    for rounds in (3, 8):
+        yield Setting(f"centring 1/dt, {rounds} steps a sample", begin(whole, rounds))
 
 
 if __name__ == "__main__":

@@ -27,9 +27,9 @@ def begin(aim: str, epsilon: float = 1e-5, one_seed: bool = False, timeout: floa
 
 def settings(arm: Arm) -> Iterator[Setting]:
     """As its README, and from one seed. Its aim "Distance" uses all the time that it has, 5 ms a call: left out."""
-    yield Setting("Speed, last answer", begin("Speed"), True, EXAMPLE)
-    yield Setting("Speed, one seed", begin("Speed", one_seed=True))
-    yield Setting("Speed, one seed, 50 ms", begin("Speed", one_seed=True, timeout=0.05))
+    yield Setting("Speed, last answer, 5 ms at most", begin("Speed"), True, EXAMPLE)
+    yield Setting("Speed, one seed, 5 ms at most", begin("Speed", one_seed=True))
+    yield Setting("Speed, one seed, 50 ms at most", begin("Speed", one_seed=True, timeout=0.05))
 
 
 if __name__ == "__main__":
