@@ -15,6 +15,9 @@ WIDTH = 118
 NEAR = 1e-3
 """Joints [rad] nearer than this to a leaf, where other laws are 0.1 away, follow it."""
 
+SAME_RULE = "stationary posture, pose to joints"
+"""Our setting with the rule that posture tasks lead to."""
+
 EXAMPLE, BEST, BOTH = "as its example", "at its best", "as its example, and its best"
 
 
@@ -43,7 +46,7 @@ def reading(played: Sequence[Played]) -> list[str]:
     ours = [p for p in played if p.entry == OURS and p.scores]
     lines = [*_as_examples(others, arms), *_at_best(others, arms), *_why(others, arms), *_tours(played, arms)]
     for p in ours:
-        lines += _times(p, others, arms)
+        lines += [*_times(p, others, arms), *_same_rule(p, others, arms)]
     lines += _first_calls(played)
     return [wrapped(f"- {line}", "  ") for line in lines]
 
@@ -133,6 +136,21 @@ def _times(ours: Played, others: Sequence[Played], arms: Sequence[str]) -> Itera
         if times:
             yield f"""The others take {_us(min(times.values()))} to {_us(max(times.values()))} us {text}. Faster than
                 holokin at its best: {", ".join(faster) or "none"}."""
+
+
+def _same_rule(ours: Played, others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
+    rows = [s for s in ours.scores if s.name == SAME_RULE and not s.unfair]
+    if not rows:
+        return
+    least = max(s.call_us for s in rows)
+    times = {
+        p.entry.name: max(s.call_us for s in found)
+        for p in others
+        if (found := chosen(p, BEST, arms)) and max(s.resting for s in found) < NEAR
+    }
+    faster = [f"{name} ({_us(us)} us)" for name, us in times.items() if us < least]
+    yield f"""With the rule of those posture tasks, *stationary posture*, holokin takes {_us(least)} us a call. Of the
+        libraries that follow it at their best, faster: {", ".join(faster) or "none"}."""
 
 
 def _first_calls(played: Sequence[Played]) -> Iterable[str]:
