@@ -72,6 +72,6 @@ def _legend(figure: Any, axes: Any) -> None:
     """What the signs mean."""
     hollow = {"facecolors": "white", "edgecolors": VERMILLION, "linewidths": 1.7}
     axes.scatter([], [], marker="o", s=62, label="as its own example", **hollow)
-    axes.scatter([], [], marker="X", s=62, label="so, and off the path or with jumps", **hollow)
+    axes.scatter([], [], marker="X", s=62, label="so, but not along all paths", **hollow)
     axes.scatter([], [], marker="D", s=46, label="at its best", color=VERMILLION)
     figure.legend(loc="outside lower center", ncols=3, frameon=False, columnspacing=1.2, handletextpad=0.3)

@@ -8,7 +8,7 @@ import numpy as np
 from trac_ik import TracIK
 from worker_loop import Arm, Setting, Step, serve
 
-EXAMPLE = "README.md of the package, from the last answer"
+EXAMPLE = "README.md of 0.0.3, from the last answer; its 5 ms are of the clock, also where others have the processor"
 
 
 def begin(aim: str, epsilon: float = 1e-5, one_seed: bool = False, timeout: float = 0.005) -> Callable[[Arm], Step]:
