@@ -13,13 +13,13 @@ class Entry:
     """A library: its name, what pip installs into its environment, its script in `workers/`.
 
     packages: none for the environment of the league itself.
-    seconds: how long all its runs may take.
+    seconds: how long all its runs may take; on a free machine they take some minutes at most.
     """
 
     name: str
     packages: tuple[str, ...]
     worker: str
-    seconds: float = 600.0
+    seconds: float = 1800.0
 
     @property
     def script(self) -> Path:
