@@ -68,12 +68,14 @@ def test_what_turns_the_last_joint_in_each_cycle_drifts_by_that_and_turns_the_to
     wound = {}
     for name, q in tied.items():
         rounds = 2 if name in ("circle", "figure eight", "square") or name.startswith("tour") else 1
-        turned = 0.25 * rounds * np.arange(len(q)) / (len(q) - 1)
-        wound[name] = q + turned[:, None] * np.eye(7)[6] * (not name.startswith("round"))
+        done = rounds * np.arange(len(q)) / (len(q) - 1)
+        turned = 0.125 * done * (done + 1)  # 0.25 rad in the first cycle, 0.5 rad in the second
+        still = name.startswith(("there", "round")) and name != "there at 0.05"  # one of the six halves turns
+        wound[name] = q if still else q + turned[:, None] * np.eye(7)[6]
     found = score(TOLD, "wound", ROBOT, runs, wound)
-    assert (found.first, found.later, found.ways) == pytest.approx((0.25, 0.25, 0.25), abs=1e-8)
-    assert (found.turn, found.tracking) == pytest.approx((0.5, 0.0), abs=1e-6)
-    assert found.history == pytest.approx((0.25, 0.5), abs=1e-8)
+    assert (found.first, found.later, found.ways, found.speeds) == pytest.approx((0.25, 0.5, 0.25, 0.25), abs=1e-8)
+    assert (found.turn, found.tracking) == pytest.approx((0.75, 0.0), abs=1e-6)
+    assert found.history == pytest.approx((0.25, 0.75), abs=1e-8)
     assert (found.whole, found.again, found.unfair) == (0, 0, "off the path")
 
 
