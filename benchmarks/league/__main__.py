@@ -1,6 +1,6 @@
 """Which libraries give the same joints at the same pose? The league: writes docs/league.md and docs/league.png.
 
-    python -m benchmarks.league                            # a quarter of an hour, 6 GB of environments
+    python -m benchmarks.league                            # needs: pip install -e ".[test]"; half an hour, 6 GB
     python -m benchmarks.league --only pink placo --out /somewhere --environments /a/folder
 
 Every library is installed into an environment of its own (venv and pip), gets the robots and the paths as files, and
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.league.courses import CYCLES, DT, TOURS, write_course
@@ -18,7 +19,8 @@ from benchmarks.league.environments import default_folder
 from benchmarks.league.league_entries import ENTRIES, OURS
 from benchmarks.league.league_figure import league_figure
 from benchmarks.league.league_page import league_text
-from benchmarks.league.played import play
+from benchmarks.league.played import Played, play
+from holokin.errors import HolokinError
 from holokin.output.plots import write_figure
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -38,20 +40,34 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     wanted = [OURS.name] if given.quick else given.only or names
     cycles, dt, tours = (2, 0.05, 1) if given.quick else (CYCLES, DT, TOURS)
-    with tempfile.TemporaryDirectory() as folder:
-        home, found = given.answers or Path(folder), []
-        course = home / "course"
-        if not (course / "course.json").exists():
-            write_course(course, cycles=cycles, dt=dt, tours=tours)
-        for entry in (entry for entry in ENTRIES if entry.name in wanted):
-            print(f"{entry.name} ...", flush=True)
-            found.append(play(entry, course, given.environments, home / entry.name))
-            print(f"  {found[-1].left_out or f'{len(found[-1].scores)} answers'}", flush=True)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            found = _all_played(wanted, given.answers or Path(folder), given.environments, cycles, dt, tours)
+    except KeyboardInterrupt:
+        print("stopped; nothing was written; answers in the folder of --answers are not asked for again")
+        return 130
+    except HolokinError as problem:
+        print(problem)
+        return 1
     given.out.mkdir(parents=True, exist_ok=True)
     write_figure(lambda: league_figure(found), given.out / "league.png")
     (given.out / "league.md").write_text(league_text(found, cycles, dt), "utf-8")
     print(f"wrote {given.out / 'league.md'} and league.png")
     return 0
+
+
+def _all_played(
+    wanted: Sequence[str], home: Path, environments: Path, cycles: int, dt: float, tours: int
+) -> list[Played]:
+    """Ask every library that is wanted, one after the other."""
+    course, found = home / "course", []
+    if not (course / "course.json").exists():
+        write_course(course, cycles=cycles, dt=dt, tours=tours)
+    for entry in (entry for entry in ENTRIES if entry.name in wanted):
+        print(f"{entry.name} ...", flush=True)
+        found.append(play(entry, course, environments, home / entry.name))
+        print(f"  {found[-1].left_out or f'{len(found[-1].scores)} answers'}", flush=True)
+    return found
 
 
 if __name__ == "__main__":
