@@ -87,6 +87,10 @@ def _at_best(others: Sequence[Played], arms: Sequence[str]) -> Iterable[str]:
     none = [p.entry.name for p in others if p.entry.name not in best]
     if none:
         yield f"Without a setting that kept to all paths: {', '.join(none)}."
+    for p in others:
+        asked = {s.arm for s in p.scores}
+        if lacking := [arm for arm in arms if arm not in asked]:
+            yield f"{p.entry.name} has no {' and no '.join(lacking)}."
 
 
 def _alone(rows: Sequence[Score], arms: Sequence[str]) -> str:
