@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 
 import holokin as hk
+from benchmarks.drift_figure import drift_picture
 from benchmarks.trackers import tracker_page
 from holokin.errors import ControllerError, MissingExtraError, PathError
 from holokin.laws import PostureTask, mink_law, pink_law, placo_law
-from holokin.output.palette import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
-from holokin.output.plots import beside, legible
+from holokin.output.plots import write_figure
 
 DT = 0.01
 GAIN = 50.0
@@ -258,7 +258,8 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
     parts = [
         "# The drift benchmark\n",
         "Written by `python -m benchmarks.drift`; do not edit. Which laws return the joints, and do the joints at",
-        "a tool pose depend on the path or the speed?\n",
+        "a tool pose depend on the path or the speed? [The league](league.md) compares libraries, each in an",
+        "environment of its own and at its best settings; here are laws, in one process.\n",
         f"Run with {versions()}.\n",
         f"Every law is called once a step of {DT} s, q <- q + dt dq, on the same kinematics, from the same start, at",
         "constant orientation: a circle of 0.1 m radius, a figure eight of two circles of 0.07 m, a square of 0.14 m,",
@@ -316,50 +317,6 @@ def held_by_libraries(every: dict[str, dict[str, Row]]) -> list[str]:
     return lines
 
 
-def draw(found: dict[str, list[Row]], file: Path) -> None:
-    """The figure: drift against cycle, and what a pose's joints depend on."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    colors = {
-        "no rule": VERMILLION, "posture": ORANGE, "to a leaf": PURPLE, "no feedback": GREEN, "holonomic": BLUE,
-    }  # fmt: skip
-    meanings = {"no rule": "no rule", "posture": "posture task", "to a leaf": "nears a leaf"}
-    meanings |= {"no feedback": "holonomic, no feedback", "holonomic": "holonomic"}
-    rows = [r for r in found["panda"] if not r.fault]
-    figure, (left, right) = plt.subplots(2, 1, figsize=(7.3, 9.6), height_ratios=(1, 1.5), layout="constrained")
-    for r in rows:
-        cycles = np.arange(1, len(r.history) + 1)
-        left.plot(cycles, np.maximum(r.history, 1e-7), color=colors[r.kind], lw=1.5, alpha=0.75)
-    for kind, color in colors.items():
-        left.plot([], [], color=color, lw=3, label=meanings[kind])
-    left.set_yscale("log")
-    worst = {r.kind: r for r in sorted(rows, key=lambda r: r.history[-1])}.values()
-    beside(left, [(max(r.history[-1], 1e-7), r.law, colors[r.kind]) for r in worst])
-    left.set_xlabel("cycles of the circle")
-    left.set_ylabel("largest joint's drift since the start [rad]")
-    left.set_title("Does it repeat? The worst of each kind is named", loc="left", fontweight="bold")
-    names = [r.law for r in rows][::-1]
-    y, shades = np.arange(len(names)), [colors[r.kind] for r in rows[::-1]]
-    for figure_name, marker, label in (("ways", "o", "two paths to it"), ("speeds", "D", "slow or fast")):
-        values = np.maximum([getattr(r, figure_name) for r in rows[::-1]], 1e-7)
-        right.scatter(values, y, marker=marker, s=42, c=shades, edgecolors="white", lw=0.6, zorder=3)
-        right.scatter([], [], marker=marker, c="0.4", label=label)
-    right.set_yticks(y, names)
-    right.set_xscale("log")
-    right.set_xlabel("difference of the joints at one tool pose [rad]")
-    right.set_title("Do the joints belong to the pose?", loc="left", fontweight="bold")
-    right.grid(axis="y", color="0.92", zorder=0)
-    handles = [*left.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, columnspacing=1.2)
-    for ax in (left, right):
-        ax.spines[["top", "right"]].set_visible(False)
-    legible(figure).savefig(file, dpi=110)
-    plt.close(figure)
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Run, write, and say where."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -390,7 +347,7 @@ def _written(out: Path, cycles: int, only: tuple[str, ...] | None) -> int:
         print("stopped; nothing was written")
         return 130
     out.mkdir(parents=True, exist_ok=True)
-    draw(found, out / "drift.png")
+    write_figure(lambda: drift_picture(found["panda"]), out / "drift.png")
     (out / "drift.md").write_text(text(found, round_off, missing, cycles), "utf-8")
     print(f"wrote {out / 'drift.md'} and drift.png")
     return 0

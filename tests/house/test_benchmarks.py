@@ -21,12 +21,17 @@ from holokin.codegen.background import idle
 from holokin.codegen.evaluator import HEAVY
 
 ROOT = Path(__file__).parents[2]
-FILES = [f for f in sorted((ROOT / "benchmarks").rglob("*.py")) if '__name__ == "__main__"' in f.read_text("utf-8")]
+FILES = [
+    f for f in sorted((ROOT / "benchmarks").rglob("*.py"))
+    if f.parent.name != "workers" and '__name__ == "__main__"' in f.read_text("utf-8")
+]  # fmt: skip
 MODULES = [".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__") for f in FILES]
 STARTING = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "kills", "speed"))
 """These start processes or compilers; the others run in this one."""
 FORKED = STARTING if hasattr(os, "fork") else ()
-OF_ITS_OWN = tuple(f"benchmarks.{name}" for name in ("random_cusps", "startup", "surveys")) + STARTING[len(FORKED) :]
+OF_ITS_OWN = (
+    tuple(f"benchmarks.{name}" for name in ("league", "random_cusps", "startup", "surveys")) + STARTING[len(FORKED) :]
+)
 """These measure what a process imports and keeps, or need native code: they are begun as a user begins them."""
 QUICK = ("benchmarks.growth", "benchmarks.selftests")
 """These take a second each; the others are of the campaign."""
@@ -39,7 +44,7 @@ def test_the_benchmarks_are_those_that_the_pages_name() -> None:
     pages = "".join(page.read_text("utf-8") for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
     named = {words.split("`")[0].split()[0].rstrip(".,;)") for words in pages.split("python -m ")[1:]}
     assert {name for name in named if name.startswith("benchmarks.")} <= set(MODULES)
-    assert len(MODULES) == 21
+    assert len(MODULES) == 22
 
 
 @pytest.mark.parametrize(
@@ -68,7 +73,7 @@ def test_what_is_not_run_here_is_run_elsewhere(module: str, file: str) -> None:
 @pytest.mark.campaign
 @pytest.mark.parametrize("module", OF_ITS_OWN)
 def test_it_runs_with_quick_in_a_process_of_its_own(module: str, tmp_path: Path) -> None:
-    more = ["--out", str(tmp_path)] if module == "benchmarks.speed" else []
+    more = ["--out", str(tmp_path)] if module in ("benchmarks.league", "benchmarks.speed") else []
     command = [sys.executable, "-m", module, "--quick", *more]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=280, check=False)
     assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr[-2000:]

@@ -7,6 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks import drift
+from benchmarks.drift_figure import COLORS, drift_picture
+from benchmarks.league.league_entries import ENTRIES
+from benchmarks.league.league_figure import league_figure
+from benchmarks.league.played import Played
+from benchmarks.league.scores import Score
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -63,6 +69,39 @@ def a_survey() -> Findings:
                 "cost": float(1 + rng.random()), "margin": float(rng.random()), "cycles": float(robot),
             })  # fmt: skip
     return Findings.of(rows)
+
+
+def a_league() -> list[Played]:
+    """Every library as its example, off the path, and at its best, on two arms."""
+    kept = {"later": 0.0, "tracking": 0.1, "turn": 0.0, "within": True, "hurry": 0.5, "call_us": 20.0}
+    played = []
+    for k, entry in enumerate(ENTRIES):
+        scores = []
+        for arm in ("panda", "iiwa14"):
+            scores.append(Score(entry.name, "as shown", True, arm, **kept | {"ways": 10.0**-k}))
+            scores.append(Score(entry.name, "soft", True, arm, **kept | {"ways": 10.0**-k, "tracking": 30.0}))
+            scores.append(Score(entry.name, "tuned", False, arm, **kept | {"ways": 10.0 ** -(k + 2)}))
+        played.append(Played(entry, scores=tuple(scores)))
+    return played
+
+
+def a_drift_benchmark() -> list[drift.Row]:
+    """Thirty laws, six of each kind."""
+    kinds = [kind for kind in COLORS for _ in range(6)]
+    same = {"first": 1.0, "later": 1.0, "speeds": 0.1, "tracking": 1.0, "effort": 1.0, "within": True}
+    return [
+        drift.Row(f"a law of a rather long name, {k}", kind, ways=10.0**-k, history=np.full(10, 10.0**-k), **same)
+        for k, kind in enumerate(kinds)
+    ]
+
+
+@pytest.mark.parametrize("draw", [lambda: league_figure(a_league()), lambda: drift_picture(a_drift_benchmark())])
+def test_the_pictures_of_the_benchmarks_can_be_read_on_a_page(
+    draw: Any, tmp_path: Path, saved: list[tuple[float, str]]
+) -> None:
+    write_figure(draw, tmp_path / "benchmark.png")
+    assert len(saved) == 1
+    assert min(saved)[0] > SMALLEST, min(saved)
 
 
 @pytest.mark.parametrize("job", ["ppr-cycle", pytest.param("panda-circle", marks=pytest.mark.campaign)])
