@@ -57,6 +57,7 @@ def calls() -> dict[str, Call]:
         "from_mjcf": (hk.from_mjcf, ("<mujoco/>",), {"tip": "world", "base": None, "locked": {"a": 0.0}}),
         **{name: (getattr(hk, name), ("no model",), {"tip": None, "base": None, "locked": {"a": 0.0}})
             for name in ("from_pinocchio", "from_yourdfpy", "from_roboticstoolbox")},
+        "pose_of": (hk.pose_of, ([0.1, 0.2, 0.3], [1.0, 0.0, 0.0, 0.0]), {"order": "wxyz"}),
         "compose": (hk.compose, (hk.load("rail"), robot), {"name": "n", "order": ["rail_joint", *robot.joint_names]}),
         "Part": (lambda *a, **n: hk.compose(hk.Part(*a, **n)), (robot,), {
             "on": "base", "xyz": [0.1, 0.0, 0.0], "rpy": [0.0, 0.0, 0.1], "prefix": "p_"}),

@@ -17,8 +17,9 @@ from ..base.types import ArrayLike, Matrix, Vector, finite, number
 from ..errors import ArgumentError, ShapeError
 from ..inverse_kinematics.leaf import leaf_value
 from ..robot import start_posture
+from ..robot.model_joints import ModelJoints, mujoco_joints, pinocchio_joints
 from ..strategies import HolonomicStrategy
-from .model_joints import ModelJoints, extra, mujoco_joints, pinocchio_joints
+from .extra_library import extra
 
 
 class LeafTask:
