@@ -89,9 +89,9 @@ def test_the_ur_arms_are_those_of_their_analytic_kinematics(name: str) -> None:
 
 
 def test_the_rizon4_has_the_jacobian_that_its_maker_computed_in_matlab() -> None:
-    """flexiv_rdk dca9a15, test/test_dynamics_engine.cpp: the flange at "PLAN-Home", of arms whose wrist is another.
+    """flexiv_rdk dca9a15, test/test_dynamics_engine.cpp: the flange at "PLAN-Home", with another wrist.
 
-    Those have joint 7 at another place, 3 mm and 40 mm away: so the flange is elsewhere, and the six joints are not.
+    It has joint 7 elsewhere, 3 mm and 40 mm away, as src/holokin/robot/data/rizon4.toml says, and with it the flange.
     """
     published = [
         [0.110000000000000, 0.078420538028673, 0.034471999940354, -0.368152340866938, -0.064278760968654, 0.136],

@@ -57,7 +57,7 @@ def pose_of(position: ArrayLike, quaternion: ArrayLike, *, order: str) -> Array:
         (4, 4), or (k, 4, 4).
 
     Raises:
-        ArgumentError: another order, or a quaternion that has not length 1. ShapeError.
+        ArgumentError: another order, or a quaternion that has not length 1. ShapeError, NotFiniteError.
     """
     if order not in ORDERS:
         raise ArgumentError("order", order, f"say where the scalar w stands: {' or '.join(map(repr, ORDERS))}")
@@ -96,7 +96,7 @@ def pose_numbers(what: str, value: Any) -> Array:
 
 
 def given_pose(what: str, value: Any, shape: tuple[int | str, ...] = (4, 4), cure: str = "") -> Array:
-    """Poses of a shape, of finite numbers. Raises: ArgumentError, ShapeError."""
+    """Poses of a shape, of finite numbers. Raises: ArgumentError, ShapeError, NotFiniteError."""
     given = pose_numbers(what, value)
     return finite(what, given, shape, pose_cure(given) or cure)
 
@@ -107,7 +107,7 @@ def pose_cure(given: Array) -> str:
 
 
 def tool_poses(whose: str, poses: PoseLike) -> Array:
-    """Tool poses (k, 4, 4), or none. Raises: ShapeError; ArgumentError: one is no pose."""
+    """Tool poses (k, 4, 4), or none. Raises: ShapeError, NotFiniteError; ArgumentError: one is no pose."""
     empty = isinstance(poses, np.ndarray | list | tuple) and len(poses) == 0
     given = np.zeros((0, 4, 4)) if empty else given_pose(f"the poses {whose}", poses, ("k", 4, 4))
     for i, pose in enumerate(given):
@@ -129,7 +129,7 @@ def with_matrices(what: str, value: Any, depth: int = 3) -> Any:
         if widths == [3, 4] or (7 in widths and len(set(widths)) > 1):
             raise ArgumentError(what, value, CURE)
         return [with_matrices(what, part, depth - 1) for part in value]
-    if isinstance(value, type):
+    if isinstance(value, int | float | np.ndarray | type):
         return value
     if isinstance(value, MatrixPose):
         return value.as_matrix()

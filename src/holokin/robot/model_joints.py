@@ -115,7 +115,7 @@ def places_in(
         UnknownNameError, ArgumentError, ShapeError.
     """
     wanted = tuple(prefix + name for name in names) if joints is None else tuple(joints)
-    compiled = hasattr(model, "jnt_qposadr")
+    compiled = _is_compiled(model)
     if not compiled and not hasattr(model, "existJointName"):
         raise ArgumentError("model", model, "give a mujoco.MjModel or a pinocchio.Model, not its data")
     kept = _known.setdefault(model, {}) if compiled else {}
@@ -133,7 +133,7 @@ def _found(
 ) -> ModelJoints:  # fmt: skip
     if len(wanted) != len(names):
         raise ShapeError("joints", (len(names),), (len(wanted),), f"name one for each of {', '.join(names)}")
-    compiled = hasattr(model, "jnt_qposadr")
+    compiled = _is_compiled(model)
     known = _mujoco_names(model) if compiled else list(model.names)[1:]
     if joints is None and not set(wanted) <= set(known):
         others = _prefixes(names, known)
@@ -152,6 +152,11 @@ def _found(
     if len(set(found.places.tolist())) < len(names):
         raise ArgumentError("joints", list(wanted), "name each joint once")
     return found
+
+
+def _is_compiled(model: Any) -> bool:
+    """Whether it is a `mujoco.MjModel`."""
+    return hasattr(model, "jnt_qposadr") and hasattr(model, "joint")
 
 
 def _prefixes(names: tuple[str, ...], known: Sequence[str]) -> list[str]:
