@@ -28,7 +28,7 @@ model = scene.compile()
 model.opt.timestep, model.opt.integrator = DT / 2, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
 robot = hk.with_base_pose(panda, [0, -0.5, 0], [0, 0, 0])  # the right arm: its poses are in the world
-names, tool = [SIDE + joint for joint in robot.joint_names], f"{SIDE}panda_hand_tcp"
+tool = f"{SIDE}panda_hand_tcp"
 drives = {side: [model.actuator(side + joint).id for joint in robot.joint_names] for side in ("left/", "right/")}
 strategy = hk.holonomic(hk.pose(robot), hk.linear([1, 0, -1, 0, 0, 0, 0]))  # keeps g(q) = q1 - q3
 start, quaternion = robot.pose(Q0), np.zeros(4)
@@ -59,7 +59,7 @@ def mink_step(constraints):
     return step
 
 
-leaf = hk.mink_task(strategy, Q0, joints=names)
+leaf = hk.mink_task(strategy, Q0, prefix=SIDE)
 for name, step in (("our step", our_step()), ("mink, leaf", mink_step([leaf])), ("mink alone", mink_step([]))):
     data = mujoco.MjData(model)
     for side in drives:
@@ -75,4 +75,6 @@ for name, step in (("our step", our_step()), ("mink, leaf", mink_step([leaf])), 
     rate = CYCLES * len(twists) / (time.process_time() - began)
     mujoco.mj_step(model, data, 500)  # and rest
     drift = np.abs(robot.q_of(model, data.qpos, prefix=SIDE) - rested).max()
-    print(f"{name}: joints {drift:.4f} rad off, tool within {1e3 * off:.1f} mm; {rate:.0f} steps in 1 s of the processor")
+    print(
+        f"{name}: joints {drift:.4f} rad off, tool within {1e3 * off:.1f} mm; {rate:.0f} steps in 1 s of the processor"
+    )

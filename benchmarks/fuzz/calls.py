@@ -208,7 +208,7 @@ def calls() -> dict[str, Call]:
         "impedance_with_memory": (_begun(laws.impedance_with_memory), (task, k["cost"]), {
             "force": [0.0, 0.0], "name": "n"}),
         **{name: (getattr(hk, name), (held, q), {
-            "cost": 1.0, "gain": 0.5, "lm_damping": 0.0, "joints": list(robot.joint_names)})
+            "cost": 1.0, "gain": 0.5, "lm_damping": 0.0, "prefix": "", "joints": list(robot.joint_names)})
             for name in ("pink_task", "mink_task")},
         "simulate": (hk.simulate, (k["closed"], task, loop, q), {"dt": 0.5, "cycles": 1, "patience": None}),
         "audit": (hk.audit, (k["closed"], robot, task, [loop]), {
