@@ -75,6 +75,4 @@ for name, step in (("our step", our_step()), ("mink, leaf", mink_step([leaf])), 
     rate = CYCLES * len(twists) / (time.process_time() - began)
     mujoco.mj_step(model, data, 500)  # and rest
     drift = np.abs(robot.q_of(model, data.qpos, prefix=SIDE) - rested).max()
-    print(
-        f"{name}: joints {drift:.4f} rad off, tool within {1e3 * off:.1f} mm; {rate:.0f} steps in 1 s of the processor"
-    )
+    print(f"{name}: joints {drift:.4f} rad off, tool within {1e3 * off:.1f} mm; {rate:.0f} steps in 1 s of processor")

@@ -79,6 +79,15 @@ def test_seven_numbers_are_refused_with_the_cure_wherever_a_pose_is_given(place:
             PLACES[place](bare)
 
 
+def test_seven_joints_that_are_too_many_are_no_pose() -> None:
+    """Seven numbers are spoken of as a pose where a pose stands, and nowhere else."""
+    step = hk.controller(hk.moore_penrose(hk.pose(hk.load("ur5e"))), dt=0.01).step
+    for arguments in ((np.zeros(7), GOAL, np.zeros(6)), (np.zeros(6), GOAL, np.zeros(7))):
+        with pytest.raises(ShapeError) as told:
+            step(*arguments)
+        assert "pose_of" not in str(told.value)
+
+
 def test_poses_of_two_hands_may_be_of_another_library() -> None:
     yumi = hk.load("yumi")
     q = np.full(yumi.n, 0.3)

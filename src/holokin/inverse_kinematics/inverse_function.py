@@ -34,6 +34,8 @@ class InverseKinematics(Value):
     `ik(pose)` begins at the start, `ik.near(pose, q)` at a posture nearby, such as the last answer; `ik.batch(poses)`
     does the first for many poses.
 
+    A pose is an array, a pose of another library (`mink.SE3`, `pinocchio.SE3`), or what `pose_of` makes of a quaternion.
+
     Where nothing is redundant, r = n - m = 0, there is no leaf to choose: the branch of the start is followed.
 
     With `level=c` a call answers on the leaf g(q) = c (r,) in place of that of the start: `ik(pose, level=c)` is a

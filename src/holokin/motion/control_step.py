@@ -240,7 +240,8 @@ def _numbers(what: str, value: Any, shapes: tuple[tuple[int, ...], ...]) -> Arra
         if given.dtype.kind not in "fiubO":  # of complex numbers a part would be lost
             raise TypeError
         if given.shape not in shapes:
-            raise ShapeError(what, shapes[0] if len(shapes) == 1 else wanted, given.shape, pose_cure(given))
+            cure = pose_cure(given) if what == "pose" else ""
+            raise ShapeError(what, shapes[0] if len(shapes) == 1 else wanted, given.shape, cure)
         array = np.empty(given.shape)
         with np.errstate(over="ignore"):  # of longer floats: infinite here, which has a status
             array[...] = given
