@@ -34,7 +34,7 @@ class InverseKinematics(Value):
     `ik(pose)` begins at the start, `ik.near(pose, q)` at a posture nearby, such as the last answer; `ik.batch(poses)`
     does the first for many poses.
 
-    A pose is an array, a pose of another library (`mink.SE3`, `pinocchio.SE3`), or what `pose_of` makes of a quaternion.
+    A pose is an array, or a pose of another library (`mink.SE3`, `pinocchio.SE3`); `pose_of` makes one of a quaternion.
 
     Where nothing is redundant, r = n - m = 0, there is no leaf to choose: the branch of the start is followed.
 
