@@ -57,6 +57,7 @@ def calls() -> dict[str, Call]:
         "from_mjcf": (hk.from_mjcf, ("<mujoco/>",), {"tip": "world", "base": None, "locked": {"a": 0.0}}),
         **{name: (getattr(hk, name), ("no model",), {"tip": None, "base": None, "locked": {"a": 0.0}})
             for name in ("from_pinocchio", "from_yourdfpy", "from_roboticstoolbox")},
+        "pose_of": (hk.pose_of, ([0.1, 0.2, 0.3], [1.0, 0.0, 0.0, 0.0]), {"order": "wxyz"}),
         "compose": (hk.compose, (hk.load("rail"), robot), {"name": "n", "order": ["rail_joint", *robot.joint_names]}),
         "Part": (lambda *a, **n: hk.compose(hk.Part(*a, **n)), (robot,), {
             "on": "base", "xyz": [0.1, 0.0, 0.0], "rpy": [0.0, 0.0, 0.1], "prefix": "p_"}),
@@ -207,7 +208,7 @@ def calls() -> dict[str, Call]:
         "impedance_with_memory": (_begun(laws.impedance_with_memory), (task, k["cost"]), {
             "force": [0.0, 0.0], "name": "n"}),
         **{name: (getattr(hk, name), (held, q), {
-            "cost": 1.0, "gain": 0.5, "lm_damping": 0.0, "joints": list(robot.joint_names)})
+            "cost": 1.0, "gain": 0.5, "lm_damping": 0.0, "prefix": "", "joints": list(robot.joint_names)})
             for name in ("pink_task", "mink_task")},
         "simulate": (hk.simulate, (k["closed"], task, loop, q), {"dt": 0.5, "cycles": 1, "patience": None}),
         "audit": (hk.audit, (k["closed"], robot, task, [loop]), {

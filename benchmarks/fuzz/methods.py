@@ -21,6 +21,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+import mujoco
 import numpy as np
 
 import holokin as hk
@@ -71,6 +72,8 @@ def _good() -> dict[str, Any]:
         "start_rotation": np.eye(3), "positions": np.zeros((2, 3)), "directions": np.eye(3), "dq": np.zeros(3),
         "free": 3.0, "s": 0.0, "clear": lambda Q: np.ones(len(Q), dtype=bool),
         "gap": SX(1), "k": robot.kinematics(symbol("q", 3)), "link": robot.joint_names[0],
+        "configuration": np.zeros(3), "velocity": np.zeros(3), "rates": np.zeros(3), "prefix": "", "joints": None,
+        "near": q, "model": mujoco.MjModel.from_xml_string(hk.to_mjcf(robot)),
     }  # fmt: skip
 
 

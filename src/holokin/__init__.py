@@ -29,6 +29,7 @@ from . import (
 )
 from .analysis import Verdict, around, curvature, cusps, involutivity, obstruction
 from .auditing import audit, audit_recording
+from .base.poses import pose_of
 from .checking import CheckReport, check
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
 from .designing import (
@@ -188,6 +189,7 @@ __all__ = [
     "pink_task",
     "polyline",
     "pose",
+    "pose_of",
     "position",
     "proof",
     "radial",

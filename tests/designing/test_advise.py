@@ -25,7 +25,14 @@ from holokin.designing.served_part import largest_part
 from holokin.designing.starts import postures_at, unwound
 from holokin.designing.tips import chain_to_tool
 from holokin.designing.trials import Trial
-from holokin.errors import ArgumentError, JointLimitError, NotFiniteError, OutOfReachError, UnknownNameError
+from holokin.errors import (
+    ArgumentError,
+    JointLimitError,
+    NotFiniteError,
+    OutOfReachError,
+    TaskTooLargeError,
+    UnknownNameError,
+)
 from holokin.job import open_job, run_job
 from holokin.job.workspace_words import parse_workspace
 from holokin.output.advice_report import coverage_bars, figure_height
@@ -267,6 +274,17 @@ def test_two_redundant_joints_get_sets_of_locks_and_the_trunk_below_a_law() -> N
     assert any(name.count(",") == 1 and name.startswith("lock") for name in names)
     assert any(name.startswith("lock torso_lift_joint over") for name in names)
     assert "stationary centring" in names and names[-1] == "radial"
+
+
+@pytest.mark.campaign
+def test_an_arm_of_five_joints_is_advised_on_positions_and_on_directions() -> None:
+    """An SO-101: two joints too many for the tool's position, none for its position and axis."""
+    space = hk.workspace(box=([0.22, 0, 0.15], [0.04, 0.06, 0.03]))
+    found = hk.advise("so101", space, task="position")
+    assert found.best.strategy.task.n - found.best.strategy.task.m == 2
+    assert found.best.coverage > 0.95
+    with pytest.raises(TaskTooLargeError, match="n = 5 joints"):
+        hk.advise("so101", space, task="pose")
 
 
 def test_bad_input_is_refused_with_a_cure(panda: hk.Robot) -> None:

@@ -47,6 +47,7 @@ EXAMPLES = {
     "pink_leaf.py": "our leaf: 0.000003 rad off after two circles, two paths 0.000000 rad apart",
     "mink_leaf.py": "our leaf: 0.000003 rad off after two circles, two paths 0.000000 rad apart",
     "teleoperation.py": "ours: tool 0.000000 m, joints 0.000000 rad apart, below 1e-12: True",
+    "two_arms_mujoco.py": "our step: joints 0.0000 rad off, tool within 1.4 mm",
     "mujoco_loop.py": "q1 - q3 held: joints 0.0000 rad from where they rested",
     "check_motion.py": "rim at 0.35 m: panda_joint7 and rim are 0.007 m apart",
     "waypoints_to_program.py": "1.102 m of path, 8 corners",
@@ -70,8 +71,8 @@ LONG = ("teleoperation.py",)
 
 SLOW = (
     "check_motion.py", "drill_with_free_spin.py", "elbow_up.py", "humanoid_arm.py", "mink_leaf.py", "mujoco_loop.py",
-    "paper_irb140.py", "pink_leaf.py", "rail_and_arm.py", "teleoperation.py", "timed_program.py", "two_hands.py",
-    "waypoints_to_program.py", "weld_seam.py",
+    "paper_irb140.py", "pink_leaf.py", "rail_and_arm.py", "teleoperation.py", "timed_program.py", "two_arms_mujoco.py",
+    "two_hands.py", "waypoints_to_program.py", "weld_seam.py",
 )  # fmt: skip
 """Examples that take longer than a second: of the campaign."""
 

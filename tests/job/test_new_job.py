@@ -36,7 +36,10 @@ def assert_fits(result: JobResult, robot: hk.Robot) -> None:
     assert min(s.metrics["sigma"] for s in laws.values()) > 0.05
 
 
-@pytest.mark.parametrize("name", ["ppr", campaign("name", "planar-3r"), campaign("name", "irb140")])
+MORE = ("planar-3r", "irb140", "so101", "openarm", "openarm-right", "rizon4s")
+
+
+@pytest.mark.parametrize("name", ["ppr", *(campaign("name", name) for name in MORE)])
 def test_a_new_job_for_a_robot_of_the_catalogue_runs_as_it_is(holokin: Command, tmp_path: Path, name: str) -> None:
     file = tmp_path / "mine.toml"
     outcome = holokin("new", file, "--robot", name)

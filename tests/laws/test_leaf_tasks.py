@@ -134,7 +134,8 @@ def test_the_height_of_a_joint_is_that_of_mujoco_beside_a_free_body_and_with_oth
     model = mujoco.MjModel.from_xml_string(text.replace("<worldbody>", loose, 1))
     assert model.joint("left/panda_joint1").qposadr[0] == 7
     strategy = hk.holonomic(hk.pose(arm), hk.constraints.height("panda_joint4"))
-    leaf = hk.mink_task(strategy, PANDA_START, joints=[f"left/{name}" for name in arm.joint_names])
+    leaf = hk.mink_task(strategy, PANDA_START, prefix="left/")
+    named = hk.mink_task(strategy, PANDA_START, joints=[f"left/{name}" for name in arm.joint_names])
     assert isinstance(leaf, mink.Task)
     data, J = mujoco.MjData(model), np.zeros((3, model.nv))
     number = model.joint("left/panda_joint4").id
@@ -147,6 +148,9 @@ def test_the_height_of_a_joint_is_that_of_mujoco_beside_a_free_body_and_with_oth
         mujoco.mj_jac(model, data, J, None, data.xanchor[number], model.jnt_bodyid[number])
         assert leaf.compute_error(at) == pytest.approx(heights[-1] - heights[0], abs=1e-12)
         assert np.abs(leaf.compute_jacobian(at) - J[2]).max() < 1e-12
+        assert np.array_equal(leaf.compute_error(at), named.compute_error(at))
+    with pytest.raises(ArgumentError, match="begin with 'left/'"):
+        hk.mink_task(strategy, PANDA_START).compute_error(at)
 
 
 @every

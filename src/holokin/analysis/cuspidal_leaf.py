@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import PoseLike, tool_poses
 from ..base.progress import progress
 from ..base.types import (
     Array,
@@ -25,7 +26,6 @@ from ..base.types import (
     joined,
     kept,
     some,
-    tool_poses,
     whole,
 )
 from ..errors import ArgumentError
@@ -103,7 +103,7 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
         return np.linalg.norm(self.poses[:, :3, 3] - self.strategy.task.pose(self.q0)[:3, 3], axis=1)
 
     @typed
-    def tool_away_from(self, poses: ArrayLike) -> Vector:
+    def tool_away_from(self, poses: PoseLike) -> Vector:
         """How far the tool is at each cusp from the nearest of poses (k, 4, 4) [m], (len(self),).
 
         Where the task has an orientation a turn of one radian counts as 0.1 m. Raises: ShapeError, ArgumentError.

@@ -170,14 +170,6 @@ def tool_pose(what: str, pose: Matrix) -> Matrix:
     return pose
 
 
-def tool_poses(whose: str, poses: ArrayLike) -> Array:
-    """Tool poses (k, 4, 4), or none. Raises: ShapeError, NotFiniteError; ArgumentError: one is no pose."""
-    given = np.zeros((0, 4, 4)) if np.shape(poses) == (0,) else finite(f"the poses {whose}", poses, ("k", 4, 4))
-    for i, pose in enumerate(given):
-        tool_pose(f"pose {i} {whose}", pose)
-    return given
-
-
 def frozen(array: Any) -> Any:
     """The array, if nobody can write to it, else a copy to which nobody can."""
     if isinstance(array, np.ndarray):

@@ -35,7 +35,7 @@ def robots(
             raise ArgumentError("--tip", tip, "give the file of a model, too")
         for name, source in catalogue().items():
             arm = load(name)
-            show(f"{name:12} {arm.n:2} joints   reach {reach(arm):6.3f} m   {source}")
+            show(f"{name:13} {arm.n:2} joints   reach {reach(arm):6.3f} m   {source}")
     elif is_model(robot) and not tip:
         for end, joints in model_tips(robot).items():
             show(f"{end}: {len(joints)} moving joints{': ' if joints else ''}{', '.join(joints)}")

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.poses import PoseLike, pose_cure, pose_numbers
 from ..base.types import (
     ROTATION,
     Array,
-    ArrayLike,
     Indices,
     Matrix,
     Value,
@@ -32,9 +32,10 @@ class GivenPoses(Value):
     p: Vector
     R: Matrix
 
-    def one(self, pose: ArrayLike) -> tuple[Vector, Matrix]:
+    def one(self, pose: PoseLike) -> tuple[Vector, Matrix]:
         """(position, rotation) of one pose. Raises: ShapeError, NotFiniteError, ArgumentError."""
-        wanted = self.shaped("a tool pose", finite("a tool pose", pose)[None])[0]
+        given = finite("a tool pose", pose_numbers("a tool pose", pose))
+        wanted = self.shaped("a tool pose", given[None])[0]
         for one in wanted.reshape(-1, 4, 4) if wanted.shape[-2:] == (4, 4) else ():
             tool_pose("a tool pose", one)
         p, R = self.places(wanted[None])
@@ -48,7 +49,7 @@ class GivenPoses(Value):
         frames, point = self.task.frames, self.task.point
         shapes = ((4, 4), (3,), (2,)) if frames == 1 else ((frames, 4, 4), (frames, 3), (point,))
         if given.shape[1:] not in shapes:
-            raise ShapeError(what, " or ".join(map(str, shapes)), given.shape[1:])
+            raise ShapeError(what, " or ".join(map(str, shapes)), given.shape[1:], pose_cure(given))
         return given
 
     def places(self, wanted: Array) -> tuple[Matrix, Array]:

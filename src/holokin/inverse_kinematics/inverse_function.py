@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import check, typed
-from ..base.types import ArrayLike, Matrix, Value, Vector, frozen, numbers, positive, whole
+from ..base.poses import PoseLike, pose_numbers
+from ..base.types import ArrayLike, Matrix, Value, Vector, frozen, positive, whole
 from ..codegen import engine, weak
 from ..errors import ArgumentError, BranchError, HolokinError, OutsideRegionError
 from ..robot import start_posture
@@ -33,6 +34,8 @@ class InverseKinematics(Value):
     `ik(pose)` begins at the start, `ik.near(pose, q)` at a posture nearby, such as the last answer; `ik.batch(poses)`
     does the first for many poses.
 
+    A pose is an array, or a pose of another library (`mink.SE3`, `pinocchio.SE3`); `pose_of` makes one of a quaternion.
+
     Where nothing is redundant, r = n - m = 0, there is no leaf to choose: the branch of the start is followed.
 
     With `level=c` a call answers on the leaf g(q) = c (r,) in place of that of the start: `ik(pose, level=c)` is a
@@ -48,7 +51,7 @@ class InverseKinematics(Value):
     limits: bool = False
     region: PoseSet | None = None
 
-    def __call__(self, pose: ArrayLike, level: ArrayLike | None = None) -> Vector:
+    def __call__(self, pose: PoseLike, level: ArrayLike | None = None) -> Vector:
         """q (n,) of a tool pose (4, 4), or of a position (3,) or (2,) with the orientation of the start.
 
         Of a task of several frames poses are (F, 4, 4), or points (F, 3), or the numbers of a `custom_task` (d,).
@@ -85,7 +88,7 @@ class InverseKinematics(Value):
         paths = self._paths if level is None else self._at_level(level)
         return bool(np.abs(self._cold_at(p, R, paths) - posture).max() < AGREE)
 
-    def near(self, pose: ArrayLike, q: ArrayLike, level: ArrayLike | None = None) -> Vector:
+    def near(self, pose: PoseLike, q: ArrayLike, level: ArrayLike | None = None) -> Vector:
         """The same, reached from a posture q (n,) on the same branch: the faster, the nearer q is.
 
         The path leads straight from the tool pose at q, and from the level g(q) to that of the leaf: q need not lie
@@ -105,7 +108,7 @@ class InverseKinematics(Value):
             return self._calls[1](pose, q)
         return self._warm_at(pose, q, self._at_level(level))
 
-    def batch(self, poses: ArrayLike, threads: int | None = None, level: ArrayLike | None = None) -> Solutions:
+    def batch(self, poses: PoseLike, threads: int | None = None, level: ArrayLike | None = None) -> Solutions:
         """q of many poses (k, 4, 4), or positions (k, 3) or (k, 2), each as `ik(pose, level)` finds it.
 
         No pose raises: `status` tells what became of each. `threads`: all processors by default. `level`: one (r,) for
@@ -116,7 +119,7 @@ class InverseKinematics(Value):
         """
         if threads is not None:
             whole("threads", threads)
-        given = self._given.shaped("each of the tool poses", numbers("tool poses", poses))
+        given = self._given.shaped("each of the tool poses", pose_numbers("tool poses", poses))
         p, R = self._given.places(given)
         last, status = np.full((len(given), len(self.q0)), np.nan), self._given.refused(p, R)
         paths, sound = self._paths_of(level, len(given)), np.flatnonzero(status == InverseStatus.REACHED)
@@ -140,7 +143,7 @@ class InverseKinematics(Value):
         return Solutions(q, status, last)
 
     def nearest(
-        self, pose: ArrayLike, q: ArrayLike | None = None, *, length: float = LENGTH, rcond: float = MARGIN,
+        self, pose: PoseLike, q: ArrayLike | None = None, *, length: float = LENGTH, rcond: float = MARGIN,
         limits: bool | None = None, step: ArrayLike | None = None, level: ArrayLike | None = None,
     ) -> Nearest:  # fmt: skip
         """The posture of the leaf whose tool pose is nearest to one that may be out of reach.
@@ -181,7 +184,7 @@ class InverseKinematics(Value):
             SingularityError, BranchError: at the tool pose of the start the level is not reached. NotFiniteError: q.
             NotFiniteError, ArgumentError: only without q: a bad pose, as of `ik(pose)`.
         """
-        given = self._given.shaped("a tool pose", numbers("a tool pose", pose)[None])[0]
+        given = self._given.shaped("a tool pose", pose_numbers("a tool pose", pose)[None])[0]
         if self.strategy.task.frames > 1:
             raise ArgumentError("the frames of the task", self.strategy.task.frames, "the nearest pose is asked of one")
         begin, (p, R) = None, self._given.places(given[None])
@@ -221,7 +224,7 @@ class InverseKinematics(Value):
         _ = self._calls
         return engine() if self._paths.kernel is not None else "CasADi's virtual machine"
 
-    def _cold(self, pose: ArrayLike) -> Vector:
+    def _cold(self, pose: PoseLike) -> Vector:
         """`ik(pose)` of any pose: the joints, or an error."""
         return self._cold_at(*self._given.one(pose), self._paths)
 
@@ -229,11 +232,11 @@ class InverseKinematics(Value):
         """The same of a position and a rotation."""
         return paths.reach(p, R, self.q0 if self.region is None else self._inside(p, R)[0], search=True)
 
-    def _warm(self, pose: ArrayLike, q: ArrayLike) -> Vector:
+    def _warm(self, pose: PoseLike, q: ArrayLike) -> Vector:
         """`ik.near(pose, q)` of any pose."""
         return self._warm_at(pose, q, self._paths)
 
-    def _warm_at(self, pose: ArrayLike, q: ArrayLike, paths: PosePaths) -> Vector:
+    def _warm_at(self, pose: PoseLike, q: ArrayLike, paths: PosePaths) -> Vector:
         """The same on any leaf."""
         p, R = self._given.one(pose)
         begin = self.strategy.task.robot.checked(q, "the posture to begin from")
@@ -275,7 +278,7 @@ class InverseKinematics(Value):
         return GivenPoses(self.strategy.task, *self._place)
 
     @cached_property
-    def _calls(self) -> tuple[Callable[[ArrayLike], Vector], Callable[[ArrayLike, ArrayLike], Vector]]:
+    def _calls(self) -> tuple[Callable[[PoseLike], Vector], Callable[[PoseLike, ArrayLike], Vector]]:
         """What serves `ik(pose)` and `ik.near(pose, q)`."""
         cold, warm = weak(self._cold), weak(self._warm)
         kernel = None if may_jump(self.strategy) or self.region is not None else self._paths.kernel
@@ -350,7 +353,7 @@ def _check_region(strategy: HolonomicStrategy, q0: Vector, region: PoseSet) -> N
         raise ArgumentError("the region", str(region), cure)
 
 
-def how_far(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike) -> tuple[Vector, InverseStatus]:
+def how_far(ik: InverseKinematics, pose: PoseLike, q: ArrayLike) -> tuple[Vector, InverseStatus]:
     """How far `ik.near(pose, q)` gets: (the posture (n,) to which its path was gone, what became of the pose).
 
     Raises:
@@ -360,7 +363,7 @@ def how_far(ik: InverseKinematics, pose: ArrayLike, q: ArrayLike) -> tuple[Vecto
     return ik._paths.go(p, R, ik.strategy.task.robot.checked(q, "the posture to begin from"))
 
 
-def leads_to(ik: InverseKinematics, pose: ArrayLike, begin: ArrayLike, q: ArrayLike) -> bool:
+def leads_to(ik: InverseKinematics, pose: PoseLike, begin: ArrayLike, q: ArrayLike) -> bool:
     """Whether the leaf, followed straight from one posture (n,) to a tool pose, comes to the posture q (n,) there."""
     try:
         return bool(np.abs(ik.near(pose, begin) - np.asarray(q)).max() < AGREE)

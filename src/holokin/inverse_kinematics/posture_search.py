@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import PoseLike, given_pose
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, tool_pose, whole
 from ..errors import ArgumentError, ShapeError
@@ -85,7 +86,7 @@ class Postures(Value):
 @typed
 def all_postures(
     strategy: HolonomicStrategy,
-    pose: ArrayLike,
+    pose: PoseLike,
     level: ArrayLike = 0.0,
     *,
     limits: bool = False,
@@ -113,7 +114,7 @@ def all_postures(
     of_one_tool(task, "all_postures")
     if count > MOST_STARTS:
         raise ArgumentError("starts", count, f"give at most {MOST_STARTS:,}")
-    wanted = tool_pose("a tool pose", finite("a tool pose", pose, (4, 4)))
+    wanted = tool_pose("a tool pose", given_pose("a tool pose", pose))
     p, R = wanted[:3, 3], wanted[:3, :3]
     given, r = finite("the leaf", level), strategy.constraint.rows
     if given.shape not in ((), (r,)):

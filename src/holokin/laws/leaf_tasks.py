@@ -6,7 +6,7 @@ quadratic programme: what remains of it is the tool.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -17,8 +17,9 @@ from ..base.types import ArrayLike, Matrix, Vector, finite, number
 from ..errors import ArgumentError, ShapeError
 from ..inverse_kinematics.leaf import leaf_value
 from ..robot import start_posture
+from ..robot.model_joints import ModelJoints, places_in
 from ..strategies import HolonomicStrategy
-from .model_joints import ModelJoints, extra, mujoco_joints, pinocchio_joints
+from .extra_library import extra
 
 
 class LeafTask:
@@ -37,11 +38,9 @@ class LeafTask:
     _model: Any
     _joints: ModelJoints | None
 
-    def _hold(
-        self, strategy: HolonomicStrategy, q0: Vector, names: tuple[str, ...], find: Callable[..., ModelJoints]
-    ) -> None:
+    def _hold(self, strategy: HolonomicStrategy, q0: Vector, prefix: str, names: Sequence[str] | None) -> None:
         self.strategy, self.level = strategy, leaf_value(strategy, q0)
-        self._near, self._names, self._find = q0, names, find
+        self._near, self._prefix, self._names = q0, prefix, names
         self._model, self._joints = None, None  # of the last call
 
     def compute_error(self, configuration: Any) -> Vector:
@@ -71,7 +70,9 @@ class LeafTask:
     def _posture(self, configuration: Any) -> tuple[Vector, ModelJoints]:
         joints = self._joints
         if joints is None or configuration.model is not self._model:
-            joints = self._joints = self._find(configuration.model, self._names)
+            robot = self.strategy.task.robot
+            joints = places_in(configuration.model, robot.joint_names, robot.hinges, self._prefix, self._names)
+            self._joints = joints
             self._model = configuration.model
         self._near = q = joints.read(configuration.q, self._near)
         return q, joints
@@ -80,7 +81,7 @@ class LeafTask:
 @typed
 def pink_task(
     strategy: HolonomicStrategy, q0: ArrayLike, *, cost: ArrayLike = 1.0, gain: float = 1.0, lm_damping: float = 0.0,
-    joints: Sequence[str] | None = None,
+    prefix: str = "", joints: Sequence[str] | None = None,
 ) -> Any:  # fmt: skip
     """The leaf of a strategy through a posture q0 as a `pink.tasks.Task`: e(q) = g(q) - g(q0), J = dg/dq.
 
@@ -93,7 +94,8 @@ def pink_task(
         cost: weight among the tasks, a number or one a row (r,) [cost / unit of g]. Constraints have none.
         gain: share of the error that is removed in a step, 0 to 1; the first step of a constraint removes all with 1.
         lm_damping: of the library: more damping where the error is large.
-        joints: the model's names of the robot's joints, in the robot's order; by default they are the same.
+        prefix: what stands before the robot's joint names in the model, as "left/".
+        joints: the model's names of the robot's joints, in the robot's order, where they differ by more.
 
     Raises:
         MissingExtraError: pink is not installed. ArgumentError: a strategy without leaves, a bad cost, gain or name.
@@ -101,13 +103,13 @@ def pink_task(
         UnknownNameError (when called): the model has no joint of that name.
     """
     made = _checked(strategy, q0, cost, gain, lm_damping, joints)
-    return _class_of("pink", "pin-pink", "pink.tasks")(strategy, *made, pinocchio_joints)
+    return _class_of("pink", "pin-pink", "pink.tasks")(strategy, prefix, *made)
 
 
 @typed
 def mink_task(
     strategy: HolonomicStrategy, q0: ArrayLike, *, cost: ArrayLike = 1.0, gain: float = 1.0, lm_damping: float = 0.0,
-    joints: Sequence[str] | None = None,
+    prefix: str = "", joints: Sequence[str] | None = None,
 ) -> Any:  # fmt: skip
     """The leaf of a strategy through a posture q0 as a `mink.Task`: e(q) = g(q) - g(q0), J = dg/dq.
 
@@ -116,13 +118,13 @@ def mink_task(
     depend.
 
     Args:
-        q0, cost, gain, lm_damping, joints: as of `pink_task`.
+        q0, cost, gain, lm_damping, prefix, joints: as of `pink_task`.
 
     Raises:
         MissingExtraError: mink is not installed. Else as `pink_task`.
     """
     made = _checked(strategy, q0, cost, gain, lm_damping, joints)
-    return _class_of("mink", "mink", "mink")(strategy, *made, mujoco_joints)
+    return _class_of("mink", "mink", "mink")(strategy, prefix, *made)
 
 
 @cache
@@ -131,11 +133,11 @@ def _class_of(library: str, package: str, module: str) -> Any:
     parent = extra(module, package, library).Task
 
     def init(
-        self: Any, strategy: HolonomicStrategy, q0: Vector, names: tuple[str, ...], cost: Vector, gain: float,
-        lm_damping: float, find: Callable,
+        self: Any, strategy: HolonomicStrategy, prefix: str, q0: Vector, names: Sequence[str] | None, cost: Vector,
+        gain: float, lm_damping: float,
     ) -> None:  # fmt: skip
         parent.__init__(self, cost=cost, gain=gain, lm_damping=lm_damping)
-        self._hold(strategy, q0, names, find)
+        self._hold(strategy, q0, prefix, names)
 
     about = f"The leaf of a strategy as a task of {library}: see `holokin.{library}_task`."
     members = {"__init__": init, "__doc__": about, "__module__": __name__}
@@ -145,15 +147,15 @@ def _class_of(library: str, package: str, module: str) -> Any:
 def _checked(
     strategy: HolonomicStrategy, q0: ArrayLike, cost: ArrayLike, gain: float, lm_damping: float,
     joints: Sequence[str] | None,
-) -> tuple[Vector, tuple[str, ...], Vector, float, float]:  # fmt: skip
+) -> tuple[Vector, tuple[str, ...] | None, Vector, float, float]:  # fmt: skip
     """(start, names, cost, gain, damping) as they must be."""
     robot, rows = strategy.task.robot, strategy.constraint.rows
     if not rows:
         raise ArgumentError("the strategy", strategy, "give one with redundant joints: here nothing is left to hold")
     q0 = start_posture(robot, q0)
     strategy(q0)
-    names = tuple(robot.joint_names if joints is None else joints)
-    if len(names) != robot.n:
+    names = None if joints is None else tuple(joints)
+    if names is not None and len(names) != robot.n:
         cure = f"name all joints, in the robot's order: {', '.join(robot.joint_names)}"
         raise ShapeError("joints", (robot.n,), (len(names),), cure)
     weights = finite("cost", cost)

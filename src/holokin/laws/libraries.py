@@ -19,9 +19,10 @@ from ..base.arguments import typed
 from ..base.types import Matrix, Vector
 from ..motion.control_law import ControlLaw, Step
 from ..robot import Robot, to_mjcf, to_urdf
+from ..robot.model_joints import mujoco_joints, pinocchio_joints
 from ..strategies import HolonomicStrategy
+from .extra_library import extra
 from .leaf_tasks import mink_task, pink_task
-from .model_joints import extra, mujoco_joints, pinocchio_joints
 
 
 @dataclass(frozen=True)

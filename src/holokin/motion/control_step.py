@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import made
+from ..base.poses import PoseLike, pose_cure, with_matrices
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Matrix, Vector, frozen, number, right_last_row
 from ..codegen import LARGEST, StepKernel, StepMemory, enabled, engine, tell
@@ -78,7 +79,7 @@ class Controller(ControlLaw):
         return f"Controller({self.strategy.name!r}, dt={self.dt:g}, {self.engine})"
 
     def step(
-        self, q: ArrayLike, pose: ArrayLike, twist: ArrayLike, level: ArrayLike | None = None,
+        self, q: ArrayLike, pose: PoseLike, twist: ArrayLike, level: ArrayLike | None = None,
         level_rate: ArrayLike = 0.0,
     ) -> Vector:  # fmt: skip
         """Joint rates for the next dt: [J; J_g] dq = [x' + K e; c' - K_g (g(q) - c)], slowed where limits ask for it.
@@ -162,7 +163,7 @@ class _Compiled:
         one = () if frames == 1 else (frames,)
         a, b, c = arguments
         points = (pose, (*one, 3)) if point else ()  # of a position task whole poses and twists will do, too
-        T = _numbers("pose", b, tuple(dict.fromkeys(((*one, 4, 4), *points))))
+        T = _numbers("pose", with_matrices("pose", b), tuple(dict.fromkeys(((*one, 4, 4), *points))))
         v = _numbers("twist", c, tuple(dict.fromkeys(((*one, 6), *points))))
         whole, moved = T.shape == (*one, 4, 4), v.shape == (*one, 6)
         for matrix in T.reshape(-1, 4, 4) if whole else ():
@@ -195,7 +196,7 @@ class _Compiled:
 
         return step
 
-    def check(self, q: ArrayLike, pose: ArrayLike, twist: ArrayLike, parameters: Vector) -> None:
+    def check(self, q: ArrayLike, pose: PoseLike, twist: ArrayLike, parameters: Vector) -> None:
         """Raises: SingularityError, saying of which kind, or NotFiniteError, unless the step can be made."""
         arguments = self.converted(q, pose, twist)
         for what, value in zip(("q", "pose", "twist"), arguments, strict=True):
@@ -239,7 +240,8 @@ def _numbers(what: str, value: Any, shapes: tuple[tuple[int, ...], ...]) -> Arra
         if given.dtype.kind not in "fiubO":  # of complex numbers a part would be lost
             raise TypeError
         if given.shape not in shapes:
-            raise ShapeError(what, shapes[0] if len(shapes) == 1 else wanted, given.shape)
+            cure = pose_cure(given) if what == "pose" else ""
+            raise ShapeError(what, shapes[0] if len(shapes) == 1 else wanted, given.shape, cure)
         array = np.empty(given.shape)
         with np.errstate(over="ignore"):  # of longer floats: infinite here, which has a status
             array[...] = given

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import PoseLike
 from ..base.types import ArrayLike, NoTruthValue, Value, Vector, frozen, number, numbers
 from ..errors import ArgumentError, MissingExtraError, ShapeError
 from ..inverse_kinematics.inverse_function import InverseKinematics
@@ -56,7 +57,7 @@ class HandFollower(Value):
     max_acceleration: Vector
     max_jerk: Vector
 
-    def begin(self, q0: ArrayLike) -> Callable[[ArrayLike], Followed]:
+    def begin(self, q0: ArrayLike) -> Callable[[PoseLike], Followed]:
         """A run that begins at rest at q0 (n,): a function of the hand's pose, called once each period.
 
         Raises (when called): ShapeError: what is no pose. A pose that is not finite, or no rotation, keeps the last
@@ -77,7 +78,7 @@ class HandFollower(Value):
         state.max_jerk = self.max_jerk.tolist()
         target, step = q.copy(), self.max_velocity * self.dt
 
-        def follow(pose: ArrayLike) -> Followed:
+        def follow(pose: PoseLike) -> Followed:
             nonlocal target
             found = self.ik.nearest(pose, target, step=step)
             target = np.asarray(found.q)

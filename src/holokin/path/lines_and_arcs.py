@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import ArrayLike, finite, numbers
+from ..base.poses import PoseLike, pose_numbers
+from ..base.types import ArrayLike, finite
 from ..errors import ArgumentError
 from .path import Path, as_point
 from .segments import arc_segment, line_segment, turn_between
@@ -62,7 +63,7 @@ def circle(
 
 @typed
 def polyline(
-    points: ArrayLike | Waypoints, *, turns: ArrayLike | None = None, closed: bool = False, speed: float = 0.1
+    points: PoseLike | Waypoints, *, turns: ArrayLike | None = None, closed: bool = False, speed: float = 0.1
 ) -> Path:
     """Straight lines through points or poses, between which the tool turns evenly.
 
@@ -91,5 +92,5 @@ def polyline(
     return Path(tuple(line_segment(a, b, s) for a, b, s in pairs), speed, rotation=first)
 
 
-def _planar(points: ArrayLike) -> ArrayLike:
-    return np.atleast_2d(numbers("the points of a polyline", points))
+def _planar(points: PoseLike) -> ArrayLike:
+    return np.atleast_2d(pose_numbers("the points of a polyline", points))

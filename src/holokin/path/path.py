@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import PoseLike, pose_cure, pose_numbers
 from ..base.types import (
     Array,
     ArrayLike,
@@ -287,7 +288,7 @@ class Path(Value):
         shift = as_point(point) - self.start
         return replace(self, segments=tuple(replace(s, center=s.center + shift) for s in self.segments))
 
-    def in_frame(self, frame: ArrayLike) -> Path:
+    def in_frame(self, frame: PoseLike) -> Path:
         """The path, given in a workpiece's frame, in the robot's base: points, turns and the rotation at the start.
 
         Args:
@@ -363,17 +364,18 @@ def join(*paths: Path) -> Path:
     return whole
 
 
-def frame_pose(what: str, frame: ArrayLike) -> Matrix:
+def frame_pose(what: str, frame: PoseLike) -> Matrix:
     """A pose (4, 4) of one, or of x, y, z [m], roll, pitch, yaw [rad] (6,), R = Rz(yaw) Ry(pitch) Rx(roll).
 
     Raises:
         ShapeError, NotFiniteError, ArgumentError: no such pose.
     """
-    given = numbers(what, frame)
+    given = pose_numbers(what, frame)
     if given.shape == (6,):
         six = finite(what, given, (6,))
         return pose_matrix(six[:3], six[3:])
-    return tool_pose(what, finite(what, given, (4, 4), "or x, y, z, roll, pitch, yaw (6,)"))
+    cure = pose_cure(given) or "or x, y, z, roll, pitch, yaw (6,)"
+    return tool_pose(what, finite(what, given, (4, 4), cure))
 
 
 def as_point(point: ArrayLike) -> Vector:

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import PoseLike, pose_numbers
 from ..base.types import Array, ArrayLike, Matrix, Vector, finite, positive
 from ..errors import ArgumentError
 from .curves import cubics, evenly, of_segments, within
@@ -30,7 +31,7 @@ corner turns it by more, and finite differences are right to 1e-4."""
 
 @typed
 def spline(
-    points: ArrayLike | Waypoints,
+    points: PoseLike | Waypoints,
     *,
     times: ArrayLike | None = None,
     closed: bool = False,
@@ -86,7 +87,7 @@ def spline(
 
 @typed
 def path_of(
-    motion: ArrayLike | Waypoints | Callable[[float], ArrayLike],
+    motion: PoseLike | Waypoints | Callable[[float], PoseLike],
     times: ArrayLike | None = None,
     *,
     closed: bool | None = None,
@@ -113,10 +114,11 @@ def path_of(
     if times is None:
         raise ArgumentError("times", None, "give the start and the end of the motion in seconds")
     t = rising(times, None)
-    function: Callable[[float], ArrayLike] = motion
+    function: Callable[[float], PoseLike] = motion
 
     def curve(s: Vector) -> Poses:
-        return as_poses([finite("the pose of a motion", function(float(x))) for x in s])
+        what = "the pose of a motion"
+        return as_poses([finite(what, pose_numbers(what, function(float(x)))) for x in s])
 
     ends = curve(np.array([t[0], t[-1]]))
     if closed is None:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.types import Array, ArrayLike, Matrix, Value, Vector, check_rotation, finite, numbers, right_last_row
+from ..base.poses import PoseLike, pose_cure, pose_numbers
+from ..base.types import Array, Matrix, Value, Vector, check_rotation, finite, right_last_row
 from ..errors import ShapeError
 from .path import as_point
 
@@ -52,17 +53,18 @@ class Poses(Value):
         return Poses(self.points[index], None if self.rotations is None else self.rotations[index])  # type: ignore[index]
 
 
-def as_poses(points: ArrayLike | Waypoints) -> Poses:
+def as_poses(points: PoseLike | Waypoints) -> Poses:
     """Points (k, 3), (k, 2), poses (k, 4, 4) or waypoints. Raises: ShapeError, NotFiniteError, ArgumentError."""
     if isinstance(points, Waypoints):
         return Poses(points.points, points.rotations)
-    given = numbers("the waypoints", points)
+    given = pose_numbers("the waypoints", points)
     if given.ndim == 3:
         poses = finite("the waypoints", given, ("k", 4, 4))
         for i, pose in enumerate(poses):
             right_last_row(f"waypoint {i}", pose)
             check_rotation(f"the rotation of waypoint {i}", pose[:3, :3])
         return Poses(poses[:, :3, 3], poses[:, :3, :3])
-    if given.ndim != 2:
-        raise ShapeError("the waypoints", "(k, 3) or (k, 4, 4)", given.shape, "give points or poses, one a row")
+    if given.ndim != 2 or pose_cure(given):
+        cure = pose_cure(given) or "give points or poses, one a row"
+        raise ShapeError("the waypoints", "(k, 3) or (k, 4, 4)", given.shape, cure)
     return Poses(np.array([as_point(p) for p in given]), None)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import PoseLike, tool_poses
 from ..base.types import (
     Array,
     ArrayLike,
@@ -23,7 +24,6 @@ from ..base.types import (
     not_negative,
     numbers,
     positive,
-    tool_poses,
     whole,
 )
 from ..errors import ArgumentError, ShapeError
@@ -319,7 +319,7 @@ def workspace(
     return PoseRange(solid, R, _angle("tilt", tilt), _angle("spin", spin))
 
 
-def pose_cloud(poses: ArrayLike, source: str = "given poses") -> PoseCloud:
+def pose_cloud(poses: PoseLike, source: str = "given poses") -> PoseCloud:
     """A workspace of given tool poses (k, 4, 4).
 
     Raises:

@@ -15,7 +15,8 @@ from functools import cached_property
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some, tool_poses, whole
+from ..base.poses import PoseLike, tool_poses
+from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some, whole
 from ..errors import ArgumentError
 from ..inverse_kinematics import InverseStatus, inverse
 from ..inverse_kinematics.inverse_function import leads_to
@@ -59,7 +60,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         return 1.0 if self.whole else float(np.prod((boxes.high - boxes.low) / 2, axis=1).sum())
 
     @typed
-    def contains(self, poses: ArrayLike) -> Flags:
+    def contains(self, poses: PoseLike) -> Flags:
         """(k,) True for the tool poses (k, 4, 4) that belong to it. Raises: ShapeError, ArgumentError."""
         given = tool_poses("asked about", poses)
         return self._cell_of(given[:, :3, 3], given[:, :3, :3])[0] >= 0

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..base.poses import ORDERS, UNIT
 from ..base.types import ROTATION, Array, Indices, Matrix, Vector, rotation_cure, rotation_gap
 from ..errors import ArgumentError, RecordingError
 from .csv_table import read_table
@@ -27,9 +28,6 @@ NAMED = {
 }  # fmt: skip
 NUMBERED = (("q1", "q2", "q3", "q4"), ("q0", "q1", "q2", "q3"))
 TIMES = ("t", "time")
-ORDERS = {"xyzw": (0, 1, 2, 3), "wxyz": (1, 2, 3, 0)}
-"""Of a quaternion's numbers -> where x, y, z and w are among them."""
-
 REMARKS = {"", "name", "label", "comment", "remark", "note", "id", "index", "number", "point", "line", "row"}
 """Columns that say nothing of a pose; a table that pandas wrote has one without a name."""
 
@@ -56,9 +54,6 @@ FULL = 2 * np.pi * 1.001
 """Angles [rad] beyond which radians are doubted, unless an argument says them."""
 
 _MEANT = {*POSITION, *MATRIX, *TIMES, *chain(*NAMED.values(), *NUMBERED)}
-
-LENGTH = 1e-3
-"""How far a quaternion's length may be from 1: four written digits leave 1e-4."""
 
 _NAME = re.compile(r"\s*([a-z]+\d{0,2})\s*[_ ]?\s*[\[(]?\s*(mm|cm|um|ms|m|s|deg|rad|)\s*[\])]?\s*")
 """A column's name and the unit at its end: x_mm, x [mm], x(mm), roll_deg, t."""
@@ -300,8 +295,8 @@ def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, said: Unit
 
 def _check_quaternions(file: Path, values: Matrix, lines: Indices) -> None:
     off = np.abs(np.linalg.norm(values, axis=1) - 1)
-    if (off > LENGTH).any():
-        i = int(np.argmax(off > LENGTH))
+    if (off > UNIT).any():
+        i = int(np.argmax(off > UNIT))
         fact = f"line {lines[i]} has a quaternion of length {np.linalg.norm(values[i]):.6g}"
-        more = f", and {int((off > LENGTH).sum()) - 1} lines after it" if (off > LENGTH).sum() > 1 else ""
+        more = f", and {int((off > UNIT).sum()) - 1} lines after it" if (off > UNIT).sum() > 1 else ""
         raise RecordingError(file, f"{fact}, {off[i]:.2g} away from 1{more}", "give unit quaternions, qw the scalar")

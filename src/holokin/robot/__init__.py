@@ -13,14 +13,14 @@ from .extent import reach
 from .free_coordinates import coordinates
 from .inertia import mass_matrix_expression as mass_matrix_expression
 from .inertia import potential_expression as potential_expression
-from .joints import FARTHEST, Body, Coordinate, Joint, Tip
+from .joints import FARTHEST, Body, Coordinate, Joint, Kinematics, Tip
 from .limits import with_limits
 from .link_frames import link_jacobian as link_jacobian
 from .link_shapes import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 from .links import DENSITY, weighed
 from .links import knows_masses as knows_masses
 from .mjcf import from_mjcf
-from .model import Kinematics, Robot
+from .model import Robot
 from .model_texts import to_mjcf, to_urdf
 from .models_by_name import is_model as is_model
 from .models_by_name import model_links, model_tips

@@ -9,7 +9,8 @@ from typing import Any, get_type_hints
 import numpy as np
 
 from ..base.arguments import check, typed
-from ..base.types import ArrayLike, Matrix, number, numbers
+from ..base.poses import PoseLike, pose_cure, pose_numbers
+from ..base.types import Matrix, number
 from ..errors import ArgumentError, NotFiniteError, UnknownNameError
 from ..symbolic.rotations import exact_rotation
 from .joints import FARTHEST, MOST_MOVING, Coordinate, Joint, Tip
@@ -48,8 +49,8 @@ def from_dh(
     convention: str = "standard",
     *,
     name: str = "robot",
-    base: ArrayLike | None = None,
-    tool: ArrayLike | None = None,
+    base: PoseLike | None = None,
+    tool: PoseLike | None = None,
     tip: str = "tool",
     source: str = "",
 ) -> Robot:
@@ -125,9 +126,10 @@ def _screw(axis: str, angle: float, length: float) -> Matrix:
     return T
 
 
-def _pose(what: str, value: ArrayLike) -> Matrix:
-    T = numbers(what, value)
+def _pose(what: str, value: PoseLike) -> Matrix:
+    T = pose_numbers(what, value)
     right = T.shape == (4, 4) and bool((np.abs(T) <= FARTHEST).all()) and np.allclose(T[3], [0, 0, 0, 1])
     if not right or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-9) or np.linalg.det(T[:3, :3]) < 0:
-        raise ArgumentError(what, T.tolist(), "give a 4x4 pose: a right-handed rotation, a translation, 0 0 0 1")
+        cure = pose_cure(T) or "give a 4x4 pose: a right-handed rotation, a translation, 0 0 0 1"
+        raise ArgumentError(what, T.tolist(), cure)
     return T

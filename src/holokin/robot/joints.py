@@ -8,6 +8,7 @@ import numpy as np
 
 from ..base.types import Matrix, Value, Vector, number
 from ..errors import ArgumentError
+from ..symbolic import SX
 
 FARTHEST = 1e6
 """Largest length [m], angle or gear ratio of a robot, start or path: at 1,000 km a double still tells 1e-10 m apart."""
@@ -68,6 +69,19 @@ class Tip(Value):
     name: str
     joint: int
     placement: Matrix
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Expressions of one tip: position p (3,), rotation R (3, 3), geometric Jacobian (6, n), linear rows first.
+
+    `origins` holds the origin (3,) of every joint's frame by the joint's name.
+    """
+
+    position: SX
+    rotation: SX
+    jacobian: SX
+    origins: dict[str, SX]
 
 
 @dataclass(frozen=True, eq=False)

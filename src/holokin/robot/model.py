@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -27,22 +28,10 @@ from ..symbolic import (
     vertcat,
 )
 from ..symbolic.rotations import rotation_about
-from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Tip
+from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Kinematics, Tip
 from .link_shapes import LinkShape
+from .model_joints import ModelJoints, places_in, put_into, taken_from
 from .visuals import Visual
-
-
-@dataclass(frozen=True)
-class Kinematics:
-    """Expressions of one tip: position p (3,), rotation R (3, 3), geometric Jacobian (6, n), linear rows first.
-
-    `origins` holds the origin (3,) of every joint's frame by the joint's name.
-    """
-
-    position: SX
-    rotation: SX
-    jacobian: SX
-    origins: dict[str, SX]
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,6 +250,56 @@ class Robot(Value):
             facts = float(array[i]), float(self.lower[i]), float(self.upper[i])
             rad = "give angles in rad, as np.radians(...) makes them of degrees, or take whole turns off"
             raise JointLimitError(self.joint_names[i], *facts, cure=rad if past[i] > WOUND else "")
+
+    @typed
+    def q_of(
+        self, model: Any, configuration: ArrayLike, *, prefix: str = "", joints: Sequence[str] | None = None,
+        near: ArrayLike = 0.0,
+    ) -> Array:  # fmt: skip
+        """The joints q (..., n) in configurations (..., nq) of a MuJoCo or Pinocchio model, found by their names.
+
+        The model may have other joints, as fingers and free joints, and more arms, and its joints in another order.
+
+        Args:
+            model: a `mujoco.MjModel` or `pinocchio.Model`.
+            configuration: `data.qpos`, or the q of Pinocchio.
+            prefix: what stands before the robot's joint names in the model, as "left/".
+            joints: the model's names (n,) of the joints, in the robot's order, where they differ by more.
+            near: of joints that Pinocchio keeps as cosine and sine, the turn is taken that is nearest to these.
+
+        Raises:
+            UnknownNameError, ArgumentError: the model lacks a joint, or it is another kind of joint there.
+            ShapeError, NotFiniteError: the configuration.
+        """
+        found = self._places(model, prefix, joints)
+        return taken_from(found, configuration, self.joint_names, near)
+
+    @typed
+    def put(
+        self, model: Any, configuration: Array, q: ArrayLike, *, prefix: str = "", joints: Sequence[str] | None = None
+    ) -> Array:
+        """Writes joints q (..., n) into configurations (..., nq), in place, and returns these: the other way of `q_of`.
+
+        All other joints stay as they are, those that follow others too. Raises: as `q_of`.
+        """
+        return put_into(self._places(model, prefix, joints), configuration, q)
+
+    @typed
+    def rates_of(
+        self, model: Any, velocity: ArrayLike, *, prefix: str = "", joints: Sequence[str] | None = None
+    ) -> Array:
+        """The joint rates (..., n) in velocities (..., nv) of a model, as `data.qvel`. Raises: as `q_of`."""
+        return taken_from(self._places(model, prefix, joints).moving, velocity, self.joint_names)
+
+    @typed
+    def put_rates(
+        self, model: Any, velocity: Array, rates: ArrayLike, *, prefix: str = "", joints: Sequence[str] | None = None
+    ) -> Array:
+        """Writes joint rates (..., n) into velocities (..., nv), in place, and returns these. Raises: as `q_of`."""
+        return put_into(self._places(model, prefix, joints).moving, velocity, rates)
+
+    def _places(self, model: Any, prefix: str, joints: Sequence[str] | None) -> ModelJoints:
+        return places_in(model, self.joint_names, self.hinges, prefix, joints)
 
     def check_links(self) -> None:
         """Raises: ArgumentError: these are `coordinates`, without links."""

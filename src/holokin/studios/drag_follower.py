@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.poses import PoseLike, given_pose, pose_numbers
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Value, Vector, finite, tool_pose
+from ..base.types import Array, Value, Vector, tool_pose
 from ..errors import HolokinError
 from ..inverse_kinematics import InverseStatus, inverse
 from ..inverse_kinematics.inverse_function import how_far, is_native
@@ -59,15 +60,15 @@ Follower = Callable[[Vector, Array, bool], Move]
 """(posture, poses (F, 4, 4), whether to wait for the compiler) -> the move to them."""
 
 
-def poses_of(task: Task, pose: ArrayLike) -> Array:
+def poses_of(task: Task, pose: PoseLike) -> Array:
     """(F, 4, 4) of a pose (4, 4), or of one for each of the F frames of a task.
 
     Raises:
         ShapeError, NotFiniteError, ArgumentError: what is no pose.
     """
-    given = finite("a tool pose", pose)
+    given = pose_numbers("a tool pose", pose)
     shaped = given[None] if task.frames == 1 and given.ndim == 2 else given
-    poses = finite("a tool pose", shaped, (task.frames, 4, 4))
+    poses = given_pose("a tool pose", shaped, (task.frames, 4, 4))
     for one in poses:
         tool_pose("a tool pose", one)
     return poses

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from ..base.poses import PoseLike
 from ..base.types import Array, ArrayLike, Vector, finite, frozen, positive, whole
 from ..errors import ArgumentError, HolokinError, UnknownNameError
 from ..inverse_kinematics import move_to_leaf
@@ -90,7 +91,7 @@ class LawGroup(ABC):
             del self._runs[name]
             return self._changed()
 
-    def drag(self, pose: ArrayLike) -> Snapshot:
+    def drag(self, pose: PoseLike) -> Snapshot:
         """All laws follow to a tool pose (4, 4), or (F, 4, 4) of a task of F frames; a running loop stops.
 
         Holonomic laws go where `InverseKinematics.near` leads, others by small velocity steps along the straight path.
@@ -121,7 +122,7 @@ class LawGroup(ABC):
                 run.forget()
             return self._changed()
 
-    def two_paths(self, pose: ArrayLike, *, width: float = WIDTH, samples: int = 200) -> TwoPaths:
+    def two_paths(self, pose: PoseLike, *, width: float = WIDTH, samples: int = 200) -> TwoPaths:
         """Each law by two paths from its posture to a tool pose (4, 4), and how far its joints end apart.
 
         As `hk.path_spread` along polylines with a corner `width` [m] to either side. The session does not change.

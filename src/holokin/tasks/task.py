@@ -14,6 +14,7 @@ from typing import Self
 import numpy as np
 
 from ..base.arguments import check, type_methods, typed
+from ..base.poses import PoseLike, pose_cure, pose_numbers
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
 from ..errors import ArgumentError, ShapeError, SingularityError, SingularityKind, UnknownNameError, shown
@@ -222,11 +223,11 @@ class Task(Value, ABC):
         """The target at which its frames are at q (n,): positions (3F,) and rotations (3F, 3)."""
         return self.target(self.pose(q))
 
-    def target(self, pose: ArrayLike) -> tuple[Vector, Matrix]:
+    def target(self, pose: PoseLike) -> tuple[Vector, Matrix]:
         """Positions (3F,), rotations (3F, 3) of a pose (4, 4), or of (F, 4, 4). Raises: ShapeError, ArgumentError."""
-        shape, given = (4, 4) if self.frames == 1 else (self.frames, 4, 4), numbers("a pose", pose)
+        shape, given = (4, 4) if self.frames == 1 else (self.frames, 4, 4), pose_numbers("a pose", pose)
         if given.shape not in (shape, (self.frames, 4, 4)):
-            raise ShapeError("a pose", shape, given.shape)
+            raise ShapeError("a pose", shape, given.shape, pose_cure(given))
         p, R = _targets_of(given.reshape(1, self.frames, 4, 4))
         return p[0], R[0]
 
@@ -322,9 +323,8 @@ class Task(Value, ABC):
 
     @cached_property
     def _pose_at(self) -> Evaluator:
-        return self._pose.checked(
-            (4, 4) if self.frames == 1 else (self.frames, 4, 4), self.robot.checked, self._doubtful
-        )
+        shape = (4, 4) if self.frames == 1 else (self.frames, 4, 4)
+        return self._pose.checked(shape, self.robot.checked, self._doubtful)
 
     @cached_property
     def _value_at(self) -> Evaluator:
