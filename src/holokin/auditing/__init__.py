@@ -4,6 +4,7 @@ Uses `analysis` and `recording`. Read first: `black_box.py`, `log_audit.py`.
 """
 
 from .black_box import Audit, Finding, audit
+from .dataset_audit import DatasetAudit, EqualPoses, audit_dataset
 from .equal_poses import LogVerdict, Repeatability
 from .log_audit import audit_recording
 from .log_findings import LogAudit
@@ -11,11 +12,14 @@ from .trend import Trend
 
 __all__ = [
     "Audit",
+    "DatasetAudit",
+    "EqualPoses",
     "Finding",
     "LogAudit",
     "LogVerdict",
     "Repeatability",
     "Trend",
     "audit",
+    "audit_dataset",
     "audit_recording",
 ]
