@@ -141,21 +141,20 @@ class Rows:
     values: dict[str, Matrix]
 
 
-def batches(file: Path, count: int, columns: Sequence[str] | None = None) -> Iterator[Any]:
+def batches(file: Path, count: int, columns: Sequence[str] | None = None, size: int = ROWS) -> Iterator[Any]:
     """Record batches of a data file that holds so many rows. Raises: RecordingError."""
     parquet = _parquet()
-    with reading(file):
-        with parquet.ParquetFile(file, memory_map=False) as table:
-            there = table.schema_arrow.names
-            missing = [name for name in columns or () if name not in there]
-            if missing:
-                cure = f"download it anew, or write it with LeRobot; its columns are {listed(there)}"
-                raise RecordingError(file, f"has no column {listed(missing)}", cure)
-            if table.metadata.num_rows != count:
-                fact = f"has {table.metadata.num_rows} rows, but meta/ says {count} frames of the episodes in it"
-                raise RecordingError(file, fact, "download it anew: some of its files are of another version")
-            chosen = None if columns is None else list(columns)
-            yield from table.iter_batches(batch_size=ROWS, columns=chosen, use_threads=False)
+    with reading(file), parquet.ParquetFile(file, memory_map=False) as table:
+        there = table.schema_arrow.names
+        missing = [name for name in columns or () if name not in there]
+        if missing:
+            cure = f"download it anew, or write it with LeRobot; its columns are {listed(there)}"
+            raise RecordingError(file, f"has no column {listed(missing)}", cure)
+        if table.metadata.num_rows != count:
+            fact = f"has {table.metadata.num_rows} rows, but meta/ says {count} frames of the episodes in it"
+            raise RecordingError(file, fact, "download it anew: some of its files are of another version")
+        chosen = None if columns is None else list(columns)
+        yield from table.iter_batches(batch_size=size, columns=chosen, use_threads=False)
 
 
 @contextmanager
@@ -207,7 +206,7 @@ def episode_files(folder: Path) -> list[Path]:
     if not files:
         raise RecordingError(folder / "meta" / "episodes", "has no parquet file", "download the dataset anew")
     for file in files:
-        _check_inside(folder, "meta/episodes", file)
+        check_inside(folder, "meta/episodes", file)
     return files
 
 
@@ -303,10 +302,10 @@ def _place(folder: Path, what: str, template: str, fields: dict[str, Any]) -> Pa
     if "{" in name or "}" in name or "\\" in name or "\0" in name or file.is_absolute() or ".." in file.parts:
         fact = f"its {what} {shown(template)!r} leads out of the dataset, or is no template of LeRobot"
         raise RecordingError(folder / INFO, fact, "do not use this dataset before you know who wrote it")
-    return _check_inside(folder, what, folder / file)
+    return check_inside(folder, what, folder / file)
 
 
-def _check_inside(folder: Path, what: str, file: Path) -> Path:
+def check_inside(folder: Path, what: str, file: Path) -> Path:
     """Raises: RecordingError: a link that leads out of the folder."""
     if not file.resolve().is_relative_to(folder.resolve()):
         cure = "copy the dataset with its links resolved (cp -rL), if you trust it"
