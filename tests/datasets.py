@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 from pyarrow import parquet
 
@@ -39,10 +40,11 @@ def write_dataset(
         for name, column in episodes[0].items()
     }
     if video:
-        features["observation.images.top"] = {"dtype": "video", "shape": [4, 6, 3], "names": ["height", "width", "channels"]}
+        sides = {"shape": [4, 6, 3], "names": ["height", "width", "channels"]}
+        features["observation.images.top"] = {"dtype": "video", **sides}
     info = {
         "codebase_version": version, "robot_type": robot_type, "total_episodes": len(episodes),
-        "total_frames": sum(len(e["action"]) if "action" in e else len(next(iter(e.values()))) for e in episodes),
+        "total_frames": sum(len(next(iter(columns.values()))) for columns in episodes),
         "total_tasks": 1, "chunks_size": 1000, "fps": FPS, "splits": {"train": f"0:{len(episodes)}"},
         "features": features | DEFAULTS,
     }  # fmt: skip
@@ -112,11 +114,7 @@ def _write_v3(folder: Path, info: dict, tables: list[pa.Table], per_file: int, v
     for start in range(0, len(tables), per_file):
         file = folder / f"data/chunk-000/file-{start // per_file:03d}.parquet"
         parquet.write_table(pa.concat_tables(tables[start : start + per_file]), file)
-    tasks = pa.table({"task_index": [0], "__index_level_0__": ["reach"]})
-    pandas = {"index_columns": ["__index_level_0__"], "column_indexes": [], "columns": [], "pandas_version": "2.0"}
-    parquet.write_table(
-        tasks.replace_schema_metadata({"pandas": json.dumps(pandas)}), folder / "meta" / "tasks.parquet"
-    )  # fmt: skip
+    pd.DataFrame({"task_index": [0]}, index=["reach"]).to_parquet(folder / "meta" / "tasks.parquet")
     whole = {name: np.vstack([_numbers(t, name) for t in tables]) for name in tables[0].column_names}
     text = json.dumps({name: stats(values, True) for name, values in whole.items()}, indent=4)
     (folder / "meta" / "stats.json").write_text(text)

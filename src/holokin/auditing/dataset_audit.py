@@ -225,6 +225,7 @@ def audit_dataset(
         raise ArgumentError("episodes", episodes, "name at least one")
     notes = () if poses is None else (f"{poses.name} and the tool of the joints are up to {apart:.3g} m apart",)
     turns = 1 / length_scale if task.m < 3 + axes.shape[1] and axes.shape[1] == 3 and not robot.planar else 0.0
+    q.flags.writeable = points.flags.writeable = False  # else a `Value` copies them
     pairs = _equal_poses(task, q, points, begins, near, tolerance, turns)
     return DatasetAudit(
         robot, dataset, task, joints.name, np.array(chosen), begins, q, points, pairs, near, tolerance, notes
@@ -276,17 +277,16 @@ def _visits(points: Matrix, begins: Indices, near: float, shift: float) -> Itera
     starts = np.zeros(len(points), bool)
     starts[begins[:-1]] = True
     new_visit = new_cell | np.append(True, np.diff(order) != 1) | starts[order]
-    visit = np.flatnonzero(new_visit)
-    cell_of = np.cumsum(new_cell[visit]) - 1
-    first_of = np.flatnonzero(new_cell[visit])[cell_of]
-    other = np.flatnonzero(first_of != np.arange(len(visit)))
-    ends = np.append(visit[1:], len(order))
-    middle = order[(visit + ends - 1) // 2]  # of each visit, the frame that stands for it
-    for part in np.array_split(other, max(1, len(other) // BLOCK)):
-        if not len(part):
-            continue
-        reference = middle[first_of[part]]
-        second = _nearest_frames(points, order, visit[part], ends[part], reference)
+    visit = np.append(np.flatnonzero(new_visit), len(order)).astype(np.int32)  # where each begins, and the end
+    first_here = new_cell[visit[:-1]]
+    other, cell = np.flatnonzero(~first_here).astype(np.int32), np.cumsum(first_here, dtype=np.int32)
+    first_of = np.flatnonzero(first_here).astype(np.int32)
+    del new_cell, new_visit, starts
+    for i in range(0, len(other), BLOCK):
+        part = other[i : i + BLOCK]
+        first = first_of[cell[part] - 1]
+        reference = order[(visit[first] + visit[first + 1] - 1) // 2]  # the frame in the middle stands for the visit
+        second = _nearest_frames(points, order, visit[part], visit[part + 1], reference)
         close = np.linalg.norm(points[second] - points[reference], axis=1) <= near
         first, second = reference[close], second[close]
         apart = _was_away(points, begins, first, second, AWAY * near)

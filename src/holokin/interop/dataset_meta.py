@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import RecordingError
 from ..recording import Dataset, Episode
 from ..recording.dataset_folder import episode_files, read_json, read_lines, read_parquet
 from .dataset_stats import Stats, as_arrays, as_lists, episode_stats, joined_stats, usual_names
@@ -41,6 +42,24 @@ def write_meta(
     file = dataset.folder / SUMMARY
     if file.exists():
         _write_summary(file, whole, learnt, len(kept) < len(dataset.episodes), out)
+
+
+def check_meta(dataset: Dataset) -> None:
+    """Raises: RecordingError: metadata that cannot be written anew, so that this is known before joints are computed."""
+    if dataset.version == "v2.1":
+        _statistics(dataset)
+    if (dataset.folder / SUMMARY).exists() and not isinstance(read_json(dataset.folder / SUMMARY), dict):
+        raise RecordingError(dataset.folder / SUMMARY, "has no statistics by column", "download the dataset anew")
+
+
+def _statistics(dataset: Dataset) -> list[dict[str, Any]]:
+    """The lines of episodes_stats.jsonl, of each episode one. Raises: RecordingError."""
+    file = dataset.folder / STATS
+    found = read_lines(file)
+    sound = all(isinstance(row, dict) and isinstance(row.get("stats"), dict) for row in found)
+    if not sound or [row.get("episode_index") for row in found] != list(range(len(dataset.episodes))):
+        raise RecordingError(file, "has not a line with the statistics of each episode", "download the dataset anew")
+    return found
 
 
 def _totals(dataset: Dataset, kept: Sequence[Episode]) -> dict[str, Any]:
@@ -120,7 +139,7 @@ def _write_v2(dataset: Dataset, kept: Sequence[Episode], learnt: Learnt, out: Pa
                 for row in read_lines(dataset.folder / EPISODES) if row["episode_index"] in numbers]  # fmt: skip
         _write_lines(out / EPISODES, rows)
     lines, whole = [], []
-    for row in read_lines(dataset.folder / STATS):
+    for row in _statistics(dataset):
         if row["episode_index"] not in numbers:
             continue
         new = {column: as_lists(stats) for column, stats in learnt[row["episode_index"]].items()}

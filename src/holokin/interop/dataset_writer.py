@@ -13,6 +13,7 @@ from typing import IO, Any
 import numpy as np
 
 from ..base.types import Matrix
+from ..errors import RecordingError
 from ..recording import Dataset, Episode, JointFeature, PoseFeature
 from ..recording.dataset_folder import batches, check_inside, numeric, reading
 from ..tasks.task import Task
@@ -258,7 +259,11 @@ def _videos(dataset: Dataset, kept: Sequence[Episode], numbers: dict[int, int], 
 def _video(dataset: Dataset, template: str, key: str, episode: Episode, number: int) -> Path:
     """The video file of an episode, where its number is `number`."""
     if dataset.version == "v3.0":
-        chunk, file = (int(episode.facts.get(f"videos/{key}/{what}") or 0) for what in ("chunk_index", "file_index"))
+        chunk, file = (episode.facts.get(f"videos/{key}/{what}") for what in ("chunk_index", "file_index"))
+        if not all(isinstance(i, int | float) and float(i).is_integer() for i in (chunk, file)):  # floats of pandas
+            fact = f"does not say which file has the video {key} of episode {episode.index}"
+            raise RecordingError(dataset.folder / "meta" / "episodes", fact, "download the dataset anew")
+        chunk, file = int(chunk), int(file)
         return dataset.place("video_path", template, video_key=key, chunk_index=chunk, file_index=file)
     chunk = number // dataset.info["chunks_size"]
     return dataset.place("video_path", template, video_key=key, episode_chunk=chunk, episode_index=number)

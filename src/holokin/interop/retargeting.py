@@ -16,6 +16,7 @@ from ..base.types import NoTruthValue, Value
 from ..errors import ArgumentError
 from ..inverse_kinematics import InverseKinematics, InverseStatus
 from ..recording import Dataset, JointFeature
+from .dataset_meta import check_meta
 from .dataset_writer import Change, write_changed
 from .new_joints import JUMPED, NewJoints, Source, new_joints
 
@@ -30,6 +31,10 @@ WHY = {
     InverseStatus.JUMP: "the rule jumps",
 }
 """Why a frame has no posture, in words."""
+
+
+MOST_LINES = 12
+"""Bad episodes that are told; `bad` has all."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,9 @@ class Retargeted(NoTruthValue, Value, ask="`.written`"):
     nearest: tuple[int, float]
 
     def __str__(self) -> str:
-        lines = [str(one) for one in self.bad]
+        lines = [str(one) for one in self.bad[:MOST_LINES]]
+        if len(self.bad) > MOST_LINES:
+            lines.append(f"... and {len(self.bad) - MOST_LINES} more, {sum(one.count for one in self.bad)} frames in all")
         if self.written is None:
             return "\n".join([*lines, f"no dataset was written; the joints that were computed are in {self.joints}"])
         if self.left_out:
@@ -111,6 +118,7 @@ def retarget(
         raise ArgumentError("the columns to retarget", list(sources), "name one that has the joints or a tool pose")
     if os.path.lexists(out):
         raise ArgumentError("the folder of the new dataset", str(out), "it exists: choose another name")
+    check_meta(dataset)
     with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
     with aside(out.parent) as work:

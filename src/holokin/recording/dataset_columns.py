@@ -123,11 +123,15 @@ def pose_feature(
     names = names_of(dataset, feature)
     plain = [_plain(name) for name in names]
     said = Units(None, angles, order, assumed=True, place="frame")
-    kept = [(i, name) for i, name in enumerate(plain) if name]
+    numbered = [name for name in plain if re.fullmatch(r"q[0-4]", name)]
+    kept = [(i, name) for i, name in enumerate(plain) if name and (order is not None or name not in numbered)]
     found = columns_of_poses(dataset.folder / INFO, [name for _, name in kept], said)
     if not found.kind:
         fact = f"{feature} has a position, but no orientation: its entries are {listed(names)}"
-        raise RecordingError(dataset.folder / INFO, fact, "name qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz")
+        cure = "name qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz"
+        if numbered:
+            cure = "say --order xyzw or wxyz (order=...), if these numbers are a quaternion"
+        raise RecordingError(dataset.folder / INFO, fact, cure)
     at = [i for i, _ in kept]
     places = [[at[i] for i in part] for part in (found.position, found.orientation)]
     return PoseFeature(feature, PoseColumns(places[0], places[1], found.kind, [], found.scales), said)
@@ -193,11 +197,6 @@ def _check_unit(file: Any, robot: Robot, feature: str, low: Vector, high: Vector
         raise RecordingError(file, f"{fact}, but every joint fits in degrees", cure)
     cure = "check robot and joints; values that LeRobot maps to -100 to 100 must be converted by the arm's calibration"
     raise RecordingError(file, f"{fact} and in degrees", cure)
-
-
-def check_unit_words(angles: str | None, order: str | None) -> None:
-    """Raises: ArgumentError: no such unit or order."""
-    Units(None, angles, order, assumed=True)
 
 
 def chosen_episodes(dataset: Dataset, text: str | None) -> list[int]:

@@ -163,6 +163,8 @@ def reading(file: Path) -> Iterator[None]:
     import pyarrow
 
     try:
+        if not file.is_file():  # a pipe might never end
+            raise FileNotFoundError
         yield
     except FileNotFoundError:
         raise RecordingError(file, "there is no such file, but meta/ names it", "download the dataset anew") from None
@@ -193,11 +195,14 @@ def read_lines(file: Path) -> list[Any]:
     return found
 
 
-def read_parquet(file: Path) -> Any:
-    """A small table. Raises: RecordingError."""
+def read_parquet(file: Path, skip: str = "\0") -> Any:
+    """A small table, without the columns whose names begin with `skip`. Raises: RecordingError."""
     parquet = _parquet()
-    with reading(file):
-        return parquet.read_table(file, use_threads=False)
+    with reading(file), parquet.ParquetFile(file, memory_map=False) as table:
+        if table.metadata.num_rows > MOST_FRAMES:
+            raise RecordingError(file, f"has {table.metadata.num_rows} rows", "no dataset is so long: download it anew")
+        names = [name for name in table.schema_arrow.names if not name.startswith(skip)]
+        return table.read(columns=names, use_threads=False)
 
 
 def episode_files(folder: Path) -> list[Path]:
@@ -220,6 +225,8 @@ def _parquet() -> Any:
 
 def _text(file: Path) -> str:
     try:
+        if not file.is_file():
+            raise FileNotFoundError
         if file.stat().st_size > LARGEST_TEXT:
             raise RecordingError(file, f"has {file.stat().st_size} bytes", "no dataset's is so long: download it anew")
         return file.read_text("utf-8")
@@ -258,8 +265,7 @@ def _is_feature(one: Any) -> bool:
 def _episodes_v3(folder: Path) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     for file in episode_files(folder):
-        table = read_parquet(file)
-        found += table.select([name for name in table.column_names if not name.startswith("stats/")]).to_pylist()
+        found += read_parquet(file, skip="stats/").to_pylist()
     return found
 
 
