@@ -27,7 +27,7 @@ NEAR = 5e-3
 TOLERANCE = 1e-2
 """Joint distance [rad or m] that counts as equal: half a degree, below which hobby servos do not stand still."""
 
-AWAY = 2.0
+AWAY = 4.0
 """Within an episode a pose counts as visited again only if the tool was so many times `near` away in between."""
 
 LOOKS = 8
@@ -115,11 +115,11 @@ class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
         number = np.tile(np.arange(len(over)), 2)
         by = np.lexsort((-over[number], order))
         starts = np.flatnonzero(np.diff(order[by], prepend=-1))
-        for start, stop in zip(starts, np.append(starts[1:], len(by)), strict=True):
-            mine = np.unique(number[by[start:stop]])
-            fact = {"episode": int(self.episodes[order[by[start]]]), "equal poses": len(mine)}
+        for part in np.split(by, starts[1:]) if len(by) else ():
+            mine = np.unique(number[part])
+            fact = {"episode": int(self.episodes[order[part[0]]]), "equal poses": len(mine)}
             fact["differ"] = int(pairs.beyond[mine].sum())
-            found.append(fact | {"worst": self.place(int(number[by[start]]))})
+            found.append(fact | {"worst": self.place(int(number[part[0]]))})
         return found
 
     def place(self, pair: int) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Makes tests/golden/lerobot-*: datasets that LeRobot itself wrote, and what its loader finds in them.
 
-    python tests/interop/golden_lerobot.py v3.0 /path/to/python/with/lerobot-0.4.4
-    python tests/interop/golden_lerobot.py v2.1 /path/to/python/with/lerobot-0.3.3
+    python tests/golden_lerobot.py v3.0 /path/to/python/with/lerobot-0.4.4
+    python tests/golden_lerobot.py v2.1 /path/to/python/with/lerobot-0.3.3
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 
 import holokin as hk
 
-HERE, GOLDEN = Path(__file__).parent, Path(__file__).parents[1] / "golden"
+HERE, GOLDEN = Path(__file__).parent, Path(__file__).parent / "golden"
 Q0 = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 
 
