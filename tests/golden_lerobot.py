@@ -1,7 +1,7 @@
 """Makes tests/golden/lerobot-*: datasets that LeRobot itself wrote, and what its loader finds in them.
 
-    python tests/golden_lerobot.py v3.0 /path/to/python/with/lerobot-0.4.4
-    python tests/golden_lerobot.py v2.1 /path/to/python/with/lerobot-0.3.3
+python tests/golden_lerobot.py v3.0 /path/to/python/with/lerobot-0.4.4
+python tests/golden_lerobot.py v2.1 /path/to/python/with/lerobot-0.3.3
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def in_lerobot(python: str, *arguments: str) -> Any:
     """What `in_lerobot.py` prints in an environment with LeRobot."""
     command = [python, str(HERE / "in_lerobot.py"), *arguments]
     source = str(Path(hk.__file__).parents[1])
-    more = {"HF_HUB_OFFLINE": "1", "HF_HOME": str(GOLDEN.parent / ".hf"), "PYTHONPATH": source}
+    more = {"HF_HUB_OFFLINE": "1", "HF_HOME": str(Path(python).parents[1] / "hf"), "PYTHONPATH": source}
     done = subprocess.run(command, capture_output=True, text=True, env=os.environ | more, timeout=500)
     if done.returncode:
         raise RuntimeError(done.stderr[-2000:])
@@ -78,4 +78,3 @@ if __name__ == "__main__":
     text = json.dumps(facts(python, place, GOLDEN / "again"))
     (GOLDEN / f"lerobot-{version}.json").write_text(text + "\n")
     shutil.rmtree(GOLDEN / "again")
-    shutil.rmtree(GOLDEN.parent / ".hf", ignore_errors=True)

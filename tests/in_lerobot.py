@@ -1,8 +1,8 @@
 """Runs inside an environment that has LeRobot: makes datasets, reads them, and drives a pipeline. It prints JSON.
 
-    python in_lerobot.py make FOLDER EPISODES.npz [video]    a dataset of LeRobot's own making
-    python in_lerobot.py read FOLDER                         what LeRobot's loader finds in it
-    python in_lerobot.py drive POSES.npz                     a loop of a pipeline with holokin's step
+python in_lerobot.py make FOLDER EPISODES.npz [video]    a dataset of LeRobot's own making
+python in_lerobot.py read FOLDER                         what LeRobot's loader finds in it
+python in_lerobot.py drive POSES.npz                     a loop of a pipeline with holokin's step
 """
 
 from __future__ import annotations
@@ -55,7 +55,9 @@ def _add(data: LeRobotDataset, frame: dict) -> None:
 def read(folder: Path) -> dict:
     """What the loader says, and a digest of all its columns."""
     data = LeRobotDataset("test/test", root=folder)
-    videos = [data.root / data.meta.get_video_file_path(e, VIDEO) for e in range(data.num_episodes) if data.meta.video_keys]
+    videos = [
+        data.root / data.meta.get_video_file_path(e, VIDEO) for e in range(data.num_episodes) if data.meta.video_keys
+    ]
     rows = data.hf_dataset if videos else data  # an item of a video is decoded, which takes FFmpeg and torchcodec
     items = [rows[i] for i in range(len(data))]
     arrays = {name: np.stack([np.asarray(one[name]) for one in items]) for name in items[0] if name != "task"}

@@ -10,10 +10,10 @@ import pytest
 
 import holokin as hk
 from conftest import Command
-from datasets import write_dataset
 from holokin.auditing import DatasetAudit, LogVerdict, audit_dataset
 from holokin.output.dataset_report import dataset_figure
 from holokin.recording import joint_feature, pose_feature, read_dataset
+from small_datasets import write_dataset
 
 ARM = hk.load("planar-3r")
 NAMES = [f"{joint}.pos" for joint in ARM.joint_names]
@@ -128,7 +128,10 @@ def test_equal_places_with_other_orientations_are_no_equal_poses(tmp_path: Path)
 
 
 def test_tool_poses_of_a_column_may_be_compared_and_their_gap_to_the_joints_is_said(tmp_path: Path) -> None:
-    names = {"observation.state": NAMES, "action": ["ee.x", "ee.y", "ee.z", "ee.wx", "ee.wy", "ee.wz", "ee.gripper_pos"]}
+    names = {
+        "observation.state": NAMES,
+        "action": ["ee.x", "ee.y", "ee.z", "ee.wx", "ee.wy", "ee.wz", "ee.gripper_pos"],
+    }
     columns = []
     for q in DRIFTING:
         p, _ = ARM.pose_batch(q)

@@ -56,7 +56,7 @@ def test_lerobots_loader_reads_what_is_written_and_finds_its_statistics(tmp_path
     episodes(tmp_path / "episodes.npz", 3, 24)
     if bad == "skip":  # an episode that ends out of reach of the leaf
         arrays = dict(np.load(tmp_path / "episodes.npz"))
-        arrays["state-1"][-1, :7] = [0.0, 1.2, 0.0, -0.1, 0.0, 1.3, 0.0]
+        arrays["state-1"][-1, :7] = [2.2, 0.0, -0.9, -0.1, -1.1, 0.7, 2.2]
         np.savez(tmp_path / "episodes.npz", **arrays)
     in_lerobot(python, "make", str(tmp_path / "old"), str(tmp_path / "episodes.npz"), "video")
     data = read_dataset(tmp_path / "old")
@@ -117,7 +117,7 @@ def test_a_loop_of_lerobots_pipeline_keeps_the_joints_on_one_leaf(tmp_path: Path
 
 
 def test_the_golden_facts_are_those_of_today(tmp_path: Path) -> None:
-    """LeRobot reads the golden dataset, and its statistics of what `retarget` makes of it, as they stand in the file."""
+    """LeRobot reads in the golden dataset what stands in the file of its facts."""
     import json
 
     golden = Path(__file__).parents[1] / "golden"

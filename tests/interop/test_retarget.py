@@ -1,4 +1,4 @@
-"""A dataset on one leaf: same tool poses, one posture for each, all else as it was; referees are LeRobot's own facts."""
+"""A dataset on one leaf: same tool poses with one posture each, all else as it was. LeRobot's own facts are referees."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pytest
 from pyarrow import parquet
 
 import holokin as hk
-from conftest import Command, assert_refused
-from datasets import stats, write_dataset
+from conftest import Command, assert_refused, sampled
 from holokin.errors import ArgumentError, RecordingError
 from holokin.interop import Retargeted, retarget
 from holokin.recording import joint_feature, pose_feature, read_dataset
 from holokin.recording.dataset_folder import rows
+from small_datasets import stats, write_dataset
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 PANDA = hk.load("panda")
@@ -102,7 +102,7 @@ def test_all_other_columns_videos_and_metadata_are_as_they_were(tmp_path: Path, 
         assert one.schema == other.schema
         changed = [name for name in one.column_names if not one[name].equals(other[name])]
         assert sorted(changed) == ["action", "observation.state"]
-    videos = [file for file in old.rglob("*.mp4")]
+    videos = list(old.rglob("*.mp4"))
     assert videos and all((new / file.relative_to(old)).samefile(file) for file in videos)
     same = ["tasks.jsonl", "episodes.jsonl"] if version == "v2.1" else ["tasks.parquet"]
     assert all((new / "meta" / name).read_bytes() == (old / "meta" / name).read_bytes() for name in same)
@@ -281,7 +281,8 @@ def test_actions_that_are_rates_are_doubted(tmp_path: Path, holokin: Command) ->
     assert np.array_equal(column(tmp_path / "new", "action"), column(folder, "action"))
 
 
-@pytest.mark.parametrize(
+@sampled(
+    2,
     ("words", "said"),
     [
         ("no-such-kind", "unknown kind of strategy"), ("lock", "joints"), ("moore-penrose", "it has no leaves"),
@@ -297,7 +298,7 @@ def test_words_that_are_no_strategy_are_refused(tmp_path: Path, words: str, said
     assert done.code == 2 and said in done.err and "Traceback" not in done.err
 
 
-@pytest.mark.parametrize("words", ["lock 2", "lock q3", "lock joints=['q3']", "linear 0 0 1", "linear matrix=[[0, 0, 1]]"])
+@sampled(2, "words", ["lock 2", "lock q3", "lock joints=['q3']", "linear 0 0 1", "linear matrix=[[0, 0, 1]]"])
 def test_a_strategy_is_typed_as_it_stands_in_a_job(tmp_path: Path, words: str, holokin: Command) -> None:
     folder = planar(tmp_path / "old")
     done = holokin(

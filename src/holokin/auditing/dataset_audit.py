@@ -19,13 +19,17 @@ from .arcs import tool_points
 from .cycles import LENGTH_SCALE
 from .equal_poses import LogVerdict, to_pose
 from .log_audit import task_of_tool
-from .scatter import LEAF_SLOPE
 
 NEAR = 5e-3
 """Distance [m] of two tool poses up to which they are compared."""
 
 TOLERANCE = 1e-2
 """Joint distance [rad or m] that counts as equal: half a degree, below which hobby servos do not stand still."""
+
+SLOPE = 5.0
+"""How far spare joints may move beside those that follow the tool from one pose to the next, times as far. Of 780,000
+frames of a Panda with a locked joint 6,000 pairs of near poses took up to 3.3, of 97,000 frames with its arm angle kept
+2.4; near a posture where the leaf ends it has no bound."""
 
 AWAY = 4.0
 """Within an episode a pose counts as visited again only if the tool was so many times `near` away in between."""
@@ -179,8 +183,8 @@ def audit_dataset(
     """Compare the joints of a dataset wherever its tool pose comes again, within an episode or in another one.
 
     Two frames have equal poses where they are at most `near` apart. The joints of the second are moved to the pose of
-    the first by the pseudo-inverse, dq = J^+ e. They differ if more than the tolerance and 1.5 times that move is left,
-    which is how far spare joints of a repeating arm may move beside those that follow the tool.
+    the first by the pseudo-inverse, dq = J^+ e. They differ if more than the tolerance and `SLOPE` times that move is
+    left, which is how far spare joints of a repeating arm may move beside those that follow the tool.
 
     Args:
         joints: the column of the joints, of `joint_feature`.
@@ -249,7 +253,7 @@ def _equal_poses(
             for i in range(0, len(first), BLOCK):
                 a, b = first[i : i + BLOCK], second[i : i + BLOCK]
                 turned = turns * np.linalg.norm(points[a, 3:] - points[b, 3:], axis=1)
-                found.append(_compared(task, q, a, b, tolerance + LEAF_SLOPE * turned))
+                found.append(_compared(task, q, a, b, tolerance + SLOPE * turned))
     if not found:
         none = np.empty(0, np.intp)
         return EqualPoses(none, none, np.empty(0), np.empty(0), none)
@@ -323,4 +327,4 @@ def _compared(
     met, moved = to_pose(task, there, *task.poses(here))
     gap = np.abs(met - here)
     joint = np.argmax(gap, axis=1)
-    return first, second, gap[np.arange(len(gap)), joint], tolerance + LEAF_SLOPE * moved, joint
+    return first, second, gap[np.arange(len(gap)), joint], tolerance + SLOPE * moved, joint

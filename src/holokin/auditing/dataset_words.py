@@ -54,7 +54,7 @@ def dataset_rows(audit: DatasetAudit) -> list[tuple[str, str]]:
     """(what, finding) of every question, for people."""
     pairs = audit.pairs
     found = [
-        ("equal poses, equal joints", audit.verdict.value),
+        ("equal poses, equal joints", audit.verdict.value.partition(":")[0]),
         ("dataset", f"{audit.dataset.folder}, format {audit.dataset.version}"),
         ("looked at", f"{len(audit.q)} frames of {len(audit.episodes)} episodes, column {audit.feature}"),
         ("task", audit.task.name),
@@ -63,8 +63,8 @@ def dataset_rows(audit: DatasetAudit) -> list[tuple[str, str]]:
         ("of them the joints differ", str(int(pairs.beyond.sum()))),
     ]
     if len(pairs.first):
-        said = f"median {np.median(pairs.distance):.2g}, largest {pairs.distance.max():.3g} rad or m"
-        found.append(("distance of the joints", said))
+        median, most = (_size(float(v)) for v in (np.median(pairs.distance), pairs.distance.max()))
+        found.append(("distance of the joints", f"median {median}, largest {most} rad or m"))
     episodes = sorted(audit.by_episode(), key=lambda e: e["worst"]["allowed"] - e["worst"]["distance"])
     differ = [e for e in episodes if e["differ"]]
     if differ:
@@ -73,5 +73,11 @@ def dataset_rows(audit: DatasetAudit) -> list[tuple[str, str]]:
         w = e["worst"]
         other = next(w[k] for k in ("second", "first") if w[k]["episode"] != e["episode"] or k == "first")
         at = f"{w['distance']:.3g} ({w['joint']}) from frame {other['frame']} of episode {other['episode']}"
-        found.append((f"episode {e['episode']}", f"{e['differ']} of {e['equal poses']} equal poses differ, by up to {at}"))
+        said = f"{e['differ']} of {e['equal poses']} equal poses differ, by up to {at}"
+        found.append((f"episode {e['episode']}", said))
     return found + [("note", note) for note in audit.notes]
+
+
+def _size(distance: float) -> str:
+    """A distance of joints; what single precision rounds is not shown."""
+    return f"{distance:.3g}" if distance > 1e-6 else "under 1e-6"

@@ -104,7 +104,11 @@ def audit(
         try:
             found.append(
                 audit_recording(
-                    run, arm, tip=tip, orientation=False if position else None, axis=about,
+                    run,
+                    arm,
+                    tip=tip,
+                    orientation=False if position else None,
+                    axis=about,
                     tolerance=1e-3 if tolerance is None else tolerance,
                 )
             )

@@ -45,7 +45,7 @@ def write_meta(
 
 
 def check_meta(dataset: Dataset) -> None:
-    """Raises: RecordingError: metadata that cannot be written anew, so that this is known before joints are computed."""
+    """Raises: RecordingError: metadata that cannot be written anew, which is so known before joints are computed."""
     if dataset.version == "v2.1":
         _statistics(dataset)
     if (dataset.folder / SUMMARY).exists() and not isinstance(read_json(dataset.folder / SUMMARY), dict):

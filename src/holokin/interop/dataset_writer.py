@@ -191,7 +191,9 @@ class _Writer:
 
     def _measure(self, change: Change, q: Matrix, here: Sequence[Episode]) -> None:
         """How far rounding moves the tool."""
-        scales = change.source.scales(self.task.robot) if isinstance(change.source, JointFeature) else np.ones(self.task.n)
+        scales = (
+            change.source.scales(self.task.robot) if isinstance(change.source, JointFeature) else np.ones(self.task.n)
+        )
         kind = np.float64 if change.double else np.float32
         first = 0
         for e in here:
@@ -267,4 +269,3 @@ def _video(dataset: Dataset, template: str, key: str, episode: Episode, number: 
         return dataset.place("video_path", template, video_key=key, chunk_index=chunk, file_index=file)
     chunk = number // dataset.info["chunks_size"]
     return dataset.place("video_path", template, video_key=key, episode_chunk=chunk, episode_index=number)
-

@@ -75,7 +75,9 @@ class Retargeted(NoTruthValue, Value, ask="`.written`"):
     def __str__(self) -> str:
         lines = [str(one) for one in self.bad[:MOST_LINES]]
         if len(self.bad) > MOST_LINES:
-            lines.append(f"... and {len(self.bad) - MOST_LINES} more, {sum(one.count for one in self.bad)} frames in all")
+            lines.append(
+                f"... and {len(self.bad) - MOST_LINES} more, {sum(one.count for one in self.bad)} frames in all"
+            )
         if self.written is None:
             return "\n".join([*lines, f"no dataset was written; the joints that were computed are in {self.joints}"])
         if self.left_out:
@@ -83,7 +85,9 @@ class Retargeted(NoTruthValue, Value, ask="`.written`"):
         if self.nearest[0]:
             lines.append(f"{self.nearest[0]} frames have the nearest pose, up to {1e3 * self.nearest[1]:.3g} mm away")
         lines.append(f"{self.frames} frames of {', '.join(self.columns)} written to {self.written}")
-        lines.append(f"tool poses are kept to {self.kept:.2g} m or rad, and to {self.rounded:.2g} in the numbers written")
+        lines.append(
+            f"tool poses are kept to {self.kept:.1g} m or rad, and to {self.rounded:.1g} in the numbers written"
+        )
         return "\n".join(lines)
 
 
@@ -135,7 +139,9 @@ def retarget(
             return Retargeted(None, file, 0, left_out=(), rounded=np.nan, **facts)
         left = tuple(sorted({one.episode for one in bads}))
         if len(left) == len(dataset.episodes):
-            raise ArgumentError("episodes without a bad frame", 0, "choose another strategy or q0: nothing would be left")
+            raise ArgumentError(
+                "episodes without a bad frame", 0, "choose another strategy or q0: nothing would be left"
+            )
         changes = [Change(one.source, one.file, _column(one.source), double) for one in found]
         with writing(out):
             rounded = write_changed(dataset, ik.strategy.task, changes, left, work / "new", _about(ik, tip))
@@ -159,7 +165,9 @@ def _bad_frames(dataset: Dataset, found: Sequence[NewJoints]) -> list[BadFrames]
         for e in np.unique(of):
             mine = wrong[of == e]
             kinds, counts = np.unique(one.status[mine], return_counts=True)
-            why = ", ".join(WHY.get(int(kind), InverseStatus(int(kind)).name.lower()) for kind in kinds[np.argsort(-counts)])
+            why = ", ".join(
+                WHY.get(int(kind), InverseStatus(int(kind)).name.lower()) for kind in kinds[np.argsort(-counts)]
+            )
             out.append(BadFrames(int(e), one.source.name, len(mine), int(mine[0] - begins[e]), why))
     return sorted(out, key=lambda b: (b.episode, b.column))
 

@@ -324,7 +324,9 @@ def _rows_of(
 ) -> Rows:  # fmt: skip
     """A record batch as arrays, whose episodes are those that are due. Raises: RecordingError."""
     with reading(file):
-        episode, frame = (batch.column(name).to_numpy(zero_copy_only=False) for name in ("episode_index", "frame_index"))
+        episode, frame = (
+            batch.column(name).to_numpy(zero_copy_only=False) for name in ("episode_index", "frame_index")
+        )
         values = {name: numeric(dataset, file, name, batch.column(name)) for name in columns}
     begins = np.cumsum([0, *(e.length for e in here)])
     place = np.arange(read, read + len(episode))

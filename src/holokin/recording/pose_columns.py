@@ -294,7 +294,8 @@ def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, said: Unit
     far = np.abs(values).max(axis=1) > FULL
     if far.any() and said.angles != "rad":
         i = int(np.argmax(far))
-        fact = f"{said.place} {lines[i]} has an angle of {np.abs(values[i]).max():g} rad, over a turn: it looks like degrees"
+        fact = f"{said.place} {lines[i]} has an angle of {np.abs(values[i]).max():g} rad, over a turn: "
+        fact += "it looks like degrees"
         raise RecordingError(file, fact, "say angles='deg', or name the columns so, as in roll_deg")
     if kind == "vector":
         return Rotation.from_rotvec(values).as_matrix()
