@@ -1,4 +1,4 @@
-"""A dataset on one leaf: same tool poses with one posture each, all else as it was. LeRobot's own facts are referees."""
+"""A dataset on one leaf: same tool poses with one posture each, all else as it was; referee: LeRobot itself."""
 
 from __future__ import annotations
 

@@ -23,14 +23,13 @@ from small_datasets import write_dataset
 ARM = hk.load("planar-3r")
 NAMES = [*(f"{joint}.pos" for joint in ARM.joint_names), "gripper.pos"]
 GOLDEN = Path(__file__).parents[1] / "golden"
-RNG = np.random.default_rng(3)
 
 
 def episodes(count: int = 3, length: int = 7) -> list[dict[str, np.ndarray]]:
     """Random joints of a planar arm and a gripper, in radians."""
-    out = []
+    out, rng = [], np.random.default_rng(3)
     for _ in range(count):
-        state = np.hstack([RNG.uniform(-1, 1, (length, 3)), RNG.uniform(0, 100, (length, 1))])
+        state = np.hstack([rng.uniform(-1, 1, (length, 3)), rng.uniform(0, 100, (length, 1))])
         out.append({"observation.state": state, "action": state + 0.01})
     return out
 
@@ -150,7 +149,7 @@ def poses_dataset(folder: Path, names: list[str], values: np.ndarray) -> Path:
 )
 def test_tool_poses_are_read_by_the_names_of_their_entries(tmp_path: Path, names: list[str], written: object) -> None:
     R = Rotation.random(9, random_state=1)
-    points = RNG.uniform(-0.5, 0.5, (9, 3))
+    points = np.random.default_rng(4).uniform(-0.5, 0.5, (9, 3))
     values = np.hstack([np.zeros((9, 1)), points, written(R)])
     folder = poses_dataset(tmp_path / "d", ["gripper.pos", "ee.x", "ee.y", "ee.z", *names], values)
     data = read_dataset(folder)

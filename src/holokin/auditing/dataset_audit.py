@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector
+from ..base.types import ArrayLike, Flags, Indices, Matrix, Vector
 from ..errors import ArgumentError
 from ..recording.dataset_columns import JointFeature, PoseFeature, postures_of, tool_poses_of
 from ..recording.dataset_folder import Dataset, rows
@@ -17,7 +15,8 @@ from ..robot import Robot
 from ..tasks.task import Task
 from .arcs import tool_points
 from .cycles import LENGTH_SCALE
-from .equal_poses import LogVerdict, to_pose
+from .dataset_findings import DatasetAudit, EqualPoses
+from .equal_poses import to_pose
 from .log_audit import task_of_tool
 
 NEAR = 5e-3
@@ -39,130 +38,6 @@ LOOKS = 8
 
 BLOCK = 20_000
 """Frames whose Jacobians are in memory at one time."""
-
-
-@dataclass(frozen=True, eq=False)
-class EqualPoses(Value):
-    """Pairs of frames with equal tool poses: `first` and `second` (p,) are rows of the frames that were looked at;
-    distance (p,) of the joints of the second, moved to the pose of the first, from those of the first; allowed (p,):
-    up to which they are equal; joint (p,): the one that is farthest."""
-
-    first: Indices
-    second: Indices
-    distance: Vector
-    allowed: Vector
-    joint: Indices
-
-    @property
-    def beyond(self) -> Flags:
-        """Pairs whose joints differ (p,)."""
-        return self.distance > self.allowed
-
-
-@dataclass(frozen=True, eq=False)
-class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
-    """Findings of `audit_dataset`; `str` prints them, `summary` gives them as plain data.
-
-    episodes (e,): those that were looked at; begins (e + 1,): where each begins among the rows of `q` (k, n), joints
-    [rad or m] in single precision as they are stored; points (k, d): tool poses, as `tool_points`; pairs: equal poses.
-    """
-
-    robot: Robot
-    dataset: Dataset
-    task: Task
-    feature: str
-    episodes: Indices
-    begins: Indices
-    q: Matrix
-    points: Matrix
-    pairs: EqualPoses
-    near: float
-    tolerance: float
-    notes: tuple[str, ...] = ()
-
-    @property
-    def decided(self) -> Flags:
-        """Pairs so near that a difference of twice the tolerance would show (p,)."""
-        return self.pairs.allowed <= 2 * self.tolerance
-
-    @property
-    def verdict(self) -> LogVerdict:
-        """Whether equal tool poses have equal joints."""
-        if self.pairs.beyond.any():
-            return LogVerdict.DIFFERS
-        return LogVerdict.REPEATS if self.decided.any() else LogVerdict.UNDECIDED
-
-    @property
-    def exit_code(self) -> int:
-        """0: equal joints in all that the dataset tests; 1: not; 2: it does not show it."""
-        return {LogVerdict.REPEATS: 0, LogVerdict.DIFFERS: 1, LogVerdict.UNDECIDED: 2}[self.verdict]
-
-    def frame(self, row: int) -> tuple[int, int]:
-        """(episode, frame in it) of a row."""
-        at = int(np.searchsorted(self.begins, row, side="right")) - 1
-        return int(self.episodes[at]), int(row - self.begins[at])
-
-    def worst(self) -> int | None:
-        """The pair that is farthest over what is allowed, or else farthest apart; None where there is none."""
-        pairs = self.pairs
-        if not len(pairs.first):
-            return None
-        over = pairs.distance - pairs.allowed
-        return int(np.argmax(over)) if pairs.beyond.any() else int(np.argmax(pairs.distance))
-
-    def by_episode(self) -> list[dict[str, Any]]:
-        """Of each episode with equal poses: how many, how many differ, and the worst, with its frames and place."""
-        pairs, found = self.pairs, []
-        of = [np.searchsorted(self.begins, rows, side="right") - 1 for rows in (pairs.first, pairs.second)]
-        over = pairs.distance - pairs.allowed
-        order = np.concatenate(of)
-        number = np.tile(np.arange(len(over)), 2)
-        by = np.lexsort((-over[number], order))
-        starts = np.flatnonzero(np.diff(order[by], prepend=-1))
-        for part in np.split(by, starts[1:]) if len(by) else ():
-            mine = np.unique(number[part])
-            fact = {"episode": int(self.episodes[order[part[0]]]), "equal poses": len(mine)}
-            fact["differ"] = int(pairs.beyond[mine].sum())
-            found.append(fact | {"worst": self.place(int(number[part[0]]))})
-        return found
-
-    def place(self, pair: int) -> dict[str, Any]:
-        """A pair as plain data: its frames, where the tool is, and how far the joints are apart."""
-        pairs = self.pairs
-        (e, i), (f, j) = self.frame(int(pairs.first[pair])), self.frame(int(pairs.second[pair]))
-        xyz = [float(v) for v in self.points[pairs.first[pair], :3]]
-        return {
-            "first": {"episode": e, "frame": i}, "second": {"episode": f, "frame": j}, "tool": xyz,
-            "joint": self.robot.joint_names[pairs.joint[pair]], "distance": float(pairs.distance[pair]),
-            "allowed": float(pairs.allowed[pair]),
-        }  # fmt: skip
-
-    def sentence(self) -> str:
-        """The verdict in a sentence."""
-        from .dataset_words import dataset_sentence
-
-        return dataset_sentence(self)
-
-    def rows(self) -> list[tuple[str, str]]:
-        """(what, finding) of every question, for people."""
-        from .dataset_words import dataset_rows
-
-        return dataset_rows(self)
-
-    def summary(self) -> dict[str, Any]:
-        """All findings as plain data."""
-        worst, pairs = self.worst(), self.pairs
-        return {
-            "dataset": str(self.dataset.folder), "format": self.dataset.version, "robot": self.robot.name,
-            "task": self.task.name, "column": self.feature, "verdict": self.verdict.name, "sentence": self.sentence(),
-            "frames": len(self.q), "episodes": len(self.episodes), "equal poses": len(pairs.first),
-            "of them decided": int(self.decided.sum()), "of them differ": int(pairs.beyond.sum()),
-            "near": self.near, "tolerance": self.tolerance, "worst": None if worst is None else self.place(worst),
-            "by episode": self.by_episode(), "notes": list(self.notes),
-        }  # fmt: skip
-
-    def __str__(self) -> str:
-        return "\n".join([*(f"{what}: {found}" for what, found in self.rows()), self.sentence()])
 
 
 @typed

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from pathlib import Path as FilePath
 from typing import Any
 
 from ..base.types import Vector
@@ -23,7 +22,7 @@ EXAMPLE = (
 """What may be typed."""
 
 
-def strategy_of_words(text: str, task: Task, q0: Vector) -> Strategy:
+def _strategy_of_words(text: str, task: Task, q0: Vector) -> Strategy:
     """The strategy of a text like "lock joint3": its kind, and behind it values, or keys with values as TOML has them.
 
     Args:
@@ -44,7 +43,7 @@ def strategy_of_words(text: str, task: Task, q0: Vector) -> Strategy:
 
 def leaf_of_words(text: str, task: Task, q0: Vector) -> Strategy:
     """The same, of a strategy with leaves; where nothing is redundant any serves. Raises: ArgumentError besides."""
-    strategy = strategy_of_words(text, task, q0)
+    strategy = _strategy_of_words(text, task, q0)
     if task.n > task.m and not isinstance(strategy, HolonomicStrategy):
         raise ArgumentError("--strategy", text, "it has no leaves, so a pose has many joints: name one such as lock")
     return strategy
@@ -93,8 +92,3 @@ def _assignments(text: str) -> list[str]:
             pieces.append(text[start:i])
             start = i + 1
     return [*pieces, text[start:]]
-
-
-def is_job_file(text: str) -> bool:
-    """Whether a text names a job file, whose strategy is meant."""
-    return FilePath(text).suffix.lower() == ".toml"

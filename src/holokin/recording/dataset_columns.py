@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arguments import typed
 from ..base.types import Array, Indices, Matrix, Value, Vector
 from ..errors import ArgumentError, RecordingError, UnknownNameError
 from ..robot import Robot
@@ -58,7 +59,7 @@ class PoseFeature(Value):
     said: Units
 
 
-def names_of(dataset: Dataset, feature: str) -> list[str]:
+def _names_of(dataset: Dataset, feature: str) -> list[str]:
     """The names of a column's entries, or their numbers where it has none. Raises: UnknownNameError, RecordingError."""
     if feature not in dataset.features:
         raise UnknownNameError("column", feature, dataset.features)
@@ -71,6 +72,7 @@ def names_of(dataset: Dataset, feature: str) -> list[str]:
     return names or [str(i) for i in range(width)]
 
 
+@typed
 def joint_feature(
     dataset: Dataset, robot: Robot, feature: str, *, columns: Columns | None = None, degrees: bool | None = None
 ) -> JointFeature:  # fmt: skip
@@ -83,7 +85,7 @@ def joint_feature(
     Raises:
         RecordingError: joints that are missing; a unit that must be said. ArgumentError, UnknownNameError.
     """
-    names, file = names_of(dataset, feature), dataset.folder / INFO
+    names, file = _names_of(dataset, feature), dataset.folder / INFO
     if columns is None:
         places = joint_columns(file, names, robot, robot.joint_names)
     else:
@@ -98,6 +100,7 @@ def joint_feature(
     return JointFeature(feature, np.array(places, dtype=np.intp), degrees)
 
 
+@typed
 def has_joints(dataset: Dataset, robot: Robot, feature: str) -> bool:
     """Whether a column names every joint of a robot."""
     try:
@@ -107,6 +110,7 @@ def has_joints(dataset: Dataset, robot: Robot, feature: str) -> bool:
     return True
 
 
+@typed
 def pose_feature(
     dataset: Dataset, feature: str, *, angles: str | None = None, order: str | None = None
 ) -> PoseFeature:  # fmt: skip
@@ -120,7 +124,7 @@ def pose_feature(
     Raises:
         RecordingError: no such entries. UnknownNameError: no such column. ArgumentError.
     """
-    names = names_of(dataset, feature)
+    names = _names_of(dataset, feature)
     plain = [_plain(name) for name in names]
     said = Units(None, angles, order, assumed=True, place="frame")
     numbered = [name for name in plain if re.fullmatch(r"q[0-4]", name)]
@@ -199,6 +203,7 @@ def _check_unit(file: Any, robot: Robot, feature: str, low: Vector, high: Vector
     raise RecordingError(file, f"{fact} and in degrees", cure)
 
 
+@typed
 def chosen_episodes(dataset: Dataset, text: str | None) -> list[int]:
     """The episodes of a text as "0:10,12": 0 to 9, and 12; all where there is none. Raises: ArgumentError."""
     count = len(dataset.episodes)
