@@ -16,7 +16,8 @@ from holokin.errors import AmbiguousTruthError
 NO_QUESTION = {
     # what is asked about, and settings
     "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
-    "Dataset", "Episode", "JointFeature", "PoseFeature", "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "Joint", "KernelStrategy",
+    "Dataset", "Episode", "JointFeature", "PoseFeature",
+    "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "Joint", "KernelStrategy",
     "Kinematics", "Law", "Limits", "LinkShape", "Objective", "Part", "Path", "Plant",
     "PostureTask", "Push", "Recording", "Robot", "RowStrategy", "SelfMotion",
     "Servo", "Shape", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
@@ -26,7 +27,8 @@ NO_QUESTION = {
     "Clearance", "Deviation", "DriftFree", "DriftPrediction", "Exported", "GeneralForm", "Jump", "JointLoad",
     "MoveItPackage",
     "LeafFunction",
-    "BadFrames", "EqualPoses", "LeftOut", "ClosestHolonomic", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
+    "BadFrames", "EqualPoses",
+    "LeftOut", "ClosestHolonomic", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
     "Slice", "Slowdown", "TimedTrajectory", "Unseen", "Witness",
     # a fault that was found, and kinds: none is a no
     "checking.Finding", "Evidence", "FindingKind",

@@ -278,6 +278,7 @@ def test_actions_that_are_rates_are_doubted(tmp_path: Path, holokin: Command) ->
     assert_refused(holokin(*arguments, "--out", str(tmp_path / "new")), "it seems no position", "--column")
     done = holokin(*arguments, "--column", "observation.state", "--out", str(tmp_path / "new"))
     assert done.code == 0
+    assert "action does not name the joints of planar-3r, or was not asked for: it is as it was" in done.out
     assert np.array_equal(column(tmp_path / "new", "action"), column(folder, "action"))
 
 

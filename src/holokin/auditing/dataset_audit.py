@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arguments import typed
-from ..base.types import ArrayLike, Flags, Indices, Matrix, Vector
+from ..base.types import ArrayLike, Flags, Vector
 from ..errors import ArgumentError
 from ..recording.dataset_columns import JointFeature, PoseFeature, postures_of, tool_poses_of
 from ..recording.dataset_folder import Dataset, rows
@@ -15,7 +17,7 @@ from ..robot import Robot
 from ..tasks.task import Task
 from .arcs import tool_points
 from .cycles import LENGTH_SCALE
-from .dataset_findings import DatasetAudit, EqualPoses
+from .dataset_findings import DatasetAudit, EqualPoses, Numbers
 from .equal_poses import to_pose
 from .log_audit import task_of_tool
 
@@ -35,6 +37,9 @@ AWAY = 4.0
 
 LOOKS = 8
 """Frames between two visits that are looked at for that."""
+
+Whole = NDArray[np.integer[Any]]
+"""Rows and cells; 32 bits take half the memory."""
 
 BLOCK = 20_000
 """Frames whose Jacobians are in memory at one time."""
@@ -112,7 +117,7 @@ def audit_dataset(
 
 
 def _equal_poses(
-    task: Task, q: Matrix, points: Matrix, begins: Indices, near: float, tolerance: float, turns: float
+    task: Task, q: Numbers, points: Numbers, begins: Whole, near: float, tolerance: float, turns: float
 ) -> EqualPoses:  # fmt: skip
     """The first visit of each cell of two grids, beside each other visit of it.
 
@@ -135,7 +140,7 @@ def _equal_poses(
     return EqualPoses(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
-def _cells(points: Matrix, near: float, shift: float) -> Indices:
+def _cells(points: Numbers, near: float, shift: float) -> Whole:
     """A number for the cell of a grid in which each tool point lies (k,)."""
     key = np.zeros(len(points), np.uint64)
     for column, values in enumerate(points.T):
@@ -146,7 +151,7 @@ def _cells(points: Matrix, near: float, shift: float) -> Indices:
     return key
 
 
-def _visits(points: Matrix, begins: Indices, near: float, shift: float) -> Iterator[tuple[Indices, Indices]]:
+def _visits(points: Numbers, begins: Whole, near: float, shift: float) -> Iterator[tuple[Whole, Whole]]:
     """(rows of first visits, rows of other visits of their cells), at most `near` apart, in blocks."""
     key = _cells(points, near, shift)
     order = np.argsort(key, kind="stable").astype(np.int32)
@@ -172,7 +177,7 @@ def _visits(points: Matrix, begins: Indices, near: float, shift: float) -> Itera
         yield first[apart], second[apart]
 
 
-def _nearest_frames(points: Matrix, order: Indices, begin: Indices, end: Indices, reference: Indices) -> Indices:
+def _nearest_frames(points: Numbers, order: Whole, begin: Whole, end: Whole, reference: Whole) -> Whole:
     """Of each visit, rows order[begin:end], the one whose pose is nearest to that of its reference."""
     length = np.minimum(end - begin, LOOKS)  # of a long rest some frames say it all
     best, least = order[begin], np.full(len(begin), np.inf)
@@ -183,7 +188,7 @@ def _nearest_frames(points: Matrix, order: Indices, begin: Indices, end: Indices
     return best
 
 
-def _was_away(points: Matrix, begins: Indices, first: Indices, second: Indices, far: float) -> Flags:
+def _was_away(points: Numbers, begins: Whole, first: Whole, second: Whole, far: float) -> Flags:
     """Whether two rows are of different episodes, or the tool was far from both of them in between."""
     of = [np.searchsorted(begins, rows, side="right") for rows in (first, second)]
     away = of[0] != of[1]
@@ -195,8 +200,8 @@ def _was_away(points: Matrix, begins: Indices, first: Indices, second: Indices, 
 
 
 def _compared(
-    task: Task, q: Matrix, first: Indices, second: Indices, tolerance: Vector
-) -> tuple[Indices, Indices, Vector, Vector, Indices]:  # fmt: skip
+    task: Task, q: Numbers, first: Whole, second: Whole, tolerance: Vector
+) -> tuple[Whole, Whole, Vector, Vector, Whole]:  # fmt: skip
     """The columns of `EqualPoses` for some pairs."""
     here, there = q[first].astype(float), q[second].astype(float)
     met, moved = to_pose(task, there, *task.poses(here))

@@ -6,12 +6,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..base.types import Flags, Indices, Matrix, NoTruthValue, Value, Vector
+from ..base.types import Flags, Indices, NoTruthValue, Value, Vector
 from ..recording import Dataset
 from ..robot import Robot
 from ..tasks.task import Task
 from .equal_poses import LogVerdict
+
+Numbers = NDArray[np.floating[Any]]
+"""Joints and tool points in single precision, which takes half the memory."""
 
 MOST_ROWS = 8
 """Episodes that are named, the worst first; `summary` has all."""
@@ -49,8 +53,8 @@ class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
     feature: str
     episodes: Indices
     begins: Indices
-    q: Matrix
-    points: Matrix
+    q: Numbers
+    points: Numbers
     pairs: EqualPoses
     near: float
     tolerance: float

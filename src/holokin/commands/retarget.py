@@ -13,7 +13,7 @@ from .outcome import ending, show
 
 if TYPE_CHECKING:
     from ..base.types import Vector
-    from ..recording import Dataset, JointFeature, PoseFeature
+    from ..recording import Dataset
     from ..robot import Robot
 
 
@@ -67,7 +67,7 @@ def retarget(
     from ..inverse_kinematics import inverse
     from ..job import axis_of
     from ..job.strategy_words import leaf_of_words
-    from ..recording import read_dataset
+    from ..recording import ACTION, STATE, read_dataset
     from ..robot import is_model, load
 
     if skip_bad and nearest:
@@ -85,6 +85,8 @@ def retarget(
         done = interop.retarget(data, ik, sources, out, tip=tip, bad=bad, double=double)
     for line in str(done).splitlines():
         show(line)
+    for name in {STATE, ACTION} & set(data.features) - {source.name for source in sources}:
+        show(f"{name} does not name the joints of {arm.name}, or was not asked for: it is as it was")
     if done.written is None:
         show("choose another strategy or q0, or say --skip-bad to leave out these episodes, or --nearest")
         raise typer.Exit(1)
@@ -104,12 +106,11 @@ def _sources(
     chosen = column or ([] if poses else named or usual)
     if not chosen and not poses:
         raise ArgumentError("the columns of joints", list(dataset.features), "name them by --column, or --poses")
-    found: list[JointFeature | PoseFeature] = [
-        joint_feature(dataset, arm, name, columns=columns, degrees=degrees) for name in dict.fromkeys(chosen)
-    ]
+    found = [joint_feature(dataset, arm, name, columns=columns, degrees=degrees) for name in dict.fromkeys(chosen)]
     if column is None:
         check_targets(dataset, arm, found)
-    return found + [pose_feature(dataset, name, angles=angles, order=order) for name in dict.fromkeys(poses or [])]
+    places = [pose_feature(dataset, name, angles=angles, order=order) for name in dict.fromkeys(poses or [])]
+    return [*found, *places]
 
 
 def _start(dataset: Dataset, arm: Robot, sources: list[Any], q0: str | None, degrees: bool) -> Vector:

@@ -42,7 +42,7 @@ def joined_stats(episodes: Sequence[Stats]) -> Stats:
     share = count / count.sum()
 
     def mean(name: str) -> Array:
-        return np.tensordot(share, np.stack([one[name] for one in episodes]), axes=1)
+        return (np.stack([one[name] for one in episodes]).T @ share).T
 
     found: Stats = {"count": np.array([int(count.sum())])}
     if {"min", "max"} <= names:

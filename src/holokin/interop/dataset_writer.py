@@ -174,7 +174,7 @@ class _Writer:
             )
         return self._renumbered(table, here) if self.renumbered else table
 
-    def _values(self, file: Path, change: Change, batch: Any, q: Matrix) -> Matrix:
+    def _values(self, file: Path, change: Change, batch: Any, q: Matrix) -> Any:
         """The numbers of a column's rows, rounded as they are written."""
         robot = self.task.robot
         kind = np.float64 if change.double else np.float32
@@ -185,9 +185,8 @@ class _Writer:
             old = numeric(self.dataset, file, source.name, batch.column(source.name))
         if not change.double:
             kind = np.dtype(self.dataset.features[source.name]["dtype"])
-        values = old.astype(kind)
-        values[:, source.places] = q / source.scales(robot)
-        return values
+        old[:, source.places] = q / source.scales(robot)
+        return old.astype(kind)
 
     def _measure(self, change: Change, q: Matrix, here: Sequence[Episode]) -> None:
         """How far rounding moves the tool."""
@@ -261,11 +260,12 @@ def _videos(dataset: Dataset, kept: Sequence[Episode], numbers: dict[int, int], 
 def _video(dataset: Dataset, template: str, key: str, episode: Episode, number: int) -> Path:
     """The video file of an episode, where its number is `number`."""
     if dataset.version == "v3.0":
-        chunk, file = (episode.facts.get(f"videos/{key}/{what}") for what in ("chunk_index", "file_index"))
-        if not all(isinstance(i, int | float) and float(i).is_integer() for i in (chunk, file)):  # floats of pandas
+        numbers = [episode.facts.get(f"videos/{key}/{what}") for what in ("chunk_index", "file_index")]
+        whole = [int(one) for one in numbers if isinstance(one, int | float) and float(one).is_integer()]  # of pandas
+        if len(whole) < 2:
             fact = f"does not say which file has the video {key} of episode {episode.index}"
             raise RecordingError(dataset.folder / "meta" / "episodes", fact, "download the dataset anew")
-        chunk, file = int(chunk), int(file)
+        chunk, file = whole
         return dataset.place("video_path", template, video_key=key, chunk_index=chunk, file_index=file)
     chunk = number // dataset.info["chunks_size"]
     return dataset.place("video_path", template, video_key=key, episode_chunk=chunk, episode_index=number)
