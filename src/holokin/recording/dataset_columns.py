@@ -19,8 +19,11 @@ from .joint_files import SLACK
 from .log import listed, shown
 from .pose_columns import PoseColumns, Units, columns_of_poses, poses_of
 
-STATE, ACTION = "observation.state", "action"
-"""The names that LeRobot gives to what the robot measures, and to what it is told."""
+STATE = "observation.state"
+"""The name that LeRobot gives to what the robot measures."""
+
+ACTION = "action"
+"""The name that LeRobot gives to what the robot is told."""
 
 NORMALIZED = 100.0
 """The ends of the range to which LeRobot maps a motor that has no unit."""
