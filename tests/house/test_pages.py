@@ -15,7 +15,7 @@ from conftest import Command, campaign, sampled
 from printed import assert_alike
 
 ROOT = Path(__file__).parents[2]
-BLOCK = re.compile(r"^```(python|toml|text)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+BLOCK = re.compile(r"^```(python|toml|text|sh)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 RUN = sorted(
     str(page.relative_to(ROOT))
     for page in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"))
