@@ -243,6 +243,9 @@ def calls() -> dict[str, Call]:
         "audit_recording": (hk.audit_recording, (recording.Recording(tuple(robot.joint_names), t, np.zeros((3,
             3)), "here"),
             robot), {"tip": None, "orientation": None, "tolerance": 1e-3, "length_scale": 0.1}),
+        "read_dataset": (recording.read_dataset, (Path("no folder"),), {}),
+        "lerobot_step": (hk.interop.lerobot_step, (k["ik"],), {
+            "degrees": True, "step": 0.1, "prefix": "ee", "motors": None}),
         "read_recording": (hk.read_recording, ("no.csv", robot), {
             "degrees": False, "topic": None, "columns": "q_%d", "time": "t"}),
         "workspace": (hk.workspace, (), {

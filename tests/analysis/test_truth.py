@@ -16,6 +16,7 @@ from holokin.errors import AmbiguousTruthError
 NO_QUESTION = {
     # what is asked about, and settings
     "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
+    "Dataset", "Episode", "JointFeature", "PoseFeature",
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "Joint", "KernelStrategy",
     "Kinematics", "Law", "Limits", "LinkShape", "Objective", "Part", "Path", "Plant",
     "PostureTask", "Push", "Recording", "Robot", "RowStrategy", "SelfMotion",
@@ -26,6 +27,7 @@ NO_QUESTION = {
     "Clearance", "Deviation", "DriftFree", "DriftPrediction", "Exported", "GeneralForm", "Jump", "JointLoad",
     "MoveItPackage",
     "LeafFunction",
+    "BadFrames", "EqualPoses",
     "LeftOut", "ClosestHolonomic", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
     "Slice", "Slowdown", "TimedTrajectory", "Unseen", "Witness",
     # a fault that was found, and kinds: none is a no

@@ -29,7 +29,7 @@ LAYERS = [
     {"strategies", "recording"},
     {"inverse_kinematics"},
     {"motion"},
-    {"analysis", "laws", "physics", "proof", "checking", "export"},
+    {"analysis", "laws", "physics", "proof", "checking", "export", "interop"},
     {"auditing", "designing"},
     {"output"},
     {"job"},

@@ -15,7 +15,7 @@ from conftest import Command, campaign, sampled
 from printed import assert_alike
 
 ROOT = Path(__file__).parents[2]
-BLOCK = re.compile(r"^```(python|toml|text)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+BLOCK = re.compile(r"^```(python|toml|text|sh)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 RUN = sorted(
     str(page.relative_to(ROOT))
     for page in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"))
@@ -25,7 +25,18 @@ LONG = ("docs/inverse.md", "docs/workspaces.md")
 """Pages that compute for longer than a compiler takes."""
 SLOW = tuple(
     f"docs/{name}.md"
-    for name in ("audit", "choose", "concepts", "inverse", "libraries", "paths", "robots", "studio", "workspaces")
+    for name in (
+        "audit",
+        "choose",
+        "concepts",
+        "datasets",
+        "inverse",
+        "libraries",
+        "paths",
+        "robots",
+        "studio",
+        "workspaces",
+    )
 )
 """Pages that take longer than two seconds: of the campaign."""
 SHOWN = {name for name in hk.__all__ if not isinstance(getattr(hk, name), ModuleType)}

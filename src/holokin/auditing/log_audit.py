@@ -65,13 +65,7 @@ def audit_recording(
         raise ArgumentError("length_scale", length_scale, "give a positive number [m/rad]")
     if recording.q.shape[1] != robot.n:
         raise ShapeError("q of the recording", ("k", robot.n), recording.q.shape, "read it with the same robot")
-    whole = robot.n > (3 if robot.planar else 6) if orientation is None else orientation
-    if axis is None:
-        task, axes = (pose(robot, tip=tip), WHOLE) if whole else (position(robot, tip), FREE)
-    else:
-        if orientation is not None:
-            raise ArgumentError("axis beside orientation", axis, "give one of them")
-        task, axes = _about(robot, tip, axis, recording.q[0])
+    task, axes = task_of_tool(robot, tip, orientation, axis, recording.q[0])
     cycles = find_cycles(recording, robot, tip=tip, axes=axes, length_scale=length_scale)
     count, poses, n = cycles.q.shape
     place, turn = robot.pose_batch(cycles.q[0], tip)
@@ -164,6 +158,21 @@ def audit_recording(
         at_crossings,
         verdict,
     )
+
+
+def task_of_tool(
+    robot: Robot, tip: str | None, orientation: bool | None, axis: str | ArrayLike | None, q: Vector
+) -> tuple[Task, Matrix]:  # fmt: skip
+    """(what the tool of a log does, the axes (3, a) whose directions belong to it), as `audit_recording` says them.
+
+    Raises: ArgumentError: an axis beside an orientation.
+    """
+    if axis is not None:
+        if orientation is not None:
+            raise ArgumentError("axis beside orientation", axis, "give one of them")
+        return _about(robot, tip, axis, q)
+    whole = robot.n > (3 if robot.planar else 6) if orientation is None else orientation
+    return (pose(robot, tip=tip), WHOLE) if whole else (position(robot, tip), FREE)
 
 
 def _about(robot: Robot, tip: str | None, axis: str | ArrayLike, q: Vector) -> tuple[Task, Matrix]:

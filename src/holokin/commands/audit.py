@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .audit_of_dataset import audit_of_dataset, refuse_options
 from .check import Columns, Degrees, RobotName, TimeColumn, TipName, Topic
 from .outcome import show, show_rich
 
@@ -14,8 +15,17 @@ if TYPE_CHECKING:
     from ..auditing import LogAudit
 
 Logs = Annotated[
-    list[Path], typer.Argument(help="CSV files, rosbag2 folders, .mcap, .db3 or .bag files: several are one log.")
+    list[Path],
+    typer.Argument(
+        help="CSV files, rosbag2 folders, .mcap, .db3 or .bag files: several are one log. Or the folder of a LeRobot "
+        "dataset."
+    ),
 ]
+Episodes = Annotated[str | None, typer.Option(help="Of a dataset: the episodes, as 0:10,12 for 0 to 9, and 12.")]
+Angles = Annotated[
+    str | None, typer.Option(help="Of --poses: rad or deg, the unit of roll, pitch, yaw and rotation vectors.")
+]
+Order = Annotated[str | None, typer.Option(help="Of --poses with numbered quaternions: xyzw or wxyz.")]
 
 
 def audit(
@@ -39,11 +49,28 @@ def audit(
         bool, typer.Option("--split", help="Audit each run of the log: cut where the clock is set back or all rests.")
     ] = False,
     idle: Annotated[float, typer.Option(help="With --split: the rest in s at which it is cut.")] = 5.0,
-    tolerance: Annotated[float, typer.Option(help="Joint distance in rad or m that counts as equal.")] = 1e-3,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="Joint distance in rad or m that counts as equal; by default 1e-3, of a dataset 1e-2."),
+    ] = None,
+    episodes: Episodes = None,
+    column: Annotated[
+        str | None, typer.Option(help="Of a dataset: the column with the joints, by default observation.state.")
+    ] = None,
+    poses: Annotated[
+        str | None, typer.Option(help="Of a dataset: a column with tool poses, to compare instead of the joints' own.")
+    ] = None,
+    angles: Angles = None,
+    order: Order = None,
+    near: Annotated[
+        float | None, typer.Option(help="Of a dataset: distance in m of tool poses that are compared, by default 5e-3.")
+    ] = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the findings to this file.")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="Write a figure to this file (.png, .svg, .pdf).")] = None,
 ) -> None:
     """Judge a log of joint motion: are the joints the same after each cycle of the tool?
+
+    Of a LeRobot dataset: are the joints the same wherever the tool pose is, in all episodes?
 
     Exits 0 when they are in all that the log tests, 1 when they are not, 2 when the log does not decide, and on
     bad input. Of several runs the gravest counts; a run without two cycles is named, and counts only if all are so.
@@ -53,12 +80,20 @@ def audit(
     from ..job import axis_of
     from ..output.log_report import log_figure, print_log_audit, save_log_audits
     from ..output.plots import write_figure
-    from ..recording import read_runs
+    from ..recording import is_dataset, read_runs
     from ..robot import is_model, load
 
     if position and axis is not None:
         raise ArgumentError("--position beside --axis", axis, "give one of them")
     arm = load(robot, tip=tip if is_model(robot) else None)
+    of_dataset = {
+        "episodes": episodes, "column": column, "poses": poses, "angles": angles, "order": order, "near": near,
+    }  # fmt: skip
+    if len(log) == 1 and is_dataset(log[0]):
+        refuse_options("a log", topic=topic, time=time, skip_bad=skip_bad or None, split=split or None)
+        tool = {"tip": tip, "orientation": False if position else None, "axis": None if axis is None else axis_of(axis)}
+        audit_of_dataset(log[0], arm, tool, of_dataset, degrees, columns, tolerance, json, plot)
+    refuse_options("a LeRobot dataset, which has meta/info.json", **of_dataset)
     runs = read_runs(
         log, arm, split=split, idle=idle, degrees=degrees, topic=topic, columns=columns, time=time, skip_bad=skip_bad
     )
@@ -69,7 +104,12 @@ def audit(
         try:
             found.append(
                 audit_recording(
-                    run, arm, tip=tip, orientation=False if position else None, axis=about, tolerance=tolerance
+                    run,
+                    arm,
+                    tip=tip,
+                    orientation=False if position else None,
+                    axis=about,
+                    tolerance=1e-3 if tolerance is None else tolerance,
                 )
             )
         except RecordingError as problem:

@@ -22,6 +22,7 @@ from .export import exporting
 from .jobs import jobs
 from .new import new
 from .outcome import Ending, ending, finish, prepare_streams, set_ending, show
+from .retarget import retarget
 from .robots import robots
 from .run import run
 from .simulate import simulate
@@ -89,6 +90,7 @@ app.command()(jobs)
 app.command()(new)
 app.command()(robots)
 app.command()(audit)
+app.command()(retarget)
 app.command()(advise)
 app.command()(certify)
 app.add_typer(exporting, name="export")

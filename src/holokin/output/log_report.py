@@ -26,17 +26,22 @@ MOST_ARMS = 4
 
 def print_log_audit(audit: LogAudit, console: Any) -> None:
     """Print the findings as a table, and the verdict below."""
+    print_findings(audit.rows(), audit.verdict, audit.sentence(), console)
+
+
+def print_findings(rows: Sequence[tuple[str, str]], verdict: LogVerdict, sentence: str, console: Any) -> None:
+    """Print findings as a table, and the sentence of the verdict below in its colour."""
     from rich.table import Table
     from rich.text import Text
 
     table = Table(show_header=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column()
-    for what, finding in audit.rows():
+    for what, finding in rows:
         table.add_row(what, Text(finding))
     console.print(table)
-    color = {LogVerdict.REPEATS: GOOD, LogVerdict.UNDECIDED: WARNING}.get(audit.verdict, BAD)
-    console.print(Text(audit.sentence(), style=color), highlight=False)
+    color = {LogVerdict.REPEATS: GOOD, LogVerdict.UNDECIDED: WARNING}.get(verdict, BAD)
+    console.print(Text(sentence, style=color), highlight=False)
 
 
 def save_log_audits(audits: Sequence[LogAudit], file: FilePath) -> None:

@@ -1,8 +1,19 @@
-"""What files hold: joint motion in CSV, rosbag2 folders and MCAP; poses and waypoints in CSV; outlines in SVG.
+"""What files hold: joint motion in CSV, rosbag2 folders and MCAP; LeRobot datasets; poses in CSV; outlines in SVG.
 
-Uses `path` and `robot`. Read first: `log.py`, `joint_files.py`.
+Uses `path` and `robot`. Read first: `log.py`, `joint_files.py`, `dataset_folder.py`.
 """
 
+from .dataset_columns import (
+    ACTION,
+    STATE,
+    JointFeature,
+    PoseFeature,
+    chosen_episodes,
+    has_joints,
+    joint_feature,
+    pose_feature,
+)
+from .dataset_folder import Dataset, Episode, is_dataset, read_dataset
 from .joint_columns import TIMES
 from .joint_files import SLACK, read_recording
 from .log import GAP, Recording
@@ -11,10 +22,22 @@ from .pose_table import read_waypoints, read_workspace
 from .svg_outlines import read_svg
 
 __all__ = [
+    "ACTION",
     "GAP",
     "SLACK",
+    "STATE",
     "TIMES",
+    "Dataset",
+    "Episode",
+    "JointFeature",
+    "PoseFeature",
     "Recording",
+    "chosen_episodes",
+    "has_joints",
+    "is_dataset",
+    "joint_feature",
+    "pose_feature",
+    "read_dataset",
     "read_recording",
     "read_runs",
     "read_svg",

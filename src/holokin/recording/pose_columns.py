@@ -64,7 +64,7 @@ class Units:
     """What the caller says of a file; None where its header must say it.
 
     With `assumed` a header that does not say it means metres and radians; q1 to q4 are no quaternion then, and times
-    are left out. Columns that `ignore` names, or fits with a *, are not there.
+    are left out. Columns that `ignore` names, or fits with a *, are not there. `place` is what messages call a row.
     """
 
     units: str | None
@@ -72,6 +72,7 @@ class Units:
     order: str | None
     assumed: bool
     ignore: tuple[str, ...] = ()
+    place: str = "line"
 
     def __post_init__(self) -> None:
         known = {"units": ("m", "mm"), "angles": ("rad", "deg"), "order": tuple(ORDERS)}
@@ -93,7 +94,7 @@ class PoseRows:
 
 
 @dataclass
-class _Columns:
+class PoseColumns:
     """Where a file has position, orientation and time, and what turns each column into SI units."""
 
     position: list[int]
@@ -117,10 +118,10 @@ def pose_rows(file: Path, noun: str, said: Units) -> PoseRows:
     """
     if is_folder(file):
         raise RecordingError(file, "is a folder", f"give a CSV file of {noun}s")
-    chosen: list[_Columns] = []
+    chosen: list[PoseColumns] = []
 
     def wanted(header: Sequence[str]) -> list[int]:
-        chosen.append(_columns(file, header, said))
+        chosen.append(columns_of_poses(file, header, said))
         return chosen[0].wanted
 
     pieces = read_table(file, wanted, f"give a {noun} a line", "x_mm, y_mm, z_mm")
@@ -128,18 +129,23 @@ def pose_rows(file: Path, noun: str, said: Units) -> PoseRows:
     if not found:
         raise RecordingError(file, f"has a header but no {noun}s", f"give a {noun} a line")
     lines = np.concatenate([places for _, places in found])
-    columns = chosen[0]
-    table = np.vstack([rows for rows, _ in found]) * columns.scales
+    return poses_of(file, chosen[0], np.vstack([rows for rows, _ in found]), lines, said)
+
+
+def poses_of(file: Path, columns: PoseColumns, values: Matrix, lines: Indices, said: Units) -> PoseRows:
+    """The points or poses of values (k, c) of the columns `wanted`, in SI units. Raises: RecordingError."""
+    table = values * columns.scales
     notes: list[str] = []
     points, turned = table[:, :3], table[:, 3 : 3 + len(columns.orientation)]
-    _check_lengths(file, points, lines, notes, columns.scales[0])
+    _check_lengths(file, points, lines, notes, columns.scales[0], said.place)
     rotations = _rotations(file, columns.kind, turned, lines, said, notes) if columns.kind else None
     if columns.kind == "KUKA":
         notes.append(AS_KUKA)
     return PoseRows(points, rotations, table[:, -1] if columns.time else None, lines, notes)
 
 
-def _columns(file: Path, header: Sequence[str], said: Units) -> _Columns:
+def columns_of_poses(file: Path, header: Sequence[str], said: Units) -> PoseColumns:
+    """Which columns of a header hold points or poses. Raises: RecordingError."""
     header = header[: len(POSITION) + 4] if _is_coverage(header) else header
     left = _ignored(header, said.ignore)
     known: dict[str, tuple[int, str]] = {}
@@ -179,7 +185,7 @@ def _columns(file: Path, header: Sequence[str], said: Units) -> _Columns:
             fact = f"its column {shown(name)!r} is neither a position, nor an orientation or a time that is read"
             cure = f"delete it, or leave it out on purpose with ignore={[shown(name)]}"
             raise RecordingError(file, fact, cure)
-    return _Columns(
+    return PoseColumns(
         [places[n] for n in where], [places[n] for n in names], kind, [places[n] for n in time], np.array(scales)
     )
 
@@ -255,11 +261,13 @@ def _scales(
     return out
 
 
-def _check_lengths(file: Path, points: Matrix, lines: Indices, notes: list[str], scale: float) -> None:
+def _check_lengths(
+    file: Path, points: Matrix, lines: Indices, notes: list[str], scale: float, place: str
+) -> None:  # fmt: skip
     size = np.abs(points).max(axis=1)
     if size.max() > FAR:
         i = int(np.argmax(size > FAR))
-        fact = f"line {lines[i]} has a coordinate of {size[i]:g} m: this looks like millimetres"
+        fact = f"{place} {lines[i]} has a coordinate of {size[i]:g} m: this looks like millimetres"
         raise RecordingError(file, fact, "say units='mm', or name the columns x_mm, y_mm, z_mm")
     if scale == SCALES["mm"] and size.max() < NEAR:
         notes.append(f"no coordinate is beyond {1e3 * size.max():.3g} mm: are they metres?")
@@ -272,31 +280,32 @@ def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, said: Unit
         matrices = values.reshape(-1, 3, 3)
         for line, R in zip(lines, matrices, strict=True):
             if not rotation_gap(R) < ROTATION:
-                raise RecordingError(file, f"line {line} has no rotation", rotation_cure(R))
+                raise RecordingError(file, f"{said.place} {line} has no rotation", rotation_cure(R))
         return matrices
     if kind in ("quaternion", "numbered"):
         values = values[:, ORDERS[said.order or "xyzw"]]
-        _check_quaternions(file, values, lines)
+        _check_quaternions(file, values, lines, said.place)
         flips = np.flatnonzero(np.sum(values[1:] * values[:-1], axis=1) < 0) + 1
         if flips.size:
             where = ", ".join(str(lines[i]) for i in flips[:5]) + (", ..." if flips.size > 5 else "")
             many = f"{flips.size} quaternion{'s change' if flips.size > 1 else ' changes'}"
-            notes.append(f"{many} sign (line {where}): read as the rotation that it is, by the shorter way")
+            notes.append(f"{many} sign ({said.place} {where}): read as the rotation that it is, by the shorter way")
         return Rotation.from_quat(values).as_matrix()
     far = np.abs(values).max(axis=1) > FULL
     if far.any() and said.angles != "rad":
         i = int(np.argmax(far))
-        fact = f"line {lines[i]} has an angle of {np.abs(values[i]).max():g} rad, over a turn: it looks like degrees"
+        fact = f"{said.place} {lines[i]} has an angle of {np.abs(values[i]).max():g} rad, over a turn: "
+        fact += "it looks like degrees"
         raise RecordingError(file, fact, "say angles='deg', or name the columns so, as in roll_deg")
     if kind == "vector":
         return Rotation.from_rotvec(values).as_matrix()
     return Rotation.from_euler("ZYX" if kind == "KUKA" else "xyz", values).as_matrix()
 
 
-def _check_quaternions(file: Path, values: Matrix, lines: Indices) -> None:
+def _check_quaternions(file: Path, values: Matrix, lines: Indices, place: str) -> None:
     off = np.abs(np.linalg.norm(values, axis=1) - 1)
     if (off > UNIT).any():
         i = int(np.argmax(off > UNIT))
-        fact = f"line {lines[i]} has a quaternion of length {np.linalg.norm(values[i]):.6g}"
-        more = f", and {int((off > UNIT).sum()) - 1} lines after it" if (off > UNIT).sum() > 1 else ""
+        fact = f"{place} {lines[i]} has a quaternion of length {np.linalg.norm(values[i]):.6g}"
+        more = f", and {int((off > UNIT).sum()) - 1} {place}s after it" if (off > UNIT).sum() > 1 else ""
         raise RecordingError(file, f"{fact}, {off[i]:.2g} away from 1{more}", "give unit quaternions, qw the scalar")

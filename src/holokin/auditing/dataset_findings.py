@@ -1,0 +1,209 @@
+"""What the audit of a dataset found: pairs of equal tool poses, and words that say how sure they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.types import Flags, Indices, NoTruthValue, Value, Vector
+from ..recording import Dataset
+from ..robot import Robot
+from ..tasks.task import Task
+from .equal_poses import LogVerdict
+
+Numbers = NDArray[np.floating[Any]]
+"""Joints and tool points in single precision, which takes half the memory."""
+
+MOST_ROWS = 8
+"""Episodes that are named, the worst first; `summary` has all."""
+
+
+@dataclass(frozen=True, eq=False)
+class EqualPoses(Value):
+    """Pairs of frames with equal tool poses: `first` and `second` (p,) are rows of the frames that were looked at;
+    distance (p,) of the joints of the second, moved to the pose of the first, from those of the first; allowed (p,):
+    up to which they are equal; joint (p,): the one that is farthest."""
+
+    first: Indices
+    second: Indices
+    distance: Vector
+    allowed: Vector
+    joint: Indices
+
+    @property
+    def beyond(self) -> Flags:
+        """Pairs whose joints differ (p,)."""
+        return self.distance > self.allowed
+
+
+@dataclass(frozen=True, eq=False)
+class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
+    """Findings of `audit_dataset`; `str` prints them, `summary` gives them as plain data.
+
+    episodes (e,): those that were looked at; begins (e + 1,): where each begins among the rows of `q` (k, n), joints
+    [rad or m] in single precision as they are stored; points (k, d): tool poses, as `tool_points`; pairs: equal poses.
+    """
+
+    robot: Robot
+    dataset: Dataset
+    task: Task
+    feature: str
+    episodes: Indices
+    begins: Indices
+    q: Numbers
+    points: Numbers
+    pairs: EqualPoses
+    near: float
+    tolerance: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def decided(self) -> Flags:
+        """Pairs so near that a difference of twice the tolerance would show (p,)."""
+        return self.pairs.allowed <= 2 * self.tolerance
+
+    @property
+    def verdict(self) -> LogVerdict:
+        """Whether equal tool poses have equal joints."""
+        if self.pairs.beyond.any():
+            return LogVerdict.DIFFERS
+        return LogVerdict.REPEATS if self.decided.any() else LogVerdict.UNDECIDED
+
+    @property
+    def exit_code(self) -> int:
+        """0: equal joints in all that the dataset tests; 1: not; 2: it does not show it."""
+        return {LogVerdict.REPEATS: 0, LogVerdict.DIFFERS: 1, LogVerdict.UNDECIDED: 2}[self.verdict]
+
+    def frame(self, row: int) -> tuple[int, int]:
+        """(episode, frame in it) of a row."""
+        at = int(np.searchsorted(self.begins, row, side="right")) - 1
+        return int(self.episodes[at]), int(row - self.begins[at])
+
+    def worst(self) -> int | None:
+        """The pair that is farthest over what is allowed, or else farthest apart; None where there is none."""
+        pairs = self.pairs
+        if not len(pairs.first):
+            return None
+        over = pairs.distance - pairs.allowed
+        return int(np.argmax(over)) if pairs.beyond.any() else int(np.argmax(pairs.distance))
+
+    def by_episode(self) -> list[dict[str, Any]]:
+        """Of each episode with equal poses: how many, how many differ, and the worst, with its frames and place."""
+        pairs, found = self.pairs, []
+        of = [np.searchsorted(self.begins, rows, side="right") - 1 for rows in (pairs.first, pairs.second)]
+        over = pairs.distance - pairs.allowed
+        order = np.concatenate(of)
+        number = np.tile(np.arange(len(over)), 2)
+        by = np.lexsort((-over[number], order))
+        starts = np.flatnonzero(np.diff(order[by], prepend=-1))
+        for part in np.split(by, starts[1:]) if len(by) else ():
+            mine = np.unique(number[part])
+            fact = {"episode": int(self.episodes[order[part[0]]]), "equal poses": len(mine)}
+            fact["differ"] = int(pairs.beyond[mine].sum())
+            found.append(fact | {"worst": self.place(int(number[part[0]]))})
+        return found
+
+    def place(self, pair: int) -> dict[str, Any]:
+        """A pair as plain data: its frames, where the tool is, and how far the joints are apart."""
+        pairs = self.pairs
+        (e, i), (f, j) = self.frame(int(pairs.first[pair])), self.frame(int(pairs.second[pair]))
+        xyz = [float(v) for v in self.points[pairs.first[pair], :3]]
+        return {
+            "first": {"episode": e, "frame": i}, "second": {"episode": f, "frame": j}, "tool": xyz,
+            "joint": self.robot.joint_names[pairs.joint[pair]], "distance": float(pairs.distance[pair]),
+            "allowed": float(pairs.allowed[pair]),
+        }  # fmt: skip
+
+    def sentence(self) -> str:
+        """The verdict in a sentence."""
+        return _sentence(self)
+
+    def rows(self) -> list[tuple[str, str]]:
+        """(what, finding) of every question, for people."""
+        return _rows(self)
+
+    def summary(self) -> dict[str, Any]:
+        """All findings as plain data."""
+        worst, pairs = self.worst(), self.pairs
+        return {
+            "dataset": str(self.dataset.folder), "format": self.dataset.version, "robot": self.robot.name,
+            "task": self.task.name, "column": self.feature, "verdict": self.verdict.name, "sentence": self.sentence(),
+            "frames": len(self.q), "episodes": len(self.episodes), "equal poses": len(pairs.first),
+            "of them decided": int(self.decided.sum()), "of them differ": int(pairs.beyond.sum()),
+            "near": self.near, "tolerance": self.tolerance, "worst": None if worst is None else self.place(worst),
+            "by episode": self.by_episode(), "notes": list(self.notes),
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        return "\n".join([*(f"{what}: {found}" for what, found in self.rows()), self.sentence()])
+
+
+def _sentence(audit: DatasetAudit) -> str:
+    """The verdict, what it rests on, and what the dataset does not test."""
+    pairs, worst = audit.pairs, audit.worst()
+    if worst is None:
+        return (
+            f"cannot tell: in {len(audit.q)} frames no tool pose comes again within {1e3 * audit.near:g} mm; "
+            "a greater --near compares poses that are farther apart"
+        )
+    tests = f"{len(pairs.first)} pairs of equal tool poses"
+    if audit.verdict is LogVerdict.DIFFERS:
+        count = int(pairs.beyond.sum())
+        return f"differs: at {count} of {tests} the joints are not equal. Worst: {_place_words(audit, worst)}"
+    if audit.verdict is LogVerdict.REPEATS:
+        return (
+            f"repeats: the joints are equal at all {int(audit.decided.sum())} equal tool poses that are near enough to "
+            f"tell (of {tests}); poses that come only once say nothing"
+        )
+    least = float(pairs.allowed.min())
+    return (
+        f"cannot tell: of {tests} none is so near that a difference of {2 * audit.tolerance:g} rad or m shows; the "
+        f"nearest shows {least:.2g}. Give a greater --tolerance, or record poses that come again"
+    )
+
+
+def _place_words(audit: DatasetAudit, pair: int) -> str:
+    """A pair of frames, where the tool is, and how far which joint is apart."""
+    p = audit.place(pair)
+    (e, i), (f, j) = [(p[which]["episode"], p[which]["frame"]) for which in ("first", "second")]
+    x, y, z = p["tool"]
+    return (
+        f"{p['distance']:.3g} ({p['joint']}) between frame {i} of episode {e} and frame {j} of episode {f}, tool at "
+        f"({x:.3f}, {y:.3f}, {z:.3f}) m"
+    )
+
+
+def _rows(audit: DatasetAudit) -> list[tuple[str, str]]:
+    """(what, finding) of every question, for people."""
+    pairs = audit.pairs
+    found = [
+        ("equal poses, equal joints", audit.verdict.value.partition(":")[0]),
+        ("dataset", f"{audit.dataset.folder}, format {audit.dataset.version}"),
+        ("looked at", f"{len(audit.q)} frames of {len(audit.episodes)} episodes, column {audit.feature}"),
+        ("task", audit.task.name),
+        ("equal", f"tool poses within {1e3 * audit.near:g} mm, joints within {audit.tolerance:g} rad or m"),
+        ("pairs of equal poses", f"{len(pairs.first)}, {int(audit.decided.sum())} of them near enough to decide"),
+        ("of them the joints differ", str(int(pairs.beyond.sum()))),
+    ]
+    if len(pairs.first):
+        median, most = (_size(float(v)) for v in (np.median(pairs.distance), pairs.distance.max()))
+        found.append(("distance of the joints", f"median {median}, largest {most} rad or m"))
+    episodes = sorted(audit.by_episode(), key=lambda e: e["worst"]["allowed"] - e["worst"]["distance"])
+    differ = [e for e in episodes if e["differ"]]
+    if differ:
+        found.append(("episodes that differ", f"{len(differ)} of {len(audit.episodes)}"))
+    for e in differ[:MOST_ROWS]:
+        w = e["worst"]
+        other = next(w[k] for k in ("second", "first") if w[k]["episode"] != e["episode"] or k == "first")
+        at = f"{w['distance']:.3g} ({w['joint']}) from frame {other['frame']} of episode {other['episode']}"
+        said = f"{e['differ']} of {e['equal poses']} equal poses differ, by up to {at}"
+        found.append((f"episode {e['episode']}", said))
+    return found + [("note", note) for note in audit.notes]
+
+
+def _size(distance: float) -> str:
+    """A distance of joints; what single precision rounds is not shown."""
+    return f"{distance:.3g}" if distance > 1e-6 else "under 1e-6"

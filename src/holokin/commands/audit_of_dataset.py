@@ -1,0 +1,51 @@
+"""`holokin audit` of a LeRobot dataset: equal tool poses over its episodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import typer
+
+from .outcome import show_rich
+
+if TYPE_CHECKING:
+    from ..robot import Robot
+
+
+def refuse_options(what: str, **given: Any) -> None:
+    """Raises: ArgumentError: an option that is only for something else."""
+    from ..errors import ArgumentError
+
+    for name, value in given.items():
+        if value is not None:
+            raise ArgumentError(f"--{name.replace('_', '-')}", value, f"it is only for {what}: leave it out")
+
+
+def audit_of_dataset(
+    folder: Path, arm: Robot, tool: dict[str, Any], options: dict[str, Any], degrees: bool | None,
+    columns: str | None, tolerance: float | None, json: Path | None, plot: Path | None,
+) -> NoReturn:  # fmt: skip
+    """Audit a dataset, and end the command. Raises: HolokinError."""
+    from ..auditing import audit_dataset
+    from ..output.dataset_report import dataset_figure, print_dataset_audit, save_dataset_audit
+    from ..output.plots import write_figure
+    from ..recording import STATE, chosen_episodes, joint_feature, pose_feature, read_dataset
+
+    dataset = read_dataset(folder)
+    joints = joint_feature(dataset, arm, options["column"] or STATE, columns=columns, degrees=degrees)
+    poses = None
+    if options["poses"] is None:
+        refuse_options("--poses", angles=options["angles"], order=options["order"])
+    else:
+        poses = pose_feature(dataset, options["poses"], angles=options["angles"], order=options["order"])
+    chosen = chosen_episodes(dataset, options["episodes"])
+    more = {"near": options["near"], "tolerance": tolerance}
+    given = {name: value for name, value in more.items() if value is not None}
+    found = audit_dataset(dataset, arm, joints, poses=poses, episodes=chosen, **tool, **given)
+    if json is not None:
+        save_dataset_audit(found, json)
+    if plot is not None:
+        write_figure(lambda: dataset_figure(found), plot)
+    show_rich(lambda console: print_dataset_audit(found, console))
+    raise typer.Exit(found.exit_code)

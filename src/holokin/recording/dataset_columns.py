@@ -1,0 +1,223 @@
+"""Which entries of a dataset's columns are which joints, or a tool pose; their values in rad and m."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..base.arguments import typed
+from ..base.types import Array, Indices, Matrix, Value, Vector
+from ..errors import ArgumentError, RecordingError, UnknownNameError
+from ..robot import Robot
+from .dataset_folder import INFO, Dataset
+from .joint_columns import Columns, columns_named, joint_columns
+from .joint_files import SLACK
+from .log import listed, shown
+from .pose_columns import PoseColumns, Units, columns_of_poses, poses_of
+
+STATE = "observation.state"
+"""The name that LeRobot gives to what the robot measures."""
+
+ACTION = "action"
+"""The name that LeRobot gives to what the robot is told."""
+
+NORMALIZED = 100.0
+"""The ends of the range to which LeRobot maps a motor that has no unit."""
+
+MOTORS = ("so100", "so101", "so_", "koch", "omx", "lekiwi", "bi_so", "hope_jr")
+"""How `robot_type` begins of arms of hobby servos: LeRobot records these in degrees, or from -100 to 100."""
+
+_TURNS = {"wx": "rx", "wy": "ry", "wz": "rz"}
+"""Rotation vectors: as LeRobot names their entries, and as they are read."""
+
+_POSE = re.compile(r"(?:^|.*[._/: ])(x|y|z|q[xyzw0-4]|roll|pitch|yaw|[rw][xyz])(?:[._](?:pos|position))?$")
+
+
+@dataclass(frozen=True, eq=False)
+class JointFeature(Value):
+    """The joints of a robot in a column of a dataset: `places` (n,) among its entries, in the robot's order.
+
+    degrees: True or False as the caller says; None where the values must show it.
+    """
+
+    name: str
+    places: Indices
+    degrees: bool | None
+
+    def scales(self, robot: Robot) -> Vector:
+        """By what values are multiplied to be in rad and m (n,)."""
+        return np.where(robot.hinges & bool(self.degrees), np.pi / 180, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class PoseFeature(Value):
+    """A tool pose in a column of a dataset: which of its entries, and in which units."""
+
+    name: str
+    columns: PoseColumns
+    said: Units
+
+
+def _names_of(dataset: Dataset, feature: str) -> list[str]:
+    """The names of a column's entries, or their numbers where it has none. Raises: UnknownNameError, RecordingError."""
+    if feature not in dataset.features:
+        raise UnknownNameError("column", feature, dataset.features)
+    known = dataset.features[feature]
+    width = int(np.prod(known["shape"]))
+    names = _flat(known.get("names"))
+    if names and len(names) != width:
+        fact = f"names {len(names)} entries of {feature}, which has {width}"
+        raise RecordingError(dataset.folder / INFO, fact, "correct meta/info.json")
+    return names or [str(i) for i in range(width)]
+
+
+@typed
+def joint_feature(
+    dataset: Dataset, robot: Robot, feature: str, *, columns: Columns | None = None, degrees: bool | None = None
+) -> JointFeature:  # fmt: skip
+    """The joints of a robot in a column, by their names, in whatever order.
+
+    Args:
+        columns: names of the entries, as for the columns of a log; entries without names have their numbers from 0.
+        degrees: unit of the hinges; None where the values shall show it.
+
+    Raises:
+        RecordingError: joints that are missing; a unit that must be said. ArgumentError, UnknownNameError.
+    """
+    names, file = _names_of(dataset, feature), dataset.folder / INFO
+    if columns is None:
+        places = joint_columns(file, names, robot, robot.joint_names)
+    else:
+        places = columns_named(
+            file, names, robot, columns, lambda joints: joint_columns(file, names, robot, joints)
+        )  # fmt: skip
+    kind = str(dataset.info.get("robot_type") or "")
+    if degrees is None and kind.startswith(MOTORS):
+        fact = f"was recorded with {shown(kind)}, whose joints LeRobot writes in degrees or from -100 to 100"
+        cure = "say --degrees (degrees=True) if it was recorded with use_degrees; other values are no angles"
+        raise RecordingError(file, fact, cure)
+    return JointFeature(feature, np.array(places, dtype=np.intp), degrees)
+
+
+@typed
+def has_joints(dataset: Dataset, robot: Robot, feature: str) -> bool:
+    """Whether a column names every joint of a robot."""
+    try:
+        joint_feature(dataset, robot, feature, degrees=False)
+    except (RecordingError, UnknownNameError):
+        return False
+    return True
+
+
+@typed
+def pose_feature(
+    dataset: Dataset, feature: str, *, angles: str | None = None, order: str | None = None
+) -> PoseFeature:  # fmt: skip
+    """The tool pose in a column, with entries x, y, z [m] and qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz, also
+    as ee.x or ee.wx; other entries are left aside.
+
+    Args:
+        angles: "rad" or "deg", of roll, pitch, yaw and rotation vectors; by default rad.
+        order: "xyzw" or "wxyz" of quaternions whose entries are numbered.
+
+    Raises:
+        RecordingError: no such entries. UnknownNameError: no such column. ArgumentError.
+    """
+    names = _names_of(dataset, feature)
+    plain = [_plain(name) for name in names]
+    said = Units(None, angles, order, assumed=True, place="frame")
+    numbered = [name for name in plain if re.fullmatch(r"q[0-4]", name)]
+    kept = [(i, name) for i, name in enumerate(plain) if name and (order is not None or name not in numbered)]
+    found = columns_of_poses(dataset.folder / INFO, [name for _, name in kept], said)
+    if not found.kind:
+        fact = f"{feature} has a position, but no orientation: its entries are {listed(names)}"
+        cure = "name qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz"
+        if numbered:
+            cure = "say --order xyzw or wxyz (order=...), if these numbers are a quaternion"
+        raise RecordingError(dataset.folder / INFO, fact, cure)
+    at = [i for i, _ in kept]
+    places = [[at[i] for i in part] for part in (found.position, found.orientation)]
+    return PoseFeature(feature, PoseColumns(places[0], places[1], found.kind, [], found.scales), said)
+
+
+def postures_of(dataset: Dataset, robot: Robot, joints: JointFeature, values: Matrix) -> Matrix:
+    """Postures (k, n) in rad and m of the values (k, d) of a column.
+
+    Raises:
+        RecordingError: values that look like degrees, or like LeRobot's -100 to 100, where nothing was said.
+    """
+    raw = values[:, joints.places]
+    if not len(raw):
+        return raw
+    low, high = raw.min(axis=0), raw.max(axis=0)
+    file = dataset.folder / INFO
+    ends = (np.maximum(-low, high) == NORMALIZED) & robot.hinges
+    if ends.sum() > 1 and np.abs(raw[:, robot.hinges]).max() == NORMALIZED and joints.degrees is not False:
+        fact = f"{int(ends.sum())} joints of {joints.name} reach 100 exactly, the end of LeRobot's range -100 to 100"
+        raise RecordingError(file, fact, "convert them to degrees by the calibration of the arm, or record degrees")
+    if joints.degrees is None:
+        _check_unit(file, robot, joints.name, low, high)
+    return raw * joints.scales(robot)
+
+
+def tool_poses_of(
+    dataset: Dataset, poses: PoseFeature, values: Matrix, frames: Indices
+) -> tuple[Matrix, Array]:  # fmt: skip
+    """Points [m] (k, 3) and rotations (k, 3, 3) of the values (k, d) of a column. Raises: RecordingError."""
+    wanted = [*poses.columns.position, *poses.columns.orientation]
+    found = poses_of(dataset.folder, poses.columns, values[:, wanted], frames, poses.said)
+    return found.points, np.asarray(found.rotations)
+
+
+def _flat(names: Any) -> list[str]:
+    """Names as LeRobot's versions write them: a list, or lists by group, as {"motors": [...]}."""
+    if isinstance(names, dict):
+        inner = [_flat(part) for part in names.values()]
+        return [name for part in inner for name in part] if any(inner) else [str(name) for name in names]
+    return [str(name) for name in names] if isinstance(names, Sequence) and not isinstance(names, str) else []
+
+
+def _plain(name: str) -> str:
+    """The name of a pose's entry without the tool's name before it; empty for another one."""
+    match = _POSE.match(name.lower())
+    return _TURNS.get(match[1], match[1]) if match else ""
+
+
+def _check_unit(file: Any, robot: Robot, feature: str, low: Vector, high: Vector) -> None:
+    """Raises: RecordingError: values that are no radians."""
+    lower = np.where(np.isfinite(robot.lower), robot.lower, -4 * np.pi) - SLACK
+    upper = np.where(np.isfinite(robot.upper), robot.upper, 4 * np.pi) + SLACK
+    over = np.where(robot.hinges, np.maximum(lower - low, high - upper), -np.inf)
+    worst = int(np.argmax(over))
+    if over[worst] <= 0:
+        return
+    turn, name = np.pi / 180, robot.joint_names[worst]
+    value = float(low[worst] if -low[worst] > high[worst] else high[worst])
+    fact = f"joint {name} of {feature} reaches {value:.4g}, far outside its limits in rad"
+    hinges = robot.hinges
+    if (low * turn >= lower)[hinges].all() and (high * turn <= upper)[hinges].all():
+        cure = "say --degrees (degrees=True), or --radians if it is radians after all"
+        raise RecordingError(file, f"{fact}, but every joint fits in degrees", cure)
+    cure = "check robot and joints; values that LeRobot maps to -100 to 100 must be converted by the arm's calibration"
+    raise RecordingError(file, f"{fact} and in degrees", cure)
+
+
+@typed
+def chosen_episodes(dataset: Dataset, text: str | None) -> list[int]:
+    """The episodes of a text as "0:10,12": 0 to 9, and 12; all where there is none. Raises: ArgumentError."""
+    count = len(dataset.episodes)
+    if text is None:
+        return list(range(count))
+    found: set[int] = set()
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d{1,9})\s*(?:(:)\s*(\d{0,9})\s*)?", part)
+        first, last = (int(match[1]), int(match[3] or count) if match[2] else int(match[1]) + 1) if match else (0, 0)
+        if not match or not first < last <= count:
+            cure = f"give numbers and ranges such as 0:10,12 of the episodes 0 to {count - 1}"
+            raise ArgumentError("--episodes", text, cure)
+        found |= set(range(first, last))
+    return sorted(found)
