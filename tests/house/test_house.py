@@ -30,14 +30,14 @@ LAYERS = [
     {"inverse_kinematics"},
     {"motion"},
     {"analysis", "laws", "physics", "proof", "checking", "export"},
-    {"auditing", "designing"},
+    {"auditing", "designing", "interop"},
     {"output"},
     {"job"},
     {"studios", "surveys"},
     {"commands"},
     {"__main__"},
 ]
-HEAVY = ("matplotlib", "scipy", "pydantic", "typer", "rich", "yourdfpy", "PIL", "trimesh")
+HEAVY = ("matplotlib", "scipy", "pydantic", "typer", "rich", "yourdfpy", "PIL", "trimesh", "torch", "jax")
 MODULES = sorted(ROOT.rglob("*.py"))
 
 
