@@ -1,4 +1,4 @@
-"""Inverse kinematics inside torch and JAX: the joints of `ik.batch`, and derivatives that finite differences confirm."""
+"""Inverse kinematics inside torch and JAX: the joints of `ik.batch`, derivatives that finite differences confirm."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_the_joints_and_what_became_of_each_pose_are_those_of_a_batch(name: str)
 
 @every
 def test_first_and_second_derivatives_by_the_entries_of_the_poses_are_those_of_finite_differences(name: str) -> None:
-    """`gradcheck` moves every entry of a matrix, which is then no pose: the function is that of the nearest rotation."""
+    """`gradcheck` moves each entry of a matrix, which is then no pose: the function is of the nearest rotation."""
     ik = solved(name)
     poses = torch.tensor(given(ik, 2), requires_grad=True)
     assert torch.autograd.gradcheck(joints(ik), (poses,), check_forward_ad=True)

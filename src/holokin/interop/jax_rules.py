@@ -21,7 +21,7 @@ def solve(joints: JointMap, given: Any, p: Any, R: Any) -> tuple[Any, Any]:
     lead, n = p.shape[:-1], joints.task.n
     one = given.ndim - len(lead)
 
-    def found(given: Array, R: Array) -> tuple[Array, Array]:
+    def found(given: Array, R: Array) -> tuple[Any, Any]:
         q, status = joints.solve(*_rows((given, one), (R, 3)))
         return q, status.astype(np.int32)
 

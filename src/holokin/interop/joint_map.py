@@ -22,7 +22,6 @@ from ..symbolic import SX, Function, horzcat, jacobian, symbol, vec, vertcat
 from ..symbolic.rotations import skew
 from ..tasks.task import Task
 
-
 NATIVE_FROM = 64
 """Poses from which native code is worth its compiler, which takes a second once: a policy is trained in many steps."""
 

@@ -42,8 +42,7 @@ class TorchInverse(Value):
             `status == 0`, and the other poses of the batch keep their gradients.
 
         Raises:
-            ArgumentError: what is no tensor of floats; quaternions without an order. ShapeError.
-            NotImplementedError: third derivatives.
+            ArgumentError: what is no tensor of floats; quaternions without an order; third derivatives. ShapeError.
         """
         torch = extra("torch", "torch", "interop")
         from .torch_rules import Inverse

@@ -56,9 +56,9 @@ class Inverse(torch.autograd.Function):
         return torch.einsum("...nt,...t->...n", Gain.apply(ctx.joints, q, R), torch.cat([v, w], dim=-1)), None
 
     @staticmethod
-    def vmap(info: Any, in_dims: tuple[Any, ...], joints: JointMap, *tensors: Any) -> tuple[Any, Any]:
+    def vmap(info: Any, in_dims: tuple[Any, ...], *args: Any) -> tuple[Any, Any]:
         """One more leading axis."""
-        return Inverse.apply(joints, *_in_front(info, in_dims[1:], tensors)), (0, 0)
+        return Inverse.apply(args[0], *_in_front(info, in_dims[1:], args[1:])), (0, 0)
 
 
 class Gain(torch.autograd.Function):
@@ -99,9 +99,9 @@ class Gain(torch.autograd.Function):
         return moved + torch.einsum("...ntw,...w->...nt", by_turns, w)
 
     @staticmethod
-    def vmap(info: Any, in_dims: tuple[Any, ...], joints: JointMap, *tensors: Any) -> tuple[Any, Any]:
+    def vmap(info: Any, in_dims: tuple[Any, ...], *args: Any) -> tuple[Any, Any]:
         """One more leading axis."""
-        return Gain.apply(joints, *_in_front(info, in_dims[1:], tensors)), 0
+        return Gain.apply(args[0], *_in_front(info, in_dims[1:], args[1:])), 0
 
 
 class Slopes(torch.autograd.Function):
@@ -129,9 +129,9 @@ class Slopes(torch.autograd.Function):
         raise third_derivative()
 
     @staticmethod
-    def vmap(info: Any, in_dims: tuple[Any, ...], joints: JointMap, *tensors: Any) -> tuple[Any, Any]:
+    def vmap(info: Any, in_dims: tuple[Any, ...], *args: Any) -> tuple[Any, Any]:
         """One more leading axis."""
-        return Slopes.apply(joints, *_in_front(info, in_dims[1:], tensors)), (0, 0)
+        return Slopes.apply(args[0], *_in_front(info, in_dims[1:], args[1:])), (0, 0)
 
 
 def _rows(tensor: Any, shape: tuple[int, ...]) -> np.ndarray:
