@@ -2,14 +2,13 @@
 
 Central differences over steps h, h/2, h/4, ... are extrapolated to 0 [Rid82]. Long steps leave a remainder, short ones
 enlarge the noise of the values. Of all extrapolations the one is taken whose remainder, estimated by its neighbours,
-and noise, measured by differences of high order [MW11], are least together.
+and noise are least together. The noise is what a polynomial leaves of values near the posture.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import factorial
 
 import numpy as np
 
@@ -21,15 +20,15 @@ LONGEST = 0.1
 STEPS = 8
 """Steps, each half the one before, down to 8e-4: with values of 16 digits the fourth or fifth is the best."""
 
-SPACING = 1e-3
+REACH = 4e-3
 """Distance [joint units] of the values from which noise is measured: longer than the digits of single precision, and so
-short that a smooth function has no differences of high order there."""
+short that a smooth function is a polynomial there: a sine that turns once in 1 rad is one to (4e-3)^6 / 6! = 6e-18."""
 
-ORDER = 6
-"""Order of these differences: a sine that turns once in 1 rad has (1e-3)^6 = 1e-18 of it."""
+DEGREE = 5
+"""Of this polynomial."""
 
-AROUND = 9
-"""Values from which noise is measured."""
+AROUND = 16
+"""Values from which noise is measured, at uneven distances, so that no periodic noise looks smooth."""
 
 ROUND_OFF = 2.0**-52
 """Least noise, as a share of the largest value: the last digit."""
@@ -48,18 +47,20 @@ class Slope:
 
 
 def noise_of(f: Values, q: Vector, direction: Vector) -> float:
-    """The standard deviation of the noise of f about q, at least its last digit; infinite where f is not finite.
-
-    With uncorrelated noise s the k-th differences have a mean square of s^2 (2k)! / (k!)^2. [MW11]
-    """
-    places = SPACING * (np.arange(AROUND) - (AROUND - 1) / 2)
-    values = np.array([f(q + place * direction).ravel() for place in places])
+    """The standard deviation of the noise of f about q, at least its last digit; infinite where f is not finite."""
+    places = _uneven()
+    values = np.array([f(q + REACH * place * direction).ravel() for place in places])
     if not np.isfinite(values).all():
         return np.inf
-    differences = np.diff(values, ORDER, axis=0)
-    scale = factorial(ORDER) ** 2 / factorial(2 * ORDER)
-    measured = float(np.sqrt(scale * (differences**2).mean(axis=0).max()))
+    basis, _ = np.linalg.qr(np.polynomial.chebyshev.chebvander(places, DEGREE))
+    left = values - basis @ (basis.T @ values)
+    measured = float(np.sqrt((left**2).sum(axis=0).max() / (AROUND - DEGREE - 1)))
     return max(measured, ROUND_OFF * float(np.abs(values).max()))
+
+
+def _uneven() -> Vector:
+    """Places (AROUND,) from -1 to 1."""
+    return np.linspace(-1.0, 1.0, AROUND) + np.random.default_rng(0).uniform(-0.4, 0.4, AROUND) * 2 / AROUND
 
 
 def slope(f: Values, q: Vector, direction: Vector, noise: float) -> Slope:
@@ -79,7 +80,7 @@ def slope(f: Values, q: Vector, direction: Vector, noise: float) -> Slope:
             better, c = new[-1], 4.0 ** (k + 1)
             new.append(((c * better[0] - before) / (c - 1), (c * better[1] + gain) / (c - 1)))
             remainder = np.maximum(_lengths(new[-1][0] - better[0]), _lengths(new[-1][0] - before))
-            error = remainder + new[-1][1] * noise
+            error = remainder + new[-1][1] * noise * np.sqrt(len(central))
             if error.max() < best.error.max():
                 best = Slope(new[-1][0], error, float(h))
         row = new
