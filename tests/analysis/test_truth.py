@@ -16,7 +16,8 @@ from holokin.errors import AmbiguousTruthError
 NO_QUESTION = {
     # what is asked about, and settings
     "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
-    "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "Joint", "KernelStrategy",
+    "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
+    "NumericStrategy", "TorchInverse",
     "Kinematics", "Law", "Limits", "LinkShape", "Objective", "Part", "Path", "Plant",
     "PostureTask", "Push", "Recording", "Robot", "RowStrategy", "SelfMotion",
     "Servo", "Shape", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
@@ -24,8 +25,7 @@ NO_QUESTION = {
     # numbers, files and sequences: what is found is in them, and an empty sequence is False as a list is
     "DegreeTried", "NearbyCusps", "CuspWitness", "ProcessLines", "ToolTolerance", "ToolDeviation",
     "Clearance", "Deviation", "DriftFree", "DriftPrediction", "Exported", "GeneralForm", "Jump", "JointLoad",
-    "MoveItPackage",
-    "LeafFunction",
+    "MoveItPackage", "LeafFunction", "JointTensors", "Accuracy", "MeasuredCurvature",
     "LeftOut", "ClosestHolonomic", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
     "Slice", "Slowdown", "TimedTrajectory", "Unseen", "Witness",
     # a fault that was found, and kinds: none is a no

@@ -21,11 +21,22 @@ RUN = sorted(
     for page in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"))
     if "```python" in page.read_text("utf-8")
 )
-LONG = ("docs/inverse.md", "docs/workspaces.md")
+LONG = ("docs/inverse.md", "docs/learning.md", "docs/workspaces.md")
 """Pages that compute for longer than a compiler takes."""
 SLOW = tuple(
     f"docs/{name}.md"
-    for name in ("audit", "choose", "concepts", "inverse", "libraries", "paths", "robots", "studio", "workspaces")
+    for name in (
+        "audit",
+        "choose",
+        "concepts",
+        "inverse",
+        "learning",
+        "libraries",
+        "paths",
+        "robots",
+        "studio",
+        "workspaces",
+    )
 )
 """Pages that take longer than two seconds: of the campaign."""
 SHOWN = {name for name in hk.__all__ if not isinstance(getattr(hk, name), ModuleType)}

@@ -120,10 +120,10 @@ class JointMap(Value):
 
     @cached_property
     def _gain_slopes(self) -> Function:
-        return gain_slopes(self.ik.strategy)
+        return _slopes_of_gain(self.ik.strategy)
 
 
-def gain_slopes(strategy: HolonomicStrategy) -> Function:
+def _slopes_of_gain(strategy: HolonomicStrategy) -> Function:
     """q -> dG / dq_j (n, n m), side by side: with M = [J; J_g], dG = -M^-1 (dM) G, so no factorisation is derived."""
     e, m = strategy.expressions, strategy.task.m
     G = e.rate(SX.eye(m), written_out=True).X

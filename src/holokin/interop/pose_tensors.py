@@ -55,7 +55,7 @@ TURN = -0.5 * _levi_civita()
 QUATERNION = _quaternion_form()
 
 
-def nearest_rotations(R: Any) -> Any:
+def _nearest_rotations(R: Any) -> Any:
     """The rotations nearest to matrices (..., 3, 3) that are rotations up to rounding, with their derivatives.
 
     Two Newton-Schulz steps R (3 - R^T R) / 2 towards the polar factor [Hig08]: from a gap s they leave s^4, so that
@@ -71,7 +71,7 @@ def _product(A: Any, B: Any) -> Any:
     return (A[..., :, :, None] * B[..., None, :, :]).sum(-2)
 
 
-def quaternion_form(order: Any) -> Array:
+def _form_of(order: Any) -> Array:
     """C (3, 3, 4, 4) with R_ij = C_ijab q_a q_b of a unit quaternion q (4,) as it is written.
 
     Raises:
@@ -83,8 +83,8 @@ def quaternion_form(order: Any) -> Array:
     return QUATERNION[:, :, places][:, :, :, places]
 
 
-def rotations_of(xp: Any, quaternions: Any, form: Any) -> Any:
-    """Rotations (..., 3, 3) of quaternions (..., 4) of any length, with their `quaternion_form`."""
+def _rotations_of(xp: Any, quaternions: Any, form: Any) -> Any:
+    """Rotations (..., 3, 3) of quaternions (..., 4) of any length, with the form of their order."""
     square = (quaternions * quaternions).sum(-1)[..., None, None]
     return xp.einsum("ijab,...a,...b->...ij", form, quaternions, quaternions) / square
 
@@ -131,13 +131,13 @@ def read_tensors(
         wanted = (*poses.shape[:-1], 4)
         if one[-1] != 3 or tuple(turns.shape) != wanted:
             raise ShapeError("the quaternions", f"{wanted}, with positions (..., 3)", tuple(turns.shape))
-        R = rotations_of(xp, turns, tensor(quaternion_form(order)))
+        R = _rotations_of(xp, turns, tensor(_form_of(order)))
         last = xp.broadcast_to(tensor(np.array([[0.0, 0.0, 0.0, 1.0]])), (*poses.shape[:-1], 1, 4))
         given = xp.concatenate([xp.concatenate([R, poses[..., None]], -1), last], -2)
         return GivenTensors(given, poses.reshape(*lead, 3 * frames), R.reshape(*lead, frames, 3, 3))
     if one[-2:] == (4, 4):
         p = poses[..., :3, 3].reshape(*lead, 3 * frames)
-        return GivenTensors(poses, p, nearest_rotations(poses[..., :3, :3].reshape(*lead, frames, 3, 3)))
+        return GivenTensors(poses, p, _nearest_rotations(poses[..., :3, :3].reshape(*lead, frames, 3, 3)))
     size = int(np.prod(one))
     rest = xp.broadcast_to(tensor(start_p[size:]), (*lead, 3 * frames - size))
     p = xp.concatenate([poses.reshape(*lead, size), rest], -1)

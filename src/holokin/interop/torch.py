@@ -37,7 +37,7 @@ class TorchInverse(Value):
             order: "wxyz" or "xyzw", how the quaternions are written.
 
         Returns:
-            q (..., n) in the dtype and on the device of `poses`, computed in float64 on the processor, and status (...),
+            q (..., n) in the dtype and on the device of `poses`, computed in float64 on the processor; status (...),
             an `InverseStatus` as int64. Where a pose is not reached q is NaN and its derivative zero: mask the loss by
             `status == 0`, and the other poses of the batch keep their gradients.
 
