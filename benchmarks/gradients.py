@@ -41,7 +41,7 @@ def main() -> int:
 
     torch.set_num_threads(1)
 
-    count, rounds = (200, 2) if quick else (10_000, 12)
+    count, rounds = (20, 1) if quick else (10_000, 12)
     robot = hk.load("panda")
     ik = hk.inverse(hk.holonomic(hk.pose(robot), hk.arm_angle()), START)
     joints = hk.interop.torch.inverse(ik)
