@@ -194,6 +194,10 @@ def calls() -> dict[str, Call]:
         "obstruction": (hk.obstruction, (held, loop, q), {"samples": 8}),
         "winding": (motion.winding, (held, loop, q), following),
         "inverse": (hk.inverse, (held, q), {}),
+        "interop.torch.inverse": (hk.interop.torch.inverse, (k["ik"],), {}),
+        "interop.jax.inverse": (hk.interop.jax.inverse, (k["ik"],), {}),
+        "numeric": (strategies.numeric, (task, law), {"q0": q, "name": "n", "accuracy": 1e-6}),
+        "measured_curvature": (analysis.measured_curvature, (strategies.numeric(task, law), q), {}),
         "move_to_leaf": (hk.move_to_leaf, (held, q), {"level": [0.31]}),
         "controller": (hk.controller, (held,), {
             "dt": 0.01, "q0": q, "gain": 1.0, "constraint_gain": 1.0, "limits": True}),

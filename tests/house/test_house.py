@@ -29,15 +29,15 @@ LAYERS = [
     {"strategies", "recording"},
     {"inverse_kinematics"},
     {"motion"},
-    {"analysis", "laws", "physics", "proof", "checking", "export", "interop"},
-    {"auditing", "designing"},
+    {"analysis", "laws", "physics", "proof", "checking", "export"},
+    {"auditing", "designing", "interop"},
     {"output"},
     {"job"},
     {"studios", "surveys"},
     {"commands"},
     {"__main__"},
 ]
-HEAVY = ("matplotlib", "scipy", "pydantic", "typer", "rich", "yourdfpy", "PIL", "trimesh")
+HEAVY = ("matplotlib", "scipy", "pydantic", "typer", "rich", "yourdfpy", "PIL", "trimesh", "torch", "jax")
 MODULES = sorted(ROOT.rglob("*.py"))
 
 

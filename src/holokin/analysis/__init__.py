@@ -12,14 +12,16 @@ from .ends_elsewhere import why_elsewhere
 from .frobenius import involutivity, involutivity_of
 from .leaf_functions import LeafFunction, leaf_function
 from .lie_filtration import Filtration, Integrability, filtration
+from .numeric_curvature import MeasuredCurvature, measured_curvature
 from .obstructions import Directions, Obstruction, Witness, obstruction
 from .paper_form import GeneralForm, general_form
 from .region import Ball, Region, around, ball, box
 from .repeatable_distance import Deviation, RepeatableDistance, ball_postures, deviation, distance_to_repeatable
-from .verdict import Evidence, Verdict
+from .verdict import Accuracy, Evidence, Verdict
 
 __all__ = [
     "MOST_JOINTS",
+    "Accuracy",
     "Ball",
     "CuspWitness",
     "Cusps",
@@ -32,6 +34,7 @@ __all__ = [
     "GeneralForm",
     "Integrability",
     "LeafFunction",
+    "MeasuredCurvature",
     "Obstruction",
     "Region",
     "RepeatableDistance",
@@ -51,6 +54,7 @@ __all__ = [
     "involutivity",
     "involutivity_of",
     "leaf_function",
+    "measured_curvature",
     "obstruction",
     "predicted_drift",
     "why_elsewhere",

@@ -14,10 +14,11 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Matrix, kept
 from ..errors import ArgumentError
-from ..strategies import Brackets, Expressions, FrameStrategy, Strategy, check_solved
+from ..strategies import Brackets, Expressions, FrameStrategy, NumericStrategy, Strategy, check_solved
 from ..symbolic import SX, Function, as_expression, factorise, horzcat, vertcat
 from ..symbolic.null_space import null_space_expression
 from ..tasks.task import Task
+from .numeric_curvature import measured_curvature
 
 Method = Literal["auto", "hessian", "ad"]
 """How derivatives are made: by forward-kinematics Hessians, by automatic differentiation, or as the strategy allows."""
@@ -33,6 +34,7 @@ def curvature(strategy: Strategy, q: ArrayLike, *, method: Method = "auto") -> A
     """F (n, m, m) at q (n,): F[:, i, j] = F_ij = -F_ji [joint unit / (task unit i * task unit j)].
 
     Args:
+        strategy: of a Python function the derivatives are differences; `analysis.measured_curvature` says how accurate.
         method: "hessian" takes F from the Hessians of the forward kinematics alone (theory 2a), for a constant weight
             and a position or twist task; "ad" differentiates the planes; "auto" takes the first where it can.
 
@@ -40,6 +42,12 @@ def curvature(strategy: Strategy, q: ArrayLike, *, method: Method = "auto") -> A
         SingularityError: the strategy is not defined at q. ArgumentError: no Hessian form of this strategy.
     """
     q = strategy.task.robot.checked(q)
+    if isinstance(strategy, NumericStrategy):
+        if method != "auto":
+            raise ArgumentError(
+                "method", method, f"{strategy.name!r} is a Python function without a formula: use 'auto'"
+            )
+        return measured_curvature(strategy, q).F
     packed, _, rcond, margin = curvature_function(strategy, method)(q)
     check_solved(strategy, q, rcond, margin)
     return _unpacked(np.reshape(packed, (strategy.task.n, -1)), strategy.task.m)
@@ -62,6 +70,14 @@ def _constant_inverse_weight(strategy: Strategy) -> Matrix | None:
     if not (isinstance(strategy, FrameStrategy) and strategy.task.geometric and strategy.task.has_hessians):
         return None
     return strategy.constant_inverse_weight
+
+
+def curvature_unit(strategy: Strategy, i: int, j: int) -> str:
+    """The unit of |F_ij|."""
+    kinds = {c.unit for c in strategy.task.robot.coordinates}
+    joint = kinds.pop() if len(kinds) == 1 else "joint unit"
+    a, b = strategy.task.units[i], strategy.task.units[j]
+    return f"{joint}/{a}^2" if a == b else f"{joint}/({a} {b})"
 
 
 def pairs(m: int) -> list[tuple[int, int]]:

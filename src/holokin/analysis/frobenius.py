@@ -11,8 +11,8 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Matrix, Vector, whole
-from ..errors import EmptyRegionError, HolokinError, ShapeError, SingularityError
-from ..strategies import HolonomicStrategy, Jump, Strategy, jumps_of, may_jump
+from ..errors import ArgumentError, EmptyRegionError, HolokinError, ShapeError, SingularityError
+from ..strategies import HolonomicStrategy, Jump, NumericStrategy, Strategy, jumps_of, may_jump
 from ..symbolic import (
     SX,
     Function,
@@ -24,8 +24,9 @@ from ..symbolic import (
     symbol,
     written,
 )
-from .curvature_of_planes import curvature_function, pairs
+from .curvature_of_planes import curvature_function, curvature_unit, pairs
 from .curvature_search import Scan, examine, maximised, merged, scan
+from .numeric_verdict import numeric_verdict
 from .region import Region
 from .verdict import Evidence, Verdict
 
@@ -80,20 +81,26 @@ def involutivity(
         region: box in joint space, for instance `around(q0, 0.3)`.
         samples: postures to look at; those that are singular, or where round-off hides all, are left out and counted.
         thorough: look at 65,536 postures, or as many as it says, then climb to where the curvature is largest from
-            those where it stands out of its round-off most. For laws with exp, tanh, if_else, ... in them.
+            those where it stands out of its round-off most. For laws with exp, tanh, if_else, ... in them. Of a law
+            that is a Python function: a number, which is all that is looked at.
         tolerance: largest relative defect [1/rad] that counts as zero.
 
     Raises:
         EmptyRegionError: every sampled posture is singular, or round-off hides its curvature.
         ShapeError: the region has not n joints. ArgumentError: a number of postures that is not whole and at least 1.
     """
+    if isinstance(strategy, NumericStrategy):
+        return _judged_by_values(strategy, region, whole("samples", samples), thorough, tolerance, seed)
     return _judged(_subject(strategy), region, whole("samples", samples), thorough, tolerance, seed)
 
 
 def involutivity_at(strategy: Strategy, Q: Matrix, *, tolerance: float = TOLERANCES.holonomic) -> Verdict:
     """`involutivity` at given postures (k, n). Raises: EmptyRegionError."""
+    region = Region(Q.min(axis=0), Q.max(axis=0))
+    if isinstance(strategy, NumericStrategy):
+        return numeric_verdict(strategy, Q, region, tolerance)
     subject = _subject(strategy)
-    return _verdict(subject, scan(subject.relative, Q), Region(Q.min(axis=0), Q.max(axis=0)), tolerance)
+    return _verdict(subject, scan(subject.relative, Q), region, tolerance)
 
 
 @typed
@@ -166,7 +173,10 @@ def _subject(strategy: Strategy) -> _Subject:
     e = strategy.expressions
     # Lemma III.1: range G is the null space of an exact J_g
     evidence = (Evidence.CONSTRAINT, ()) if isinstance(strategy, HolonomicStrategy) else _evidence(e.planes, e.q)
-    units, rows = [_unit(strategy, i, j) for i, j in planes], list(zip(task.row_names, task.units, strict=True))
+    units, rows = (
+        [curvature_unit(strategy, i, j) for i, j in planes],
+        list(zip(task.row_names, task.units, strict=True)),
+    )
     name = f"{strategy.name}, {task.name}"
     return _Subject(
         name, task.n, values, planes, units, rows, refusal, *evidence,
@@ -183,6 +193,18 @@ def _scale(fields: Array, planes: list[tuple[int, int]]) -> Matrix:
     """|G_i| |G_j| (k, p) of fields (k, n, m)."""
     lengths = np.linalg.norm(fields, axis=1)
     return np.stack([lengths[:, i] * lengths[:, j] for i, j in planes], axis=1)
+
+
+def _judged_by_values(
+    strategy: NumericStrategy, region: Region, samples: int, thorough: bool | int, tolerance: float, seed: int
+) -> Verdict:
+    if region.n != strategy.task.n:
+        raise ShapeError("the region", (strategy.task.n,), (region.n,))
+    if thorough is True:
+        cure = f"{strategy.name!r} is a Python function, some 100 calls a posture: say how many, as thorough=1000"
+        raise ArgumentError("thorough", thorough, cure)
+    count = samples if thorough is False else max(samples, whole("thorough", thorough))
+    return numeric_verdict(strategy, region.sample(count, seed), region, tolerance)
 
 
 def _judged(
@@ -228,10 +250,3 @@ def _verdict(subject: _Subject, seen: Scan, region: Region, tolerance: float) ->
         curved=found.shown,
         rows=tuple(subject.rows[k] for k in plane) if subject.rows else (),
     )
-
-
-def _unit(strategy: Strategy, i: int, j: int) -> str:
-    kinds = {c.unit for c in strategy.task.robot.coordinates}
-    joint = kinds.pop() if len(kinds) == 1 else "joint unit"
-    a, b = strategy.task.units[i], strategy.task.units[j]
-    return f"{joint}/{a}^2" if a == b else f"{joint}/({a} {b})"

@@ -29,6 +29,29 @@ class Evidence(Enum):
         "nothing is known of the postures between, since its planes are also written with {others}, with which "
         "curvature can be confined to a small place; thorough=True looks at more"
     )
+    DIFFERENCES = (
+        "nothing is known of the postures between, and jumps are not sought, since it is a Python function; a whole "
+        "number for `thorough` looks at so many postures"
+    )
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How well curvature is known that was computed by differences of values.
+
+    error: what a relative curvature [1/rad] may be wrong by, at the worst posture judged. noise: of the values of G,
+    a standard deviation [their units]. step: the shortest one of the differences [joint units].
+    """
+
+    error: float
+    noise: float
+    step: float
+
+    def __str__(self) -> str:
+        return (
+            f"by differences of values with a noise of {self.noise:.0e}, over steps down to {self.step:.0e}, it is "
+            f"known to {self.error:.0e} per rad"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +99,8 @@ class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
     curved: bool = False
     rows: tuple[tuple[str, str], ...] = ()
     """(name, unit) of the two task rows of `plane`; none for a bare distribution."""
+    accuracy: Accuracy | None = None
+    """How well the curvature is known of a strategy that is a Python function; None of a formula, to round-off."""
 
     @property
     def sentence(self) -> str:
@@ -126,9 +151,10 @@ class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
         left = [f"{self.singular} singular ones"] if self.singular else []
         left += [f"{self.undecided} whose curvature round-off hides"] if self.undecided else []
         skipped = f", {' and '.join(left)} left out" if left else ""
+        known = "" if self.accuracy is None else f"; {self.accuracy}"
         return (
             f"defect {self.defect:.3g} {self.unit} in {self._plane} at {at}; {self.relative:.2g} per rad "
-            f"of joint motion, where up to {self.tolerance:.0e} counts as zero; {self.samples} postures judged"
+            f"of joint motion, where up to {self.tolerance:.0e} counts as zero{known}; {self.samples} postures judged"
             f"{skipped}, within {self.region.told(names)}; {self.reach}"
         )
 

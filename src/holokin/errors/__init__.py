@@ -54,6 +54,7 @@ from .motion_errors import (
 from .question_errors import (
     AmbiguousTruthError,
     EmptyRegionError,
+    FunctionError,
     NotHolonomicError,
     RoundOffError,
 )
@@ -81,6 +82,7 @@ __all__ = [
     "EmptyRegionError",
     "ExportError",
     "ExpressionError",
+    "FunctionError",
     "HolokinError",
     "InfeasibleError",
     "JobError",

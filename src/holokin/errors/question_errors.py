@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from .holokin_error import HolokinError, posture_text
+from .holokin_error import HolokinError, brief, posture_text
 
 
 class NotHolonomicError(HolokinError):
@@ -57,4 +57,16 @@ class EmptyRegionError(HolokinError):
         super().__init__(
             f"all {samples} sampled postures of the region are singular or nearly so, and nothing can be judged; "
             f"move or enlarge the region. The first said: {first}"
+        )
+
+
+class FunctionError(HolokinError):
+    """A strategy's Python function raised at a posture; `.problem` is what it raised."""
+
+    def __init__(self, name: str, q: Iterable[float], problem: Exception) -> None:
+        self.q, self.problem = tuple(float(v) for v in q), problem
+        said = f"{type(problem).__name__}: {brief(problem)}"
+        super().__init__(
+            f"the function of {name!r} raised {said} at q = {posture_text(self.q)}; "
+            "correct it, or keep away from this posture"
         )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any, cast
 
 import numpy as np
@@ -18,9 +18,9 @@ from ..base.arguments import Made, typed
 from ..base.types import Matrix, Value, Vector
 from ..errors import ArgumentError
 from ..robot import Kinematics
-from ..strategies import HolonomicStrategy, Strategy, check_regular
+from ..strategies import HolonomicStrategy, NumericStrategy, Strategy, check_regular
 from ..symbolic import SX, Function, Solution, symbol, vertcat
-from ..tasks.task import Task
+from ..tasks.task import Task, check_representation
 
 Step = Callable[[Vector, Matrix, Vector, float], Vector]
 """(q, pose, twist, dt) -> dq, one step of a run of a control law.
@@ -181,5 +181,17 @@ def compiled(
 @typed
 def open_loop(strategy: Strategy) -> ControlLaw:
     """dq = G(q) x': a strategy as it stands, without feedback. [ZR11, (3)]"""
+    if isinstance(strategy, NumericStrategy):
+        return ControlLaw(strategy.name, lambda _q0: partial(_numeric_step, strategy))
     looped = strategy.looped
     return compiled(strategy.name, strategy.task, lambda s: looped.expressions.rate(s.dx), looped)
+
+
+def _numeric_step(strategy: NumericStrategy, q: Vector, pose: Matrix, twist: Vector, dt: float) -> Vector:
+    """dq = G(q) x' of a strategy that is a Python function."""
+    task = strategy.task
+    _, R = task.target(pose)
+    each = twist.reshape(task.frames, 2, 3)
+    dx, margin = task.rates(R[None], each[:, 0].reshape(1, -1), each[:, 1].reshape(1, -1))
+    check_representation(task, q, float(margin[0]))
+    return strategy(q) @ dx[0]

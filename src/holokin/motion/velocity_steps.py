@@ -12,7 +12,7 @@ from ..codegen import VelocityRules
 from ..errors import TrackingError
 from ..inverse_kinematics.native_follower import NativeFollower
 from ..path.plan import Plan
-from ..strategies import Strategy, checked_rate
+from ..strategies import NumericStrategy, Strategy, checked_rate
 from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol
 
 
@@ -65,7 +65,9 @@ def velocity_rules() -> VelocityRules:
 def native_velocity(
     strategy: Strategy, plan: Plan, q0: Vector, limits: bool, *, load: bool, build: bool
 ) -> NativeFollower | None:
-    """The same steps as native code, many in one call; None without it, see `Function.follower`."""
+    """The same steps as native code, many in one call; None without it, see `Function.follower`, and of Python's G."""
+    if isinstance(strategy, NumericStrategy):
+        return None
     kernel = path_rate(strategy).follower("velocity", load=load, build=build)
     if kernel is None:
         return None

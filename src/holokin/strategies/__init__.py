@@ -9,6 +9,7 @@ from .jumps import first_jump as first_jump
 from .jumps import jump_near as jump_near
 from .jumps import jumps_of as jumps_of
 from .jumps import may_jump as may_jump
+from .numeric_strategy import NumericStrategy, numeric
 from .physical import check_exact as check_exact
 from .physical import geometric_stiffness, gradient_and_stiffness, impedance, inertia_weighted
 from .plane_expressions import Brackets as Brackets
@@ -34,6 +35,7 @@ __all__ = [
     "HolonomicStrategy",
     "Jump",
     "KernelStrategy",
+    "NumericStrategy",
     "RowStrategy",
     "SelfMotion",
     "Strategy",
@@ -47,6 +49,7 @@ __all__ = [
     "inertia_weighted",
     "moore_penrose",
     "null_basis",
+    "numeric",
     "pfaffian",
     "radial",
     "right_inverse",

@@ -62,12 +62,12 @@ def _check_weight(task: Task, weight: Callable[[SX], Any]) -> None:
     if value.shape != (task.n, task.n):
         raise ShapeError("the weight", (task.n, task.n), value.shape)
     function = Function("weight", {"q": q}, {"weight": value})
-    for posture in _postures(task):
+    for posture in check_postures(task):
         at = np.array2string(posture, precision=3)
         _positive_definite(f"the weight at q = {at}", np.reshape(function(posture), (task.n, task.n)))
 
 
-def _postures(task: Task) -> np.ndarray:
+def check_postures(task: Task) -> np.ndarray:
     """Eight random postures within the limits and 1 of the allowed one nearest zero: they show a wrong formula."""
     lower, upper = task.robot.lower, task.robot.upper
     center = np.clip(0.0, lower, upper)
@@ -124,7 +124,7 @@ def right_inverse(task: Task, G: Callable[[SX], Any], *, name: str = "given") ->
         ShapeError: G is not (n, m). ArgumentError: J G is not 1, with the posture that shows it.
     """
     strategy = null_basis(task, G, name=name)
-    for q in _postures(task):
+    for q in check_postures(task):
         off = np.abs(task.jacobian(q) @ strategy.distribution(q) - np.eye(task.m)).max()
         if not off < 1e-6:
             at = np.array2string(q, precision=3)

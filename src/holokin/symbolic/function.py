@@ -102,12 +102,14 @@ class Function:
         )  # fmt: skip
 
     def batch(
-        self, *args: ArrayLike, threads: int | None = None, out: Sequence[Array] | None = None, **named: ArrayLike
-    ) -> Any:
+        self, *args: ArrayLike, threads: int | None = None, out: Sequence[Array] | None = None,
+        native_from: int = NATIVE_FROM, **named: ArrayLike,
+    ) -> Any:  # fmt: skip
         """Evaluate over a leading axis: each argument (k, *shape), or (*shape) to be repeated.
 
-        From NATIVE_FROM samples on by native code, if there is a compiler, on `threads` threads (all by default);
+        From `native_from` samples on by native code, if there is a compiler, on `threads` threads (all by default);
         it agrees with the virtual machine to round-off. `out`: C-contiguous arrays (k, *shape) for the results.
+        Who calls it in a loop gives a smaller `native_from`.
 
         Returns one array (k, *shape), or a tuple of them; scalars come back as (k,).
         """
@@ -132,7 +134,7 @@ class Function:
         results = [_given(self.name, array, shape) for array, shape in zip(out, wanted, strict=False)]
         if len(out) != len(wanted):
             raise ShapeError(f"{self.name}.batch: out", f"{len(wanted)} arrays", len(out))
-        kernel = self._native() if count >= NATIVE_FROM else None
+        kernel = self._native() if count >= native_from else None
         if kernel is not None:
             kernel([_rows(v) for v in stacked], results, threads)
             return self._unwrapped(results, count)
