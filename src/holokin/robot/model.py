@@ -167,7 +167,7 @@ class Robot(Value):
         return found[::-1]
 
     def pose(self, q: ArrayLike, tip: str | None = None) -> Matrix:
-        """Pose (4, 4) of a tip in the base frame at q (n,).
+        """Pose (4, 4) of a tip in the base frame at q (n,); at many postures (k, n) -> (k, 4, 4), as `ik.batch` takes.
 
         Raises:
             ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip. ArgumentError.
@@ -186,6 +186,8 @@ class Robot(Value):
 
     def jacobian(self, q: ArrayLike, tip: str | None = None) -> Matrix:
         """Geometric Jacobian (6, n) of a tip: rows v then w, in the base frame [m or 1 per joint unit].
+
+        At many postures (k, n) it is (k, 6, n).
 
         Raises:
             ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip. ArgumentError.
