@@ -20,7 +20,7 @@ from .design_problem import Problem, based, hard_limits
 from .law_metrics import SectionMetrics, reached
 from .lower_bound import Floor
 from .nearby_cusps import MORE_SPEED, DegreeTried, NearbyCusps, cusps_near, said_of_degrees
-from .objectives import Objective, as_objective, costs_of, joint_weights, length_of
+from .objectives import Cost, Objective, as_objective, costs_of, joint_weights, length_of
 
 HIGHEST = 4
 """Degree of a polynomial at most: in three coordinates it has 35 terms then, in six 210."""
@@ -160,7 +160,7 @@ def design(
     workspace: Workspace,
     q0: ArrayLike,
     *,
-    objective: Objective | str = "squared_speed",
+    objective: Objective | Cost = "squared_speed",
     base: Constraint | None = None,
     degree: int = 2,
     limits: bool = True,

@@ -14,7 +14,7 @@ from ..inverse_kinematics.solutions import InverseStatus
 from ..path.workspaces import Workspace
 from ..strategies import HolonomicStrategy
 from .coordinates import Coordinates, chart_of, coordinates_of
-from .objectives import Costs, Objective, as_objective, costs_of
+from .objectives import Cost, Costs, Objective, as_objective, costs_of
 from .section import TiltedLeaves
 
 
@@ -54,7 +54,7 @@ def section_metrics(
     workspace: Workspace,
     q0: ArrayLike,
     *,
-    objective: Objective | str = "squared_speed",
+    objective: Objective | Cost = "squared_speed",
     samples: int = 256,
     seed: int = 0,
 ) -> SectionMetrics:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -22,6 +22,10 @@ from ..robot import Robot
 POWER = 24
 """Exponent of the smooth greatest value, (mean a^p)^(1/p): of 256 numbers one of which stands out it is 21 % too low,
 of a smooth function over a box a few per cent."""
+
+
+Cost = Literal["squared_speed", "worst_speed", "joint_limits", "rcond", "travel"]
+"""The names of the costs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +50,7 @@ class Objective(Value):
     joint_weights: ArrayLike | None = field(default=None, kw_only=True)
     length: float | None = field(default=None, kw_only=True)
 
-    NAMES: ClassVar[tuple[str, ...]] = ("squared_speed", "worst_speed", "joint_limits", "rcond", "travel")
+    NAMES: ClassVar[tuple[Cost, ...]] = get_args(Cost)
 
     def __post_init__(self) -> None:
         for name in self.NAMES:

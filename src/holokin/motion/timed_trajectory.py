@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ..base.arguments import typed
 from ..base.files import write_csv
 from ..base.printed_units import SI, PrintedUnits
 from ..base.types import Matrix, Value, Vector
+from ..errors import ArgumentError
 from .trajectory import Trajectory
 
 NOTHING = 1e-6
@@ -148,7 +149,7 @@ class TimedTrajectory(Value):
         return min(self.loads, key=lambda load: load.distance)
 
     @typed
-    def excess(self, by: str = "derivative") -> dict[str, float]:
+    def excess(self, by: Literal["derivative", "difference"] = "derivative") -> dict[str, float]:
         """The largest share of each limit that is taken, less 1: negative where all is within.
 
         Args:
@@ -160,6 +161,8 @@ class TimedTrajectory(Value):
         Returns:
             velocity, acceleration and jerk, the latter without those that have no limit.
         """
+        if by not in ("derivative", "difference"):
+            raise ArgumentError("by", by, "use 'derivative' or 'difference'")
         if by == "derivative":
             found = [self.dq, self.ddq, self.dddq]
         else:

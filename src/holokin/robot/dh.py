@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, get_type_hints
+from typing import Any, Literal, get_args, get_type_hints
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from .joints import FARTHEST, MOST_MOVING, Coordinate, Joint, Tip
 from .model import Robot
 from .units import check_limits_of_hinges, check_link, check_radians
 
-CONVENTIONS = ("standard", "modified")
+Convention = Literal["standard", "modified"]
+"""Where the frames of a DH table stand."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class DHRow:
     d: float = 0.0
     theta: float = 0.0
     joint: str = ""
-    kind: str = "revolute"
+    kind: Literal["revolute", "prismatic"] = "revolute"
     lower: float = -np.inf
     upper: float = np.inf
     max_velocity: float = np.inf
@@ -46,7 +47,7 @@ class DHRow:
 @typed
 def from_dh(
     rows: Sequence[DHRow | Mapping[str, Any]],
-    convention: str = "standard",
+    convention: Convention = "standard",
     *,
     name: str = "robot",
     base: PoseLike | None = None,
@@ -70,8 +71,8 @@ def from_dh(
     for what, text in (("the name", name), ("the tip", tip), ("the source", source), ("the convention", convention)):
         if not isinstance(text, str):
             raise ArgumentError(f"{what} of a robot", text, "give a text")
-    if convention not in CONVENTIONS:
-        raise UnknownNameError("DH convention", convention, CONVENTIONS)
+    if convention not in get_args(Convention):
+        raise UnknownNameError("DH convention", convention, get_args(Convention))
     if not isinstance(rows, Sequence):
         raise ArgumentError("a DH table", rows, "give a list of rows")
     if len(rows) > MOST_MOVING:

@@ -14,12 +14,11 @@ import numpy as np
 
 from ..base.types import Array, Flags, Indices, Value, Vector
 from ..errors import MissingExtraError
-from ..motion.trajectory import Status
 from ..output.html_page import html_table
-from .one_case import METRICS, STATUSES
+from .one_case import METRICS, CaseStatus
 
-STATUS_ORDER = tuple(STATUSES.values())
-FAULT = STATUSES[Status.FAULT]
+STATUS_ORDER = tuple(CaseStatus)
+FAULT = CaseStatus.FAULT
 RETURNS = 1e-6
 """Drift of the last cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
 
