@@ -75,8 +75,8 @@ class Spread(NoTruthValue, Value, ask="`.largest`"):
 
 @typed
 def drift(
-    strategy: Strategy, path: AnyPath, q0: ArrayLike, *, cycles: int = 1, samples: int = 500, method: Following | None = None,
-    limits: bool = True,
+    strategy: Strategy, path: AnyPath, q0: ArrayLike, *, cycles: int = 1, samples: int = 500,
+    method: Following | None = None, limits: bool = True,
 ) -> Drift:  # fmt: skip
     """Follow a closed path for some cycles and say where the joints stand after each.
 

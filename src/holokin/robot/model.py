@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import check, typed
+from ..base.by_value import ByValue
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, kept, numbers
+from ..base.types import Array, ArrayLike, Flags, Matrix, Vector, finite, frozen, kept, numbers
 from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError, shown
 from ..symbolic import (
     SX,
@@ -35,12 +36,14 @@ from .visuals import Visual
 
 
 @dataclass(frozen=True, eq=False)
-class Robot(Value):
+class Robot(ByValue):
     """A kinematic tree with n independent coordinates. Joints stand in topological order.
 
     The first tip is the one that `pose`, `jacobian` and tasks use when none is named. `shapes` are what may be touched,
-    `visuals` what its links look like.
+    `visuals` what its links look like. Robots are equal, and one key, when all this is; `source` does not count.
     """
+
+    aside = ("source",)
 
     name: str
     coordinates: tuple[Coordinate, ...]

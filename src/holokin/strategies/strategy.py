@@ -15,8 +15,9 @@ from functools import cached_property
 import numpy as np
 
 from ..base.arguments import Made
+from ..base.by_value import ByValue
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Matrix, Value, Vector
+from ..base.types import Array, ArrayLike, Matrix, Vector
 from ..errors import NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..robot import Kinematics
 from ..symbolic import SX, Evaluator, Function, Transport, as_expression, symbol
@@ -31,7 +32,7 @@ FORMULA = "look in N_G, the rows or the constraint for a division by zero, a log
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Strategy(Made, Value, ABC):
+class Strategy(Made, ByValue, ABC):
     """A right inverse of a task: a `FrameStrategy`, a `RowStrategy` or a `HolonomicStrategy`.
 
     Make one with `moore_penrose`, `weighted`, `null_basis`, `holonomic`, ...

@@ -40,11 +40,11 @@ class Findings(Value):
         """Those of a results file, or of a run."""
         listed = list(rows)
         names = list(listed[0]) if listed else ["law", "status", *METRICS]
-        numbers = {*METRICS, "seconds"}
+        texts = {"id", "number", "robot", "task", "loop", "law", "status", "reason"}
         found = {
-            name: np.array([np.nan if row[name] is None else row[name] for row in listed], dtype=float)
-            if name in numbers
-            else np.array([row[name] for row in listed], dtype=object)
+            name: np.array([row[name] for row in listed], dtype=object)
+            if name in texts
+            else np.array([np.nan if row[name] is None else row[name] for row in listed], dtype=float)
             for name in names
         }
         return cls(found)

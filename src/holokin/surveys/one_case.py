@@ -44,6 +44,7 @@ from ..strategies import Strategy
 from ..tasks.task import Task
 from .cases import Case, Cases, robot_table
 from .objects import OBJECT, given, given_path, when_replaced
+from .own_metrics import own_metrics
 from .survey_laws import Given, built, of_the_start, resolved
 from .survey_loops import drawn
 from .survey_tables import LoopTable
@@ -222,7 +223,22 @@ def run_case(case: Case, cases: Cases, ready: Ready | None = None) -> Row:
     walk, reason, cause = walk
     metrics = _metrics(walk, law, task)
     status = STATUSES[walk.status if cause is None else cause]
+    own, problems = _own(walk, cases)
+    if problems:  # a fault, so that --again does it again once the function is right
+        status, reason = CaseStatus.FAULT, "; ".join([*filter(None, [reason]), *problems])
+    metrics |= own
     return Row(case.id, case.number, case.names, status, reason, metrics, time.perf_counter() - began)
+
+
+def _own(walk: Trajectory, cases: Cases) -> tuple[dict[str, float], list[str]]:
+    """The metrics of the user's own, and what went wrong with them."""
+    if not cases.table.metrics:
+        return {}, []
+    try:
+        own, problems = own_metrics(cases.table.metrics, walk, cases.folder)
+    except HolokinError as problem:
+        return {}, [str(problem)]
+    return own, [str(problem) for problem in problems]
 
 
 def prepare(case: Case, cases: Cases) -> Ready | None:

@@ -14,9 +14,10 @@ from typing import Self
 import numpy as np
 
 from ..base.arguments import check, type_methods, typed
+from ..base.by_value import ByValue
 from ..base.poses import PoseLike, pose_cure, pose_numbers
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
+from ..base.types import Array, ArrayLike, Matrix, Vector, finite, numbers
 from ..errors import ArgumentError, ShapeError, SingularityError, SingularityKind, UnknownNameError, shown
 from ..robot import Kinematics, Robot
 from ..symbolic import SX, Evaluator, Function, check_length, jacobian, symbol, vertcat
@@ -24,7 +25,7 @@ from ..symbolic.null_space import minors, null_space
 from .frames import poses_expression
 
 
-class Task(Value, ABC):
+class Task(ByValue, ABC):
     """x = f(q), of m rows: a `FrameTask` of one frame, or a `StackedTask` of several.
 
     Make one with `position`, `pose`, `relative_pose`, `line_of_sight`, `custom_task`, and put them together with
@@ -165,10 +166,9 @@ class Task(Value, ABC):
         return self._value_at.call(q)
 
     def jacobian(self, q: ArrayLike) -> Matrix:
-        """Task Jacobian J, (n,) -> (m, n); at many postures (k, n) -> (k, m, n).
+        """Task Jacobian J, (n,) -> (m, n), or (k, n) -> (k, m, n).
 
-        Raises:
-            SingularityError: the orientation representation is singular at q, of many at the first such posture.
+        Raises: SingularityError: the orientation representation is singular at q, of many at the first such posture.
         """
         return self._jacobian_at.call(q)
 
