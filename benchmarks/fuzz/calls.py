@@ -212,7 +212,8 @@ def calls() -> dict[str, Call]:
             for name in ("pink_task", "mink_task")},
         "simulate": (hk.simulate, (k["closed"], task, loop, q), {"dt": 0.5, "cycles": 1, "patience": None}),
         "audit": (hk.audit, (k["closed"], robot, task, [loop]), {
-            "q0": q, "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0}),
+            "q0": q, "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0,
+            "metrics": {"length": len}}),
         "around": (hk.around, (q, 0.1), {}),
         "box": (analysis.box, (q - 0.1, q + 0.1), {}),
         "ball": (analysis.ball, (q, 0.1), {"along": 0.0}),
@@ -319,7 +320,8 @@ def calls() -> dict[str, Call]:
         "LeafFunction.check": (k["leaf"].check, (q,), {}),
         "survey": (
             hk.survey, (["planar-3r"], {"mp": hk.moore_penrose}, {"loop": {"kind": "circle", "size": 0.1}}),
-            {"tasks": "position", "cycles": 1, "samples": 5, "workers": 0, "cases": 1, "seed": 0},
+            {"tasks": "position", "cycles": 1, "samples": 5, "workers": 0, "cases": 1, "seed": 0,
+             "metrics": {"length": len}},
         ),
     }  # fmt: skip
     return found | path_calls()

@@ -17,7 +17,7 @@ NO_QUESTION = {
     # what is asked about, and settings
     "Arm", "Constraint", "ControlLaw", "Controller", "Coordinate", "Cost", "DHRow", "Directions",
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "Joint", "KernelStrategy",
-    "Kinematics", "Law", "Limits", "LinkShape", "Objective", "Part", "Path", "Plant",
+    "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path", "Plant",
     "PostureTask", "Push", "Recording", "Robot", "RowStrategy", "SelfMotion",
     "Servo", "Shape", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
     "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",

@@ -49,6 +49,7 @@ def test_a_function_of_numbers_is_designed_for_as_its_expression_is() -> None:
     assert CALLED.slopes(Q) == pytest.approx(2 * (Q - WISH), abs=1e-7)
 
 
+@pytest.mark.campaign
 def test_beside_other_costs_it_counts_by_its_weight() -> None:
     def mixed(weight: float) -> Any:
         own = OwnCost("away", function=None, expression=EXPRESSED.expression, weight=weight)
