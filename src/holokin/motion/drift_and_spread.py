@@ -21,6 +21,9 @@ class Drift(NoTruthValue, Value, ask="`.largest`"):
 
     trajectory: Trajectory
 
+    def __repr__(self) -> str:
+        return f"Drift({self})"
+
     @property
     def since_start(self) -> Matrix:
         """Drift after 1, 2, ... cycles (cycles, n) [joint units]."""

@@ -12,6 +12,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.files import write_csv
 from ..base.printed_units import SI, PrintedUnits
+from ..base.shown import Shown
 from ..base.types import Matrix, Value, Vector
 from ..errors import ArgumentError
 from .trajectory import Trajectory
@@ -34,7 +35,7 @@ class Limits(Value):
 
 
 @dataclass(frozen=True)
-class Slowdown:
+class Slowdown(Shown):
     """From `start` to `stop` [s] the tool is slower than asked for, at least `least` of it, and why.
 
     `joint` and `limit` are those of which the largest share is taken: velocity, acceleration or jerk. Where no
@@ -56,7 +57,7 @@ class Slowdown:
 
 
 @dataclass(frozen=True)
-class JointLoad:
+class JointLoad(Shown):
     """What one joint does: its greatest speed, acceleration and jerk, their shares of its limits (NaN without one), and
     its least distance to a position limit [joint units], with the time of that [s]."""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..base.arguments import check, typed
 from ..base.poses import PoseLike, pose_cure, pose_numbers
+from ..base.shown import Shown
 from ..base.types import Matrix, number
 from ..errors import ArgumentError, NotFiniteError, UnknownNameError
 from ..symbolic.rotations import exact_rotation
@@ -22,7 +23,7 @@ Convention = Literal["standard", "modified"]
 
 
 @dataclass(frozen=True)
-class DHRow:
+class DHRow(Shown):
     """One row: lengths a, d [m], angles alpha, theta [rad]; the joint adds to theta (revolute) or d (prismatic).
 
     standard:  T_i = Rz(theta) Tz(d) Tx(a) Rx(alpha);   modified:  T_i = Rx(alpha) Tx(a) Rz(theta) Tz(d),

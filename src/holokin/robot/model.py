@@ -79,6 +79,15 @@ class Robot(ByValue):
         tip = f", tip={self.tips[0].name!r}" if self.tips else ""
         return f"Robot({self.name!r}, n={self.n}{tip})"
 
+    def _rows(self) -> list[Sequence[str]]:
+        """The joints with their limits."""
+        rows: list[Sequence[str]] = [("name", self.name), ("joint", "from", "to", "speed")]
+        for c in self.coordinates:
+            rows.append(
+                (c.name, *(f"{v:.4g} {c.unit}" for v in (c.lower, c.upper)), f"{c.max_velocity:.4g} {c.unit}/s")
+            )
+        return [*rows, ("tips", ", ".join(tip.name for tip in self.tips))]
+
     @property
     def n(self) -> int:
         """Number of independent joint coordinates."""

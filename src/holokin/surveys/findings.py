@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.shown import one_line
 from ..base.types import Array, Flags, Indices, Value, Vector
 from ..errors import MissingExtraError
 from ..output.html_page import html_table
@@ -59,7 +60,7 @@ class Findings(Value):
         return "\n".join([*lines, *self._told_of_faults()])
 
     def __repr__(self) -> str:
-        return str(self)
+        return one_line(f"Findings({len(self):,} rows, laws {', '.join(map(str, self.laws))})")
 
     def _repr_html_(self) -> str:
         """The table by law, as notebooks show it."""
