@@ -61,6 +61,8 @@ def test_every_public_noun_has_one_short_line() -> None:
     for kind, one in instances().items():
         line = repr(one) if isinstance(one, Shown) or kind in public else ""
         assert len(line) <= LONGEST and line.isprintable(), (kind, line)
+        if hasattr(one, "_repr_html_"):
+            assert one._repr_html_().startswith("<div"), kind
 
 
 def test_every_public_class_has_the_parent_that_makes_its_line() -> None:
@@ -82,7 +84,7 @@ def from_a_stranger() -> list[Any]:
     space = hk.workspace(box=(start[:2], [0.02, 0.02]))
     walk, ik = hk.follow(law, loop, q0, samples=20), hk.inverse(law, q0)
     return [
-        robot, task, law, hk.lock(2, name=EVIL), walk, ik, ik.batch(space.poses(5)), ik.nearest(robot.pose(q0)),
+        robot, task, law, hk.lock(2, name=EVIL), loop, walk, ik, ik.batch(space.poses(5)), ik.nearest(robot.pose(q0)),
         hk.involutivity(hk.moore_penrose(task), hk.around(q0, 0.1), samples=4), hk.check(walk, robot),
         hk.coverage(law, space, q0, samples=4), hk.audit(law, robot, task, q0=q0, dt=0.1, cycles=3),
         hk.drift(law, loop, q0, samples=20), hk.unique_region(law, q0).certificate, OwnCost(EVIL, function=len),

@@ -39,7 +39,8 @@ class Shown:
     def __init_subclass__(cls, **more: Any) -> None:
         super().__init_subclass__(**more)
         if not issubclass(cls, Enum):  # else `dataclass` writes one with every number in it
-            cls.__repr__ = _bounded(cls.__repr__) if "__repr__" in vars(cls) else cls.__repr__
+            line: Any = _bounded(cls.__repr__) if "__repr__" in vars(cls) else cls.__repr__
+            cls.__repr__ = line
 
     def __repr__(self) -> str:
         name, parts = type(self).__name__, []
@@ -54,9 +55,9 @@ class Shown:
         return f"{name}({', '.join(parts)})"
 
     def _repr_html_(self) -> str:
-        return _table(type(self).__name__, self._rows())
+        return _table(type(self).__name__, self._shown_rows())
 
-    def _rows(self) -> list[Sequence[str]]:
+    def _shown_rows(self) -> list[Sequence[str]]:
         """The rows of the table: what a line of `str` says before and after its colon, or a field and its value."""
         if type(self).__str__ is object.__str__:
             found = fields(self) if is_dataclass(self) else ()
@@ -64,7 +65,7 @@ class Shown:
         return [_split(line) for line in str(self).splitlines() if line.strip()]
 
 
-def _bounded(written: Callable[[Any], str]) -> Callable[[Any], str]:
+def _bounded(written: Callable[[Any], str]) -> Any:
     @wraps(written)
     def called(self: Any) -> str:
         return one_line(written(self))

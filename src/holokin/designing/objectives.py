@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -95,7 +95,8 @@ def as_objective(given: Objective | OwnCost | str) -> Objective:
     name = given.replace(" ", "_").replace("-", "_")
     if name not in Objective.NAMES:
         raise UnknownNameError("objective", given, Objective.NAMES)
-    return Objective(**{name: 1.0})
+    one: dict[str, Any] = {name: 1.0}
+    return Objective(**one)
 
 
 @dataclass(frozen=True)

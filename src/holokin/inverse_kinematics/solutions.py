@@ -82,7 +82,7 @@ class Solutions(NoTruthValue, Value, ask="`.reached`"):
     def __repr__(self) -> str:
         return f"Solutions({len(self):,} poses, {int(self.reached.sum()):,} reached)"
 
-    def _rows(self) -> list[Sequence[str]]:
+    def _shown_rows(self) -> list[Sequence[str]]:
         """How many poses have each status."""
         counts = [(status.name.lower().replace("_", " "), self.count(status)) for status in InverseStatus]
         return [("poses", f"{len(self):,}"), *((name, f"{count:,}") for name, count in counts if count)]

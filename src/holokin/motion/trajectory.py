@@ -82,7 +82,7 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
             f"Trajectory({len(self)} samples, {self.cycles} cycles, {self.status.name}, {', '.join(self.joint_names)})"
         )
 
-    def _rows(self) -> list[Sequence[str]]:
+    def _shown_rows(self) -> list[Sequence[str]]:
         """How it ended, and from where to where each joint went."""
         rows: list[Sequence[str]] = [("status", self.status.name.lower().replace("_", " "))]
         rows += [("samples", f"{len(self):,}"), ("whole cycles", str(self.cycles)), ("joint", "from", "to", "between")]

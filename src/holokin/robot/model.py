@@ -79,7 +79,7 @@ class Robot(ByValue):
         tip = f", tip={self.tips[0].name!r}" if self.tips else ""
         return f"Robot({self.name!r}, n={self.n}{tip})"
 
-    def _rows(self) -> list[Sequence[str]]:
+    def _shown_rows(self) -> list[Sequence[str]]:
         """The joints with their limits."""
         rows: list[Sequence[str]] = [("name", self.name), ("joint", "from", "to", "speed")]
         for c in self.coordinates:
