@@ -128,9 +128,8 @@ def test_the_order_and_the_kind_of_numbers_do_not_count_but_their_values_do() ->
     assert hk.linear([1, 0, -1]) != hk.linear([[1, 0, -1]], name="other")
 
 
-def test_what_an_equal_robot_was_proven_for_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_an_equal_robot_was_proven_for_is_taken() -> None:
     """A region belongs to a strategy by value: to the same one made anew, and to no other."""
-    monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # a few poses are no compiler's work
     task = hk.position(hk.load("planar-3r"))
     q0 = np.array([0.3, 0.6, 0.5])
     law = hk.holonomic(task, hk.lock(2))
