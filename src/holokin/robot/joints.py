@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,3 +97,12 @@ class Body(Value):
     mass: float
     center: Vector
     inertia: Matrix
+
+
+def joint_rows(coordinates: Sequence[Coordinate]) -> list[Sequence[str]]:
+    """A table of the coordinates with their limits."""
+    rows: list[Sequence[str]] = [("joint", "from", "to", "speed")]
+    for c in coordinates:
+        limits = (f"{v:.4g} {c.unit}" for v in (c.lower, c.upper))
+        rows.append((c.name, *limits, f"{c.max_velocity:.4g} {c.unit}/s"))
+    return rows

@@ -29,7 +29,7 @@ from ..symbolic import (
     vertcat,
 )
 from ..symbolic.rotations import rotation_about
-from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Kinematics, Tip
+from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Kinematics, Tip, joint_rows
 from .link_shapes import LinkShape
 from .model_joints import ModelJoints, places_in, put_into, taken_from
 from .visuals import Visual
@@ -80,13 +80,7 @@ class Robot(ByValue):
         return f"Robot({self.name!r}, n={self.n}{tip})"
 
     def _shown_rows(self) -> list[Sequence[str]]:
-        """The joints with their limits."""
-        rows: list[Sequence[str]] = [("name", self.name), ("joint", "from", "to", "speed")]
-        for c in self.coordinates:
-            rows.append(
-                (c.name, *(f"{v:.4g} {c.unit}" for v in (c.lower, c.upper)), f"{c.max_velocity:.4g} {c.unit}/s")
-            )
-        return [*rows, ("tips", ", ".join(tip.name for tip in self.tips))]
+        return [("name", self.name), *joint_rows(self.coordinates), ("tips", ", ".join(tip.name for tip in self.tips))]
 
     @property
     def n(self) -> int:
@@ -181,8 +175,7 @@ class Robot(ByValue):
     def pose(self, q: ArrayLike, tip: str | None = None) -> Matrix:
         """Pose (4, 4) of a tip in the base frame at q (n,); at many postures (k, n) -> (k, 4, 4), as `ik.batch` takes.
 
-        Raises:
-            ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip. ArgumentError.
+        Raises: ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip. ArgumentError.
         """
         return self._evaluator(self._poses, tip).call(q)
 
@@ -197,12 +190,9 @@ class Robot(ByValue):
         return position.reshape(-1, 3), rotation.reshape(-1, 3, 3)
 
     def jacobian(self, q: ArrayLike, tip: str | None = None) -> Matrix:
-        """Geometric Jacobian (6, n) of a tip: rows v then w, in the base frame [m or 1 per joint unit].
+        """Geometric Jacobian (6, n) of a tip, or (k, 6, n): rows v then w, in the base frame [m or 1 per joint unit].
 
-        At many postures (k, n) it is (k, 6, n).
-
-        Raises:
-            ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip. ArgumentError.
+        Raises: ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip. ArgumentError.
         """
         return self._evaluator(self._jacobians, tip).call(q)
 
