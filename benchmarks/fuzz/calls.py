@@ -216,7 +216,8 @@ def calls() -> dict[str, Call]:
             for name in ("pink_task", "mink_task")},
         "simulate": (hk.simulate, (k["closed"], task, loop, q), {"dt": 0.5, "cycles": 1, "patience": None}),
         "audit": (hk.audit, (k["closed"], robot, task, [loop]), {
-            "q0": q, "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0}),
+            "q0": q, "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0,
+            "metrics": {"length": len}}),
         "around": (hk.around, (q, 0.1), {}),
         "box": (analysis.box, (q - 0.1, q + 0.1), {}),
         "ball": (analysis.ball, (q, 0.1), {"along": 0.0}),
@@ -276,6 +277,8 @@ def calls() -> dict[str, Call]:
         "Coverage.save": (k["covered"].save, ("covered.csv",), {}),
         "Robot.pose": (robot.pose, (q,), {"tip": "tool"}),
         "Robot.jacobian": (robot.jacobian, (q,), {"tip": "tool"}),
+        "Robot.pose of many": (robot.pose, (Q,), {"tip": "tool"}),
+        "Robot.jacobian of many": (robot.jacobian, (Q,), {"tip": "tool"}),
         "Robot.pose_batch": (robot.pose_batch, (Q,), {"tip": None}),
         "Robot.skeleton": (robot.skeleton, (q,), {}),
         "Robot.checked": (robot.checked, (q,), {"what": "q"}),
@@ -284,6 +287,8 @@ def calls() -> dict[str, Call]:
         "Robot.joint_index": (robot.joint_index, (robot.joint_names[0],), {}),
         "Task": (task, (q,), {}),
         "Task.jacobian": (task.jacobian, (q,), {}),
+        "Task of many": (task, (Q,), {}),
+        "Task.jacobian of many": (task.jacobian, (Q,), {}),
         "Task.null_space": (task.null_space, (q,), {}),
         "Task.error": (task.error, (q, start, one), {}),
         "Task.rates": (k["turn"].rates, ([one], [start], [start]), {}),
@@ -292,7 +297,9 @@ def calls() -> dict[str, Call]:
         "Task.error of many": (task.error, (Q[:1], [start], [one]), {}),
         "Task[]": (task.__getitem__, ([0],), {}),
         "Strategy": (law, (q,), {}),
+        "Strategy of many": (law, (Q,), {}),
         "Strategy.g": (held.g, (q,), {}),
+        "Strategy.g of many": (held.g, (Q,), {}),
         "Strategy.batch": (law.batch, (Q,), {"threads": 1}),
         "Strategy.distribution": (law.distribution, (q,), {}),
         "Strategy.rows": (held.rows, (q,), {}),
@@ -320,7 +327,8 @@ def calls() -> dict[str, Call]:
         "LeafFunction.check": (k["leaf"].check, (q,), {}),
         "survey": (
             hk.survey, (["planar-3r"], {"mp": hk.moore_penrose}, {"loop": {"kind": "circle", "size": 0.1}}),
-            {"tasks": "position", "cycles": 1, "samples": 5, "workers": 0, "cases": 1, "seed": 0},
+            {"tasks": "position", "cycles": 1, "samples": 5, "workers": 0, "cases": 1, "seed": 0,
+             "metrics": {"length": len}},
         ),
     }  # fmt: skip
     return found | path_calls()

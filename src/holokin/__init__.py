@@ -228,14 +228,16 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """`studio` and `survey`: what serves a page or keeps rows of a survey is loaded when it is first asked for."""
-    if name == "studio":
-        from .studios import studio
+if not TYPE_CHECKING:  # so that a misspelt name is an error of types
 
-        return studio
-    if name == "survey":
-        from .surveys import survey
+    def __getattr__(name: str) -> Any:
+        """`studio` and `survey`: what serves a page or keeps rows of a survey is loaded when it is first asked for."""
+        if name == "studio":
+            from .studios import studio
 
-        return survey
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            return studio
+        if name == "survey":
+            from .surveys import survey
+
+            return survey
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

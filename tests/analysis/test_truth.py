@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
 from enum import Enum
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -12,6 +10,7 @@ import pytest
 import holokin as hk
 from holokin.base.types import NoTruthValue
 from holokin.errors import AmbiguousTruthError
+from public_nouns import public_classes
 
 NO_QUESTION = {
     # what is asked about, and settings
@@ -19,7 +18,7 @@ NO_QUESTION = {
     "Dataset", "Episode", "JointFeature", "PoseFeature",
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
     "NumericStrategy", "TorchInverse",
-    "Kinematics", "Law", "Limits", "LinkShape", "Objective", "Part", "Path", "Plant",
+    "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path", "Plant",
     "PostureTask", "Push", "Recording", "Robot", "RowStrategy", "SelfMotion",
     "Servo", "Shape", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
     "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",
@@ -34,21 +33,6 @@ NO_QUESTION = {
     "checking.Finding", "Evidence", "FindingKind",
 }  # fmt: skip
 """Public classes whose truth value nobody takes for the answer to a question."""
-
-
-def rooms() -> list[ModuleType]:
-    return [hk, *(room for name in hk.__all__ if inspect.ismodule(room := getattr(hk, name)))]
-
-
-def public_classes() -> dict[str, type]:
-    """Every class that a room gives out, by room and name, once."""
-    found: dict[type, str] = {}
-    for room in rooms():
-        for name in room.__all__:
-            one = getattr(room, name)
-            if inspect.isclass(one) and not issubclass(one, Exception):
-                found[one] = f"{room.__name__.partition('.')[2]}.{name}".lstrip(".")
-    return {name: one for one, name in found.items()}
 
 
 def test_every_public_class_is_decided() -> None:

@@ -275,7 +275,7 @@ def test_a_kernel_that_cannot_be_made_is_tried_once(monkeypatch: Patch, caplog: 
 
 
 def test_a_singular_posture_of_a_later_piece_is_named(monkeypatch: Patch) -> None:
-    monkeypatch.setattr("holokin.strategies.strategy.PIECE", 10)
+    monkeypatch.setattr("holokin.symbolic.checked_batch.PIECE", 10)
     strategy = hk.moore_penrose(hk.pose(hk.load("panda")))
     Q = np.tile(PANDA_START, (45, 1))
     Q[37] = 0.0
@@ -287,7 +287,7 @@ def test_a_singular_posture_of_a_later_piece_is_named(monkeypatch: Patch) -> Non
 @pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
 def test_a_batch_allocates_its_outputs_and_no_more(native_from: int, monkeypatch: Patch) -> None:
     monkeypatch.setattr(function_module, "NATIVE_FROM", native_from)
-    monkeypatch.setattr("holokin.strategies.strategy.PIECE", 2_000)
+    monkeypatch.setattr("holokin.symbolic.checked_batch.PIECE", 2_000)
     strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle())
     strategy.batch(np.tile(PANDA_START, (300, 1)))
     peaks = []

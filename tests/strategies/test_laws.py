@@ -203,12 +203,17 @@ def test_curvature_is_vertical_and_meets_finite_differences(case: Case) -> None:
 
 @many
 def test_a_batch_is_the_same_as_one_by_one(case: Case) -> None:
+    """The same numbers to the last bit, of all that takes (n,) or (k, n)."""
     G = case.strategy
+    doors = [G, G.batch, G.task, G.task.jacobian, G.task.pose, lambda q: hk.curvature(G, q)]
+    doors += [G.g, G.rows] if isinstance(G, HolonomicStrategy) else []
     Q = postures(case, 300)
-    batch = G.batch(Q)
-    assert batch.shape == (300, G.task.n, G.task.m)
-    for k in (0, 255, 256, 299):
-        assert np.array_equal(batch[k], G(Q[k]))
+    for door in doors:
+        batch = door(Q)
+        for k in (0, 255, 256, 299):
+            one = G(Q[k]) if door == G.batch else door(Q[k])
+            assert batch.shape == (300, *one.shape)
+            assert np.array_equal(batch[k], one)
 
 
 @many

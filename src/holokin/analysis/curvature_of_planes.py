@@ -12,10 +12,11 @@ from typing import Literal
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Matrix, kept
 from ..errors import ArgumentError
-from ..strategies import Brackets, Expressions, FrameStrategy, NumericStrategy, Strategy, check_solved
-from ..symbolic import SX, Function, as_expression, factorise, horzcat, vertcat
+from ..strategies import Brackets, Expressions, FrameStrategy, NumericStrategy, Strategy
+from ..symbolic import SX, Evaluator, Function, as_expression, densify, factorise, horzcat, vertcat
 from ..symbolic.null_space import null_space_expression
 from ..tasks.task import Task
 from .numeric_curvature import measured_curvature
@@ -33,28 +34,40 @@ and 1.3 GB."""
 def curvature(strategy: Strategy, q: ArrayLike, *, method: Method = "auto") -> Array:
     """F (n, m, m) at q (n,): F[:, i, j] = F_ij = -F_ji [joint unit / (task unit i * task unit j)].
 
+    At many postures (k, n) it is (k, n, m, m).
+
     Args:
         strategy: of a Python function the derivatives are differences; `analysis.measured_curvature` says how accurate.
         method: "hessian" takes F from the Hessians of the forward kinematics alone (theory 2a), for a constant weight
             and a position or twist task; "ad" differentiates the planes; "auto" takes the first where it can.
 
     Raises:
-        SingularityError: the strategy is not defined at q. ArgumentError: no Hessian form of this strategy.
+        SingularityError: the strategy is not defined at q, of many at the first such posture. ArgumentError: no
+            Hessian form of this strategy. ShapeError, NotFiniteError: q is not n finite numbers.
     """
-    q = strategy.task.robot.checked(q)
     if isinstance(strategy, NumericStrategy):
-        if method != "auto":
-            raise ArgumentError(
-                "method", method, f"{strategy.name!r} is a Python function without a formula: use 'auto'"
-            )
-        return measured_curvature(strategy, q).F
-    packed, _, rcond, margin = curvature_function(strategy, method)(q)
-    check_solved(strategy, q, rcond, margin)
-    return _unpacked(np.reshape(packed, (strategy.task.n, -1)), strategy.task.m)
+        return _measured(strategy, q, method)
+    return _evaluator(strategy, _by_hessians(strategy, method)).call(q)
+
+
+def _measured(strategy: NumericStrategy, q: ArrayLike, method: Method) -> Array:
+    """The same by differences. Raises: as `curvature`."""
+    if method != "auto":
+        cure = f"{strategy.name!r} is a Python function without a formula: use 'auto'"
+        raise ArgumentError("method", method, cure)
+    robot = strategy.task.robot
+    if np.ndim(q) == 2:
+        return np.array([measured_curvature(strategy, robot.checked(one)).F for one in np.asarray(q)])
+    return measured_curvature(strategy, robot.checked(q)).F
 
 
 def curvature_function(strategy: Strategy, method: Method = "auto") -> Function:
     """q -> (F_ij for i < j as columns (n, m(m-1)/2), G, rcond, margin), built once a strategy and method."""
+    return _columns(strategy, _by_hessians(strategy, method))
+
+
+def _by_hessians(strategy: Strategy, method: Method) -> bool:
+    """Whether the Hessians of the arm give the curvature. Raises: ArgumentError."""
     if method not in ("auto", "hessian", "ad"):
         raise ArgumentError("method", method, "use 'auto', 'hessian' or 'ad'")
     weight = _constant_inverse_weight(strategy)
@@ -62,7 +75,7 @@ def curvature_function(strategy: Strategy, method: Method = "auto") -> Function:
         raise ArgumentError(
             "method", method, f"{strategy.name!r} needs a constant weight and a position or twist task for it: use 'ad'"
         )
-    return _curvature(strategy, weight is not None and method != "ad")
+    return weight is not None and method != "ad"
 
 
 def _constant_inverse_weight(strategy: Strategy) -> Matrix | None:
@@ -86,7 +99,27 @@ def pairs(m: int) -> list[tuple[int, int]]:
 
 
 @kept
-def _curvature(strategy: Strategy, by_hessians: bool) -> Function:
+def _evaluator(strategy: Strategy, by_hessians: bool) -> Evaluator:
+    """(n,) -> F (n, m, m), or (k, n) -> (k, n, m, m), where the strategy is regular."""
+    (q, outputs), m = _written(strategy, by_hessians), strategy.task.m
+    signed = {(i, j): outputs["F"][:, k] for k, (i, j) in enumerate(pairs(m))}
+    signed |= {(j, i): -F for (i, j), F in signed.items()} | {(i, i): SX.zeros(strategy.task.n, 1) for i in range(m)}
+    full = horzcat(*(signed[i, j] for i in range(m) for j in range(m)))
+    measures = {name: outputs[name] for name in ("rcond", "margin")}
+    bounds = (TOLERANCES.singular, TOLERANCES.representation)
+    function = Function("curvature_tensor", {"q": q}, {"F": densify(full), **measures})
+    return function.checked((strategy.task.n, m, m), strategy.task.robot.checked, strategy._doubtful, bounds)
+
+
+@kept
+def _columns(strategy: Strategy, by_hessians: bool) -> Function:
+    q, outputs = _written(strategy, by_hessians)
+    return Function("curvature", {"q": q}, outputs)
+
+
+@kept
+def _written(strategy: Strategy, by_hessians: bool) -> tuple[SX, dict[str, SX]]:
+    """q, and the outputs of `curvature_function` as expressions of it."""
     task = strategy.task
     if task.n > MOST_JOINTS:
         cure = f"its curvature is written out for at most {MOST_JOINTS}: lock some joints, or take a part of the arm"
@@ -100,19 +133,10 @@ def _curvature(strategy: Strategy, by_hessians: bool) -> Function:
     # (4): what of [G_i, G_j] lies outside range G
     columns = [N @ along.solve(vertcat(*(K[i, j] for K in brackets))) for i, j in pairs(m)]
     packed = horzcat(*columns) if columns and brackets else SX.zeros(task.n, max(1, len(columns)))
-    outputs = {"F": packed, "G": found.X, "rcond": found.rcond, "margin": strategy.margin_expression}
-    return Function("curvature", {"q": e.q}, outputs)
+    return e.q, {"F": packed, "G": found.X, "rcond": found.rcond, "margin": strategy.margin_expression}
 
 
 def _hessian_brackets(task: Task, e: Expressions, weight: Matrix | None) -> Brackets:
     """[W J_a^T, W J_b^T] = W (H_b W J_a^T - H_a W J_b^T), with the Hessians in closed form (theory 2a)."""
     H, W = task.hessians(e.q), as_expression(weight)
     return {(a, b): W @ (H[b] @ e.planes[:, a] - H[a] @ e.planes[:, b]) for a, b in pairs(task.m)}
-
-
-def _unpacked(packed: Array, m: int) -> Array:
-    F = np.zeros((packed.shape[0], m, m))
-    for column, (i, j) in enumerate(pairs(m)):
-        F[:, i, j] = packed[:, column]
-        F[:, j, i] = -packed[:, column]
-    return F

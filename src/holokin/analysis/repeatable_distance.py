@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.shown import Shown
 from ..base.types import ArrayLike, Matrix, Value, Vector, whole
 from ..errors import ArgumentError
 from ..strategies import Strategy, radial, self_motion
@@ -20,7 +21,7 @@ POINTS = 120
 
 
 @dataclass(frozen=True)
-class Deviation:
+class Deviation(Shown):
     """How far one strategy is from another over some postures, relative to the first.
 
     rms: sqrt(mean |G' - G|^2 / mean |G|^2); largest: max |G' - G| / |G|; extra_speed: mean |G'|^2 / mean |G|^2 - 1,

@@ -6,7 +6,7 @@ joints end. Every question is asked on its own: one that the law cannot answer i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,10 +14,12 @@ import numpy as np
 
 from ..analysis.curvature_of_planes import pairs
 from ..base.arguments import typed
+from ..base.own_number import own_number
 from ..base.types import ArrayLike, NoTruthValue
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, SingularityError, StartError
 from ..inverse_kinematics.posture_search import spread
 from ..motion import as_control_law
+from ..motion.trajectory import Trajectory
 from ..path import Path, circle, polyline
 from ..robot import Robot
 from ..strategies import Strategy
@@ -135,6 +137,7 @@ def audit(
     cycles: int = 6,
     tolerance: float = TOLERANCE,
     patience: float = 2.0,
+    metrics: Mapping[str, Callable[[Trajectory], Any]] | None = None,
 ) -> Audit:
     """Put any control law to the test.
 
@@ -150,6 +153,8 @@ def audit(
         q0: posture (n,). dt: the loop's step [s]. cycles: how often to go round.
         tolerance: joint difference that counts as one [joint units].
         patience: seconds after which a call that does not return is given up.
+        metrics: name -> a function of your own of the trajectory of all cycles round the first loop, which gives a
+            number, or None. Each is a finding "metric NAME", apart from the verdict.
 
     Raises:
         ArgumentError, ShapeError, NotFiniteError: bad arguments, as a strategy of another robot; not a bad law.
@@ -160,7 +165,7 @@ def audit(
     chosen = task if task is not None else pose(robot)
     of_one_tool(chosen, "an audit")
     _of_this_robot(law, robot)
-    if chosen.robot is not robot:
+    if chosen.robot != robot:
         raise ArgumentError("the task", chosen.name, f"it must be one of the robot audited, {robot.name!r}")
     q0 = robot.checked(q0, "the start posture")
     if cycles < 3 or not tolerance > 0 or not patience > 0:
@@ -183,13 +188,18 @@ def audit(
     findings += [_asked("history", lambda: ask_history(setup, paths[0]))]
     findings += [_asked("start", lambda: ask_start(setup, paths[0]))]
     findings += [_asked("small loops", lambda: ask_small_loops(setup, widest(setup, planes)))]
-    return Audit(setup.law.name, _verdict(setup, findings, planes), tuple(findings), tolerance, tuple(planes))
+    verdict = _verdict(setup, findings, planes)
+    findings += [
+        _asked(f"metric {name}", lambda name=name, f=f: _own_metric(setup, paths[0], name, f))
+        for name, f in (metrics or {}).items()
+    ]
+    return Audit(setup.law.name, verdict, tuple(findings), tolerance, tuple(planes))
 
 
 def _of_this_robot(law: object, robot: Robot) -> None:
     """Raises: ArgumentError: the law is a strategy, or a controller of one, for a robot with other kinematics."""
     strategy = getattr(law, "strategy", law)
-    if not isinstance(strategy, Strategy) or strategy.task.robot is robot:
+    if not isinstance(strategy, Strategy) or strategy.task.robot == robot:
         return
     theirs, Q = strategy.task.robot, spread(robot, 3)
     alike = theirs.n == robot.n and robot.tips and robot.tips[0].name in (tip.name for tip in theirs.tips)
@@ -227,6 +237,12 @@ def _asked(question: str, ask: Callable[[], Answer]) -> Finding:
             raise
         return Finding(question, "", {}, str(problem))
     return Finding(question, sentence, metrics)
+
+
+def _own_metric(setup: AuditSetup, path: Path, name: str, function: Callable[[Trajectory], Any]) -> Answer:
+    """A number of the user's own. Raises: OwnFunctionError, ControllerError."""
+    number = own_number(f"the metric {name!r}", function, setup.first_walk(path))
+    return ("it gives no number", {}) if number is None else (f"{number:.6g}", {"value": number})
 
 
 def _planes(setup: AuditSetup, paths: list[Path], given: bool) -> list[PlaneDrift]:

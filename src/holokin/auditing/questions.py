@@ -86,6 +86,10 @@ class AuditSetup:
         begin = self.q0 if q0 is None else q0
         return simulate(law, self.task, path, begin, dt=dt or self.dt, cycles=cycles, patience=self.patience)
 
+    def first_walk(self, path: Path) -> Trajectory:
+        """All cycles round a loop. Raises: ControllerError."""
+        return self.run(path, cycles=self.cycles)
+
     def loop(self, plane: tuple[int, int], scale: float = 1.0) -> Path:
         """`plane_loop` from the start. Raises: SingularityError."""
         return plane_loop(self.task, self.tool[:3, 3], self.tool[:3, :3], *plane, scale)

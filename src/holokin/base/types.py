@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import AmbiguousTruthError, ArgumentError, NotFiniteError, ShapeError
+from .shown import Shown
 
 Array = NDArray[np.float64]
 """A float64 array of any shape."""
@@ -203,7 +204,7 @@ def kept(build: Callable[Concatenate[Noun, More], Result]) -> Callable[Concatena
     return called
 
 
-class Value:
+class Value(Shown):
     """The parent of frozen dataclasses: they keep copies of arrays, which nobody can write to.
 
     They are pickled as their fields; what was computed from these is computed again.
@@ -223,7 +224,7 @@ class Value:
             object.__setattr__(self, name, frozen(value) if isinstance(value, np.ndarray) else value)
 
 
-class NoTruthValue:
+class NoTruthValue(Shown):
     """The parent of results and statuses that may say no: `bool` of one raises `AmbiguousTruthError`.
 
     `ask` says what to ask instead.

@@ -13,6 +13,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.files import replacing
 from ..base.printed_units import SI, PrintedUnits
+from ..base.shown import Shown
 from ..base.types import NoTruthValue
 
 MOST_TOLD = 20
@@ -32,7 +33,7 @@ class FindingKind(Enum):
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(Shown):
     """Something that a motion does and should not.
 
     Attributes:
@@ -74,7 +75,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Clearance:
+class Clearance(Shown):
     """How near two things come: `least` found [m] at `time` [s], and `bound`, what it is at least all the way [m].
 
     Of meshes these are distances of their convex hulls, which are no larger than theirs, as long as they are above the
@@ -88,7 +89,7 @@ class Clearance:
 
 
 @dataclass(frozen=True)
-class LeftOut:
+class LeftOut(Shown):
     """Two links whose distance was not looked at, or not held against the clearance, and why."""
 
     pair: tuple[str, str]
@@ -96,7 +97,7 @@ class LeftOut:
 
 
 @dataclass(frozen=True)
-class Unseen:
+class Unseen(Shown):
     """A link without a shape that can be looked at, and why."""
 
     link: str

@@ -53,6 +53,7 @@ class Evaluator:
         convert: makes arrays of arguments that are none of the right kind and shape.
         doubt: what to do where something is not finite or a measure is not sound: it raises, or gives a result. Without
             it everything is given as it is.
+        many: what gives the results of many samples (k, n), where the only argument is a vector (n,).
     """
 
     call: Callable[..., Any]
@@ -60,9 +61,11 @@ class Evaluator:
     def __init__(
         self, made: Program, inputs: Shapes, outputs: Shapes, port: Port, *, results: Shapes,
         bounds: Sequence[float] = (), convert: Convert, doubt: Doubt | None = None,
+        many: Callable[..., Array] | None = None,
     ) -> None:  # fmt: skip
         self._made, self._inputs, self._outputs = made, tuple(inputs), tuple(outputs)
         self._results, self._bounds, self._checks = tuple(results), tuple(bounds), doubt is not None
+        self.many: Any = many
         self.machine, self._restart = self._on_machine(port, convert, doubt)
         self.call = self.machine
 
@@ -93,7 +96,7 @@ class Evaluator:
         self._restart()
 
     def _on_machine(self, port: Port, convert: Convert, doubt: Doubt | None) -> tuple[Callable[..., Any], Any]:
-        memory = _Memory(port, self._results)
+        memory, many = _Memory(port, self._results), self.many
         inputs, several, double = self._inputs, len(self._results) != 1, np.dtype(float)
         measures = [*zip(range(-len(self._bounds), 0), self._bounds, strict=True)]  # the last of all numbers
         myself, left = weakref.ref(self), HEAVY
@@ -118,6 +121,8 @@ class Evaluator:
             for value, slot, shape in zip(given, slots, inputs, strict=True):
                 if type(value) is not np.ndarray or value.dtype is not double or value.shape != shape:
                     given = convert(*arguments, **named)
+                    if many is not None and given[0].ndim > 1:
+                        return many(given[0])
                     for one, into in zip(given, slots, strict=True):
                         into[...] = one
                     break

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -22,10 +22,14 @@ MOST_JOINTS = 10_000
 """Indices of joints beyond it are of no robot."""
 
 
+Definition = Literal["stereographic", "conventional"]
+"""The kinds of arm angles."""
+
+
 @made
 def arm_angle(
     *,
-    definition: str = "stereographic",
+    definition: Definition = "stereographic",
     joints: Sequence[Any] | None = None,
     reference: ArrayLike = (0.0, 0.0, 1.0),
     pole: ArrayLike | None = None,
@@ -61,8 +65,8 @@ def arm_angle(
             joints are on the chain to the tip; it lists those there are. ArgumentError: R not perpendicular to V, or
             given for the conventional kind.
     """
-    if definition not in ("stereographic", "conventional"):
-        raise UnknownNameError("definition of an arm angle", definition, ("stereographic", "conventional"))
+    if definition not in get_args(Definition):
+        raise UnknownNameError("definition of an arm angle", definition, get_args(Definition))
     conventional = definition == "conventional"
     if conventional and pole is not None:
         raise ArgumentError(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import check, typed
+from ..base.shown import Shown
 from ..base.types import Matrix, Vector, finite
 from ..errors import ArgumentError, NoArmError
 from ..robot import Kinematics, Robot
@@ -47,7 +48,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Arm:
+class Arm(Shown):
     """The shoulder, elbow and wrist that an arm angle is measured by."""
 
     shoulder: Point

@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..base.arguments import Made, made, typed
-from ..base.types import Array, ArrayLike, Value, finite, frozen, whole
+from ..base.by_value import ByValue
+from ..base.types import Array, ArrayLike, finite, frozen, whole
 from ..errors import ArgumentError, ConstraintRowsError, ShapeError
 from ..robot import Kinematics
 from ..symbolic import SX, Formula, Transport, as_expression, fmin, jacobian, symbol, vertcat, wrapped, written
@@ -21,7 +22,7 @@ Levels = TypeVar("Levels", SX, Array)
 
 
 @dataclass(frozen=True, eq=False)
-class Constraint(Made, Value):
+class Constraint(Made, ByValue):
     """g(q), written down when a task (and so a robot) is known.
 
     `expression(task, kinematics, q)` gives g (rows,). `angular` says which rows are angles, whose

@@ -9,13 +9,13 @@ from ..base.types import ArrayLike
 from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..symbolic import SX
-from ..tasks.orientation_rows import three_angles
+from ..tasks.orientation_rows import Angles, three_angles
 from ..tasks.task import Task
 from .constraint import Constraint, as_gain, nothing_jumps
 
 
 @made
-def coupled(gain: ArrayLike, orientation: str = "zyz", *, rows: Sequence[int] = (0, 1, 2)) -> Constraint:
+def coupled(gain: ArrayLike, orientation: Angles = "zyz", *, rows: Sequence[int] = (0, 1, 2)) -> Constraint:
     """g(q) = phi(q) + Lambda p(q): orientation angles phi (3,) follow the position p (3,). [ZR11, (28)]
 
     Args:

@@ -15,6 +15,7 @@ from .designed_law import Design, design
 from .law_metrics import SectionMetrics, section_metrics
 from .nearby_cusps import DegreeTried, NearbyCusps
 from .objectives import Objective
+from .own_cost import OwnCost
 from .serving_levels import LevelRange, level_range
 from .slices import Slice, coverage_slices
 from .starts import fitting_task as fitting_task
@@ -32,6 +33,7 @@ __all__ = [
     "LevelRange",
     "NearbyCusps",
     "Objective",
+    "OwnCost",
     "Part",
     "PoseStatus",
     "Reach",

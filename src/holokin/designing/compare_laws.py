@@ -109,7 +109,7 @@ def advise(
     chain = chain_to_tool(robot, tip, base)
     if isinstance(task, Task):
         work = task
-        if task.robot is not chain.robot:
+        if task.robot != chain.robot:
             raise ArgumentError("the task", task, "give a task of the same robot: load the robot first")
     else:
         work = task_of_kind(chain.robot, tip if isinstance(robot, Robot) else None, task)

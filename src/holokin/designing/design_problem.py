@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.types import Array, Flags, Matrix, Value, Vector
 from ..constraints import Constraint, linear, tilted
-from ..errors import OutOfReachError, PathError
+from ..errors import ArgumentError, OutOfReachError, PathError
 from ..inverse_kinematics import inverse
 from ..path.workspaces import Workspace
 from ..strategies import HolonomicStrategy, holonomic
@@ -88,7 +88,12 @@ class Problem(Value):
         weights = self.goal.weights
         if len(weights) == 1:
             return dict.fromkeys(weights, 1.0)
-        return {name: w / self.costs.known[name](at.Q, at.G, at.rcond).value for name, w in weights.items()}
+        found = {name: self.costs.known[name](at.Q, at.G, at.rcond).value for name in weights}
+        for name, value in found.items():
+            if not value > 0:
+                cure = "beside other costs it must be above 0: add a constant to it, or make it the only one"
+                raise ArgumentError(f"the cost {name!r} before the design", value, cure)
+        return {name: w / found[name] for name, w in weights.items()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,8 @@ from .design_problem import Problem, based, hard_limits
 from .law_metrics import SectionMetrics, reached
 from .lower_bound import Floor
 from .nearby_cusps import MORE_SPEED, DegreeTried, NearbyCusps, cusps_near, said_of_degrees
-from .objectives import Objective, as_objective, costs_of, joint_weights, length_of
+from .objectives import Cost, Objective, as_objective, costs_of, joint_weights, length_of
+from .own_cost import OwnCost
 
 HIGHEST = 4
 """Degree of a polynomial at most: in three coordinates it has 35 terms then, in six 210."""
@@ -160,7 +161,7 @@ def design(
     workspace: Workspace,
     q0: ArrayLike,
     *,
-    objective: Objective | str = "squared_speed",
+    objective: Objective | OwnCost | Cost = "squared_speed",
     base: Constraint | None = None,
     degree: int = 2,
     limits: bool = True,
@@ -178,7 +179,7 @@ def design(
 
     Args:
         q0: a posture (n,) on the branch that is to be used.
-        objective: an `Objective`, or the name of one cost.
+        objective: an `Objective`, the name of one cost, or an `OwnCost`.
         base: phi, r = n - m rows, regular on the workspace. By default the combinations of joints Z^T q along which the
             self-motion runs in the middle of the workspace, Z (n, r) an orthonormal basis of ker J there (sliding
             joints scaled as in `Objective`).

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,7 +14,8 @@ from ..inverse_kinematics.solutions import InverseStatus
 from ..path.workspaces import Workspace
 from ..strategies import HolonomicStrategy
 from .coordinates import Coordinates, chart_of, coordinates_of
-from .objectives import Costs, Objective, as_objective, costs_of
+from .objectives import Cost, Costs, Objective, as_objective, costs_of
+from .own_cost import OwnCost
 from .section import TiltedLeaves
 
 
@@ -26,7 +27,8 @@ class SectionMetrics(Value):
     these with all joints within their limits. The rest is of those reached: squared_speed, mean |G|_F^2 [rad^2/m^2];
     worst_speed, the greatest share of a joint's speed limit at 1 m/s of the tool [s/m]; joint_limits, the greatest
     |q - middle| over half a joint's range, 1 at the limit, and worst_joint, whose it is; rcond, the least of [J; J_g];
-    travel, the mean squared distance of the joints between two poses [rad^2]. See `Objective`.
+    travel, the mean squared distance of the joints between two poses [rad^2]; own, the mean of each cost
+    of your own. See `Objective`.
     """
 
     poses: int
@@ -38,13 +40,15 @@ class SectionMetrics(Value):
     worst_joint: str
     rcond: float
     travel: float
+    own: dict[str, float] = field(default_factory=dict)
 
     def __str__(self) -> str:
+        own = "".join(f", {name} {value:.5g}" for name, value in self.own.items())
         return (
             f"the leaf reaches {self.reached} of {self.poses} poses, {self.within_limits} within the joint limits; "
             f"mean squared joint speed {self.squared_speed:.5g} rad^2/m^2, worst joint speed {self.worst_speed:.3g} of "
             f"its limit at 1 m/s, {self.worst_joint} at {self.joint_limits:.0%} of its half range, rcond at least "
-            f"{self.rcond:.2g}, joints {np.sqrt(self.travel):.3g} rad (rms) apart between two poses"
+            f"{self.rcond:.2g}, joints {np.sqrt(self.travel):.3g} rad (rms) apart between two poses{own}"
         )
 
 
@@ -54,14 +58,14 @@ def section_metrics(
     workspace: Workspace,
     q0: ArrayLike,
     *,
-    objective: Objective | str = "squared_speed",
+    objective: Objective | OwnCost | Cost = "squared_speed",
     samples: int = 256,
     seed: int = 0,
 ) -> SectionMetrics:
     """What a law does over a workspace on the leaf through `q0` (n,), a posture at any of its poses.
 
     Args:
-        objective: whose weights of joints and turns count.
+        objective: whose weights of joints and turns count, and whose own costs are measured.
 
     Raises:
         OutOfReachError: none of the poses is reached. ArgumentError: they all are one.
@@ -107,4 +111,5 @@ def measured(
         worst_joint=robot.joint_names[joint],
         rcond=float(strategy.gain.batch(Q)[1].min()),
         travel=costs.travel(Q, at.G, at.rcond).value,
+        own={cost.name: float(np.mean(cost.values(Q))) for cost in costs.own},
     )

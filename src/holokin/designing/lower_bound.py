@@ -8,7 +8,7 @@ They are looked for from many starts (`pose_postures`), so that those of all bra
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ..strategies.self_motions import least_motion
 from ..symbolic import wrapped
 from .coordinates import Coordinates
 from .objectives import POWER, Costs
+from .own_cost import OwnCost
 from .pose_postures import STARTS, Cost, PosePostures, postures_at_poses
 
 LAWSON = 12
@@ -62,6 +63,10 @@ class LeastCosts(Value):
     def joint_limits(self) -> Vector:
         """The least distance of the farthest joint from its middle, over half its range."""
         return self._least(lambda q: self._off(q).max(axis=1))
+
+    def own(self, cost: OwnCost) -> float:
+        """The mean of the least of a cost of the user's own."""
+        return float(np.mean(self._least(cost.values)))
 
     @cached_property
     def beyond(self) -> Vector:
@@ -134,6 +139,7 @@ class Floor(Value):
             "rcond": lambda: 1.0,
             "travel": lambda: 0.0,
         }
+        known |= {cost.name: partial(least.own, cost) for cost in self.costs.own}
         return sum(w * known[name]() for name, w in self.weights.items())
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..analysis import Cusps, cusps
 from ..analysis.cuspidal_leaf import cusps_from, tool_away
+from ..base.shown import Shown
 from ..base.types import Matrix, Value, Vector
 from ..errors import HolokinError
 from ..inverse_kinematics import inverse
@@ -119,7 +120,7 @@ def said_of(chosen: str, first: str, looked_at: Mapping[str, NearbyCusps], more:
 
 
 @dataclass(frozen=True)
-class DegreeTried:
+class DegreeTried(Shown):
     """A design with polynomials of one degree: its objective, and the cusps of its leaf."""
 
     degree: int

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import ClassVar
+from functools import cached_property, partial
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -18,15 +18,20 @@ from ..base.arguments import check
 from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, not_negative, positive
 from ..errors import ArgumentError, UnknownNameError
 from ..robot import Robot
+from .own_cost import OwnCost
 
 POWER = 24
 """Exponent of the smooth greatest value, (mean a^p)^(1/p): of 256 numbers one of which stands out it is 21 % too low,
 of a smooth function over a box a few per cent."""
 
 
+Cost = Literal["squared_speed", "worst_speed", "joint_limits", "rcond", "travel"]
+"""The names of the costs."""
+
+
 @dataclass(frozen=True, eq=False)
 class Objective(Value):
-    """The cost of a section: a weighted sum of five, each divided by its value before the design, so without a unit.
+    """The cost of a section: a weighted sum of five and of your `own`, each divided by its value before the design.
 
     squared_speed: mean squared joint speed, mean over the poses of |G|_F^2, for a tool that moves at 1 m/s along each
         direction [rad^2/m^2]. worst_speed: greatest share of a joint's speed limit that a tool speed of 1 m/s in any
@@ -36,6 +41,7 @@ class Objective(Value):
         hinge [rad] that uses the same share of its speed limit.
     length: metres of tool motion that count as one radian of turning; by default the spread of the workspace's
         positions over that of its directions.
+    own: costs that you write, an `OwnCost` or several, each with its weight.
     """
 
     squared_speed: float = 0.0
@@ -45,10 +51,15 @@ class Objective(Value):
     travel: float = 0.0
     joint_weights: ArrayLike | None = field(default=None, kw_only=True)
     length: float | None = field(default=None, kw_only=True)
+    own: OwnCost | tuple[OwnCost, ...] = field(default=(), kw_only=True)
 
-    NAMES: ClassVar[tuple[str, ...]] = ("squared_speed", "worst_speed", "joint_limits", "rcond", "travel")
+    NAMES: ClassVar[tuple[Cost, ...]] = get_args(Cost)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "own", (self.own,) if isinstance(self.own, OwnCost) else tuple(self.own))
+        names = [*self.NAMES, *(cost.name for cost in self.costs)]
+        if len(set(names)) < len(names):
+            raise ArgumentError("the names of the costs", names, "give each of your own another name")
         for name in self.NAMES:
             not_negative(f"the weight of {name}", getattr(self, name))
         if not any(self.weights.values()):
@@ -65,18 +76,27 @@ class Objective(Value):
     @property
     def weights(self) -> dict[str, float]:
         """The weights of the costs that count."""
-        return {name: float(w) for name in self.NAMES if (w := getattr(self, name))}
+        own = {cost.name: float(cost.weight) for cost in self.costs}
+        return {name: float(w) for name in self.NAMES if (w := getattr(self, name))} | own
+
+    @property
+    def costs(self) -> tuple[OwnCost, ...]:
+        """Those of your own."""
+        return (self.own,) if isinstance(self.own, OwnCost) else self.own
 
 
-def as_objective(given: Objective | str) -> Objective:
-    """An objective, also of one cost's name. Raises: UnknownNameError, ArgumentError."""
-    check("the objective", Objective | str, given)
+def as_objective(given: Objective | OwnCost | str) -> Objective:
+    """An objective, also of one cost or its name. Raises: UnknownNameError, ArgumentError."""
+    check("the objective", Objective | OwnCost | str, given)
+    if isinstance(given, OwnCost):
+        return Objective(own=given)
     if isinstance(given, Objective):
         return given
     name = given.replace(" ", "_").replace("-", "_")
     if name not in Objective.NAMES:
         raise UnknownNameError("objective", given, Objective.NAMES)
-    return Objective(**{name: 1.0})
+    one: dict[str, Any] = {name: 1.0}
+    return Objective(**one)
 
 
 @dataclass(frozen=True)
@@ -111,11 +131,13 @@ class Costs(Value):
     middle: Vector
     half: Vector
     columns: Vector
+    own: tuple[OwnCost, ...] = ()
 
     @cached_property
     def known(self) -> dict[str, Callable[[Array, Array, Array], Slopes]]:
         """The costs by name."""
-        return {name: getattr(self, name) for name in Objective.NAMES}
+        found = {name: getattr(self, name) for name in Objective.NAMES}
+        return found | {cost.name: partial(_of_own, cost) for cost in self.own}
 
     def squared_speed(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
         """mean sum_ij w_i G_ij^2 c_j^2."""
@@ -146,6 +168,12 @@ class Costs(Value):
         """mean over pairs of sum_i w_i (q_i - q'_i)^2, which is twice the variance."""
         off = (Q - Q.mean(axis=0)) * self.joints / len(Q)
         return Slopes(float(2 * np.sum(off * (Q - Q.mean(axis=0)))), 4 * off, np.zeros_like(G), np.zeros(len(Q)))
+
+
+def _of_own(cost: OwnCost, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
+    """mean c(q) of a cost of the user's own."""
+    value, count = float(np.mean(cost.values(Q))), len(Q)
+    return Slopes(value, cost.slopes(Q) / count, np.zeros_like(G), np.zeros(count))
 
 
 def _smooth_greatest(values: Array, power: float) -> tuple[float, Array]:
@@ -180,6 +208,7 @@ def costs_of(robot: Robot, objective: Objective, turns: Flags, spread: Vector) -
         middle=(lower + upper) / 2,
         half=np.where(limited, (upper - lower) / 2, np.inf),
         columns=np.where(turns, 1 / length, 1.0),
+        own=objective.costs,
     )
 
 

@@ -32,6 +32,14 @@ class NotFiniteError(HolokinError):
         super().__init__(f"{brief(what)}: NaN or infinite numbers, {brief(value)}; {cure}")
 
 
+class OwnFunctionError(HolokinError):
+    """A function of the user's own that raises, or gives something else than what is wanted of it."""
+
+    def __init__(self, what: str, fact: str, cure: str) -> None:
+        self.what, self.fact, self.cure = what, fact, cure
+        super().__init__(f"{brief(what)}, a function of yours, {brief(fact)}; {brief(cure)}")
+
+
 class RobotFileError(HolokinError):
     """A robot description that is missing, malformed or not supported."""
 

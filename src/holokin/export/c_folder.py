@@ -11,6 +11,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import alone, aside, replace_files, uninterrupted, writing
+from ..base.shown import Shown
 from ..base.types import ArrayLike, number, whole
 from ..errors import ArgumentError
 from ..inverse_kinematics.branch import enclosed_change, extended_jacobian
@@ -27,7 +28,7 @@ STAMP = "0123456789abcdef"
 
 
 @dataclass(frozen=True)
-class Exported:
+class Exported(Shown):
     """What was written: the folder, its files, the operations of each function."""
 
     folder: Path

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..base.arguments import check
+from ..base.shown import Shown
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, positive
 from ..errors import ArgumentError
 from ..motion import TimedTrajectory
@@ -72,7 +73,7 @@ class ToolTolerance(Value):
 
 
 @dataclass(frozen=True)
-class ToolDeviation:
+class ToolDeviation(Shown):
     """How far moves are from a timed motion: of the tool [m, rad], of its speed (share), of the joints [rad or m].
 
     `slowest` and `fastest` [m/s] are the speeds of the tool where it has one to keep; NaN where it never has.

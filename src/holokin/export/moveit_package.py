@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.shown import Shown
 from ..base.types import ArrayLike
 from ..errors import ArgumentError, ExportError
 from ..inverse_kinematics import InverseStatus, inverse
@@ -57,7 +58,7 @@ _FILES = {
 
 
 @dataclass(frozen=True)
-class MoveItPackage:
+class MoveItPackage(Shown):
     """What was written: the folder, the package, its C name, its files, the operations of each C function."""
 
     folder: Path

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import replacing, writing
+from ..base.shown import Shown
 from ..errors import ArgumentError
 from ..motion import TimedTrajectory
 from ..version import __version__
@@ -21,7 +22,7 @@ from .reserved_names import taken
 
 
 @dataclass(frozen=True)
-class Program:
+class Program(Shown):
     """A robot program: its files by name, and how it was cut down from the samples.
 
     `targets` are the joint targets; `deviation` [rad or m] is how far the joints would be from the timed trajectory

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,7 +22,12 @@ NANO = 10**9
 
 @typed
 def to_ros(
-    timed: TimedTrajectory, *, about: str = "", tolerance: float | None = None, frame: str = "", format: str = "yaml"
+    timed: TimedTrajectory,
+    *,
+    about: str = "",
+    tolerance: float | None = None,
+    frame: str = "",
+    format: Literal["yaml", "json"] = "yaml",
 ) -> Program:
     """A trajectory_msgs/msg/JointTrajectory of positions, velocities and accelerations, as YAML or JSON.
 

@@ -348,7 +348,7 @@ def _check_region(strategy: HolonomicStrategy, q0: Vector, region: PoseSet) -> N
     """Raises: ArgumentError: the region is of another strategy, or does not hold q0."""
     p, R = strategy.task.place(q0)
     near, alone = region.near(p[None], R[None])
-    if region.strategy is not strategy or not np.linalg.norm(near[0] - q0) <= alone[0]:
+    if region.strategy != strategy or not np.linalg.norm(near[0] - q0) <= alone[0]:
         cure = "give one of the same strategy whose function holds q0: hk.unique_region(strategy, q0)"
         raise ArgumentError("the region", str(region), cure)
 

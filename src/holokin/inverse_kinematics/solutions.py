@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol, runtime_checkable
@@ -77,6 +78,14 @@ class Solutions(NoTruthValue, Value, ask="`.reached`"):
 
     def __len__(self) -> int:
         return len(self.status)
+
+    def __repr__(self) -> str:
+        return f"Solutions({len(self):,} poses, {int(self.reached.sum()):,} reached)"
+
+    def _shown_rows(self) -> list[Sequence[str]]:
+        """How many poses have each status."""
+        counts = [(status.name.lower().replace("_", " "), self.count(status)) for status in InverseStatus]
+        return [("poses", f"{len(self):,}"), *((name, f"{count:,}") for name, count in counts if count)]
 
     @property
     def reached(self) -> Flags:

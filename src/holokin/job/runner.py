@@ -28,7 +28,7 @@ from ..errors import (
 )
 from ..errors.motion_errors import KEPT
 from ..motion import follow
-from ..motion.follow_path import by_leaf
+from ..motion.follow_path import Following, by_leaf
 from ..motion.trajectory import Status, Trajectory
 from ..output.job_result import Check, JobResult, NotRun, StrategyResult
 from ..path.synchronized_paths import AnyPath
@@ -186,7 +186,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
 
 
 def _run_strategy(
-    job: Job, label: str, strategy: Strategy, path: AnyPath, q0: Vector, method: str | None
+    job: Job, label: str, strategy: Strategy, path: AnyPath, q0: Vector, method: Following | None
 ) -> StrategyResult:
     asked = job.verdict
     region = around(q0, asked.radius)
@@ -216,7 +216,7 @@ def _run_strategy(
     return StrategyResult(strategy.name, label, verdict, pair, cycles, status, trouble, {}, followed=share)
 
 
-def _elsewhere(strategy: Strategy, path: AnyPath, cycles: Trajectory, method: str | None) -> str:
+def _elsewhere(strategy: Strategy, path: AnyPath, cycles: Trajectory, method: Following | None) -> str:
     """What is said of a law with leaves whose joints, followed on its leaf, do not come back; empty of others."""
     if not (isinstance(strategy, HolonomicStrategy) and path.closed and strategy.task.frames == 1):
         return ""

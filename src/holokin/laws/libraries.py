@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.shown import Shown
 from ..base.types import Matrix, Vector
 from ..motion.control_law import ControlLaw, Step
 from ..robot import Robot, to_mjcf, to_urdf
@@ -26,7 +27,7 @@ from .leaf_tasks import mink_task, pink_task
 
 
 @dataclass(frozen=True)
-class PostureTask:
+class PostureTask(Shown):
     """What users give these libraries: a preferred posture (that of the start if None), its cost and its gain.
 
     gain and the tool task's own are shares of the error removed in one step, as in pink and mink.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal, get_args
+
 import numpy as np
 
 from ..base.arguments import typed
@@ -18,7 +20,8 @@ from ..tasks.task import of_one_tool
 from .follow_path import follow
 from .trajectory import Measures, Status, Trajectory
 
-WAYS = ("joints", "tool")
+Way = Literal["joints", "tool"]
+"""What goes straight: the joints, or the tool."""
 
 NEAR = 1e-12
 """Way [m or rad] that is none."""
@@ -30,7 +33,7 @@ def approach(
     path: Path,
     q0: ArrayLike,
     *,
-    by: str = "joints",
+    by: Way = "joints",
     level: ArrayLike | None = None,
     samples: int = 100,
     speed: float = 0.5,
@@ -51,8 +54,8 @@ def approach(
         PathError, SingularityError: the start of the path was not reached; by="tool": not along the straight line.
         JointLimitError: q0 is outside the limits. ArgumentError, ShapeError, NotFiniteError.
     """
-    if by not in WAYS:
-        raise ArgumentError("by", by, f"use one of {', '.join(WAYS)}")
+    if by not in get_args(Way):
+        raise ArgumentError("by", by, f"use one of {', '.join(get_args(Way))}")
     task, count = strategy.task, whole("samples", samples)
     of_one_tool(task, "an approach")
     robot = task.robot

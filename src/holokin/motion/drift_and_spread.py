@@ -11,7 +11,7 @@ from ..base.types import ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector
 from ..errors import ArgumentError, OpenPathError
 from ..path.synchronized_paths import AnyPath, paths_of
 from ..strategies import Strategy
-from .follow_path import follow
+from .follow_path import Following, follow
 from .trajectory import Trajectory
 
 
@@ -20,6 +20,9 @@ class Drift(NoTruthValue, Value, ask="`.largest`"):
     """Joint drift over the cycles of a closed path."""
 
     trajectory: Trajectory
+
+    def __repr__(self) -> str:
+        return f"Drift({self})"
 
     @property
     def since_start(self) -> Matrix:
@@ -75,8 +78,8 @@ class Spread(NoTruthValue, Value, ask="`.largest`"):
 
 @typed
 def drift(
-    strategy: Strategy, path: AnyPath, q0: ArrayLike, *, cycles: int = 1, samples: int = 500, method: str | None = None,
-    limits: bool = True,
+    strategy: Strategy, path: AnyPath, q0: ArrayLike, *, cycles: int = 1, samples: int = 500,
+    method: Following | None = None, limits: bool = True,
 ) -> Drift:  # fmt: skip
     """Follow a closed path for some cycles and say where the joints stand after each.
 
@@ -91,7 +94,7 @@ def drift(
 @typed
 def path_spread(
     strategy: Strategy, path_a: AnyPath, path_b: AnyPath, q0: ArrayLike, *, samples: int = 500,
-    method: str | None = None, limits: bool = True,
+    method: Following | None = None, limits: bool = True,
 ) -> Spread:  # fmt: skip
     """Follow two paths from the same start posture to the same tool pose and compare the joints.
 

@@ -18,7 +18,7 @@ from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector
 from ..errors import OpenPathError, PathError, SingularityError
 from ..path import Path, Segment
 from ..strategies import Strategy
-from .follow_path import by_leaf, follow
+from .follow_path import Following, by_leaf, follow
 from .trajectory import whole_turns
 
 NO_DRIFT = 1e-6
@@ -93,7 +93,13 @@ class Winding(NoTruthValue, Value, ask="`.cause`"):
 
 @typed
 def winding(
-    strategy: Strategy, path: Path, q0: ArrayLike, *, samples: int = 500, method: str | None = None, limits: bool = True
+    strategy: Strategy,
+    path: Path,
+    q0: ArrayLike,
+    *,
+    samples: int = 500,
+    method: Following | None = None,
+    limits: bool = True,
 ) -> Winding:
     """Whether a closed path drifts because it winds round a place where the strategy is not defined.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -36,7 +37,8 @@ from .recorded_trajectory import record
 from .trajectory import Status, Trajectory
 from .velocity_steps import native_velocity, path_rate, velocity_stepper
 
-METHODS = ("velocity", "leaf")
+Following = Literal["velocity", "leaf"]
+"""How a path is followed: by integrating dq = G x', or on a leaf."""
 
 NATIVE_FROM = 5_000
 """Steps from which following is worth a compiler's second, once. Native code that this process has is always used."""
@@ -57,7 +59,7 @@ def follow(
     *,
     samples: int = 500,
     cycles: int = 1,
-    method: str | None = None,
+    method: Following | None = None,
     limits: bool = True,
     native: bool = False,
 ) -> Trajectory:
@@ -85,10 +87,10 @@ def build_native(strategy: Strategy) -> None:
         leaf_step(leaf).follower("leaf", lambda: branch_code(leaf))
 
 
-def by_leaf(strategy: Strategy, method: str | None = None) -> HolonomicStrategy | None:
+def by_leaf(strategy: Strategy, method: Following | None = None) -> HolonomicStrategy | None:
     """The strategy, where it is followed by leaf; None where by velocity. Raises: ArgumentError."""
-    if method not in (None, *METHODS):
-        raise ArgumentError("method", method, f"use one of {', '.join(METHODS)}")
+    if method not in (None, *get_args(Following)):
+        raise ArgumentError("method", method, f"use one of {', '.join(get_args(Following))}")
     if isinstance(strategy, HolonomicStrategy):
         return strategy if method != "velocity" else None
     if method == "leaf":

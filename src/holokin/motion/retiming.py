@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -17,7 +18,8 @@ from .timed_trajectory import RATES, Limits, Slowdown, TimedTrajectory
 from .trajectory import Trajectory
 from .trapezoid import fastest_trapezoid
 
-PROFILES = ("time-optimal", "trapezoidal", "quintic")
+Profile = Literal["time-optimal", "trapezoidal", "quintic"]
+"""The kinds of speed profiles."""
 
 WINDOWS, FINER = 12, 2
 """Windows of smoothing between a step and half of the time, of which the fastest is taken; and how often as many more
@@ -62,7 +64,7 @@ def retime(
     acceleration: ArrayLike | None = None,
     jerk: ArrayLike | None = None,
     velocity: ArrayLike | None = None,
-    profile: str = "time-optimal",
+    profile: Profile = "time-optimal",
     speed: float | None = None,
     cycles: int | None = None,
     endless: bool = False,
@@ -108,8 +110,8 @@ def retime(
     n = trajectory.q.shape[1]
     if trajectory.joint_names != robot.joint_names:
         raise ArgumentError("the robot", robot.name, "give the one that the trajectory is of")
-    if profile not in PROFILES:
-        raise ArgumentError("profile", profile, f"use one of {', '.join(PROFILES)}")
+    if profile not in get_args(Profile):
+        raise ArgumentError("profile", profile, f"use one of {', '.join(get_args(Profile))}")
     limits = Limits(
         robot.lower, robot.upper, _limit("velocity", robot.max_velocity if velocity is None else velocity, n),
         _limit("acceleration", acceleration, n), _limit("jerk", jerk, n),
@@ -148,7 +150,7 @@ class _Part:
 @dataclass(frozen=True)
 class _Plan:
     limits: Limits
-    profile: str
+    profile: Profile
     speed: float
     dt: float
 

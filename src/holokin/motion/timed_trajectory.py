@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import write_csv
 from ..base.printed_units import SI, PrintedUnits
+from ..base.shown import Shown
 from ..base.types import Matrix, Value, Vector
+from ..errors import ArgumentError
 from .trajectory import Trajectory
 
 NOTHING = 1e-6
@@ -33,7 +35,7 @@ class Limits(Value):
 
 
 @dataclass(frozen=True)
-class Slowdown:
+class Slowdown(Shown):
     """From `start` to `stop` [s] the tool is slower than asked for, at least `least` of it, and why.
 
     `joint` and `limit` are those of which the largest share is taken: velocity, acceleration or jerk. Where no
@@ -55,7 +57,7 @@ class Slowdown:
 
 
 @dataclass(frozen=True)
-class JointLoad:
+class JointLoad(Shown):
     """What one joint does: its greatest speed, acceleration and jerk, their shares of its limits (NaN without one), and
     its least distance to a position limit [joint units], with the time of that [s]."""
 
@@ -148,7 +150,7 @@ class TimedTrajectory(Value):
         return min(self.loads, key=lambda load: load.distance)
 
     @typed
-    def excess(self, by: str = "derivative") -> dict[str, float]:
+    def excess(self, by: Literal["derivative", "difference"] = "derivative") -> dict[str, float]:
         """The largest share of each limit that is taken, less 1: negative where all is within.
 
         Args:
@@ -160,6 +162,8 @@ class TimedTrajectory(Value):
         Returns:
             velocity, acceleration and jerk, the latter without those that have no limit.
         """
+        if by not in ("derivative", "difference"):
+            raise ArgumentError("by", by, "use 'derivative' or 'difference'")
         if by == "derivative":
             found = [self.dq, self.ddq, self.dddq]
         else:

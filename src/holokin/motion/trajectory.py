@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import Enum
 from functools import cached_property, partial
@@ -76,6 +76,22 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
     status: Status
     measures: Measures
     corners: tuple[int, ...] = ()
+
+    def __repr__(self) -> str:
+        return (
+            f"Trajectory({len(self)} samples, {self.cycles} cycles, {self.status.name}, {', '.join(self.joint_names)})"
+        )
+
+    def _shown_rows(self) -> list[Sequence[str]]:
+        """How it ended, and from where to where each joint went."""
+        rows: list[Sequence[str]] = [("status", self.status.name.lower().replace("_", " "))]
+        rows += [("samples", f"{len(self):,}"), ("whole cycles", str(self.cycles)), ("joint", "from", "to", "between")]
+        for name, unit, q in zip(self.joint_names, self.joint_units, self.q.T, strict=True):
+            if len(q):
+                rows.append(
+                    (name, f"{q[0]:.4f} {unit}", f"{q[-1]:.4f} {unit}", f"{q.min():.4f} and {q.max():.4f} {unit}")
+                )
+        return rows
 
     def __getstate__(self) -> dict[str, Any]:
         """All metrics as plain data, measured now."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -17,15 +17,13 @@ from ..path import Path
 from ..path.plan import check_start
 from ..robot import DENSITY, Servo, weighed
 from ..robot import servo as servo_of
+from ..robot.drives import ServoKind
 from ..strategies import Strategy
 from ..tasks.task import of_one_tool
-from .physical_run import PhysicalRun
+from .physical_run import Feedback, PhysicalRun
 from .plant import Plant, make_plant, mujoco_module
 
-FEEDBACKS = ("commanded", "measured")
-"""What a law may be told as its joints: where they were sent, or where they are measured."""
-
-FITTING = {"position": "commanded", "velocity": "measured", "torque": "measured"}
+FITTING: dict[ServoKind, Feedback] = {"position": "commanded", "velocity": "measured", "torque": "measured"}
 """The feedback that fits each kind of servo."""
 
 RAMP = 0.5
@@ -72,8 +70,8 @@ def play(
     path: Path,
     q0: ArrayLike,
     *,
-    servo: str | Servo = "position",
-    feedback: str | None = None,
+    servo: ServoKind | Servo = "position",
+    feedback: Feedback | None = None,
     cycles: int = 1,
     dt: float = 1e-3,
     gain: float | None = None,
@@ -116,8 +114,8 @@ def play(
         raise OpenPathError(f"playing {cycles} cycles", path.gap)
     drive = servo_of(weighed(task.robot, density), servo, start) if isinstance(servo, str) else servo
     told = FITTING[drive.kind] if feedback is None else feedback
-    if told not in FEEDBACKS:
-        raise ArgumentError("feedback", told, f"use one of {', '.join(FEEDBACKS)}")
+    if told not in get_args(Feedback):
+        raise ArgumentError("feedback", told, f"use one of {', '.join(get_args(Feedback))}")
     begun = task.pose(start)[:3, :3] if path.rotation is None else path.rotation
     plan = _Plan.of(path, begun, dt, cycles)
     check_start(task, start, plan.position[0], plan.rotation[0])
@@ -212,7 +210,7 @@ class _Loop:
     law: Controller
     plant: Plant
     plan: _Plan
-    feedback: str
+    feedback: Feedback
     noise: float
     push: Push | None
     pushed: int

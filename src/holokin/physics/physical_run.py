@@ -6,14 +6,20 @@ import csv
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import replacing
 from ..base.types import Array, Matrix, NoTruthValue, Value, Vector
+from ..errors import ArgumentError
 from ..motion import has_leaf
+from ..robot.drives import ServoKind
 from ..strategies import Strategy
+
+Feedback = Literal["commanded", "measured"]
+"""What a law may be told as its joints: where they were sent, or where they are measured."""
 
 CALM = 0.3
 """Seconds before a push whose mean is called no deflection: noise averages out."""
@@ -40,9 +46,9 @@ class PhysicalRun(NoTruthValue, Value, ask="`.stopped`"):
     """
 
     strategy: Strategy
-    servo: str
+    servo: ServoKind
     compensated: bool
-    feedback: str
+    feedback: Feedback
     t: Vector
     clock: Vector
     q: Matrix
@@ -85,7 +91,14 @@ class PhysicalRun(NoTruthValue, Value, ask="`.stopped`"):
 
     @typed
     def tracking_error(self, unit: str = "m") -> float:
-        """Largest task error: norm of the rows in "m", or of those in "rad"."""
+        """Largest task error: norm of the rows in "m", or of those in "rad", or in a unit of your own.
+
+        Raises:
+            ArgumentError: another unit.
+        """
+        known = tuple(dict.fromkeys(("m", "rad", *self.strategy.task.units)))
+        if unit not in known:
+            raise ArgumentError("unit", unit, f"use {' or '.join(map(repr, known))}")
         rows = [i for i, u in enumerate(self.strategy.task.units) if u == unit]
         return float(np.linalg.norm(self.error[:, rows], axis=1).max()) if rows else 0.0
 

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.shown import Shown
 from ..base.types import Indices, positive
 from ..errors import ArgumentError, MissingExtraError, RobotFileError
 from ..robot import DENSITY, Robot, Servo, knows_masses, to_mjcf
 
 
 @dataclass(frozen=True, eq=False)
-class Plant:
+class Plant(Shown):
     """A robot with its servos as a MuJoCo model. Make one with `make_plant`.
 
     Attributes:

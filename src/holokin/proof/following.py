@@ -8,6 +8,7 @@ from .. import motion
 from ..base.arguments import typed
 from ..base.types import ArrayLike
 from ..errors import ArgumentError
+from ..motion.follow_path import Following
 from ..motion.trajectory import Trajectory
 from ..path.synchronized_paths import AnyPath
 from ..strategies import Strategy
@@ -18,21 +19,21 @@ from .certified_following import follow_certified
 @overload
 def follow(
     strategy: Strategy, path: AnyPath, q0: ArrayLike, *, samples: int = 500, cycles: int = 1,
-    method: str | None = None, limits: bool = True, native: bool = False, certified: Literal[False] = False,
+    method: Following | None = None, limits: bool = True, native: bool = False, certified: Literal[False] = False,
 ) -> Trajectory: ...  # fmt: skip
 
 
 @overload
 def follow(
     strategy: Strategy, path: AnyPath, q0: ArrayLike, *, samples: int = 500, cycles: int = 1,
-    method: str | None = None, limits: bool = True, native: bool = False, certified: Literal[True],
+    method: Following | None = None, limits: bool = True, native: bool = False, certified: Literal[True],
 ) -> tuple[Trajectory, Certificate]: ...  # fmt: skip
 
 
 @typed
 def follow(
     strategy: Strategy, path: AnyPath, q0: ArrayLike, *, samples: int = 500, cycles: int = 1,
-    method: str | None = None, limits: bool = True, native: bool = False, certified: bool = False,
+    method: Following | None = None, limits: bool = True, native: bool = False, certified: bool = False,
 ) -> Trajectory | tuple[Trajectory, Certificate]:  # fmt: skip
     """Follow a path from a start posture.
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, get_type_hints
+from typing import Any, Literal, get_args, get_type_hints
 
 import numpy as np
 
 from ..base.arguments import check, typed
 from ..base.poses import PoseLike, pose_cure, pose_numbers
+from ..base.shown import Shown
 from ..base.types import Matrix, number
 from ..errors import ArgumentError, NotFiniteError, UnknownNameError
 from ..symbolic.rotations import exact_rotation
@@ -17,11 +18,12 @@ from .joints import FARTHEST, MOST_MOVING, Coordinate, Joint, Tip
 from .model import Robot
 from .units import check_limits_of_hinges, check_link, check_radians
 
-CONVENTIONS = ("standard", "modified")
+Convention = Literal["standard", "modified"]
+"""Where the frames of a DH table stand."""
 
 
 @dataclass(frozen=True)
-class DHRow:
+class DHRow(Shown):
     """One row: lengths a, d [m], angles alpha, theta [rad]; the joint adds to theta (revolute) or d (prismatic).
 
     standard:  T_i = Rz(theta) Tz(d) Tx(a) Rx(alpha);   modified:  T_i = Rx(alpha) Tx(a) Rz(theta) Tz(d),
@@ -33,7 +35,7 @@ class DHRow:
     d: float = 0.0
     theta: float = 0.0
     joint: str = ""
-    kind: str = "revolute"
+    kind: Literal["revolute", "prismatic"] = "revolute"
     lower: float = -np.inf
     upper: float = np.inf
     max_velocity: float = np.inf
@@ -46,7 +48,7 @@ class DHRow:
 @typed
 def from_dh(
     rows: Sequence[DHRow | Mapping[str, Any]],
-    convention: str = "standard",
+    convention: Convention = "standard",
     *,
     name: str = "robot",
     base: PoseLike | None = None,
@@ -70,8 +72,8 @@ def from_dh(
     for what, text in (("the name", name), ("the tip", tip), ("the source", source), ("the convention", convention)):
         if not isinstance(text, str):
             raise ArgumentError(f"{what} of a robot", text, "give a text")
-    if convention not in CONVENTIONS:
-        raise UnknownNameError("DH convention", convention, CONVENTIONS)
+    if convention not in get_args(Convention):
+        raise UnknownNameError("DH convention", convention, get_args(Convention))
     if not isinstance(rows, Sequence):
         raise ArgumentError("a DH table", rows, "give a list of rows")
     if len(rows) > MOST_MOVING:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -15,7 +15,10 @@ from .inertia import mass_matrix_expression
 from .links import weighed
 from .model import Robot
 
-SERVOS = ("position", "velocity", "torque")
+ServoKind = Literal["position", "velocity", "torque"]
+"""What a servo is told."""
+
+SERVOS: tuple[ServoKind, ...] = get_args(ServoKind)
 """The kinds of servos."""
 
 
@@ -33,7 +36,7 @@ class Servo(Value):
         compensated: whether the weight of the links is carried by a torque of its own, known from the model.
     """
 
-    kind: Literal["position", "velocity", "torque"]
+    kind: ServoKind
     stiffness: Vector
     damping: Vector
     compensated: bool = False
@@ -41,7 +44,7 @@ class Servo(Value):
 
 @typed
 def servo(
-    robot: Robot, kind: str, q: ArrayLike, *, frequency: float = 25.0, damping_ratio: float = 1.0,
+    robot: Robot, kind: ServoKind, q: ArrayLike, *, frequency: float = 25.0, damping_ratio: float = 1.0,
     compensated: bool | None = None,
 ) -> Servo:  # fmt: skip
     """Servos whose gains fit the inertia of each joint at a posture.

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.shown import Shown
 from ..base.types import Matrix, Value, Vector, number
 from ..errors import ArgumentError
 from ..symbolic import SX
@@ -21,7 +23,7 @@ MOST_MOVING = 1_000
 
 
 @dataclass(frozen=True)
-class Coordinate:
+class Coordinate(Shown):
     """One entry of q: limits in m or rad, speed in m/s or rad/s; infinite where there is none.
 
     `given_unit`: of one that belongs to no joint, see `coordinates`.
@@ -72,7 +74,7 @@ class Tip(Value):
 
 
 @dataclass(frozen=True)
-class Kinematics:
+class Kinematics(Shown):
     """Expressions of one tip: position p (3,), rotation R (3, 3), geometric Jacobian (6, n), linear rows first.
 
     `origins` holds the origin (3,) of every joint's frame by the joint's name.
@@ -95,3 +97,12 @@ class Body(Value):
     mass: float
     center: Vector
     inertia: Matrix
+
+
+def joint_rows(coordinates: Sequence[Coordinate]) -> list[Sequence[str]]:
+    """A table of the coordinates with their limits."""
+    rows: list[Sequence[str]] = [("joint", "from", "to", "speed")]
+    for c in coordinates:
+        limits = (f"{v:.4g} {c.unit}" for v in (c.lower, c.upper))
+        rows.append((c.name, *limits, f"{c.max_velocity:.4g} {c.unit}/s"))
+    return rows

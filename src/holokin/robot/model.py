@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import check, typed
+from ..base.by_value import ByValue
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, kept, numbers
+from ..base.types import Array, ArrayLike, Flags, Matrix, Vector, finite, frozen, kept, numbers
 from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError, shown
 from ..symbolic import (
     SX,
@@ -28,19 +29,21 @@ from ..symbolic import (
     vertcat,
 )
 from ..symbolic.rotations import rotation_about
-from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Kinematics, Tip
+from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Kinematics, Tip, joint_rows
 from .link_shapes import LinkShape
 from .model_joints import ModelJoints, places_in, put_into, taken_from
 from .visuals import Visual
 
 
 @dataclass(frozen=True, eq=False)
-class Robot(Value):
+class Robot(ByValue):
     """A kinematic tree with n independent coordinates. Joints stand in topological order.
 
     The first tip is the one that `pose`, `jacobian` and tasks use when none is named. `shapes` are what may be touched,
-    `visuals` what its links look like.
+    `visuals` what its links look like. Robots are equal, and one key, when all this is; `source` does not count.
     """
+
+    aside = ("source",)
 
     name: str
     coordinates: tuple[Coordinate, ...]
@@ -75,6 +78,9 @@ class Robot(Value):
     def __repr__(self) -> str:
         tip = f", tip={self.tips[0].name!r}" if self.tips else ""
         return f"Robot({self.name!r}, n={self.n}{tip})"
+
+    def _shown_rows(self) -> list[Sequence[str]]:
+        return [("name", self.name), *joint_rows(self.coordinates), ("tips", ", ".join(tip.name for tip in self.tips))]
 
     @property
     def n(self) -> int:
@@ -167,10 +173,9 @@ class Robot(Value):
         return found[::-1]
 
     def pose(self, q: ArrayLike, tip: str | None = None) -> Matrix:
-        """Pose (4, 4) of a tip in the base frame at q (n,).
+        """Pose (4, 4) of a tip in the base frame at q (n,); at many postures (k, n) -> (k, 4, 4), as `ik.batch` takes.
 
-        Raises:
-            ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip. ArgumentError.
+        Raises: ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip. ArgumentError.
         """
         return self._evaluator(self._poses, tip).call(q)
 
@@ -185,10 +190,9 @@ class Robot(Value):
         return position.reshape(-1, 3), rotation.reshape(-1, 3, 3)
 
     def jacobian(self, q: ArrayLike, tip: str | None = None) -> Matrix:
-        """Geometric Jacobian (6, n) of a tip: rows v then w, in the base frame [m or 1 per joint unit].
+        """Geometric Jacobian (6, n) of a tip, or (k, 6, n): rows v then w, in the base frame [m or 1 per joint unit].
 
-        Raises:
-            ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip. ArgumentError.
+        Raises: ShapeError, NotFiniteError: q is not n finite numbers. UnknownNameError: no such tip. ArgumentError.
         """
         return self._evaluator(self._jacobians, tip).call(q)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from ..base.types import Vector
 from ..errors import ArgumentError, HolokinError, RobotFileError, shown
 from .chains import robot_of
 from .composition import Part, compose, ordered, pose_matrix, with_base_pose, with_tool
-from .dh import from_dh
+from .dh import Convention, from_dh
 from .model import Robot
 from .models_by_name import is_model
 from .tree import MOVING, Branch, Tree, checked
@@ -144,7 +144,7 @@ def _robot(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
         except (TypeError, ValueError) as problem:
             raise RobotFileError(path, f"joint {len(rows) + 1}: {problem}", "give plain numbers") from None
     if convention != URDF:
-        return from_dh(rows, convention, name=name, tip=tip, source=source, **matrices)
+        return from_dh(rows, cast(Convention, convention), name=name, tip=tip, source=source, **matrices)
     ends = Branch("to the first joint", "fixed", "base", "0", matrices.get("base", np.eye(4)))
     tool = Branch("to the tip", "fixed", str(len(rows)), tip, matrices.get("tool", np.eye(4)))
     links = dict.fromkeys(["base", *map(str, range(len(rows) + 1)), tip])

@@ -7,8 +7,8 @@ that is the self-motion itself, a curve; with several it is a line in it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -38,26 +38,32 @@ CLOSED = 0.75
 SAME_WAY = 0.9
 """Cosine between two directions in one place from which on they are one: else the curve comes by, and is not closed."""
 
-Ending = Literal["closed", "limit", "singular", "length"]
-"""Why a self-motion was traced no further."""
+
+class CurveEnd(StrEnum):
+    """Why a self-motion is followed no farther."""
+
+    CLOSED = "closed"
+    LIMIT = "limit"
+    SINGULAR = "singular"
+    LENGTH = "length"
 
 
 @dataclass(frozen=True, eq=False)
 class SelfMotion(Value):
     """Postures (k, n) with one tool pose, in order, s (k,) [joint units] their arc length from the given posture.
 
-    `endings`: why it stops at its first and at its last posture; both "closed" when it comes back to itself.
+    `endings`: why it stops at its first and at its last posture; both CLOSED when it comes back to itself.
     """
 
     task: Task
     q: Matrix
     s: Vector
-    endings: tuple[Ending, Ending]
+    endings: tuple[CurveEnd, CurveEnd]
 
     @property
     def closed(self) -> bool:
         """True when the self-motion leads back to where it began."""
-        return self.endings[0] == "closed"
+        return self.endings[0] is CurveEnd.CLOSED
 
     def at(self, s: float) -> Vector:
         """The posture (n,) at an arc length s [joint units] of it, with the tool exactly still."""
@@ -121,7 +127,7 @@ class SelfMotions(Value):
             directions = np.array([null_vector(J) for J in self.task.jacobian_batch(Q)[0]]).reshape(Q.shape)
         v = directions
         ahead, last = self._one_way(Q, v, every, step, length, limits)
-        still = np.flatnonzero([end != "closed" for end in last])
+        still = np.flatnonzero([end is not CurveEnd.CLOSED for end in last])
         others, first = self._one_way(Q[still], -v[still], still, step, length, limits)
         behind, starts = dict(zip(still.tolist(), others, strict=True)), dict(zip(still.tolist(), first, strict=True))
         found = []
@@ -176,23 +182,23 @@ class SelfMotions(Value):
 
     def _one_way(
         self, Q: Matrix, v: Matrix, i: Indices, step: float, length: float, limits: bool
-    ) -> tuple[list[Matrix], list[Ending]]:
+    ) -> tuple[list[Matrix], list[CurveEnd]]:
         """The postures behind Q (k, n) in the direction v, and why there are no more."""
         if not len(Q):
             return [], []
-        robot, ends = self.task.robot, np.full(len(Q), "length", dtype=object)
+        robot, ends = self.task.robot, np.full(len(Q), CurveEnd.LENGTH, dtype=object)
         on = np.arange(len(Q))
         at, along, _ = self._step(Q, v, i, np.zeros(len(Q)))
         first, numbers, points = along, [on[:0]], [Q[:0]]
         for k in range(int(np.ceil(length / step))):
             at, along, sound = self.step(at, along, i[on], np.full(len(on), step))
-            ends[on[~sound]] = "singular"
+            ends[on[~sound]] = CurveEnd.SINGULAR
             if limits:
                 beyond = sound & ~robot.within(at)
-                ends[on[beyond]], sound = "limit", sound & ~beyond
+                ends[on[beyond]], sound = CurveEnd.LIMIT, sound & ~beyond
             back = sound & (np.sum(along * first[on], axis=1) > SAME_WAY) & (k > 2)
             back &= away(self.task, at, Q[on]) < CLOSED * step
-            ends[on[back]] = "closed"
+            ends[on[back]] = CurveEnd.CLOSED
             numbers.append(on[sound])
             points.append(at[sound])
             left = sound & ~back

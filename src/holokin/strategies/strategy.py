@@ -11,13 +11,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
 from ..base.arguments import Made
+from ..base.by_value import ByValue
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Matrix, Value, Vector, whole
+from ..base.types import Array, ArrayLike, Matrix, Vector
 from ..errors import NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..robot import Kinematics
 from ..symbolic import SX, Evaluator, Function, Transport, as_expression, symbol
@@ -30,12 +30,9 @@ Field = Callable[[Task, Kinematics, SX], SX]
 FORMULA = "look in N_G, the rows or the constraint for a division by zero, a log or a sqrt at that posture"
 """What may be wrong where a law is not finite at a finite posture."""
 
-PIECE = 100_000
-"""Postures of a batch that are checked at once."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Strategy(Made, Value, ABC):
+class Strategy(Made, ByValue, ABC):
     """A right inverse of a task: a `FrameStrategy`, a `RowStrategy` or a `HolonomicStrategy`.
 
     Make one with `moore_penrose`, `weighted`, `null_basis`, `holonomic`, ...
@@ -48,38 +45,22 @@ class Strategy(Made, Value, ABC):
         return f"{type(self).__name__}({self.name!r}, {self.task.name}, m={self.task.m}, n={self.task.n})"
 
     def __call__(self, q: ArrayLike) -> Matrix:
-        """G(q), (n,) -> (n, m) [joint unit / task unit].
+        """G(q), (n,) -> (n, m) [joint unit / task unit]; at many postures (k, n) -> (k, n, m).
 
         Raises:
-            SingularityError: J, H or [J; J_g] is singular at q, or the representation is; `.kind` says which.
+            SingularityError: J, H or [J; J_g] is singular at q, or the representation is; `.kind` says which. Of many
+                postures the first one is told.
             ShapeError, NotFiniteError: q is not n finite numbers.
         """
         return self._gain_at.call(q)
 
     def batch(self, Q: ArrayLike, *, threads: int | None = None) -> Array:
-        """G at many postures, (k, n) -> (k, n, m); see `Function.batch` for threads.
+        """`G(Q)` at many postures, (k, n) -> (k, n, m), on `threads` threads; all processors by default.
 
         Raises:
             SingularityError naming the first singular one.
         """
-        Q = self.task.robot.postures(Q)
-        if threads is not None:
-            whole("threads", threads)
-        G = np.empty((len(Q), self.task.n, self.task.m))
-        edges = np.linspace(0, len(Q), 1 + max(1, len(Q) // PIECE)).astype(int)
-        for first, last in pairwise(edges):  # in pieces, so that only G grows
-            measures = np.empty((2, last - first))
-            self.gain.batch(Q[first:last], threads=threads, out=[G[first:last], *measures])
-            rcond, margin = measures
-            bad = ~((rcond > TOLERANCES.singular) & (margin > TOLERANCES.representation))
-            if bad.any():
-                i = int(np.argmax(bad))
-                check_solved(self, self.task.robot.checked(Q[first + i], f"posture {first + i}"), rcond[i], margin[i])
-            broken = ~np.isfinite(G[first:last]).all(axis=(1, 2))
-            if broken.any():
-                i = first + int(np.argmax(broken))
-                self._check_finite(self.task.robot.checked(Q[i], f"posture {i}"))
-        return G
+        return self._gain_at.many(self.task.robot.postures(Q), threads)
 
     @abstractmethod
     def distribution(self, q: ArrayLike) -> Matrix:
@@ -167,6 +148,11 @@ class Strategy(Made, Value, ABC):
             self._check_finite(q)
             raise NotFiniteError(f"G of {self.name!r} at q = {q.tolist()}", G.tolist(), FORMULA)
         return G
+
+    def _doubtful(self, q: Vector, found: Array, rcond: float, margin: float) -> Array:
+        """What was found at q, unless the strategy is singular there."""
+        check_solved(self, self.task.robot.checked(q), rcond, margin)
+        return found
 
     def _check_finite(self, q: Vector) -> None:
         """Raises: NotFiniteError when what the user wrote, frame, rows or constraint, is not finite at a sound q."""

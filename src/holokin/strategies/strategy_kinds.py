@@ -56,10 +56,10 @@ class KernelStrategy(Strategy):
 
     def distribution(self, q: ArrayLike) -> Matrix:
         """G (n, m), the canonical frame (theory 1.4)."""
-        return self(q)
+        return self(self.task.robot.checked(q))
 
     def rows(self, q: ArrayLike) -> Matrix:
-        """A (r, n) at q (n,). Raises: ShapeError, NotFiniteError."""
+        """A (r, n) at q (n,); at many postures (k, n) -> (k, r, n). Raises: ShapeError, NotFiniteError."""
         return self._rows_at.call(q)
 
     @cached_property
@@ -116,7 +116,7 @@ class HolonomicStrategy(KernelStrategy):
         return self.constraint.transport
 
     def g(self, q: ArrayLike) -> Vector:
-        """g(q), (n,) -> (r,): constant along all that the strategy does.
+        """g(q), (n,) -> (r,): constant along all that the strategy does. At many postures (k, n) it is (k, r).
 
         Raises:
             ShapeError, NotFiniteError: q is not n finite numbers.

@@ -207,6 +207,7 @@ class Cases(Value):
         rest = {
             "law": self._laws_told[name], "cycles": t.cycles, "samples": t.samples, "limits": t.limits,
         }  # fmt: skip
+        rest |= {"metrics": self._metrics_told} if t.metrics else {}
         names = {"robot": self.labels[stratum.robot], "task": stratum.task, "loop": stratum.loop, "law": name}
         task = t.tasks[stratum.task].model_dump(exclude_unset=True)
         return Case(number, robot, task, start, drawn, name, names, rest)
@@ -214,6 +215,15 @@ class Cases(Value):
     @cached_property
     def _laws_told(self) -> dict[str, list[dict[str, Any]]]:
         return {name: self._law(name) for name in self.table.laws}
+
+    @cached_property
+    def _metrics_told(self) -> dict[str, Any]:
+        """What metrics of the user's own are: as given, with hashes of the files that they are imported from."""
+        found: dict[str, Any] = {}
+        for name, metric in self.table.metrics.items():
+            file = source_of(metric, self.folder) if isinstance(metric, str) else None
+            found[name] = [str(metric), *([] if file is None else [_hashed(file)])]
+        return found
 
     def _law(self, name: str) -> list[dict[str, Any]]:
         """What a law is: its table, with a hash of the file that it is imported from, and that of the one it is of."""

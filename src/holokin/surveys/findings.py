@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from ..base.shown import one_line
 from ..base.types import Array, Flags, Indices, Value, Vector
 from ..errors import MissingExtraError
-from ..motion.trajectory import Status
 from ..output.html_page import html_table
-from .one_case import METRICS, STATUSES
+from .one_case import METRICS, CaseStatus
 
-STATUS_ORDER = tuple(STATUSES.values())
-FAULT = STATUSES[Status.FAULT]
+STATUS_ORDER = tuple(CaseStatus)
+FAULT = CaseStatus.FAULT
 RETURNS = 1e-6
 """Drift of the last cycle [rad, m] below which a law is said to return: far below what any joint's encoder tells."""
 
@@ -41,11 +41,11 @@ class Findings(Value):
         """Those of a results file, or of a run."""
         listed = list(rows)
         names = list(listed[0]) if listed else ["law", "status", *METRICS]
-        numbers = {*METRICS, "seconds"}
+        texts = {"id", "number", "robot", "task", "loop", "law", "status", "reason"}
         found = {
-            name: np.array([np.nan if row[name] is None else row[name] for row in listed], dtype=float)
-            if name in numbers
-            else np.array([row[name] for row in listed], dtype=object)
+            name: np.array([row[name] for row in listed], dtype=object)
+            if name in texts
+            else np.array([np.nan if row[name] is None else row[name] for row in listed], dtype=float)
             for name in names
         }
         return cls(found)
@@ -60,7 +60,7 @@ class Findings(Value):
         return "\n".join([*lines, *self._told_of_faults()])
 
     def __repr__(self) -> str:
-        return str(self)
+        return one_line(f"Findings({len(self):,} rows, laws {', '.join(map(str, self.laws))})")
 
     def _repr_html_(self) -> str:
         """The table by law, as notebooks show it."""

@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from ..errors import ArgumentError, MissingExtraError
 from ..laws.libraries import LIBRARIES
 from .cases import Cases, Stratum
+from .store import COLUMNS
 from .survey_laws import Library, Own
 from .user_functions import imported
 
@@ -18,7 +19,8 @@ def check_laws(cases: Cases, *, here: bool = True) -> None:
         here: libraries run on this machine, and not on the workers of a cluster.
 
     Raises:
-        ArgumentError: a function that cannot be imported; a task that is no whole pose. MissingExtraError.
+        ArgumentError: a function that cannot be imported; a metric with the name of a column; a task that is no whole
+            pose. MissingExtraError.
     """
     asked = {law for stratum in cases.strata for law in stratum.laws}
     for name, law in cases.table.laws.items():
@@ -26,6 +28,11 @@ def check_laws(cases: Cases, *, here: bool = True) -> None:
             imported(law.function, cases.folder)
         if name in asked and isinstance(law, Library) and here and find_spec(law.kind) is None:
             raise MissingExtraError(LIBRARIES[law.kind].package, law.kind)
+    for name, metric in cases.table.metrics.items():
+        if name in COLUMNS:
+            raise ArgumentError("the name of a metric", name, f"take another one than {', '.join(COLUMNS)}")
+        if isinstance(metric, str):
+            imported(metric, cases.folder)
     for stratum in cases.strata:
         _check_tasks(stratum, cases)
 

@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import lru_cache
 from pathlib import Path as FilePath
 from typing import Any
@@ -43,6 +44,7 @@ from ..strategies import Strategy
 from ..tasks.task import Task
 from .cases import Case, Cases, robot_table
 from .objects import OBJECT, given, given_path, when_replaced
+from .own_metrics import own_metrics
 from .survey_laws import Given, built, of_the_start, resolved
 from .survey_loops import drawn
 from .survey_tables import LoopTable
@@ -56,9 +58,23 @@ STEP = 0.02
 LOST = 0.05
 """Distance of the tool from its path [m] at which a control law has lost it: it would go on, but no work would."""
 
+
+class CaseStatus(StrEnum):
+    """What became of a case; its words are those of the files."""
+
+    COMPLETE = "complete"
+    LIMIT = "limit"
+    OUT_OF_REACH = "out of reach"
+    SINGULAR = "singular"
+    BRANCH = "branch"
+    LOST = "lost"
+    FAULT = "fault"
+
+
 STATUSES = {
-    Status.COMPLETE: "complete", Status.LIMIT: "limit", Status.OUT_OF_REACH: "out of reach",
-    Status.SINGULAR: "singular", Status.BRANCH: "branch", Status.LOST: "lost", Status.FAULT: "fault",
+    Status.COMPLETE: CaseStatus.COMPLETE, Status.LIMIT: CaseStatus.LIMIT, Status.OUT_OF_REACH: CaseStatus.OUT_OF_REACH,
+    Status.SINGULAR: CaseStatus.SINGULAR, Status.BRANCH: CaseStatus.BRANCH, Status.LOST: CaseStatus.LOST,
+    Status.FAULT: CaseStatus.FAULT,
 }  # fmt: skip
 
 METRICS = {
@@ -87,7 +103,7 @@ class Row:
     id: str
     number: int
     names: dict[str, str]
-    status: str
+    status: CaseStatus
     reason: str
     metrics: dict[str, float] = field(default_factory=dict)
     seconds: float = 0.0
@@ -95,7 +111,7 @@ class Row:
 
 def fault(case: Case, reason: str, seconds: float = 0.0) -> Row:
     """The row of a case that could not be run."""
-    return Row(case.id, case.number, case.names, "fault", reason, {}, seconds)
+    return Row(case.id, case.number, case.names, CaseStatus.FAULT, reason, {}, seconds)
 
 
 @lru_cache(maxsize=8)
@@ -201,13 +217,28 @@ def run_case(case: Case, cases: Cases, ready: Ready | None = None) -> Row:
         walk, law, task = _walk(case, cases, ready)
     except HolokinError as problem:
         cause = problem.__cause__ or problem
-        status = "singular" if isinstance(cause, SingularityError) else "fault"
-        status = "limit" if isinstance(cause, JointLimitError) else status
+        status = CaseStatus.SINGULAR if isinstance(cause, SingularityError) else CaseStatus.FAULT
+        status = CaseStatus.LIMIT if isinstance(cause, JointLimitError) else status
         return Row(case.id, case.number, case.names, status, str(problem), {}, time.perf_counter() - began)
     walk, reason, cause = walk
     metrics = _metrics(walk, law, task)
     status = STATUSES[walk.status if cause is None else cause]
+    own, problems = _own(walk, cases)
+    if problems:  # a fault, so that --again does it again once the function is right
+        status, reason = CaseStatus.FAULT, "; ".join([*filter(None, [reason]), *problems])
+    metrics |= own
     return Row(case.id, case.number, case.names, status, reason, metrics, time.perf_counter() - began)
+
+
+def _own(walk: Trajectory, cases: Cases) -> tuple[dict[str, float], list[str]]:
+    """The metrics of the user's own, and what went wrong with them."""
+    if not cases.table.metrics:
+        return {}, []
+    try:
+        own, problems = own_metrics(cases.table.metrics, walk, cases.folder)
+    except HolokinError as problem:
+        return {}, [str(problem)]
+    return own, [str(problem) for problem in problems]
 
 
 def prepare(case: Case, cases: Cases) -> Ready | None:

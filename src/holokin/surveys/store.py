@@ -11,6 +11,7 @@ import json
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
@@ -33,7 +34,8 @@ DIGITS = 19
 
 def fingerprint(table: SurveyTable) -> str:
     """A hash of what a survey asks; not of its title, of how many cases, or of how long one may take."""
-    content = table.model_dump(mode="json", exclude={"title", "about", "cases", "time_limit"})
+    aside = {"title", "about", "cases", "time_limit"} | (set() if table.metrics else {"metrics"})
+    content = table.model_dump(mode="json", exclude=aside)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
@@ -78,13 +80,22 @@ class Store:
             if db is not None:
                 db.close()
 
+    @cached_property
+    def _own(self) -> tuple[str, ...]:
+        """The metrics of the user's own, which have a column each."""
+        return tuple(self.content().metrics)
+
+    @property
+    def _columns(self) -> tuple[str, ...]:
+        return (*COLUMNS, *self._own)
+
     def _empty(self) -> bool:
         return self._db.execute("SELECT COUNT(*) FROM sqlite_master").fetchone() == (0,)
 
     def _make(self, table: SurveyTable, folder: Path) -> None:
         kinds = {"id": "TEXT PRIMARY KEY", "number": "INTEGER NOT NULL"}
         kinds |= dict.fromkeys((*NAMES, "status", "reason"), "TEXT NOT NULL")
-        columns = ", ".join(f"{name} {kinds.get(name, 'REAL')}" for name in COLUMNS)
+        columns = ", ".join(f"{name} {kinds.get(name, 'REAL')}" for name in (*COLUMNS, *map(_quoted, table.metrics)))
         with self._db:
             self._db.execute("BEGIN IMMEDIATE")
             if not self._empty():  # another one was quicker
@@ -116,12 +127,13 @@ class Store:
         Raises:
             WriteError.
         """
-        marks = ", ".join("?" * len(COLUMNS))
-        new = ", ".join(f"{name} = excluded.{name}" for name in COLUMNS[1:])
+        columns = self._columns
+        marks = ", ".join("?" * len(columns))
+        new = ", ".join(f"{_quoted(name)} = excluded.{_quoted(name)}" for name in columns[1:])
         values = [
             [
                 row.id, row.number, *(row.names[name] for name in NAMES), row.status, row.reason, row.seconds,
-                *(row.metrics.get(metric) for metric in METRICS),
+                *(row.metrics.get(metric) for metric in (*METRICS, *self._own)),
             ]
             for row in rows
         ]  # fmt: skip
@@ -153,13 +165,13 @@ class Store:
 
     def rows(self) -> Iterator[dict[str, object]]:
         """All rows, by the number of the case: column -> value."""
-        cursor = self._db.execute(f"SELECT {', '.join(COLUMNS)} FROM cases ORDER BY number")
+        cursor = self._db.execute(f"SELECT {', '.join(map(_quoted, self._columns))} FROM cases ORDER BY number")
         for values in cursor:
             yield self._row(values)
 
     def _row(self, values: Sequence[object]) -> dict[str, object]:
         """Column -> value, each of its kind: SQLite keeps any value in any column. Raises: SurveyError."""
-        row = dict(zip(COLUMNS, values, strict=True))
+        row = dict(zip(self._columns, values, strict=True))
         for name, value in row.items():
             kinds = KINDS.get(name, (float, int, type(None)))
             if not isinstance(value, kinds):
@@ -169,7 +181,7 @@ class Store:
 
     def row_of(self, case: str) -> dict[str, object]:
         """The row of a case by its id, or by its number. Raises: ArgumentError: there is none."""
-        columns = ", ".join(COLUMNS)
+        columns = ", ".join(map(_quoted, self._columns))
         found = self._db.execute(f"SELECT {columns} FROM cases WHERE id = ?", (case,)).fetchone()
         if found is None and case.isdecimal() and len(case) < DIGITS:
             found = self._db.execute(f"SELECT {columns} FROM cases WHERE number = ?", (int(case),)).fetchone()
@@ -211,6 +223,11 @@ def _connected(file: Path, reading: bool) -> sqlite3.Connection:
     except sqlite3.DatabaseError:
         db.close()
         raise
+
+
+def _quoted(name: str) -> str:
+    """A column as SQLite reads it; no name of a column has a quotation mark."""
+    return f'"{name}"'
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ..base.arguments import typed
 from ..base.progress import progress
 from ..errors import ArgumentError
+from ..motion.trajectory import Trajectory
 from ..path import Path
 from ..robot import Robot
 from ..strategies import Strategy
@@ -29,6 +30,7 @@ def survey(
     *,
     tasks: Mapping[str, Kind] | Literal["position", "pose"] = "position",
     starts: Kind | None = None,
+    metrics: Mapping[str, Callable[[Trajectory], Any]] | None = None,
     cycles: int = 10,
     samples: int = 200,
     limits: bool = True,
@@ -50,6 +52,8 @@ def survey(
             the tool pose (4, 4) that gives a path.
         tasks: name -> a table [task] as of a job; or one word for one of them.
         starts: as [starts] of a survey file; by default one regular posture.
+        metrics: name -> a function of the trajectory (to where the case ended) that gives a number, or None; each has a
+            column. What raises, or gives no finite number, makes its case a fault, and its reason says so.
         cycles, samples, limits, cases, seed, time_limit: as of a survey file.
         workers: processes, by default one for each processor; 0 for this one, in which nothing ends a law that sleeps,
             or hangs in native code.
@@ -85,6 +89,9 @@ def survey(
         "laws": {name: _named(f"law:{name}", law, objects) for name, law in laws.items()},
         "cycles": cycles, "samples": samples, "limits": limits, "time_limit": float(time_limit),
     }  # fmt: skip
+    if metrics:
+        content["metrics"] = {name: {"kind": "given", "key": f"metric:{name}"} for name in metrics}
+        objects |= {f"metric:{name}": function for name, function in metrics.items()}
     if starts is not None:
         content["starts"] = dict(starts)
     if cases is not None:

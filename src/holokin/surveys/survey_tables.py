@@ -14,6 +14,7 @@ from ..job.robot_tables import RobotTable
 from ..job.schema import LONGEST_ABOUT, LONGEST_TITLE
 from ..job.table_values import KindTable, Positive, Table, check_of, needed_by
 from ..job.task_tables import TaskTable
+from .own_metrics import ColumnName, OwnMetric
 from .survey_laws import AnyLaw, ClosedLoop
 
 MOST_CASES = 100_000_000
@@ -126,6 +127,7 @@ class SurveyTable(Table):
     starts: StartsTable = StartsTable()
     loops: Annotated[dict[Name, LoopTable], Field(min_length=1)]
     laws: Annotated[dict[Name, AnyLaw], Field(min_length=1)]
+    metrics: Annotated[dict[ColumnName, OwnMetric], Field(max_length=100)] = Field(default={})
     without: Annotated[list[WithoutTable], Field(max_length=1000)] = Field(default=[])
     cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 10
     samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] = 200

@@ -22,6 +22,7 @@ from ..codegen.program import Port, program
 from ..codegen.source import body
 from ..codegen.transport import Transport
 from ..errors import ExpressionError, NativeError, ShapeError
+from .checked_batch import CheckedBatch
 from .linear import System
 
 NATIVE_FROM = 50_000
@@ -84,21 +85,22 @@ class Function:
         return self._one.call(*args, **named)
 
     def checked(
-        self, result: tuple[int, ...], convert: Callable[[Any], Array], doubt: Doubt, bounds: Sequence[float] = ()
+        self, result: tuple[int, ...], convert: Callable[..., Array], doubt: Doubt, bounds: Sequence[float] = ()
     ) -> Evaluator:
-        """The same for a function of one argument, with checks: its first output, in a shape.
+        """The same for a function of one vector, with checks: its first output, in a shape. It takes (n,) or (k, n).
 
         Args:
-            convert: a method that makes an array of what is given. Raises typed errors.
+            convert: a method that makes (n,) of what is given, and of how to call it. Raises typed errors.
             doubt: a method, (argument, result, measures) -> result or an error, called where a number is not finite or
                 where a measure, one of the other outputs, is not above its bound.
 
         Neither keeps its object.
         """
-        array = weak(convert)
+        (size,), others = self._shapes[0][0], self._shapes[1][1:]
+        many = CheckedBatch(self.batch, size, others, result, weak(convert), weak(doubt), bounds)
         return Evaluator(
             self.program, *self._shapes, self._port, results=[result], bounds=bounds,
-            convert=lambda given: (array(given),), doubt=weak(doubt),
+            convert=lambda given: (many.array(given),), doubt=weak(doubt), many=many,
         )  # fmt: skip
 
     def batch(

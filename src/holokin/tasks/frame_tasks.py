@@ -14,7 +14,7 @@ from ..robot import Robot
 from ..symbolic import SX, norm_2
 from ..symbolic.rotations import frame_about, log_s2
 from .frames import ExpressionFrame, Frame, RelativeFrame, TipFrame
-from .orientation_rows import ORIENTATIONS, UP
+from .orientation_rows import ORIENTATIONS, UP, Orientation
 from .task import Task, chosen_rows
 from .task_kinds import FrameTask, stack
 
@@ -36,7 +36,7 @@ def position(robot: Robot, tip: str | None = None, *, rows: Sequence[int] | None
 @typed
 def pose(
     robot: Robot,
-    orientation: str = "twist",
+    orientation: Orientation = "twist",
     *,
     reference: ArrayLike | None = None,
     axis: str | ArrayLike = "z",
@@ -67,7 +67,7 @@ def relative_pose(
     robot: Robot,
     tip: str,
     other: str,
-    orientation: str = "twist",
+    orientation: Orientation = "twist",
     *,
     reference: ArrayLike | None = None,
     axis: str | ArrayLike = "z",
@@ -95,7 +95,7 @@ def relative_pose(
 def _pose_of(
     robot: Robot,
     frame: Frame,
-    orientation: str,
+    orientation: Orientation,
     reference: ArrayLike | None,
     axis: str | ArrayLike,
     rows: Sequence[int] | None,

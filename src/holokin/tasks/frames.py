@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, ClassVar
 
 from ..base.arguments import Made
@@ -135,11 +136,13 @@ class ExpressionFrame(Made, Frame):
         if len(self.row_units) <= 3:
             return [self]
 
-        def part(first: int) -> Callable[[SX], Any]:
-            return lambda q: written(self.name, self.expression, q)[first : min(first + 3, len(self.row_units))]
-
         return [
-            ExpressionFrame(self.name, part(i), self.row_units[i : i + 3], self.row_names[i : i + 3])
+            ExpressionFrame(
+                self.name,
+                partial(_three, self.name, self.expression, i),
+                self.row_units[i : i + 3],
+                self.row_names[i : i + 3],
+            )
             for i in range(0, len(self.row_units), 3)
         ]
 
@@ -163,6 +166,12 @@ class ExpressionFrame(Made, Frame):
     def labels(self) -> tuple[str, ...]:
         """Those given."""
         return self.row_names
+
+
+def _three(name: str, expression: Callable[[SX], Any], first: int, q: SX) -> SX:
+    """Three rows of an expression, or those that are left."""
+    rows = written(name, expression, q)
+    return rows[first : min(first + 3, rows.shape[0])]
 
 
 def poses_expression(k: Kinematics) -> SX:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -18,7 +18,13 @@ from ..errors import UnknownNameError
 from ..symbolic import SX, cos, fmax, if_else, jacobian, norm_2, sin, sumsqr, vec, vertcat, wrapped
 from ..symbolic.rotations import frame_about, log_s2, log_so3, rpy_angles, skew, zyz_angles
 
-ORIENTATIONS = ("twist", "zyz", "rpy", "rotation-vector", "axis")
+Angles = Literal["zyz", "rpy", "rotation-vector"]
+"""Coordinates of a rotation by three angles."""
+
+Orientation = Literal["twist", "zyz", "rpy", "rotation-vector", "axis"]
+"""The kinds of orientation rows."""
+
+ORIENTATIONS: tuple[Orientation, ...] = get_args(Orientation)
 
 UP = (0.0, 0.0, 1.0)
 """The z axis of the tool, which an axis task keeps unless told otherwise."""
@@ -173,6 +179,6 @@ def representation(kind: str, reference: Matrix | None = None, axis: Vector | No
 
 def three_angles(kind: str) -> Representation:
     """One of three coordinates: "zyz", "rpy" or "rotation-vector". Raises: UnknownNameError."""
-    if kind not in ("zyz", "rpy", "rotation-vector"):
-        raise UnknownNameError("representation of orientation by angles", kind, ("zyz", "rpy", "rotation-vector"))
+    if kind not in get_args(Angles):
+        raise UnknownNameError("representation of orientation by angles", kind, get_args(Angles))
     return representation(kind)

@@ -14,9 +14,10 @@ from typing import Self
 import numpy as np
 
 from ..base.arguments import check, type_methods, typed
+from ..base.by_value import ByValue
 from ..base.poses import PoseLike, pose_cure, pose_numbers
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Matrix, Value, Vector, finite, numbers
+from ..base.types import Array, ArrayLike, Matrix, Vector, finite, numbers
 from ..errors import ArgumentError, ShapeError, SingularityError, SingularityKind, UnknownNameError, shown
 from ..robot import Kinematics, Robot
 from ..symbolic import SX, Evaluator, Function, check_length, jacobian, symbol, vertcat
@@ -24,7 +25,7 @@ from ..symbolic.null_space import minors, null_space
 from .frames import poses_expression
 
 
-class Task(Value, ABC):
+class Task(ByValue, ABC):
     """x = f(q), of m rows: a `FrameTask` of one frame, or a `StackedTask` of several.
 
     Make one with `position`, `pose`, `relative_pose`, `line_of_sight`, `custom_task`, and put them together with
@@ -157,7 +158,7 @@ class Task(Value, ABC):
         return sum(self.angular) > 3 * len(self.rotations)
 
     def __call__(self, q: ArrayLike) -> Vector:
-        """x = f(q), (n,) -> (m,) [m, rad]. The angular rows of a twist task show log(R reference^T).
+        """x = f(q) [m, rad], (n,) -> (m,) or (k, n) -> (k, m). Angular rows of a twist task show log(R reference^T).
 
         Raises:
             ShapeError, NotFiniteError: q is not n finite numbers.
@@ -165,10 +166,9 @@ class Task(Value, ABC):
         return self._value_at.call(q)
 
     def jacobian(self, q: ArrayLike) -> Matrix:
-        """Task Jacobian J, (n,) -> (m, n).
+        """Task Jacobian J, (n,) -> (m, n), or (k, n) -> (k, m, n).
 
-        Raises:
-            SingularityError: the orientation representation is singular at q.
+        Raises: SingularityError: the orientation representation is singular at q, of many at the first such posture.
         """
         return self._jacobian_at.call(q)
 
@@ -178,7 +178,7 @@ class Task(Value, ABC):
         r = 1: the signed minors of J, smooth in q, with |N|^2 = det(J J^T) and det [J; N^T] > 0 [ZR11, (19)].
         r > 1: an orthonormal basis from the singular value decomposition, which may jump between postures.
         """
-        J = self.jacobian(q)
+        J = self.jacobian(self.robot.checked(q))
         return minors(J)[:, None] if self.n - self.m == 1 else null_space(J)
 
     def error(self, q: ArrayLike, position: ArrayLike, rotation: ArrayLike) -> Array:
@@ -208,7 +208,7 @@ class Task(Value, ABC):
         return array
 
     def pose(self, q: ArrayLike) -> Matrix:
-        """Pose (4, 4) of the frame at q (n,), or those of several (F, 4, 4).
+        """Pose (4, 4) of the frame at q (n,), or those of several (F, 4, 4); at many postures (k, n) one in a row each.
 
         Raises:
             ShapeError, NotFiniteError: q is not n finite numbers.
@@ -221,7 +221,7 @@ class Task(Value, ABC):
 
     def place(self, q: ArrayLike) -> tuple[Vector, Matrix]:
         """The target at which its frames are at q (n,): positions (3F,) and rotations (3F, 3)."""
-        return self.target(self.pose(q))
+        return self.target(self.pose(self.robot.checked(q)))
 
     def target(self, pose: PoseLike) -> tuple[Vector, Matrix]:
         """Positions (3F,), rotations (3F, 3) of a pose (4, 4), or of (F, 4, 4). Raises: ShapeError, ArgumentError."""
@@ -232,7 +232,7 @@ class Task(Value, ABC):
         return p[0], R[0]
 
     def value_batch(self, Q: Matrix) -> Matrix:
-        """f at postures (k, n) -> (k, m)."""
+        """f at postures (k, n) -> (k, m), unchecked."""
         Q = self.robot.postures(Q)
         return self._value.batch(Q).reshape(len(Q), self.m)
 

@@ -201,7 +201,7 @@ class StackedTask(Task):
         kinds = {"robot": Robot, "parts": tuple[FrameTask, ...], "rows": tuple[int, ...], "title": str, "size": int}
         for what, kind in kinds.items():
             check(f"the {what} of a stacked task", kind, getattr(self, what))
-        if len(self.parts) < 2 or any(part.robot is not self.robot for part in self.parts):
+        if len(self.parts) < 2 or any(part.robot != self.robot for part in self.parts):
             raise ArgumentError("the parts of a stacked task", self.parts, "give two tasks or more, of one robot")
         every = [6 * f + row for f, part in enumerate(self.parts) for row in part.rows]
         if not self.rows or not set(self.rows) <= set(every) or len(set(self.rows)) < len(self.rows):

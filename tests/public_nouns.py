@@ -1,0 +1,23 @@
+"""The public classes of the package, for tests about all of them."""
+
+from __future__ import annotations
+
+import inspect
+from types import ModuleType
+
+import holokin as hk
+
+
+def rooms() -> list[ModuleType]:
+    return [hk, *(room for name in hk.__all__ if inspect.ismodule(room := getattr(hk, name)))]
+
+
+def public_classes() -> dict[str, type]:
+    """Every class that a room gives out, by room and name, once."""
+    found: dict[type, str] = {}
+    for room in rooms():
+        for name in room.__all__:
+            one = getattr(room, name)
+            if inspect.isclass(one) and not issubclass(one, Exception):
+                found[one] = f"{room.__name__.partition('.')[2]}.{name}".lstrip(".")
+    return {name: one for one, name in found.items()}
