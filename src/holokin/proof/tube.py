@@ -34,7 +34,7 @@ MARGIN = 1.25
 """Of r and of the radius within which a root is alone, over what the test asks: room for the checker's own bounds."""
 
 
-def _pair_weights(d: int) -> Vector:
+def pair_weights(d: int) -> Vector:
     """Of the pairs i <= j in 1/2 Q y y, written without doubles: 1/2 for i = j, else 1."""
     return np.array([0.5 if i == j else 1.0 for i in range(d) for j in range(i, d)])
 
@@ -56,7 +56,7 @@ class Cells(Value):
     def reach(self) -> Matrix:
         """How far the predictor goes from q0 at most, joint by joint (k, n)."""
         d = self.V.shape[2]
-        return (np.abs(self.V).sum(axis=2) + np.abs(self.Q) @ _pair_weights(d)) * UP
+        return (np.abs(self.V).sum(axis=2) + np.abs(self.Q) @ pair_weights(d)) * UP
 
     @property
     def slope(self) -> Interval:
@@ -89,7 +89,8 @@ class Cells(Value):
 class Findings(Value):
     """Of k cells: Y (k, n, n); omega, e, eta; r, the root is within it, infinite where the test fails; alone, within
     that it is the only one; facing, the least of it and of the guards, must be positive; low, high (k, joints) of the
-    joints at the roots."""
+    joints at the roots. Of P pairs of shapes, where some are asked about: apart (k, P), how far they are apart at least
+    [m], and the planes (k, P, 3) between them."""
 
     Y: Array
     omega: Vector
@@ -100,6 +101,8 @@ class Findings(Value):
     facing: Vector
     low: Matrix
     high: Matrix
+    apart: Matrix
+    planes: Array
 
     @property
     def passed(self) -> Flags:
@@ -164,7 +167,7 @@ def _examined(equation: Equation, cells: Cells, c: Vector, slack: float) -> Find
     first, _ = _along(equation, np.vstack([still, rest]))
     _, second = _along(equation, np.vstack([-one, rest]), np.vstack([one, rest]))
     eta = norm(product(Y, _wrapped(equation, E)))
-    eta = eta + _column_sum(product(Y, first), np.ones(d)) + _column_sum(product(Y, second), _pair_weights(d))
+    eta = eta + _column_sum(product(Y, first), np.ones(d)) + _column_sum(product(Y, second), pair_weights(d))
     eta = (eta + slack * norm(Interval(Y, Y))) * UP
     apart = np.maximum(guards.low, -guards.high).min(axis=0, initial=np.inf)
     clear = np.minimum(facing.low.min(axis=0), apart)
@@ -179,7 +182,8 @@ def _examined(equation: Equation, cells: Cells, c: Vector, slack: float) -> Find
     r = np.where(good, r, np.inf)
     size = (np.where(good, HULL * r, 0.0)[:, None] + reach) * (1 + 1e-6)
     low, high = np.nextafter(cells.q0 - size * UP, -np.inf), np.nextafter(cells.q0 + size * UP, np.inf)
-    return Findings(Y, omega, e, eta, r, alone, clear, low[:, : equation.joints], high[:, : equation.joints])
+    low, high = low[:, : equation.joints], high[:, : equation.joints]
+    return Findings(Y, omega, e, eta, r, alone, clear, low, high, np.zeros((k, 0)), np.zeros((k, 0, 3)))
 
 
 def _places(equation: Equation) -> tuple[int, int, int]:
