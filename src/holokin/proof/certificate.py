@@ -249,6 +249,9 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         place = np.zeros((d, d), dtype=int)
         place[np.triu_indices(d)] = np.arange(cells.Q.shape[2])
         named = {"q0": cells.q0, "V": cells.V, "Q": cells.Q[:, :, np.maximum(place, place.T)], "Y": self.findings.Y}
+        clear = {}
+        if self.demands.clear is not None:
+            named["planes"], clear = self.findings.planes, {"clear": self.demands.clear.described()}
 
         def tree(piece: int) -> Any:
             here = np.flatnonzero(boxes.piece == piece)
@@ -266,7 +269,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
             "task": described(equation),
             "robot": robot.name, "names": list(robot.joint_names), "units": [c.unit for c in robot.coordinates],
             **lowered(equation.operations, inputs, [*equation.angular, *[False] * equation.positive]),
-            "level": self.c.tolist(),
+            **clear, "level": self.c.tolist(),
             "claims": {
                 "whole": self.covered,
                 "joints": [_bounded(x, n) for x in joints],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -128,6 +129,8 @@ def certificate(
     strategy = domain.equation.strategy
     robot = strategy.task.robot
     found = _glued(domain, asked, budget, lambda count: say(f"{count} cells proven"))
+    if asked.clear is not None:
+        found = replace(found, findings=asked.clear.sharpened(found.cells, found.findings))
     extent, place = found.extent, domain.place(found)
     if extent is Extent.WHOLE and ended[0] is not Extent.WHOLE:
         extent, place = ended

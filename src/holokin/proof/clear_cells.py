@@ -17,19 +17,20 @@ arithmetic; what follows are some thousand roundings of numbers no larger than `
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
-from ..checking.pairs import Pairs
+from ..base.types import Array, Indices, Matrix, Value, Vector, some
 from ..checking.gaps import FloorGap, Gap, LinkGap, segment_step
-from ..robot import Robot
+from ..checking.pairs import Pairs
+from ..robot import LinkShape, Robot
 from ..symbolic import symbol, vertcat
 from ..symbolic.interval_function import IntervalFunction
 from .convex_shapes import Convex, convex
-from .tube import Cells, pair_weights
+from .tube import Cells, Findings, pair_weights
 
 SLACK = 1e-10
 """What is taken off a bound, over the size of what it was computed from: 10^5 roundings are less."""
@@ -39,6 +40,9 @@ NARROW = 1e-12
 
 HEAVY = 1e3
 """Weight of the condition that shares of points add up to 1, over their size, where the nearest points are sought."""
+
+NEARLY, AT_ONCE = 0.05, 256
+"""Pairs that are farther apart than the nearest by this [m] are not looked at closely; cells of a pair done at once."""
 
 UPWARD = np.array([0.0, 0.0, 1.0])
 
@@ -57,12 +61,20 @@ class ShapePair(Value):
 def shape_pairs(gaps: Sequence[Gap], wanted: Sequence[float]) -> tuple[ShapePair, ...]:
     """Of every gap all pairs of its shapes. The floor is its point at the origin, and the plane is the floor's."""
     found = []
+    made: dict[int, Convex] = {}
+
+    def of(shape: LinkShape) -> Convex:
+        if id(shape) not in made:
+            made[id(shape)] = convex(shape)
+        return made[id(shape)]
+
     for gap, apart in zip(gaps, wanted, strict=True):
         if isinstance(gap, FloorGap):
             ground = Convex(gap.names[1], -1, np.array([[0.0, 0.0, gap.height]]), 0.0)
-            found += [ShapePair(gap.names, ground, convex(s), apart, UPWARD) for s in gap.link.shapes]
+            bodies = [of(s) for s in gap.link.shapes]
+            found += [ShapePair(gap.names, ground, body, apart, UPWARD) for body in bodies]
         elif isinstance(gap, LinkGap):
-            sides = [[convex(s) for s in link.shapes] for link in (gap.one, gap.other)]
+            sides = [[of(s) for s in link.shapes] for link in (gap.one, gap.other)]
             found += [ShapePair(gap.names, a, b, apart) for a in sides[0] for b in sides[1]]
     return tuple(found)
 
@@ -143,7 +155,32 @@ class ClearCells(Value):
         i = int(np.argmin(np.where(collide, np.inf, least))) if not all(collide) else int(np.argmin(least))
         one, other = self.pairs[i].names
         names = dict.fromkeys(pair.names for pair in self.pairs)
-        return f"the shapes of {len(names)} pairs keep apart, {one} and {other} as the nearest by {least[i]:.3g} m or more"
+        return (
+            f"the shapes of {len(names)} pairs keep apart, {one} and {other} as the nearest by {least[i]:.3g} m or more"
+        )
+
+    def described(self) -> dict[str, Any]:
+        """What the checker reads: the joints, the shapes, and the pairs with the distance that is claimed of each."""
+        shapes: dict[int, int] = {}
+        kinds = [shape for pair in self.pairs for shape in (pair.one, pair.other)]
+        for shape in kinds:
+            shapes.setdefault(id(shape), len(shapes))
+        once = {shapes[id(shape)]: shape for shape in kinds}
+        return {
+            "joints": [
+                {"parent": j.parent, "kind": j.kind, "coordinate": j.coordinate, "multiplier": j.multiplier,
+                 "offset": j.offset, "placement": j.placement[:3, :3].tolist(), "origin": j.placement[:3, 3].tolist(),
+                 "axis": j.axis.tolist()} for j in self.robot.joints
+            ],
+            "shapes": [
+                {"link": s.link, "joint": s.joint, "points": s.points.tolist(), "radius": s.radius,
+                 "holds": s.holds.tolist()} for _, s in sorted(once.items())
+            ],
+            "pairs": [
+                {"names": list(pair.names), "shapes": [shapes[id(pair.one)], shapes[id(pair.other)]],
+                 "apart": pair.wanted} for pair in self.pairs
+            ],
+        }  # fmt: skip
 
     @cached_property
     def wanted(self) -> Vector:
@@ -165,8 +202,12 @@ class ClearCells(Value):
         each = [middle[12 * i : 12 * i + 12] for i in range(len(self.robot.joints))]
         return [(a[:3].T, np.swapaxes(a[3:].T.reshape(k, 3, 3), 1, 2)) for a in each] + [base], width
 
-    def over(self, cells: Cells, r: Vector) -> Apart:
-        """The bounds over cells whose roots are within r (k,) of their predictors."""
+    def over(self, cells: Cells, r: Vector, close: Vector | None = None) -> Apart:
+        """The bounds over cells whose roots are within r (k,) of their predictors.
+
+        close (P,): pairs are looked at closely where a first plane does not show this distance; by default the wanted.
+        """
+        close = self.wanted if close is None else close
         k, P, n = len(cells), len(self.pairs), self.robot.n
         frames, width = self.frames(cells.q0[:, :n])
         moved = cells.reach[:, :n] + r[:, None]
@@ -176,9 +217,28 @@ class ClearCells(Value):
         steps = cells.V[:, :n], cells.Q[:, :n] * pair_weights(cells.V.shape[2])
         for p, pair in enumerate(self.pairs):
             one = _OnePair(self.robot, pair, frames, steps, moved, r, travel)
-            least[:, p], planes[:, p], motion[:, p], middle[:, p] = one.bounds()
+            least[:, p], planes[:, p], motion[:, p], middle[:, p] = one.bounds(float(close[p]))
             least[width > NARROW * one.size, p] = -np.inf
         return Apart(least, planes, motion, middle)
+
+    def sharpened(self, cells: Cells, found: Findings) -> Findings:
+        """The findings with bounds as large as they are found to be, of the pairs that come nearest."""
+        apart, planes, sharp = found.apart.copy(), found.planes.copy(), np.zeros(found.apart.shape, dtype=bool)
+        if not apart.size:
+            return found
+        while True:
+            best = np.where(sharp, apart, np.inf).min(axis=0)
+            low = ~sharp & (apart < np.minimum(best, best.min() + NEARLY))
+            if not low.any():
+                return replace(found, apart=apart, planes=planes)
+            ranked = np.argsort(np.where(low, apart, np.inf), axis=0)[:AT_ONCE]
+            chosen = np.unique(ranked[np.take_along_axis(low, ranked, axis=0)])
+            close = np.where(low[chosen].any(axis=0), np.inf, -np.inf)
+            new = self.over(some(cells, chosen), found.r[chosen], close)
+            better = new.least > apart[chosen]
+            apart[chosen] = np.maximum(apart[chosen], new.least)
+            planes[chosen] = np.where(better[:, :, None], new.planes, planes[chosen])
+            sharp[np.ix_(chosen, np.isposinf(close))] = True
 
     def _travel(self, most: Matrix) -> Vector:
         """How far each joint of the tree is from its zero at most, of joints whose absolute values are given (k, n)."""
@@ -199,8 +259,10 @@ class _OnePair:
         self.bend = 0.5 * np.einsum("ki,ij,kj->k", moved, _bends(robot, arms), moved)
         self.R = frames[pair.one.joint][1]
         self.a, self.b = (_placed(frames[s.joint], s.points) for s in (pair.one, pair.other))
-        self.size = 1.0 + max(np.abs(self.a).max(initial=0.0), np.abs(self.b).max(initial=0.0)) + max(
-            (arm for _, arm in arms), default=0.0
+        self.size = (
+            1.0
+            + max(np.abs(self.a).max(initial=0.0), np.abs(self.b).max(initial=0.0))
+            + max((arm for _, arm in arms), default=0.0)
         )
         self.columns = self._columns(robot, chain, frames)
 
@@ -219,14 +281,14 @@ class _OnePair:
                 out[..., joint.coordinate] += sign * joint.multiplier * moved
         return out
 
-    def bounds(self) -> tuple[Vector, Matrix, Vector, Vector]:
-        """(least (k,), planes (k, 3), motion (k,), distance in the middle (k,))."""
+    def bounds(self, close: float) -> tuple[Vector, Matrix, Vector, Vector]:
+        """(least (k,), planes (k, 3), motion (k,), distance in the middle (k,)), by the nearest points below `close`."""
         if self.pair.plane is not None:
             least, planes, motion = self._tested(np.einsum("kij,j->ki", self.R, self.pair.plane))
             return least, planes, motion, least + motion
         best = self._tested(_unit(self.b.mean(axis=1) - self.a.mean(axis=1)))
         middle = np.full(len(self.r), np.inf)
-        near = np.flatnonzero(best[0] < self.pair.wanted)
+        near = np.flatnonzero(best[0] < close)
         if len(near):
             steps = _nearest_steps(self.a[near], self.b[near])
             middle[near] = np.linalg.norm(steps, axis=1) - self.pair.one.radius - self.pair.other.radius

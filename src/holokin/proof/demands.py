@@ -50,4 +50,3 @@ class Demands(Value):
         near[here] = short.any(axis=1)
         final[here] = (short & ((apart.motion < FINEST) | (apart.middle < self.clear.wanted))).any(axis=1)
         return Judged(replace(found, apart=least, planes=planes), inside & ~near, final, near)
-

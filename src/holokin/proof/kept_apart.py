@@ -62,7 +62,9 @@ def _checked(robot: Robot, obstacles: Sequence[LinkShape]) -> None:
     most = LARGE * max(chain_length(robot), 0.1)
     for one in obstacles:
         if one.joint >= 0:
-            cure = "a proof is about obstacles that stand still: put what the tool carries on it by hk.robots.with_shape"
+            cure = (
+                "a proof is about obstacles that stand still: put what the tool carries on it by hk.robots.with_shape"
+            )
             raise ArgumentError("an obstacle that moves", one.link, cure)
         if one.shape.fault:
             raise ArgumentError(f"the obstacle {one.link!r}", one.shape.fault, "give a shape that can be read")
