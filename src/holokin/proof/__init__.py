@@ -10,4 +10,14 @@ from .following import follow
 from .joint_rates import JointRates, joint_rates
 from .proven_region import UniqueRegion, unique_region
 
-__all__ = ["Certificate", "Extent", "JointRates", "UniqueRegion", "certify", "follow", "follow_certified", "joint_rates", "unique_region"]
+__all__ = [
+    "Certificate",
+    "Extent",
+    "JointRates",
+    "UniqueRegion",
+    "certify",
+    "follow",
+    "follow_certified",
+    "joint_rates",
+    "unique_region",
+]

@@ -13,7 +13,7 @@ from ..base.types import ArrayLike, Vector, joined, whole
 from ..errors import NoProofError
 from ..path.synchronized_paths import AnyPath
 from ..path.workspaces import Workspace
-from ..robot import LinkShape, start_posture
+from ..robot import LinkShape, Robot, start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
 from .anchors import anchored
@@ -47,6 +47,7 @@ def certify(
     clearance: float = CLEARANCE,
     self_collision: bool = True,
     ignore: Sequence[tuple[str, str]] = (),
+    shapes_of: Robot | None = None,
     budget: int = 20_000,
     say: Callable[[str], None] = lambda _text: None,
 ) -> Certificate:
@@ -64,13 +65,14 @@ def certify(
         where: a path, which begins at the tool's pose at q0; or a workspace that is a box (`workspace(box=...)`), with
             its tilt and spin: of turns a box is covered that holds them.
         limits: prove, too, that the joints stay within their limits.
-        clear_of: prove, too, that no link comes nearer than `clearance` to these obstacles (`hk.robots.obstacle`), to
+        clear_of: prove, too, that no link comes nearer than `clearance` to these obstacles (`hk.obstacle`), to
             the floor, or to another link; [] for the floor and the links alone. The pairs are those of `check`. Of
             meshes it is said of their convex hulls, and of a robot without shapes of `with_capsules`.
         floor: height of the floor z [m] in the frame of the base; None for no floor.
         clearance: the distance to prove [m].
         self_collision: whether links are held against each other.
         ignore: pairs of names of links, or of a link and an obstacle, that may touch.
+        shapes_of: the same robot with other shapes, as of `with_shape` or `with_capsules`; by default the strategy's.
         budget: cells that may be examined.
         say: hears of the progress.
 
@@ -92,7 +94,7 @@ def certify(
         postures, extent, stop = walked(strategy, where, start, SAMPLES)
         ended = extent, stop
         domain = Pathway.of(strategy, where, postures, SAMPLES)
-    clear = kept_apart(strategy, start, clear_of, floor, clearance, self_collision, ignore)
+    clear = kept_apart(strategy, start, clear_of, floor, clearance, self_collision, ignore, shapes_of)
     return certificate(where, domain, start, demands(strategy, limits, clear), budget, say, began, ended)
 
 

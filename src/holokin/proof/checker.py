@@ -236,9 +236,8 @@ class Checker:
         need(self.claims["determinant"] <= determinant, "|det D_q E| is less")
         around = list(zip(cell.p(self.all_y)[0].entries()[: self.n], cell.r.entries(), strict=True))
         hull = zip(*self.limits, around, strict=True)
-        need(
-            all(a <= b <= q - r and q + r <= c <= d for a, b, c, d, (q, r) in hull), "a joint may leave hull or limits"
-        )
+        inside = all(a <= b <= q - r and q + r <= c <= d for a, b, c, d, (q, r) in hull)
+        need(inside, "a joint may leave hull or limits")
         self.least = min(self.least, float(determinant.lower()))
         self.hull[0] = [min(a, float((q - r).lower())) for a, (q, r) in zip(self.hull[0], around, strict=True)]
         self.hull[1] = [max(a, float((q + r).upper())) for a, (q, r) in zip(self.hull[1], around, strict=True)]
@@ -341,9 +340,8 @@ class Checker:
         what = "all" if claims["whole"] else f"{100 * self.share / part:.3g} %"
         if self.d > 1:
             sides = [[-1 if i == k else 0 for i in range(self.d)] for k in range(self.d)]
-            steps = [
-                self.apart(self.numbers, u, self.numbers, [-x for x in u], self.data["pieces"][0]["q"]) for u in sides
-            ]
+            q, of = self.data["pieces"][0]["q"], self.numbers
+            steps = [self.apart(of, u, of, [-x for x in u], q) for u in sides]
             wide = ", ".join(f"{float(max(abs(x) for x in step).upper()):.3g}" for step in steps)
             found.append(f"{what} of a box of poses, whose sides change a row of E by {wide}: {self.count} cells")
         else:

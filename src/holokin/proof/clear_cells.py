@@ -144,20 +144,28 @@ class ClearCells(Value):
 
     def distances(self, Q: Matrix) -> Matrix:
         """Of each pair at postures Q (k, n): a distance (k, P) that is surely there, exact but for rounding if near."""
+        return self.over(self.still(Q), np.zeros(len(Q))).least
+
+    @staticmethod
+    def still(Q: Matrix) -> Cells:
+        """Cells of a single posture each."""
         k, n = Q.shape
-        still = Cells(Q, np.zeros((k, n, 1)), np.zeros((k, n, 1)), np.zeros((k, 0)), np.zeros(k))
-        return self.over(still, np.zeros(k)).least
+        return Cells(Q, np.zeros((k, n, 1)), np.zeros((k, n, 1)), np.zeros((k, 0)), np.zeros(k))
 
     def told(self, apart: Matrix) -> str:
         """The least distance that is proven over cells, in words."""
-        least = apart.min(axis=0)
-        collide = [pair.wanted == 0 for pair in self.pairs]
-        i = int(np.argmin(np.where(collide, np.inf, least))) if not all(collide) else int(np.argmin(least))
+        least, wanted = apart.min(axis=0), self.wanted
+        asked = least if not wanted.any() else np.where(wanted > 0, least, np.inf)
+        i, names = int(np.argmin(asked)), dict.fromkeys(pair.names for pair in self.pairs)
         one, other = self.pairs[i].names
-        names = dict.fromkeys(pair.names for pair in self.pairs)
-        return (
-            f"the shapes of {len(names)} pairs keep apart, {one} and {other} as the nearest by {least[i]:.3g} m or more"
-        )
+        touch = len(dict.fromkeys(pair.names for pair in self.pairs if not pair.wanted)) if wanted.any() else 0
+        out = len([one for one in self.looked_at.left_out if one.pair not in names])
+        parts = [
+            f"the shapes of {len(names)} pairs keep apart, {one} and {other} as the nearest by {asked[i]:.3g} m or more"
+        ]
+        parts += [f"{touch} of them, which are always near, are only shown not to touch"] if touch else []
+        parts += [f"{out} pairs that a joint joins, that always touch or that may touch are left out"] if out else []
+        return ", ".join(parts)
 
     def described(self) -> dict[str, Any]:
         """What the checker reads: the joints, the shapes, and the pairs with the distance that is claimed of each."""
@@ -167,15 +175,8 @@ class ClearCells(Value):
             shapes.setdefault(id(shape), len(shapes))
         once = {shapes[id(shape)]: shape for shape in kinds}
         return {
-            "joints": [
-                {"parent": j.parent, "kind": j.kind, "coordinate": j.coordinate, "multiplier": j.multiplier,
-                 "offset": j.offset, "placement": j.placement[:3, :3].tolist(), "origin": j.placement[:3, 3].tolist(),
-                 "axis": j.axis.tolist()} for j in self.robot.joints
-            ],
-            "shapes": [
-                {"link": s.link, "joint": s.joint, "points": s.points.tolist(), "radius": s.radius,
-                 "holds": s.holds.tolist()} for _, s in sorted(once.items())
-            ],
+            "joints": joints_of(self.robot),
+            "shapes": [shape_of(s) for _, s in sorted(once.items())],
             "pairs": [
                 {"names": list(pair.names), "shapes": [shapes[id(pair.one)], shapes[id(pair.other)]],
                  "apart": pair.wanted} for pair in self.pairs
@@ -246,6 +247,23 @@ class ClearCells(Value):
         return np.array([abs(j.multiplier) * top[j.coordinate] + abs(j.offset) for j in self.robot.joints])
 
 
+def joints_of(robot: Robot) -> list[dict[str, Any]]:
+    """The tree of joints, as the checker reads it."""
+    return [
+        {"parent": j.parent, "kind": j.kind, "coordinate": j.coordinate, "multiplier": j.multiplier,
+         "offset": j.offset, "placement": j.placement[:3, :3].tolist(), "origin": j.placement[:3, 3].tolist(),
+         "axis": j.axis.tolist()} for j in robot.joints
+    ]  # fmt: skip
+
+
+def shape_of(shape: Convex) -> dict[str, Any]:
+    """A shape, as the checker reads it."""
+    return {
+        "link": shape.link, "joint": shape.joint, "points": shape.points.tolist(), "radius": shape.radius,
+        "holds": shape.holds.tolist(),
+    }  # fmt: skip
+
+
 class _OnePair:
     """The bounds of one pair over k cells."""
 
@@ -282,7 +300,7 @@ class _OnePair:
         return out
 
     def bounds(self, close: float) -> tuple[Vector, Matrix, Vector, Vector]:
-        """(least (k,), planes (k, 3), motion (k,), distance in the middle (k,)), by the nearest points below `close`."""
+        """(least (k,), planes (k, 3), motion (k,), distance in the middle (k,)); below `close` by the nearest points."""
         if self.pair.plane is not None:
             least, planes, motion = self._tested(np.einsum("kij,j->ki", self.R, self.pair.plane))
             return least, planes, motion, least + motion

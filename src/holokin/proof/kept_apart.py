@@ -11,7 +11,7 @@ from ..checking.pairs import pairs_of
 from ..errors import ArgumentError
 from ..robot import LinkShape, Robot, chain_length, with_capsules
 from ..strategies import HolonomicStrategy
-from .clear_cells import ClearCells, shape_pairs
+from .clear_cells import ClearCells, joints_of, shape_pairs
 
 CLEARANCE = 0.02
 """What is proven by default [m]: a model is off by millimetres, and so is the robot behind it."""
@@ -23,6 +23,7 @@ LARGE = 50.0
 def kept_apart(
     strategy: HolonomicStrategy, q0: Vector, clear_of: Sequence[LinkShape] | None, floor: float | None,
     clearance: float, self_collision: bool, ignore: Sequence[tuple[str, str]],
+    shapes_of: Robot | None = None,
 ) -> ClearCells | None:  # fmt: skip
     """What tells of the distances; None where nothing is asked about them.
 
@@ -34,9 +35,13 @@ def kept_apart(
         if floor is not None:
             raise ArgumentError("floor", floor, "give clear_of, too: [] for the floor and the links alone")
         return None
-    robot = strategy.task.robot
+    robot = shapes_of or strategy.task.robot
     robot.check_links()
+    if joints_of(robot) != joints_of(strategy.task.robot):
+        raise ArgumentError("shapes_of", robot.name, "give the same robot, with other shapes")
     wanted, level = not_negative("clearance", clearance), None if floor is None else number("floor", floor)
+    if level is not None and not np.isfinite(level):
+        raise ArgumentError("floor", level, "give its height in m, or None")
     if all(shape.obstacle for shape in robot.shapes):
         robot = with_capsules(robot)
     _checked(robot, clear_of)
@@ -62,9 +67,7 @@ def _checked(robot: Robot, obstacles: Sequence[LinkShape]) -> None:
     most = LARGE * max(chain_length(robot), 0.1)
     for one in obstacles:
         if one.joint >= 0:
-            cure = (
-                "a proof is about obstacles that stand still: put what the tool carries on it by hk.robots.with_shape"
-            )
+            cure = "a proof is about obstacles that stand still: put what the tool carries on it by hk.with_shape"
             raise ArgumentError("an obstacle that moves", one.link, cure)
         if one.shape.fault:
             raise ArgumentError(f"the obstacle {one.link!r}", one.shape.fault, "give a shape that can be read")

@@ -21,7 +21,7 @@ from ..errors import ArgumentError
 from ..inverse_kinematics import InverseStatus, inverse
 from ..inverse_kinematics.inverse_function import leads_to
 from ..path.workspaces import PoseRange
-from ..robot import LinkShape
+from ..robot import LinkShape, Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import of_one_tool
 from .box_proof import PoseRegion
@@ -180,6 +180,7 @@ def unique_region(
     clearance: float = CLEARANCE,
     self_collision: bool = True,
     ignore: Sequence[tuple[str, str]] = (),
+    shapes_of: Robot | None = None,
     budget: int = 20_000,
     say: Callable[[str], None] = lambda _text: None,
 ) -> UniqueRegion:
@@ -195,7 +196,7 @@ def unique_region(
         workspace: `workspace(box=...)`, with its tilt and spin.
         tilt, spin: of the box that is sought [rad], as of `workspace`; the tool's orientation at q0 is its middle.
         limits: prove, too, that the joints stay within their limits.
-        clear_of, floor, clearance, self_collision, ignore: prove, too, that shapes keep apart, as of `certify`.
+        clear_of, floor, clearance, self_collision, ignore, shapes_of: prove, too, that shapes keep apart, as `certify`.
         budget: cells that may be examined; more give a larger box.
         say: hears of the progress.
 
@@ -207,7 +208,9 @@ def unique_region(
     of_one_tool(strategy.task, "a region of poses")
     strategy, start, budget = provable(strategy), start_of(strategy, q0, limits), whole("budget", budget)
     strategy(start)
-    asked = demands(strategy, limits, kept_apart(strategy, start, clear_of, floor, clearance, self_collision, ignore))
+    asked = demands(
+        strategy, limits, kept_apart(strategy, start, clear_of, floor, clearance, self_collision, ignore, shapes_of)
+    )
     if workspace is None:
         box = largest_box(strategy, start, tilt, spin, asked)
         found, cells, box = proven_box(strategy, start, box, asked, budget, say)

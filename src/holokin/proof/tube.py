@@ -209,7 +209,9 @@ def _slopes(steep: Array, missed: Array, varied: Array, curved: Matrix, turned: 
         C = varied + (curved * r)[:, :, None]
         first = C @ v
         left = 1 - matrix_norm(np.where(np.isfinite(C), C, np.inf))
-        rest = np.linalg.norm(C, axis=2)[:, :, None] * np.linalg.norm(first, axis=1, keepdims=True) / left[:, None, None]
+        rest = (
+            np.linalg.norm(C, axis=2)[:, :, None] * np.linalg.norm(first, axis=1, keepdims=True) / left[:, None, None]
+        )
         found = (steep + v + first + rest) * UP
     return np.where(np.isfinite(found) & (left > 0)[:, None, None], found, np.inf)
 
