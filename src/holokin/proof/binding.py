@@ -78,13 +78,17 @@ def unlike(data: dict[str, Any], robot: Robot) -> str:
 
 
 def _other_shapes(clear: dict[str, Any], robot: Robot) -> str:
-    """In what the moving shapes of a certificate are not those of a robot; "" where they are. Pairs may be left out."""
+    """In what the shapes of links in a certificate are not those of a robot; "" where they are.
+
+    Pairs may be left out, and shapes of other names, which the robot carries, may stand there besides.
+    """
     clad = with_capsules(robot) if all(shape.obstacle for shape in robot.shapes) else robot
     if clear["joints"] != joints_of(clad):
         return f"its shapes hang on other joints than those of {robot.name}"
     moving = {json.dumps(shape_of(convex(s))) for s in clad.shapes if not s.shape.fault}
+    links = {s.link for s in clad.shapes}
     for shape in clear["shapes"]:
-        if shape["joint"] >= 0 and json.dumps(shape) not in moving:
+        if shape["joint"] >= 0 and shape["link"] in links and json.dumps(shape) not in moving:
             return f"the shape of {shape['link']} is not that of {robot.name}"
     return ""
 

@@ -300,7 +300,7 @@ class _OnePair:
         return out
 
     def bounds(self, close: float) -> tuple[Vector, Matrix, Vector, Vector]:
-        """(least (k,), planes (k, 3), motion (k,), distance in the middle (k,)); below `close` by the nearest points."""
+        """(least (k,), planes (k, 3), motion (k,), distance in the middle (k,)); below `close` by nearest points."""
         if self.pair.plane is not None:
             least, planes, motion = self._tested(np.einsum("kij,j->ki", self.R, self.pair.plane))
             return least, planes, motion, least + motion
