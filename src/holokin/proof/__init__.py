@@ -7,7 +7,7 @@ from .certificate import Certificate, Extent
 from .certified_following import follow_certified
 from .certify_leaf import certify
 from .following import follow
-from .joint_rates import JointRates, joint_rates
+from .rates_of_joints import JointRates, joint_rates
 from .proven_region import UniqueRegion, unique_region
 
 __all__ = [
