@@ -180,17 +180,25 @@ def _coal_distance(a: Any, b: Any, one: Posed, other: Posed, rows: Indices) -> V
 
 
 def segment_distance(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> Vector:
-    """Distances (k,) of the segments p +- u and x +- v: the least of |p + s u - x - t v| over s, t in [-1, 1].
+    """Distances (k,) of the segments p +- u and x +- v."""
+    return frozen(np.linalg.norm(segment_step(p, u, x, v), axis=1))
 
-    It is convex in (s, t), so it is least at the free optimum, if that is inside, or on one of the four edges.
+
+def segment_step(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> Matrix:
+    """The shortest p + s u - x - t v (k, 3) over s, t in [-1, 1], of the segments p +- u and x +- v.
+
+    Its length is convex in (s, t), so it is least at the free optimum, if that is inside, or on one of the four edges.
     """
     w = p - x
     a, b, c = (np.einsum("ki,ki->k", *pair) for pair in ((u, u), (u, v), (v, v)))
     d, e = np.einsum("ki,ki->k", u, w), np.einsum("ki,ki->k", v, w)
-    best = np.full(len(p), np.inf)
+    best, least = w.copy(), np.full(len(p), np.inf)
 
     def meet(s: Vector, t: Vector) -> None:
-        np.minimum(best, np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=1), out=best)
+        step = w + s[:, None] * u - t[:, None] * v
+        length = np.linalg.norm(step, axis=1)
+        shorter = length < least
+        best[shorter], least[shorter] = step[shorter], length[shorter]
 
     with np.errstate(divide="ignore", invalid="ignore"):
         det = a * c - b * b
@@ -201,4 +209,4 @@ def segment_distance(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> Vector:
             ends = np.full(len(p), end)
             meet(ends, np.clip(np.nan_to_num((b * end + e) / c, posinf=0.0, neginf=0.0), -1, 1))
             meet(np.clip(np.nan_to_num((b * end - d) / a, posinf=0.0, neginf=0.0), -1, 1), ends)
-    return frozen(best)
+    return best

@@ -24,6 +24,8 @@ def certify_job(
 ) -> Iterator[tuple[str, Certificate | str]]:  # fmt: skip
     """(name, certificate, or why there is none) of each strategy of a job, one after the other.
 
+    What its [checks] ask for is to be proven, too: shapes apart, joints within their limits.
+
     Args:
         workspace: over the box of the job's [workspace] instead of along its path.
         budget: cells that may be examined for each; by default as `certify`.
@@ -43,6 +45,9 @@ def certify_job(
     else:
         where = build_workspace(job.workspace, robot.pose(start)[:3, :3], file)
     more: dict[str, Any] = {} if budget is None else {"budget": budget}
+    if job.checks is not None:
+        with naming(file, "checks"):
+            more |= job.checks.proven(robot)
     for label, table in job.strategies.items():
         for task in tasks:
             title = label if len(tasks) == 1 else f"{label} ({task.orientation})"

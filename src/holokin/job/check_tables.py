@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -75,6 +75,12 @@ class ChecksTable(Table):
         own = self.model_dump(include={"floor", "clearance", "self_collision"})
         ignore = [(a, b) for a, b in self.ignore]
         return clear_postures(self._shaped(robot), obstacles=self.standing(), ignore=ignore, **own)
+
+    def proven(self, robot: Robot) -> dict[str, Any]:
+        """The same as arguments of `certify`. Raises: as `with_capsules`."""
+        own = self.model_dump(include={"floor", "clearance", "self_collision", "limits"})
+        ignore = [(a, b) for a, b in self.ignore]
+        return own | {"clear_of": self.standing(), "ignore": ignore, "shapes_of": self._shaped(robot)}
 
     def _shaped(self, robot: Robot) -> Robot:
         """The robot with its capsules, and with what it carries."""

@@ -11,7 +11,7 @@ from ..errors import brief
 from ..path import Path
 from ..path.synchronized_paths import paths_of
 from ..path.workspaces import Workspace
-from ..proof import Certificate, Extent
+from ..proof import Certificate, Extent, joint_rates
 from ..proof.checker_word import CheckerWord, Outcome
 from ..tasks.task import Task
 from .words import joint_unit
@@ -26,12 +26,17 @@ ALWAYS = (
     "tolerances of manufacture, bending, backlash and temperature are not in it.",
     "The controller. It may not reach the commanded joints, and what it does between two samples of its clock is not "
     "in the proof.",
-    "Collisions: of the robot with itself, with its surroundings, of its cables and its load.",
     "Dynamics: speeds, accelerations, torques, forces, braking distances, and whether the motion can be made in a "
     "given time.",
     "Safety functions of the robot, or that a person near it is safe.",
 )
 """What no certificate proves."""
+
+COLLISIONS = "Collisions: of the robot with itself, with its surroundings, of its cables and its load."
+"""What is not proven where no distances are asked for."""
+
+MOST_NAMED = 12
+"""Pairs that are named in a sentence, at most."""
 
 COMPARE = (
     "That the strategy, the path or the box, and the model are those that you mean: compare them with yours.",
@@ -221,7 +226,8 @@ def claims(found: Certificate, word: CheckerWord) -> list[Claim]:
         f"posture near the predicted one. It is a smooth function, and |det {derivative}| >= "
         f"{at_least(found.determinant)}: no singular posture is met."
     )
-    listed = [Claim(text, proven, says), *_limit_claims(found, proven, says)]
+    listed = [Claim(text, proven, says), *_limit_claims(found, proven, says), *_clear_claims(found, proven, says)]
+    listed += _rate_claims(found, proven)
     if isinstance(found.asked, Workspace):
         text = f"Every loop of the tool inside {place} that begins on this posture function brings the joints back."
         listed.append(Claim(text, proven, f"{says}: it follows from the first line"))
@@ -248,6 +254,62 @@ def _limit_claims(found: Certificate, proven: str, says: str) -> list[Claim]:
     place = place_words(found)
     text = f"Over {place} every joint stays within its limits, the nearest ({joint}) by {near} or more."
     return [Claim(text, proven, says)]
+
+
+def _clear_claims(found: Certificate, proven: str, says: str) -> list[Claim]:
+    """The distances of shapes, where they were asked for."""
+    clear = found.demands.clear
+    if clear is None:
+        return []
+    least, place, listed = found.findings.apart.min(axis=0), place_words(found), []
+    for asked in sorted({float(wanted) for wanted in clear.wanted}, reverse=True):
+        these = [p for p, wanted in enumerate(clear.wanted) if wanted == asked]
+        names = list(dict.fromkeys(clear.pairs[p].names for p in these))
+        i = min(these, key=lambda p: least[p])
+        near = f"the nearest are {_pair(clear.pairs[i].names)}, {at_least(float(least[i]))} m apart or more"
+        what = f"at least {asked:g} m apart" if asked else "apart: they do not touch"
+        text = f"Over {place} the shapes of {_pairs(names)} are {what}; {near}."
+        listed.append(Claim(text, proven, f"{says}: the distance asked for"))
+    return listed
+
+
+def _pair(names: tuple[str, str]) -> str:
+    return f"{brief(names[0])} and {brief(names[1])}"
+
+
+def _pairs(names: list[tuple[str, str]]) -> str:
+    more = f" and {len(names) - MOST_NAMED} more pairs" if len(names) > MOST_NAMED else ""
+    return "; ".join(_pair(of) for of in names[:MOST_NAMED]) + more
+
+
+def _rate_claims(found: Certificate, proven: str) -> list[Claim]:
+    """How fast the tool may be, where all joints have speed limits."""
+    rates = joint_rates(found)
+    if not (np.isfinite(rates.tool_speed) and rates.tool_speed > 0):
+        return []
+    turning = ", if it does not turn" if rates.per_turn.any() else ""
+    text = (
+        f"Over {place_words(found)} no joint is faster than its limit while the tool moves at "
+        f"{at_least(rates.tool_speed)} m/s or slower{turning}."
+    )
+    return [Claim(text, proven, "it does not look at this")]
+
+
+def _collisions(found: Certificate) -> str:
+    """What of collisions is not proven."""
+    clear = found.demands.clear
+    if clear is None:
+        return COLLISIONS
+    left = list(dict.fromkeys(one.pair for one in clear.looked_at.left_out))
+    known = {pair.names for pair in clear.pairs}
+    out = [one for one in left if one not in known]
+    bare = sorted({one.link for one in clear.looked_at.unseen})
+    parts = [
+        "Collisions with anything that is not named above, of cables, and of shapes that bend or are held otherwise"
+    ]
+    parts += [f"Pairs that a joint joins, that touch at every posture, or that may touch: {_pairs(out)}"] if out else []
+    parts += [f"Links without a shape: {brief(', '.join(bare))}"] if bare else []
+    return ". ".join(parts) + "."
 
 
 def _path_claims(found: Certificate, proven: str, word: CheckerWord) -> list[Claim]:
@@ -279,7 +341,12 @@ def not_proven(found: Certificate, word: CheckerWord) -> list[str]:
     """What a reader might think is proven, and is not."""
     box = isinstance(found.asked, Workspace)
     others = "loops that leave it" if box else "other paths"
-    listed = [f"Anything outside {place_words(found)}: {others}, another start, another level, another tool.", *ALWAYS]
+    listed = [
+        f"Anything outside {place_words(found)}: {others}, another start, another level, another tool.",
+        *ALWAYS[:2],
+        _collisions(found),
+        *ALWAYS[2:],
+    ]
     if found.limits is None:
         listed.insert(1, "Joint limits: the proof was made without them.")
     elif not np.isfinite(found.to_limit).all():

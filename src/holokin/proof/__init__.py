@@ -7,6 +7,17 @@ from .certificate import Certificate, Extent
 from .certified_following import follow_certified
 from .certify_leaf import certify
 from .following import follow
+from .rates_of_joints import JointRates, joint_rates
 from .proven_region import UniqueRegion, unique_region
 
-__all__ = ["Certificate", "Extent", "UniqueRegion", "certify", "follow", "follow_certified", "unique_region"]
+__all__ = [
+    "Certificate",
+    "Extent",
+    "JointRates",
+    "UniqueRegion",
+    "certify",
+    "follow",
+    "follow_certified",
+    "joint_rates",
+    "unique_region",
+]

@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Vector, joined, some
-from ..symbolic.intervals import Interval
 from .certificate import Boxes, Covered, Extent
+from .demands import Demands
 from .equation import Equation
 from .tube import Cells, Findings, centred, examined
 
@@ -103,7 +103,7 @@ class Domain(ABC):
         """In words where the proof failed; nothing where it did not."""
 
 
-def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, say: Callable[[int], None]) -> Covered:
+def covered(domain: Domain, boxes: Boxes, demands: Demands, budget: int, say: Callable[[int], None]) -> Covered:
     """The boxes, halved where they must be, that are proven of some boxes, and why no more of them are."""
     done: list[tuple[Boxes, Cells, Findings]] = []
     stopped: list[tuple[int, tuple[float, ...]]] = []
@@ -128,18 +128,16 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         cells = centred(domain.equation, domain.joints(here), numbers, domain.c, here.rho)
         found = examined(domain.equation, cells, domain.c, domain.slack)
         good = proven(found)
-        inside = np.ones(len(here), dtype=bool)
-        if limits is not None:
-            inside = ((found.low >= limits.low) & (found.high <= limits.high)).all(axis=1)
-        kept = good & inside
+        judged = demands.judged(cells, found, good)
+        found, kept = judged.findings, judged.good
         done.append((some(here, kept), some(cells, kept), some(found, kept)))
         proven_so_far += int(kept.sum())
         batch = min(BATCH, FEW + 8 * int(kept.sum()))
         say(proven_so_far)
         small = ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST) | (np.min(here.high - here.low, axis=1) < 8 * GRID)
-        final = ~kept & (small | domain.fine(here, found))
+        final = ~kept & (small | judged.final | domain.fine(here, found))
         stopped += _places(some(here, final))
-        reasons += [Extent.LIMIT if g else Extent.SINGULAR for g in good[final]]
+        reasons += [_reason(*of) for of in zip(good[final], judged.near[final], strict=True)]
         failed = ~kept & ~final
         need = np.where(np.isfinite(found.eta), SPREAD * found.eta, 0.0)
         usual = np.where(np.isfinite(found.omega), TUBE / np.clip(found.omega, 1e-3, 1e9), here.rho / 4)
@@ -155,6 +153,11 @@ def covered(domain: Domain, boxes: Boxes, limits: Interval | None, budget: int, 
         return Covered(all_boxes, all_cells, all_findings)
     first = min(range(len(stopped)), key=lambda i: stopped[i])
     return Covered(all_boxes, all_cells, all_findings, reasons[first], stopped[first])
+
+
+def _reason(good: bool, near: bool) -> Extent:
+    """Why a cell is not as asked."""
+    return Extent.NEAR if near else Extent.LIMIT if good else Extent.SINGULAR
 
 
 def proven(found: Findings) -> Flags:

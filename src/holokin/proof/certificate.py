@@ -20,6 +20,7 @@ from ..path.workspaces import Workspace
 from ..symbolic import intervals as iv
 from ..symbolic.intervals import Interval
 from .binding import described
+from .demands import Demands
 from .equation import Equation
 from .lowering import lowered
 from .partition import partition
@@ -37,6 +38,7 @@ class Extent(NoTruthValue, Enum, ask="`is Extent.WHOLE`"):
     WHOLE = "all that was asked is proven"
     SINGULAR = "[J; J_g] is singular, or so nearly that no cell passes the test; choose another constraint or leaf"
     LIMIT = "a joint is at its limit or beyond it; choose another leaf, or ask with limits=False"
+    NEAR = "shapes are not shown to be as far apart as was asked; choose a leaf that keeps away, or ask for less"
     BUDGET = "the cells that were allowed are spent; allow more with budget="
     END = "the leaf could not be followed any farther; choose another leaf, path or constraint"
     APART = "neighbouring cells could not be shown to share a root; allow smaller ones with a larger budget="
@@ -164,7 +166,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
     equation: Equation
     c: Vector
     anchors: Anchors
-    limits: Interval | None
+    demands: Demands
     pieces: Matrix
     revisit: Revisit | None
     asked: AnyPath | Workspace
@@ -200,6 +202,11 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         for joint, low, high, left in zip(robot.coordinates, self.low, self.high, self.to_limit, strict=True):
             lines.append(f"{joint.name:{width}}  {low:9.4f} {high:9.4f} {left:11.4f} {joint.unit}")
         return "\n".join(lines)
+
+    @property
+    def limits(self) -> Interval | None:
+        """The limits that the joints are proven to keep; None where they were not asked about."""
+        return self.demands.limits
 
     @property
     def whole(self) -> bool:
@@ -242,6 +249,9 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         place = np.zeros((d, d), dtype=int)
         place[np.triu_indices(d)] = np.arange(cells.Q.shape[2])
         named = {"q0": cells.q0, "V": cells.V, "Q": cells.Q[:, :, np.maximum(place, place.T)], "Y": self.findings.Y}
+        clear = {}
+        if self.demands.clear is not None:
+            named["planes"], clear = self.findings.planes, {"clear": self.demands.clear.described()}
 
         def tree(piece: int) -> Any:
             here = np.flatnonzero(boxes.piece == piece)
@@ -259,7 +269,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
             "task": described(equation),
             "robot": robot.name, "names": list(robot.joint_names), "units": [c.unit for c in robot.coordinates],
             **lowered(equation.operations, inputs, [*equation.angular, *[False] * equation.positive]),
-            "level": self.c.tolist(),
+            **clear, "level": self.c.tolist(),
             "claims": {
                 "whole": self.covered,
                 "joints": [_bounded(x, n) for x in joints],

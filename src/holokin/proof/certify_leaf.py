@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,14 +13,17 @@ from ..base.types import ArrayLike, Vector, joined, whole
 from ..errors import NoProofError
 from ..path.synchronized_paths import AnyPath
 from ..path.workspaces import Workspace
-from ..robot import start_posture
+from ..robot import LinkShape, Robot, start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
 from .anchors import anchored
 from .box_proof import PoseRegion
 from .cell_search import Domain, covered, halves
 from .certificate import COVERED, Certificate, Covered, Extent, Revisit, least_determinant
+from .clear_cells import ClearCells
+from .demands import Demands
 from .equation import Equation
+from .kept_apart import CLEARANCE, kept_apart
 from .path_postures import walked
 from .path_proof import Pathway
 from .revisits import Revisits
@@ -38,6 +42,12 @@ def certify(
     q0: ArrayLike,
     *,
     limits: bool = True,
+    clear_of: Sequence[LinkShape] | None = None,
+    floor: float | None = None,
+    clearance: float = CLEARANCE,
+    self_collision: bool = True,
+    ignore: Sequence[tuple[str, str]] = (),
+    shapes_of: Robot | None = None,
     budget: int = 20_000,
     say: Callable[[str], None] = lambda _text: None,
 ) -> Certificate:
@@ -55,6 +65,14 @@ def certify(
         where: a path, which begins at the tool's pose at q0; or a workspace that is a box (`workspace(box=...)`), with
             its tilt and spin: of turns a box is covered that holds them.
         limits: prove, too, that the joints stay within their limits.
+        clear_of: prove, too, that no link comes nearer than `clearance` to these obstacles (`hk.obstacle`), to
+            the floor, or to another link; [] for the floor and the links alone. The pairs are those of `check`. Of
+            meshes it is said of their convex hulls, and of a robot without shapes of `with_capsules`.
+        floor: height of the floor z [m] in the frame of the base; None for no floor.
+        clearance: the distance to prove [m].
+        self_collision: whether links are held against each other.
+        ignore: pairs of names of links, or of a link and an obstacle, that may touch.
+        shapes_of: the same robot with other shapes, as of `with_shape` or `with_capsules`; by default the strategy's.
         budget: cells that may be examined.
         say: hears of the progress.
 
@@ -76,7 +94,8 @@ def certify(
         postures, extent, stop = walked(strategy, where, start, SAMPLES)
         ended = extent, stop
         domain = Pathway.of(strategy, where, postures, SAMPLES)
-    return certificate(where, domain, start, limits, budget, say, began, ended)
+    clear = kept_apart(strategy, start, clear_of, floor, clearance, self_collision, ignore, shapes_of)
+    return certificate(where, domain, start, demands(strategy, limits, clear), budget, say, began, ended)
 
 
 def provable(strategy: Strategy) -> HolonomicStrategy:
@@ -98,15 +117,22 @@ def start_of(strategy: Strategy, q0: ArrayLike, limits: bool) -> Vector:
     return start
 
 
+def demands(strategy: HolonomicStrategy, limits: bool, clear: ClearCells | None) -> Demands:
+    """What is asked of the joints, and of shapes."""
+    robot = strategy.task.robot
+    return Demands(Interval(robot.lower, robot.upper) if limits else None, clear)
+
+
 def certificate(
-    where: AnyPath | Workspace, domain: Domain, start: Vector, limits: bool, budget: int, say: Callable[[str], None],
+    where: AnyPath | Workspace, domain: Domain, start: Vector, asked: Demands, budget: int, say: Callable[[str], None],
     began: float, ended: tuple[Extent, str] = (Extent.WHOLE, ""),
 ) -> Certificate:  # fmt: skip
     """What can be proven over a domain. ended: why and where the postures of a path ended early."""
     strategy = domain.equation.strategy
     robot = strategy.task.robot
-    bounds = Interval(robot.lower, robot.upper) if limits else None
-    found = _glued(domain, bounds, budget, lambda count: say(f"{count} cells proven"))
+    found = _glued(domain, asked, budget, lambda count: say(f"{count} cells proven"))
+    if asked.clear is not None:
+        found = replace(found, findings=asked.clear.sharpened(found.cells, found.findings))
     extent, place = found.extent, domain.place(found)
     if extent is Extent.WHOLE and ended[0] is not Extent.WHOLE:
         extent, place = ended
@@ -123,17 +149,17 @@ def certificate(
     title = f"{strategy.name}, {strategy.task.name}"
     pieces = domain.given(np.arange(1 if found.boxes.piece.size == 0 else int(found.boxes.piece.max()) + 1))
     theorem = _theorem(
-        title, where, domain.equation, extent, place, found, determinant, bounds, to_limit, turns, gap, revisit
+        title, where, domain.equation, extent, place, found, determinant, asked, to_limit, turns, gap, revisit
     )
     return Certificate(
         title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,
-        time.perf_counter() - began, domain.equation, domain.c, anchors, bounds, pieces, revisit, where,
+        time.perf_counter() - began, domain.equation, domain.c, anchors, asked, pieces, revisit, where,
     )  # fmt: skip
 
 
 def _theorem(
     title: str, where: AnyPath | Workspace, equation: Equation, extent: Extent, place: str, found: Covered,
-    determinant: float, limits: Interval | None, to_limit: Vector, turns: Vector, gap: float, revisit: Revisit | None,
+    determinant: float, asked: Demands, to_limit: Vector, turns: Vector, gap: float, revisit: Revisit | None,
 ) -> str:  # fmt: skip
     if not len(found):
         return f"Nothing is proven: at {place or 'the start'} {extent.cause}."
@@ -152,9 +178,11 @@ def _theorem(
         f"cell, of {len(found)}; it is a smooth function of the {what}, with |det {equation.derivative}| >= "
         f"{determinant:.2g}{q}"
     ]
-    if limits is not None and np.isfinite(to_limit).any():
+    if asked.limits is not None and np.isfinite(to_limit).any():
         parts.append(f"every joint stays {to_limit.min():.2g} or more (rad or m) from its limits")
     turned = f" but for the whole turns {turns.astype(int).tolist()}" if turns.any() else ""
+    if asked.clear is not None:
+        parts.append(asked.clear.told(found.findings.apart))
     if np.isfinite(gap):
         parts.append(f"at the end of the closed path the joints are those of its beginning{turned}")
     if extent is Extent.WHOLE and not isinstance(where, Workspace):
@@ -175,9 +203,9 @@ def _hull(found: Covered, q0: Vector) -> tuple[Vector, Vector]:
     return found.findings.low.min(axis=0), found.findings.high.max(axis=0)
 
 
-def _glued(domain: Domain, bounds: Interval | None, budget: int, say: Callable[[int], None]) -> Covered:
+def _glued(domain: Domain, asked: Demands, budget: int, say: Callable[[int], None]) -> Covered:
     """Cells over all of a domain, halved until neighbours share roots; or those that hang together."""
-    found = domain.arranged(covered(domain, domain.first(), bounds, budget, say))
+    found = domain.arranged(covered(domain, domain.first(), asked, budget, say))
     for _ in range(ROUNDS):
         apart = domain.unglued(found)
         if not (domain.goes_on(found.extent) and apart.any()):
@@ -185,7 +213,7 @@ def _glued(domain: Domain, bounds: Interval | None, budget: int, say: Callable[[
         new = covered(
             domain,
             halves(found.boxes, found.cells, found.cells.rho / 2, apart, np.isfinite(found.findings.eta)),
-            bounds,
+            asked,
             budget,
             say,
         )

@@ -1,4 +1,5 @@
-"""The checker verifies a certificate again, with the balls of Arb [Joh17]. It needs python-flint and this file alone.
+"""The checker verifies a certificate again, with the balls of Arb [Joh17]. It needs python-flint and this file alone,
+and of a certificate about shapes the file clear_checker.py.
 
 A certificate holds E(q, u), n numbers, as a list of operations. E = 0 where the joints q reach the pose u of a path,
 0 <= u <= 1, or of a box, -1 <= u_k <= 1, on one leaf. A cell is a box of u, run through by y in [-1, 1]^d; it predicts
@@ -78,7 +79,7 @@ class Cell:
     """A box of u and a predictor of (q, u). `Checker.prove` finds M, rho and r, `cover` the cells joined to it."""
 
     def __init__(self, data: Any, box: Any) -> None:
-        d, self.sides, self.joined = len(box), box, {self}
+        d, self.sides, self.joined, self.planes = len(box), box, {self}, data.get("planes", [])
         self.Y = self.M = self.eta = self.rho = self.r = arb_mat(data["Y"])
         self.x = arb_mat([[q] for q in data["q0"]] + [[(arb(a) + b) / 2] for a, b in box])
         self.V = arb_mat(data["V"] + [[(arb(b) - a) / 2 * (i == k) for k in range(d)] for i, (a, b) in enumerate(box)])
@@ -104,6 +105,15 @@ class Verified(NamedTuple):
     data: Any
 
 
+def shapes_of(data: Any, joints: int) -> Any:
+    """The shapes that are to keep apart, whose checker is in the file beside this one."""
+    try:
+        from .clear_checker import Clear
+    except ImportError:
+        from clear_checker import Clear  # type: ignore[no-redef]
+    return Clear(data, joints, need)
+
+
 def _text_of(value: Any) -> str:
     """A word of the file, without what a terminal obeys."""
     return "".join(c if c.isprintable() else "?" for c in str(value)[:100])
@@ -120,15 +130,14 @@ class Checker:
         need(0 < self.joints <= n and set(data["units"]) <= {"rad", "m"}, "the joints have other units than rad and m")
         need(d == 1 or len(data["pieces"]) == 1, "a box of poses has several pieces")
         need(0 <= self.claims["gap"] <= GAP, f"its gap is no number from 0 to {GAP:g}")
-        sides = [
-            [(-sign * math.inf if x is None else x) for x in row]
-            for sign, row in zip((1, 1, -1, -1), self.claims["joints"], strict=True)
-        ]
+        signed = zip((-math.inf, -math.inf, math.inf, math.inf), self.claims["joints"], strict=True)
+        sides = [[(far if x is None else x) for x in row] for far, row in signed]
         given = [x for row in self.claims["joints"] for x in row if x is not None]
         need(all(abs(x) <= FAR for x in given), f"a joint or a limit is beyond {FAR:g}")
         need(all(a < b for a, b in zip(sides[0], sides[3], strict=True)), "limits are no limits")
         self.limits, self.least, self.hull = sides, math.inf, [[math.inf] * n, [-math.inf] * n]
         self.share, self.count, self.moved, self.total = 0.0, 0, [0.0] * n, total
+        self.clear = shapes_of(data, self.joints) if "clear" in data else None
         self.one, self.all_y = arb_mat([[int(i == j) for j in range(n)] for i in range(n)]), arb_mat([[UNIT]] * d)
         self.by_y, self.by_s = arb_mat([[1]] * d + [[0]] * n), arb_mat([[0] * n] * d + self.one.tolist())
 
@@ -145,9 +154,8 @@ class Checker:
 
     def periodic(self, turns: Any) -> bool:
         """Whether E stays as it is when the unknowns go on by whole turns (n,): followed through the operations."""
-        known = dict(
-            enumerate(self.data["constants"], self.n + self.d + len(self.numbers) - len(self.data["constants"]))
-        )
+        constants = self.data["constants"]
+        known = dict(enumerate(constants, self.n + self.d + len(self.numbers) - len(constants)))
         shifts: list[Any] = [*turns, *[0] * (self.d + len(self.numbers))]
         for name, *of in self.data["operations"]:
             given, found = [shifts[i] for i in of], None
@@ -210,6 +218,8 @@ class Checker:
                 fault = problem
         else:
             raise fault
+        if self.clear is not None:
+            self.clear.verify(cell)
         self.say(self.total)
         self.count, self.share = self.count + 1, self.share + math.prod(float(b - a) for a, b in cell.sides)
         return cell
@@ -226,9 +236,8 @@ class Checker:
         need(self.claims["determinant"] <= determinant, "|det D_q E| is less")
         around = list(zip(cell.p(self.all_y)[0].entries()[: self.n], cell.r.entries(), strict=True))
         hull = zip(*self.limits, around, strict=True)
-        need(
-            all(a <= b <= q - r and q + r <= c <= d for a, b, c, d, (q, r) in hull), "a joint may leave hull or limits"
-        )
+        inside = all(a <= b <= q - r and q + r <= c <= d for a, b, c, d, (q, r) in hull)
+        need(inside, "a joint may leave hull or limits")
         self.least = min(self.least, float(determinant.lower()))
         self.hull[0] = [min(a, float((q - r).lower())) for a, (q, r) in zip(self.hull[0], around, strict=True)]
         self.hull[1] = [max(a, float((q + r).upper())) for a, (q, r) in zip(self.hull[1], around, strict=True)]
@@ -322,12 +331,8 @@ class Checker:
 
     def lines(self, closed: bool, turns: Any, moved: Any) -> list[str]:
         """What was verified, in sentences."""
-        n, r, claims, part = (
-            self.n,
-            len(self.data["level"]),
-            self.claims,
-            2**self.d if self.d > 1 else len(self.data["pieces"]),
-        )
+        n, r, claims = self.n, len(self.data["level"]), self.claims
+        part = 2**self.d if self.d > 1 else len(self.data["pieces"])
         found = [
             f"E: {len(self.data['operations'])} operations, {n} rows and unknowns, {self.joints} of them joints; "
             f"level {self.data['level']} of {r} rows",
@@ -335,13 +340,10 @@ class Checker:
         what = "all" if claims["whole"] else f"{100 * self.share / part:.3g} %"
         if self.d > 1:
             sides = [[-1 if i == k else 0 for i in range(self.d)] for k in range(self.d)]
-            steps = [
-                self.apart(self.numbers, u, self.numbers, [-x for x in u], self.data["pieces"][0]["q"]) for u in sides
-            ]
-            wide = [f"{float(max(abs(x) for x in step).upper()):.3g}" for step in steps]
-            found.append(
-                f"{what} of a box of poses, whose sides change a row of E by {', '.join(wide)}: {self.count} cells"
-            )
+            q, of = self.data["pieces"][0]["q"], self.numbers
+            steps = [self.apart(of, u, of, [-x for x in u], q) for u in sides]
+            wide = ", ".join(f"{float(max(abs(x) for x in step).upper()):.3g}" for step in steps)
+            found.append(f"{what} of a box of poses, whose sides change a row of E by {wide}: {self.count} cells")
         else:
             rows = ", ".join(f"{x:.4g}" for x in self.moved[: self.joints - r])
             found.append(
@@ -368,7 +370,7 @@ class Checker:
             name = _text_of(names[i]) if isinstance(names, list) and i < len(names) else ""
             hull = f"{self.hull[0][i]:.6g} to {self.hull[1][i]:.6g} {self.data['units'][i]}"
             found.append(f"joint {i + 1} ({name}): {hull}, {limits}")
-        return found
+        return found + (self.clear.lines() if self.clear else [])
 
 
 def check(file: str, say: Any = lambda _cells: None, seconds: float = math.inf) -> Verified:

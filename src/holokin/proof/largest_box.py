@@ -15,12 +15,16 @@ from ..strategies import HolonomicStrategy
 from .box_proof import PoseRegion
 from .certificate import Certificate, Extent
 from .certify_leaf import certificate
+from .demands import Demands
 
 STEPS = 8
 """Samples from the start to each side of what is looked at."""
 
 REGULAR = 0.15
 """Of the rcond at the start, what samples must have: cells are many where it is small."""
+
+AWAY = 0.02
+"""How much farther [m] than asked shapes must be apart at samples: in between they come nearer."""
 
 ROOM = 0.02
 """How far [joint units] samples must be from joint limits: in between the joints go farther."""
@@ -39,17 +43,17 @@ FILLED = 0.4
 """Of the budget, what the first cells may take: some are halved."""
 
 
-def largest_box(strategy: HolonomicStrategy, q0: Vector, tilt: float, spin: float, limits: bool) -> PoseRange:
+def largest_box(strategy: HolonomicStrategy, q0: Vector, tilt: float, spin: float, asked: Demands) -> PoseRange:
     """A box that looks regular: from the start's pose, side by side, as long as all samples of a new layer do."""
     task = strategy.task
     T = task.pose(q0)
-    lines = _spans(strategy, q0, limits)
+    lines = _spans(strategy, q0, asked)
     cuts = [T[axis, 3] + np.concatenate([-low * np.arange(STEPS, 0, -1), high * np.arange(STEPS + 1)]) / STEPS
             for axis, (low, high) in enumerate(lines)]  # fmt: skip
     points = np.stack(np.meshgrid(*cuts, indexing="ij"), axis=-1).reshape(-1, 3)
     good = np.ones(len(points), dtype=bool)
     for R in _turned(T[:3, :3], tilt, spin):
-        good[good] = _sound(strategy, q0, _poses(points[good], R), limits)
+        good[good] = _sound(strategy, q0, _poses(points[good], R), asked)
     solid = good.reshape([len(c) for c in cuts])
     low, high = np.full(3, STEPS), np.full(3, STEPS)
     while True:
@@ -71,7 +75,7 @@ def largest_box(strategy: HolonomicStrategy, q0: Vector, tilt: float, spin: floa
 
 
 def proven_box(
-    strategy: HolonomicStrategy, q0: Vector, box: PoseRange, limits: bool, budget: int, say: Callable[[str], None]
+    strategy: HolonomicStrategy, q0: Vector, box: PoseRange, asked: Demands, budget: int, say: Callable[[str], None]
 ) -> tuple[Certificate, PoseRegion, PoseRange]:
     """The certificate of a box, or of a smaller one about the start, the first that is proven whole; or the last."""
     tool, began = strategy.task.pose(q0)[:3, 3], time.perf_counter()
@@ -83,14 +87,14 @@ def proven_box(
         if count > FILLED * budget and left:
             box = _about(box, tool, max(0.5, (FILLED * budget / count) ** (1 / 3)))
             continue
-        found = certificate(box, cells, q0, limits, budget, say, began)
+        found = certificate(box, cells, q0, asked, budget, say, began)
         if found.whole or not left:
             return found, cells, box
         say(f"{box}: {found.extent.cause}")
         box = _about(box, tool, 0.8) if found.extent is Extent.BUDGET else _cut(box, tool, cells.stop(found.proven))
 
 
-def _spans(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Matrix:
+def _spans(strategy: HolonomicStrategy, q0: Vector, asked: Demands) -> Matrix:
     """How far [m] the tool goes along each axis of the base, (3, 2): to either side, while all looks regular."""
     T, far = strategy.task.pose(q0), min(2 * reach(strategy.task.robot), FAR)
     t = np.linspace(0.0, far, LOOKED)[1:]
@@ -99,14 +103,14 @@ def _spans(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Matrix:
         for side, sign in enumerate((-1.0, 1.0)):
             points = np.tile(T[:3, 3], (len(t), 1))
             points[:, axis] += sign * t
-            good = _sound(strategy, q0, _poses(points, T[:3, :3]), limits)
+            good = _sound(strategy, q0, _poses(points, T[:3, :3]), asked)
             last = int(np.argmin(good)) if not good.all() else len(t)
             spans[axis, side] = t[last - 1] if last else t[0] / 4
     return spans
 
 
-def _sound(strategy: HolonomicStrategy, q0: Vector, poses: Array, limits: bool) -> Flags:
-    """(k,) True for poses that are reached, regular and within the limits."""
+def _sound(strategy: HolonomicStrategy, q0: Vector, poses: Array, asked: Demands) -> Flags:
+    """(k,) True for poses that are reached, regular, and as asked with some room."""
     if not len(poses):
         return np.zeros(0, dtype=bool)
     found, robot = inverse(strategy, q0).batch(poses), strategy.task.robot
@@ -114,8 +118,10 @@ def _sound(strategy: HolonomicStrategy, q0: Vector, poses: Array, limits: bool) 
     q = found.q[good]
     rcond = np.array([strategy.gain(one)[1] for one in q]) if len(q) else np.zeros(0)
     fine = rcond >= REGULAR * strategy.gain(q0)[1]
-    if limits:
+    if asked.limits is not None:
         fine &= ((q >= robot.lower + ROOM) & (q <= robot.upper - ROOM)).all(axis=1)
+    if asked.clear is not None and len(q):
+        fine &= (asked.clear.distances(q) >= asked.clear.wanted + AWAY).all(axis=1)
     good[good] = fine
     return good
 

@@ -8,7 +8,7 @@ inside them leads to other joints. Theory 7.2, 7.3
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,11 +21,13 @@ from ..errors import ArgumentError
 from ..inverse_kinematics import InverseStatus, inverse
 from ..inverse_kinematics.inverse_function import leads_to
 from ..path.workspaces import PoseRange
+from ..robot import LinkShape, Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import of_one_tool
 from .box_proof import PoseRegion
 from .certificate import Certificate
-from .certify_leaf import certificate, provable, start_of
+from .certify_leaf import certificate, demands, provable, start_of
+from .kept_apart import CLEARANCE, kept_apart
 from .largest_box import largest_box, proven_box
 
 SAMPLED = 1000
@@ -173,6 +175,12 @@ def unique_region(
     tilt: float = 0.0,
     spin: float = 0.0,
     limits: bool = True,
+    clear_of: Sequence[LinkShape] | None = None,
+    floor: float | None = None,
+    clearance: float = CLEARANCE,
+    self_collision: bool = True,
+    ignore: Sequence[tuple[str, str]] = (),
+    shapes_of: Robot | None = None,
     budget: int = 20_000,
     say: Callable[[str], None] = lambda _text: None,
 ) -> UniqueRegion:
@@ -188,6 +196,7 @@ def unique_region(
         workspace: `workspace(box=...)`, with its tilt and spin.
         tilt, spin: of the box that is sought [rad], as of `workspace`; the tool's orientation at q0 is its middle.
         limits: prove, too, that the joints stay within their limits.
+        clear_of, floor, clearance, self_collision, ignore, shapes_of: prove, too, that shapes keep apart, as `certify`.
         budget: cells that may be examined; more give a larger box.
         say: hears of the progress.
 
@@ -199,14 +208,17 @@ def unique_region(
     of_one_tool(strategy.task, "a region of poses")
     strategy, start, budget = provable(strategy), start_of(strategy, q0, limits), whole("budget", budget)
     strategy(start)
+    asked = demands(
+        strategy, limits, kept_apart(strategy, start, clear_of, floor, clearance, self_collision, ignore, shapes_of)
+    )
     if workspace is None:
-        box = largest_box(strategy, start, tilt, spin, limits)
-        found, cells, box = proven_box(strategy, start, box, limits, budget, say)
+        box = largest_box(strategy, start, tilt, spin, asked)
+        found, cells, box = proven_box(strategy, start, box, asked, budget, say)
         return UniqueRegion(strategy, start, box, found, cells)
     if tilt or spin:
         raise ArgumentError("tilt and spin", (tilt, spin), "a workspace has its own: hk.workspace(..., tilt=, spin=)")
     began = time.perf_counter()
     cells = PoseRegion.of(strategy, workspace, start, partial=True)
     return UniqueRegion(
-        strategy, start, workspace, certificate(workspace, cells, start, limits, budget, say, began), cells
+        strategy, start, workspace, certificate(workspace, cells, start, asked, budget, say, began), cells
     )

@@ -24,7 +24,7 @@ import numpy as np
 
 from ..base.types import Array, Flags, Matrix, Value, Vector, joined, some
 from ..symbolic.intervals import PI, Interval, add, multiply, outward, point, subtract
-from .bounds import UNIT, UP, norm, product
+from .bounds import UNIT, UP, matrix_norm, norm, product
 from .equation import Equation
 
 HULL = 3.0
@@ -34,7 +34,7 @@ MARGIN = 1.25
 """Of r and of the radius within which a root is alone, over what the test asks: room for the checker's own bounds."""
 
 
-def _pair_weights(d: int) -> Vector:
+def pair_weights(d: int) -> Vector:
     """Of the pairs i <= j in 1/2 Q y y, written without doubles: 1/2 for i = j, else 1."""
     return np.array([0.5 if i == j else 1.0 for i in range(d) for j in range(i, d)])
 
@@ -56,7 +56,7 @@ class Cells(Value):
     def reach(self) -> Matrix:
         """How far the predictor goes from q0 at most, joint by joint (k, n)."""
         d = self.V.shape[2]
-        return (np.abs(self.V).sum(axis=2) + np.abs(self.Q) @ _pair_weights(d)) * UP
+        return (np.abs(self.V).sum(axis=2) + np.abs(self.Q) @ pair_weights(d)) * UP
 
     @property
     def slope(self) -> Interval:
@@ -89,7 +89,9 @@ class Cells(Value):
 class Findings(Value):
     """Of k cells: Y (k, n, n); omega, e, eta; r, the root is within it, infinite where the test fails; alone, within
     that it is the only one; facing, the least of it and of the guards, must be positive; low, high (k, joints) of the
-    joints at the roots."""
+    joints at the roots; slopes (k, joints, d), the largest size of the derivatives of the joints at the roots by y.
+    Of P pairs of shapes, where some are asked about: apart (k, P), how far they are apart at least
+    [m], and the planes (k, P, 3) between them."""
 
     Y: Array
     omega: Vector
@@ -100,6 +102,9 @@ class Findings(Value):
     facing: Vector
     low: Matrix
     high: Matrix
+    slopes: Array
+    apart: Matrix
+    planes: Array
 
     @property
     def passed(self) -> Flags:
@@ -156,15 +161,15 @@ def _examined(equation: Equation, cells: Cells, c: Vector, slack: float) -> Find
     change = product(Interval(*(x.reshape(k, n * n, n) for x in H)), cells.slope)
     if equation.family.turning:
         change = add(change, Interval(*(x.reshape(k, n * n, d) for x in product(Y, _columns(mixed, n)))))
-    e = at_center + sum(norm(Interval(*(x[:, :, m].reshape(k, n, n) for x in change))) for m in range(d))
-    e *= UP
+    along_y = [Interval(*(x[:, :, m].reshape(k, n, n) for x in change)) for m in range(d)]
+    e = (at_center + sum(norm(part) for part in along_y)) * UP
 
     flat = [np.swapaxes(part, 1, 2).reshape(k, -1).T for part in (cells.V, cells.Q)]
     rest = np.vstack([cells.q0.T, *flat, fixed])
     first, _ = _along(equation, np.vstack([still, rest]))
     _, second = _along(equation, np.vstack([-one, rest]), np.vstack([one, rest]))
     eta = norm(product(Y, _wrapped(equation, E)))
-    eta = eta + _column_sum(product(Y, first), np.ones(d)) + _column_sum(product(Y, second), _pair_weights(d))
+    eta = eta + _column_sum(product(Y, first), np.ones(d)) + _column_sum(product(Y, second), pair_weights(d))
     eta = (eta + slack * norm(Interval(Y, Y))) * UP
     apart = np.maximum(guards.low, -guards.high).min(axis=0, initial=np.inf)
     clear = np.minimum(facing.low.min(axis=0), apart)
@@ -179,7 +184,42 @@ def _examined(equation: Equation, cells: Cells, c: Vector, slack: float) -> Find
     r = np.where(good, r, np.inf)
     size = (np.where(good, HULL * r, 0.0)[:, None] + reach) * (1 + 1e-6)
     low, high = np.nextafter(cells.q0 - size * UP, -np.inf), np.nextafter(cells.q0 + size * UP, np.inf)
-    return Findings(Y, omega, e, eta, r, alone, clear, low[:, : equation.joints], high[:, : equation.joints])
+    low, high = low[:, : equation.joints], high[:, : equation.joints]
+    varied = (subtract(point(np.eye(n)), off).magnitude + sum(part.magnitude for part in along_y)) * UP
+    curved = np.linalg.norm(H.magnitude, axis=2)
+    if equation.family.turning:
+        turned = np.linalg.norm(product(Y, _columns(mixed, n)).magnitude, axis=2)
+    else:
+        turned = np.zeros((k, n))
+    missed = product(Y, first).magnitude + _paired(product(Y, second).magnitude, d)
+    slopes = _slopes(cells.slope.magnitude, missed, varied, curved, turned, r)[:, : equation.joints]
+    return Findings(Y, omega, e, eta, r, alone, clear, low, high, slopes, np.zeros((k, 0)), np.zeros((k, 0, 3)))
+
+
+def _slopes(steep: Array, missed: Array, varied: Array, curved: Matrix, turned: Matrix, r: Vector) -> Array:
+    """Upper bounds (k, n, d) of |q'| at the roots by y, number by number; infinite where there is no root.
+
+    A q' = -E_y at the root q, and F' = A p' + E_y at the predictor p, which is at most r away, so that
+    Y A (q' - p') = v, |v| <= `missed` + (`turned` + `curved` |p'|) r row by row. With |1 - Y A| <= C = `varied` +
+    `curved` r and s < 1 its norm, |q' - p'| <= |v| + C |v| + |C_i| |C v| / (1 - s).
+    """
+    r = r[:, None]
+    with np.errstate(invalid="ignore", over="ignore"):
+        v = missed + (turned * r)[:, :, None] + (curved * r)[:, :, None] * np.linalg.norm(steep, axis=1, keepdims=True)
+        C = varied + (curved * r)[:, :, None]
+        first = C @ v
+        left = 1 - matrix_norm(np.where(np.isfinite(C), C, np.inf))
+        rest = (
+            np.linalg.norm(C, axis=2)[:, :, None] * np.linalg.norm(first, axis=1, keepdims=True) / left[:, None, None]
+        )
+        found = (steep + v + first + rest) * UP
+    return np.where(np.isfinite(found) & (left > 0)[:, None, None], found, np.inf)
+
+
+def _paired(second: Array, d: int) -> Array:
+    """(k, n, d) the sums over j of the second derivatives by y_m and y_j, of sizes (k, n, d (d + 1) / 2)."""
+    pairs = [(i, j) for i in range(d) for j in range(i, d)]
+    return np.stack([second[:, :, [p for p, of in enumerate(pairs) if m in of]].sum(axis=2) for m in range(d)], axis=2)
 
 
 def _places(equation: Equation) -> tuple[int, int, int]:

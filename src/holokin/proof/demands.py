@@ -1,0 +1,52 @@
+"""What is asked of a cell besides its one root: joints within their limits, shapes apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..base.types import Flags, Indices, Value, some
+from ..symbolic.intervals import Interval
+from .clear_cells import ClearCells
+from .tube import Cells, Findings
+
+FINEST = 1e-3
+"""Motion [m] of a cell below which it is not halved for a distance: where this decides, nobody should drive."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged(Value):
+    """Of k cells: the findings with distances; which are as asked; which cannot be if halved; why not, by row."""
+
+    findings: Findings
+    good: Flags
+    final: Flags
+    near: Flags
+
+
+@dataclass(frozen=True, eq=False)
+class Demands(Value):
+    """The limits of the joints, and shapes that are to keep apart; None where they are not asked about."""
+
+    limits: Interval | None
+    clear: ClearCells | None = None
+
+    def judged(self, cells: Cells, found: Findings, good: Flags) -> Judged:
+        """Cells with a root of their own (`good`), held against what is asked."""
+        inside = good.copy()
+        if self.limits is not None:
+            inside &= ((found.low >= self.limits.low) & (found.high <= self.limits.high)).all(axis=1)
+        none = np.zeros(len(good), dtype=bool)
+        if self.clear is None:
+            return Judged(found, inside, none, none)
+        here: Indices = np.flatnonzero(inside)
+        apart = self.clear.over(some(cells, here), found.r[here])
+        k, P = len(good), len(self.clear.pairs)
+        least, planes = np.full((k, P), -np.inf), np.zeros((k, P, 3))
+        least[here], planes[here] = apart.least, apart.planes
+        short = apart.least < self.clear.wanted
+        near, final = none.copy(), none.copy()
+        near[here] = short.any(axis=1)
+        final[here] = (short & ((apart.motion < FINEST) | (apart.middle < self.clear.wanted))).any(axis=1)
+        return Judged(replace(found, apart=least, planes=planes), inside & ~near, final, near)
