@@ -24,8 +24,8 @@ NO_QUESTION = {
     "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",
     # numbers, files and sequences: what is found is in them, and an empty sequence is False as a list is
     "DegreeTried", "NearbyCusps", "CuspWitness", "ProcessLines", "ToolTolerance", "ToolDeviation",
-    "Clearance", "Deviation", "DriftFree", "DriftPrediction", "Exported", "GeneralForm", "Jump", "JointLoad", "JointRates",
-    "BadFrames", "EqualPoses",
+    "Clearance", "Deviation", "DriftFree", "DriftPrediction", "Exported", "GeneralForm", "Jump", "JointLoad",
+    "BadFrames", "EqualPoses", "JointRates",
     "MoveItPackage", "LeafFunction", "JointTensors", "Accuracy", "MeasuredCurvature",
     "LeftOut", "ClosestHolonomic", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
     "Slice", "Slowdown", "TimedTrajectory", "Unseen", "Witness",

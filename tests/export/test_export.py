@@ -188,7 +188,7 @@ def test_the_text_is_the_golden_one(tmp_path: Path) -> None:
         GOLDEN.mkdir(exist_ok=True)
         for name in made.files:
             shutil.copy(tmp_path / name, GOLDEN / name)
-    assert sorted(made.files) == sorted(f.name for f in GOLDEN.iterdir())
+    assert sorted(made.files) == sorted(f.name for f in GOLDEN.iterdir() if not f.name.startswith("lerobot"))
     for name in made.files:
         ours, golden = (folder / name for folder in (tmp_path, GOLDEN))
         if name == "ppr_vectors.h":  # its digits are the machine's mathematical library's

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from ..base.arguments import typed
+from ..base.shown import Shown
 from ..base.types import NoTruthValue, Value, Vector
 from ..errors import posture_text
 from ..strategies import Jump
@@ -36,7 +37,7 @@ class Evidence(Enum):
 
 
 @dataclass(frozen=True)
-class Accuracy:
+class Accuracy(Shown):
     """How well curvature is known that was computed by differences of values.
 
     error: what a relative curvature [1/rad] may be wrong by, at the worst posture judged. noise: of the values of G,

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import aside, writing
+from ..base.shown import Shown
 from ..base.types import NoTruthValue, Value
 from ..errors import ArgumentError
 from ..inverse_kinematics import InverseKinematics, InverseStatus
@@ -38,7 +39,7 @@ MOST_LINES = 12
 
 
 @dataclass(frozen=True)
-class BadFrames:
+class BadFrames(Shown):
     """Frames of an episode that have no posture on the leaf: the column, how many, the first, and why."""
 
     episode: int

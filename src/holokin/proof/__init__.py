@@ -7,8 +7,8 @@ from .certificate import Certificate, Extent
 from .certified_following import follow_certified
 from .certify_leaf import certify
 from .following import follow
-from .rates_of_joints import JointRates, joint_rates
 from .proven_region import UniqueRegion, unique_region
+from .rates_of_joints import JointRates, joint_rates
 
 __all__ = [
     "Certificate",

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.shown import Shown
 from ..base.types import Indices, Matrix, Value
 from ..errors import MissingExtraError, RecordingError
 from .log import listed, shown
@@ -32,7 +33,7 @@ _FIELD = re.compile(r"\{(\w+)(?::0?(\d{1,2})d)?\}")
 
 
 @dataclass(frozen=True)
-class Episode:
+class Episode(Shown):
     """One episode: its index, its rows in the whole dataset, the data file that holds it, and its row of metadata."""
 
     index: int

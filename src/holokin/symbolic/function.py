@@ -105,7 +105,7 @@ class Function:
 
     def batch(
         self, *args: ArrayLike, threads: int | None = None, out: Sequence[Array] | None = None,
-        native_from: int = NATIVE_FROM, **named: ArrayLike,
+        native_from: int | None = None, **named: ArrayLike,
     ) -> Any:  # fmt: skip
         """Evaluate over a leading axis: each argument (k, *shape), or (*shape) to be repeated.
 
@@ -136,7 +136,7 @@ class Function:
         results = [_given(self.name, array, shape) for array, shape in zip(out, wanted, strict=False)]
         if len(out) != len(wanted):
             raise ShapeError(f"{self.name}.batch: out", f"{len(wanted)} arrays", len(out))
-        kernel = self._native() if count >= native_from else None
+        kernel = self._native() if count >= (NATIVE_FROM if native_from is None else native_from) else None
         if kernel is not None:
             kernel([_rows(v) for v in stacked], results, threads)
             return self._unwrapped(results, count)
