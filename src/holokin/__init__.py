@@ -16,6 +16,7 @@ from . import (
     auditing,
     checking,
     constraints,
+    covering,
     designing,
     export,
     interop,
@@ -33,6 +34,7 @@ from .auditing import audit, audit_recording
 from .base.poses import pose_of
 from .checking import CheckReport, check
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
+from .covering import Sheets, sheets
 from .designing import (
     Advice,
     ClosestHolonomic,
@@ -117,6 +119,7 @@ __all__ = [
     "Part",
     "Path",
     "Robot",
+    "Sheets",
     "Status",
     "Strategy",
     "Task",
@@ -148,6 +151,7 @@ __all__ = [
     "coordinates",
     "coupled",
     "coverage",
+    "covering",
     "curvature",
     "cusps",
     "custom",
@@ -204,6 +208,7 @@ __all__ = [
     "relative_pose",
     "retime",
     "robot",
+    "sheets",
     "simulate",
     "spiral",
     "spline",
