@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -57,15 +58,16 @@ class CandidateSheets:
         """Which sheet serves which pose (c, k)."""
         return np.array(self.served, dtype=bool).reshape(-1, len(self.T))
 
-    def grow(self, at: Matrix, say: Callable[[str], None]) -> None:
-        """Adds the leaves of all laws through postures at a tool pose (4, 4)."""
+    def grow(self, at: Matrix, end: float, say: Callable[[str], None]) -> None:
+        """Adds the leaves of all laws through postures at a tool pose (4, 4), until a time of the clock `end` [s]."""
         starts = postures_at(self.task, at, STARTS)
         if self.clear is not None and len(starts):
             starts = starts[self.clear(starts)]
         for law in self.laws:
             say(f"{law.name}, {len(self.sheets)} leaves so far")
             for q0 in starts:
-                self.add(law, q0)
+                if time.monotonic() < end or not self.sheets:
+                    self.add(law, q0)
 
     def add(self, law: Candidate, q0: Vector) -> None:
         """The sheet of a law through a posture, if it is one, and not there yet."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import Array, Flags, Indices, not_negative, positive, whole
+from ..base.types import Array, Indices, not_negative, positive, whole
 from ..checking import Clear, clear_postures
 from ..designing.proposed_workspace import reached
 from ..designing.starts import check_that_joints_move, postures_at
@@ -20,6 +20,7 @@ from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
 from .candidate_sheets import CandidateSheets, fitting_laws, spread_out
 from .set_cover import Cover, fewest
+from .sheet import known
 from .sheet_labels import continued, labelled, neighbours
 from .sheet_map import PoseRest, Sheets
 
@@ -157,7 +158,7 @@ def _search(
     pool = CandidateSheets(task, T, fitting_laws(task, T, center, strategies, clear), clear, rcond)
     cover, still = Cover(np.zeros(0, dtype=int), 0, 0), 0
     try:
-        pool.grow(center, say)
+        pool.grow(center, end, say)
         for _ in range(ROUNDS):
             before = cover
             cover = _cover(pool, wanted)
@@ -170,10 +171,8 @@ def _search(
                 return pool, cover, time.monotonic() > end
             say(f"{len(cover.chosen)} of {len(pool.sheets)} leaves serve {cover.covered} of {len(T)} poses")
             for i in _targets(pool, cover, rng):
-                pool.grow(T[i], say)
-                if time.monotonic() > end:
-                    break
-        return pool, _cover(pool, wanted), False
+                pool.grow(T[i], end, say)
+        return pool, _cover(pool, wanted), time.monotonic() > end
     except KeyboardInterrupt:
         return pool, _cover(pool, wanted), True
 
@@ -205,10 +204,9 @@ def _mapped(
     q = np.full((len(chosen), len(T), task.n), np.nan)
     for s, sheet in enumerate(chosen):
         q[s, within] = sheet.postures(T[within], clear)[0]
-    served: Flags = np.isfinite(q).all(axis=2)
     pairs = neighbours(T[within], TURN_LENGTH)
     pairs = within[pairs]
-    labels = labelled(served, pairs, continued(chosen, T, q, pairs))
+    labels = labelled(known(q), pairs, continued(chosen, T, q, pairs))
     rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)
     return Sheets(
         task, workspace, chosen, T, q, labels.of, rest, pairs, labels.cuts, labels.least, cover.least,

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.types import Flags, Indices, Matrix, Value, Vector
+from ..base.types import Flags, Indices, Value, Vector
+from .integer_program import Optimum, least
 
 PREFERENCE = 0.2
 """Weight of the costs of sets against what they cover, once their number is decided: a set that costs the most is given
@@ -51,28 +52,23 @@ def fewest(sets: Flags, wanted: int, costs: Vector, seconds: float) -> Cover:
     goal = min(wanted, int(weights.sum()))
     if goal <= 0:
         return Cover(np.zeros(0, dtype=int), 0, 0)
-    first = _solved(patterns, weights, np.ones(len(alive)), np.zeros(len(weights)), (goal, None), seconds)
-    least = int(np.ceil(first.bound - ROUND))
-    size, value = int(first.x.sum()), costs[alive] * PREFERENCE / max(1, int(first.x.sum()))
-    second = _solved(patterns, weights, value, weights / weights.sum(), (goal, size), seconds)
-    best = second.x if second.x is not None and second.x.sum() else first.x
+    ones, none = np.ones(len(alive)), np.zeros(len(weights))
+    first = _solved(patterns, weights, ones, none, (goal, None), seconds)
+    x = _greedy(patterns, weights, goal) if first.x is None else first.x
+    bound = max(1, int(np.ceil(first.bound - ROUND))) if np.isfinite(first.bound) else 1
+    size = int(x.sum())
+    second = _solved(
+        patterns, weights, costs[alive] * (PREFERENCE / size), weights / weights.sum(), (goal, size), seconds
+    )
+    best = x if second.x is None else second.x
     chosen = alive[best.astype(bool)]
-    return Cover(chosen, min(least, len(chosen)), int(sets[chosen].any(axis=0).sum()))
-
-
-@dataclass(frozen=True, eq=False)
-class _Solved(Value):
-    """A choice (c,) of 0 and 1, and a bound of the goal."""
-
-    x: Vector
-    bound: float
+    return Cover(chosen, min(bound, size), int(sets[chosen].any(axis=0).sum()))
 
 
 def _solved(
     patterns: Flags, weights: Indices, costs: Vector, gains: Vector, demands: tuple[int, int | None], seconds: float
-) -> _Solved:
+) -> Optimum:
     """min costs x - gains y; demands: weight that is to be covered, and the number of sets, or None."""
-    from scipy.optimize import Bounds, LinearConstraint, milp
     from scipy.sparse import csr_matrix, eye, hstack, vstack
 
     c, k = patterns.shape
@@ -80,19 +76,11 @@ def _solved(
     covers = hstack([csr_matrix(patterns.T.astype(float)), -eye(k)])
     total = csr_matrix(np.concatenate([np.zeros(c), weights])[None])
     count = csr_matrix(np.concatenate([np.ones(c), np.zeros(k)])[None])
-    low = np.concatenate([np.zeros(k), [goal, 0 if size is None else size]])
-    high = np.concatenate([np.full(k + 1, np.inf), [np.inf if size is None else size]])
-    found = milp(
-        np.concatenate([costs, -gains]),
-        constraints=LinearConstraint(vstack([covers, total, count]).tocsr(), low, high),
-        integrality=np.concatenate([np.ones(c), np.zeros(k)]),
-        bounds=Bounds(0.0, 1.0),
-        options={"time_limit": seconds},
-    )
-    if found.x is None:  # too little time for any: each pattern's widest set
-        return _Solved(_greedy(patterns, weights, goal), 1.0)
-    bound = found.fun if found.mip_dual_bound is None else found.mip_dual_bound
-    return _Solved(np.round(found.x[:c]), float(bound))
+    low = np.concatenate([np.zeros(k), [goal, size or 0]])
+    high = np.concatenate([np.full(k + 1, np.inf), [size or np.inf]])
+    whole = np.arange(c + k) < c
+    found = least(np.concatenate([costs, -gains]), vstack([covers, total, count]).tocsr(), low, high, whole, seconds)
+    return found if found.x is None else Optimum(np.round(found.x[:c]), found.bound)
 
 
 def _greedy(patterns: Flags, weights: Indices, goal: int) -> Vector:
@@ -106,8 +94,9 @@ def _greedy(patterns: Flags, weights: Indices, goal: int) -> Vector:
 
 def _not_within_another(sets: Flags, costs: Vector) -> Indices:
     """The sets that are not within another one that costs no more."""
-    sizes: Matrix = sets.sum(axis=1)
-    order, kept = np.lexsort((costs, -sizes)), []
+    sizes = sets.sum(axis=1)
+    kept: list[int] = []
+    order = np.lexsort((costs, -sizes))
     for i in order:
         inside = [j for j in kept if costs[j] <= costs[i] and not (sets[i] & ~sets[j]).any()]
         if sizes[i] and not inside:

@@ -74,3 +74,8 @@ class Sheet(Value):
     def __str__(self) -> str:
         at = ", ".join(f"{c:.4g}" for c in self.level)
         return f"{self.name}, level {at}" if at else self.name
+
+
+def known(q: Array) -> Flags:
+    """Which postures (..., n) are there: rows of NaN stand for none."""
+    return np.asarray(np.isfinite(q).all(axis=-1))

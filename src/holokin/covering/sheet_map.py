@@ -16,7 +16,7 @@ from ..inverse_kinematics.inverse_function import leads_to
 from ..path.workspaces import Workspace
 from ..tasks.task import Task
 from .candidate_sheets import features
-from .sheet import Sheet
+from .sheet import Sheet, known
 
 ON_LEAF = 1e-6
 """Difference from the level of a sheet [units of g] below which a posture lies on its leaf."""
@@ -48,7 +48,7 @@ _TEXTS = {
 
 @dataclass(frozen=True, eq=False)
 class SheetAnswers(NoTruthValue, Value, ask="`.served`"):
-    """For each of k tool poses: which sheet serves it (k,), -1 for none, and its joints (k, n), a row of NaN for none."""
+    """For each of k tool poses the sheet that serves it (k,), -1 for none, and its joints (k, n), NaN for none."""
 
     sheet: Indices
     q: Matrix
@@ -140,7 +140,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         """
         T = tool_poses("of the batch", poses)
         every, first, k = self.postures(T), self._nearest(T), np.arange(len(T))
-        served = np.isfinite(every).all(axis=2)
+        served = known(every)
         taken = np.where(served.any(axis=0), np.argmax(served, axis=0), -1)
         taken = np.where((first >= 0) & served[first, k], first, taken)
         return SheetAnswers(taken, np.where((taken >= 0)[:, None], every[taken, k], np.nan))
@@ -193,7 +193,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         return "\n".join(lines)
 
     def _served(self, s: int) -> int:
-        return int(np.isfinite(self.q[s]).all(axis=1).sum())
+        return int(known(self.q[s]).sum())
 
     def _pose(self, pose: PoseLike) -> Matrix:
         given = pose_numbers("a tool pose", pose)
