@@ -7,6 +7,8 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..base.types import Value
 from ..checking import Clear, clear_postures
 from ..errors import ArgumentError
