@@ -14,7 +14,7 @@ from ..designing.proposed_workspace import reached
 from ..designing.starts import check_that_joints_move, postures_at
 from ..errors import ArgumentError, OutOfReachError
 from ..path.workspaces import Workspace
-from ..robot import LinkShape, check_metres
+from ..robot import LinkShape, Robot, check_metres
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
 from .candidate_sheets import CandidateSheets, fitting_laws, spread_out
@@ -60,6 +60,7 @@ def sheets(
     clearance: float = CLEARANCE,
     self_collision: bool = True,
     ignore: Sequence[tuple[str, str]] = (),
+    shapes_of: Robot | None = None,
     rcond: float = 0.0,
     seconds: float = SECONDS,
     say: Callable[[str], None] = lambda _text: None,
@@ -77,7 +78,7 @@ def sheets(
             height and stationary costs, as of `hk.advise`.
         share: to be served, of the poses that some posture reaches, from 0 to 1.
         samples, seed: of the poses, see `Workspace.poses`.
-        clear_of, floor, clearance, self_collision, ignore: what postures are to keep clear of, as of `hk.certify`;
+        clear_of, floor, clearance, self_collision, ignore, shapes_of: what postures are to keep clear of, as of `hk.certify`;
             looked at at the poses; by default nothing is.
         rcond: the least rcond of [J; J_g] at a posture, from 0 to 1.
         seconds: after which the search for leaves ends. Ctrl-C ends it, too: what was found is kept.
@@ -95,7 +96,7 @@ def sheets(
     check_that_joints_move(task.robot)
     _check(task, strategies, share, rcond)
     count, limit = whole("samples", samples), positive("seconds", seconds)
-    around = surroundings(clear_of, floor, clearance, self_collision, ignore)
+    around = surroundings(clear_of, floor, clearance, self_collision, ignore, shapes_of)
     clear = None if around is None else around.clear(task.robot)
     T = workspace.poses(min(count, workspace.size or count), seed)
     check_metres(task.robot, T, task.tip)

@@ -25,11 +25,12 @@ class Surroundings(Value):
     clearance: float = CLEARANCE
     self_collision: bool = True
     ignore: tuple[tuple[str, str], ...] = ()
+    shapes_of: Robot | None = None
 
     def clear(self, robot: Robot) -> Clear:
         """Which of some postures (k, n) of the robot keep clear. Raises: UnknownNameError, ArgumentError."""
         return clear_postures(
-            robot, obstacles=self.obstacles, floor=self.floor, clearance=self.clearance,
+            self.shapes_of or robot, obstacles=self.obstacles, floor=self.floor, clearance=self.clearance,
             self_collision=self.self_collision, ignore=self.ignore,
         )  # fmt: skip
 
@@ -38,7 +39,7 @@ class Surroundings(Value):
         """A short text that differs where what is to be kept clear of differs: SHA-256 of all numbers and names."""
         shapes = [
             [one.link, one.joint, one.placement.tolist(), repr(one.shape), *np.hstack(one.shape.ball).tolist()]
-            for one in self.obstacles
+            for one in (*self.obstacles, *(() if self.shapes_of is None else self.shapes_of.shapes))
         ]  # fmt: skip
         rest = [self.floor, self.clearance, self.self_collision, sorted(map(list, self.ignore))]
         return hashlib.sha256(json.dumps([shapes, rest]).encode()).hexdigest()[:16]
@@ -46,11 +47,11 @@ class Surroundings(Value):
 
 def surroundings(
     clear_of: Sequence[LinkShape] | None, floor: float | None, clearance: float, self_collision: bool,
-    ignore: Sequence[tuple[str, str]],
+    ignore: Sequence[tuple[str, str]], shapes_of: Robot | None,
 ) -> Surroundings | None:  # fmt: skip
     """Those that are named; None where nothing is to be looked at. Raises: ArgumentError: a floor alone."""
     if clear_of is None:
         if floor is not None:
             raise ArgumentError("floor", floor, "give clear_of, too: [] for the floor and the links alone")
         return None
-    return Surroundings(tuple(clear_of), floor, clearance, self_collision, tuple(ignore))
+    return Surroundings(tuple(clear_of), floor, clearance, self_collision, tuple(ignore), shapes_of)

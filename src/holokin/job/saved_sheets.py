@@ -13,7 +13,7 @@ from ..covering import Sheets
 from ..covering.sheets_file import sheets_of_file
 from ..covering.surroundings import CLEARANCE, surroundings
 from ..errors import ArgumentError, UnknownNameError
-from ..robot import LinkShape
+from ..robot import LinkShape, Robot
 from ..strategies import HolonomicStrategy, holonomic
 from ..tasks.task import Task
 from .strategy_tables import KINDS, Fitted
@@ -30,6 +30,7 @@ def read_sheets(
     clearance: float = CLEARANCE,
     self_collision: bool = True,
     ignore: Sequence[tuple[str, str]] = (),
+    shapes_of: Robot | None = None,
 ) -> Sheets:
     """The map of sheets that `Sheets.save` or `holokin sheets` wrote, for the task that it was made for.
 
@@ -39,7 +40,7 @@ def read_sheets(
     Args:
         path: the file.
         task: of the robot for which the map was made.
-        clear_of, floor, clearance, self_collision, ignore: as they were given to `hk.sheets`.
+        clear_of, floor, clearance, self_collision, ignore, shapes_of: as they were given to `hk.sheets`.
 
     Returns:
         The map, as it was saved.
@@ -48,7 +49,7 @@ def read_sheets(
         SheetsFileError: it cannot be read, or is of another robot, task or surroundings. ArgumentError: a strategy in
         it makes no sense. UnknownNameError.
     """
-    around = surroundings(clear_of, floor, clearance, self_collision, ignore)
+    around = surroundings(clear_of, floor, clearance, self_collision, ignore, shapes_of)
     return sheets_of_file(path, task, around, _strategy)
 
 
