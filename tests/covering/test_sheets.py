@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import holokin as hk
 from holokin.covering import PoseRest, Sheets
-from holokin.errors import ArgumentError, JointLimitError, NoSheetError, NotFiniteError, OutOfReachError, ShapeError
+from holokin.errors import (
+    ArgumentError,
+    JointLimitError,
+    NoSheetError,
+    NotFiniteError,
+    OutOfReachError,
+    ShapeError,
+    SheetsFileError,
+)
 
 LIMIT = np.radians(150)
 
@@ -170,3 +181,33 @@ def test_bad_poses_are_refused(planar: Sheets) -> None:
         planar(np.zeros(7))
     with pytest.raises((JointLimitError, ShapeError)):
         planar.near(planar.poses[0], np.zeros(5))
+
+
+def test_a_saved_map_answers_the_same_to_the_last_bit(tmp_path: Path) -> None:
+    task = planar_task()
+    s = hk.sheets(task, disc(), samples=40, share=0.9, seconds=4.0)
+    hk.write_sheets(s, tmp_path / "map.npz")
+    again = hk.read_sheets(tmp_path / "map.npz", planar_task())
+    assert str(again) == str(s)
+    for i in np.flatnonzero(s.served)[::5]:
+        (a, q), (b, p) = s(s.poses[i]), again(s.poses[i])
+        assert a == b
+        np.testing.assert_array_equal(q, p)
+
+
+def test_a_map_of_another_robot_or_of_no_map_is_refused(planar: Sheets, tmp_path: Path) -> None:
+    file = tmp_path / "map.npz"
+    with pytest.raises(ArgumentError, match="pickle"):  # its strategies were given as values
+        hk.write_sheets(planar, file)
+    keyed = [replace(one, keys={"kind": "lock", "joints": [1]}) for one in planar.sheets]
+    hk.write_sheets(replace(planar, sheets=tuple(keyed)), file)
+    with pytest.raises(SheetsFileError, match="leaf"):  # another strategy than that of the postures
+        hk.read_sheets(file, planar.task)
+    with pytest.raises(SheetsFileError, match="surroundings"):
+        hk.read_sheets(file, planar.task, clear_of=[])
+    with pytest.raises(SheetsFileError, match="it is of"):
+        hk.read_sheets(file, hk.position(hk.load("ppr")))
+    (tmp_path / "no.npz").write_bytes(b"PK\x03\x04 nothing")
+    for other in ("no.npz", "missing.npz"):
+        with pytest.raises(SheetsFileError):
+            hk.read_sheets(tmp_path / other, planar.task)

@@ -6,5 +6,6 @@ Uses `designing` and `checking`. Read first: `sheet.py`, `cover_by_sheets.py`, `
 from .cover_by_sheets import sheets
 from .sheet import Sheet
 from .sheet_map import PoseRest, SheetAnswers, Sheets
+from .sheets_file import write_sheets
 
-__all__ = ["PoseRest", "Sheet", "SheetAnswers", "Sheets", "sheets"]
+__all__ = ["PoseRest", "Sheet", "SheetAnswers", "Sheets", "sheets", "write_sheets"]

@@ -9,13 +9,12 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import Array, Indices, not_negative, positive, whole
-from ..checking import Clear, clear_postures
+from ..checking import Clear
 from ..designing.proposed_workspace import reached
 from ..designing.starts import check_that_joints_move, postures_at
 from ..errors import ArgumentError, OutOfReachError
 from ..path.workspaces import Workspace
-from ..proof.kept_apart import CLEARANCE
-from ..robot import LinkShape, check_metres
+from ..robot import LinkShape, Robot, check_metres
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
 from .candidate_sheets import CandidateSheets, fitting_laws, spread_out
@@ -23,6 +22,7 @@ from .set_cover import Cover, fewest
 from .sheet import known
 from .sheet_labels import continued, labelled, neighbours
 from .sheet_map import PoseRest, Sheets
+from .surroundings import CLEARANCE, Surroundings, surroundings
 
 SHARE = 0.995
 """Share that is to be served of the poses that the arm reaches: the rest lies next to limits and the edge of reach."""
@@ -60,6 +60,7 @@ def sheets(
     clearance: float = CLEARANCE,
     self_collision: bool = True,
     ignore: Sequence[tuple[str, str]] = (),
+    shapes_of: Robot | None = None,
     rcond: float = 0.0,
     seconds: float = SECONDS,
     say: Callable[[str], None] = lambda _text: None,
@@ -77,7 +78,7 @@ def sheets(
             height and stationary costs, as of `hk.advise`.
         share: to be served, of the poses that some posture reaches, from 0 to 1.
         samples, seed: of the poses, see `Workspace.poses`.
-        clear_of, floor, clearance, self_collision, ignore: what postures are to keep clear of, as of `hk.certify`;
+        clear_of, floor, clearance, self_collision, ignore, shapes_of: what postures are to keep clear of, as of `hk.certify`;
             looked at at the poses; by default nothing is.
         rcond: the least rcond of [J; J_g] at a posture, from 0 to 1.
         seconds: after which the search for leaves ends. Ctrl-C ends it, too: what was found is kept.
@@ -95,14 +96,8 @@ def sheets(
     check_that_joints_move(task.robot)
     _check(task, strategies, share, rcond)
     count, limit = whole("samples", samples), positive("seconds", seconds)
-    clear = None
-    if clear_of is not None:
-        clear = clear_postures(
-            task.robot, obstacles=clear_of, floor=floor, clearance=clearance, self_collision=self_collision,
-            ignore=ignore,
-        )  # fmt: skip
-    elif floor is not None:
-        raise ArgumentError("floor", floor, "give clear_of, too: [] for the floor and the links alone")
+    around = surroundings(clear_of, floor, clearance, self_collision, ignore, shapes_of)
+    clear = None if around is None else around.clear(task.robot)
     T = workspace.poses(min(count, workspace.size or count), seed)
     check_metres(task.robot, T, task.tip)
     say("which poses can be reached")
@@ -111,7 +106,7 @@ def sheets(
     if not len(within):
         raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest)}", "move or turn it")
     pool, cover, stopped = _search(task, T[within], strategies, share, rcond, clear, limit, say)
-    return _mapped(task, workspace, T, rest, within, pool, cover, clear, stopped)
+    return _mapped(task, workspace, T, rest, within, pool, cover, around, stopped)
 
 
 def _check(task: Task, strategies: Sequence[HolonomicStrategy] | None, share: float, rcond: float) -> None:
@@ -196,19 +191,19 @@ def _cover(pool: CandidateSheets, wanted: int) -> Cover:
 
 def _mapped(
     task: Task, workspace: Workspace, T: Array, rest: Indices, within: Indices, pool: CandidateSheets, cover: Cover,
-    clear: Clear | None, stopped: bool,
+    around: Surroundings | None, stopped: bool,
 ) -> Sheets:  # fmt: skip
     """The sheets chosen, the widest first, with what each sampled pose gets."""
     order = cover.chosen[np.argsort(-pool.sets[cover.chosen].sum(axis=1), kind="stable")]
     chosen = tuple(pool.sheets[i] for i in order)
     q = np.full((len(chosen), len(T), task.n), np.nan)
     for s, sheet in enumerate(chosen):
-        q[s, within] = sheet.postures(T[within], clear)[0]
+        q[s, within] = sheet.postures(T[within], pool.clear)[0]
     pairs = neighbours(T[within], TURN_LENGTH)
     pairs = within[pairs]
     labels = labelled(known(q), pairs, continued(chosen, T, q, pairs))
     rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)
     return Sheets(
         task, workspace, chosen, T, q, labels.of, rest, pairs, labels.cuts, labels.least, cover.least,
-        len(pool.sheets), TURN_LENGTH, clear, stopped,
+        len(pool.sheets), TURN_LENGTH, around, stopped,
     )  # fmt: skip

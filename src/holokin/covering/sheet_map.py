@@ -17,6 +17,7 @@ from ..path.workspaces import Workspace
 from ..tasks.task import Task
 from .candidate_sheets import features
 from .sheet import Sheet, known
+from .surroundings import Surroundings
 
 ON_LEAF = 1e-6
 """Difference from the level of a sheet [units of g] below which a posture lies on its leaf."""
@@ -73,7 +74,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     sheet that is taken (k,), -1 for none. rest: a `PoseRest` for each (k,). pairs: neighbours among the poses (e, 2);
     cuts: those between which the joints do not continue (c, 2); least_cuts: no choice among these sheets has fewer.
     least: no fewer of the candidates serve as much; candidates: how many there were. length: what a turn of 1 rad
-    counts where poses are compared [m]. stopped: whether the search was stopped early.
+    counts where poses are compared [m]. around: what postures keep clear of, None for nothing. stopped: whether the
+    search was stopped early.
     """
 
     task: Task
@@ -89,7 +91,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     least: int
     candidates: int
     length: float
-    clear: Clear | None = None
+    around: Surroundings | None = None
     stopped: bool = False
 
     def __len__(self) -> int:
@@ -154,6 +156,11 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         T = tool_poses("to be asked", poses)
         found = [sheet.postures(T, self.clear)[0] for sheet in self.sheets]
         return np.array(found).reshape(len(self), len(T), self.task.n)
+
+    @cached_property
+    def clear(self) -> Clear | None:
+        """Which postures (k, n) keep clear of what was named; None where nothing was."""
+        return None if self.around is None else self.around.clear(self.task.robot)
 
     @property
     def served(self) -> Flags:
