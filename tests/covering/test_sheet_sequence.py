@@ -58,7 +58,7 @@ def test_no_choice_has_fewer_divisions_or_changes_or_less_motion(
 
 
 def test_one_sheet_that_serves_all_is_kept_though_another_is_faster() -> None:
-    """A change costs more than any motion: the slow sheet is kept. Where it ends, the change is where it is cheapest."""
+    """A change counts more than any motion. Where the slow sheet ends, the change is where it is cheapest."""
     steps = np.array([[9.0] * 6, [1.0] * 6])
     served = np.ones((2, 6), dtype=bool)
     change = np.full((6, 2, 2), 0.1)

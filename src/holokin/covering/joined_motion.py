@@ -1,4 +1,4 @@
-"""Trajectories of pieces that are joined with the tool at rest: along a path on a sheet, and at one pose between two."""
+"""Trajectories of pieces joined with the tool at rest: along a path on a sheet, and at one pose between two."""
 
 from __future__ import annotations
 
@@ -45,17 +45,17 @@ def joined(task: Task, stages: Sequence[Stage]) -> Trajectory:
 
     The sample between two stages is that of the later one.
     """
-    t, q, dq, poses, residual = ([getattr(one, name) for one in stages] for name in ("t", "q", "dq", "poses", "residual"))
+    t = [one.t for one in stages]
     starts = np.concatenate([[0.0], np.cumsum([one[-1] for one in t])])
     first = np.concatenate([[0], np.cumsum([len(one) - 1 for one in t])]).astype(int)
 
     def put(parts: Sequence[Array]) -> Array:
         return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]])
 
-    corners = {int(a) for a, b in zip(first[1:-1], first[2:], strict=True) if b > 0}
+    corners = set(first[1:-1].tolist())
     corners |= {int(a) + c for a, stage in zip(first, stages, strict=False) for c in stage.corners}
-    T, rates, off, robot = put(poses), put(dq), put(residual), task.robot
-    joints = put(q)
+    joints, rates = put([one.q for one in stages]), put([one.dq for one in stages])
+    T, off, robot = put([one.poses for one in stages]), put([one.residual for one in stages]), task.robot
     measures = Measures(
         dq=lambda k: rates[:k],
         x=lambda k: task.value_batch(joints[:k]),

@@ -1,4 +1,4 @@
-"""Which sheet to take on each part of a path: the fewest divisions, then the fewest changes, then the least joint motion."""
+"""Which sheet to take on each part of a path: with the fewest divisions, then changes, then the least joint motion."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ Cost = tuple[int, int, float]
 class SheetSequence(Value):
     """A sheet for each step of a path (k - 1,), -1 where none serves.
 
-    divisions: places at which the arm must leave the tool's pose to go on. changes: places at which it changes its sheet
-    with the tool still. seconds: of the joints' motion, at their speed limits.
+    divisions: places at which the arm must leave the tool's pose to go on. changes: places at which it changes its
+    sheet with the tool still. seconds: of the joints' motion, at their speed limits.
     """
 
     sheets: Indices
@@ -40,11 +40,12 @@ def fewest_changes(steps: Vector, served: Flags, change: Array, first: int | Non
     of these the least seconds.
 
     Args:
-        steps: seconds of the joints on each sheet and step (S, k - 1). served: which sheet serves which step (S, k - 1).
+        steps: seconds of the joints on each sheet and step (S, k - 1).
+        served: which sheet serves which step (S, k - 1).
         change: seconds of a change from a sheet to another at each sample (k, S, S); infinite where there is none.
         first: the sheet on which the arm stands at the first sample; None for any.
     """
-    S, k = served.shape
+    k = served.shape[1]
     chosen = np.full(k, -1)
     some = served.any(axis=0)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], some, [False]]).astype(int)))

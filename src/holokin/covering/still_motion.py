@@ -24,7 +24,7 @@ LENGTH = 8 * np.pi
 """Arc length [joint units] up to which it is traced each way: those of seven-joint arms are 10 to 15 long."""
 
 SAME = 1e-6
-"""Difference [joint units] below which a posture is one of a self-motion; of poses [m, rad] below which they are one."""
+"""Difference [joint units] below which postures are one; of poses [m, rad] below which they are one."""
 
 SINGULAR = 1e-6
 """Smallest over largest singular value of J below which a posture is singular: a self-motion branches there."""
@@ -48,7 +48,7 @@ TINY = 1e-12
 """Keeps a quotient finite."""
 
 ARCS, ENOUGH = 32, 4
-"""Curves that are tried where several joints are redundant, wider and wider; with so many one that was found is taken."""
+"""Curves that are tried where several joints are redundant, wider and wider; so many in any case."""
 
 LOOK = 0.01
 """Motion of a joint [joint units] between two looks at what a motion is to keep clear of: a centimetre at 1 m."""
@@ -141,7 +141,9 @@ def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear |
     task.robot.check_limits(b)
     gap = np.abs(task.error(b, *task.place(a))).max()
     if not gap < SAME:
-        raise ArgumentError("the second posture", b.tolist(), f"its tool pose is {gap:.3g} off: give two postures of one pose")
+        raise ArgumentError(
+            "the second posture", b.tolist(), f"its tool pose is {gap:.3g} off: give two postures of one pose"
+        )
     return still_motions(task, a[None], b[None], clear)[0]
 
 
@@ -210,7 +212,11 @@ class _Line(Value):
     @classmethod
     def of(cls, curve: SelfMotion) -> _Line:
         """That of a self-motion. `why`: what is the matter where a posture is not on it."""
-        ends = {CurveEnd.LIMIT: Hindrance.LIMITS, CurveEnd.SINGULAR: Hindrance.SINGULAR, CurveEnd.LENGTH: Hindrance.LENGTH}
+        ends = {
+            CurveEnd.LIMIT: Hindrance.LIMITS,
+            CurveEnd.SINGULAR: Hindrance.SINGULAR,
+            CurveEnd.LENGTH: Hindrance.LENGTH,
+        }
         why = next((ends[one] for one in ends if one in curve.endings), Hindrance.APART)
         q, s, wind = curve.q, curve.s, np.zeros(curve.q.shape[1])
         if curve.closed:
