@@ -37,13 +37,12 @@ Stops = ArrayLike | Callable[[Matrix], bool] | None
 
 def follow_sheets(
     task: Task, sheets: Sequence[Sheet], clear: Clear | None, path: Path, q0: ArrayLike | None, stops: Stops,
-    samples: int, middle: Matrix, why: Callable[[Matrix], str],
+    samples: int, middle: Matrix,
 ) -> SheetMotion:  # fmt: skip
     """The best motion along a path over some sheets.
 
     Args:
         middle: the pose (4, 4) whose rotation the tool starts with, where neither path nor q0 say one.
-        why: says why no sheet serves a pose.
 
     Raises:
         ArgumentError: q0 is a posture of no sheet; bad stops. StartError: its tool is not at the start of the path.
@@ -52,7 +51,7 @@ def follow_sheets(
     first = None if q0 is None else _stands_on(along, task.robot.checked(q0, "the start posture"))
     changes = _Changes(along)
     best = changes.best(first)
-    return _motion(along, changes, best, first, why)
+    return _motion(along, changes, best, first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +81,11 @@ class _Along(Value):
         poses = np.repeat(np.eye(4)[None], len(t), axis=0)
         poses[:, :3, 3] = at.position
         poses[:, :3, :3] = at.rotation @ (begun if path.rotation is None else path.rotation)
-        may = np.ones(len(t), dtype=bool)
+        may: Flags = np.ones(len(t), dtype=bool)
         if callable(stops):
             may = allowed(stops, poses)
         elif stops is not None:
-            may = (np.abs(t[:, None] - path.duration * shares) <= NEAR * path.duration).any(axis=1)
+            may = np.any(np.abs(t[:, None] - path.duration * shares) <= NEAR * path.duration, axis=1)
         q = np.array([sheet.postures(poses, clear)[0] for sheet in sheets]).reshape(len(sheets), len(t), task.n)
         there = known(q)
         served = there[:, :-1] & there[:, 1:]
@@ -177,9 +176,7 @@ def turnings(found: SheetSequence, first: int | None) -> list[tuple[int, int, in
     return [(0, int(first or 0), int(found.sheets[0])), *found.turnings] if begun else found.turnings
 
 
-def _motion(
-    along: _Along, changes: _Changes, best: SheetSequence, first: int | None, why: Callable[[Matrix], str]
-) -> SheetMotion:
+def _motion(along: _Along, changes: _Changes, best: SheetSequence, first: int | None) -> SheetMotion:
     """The motion of a choice of sheets."""
     labels = best.sheets
     ends = [0, *(np.flatnonzero(np.diff(labels)) + 1).tolist(), len(labels)]
@@ -192,7 +189,7 @@ def _motion(
     for a, b in pairwise(ends):
         start, stop, s = along.share(a), along.share(b), int(labels[a])
         if s < 0:
-            left_out.append(UnservedPart(start, stop, along.poses[(a + b) // 2], _unserved(along, a, b, why)))
+            left_out.append(UnservedPart(start, stop, *_unserved(along, a, b)))
             parts.append([])
             continue
         if a in turning:
@@ -212,11 +209,12 @@ def _motion(
     return SheetMotion(along.path, tuple(pieces), tuple(seams), tuple(divisions), tuple(left_out), done)
 
 
-def _unserved(along: _Along, a: int, b: int, why: Callable[[Matrix], str]) -> str:
+def _unserved(along: _Along, a: int, b: int) -> tuple[Matrix, str]:
+    """(a pose between two samples that no sheet serves, why)."""
     lost = np.flatnonzero(~known(along.q[:, a : b + 1]).any(axis=0))
     if not len(lost):
-        return "the joints of every sheet jump there"
-    return why(along.poses[a + lost[len(lost) // 2]])
+        return along.poses[(a + b) // 2], "the joints of every sheet jump there"
+    return along.poses[a + lost[len(lost) // 2]], "no sheet serves its poses, s.why(pose) says why"
 
 
 def _reason(along: _Along, changes: _Changes, change: tuple[int, int, int]) -> str:

@@ -60,7 +60,9 @@ def joined(task: Task, stages: Sequence[Stage]) -> Trajectory:
         dq=lambda k: rates[:k],
         x=lambda k: task.value_batch(joints[:k]),
         error=lambda k: task.error(joints[:k], T[:k, :3, 3], T[:k, :3, :3]),
-        sigma=lambda k: np.linalg.svd(task.jacobian_batch(joints[:k])[0], compute_uv=False)[:, -1],
+        sigma=lambda k: np.asarray(
+            np.linalg.svd(task.jacobian_batch(joints[:k])[0], compute_uv=False)[:, -1], dtype=float
+        ),
         residual=lambda k: off[:k],
     )
     return Trajectory(

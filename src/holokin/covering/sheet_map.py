@@ -196,11 +196,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             ArgumentError: q0 is a posture of no sheet there, bad stops or samples. StartError: its tool is not at the
             start of the path. ShapeError, NotFiniteError.
         """
-
-        def why(pose: Matrix) -> str:
-            return self.why(pose).text
-
-        return follow_sheets(self.task, self.sheets, self.clear, path, q0, stops, samples, self.workspace.center, why)
+        return follow_sheets(self.task, self.sheets, self.clear, path, q0, stops, samples, self.workspace.center)
 
     @cached_property
     def clear(self) -> Clear | None:
