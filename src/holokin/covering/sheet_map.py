@@ -224,7 +224,9 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         many = f"{len(self)} sheet{'' if len(self) == 1 else 's'}"
         proven = "no fewer" if self.least == len(self) else f"at least {self.least}"
         said = f"{many} serve{'s' if len(self) == 1 else ''} {self.served.sum()} of the {self.reachable.sum()} sampled "
-        said += f"poses that the arm reaches ({self.share:.2%}); of {self.candidates} leaves tried, {proven} will do"
+        said += (
+            f"poses that the arm reaches ({self.share:.2%}); of the {self.candidates} leaves compared, {proven} will do"
+        )
         return f"{said}; the search was stopped early" if self.stopped else said
 
     def __str__(self) -> str:
