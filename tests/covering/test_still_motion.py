@@ -123,7 +123,7 @@ def test_there_is_a_motion_exactly_where_a_grid_of_all_postures_is_connected(
         return
     motion = self_motion_between(planar(tuple(limits)), a, b)
     assert (motion.hindrance is None) == answers.pop(), motion.hindrance
-    if motion.hindrance is None:
+    if len(motion.q) > 1:
         assert (np.abs(at_each_millisecond(planar(tuple(limits)), motion)) <= limits + 1e-9).all()
 
 

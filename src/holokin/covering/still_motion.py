@@ -149,9 +149,12 @@ def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear |
 
 def still_motions(task: Task, A: Matrix, B: Matrix, clear: Clear | None) -> list[StillMotion]:
     """The motions from postures A (k, n) to B (k, n), each at one tool pose; or why there is none."""
+    same = np.abs(A - B).max(axis=1, initial=0.0) < SAME
+    if same.any():
+        others = iter(still_motions(task, A[~same], B[~same], clear))
+        return [_rest(a) if one else next(others) for a, one in zip(A, same, strict=True)]
     if task.n == task.m:
-        same = np.abs(A - B).max(axis=1, initial=0.0) < SAME
-        return [_rest(a) if one else hindered(task.n, Hindrance.NOT_REDUNDANT) for a, one in zip(A, same, strict=True)]
+        return [hindered(task.n, Hindrance.NOT_REDUNDANT) for _ in A]
     if task.n - task.m > 1:
         return [_projected(task, a, b, clear) for a, b in zip(A, B, strict=True)]
     found = _traced(task, A, B, clear, True)
@@ -168,8 +171,6 @@ def _rest(q: Vector) -> StillMotion:
 
 def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
     """The fastest of some motions between two postures (n,): a line, and arcs beside it, held at the pose."""
-    if np.abs(a - b).max() < SAME:
-        return _rest(a)
     rng, gap = np.random.default_rng(0), float(np.linalg.norm(b - a))
     place, motions = task.place(a), []
     for k in range(ARCS):
@@ -273,8 +274,6 @@ class _Line(Value):
 
 def _along(line: _Line, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
     """The fastest motion along a self-motion from its own posture a (n,) to b (n,)."""
-    if np.abs(a - b).max() < SAME:
-        return _rest(a)
     ends, why = line.ends(b)
     motions = []
     for end in ends:
