@@ -163,6 +163,7 @@ def _search(
                 break
             say(f"{len(cover.chosen)} of {pool.tried} leaves serve {cover.covered} of {len(T)} poses")
             lost = np.flatnonzero(~pool.sets[cover.chosen].any(axis=0))
+            pool.recentre(cover.chosen, rng, end)
             for i in _targets(pool, cover, lost, rng):
                 pool.grow(T[i], lost, end, say)
         stopped = time.monotonic() > end
