@@ -33,7 +33,7 @@ SAMPLES = 1024
 TARGETS = 4
 """Poses in a round of the search through which new leaves are tried."""
 
-ROUNDS, STILL = 12, 3
+ROUNDS, STILL = 12, 2
 """Rounds at most; rounds without a smaller number of sheets, once the share is met, after which the search ends."""
 
 SECONDS, PROGRAM = 180.0, 20.0
