@@ -1,0 +1,54 @@
+"""`holokin sheets`: a map of a robot's or a job's workspace, written and read again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import holokin as hk
+from conftest import Command
+
+JOB = """
+title = "a plane"
+[robot]
+name = "planar-3r"
+lower = -2.6
+upper = 2.6
+[start]
+q = [0.3, 0.9, 0.7]
+[path]
+kind = "circle"
+center = [0.1, 0, 0]
+relative = true
+[workspace]
+kind = "box"
+center = [1.2, 0.3]
+half = [0.3, 0.3, 0]
+[sheets]
+samples = 32
+share = 0.9
+[strategies.lock]
+kind = "lock"
+joints = [1]
+"""
+
+
+def test_the_sheets_of_a_job_are_written_and_answer_when_read(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "plane.toml").write_text(JOB, "utf-8")
+    run = command("sheets", "plane.toml", "--seconds", "5", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "serve" in run.stdout
+    assert (tmp_path / "sheets-plane.png").stat().st_size > 10_000
+    arm = hk.with_limits(hk.load("planar-3r"), lower=-2.6, upper=2.6)
+    s = hk.read_sheets(tmp_path / "sheets-plane.npz", hk.position(arm))
+    assert s.share >= 0.9
+    assert abs(arm.pose(s([1.2, 0.3])[1])[:2, 3] - [1.2, 0.3]).max() < 1e-9
+    again = command("sheets", "plane.toml", cwd=tmp_path)
+    assert again.returncode == 2
+    assert "exists already" in again.stderr
+
+
+def test_what_cannot_be_is_refused_before_the_work(command: Command, tmp_path: Path) -> None:
+    for words in (["panda", "--out", "map.csv"], ["panda", "--share", "2"], ["pandaa"]):
+        run = command("sheets", *words, cwd=tmp_path)
+        assert run.returncode == 2
+        assert "Traceback" not in run.stderr
