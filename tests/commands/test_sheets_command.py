@@ -37,8 +37,6 @@ joints = [1]
 def test_the_sheets_of_a_job_are_written_and_answer_when_read(
     holokin: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    holokin: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plane.toml").write_text(JOB, "utf-8")
     run = holokin("sheets", "plane.toml", "--seconds", "5")
@@ -55,8 +53,6 @@ def test_the_sheets_of_a_job_are_written_and_answer_when_read(
 
 
 def test_what_cannot_be_is_refused_before_the_work(
-    holokin: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
     holokin: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
