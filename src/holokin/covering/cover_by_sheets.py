@@ -10,18 +10,18 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import Array, Indices, not_negative, positive, whole
 from ..checking import Clear
-from ..designing.proposed_workspace import reached
-from ..designing.starts import check_that_joints_move, postures_at
+from ..designing.starts import check_that_joints_move
 from ..errors import ArgumentError, OutOfReachError
 from ..path.workspaces import Workspace
 from ..robot import LinkShape, Robot, check_metres
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
 from .candidate_sheets import CandidateSheets, fitting_laws, spread_out
+from .pose_rest import PoseRest, rests_of
 from .set_cover import Cover, fewest
 from .sheet import known
 from .sheet_labels import continued, labelled, neighbours
-from .sheet_map import PoseRest, Sheets
+from .sheet_map import Sheets
 from .surroundings import CLEARANCE, Surroundings, surroundings
 
 SHARE = 0.995
@@ -41,9 +41,6 @@ SECONDS, PROGRAM = 180.0, 20.0
 
 TURN_LENGTH = 0.3
 """Metres that a turn of 1 rad counts where poses are compared: about what it moves what a tool holds."""
-
-BLOCKED_LOOKS = 200
-"""Poses for which clear postures are searched for at most, to tell why they are not served."""
 
 
 @typed
@@ -101,7 +98,7 @@ def sheets(
     T = workspace.poses(min(count, workspace.size or count), seed)
     check_metres(task.robot, T, task.tip)
     say("which poses can be reached")
-    rest = _reach(task, T, clear)
+    rest = rests_of(task, T, clear)
     within = np.flatnonzero(rest <= PoseRest.NOT_COVERED)
     if not len(within):
         raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest)}", "move or turn it")
@@ -119,22 +116,6 @@ def _check(task: Task, strategies: Sequence[HolonomicStrategy] | None, share: fl
     for one in strategies or ():
         if one.task != task:
             raise ArgumentError("a strategy", one, "give strategies of the same task")
-
-
-def _reach(task: Task, T: Array, clear: Clear | None) -> Indices:
-    """A `PoseRest` for each pose (k,), NOT_COVERED where a posture reaches it."""
-    Q, reach = reached(task, T, None)
-    rest = np.full(len(T), int(PoseRest.NOT_COVERED))
-    rest[~reach.within] = PoseRest.LIMITS
-    rest[~reach.anyhow] = PoseRest.OUT_OF_REACH
-    if clear is not None and reach.within.any():
-        blocked = np.flatnonzero(reach.within)
-        rest[blocked[~clear(Q[blocked])]] = PoseRest.BLOCKED
-        for i in np.flatnonzero(rest == PoseRest.BLOCKED)[:BLOCKED_LOOKS]:
-            found = postures_at(task, T[i])
-            if len(found) and clear(found).any():
-                rest[i] = PoseRest.NOT_COVERED
-    return rest
 
 
 def _why(rest: Indices) -> str:
