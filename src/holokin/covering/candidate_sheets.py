@@ -26,8 +26,11 @@ LAWS = 6
 ROUGH = 64
 """Poses by which laws are put in order."""
 
-STARTS, BEST = 8, 2
+STARTS, BEST = 8, 3
 """Postures at one pose through which leaves of each law are tried on few poses, and those that are tried on all."""
+
+CENTRES = 4
+"""Other postures of a sheet from which it is tried again."""
 
 MARGIN = 0.1
 """Share of a joint's range next to a limit that counts as near it."""
@@ -91,6 +94,17 @@ class CandidateSheets:
                 self.sheets.append(Sheet(law.strategy, q0, self.rcond, keys))
                 self.served.append(flags)
                 self.costs.append(_cost(law.strategy, postures[flags]))
+
+    def recentre(self, which: Indices, rng: np.random.Generator, end: float) -> None:
+        """Adds the leaves of some sheets from other postures of them: straight paths from there serve other poses."""
+        for i in which.tolist():
+            served = np.flatnonzero(self.served[i])
+            some = rng.choice(served, min(CENTRES, len(served)), replace=False)
+            if time.monotonic() < end:
+                law = Candidate(self.sheets[i].name, self.sheets[i].keys, self.task, self.sheets[i].strategy)
+                q = _lines_served(law, self.sheets[i].q0[None], self.T[some], self.clear, self.rcond)[1][0]
+                self.tried += len(some)
+                self.add(law, q[self.task.robot.within(q)])
 
     def exact(self, which: Indices) -> bool:
         """Asks some sheets themselves which poses they serve; returns whether that changed anything."""

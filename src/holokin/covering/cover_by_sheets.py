@@ -33,7 +33,7 @@ SAMPLES = 1024
 TARGETS = 4
 """Poses in a round of the search through which new leaves are tried."""
 
-ROUNDS, STILL = 12, 3
+ROUNDS, STILL = 12, 2
 """Rounds at most; rounds without a smaller number of sheets, once the share is met, after which the search ends."""
 
 SECONDS, PROGRAM = 180.0, 20.0
@@ -144,6 +144,7 @@ def _search(
                 break
             say(f"{len(cover.chosen)} of {pool.tried} leaves serve {cover.covered} of {len(T)} poses")
             lost = np.flatnonzero(~pool.sets[cover.chosen].any(axis=0))
+            pool.recentre(cover.chosen, rng, end)
             for i in _targets(pool, cover, lost, rng):
                 pool.grow(T[i], lost, end, say)
         stopped = time.monotonic() > end
