@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import PANDA_START
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 import holokin as hk
+from conftest import PANDA_START
 from holokin.covering import Hindrance, self_motion_between
 from holokin.covering.joined_motion import still_trajectory
 from holokin.covering.still_motion import held
@@ -39,7 +39,7 @@ def planar(limit: float | tuple = np.inf, upper: tuple | None = None) -> hk.Task
 
 
 def two_links(tool: np.ndarray, q1: np.ndarray, sign: float) -> np.ndarray:
-    """q (k, 3) of three links of 1 m with their tool at a point, from the first joint and the elbow's side; NaN if none."""
+    """q (k, 3) of three links of 1 m with their tool at a point, from q1 and the elbow's side; NaN if none."""
     x, y = tool[0] - np.cos(q1), tool[1] - np.sin(q1)
     with np.errstate(invalid="ignore"):
         q3 = sign * np.arccos((x**2 + y**2) / 2 - 1)
@@ -113,7 +113,7 @@ def test_both_ways_round_are_known_and_the_faster_one_is_taken() -> None:
 def test_there_is_a_motion_exactly_where_a_grid_of_all_postures_is_connected(
     d: float, one: float, other: float, side: float, l1: float, l2: float, l3: float
 ) -> None:
-    """Three links: a posture is q1 and the elbow's side. A fine grid within the limits, joined at folds, is the referee."""
+    """A posture is q1 and the elbow's side: a fine grid within the limits, joined at folds, is the referee."""
     limits, tool = np.array([l1, l2, l3]), np.array([d, 0.0])
     a, b = two_links(tool, np.array([one]), 1.0)[0], two_links(tool, np.array([other]), side)[0]
     if not (np.isfinite([a, b]).all() and (np.abs([a, b]) < limits - 0.02).all()):
@@ -142,7 +142,7 @@ def joined(tool: np.ndarray, limits: np.ndarray, a: np.ndarray, b: np.ndarray) -
 
 
 def test_the_mirror_posture_is_on_another_self_motion_near_the_base_and_on_the_same_far_from_it() -> None:
-    """Four bars of 1, 1, 1, d: with d below 1 two bars never cross over (Grashof), above 1 all postures are connected."""
+    """Four bars of 1, 1, 1, d: below d = 1 the elbow never crosses over (Grashof), above 1 it does."""
     for d, why in ((0.5, Hindrance.APART), (1.5, None)):
         a = two_links(np.array([d, 0.0]), np.array([1.2]), 1.0)[0]
         assert self_motion_between(planar(), a, -a).hindrance is why
@@ -170,7 +170,7 @@ def test_an_arm_without_a_redundant_joint_has_none() -> None:
 
 
 def test_several_redundant_joints_go_straight_where_they_can() -> None:
-    """A Panda that holds a point has four: the tool's point is still to Pinocchio; where all is blocked none is found."""
+    """A Panda that holds a point has four: Pinocchio sees the point still; where all is blocked none is found."""
     task = hk.position(hk.load("panda"))
     model = pin.buildModelFromXML(hk.to_urdf(task.robot))
     data, rng = model.createData(), np.random.default_rng(1)

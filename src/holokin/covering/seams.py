@@ -24,7 +24,7 @@ FIRST, MOST = 8, 256
 """Poses that are tried at first for a pair of sheets, twice as many each time; and at most, those with the nearest
 postures first."""
 
-PLACES = 256
+PLACES = 128
 """Poses of a workspace in which seams are to lie."""
 
 Where = PoseLike | Workspace | Callable[[Matrix], bool] | None

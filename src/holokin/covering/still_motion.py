@@ -17,7 +17,7 @@ from ..robot import Robot
 from ..strategies.self_motions import CurveEnd, SelfMotion, SelfMotions, joint_gap, least_motion
 from ..tasks.task import Task
 
-STEP = 0.05
+STEP = 0.1
 """Arc length [joint units] between the postures of a self-motion that is traced."""
 
 LENGTH = 8 * np.pi
@@ -66,7 +66,7 @@ class Hindrance(NoTruthValue, Enum, ask="`is None` of a result's hindrance"):
     NOT_REDUNDANT = "no joint is redundant: the tool moves with every motion of the joints"
     APART = "the postures belong to different self-motions: none leads from one to the other"
     TURNS = "the postures differ by whole turns of joints that the self-motion does not make"
-    LIMITS = "every self-motion between the postures exceeds a joint limit"
+    LIMITS = "joint limits end the self-motion before it comes to the other posture"
     BLOCKED = "every self-motion between the postures comes too near to an obstacle, the floor or another link"
     SINGULAR = "the self-motion leads to a singular posture before it comes to the other one"
     LENGTH = "the self-motion was followed for {length:.0f} joint units each way and did not come to the other posture"
@@ -144,23 +144,29 @@ def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear |
         raise ArgumentError(
             "the second posture", b.tolist(), f"its tool pose is {gap:.3g} off: give two postures of one pose"
         )
-    return still_motions(task, a[None], b[None], clear)[0]
+    return still_motions(task, a[None], b[None], clear, thorough=True)[0]
 
 
-def still_motions(task: Task, A: Matrix, B: Matrix, clear: Clear | None) -> list[StillMotion]:
-    """The motions from postures A (k, n) to B (k, n), each at one tool pose; or why there is none."""
+def still_motions(
+    task: Task, A: Matrix, B: Matrix, clear: Clear | None, thorough: bool = False
+) -> list[StillMotion]:  # fmt: skip
+    """The motions from postures A (k, n) to B (k, n), each at one tool pose; or why there is none.
+
+    thorough: whether curves that end at joint limits are followed beyond, so that it is known whether they would come
+    to the other posture.
+    """
     same = np.abs(A - B).max(axis=1, initial=0.0) < SAME
     if same.any():
-        others = iter(still_motions(task, A[~same], B[~same], clear))
+        others = iter(still_motions(task, A[~same], B[~same], clear, thorough))
         return [_rest(a) if one else next(others) for a, one in zip(A, same, strict=True)]
     if task.n == task.m:
         return [hindered(task.n, Hindrance.NOT_REDUNDANT) for _ in A]
     if task.n - task.m > 1:
         return [_projected(task, a, b, clear) for a, b in zip(A, B, strict=True)]
-    found = _traced(task, A, B, clear, True)
-    again = [i for i, one in enumerate(found) if one.hindrance is Hindrance.LIMITS]
-    if again:  # the limits ended the curve before it came to b: with more of it the reason is known, too
-        for i, one in zip(again, _traced(task, A[again], B[again], clear, False), strict=True):
+    found, near = _traced(task, A, B, clear, True)
+    again = [i for i, one in enumerate(found) if one.hindrance is Hindrance.LIMITS and (thorough or near[i])]
+    if again:
+        for i, one in zip(again, _traced(task, A[again], B[again], clear, False)[0], strict=True):
             found[i] = one
     return found
 
@@ -184,15 +190,20 @@ def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMo
     return min(motions, key=lambda one: one.seconds) if motions else hindered(task.n, Hindrance.NOT_FOUND)
 
 
-def _traced(task: Task, A: Matrix, B: Matrix, clear: Clear | None, limits: bool) -> list[StillMotion]:
-    found = [hindered(task.n, Hindrance.SINGULAR) for _ in A]
+def _traced(
+    task: Task, A: Matrix, B: Matrix, clear: Clear | None, limits: bool
+) -> tuple[list[StillMotion], list[bool]]:  # fmt: skip
+    """(the motions, whether the other posture is near an end of the curve: it may lie a step farther, at a limit)."""
+    found, near = [hindered(task.n, Hindrance.SINGULAR) for _ in A], [False for _ in A]
     sigma = np.linalg.svd(task.jacobian_batch(A)[0], compute_uv=False)
     good = np.flatnonzero(sigma[:, -1] > SINGULAR * sigma[:, 0])
     if len(good):
         curves = SelfMotions.through(task, A[good]).traced(A[good], step=STEP, length=LENGTH, limits=limits)
-        for i, curve in zip(good, curves, strict=True):
+        for i, curve in zip(good.tolist(), curves, strict=True):
             found[i] = _along(_Line.of(curve), A[i], B[i], clear)
-    return found
+            ends = curve.q[[0, -1]]
+            near[i] = bool(np.linalg.norm(joint_gap(task.robot, ends, B[i]), axis=1).min() < 3 * STEP)
+    return found, near
 
 
 @dataclass(frozen=True, eq=False)
