@@ -1,4 +1,7 @@
-"""The pictures of the gallery: `python docs/stills.py [PAGE...]` takes them of the recordings, in headless chromium."""
+"""Pictures in headless chromium: `python docs/stills.py [PAGE...]` takes those of the gallery, of its recordings.
+
+`python docs/stills.py studio` takes that of the studio's own page. docs/pictures.py takes that of physics by `still`.
+"""
 
 from __future__ import annotations
 
@@ -150,4 +153,7 @@ def stills(
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] or list(pages()))
+    if sys.argv[1:] == ["studio"]:
+        studio()
+    else:
+        main(sys.argv[1:] or list(pages()))
