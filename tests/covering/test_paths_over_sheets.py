@@ -32,8 +32,8 @@ def random_path(space: hk.Workspace, seed: int, length: float = 2.0) -> hk.Path:
 
 
 def least(s: Sheets, path: hk.Path, samples: int) -> tuple[int, int]:
-    """(divisions, changes) of the best of all sequences of sheets, by breadth: every pair of sheets at every sample is
-    tried for a self-motion, one by one, and the cheapest way to each (sample, sheet) is kept for each number of both."""
+    """(divisions, changes) of the best of all sequences: each pair of sheets at each sample is tried for a self-motion,
+    one by one, and of each sheet at each sample all numbers of divisions and changes are kept."""
     segment, _, u = path.steps(samples)
     t = np.concatenate([[0.0], path.starts[segment] + u * path.durations[segment]])
     at = path.at(np.clip(t, 0, path.duration))
@@ -105,7 +105,7 @@ def test_the_tool_is_on_the_path_and_the_joints_keep_their_limits(planar: Sheets
 
 
 def test_a_panda_changes_its_elbow_where_it_is_allowed_and_a_controller_can_play_it(panda: Sheets) -> None:
-    """It changes at the stop at 40 %, with the tool at rest: still at each millisecond, on the path before and after."""
+    """It changes at the stop at 40 %, the tool still at each millisecond, and is on the path before and after."""
     task, space = panda.task, panda.workspace
     path = hk.line(space.center[:3, 3] - [0.1, 0.2, 0.0], space.center[:3, 3] + [0.1, 0.2, 0.0])
     one = Shortened.of(panda.sheets[0], lambda T: T[1, 3] < 0.02)
