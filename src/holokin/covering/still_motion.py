@@ -102,7 +102,7 @@ class StillMotion(NoTruthValue, Value, ask="`.hindrance is None`"):
         return StillMotion(self.q[::-1], self.seconds - self.t[::-1], self.hindrance) if len(self.t) else self
 
 
-def hindered(n: int, why: Hindrance) -> StillMotion:
+def _hindered(n: int, why: Hindrance) -> StillMotion:
     """None, for n joints."""
     return StillMotion(np.zeros((0, n)), np.zeros(0), why)
 
@@ -160,7 +160,7 @@ def still_motions(
         others = iter(still_motions(task, A[~same], B[~same], clear, thorough))
         return [_rest(a) if one else next(others) for a, one in zip(A, same, strict=True)]
     if task.n == task.m:
-        return [hindered(task.n, Hindrance.NOT_REDUNDANT) for _ in A]
+        return [_hindered(task.n, Hindrance.NOT_REDUNDANT) for _ in A]
     if task.n - task.m > 1:
         return [_projected(task, a, b, clear) for a, b in zip(A, B, strict=True)]
     found, near = _traced(task, A, B, clear, True)
@@ -183,18 +183,18 @@ def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMo
         c = (a + b) / 2 + rng.standard_normal(task.n) * gap * k / ARCS
         u = np.linspace(0.0, 1.0, 1 + max(LEAST, int(np.ceil(2 * gap / STEP))))[1:-1, None]
         way = held(task, (1 - u) ** 2 * a + 2 * u * (1 - u) * c + u**2 * b, *place)
-        motion = checked_motion(task, np.vstack([a, way, b]), clear)
+        motion = _checked_motion(task, np.vstack([a, way, b]), clear)
         motions += [motion] if motion.hindrance is None else []
         if motions and k >= ENOUGH:
             break
-    return min(motions, key=lambda one: one.seconds) if motions else hindered(task.n, Hindrance.NOT_FOUND)
+    return min(motions, key=lambda one: one.seconds) if motions else _hindered(task.n, Hindrance.NOT_FOUND)
 
 
 def _traced(
     task: Task, A: Matrix, B: Matrix, clear: Clear | None, limits: bool
 ) -> tuple[list[StillMotion], list[bool]]:  # fmt: skip
     """(the motions, whether the other posture is near an end of the curve: it may lie a step farther, at a limit)."""
-    found, near = [hindered(task.n, Hindrance.SINGULAR) for _ in A], [False for _ in A]
+    found, near = [_hindered(task.n, Hindrance.SINGULAR) for _ in A], [False for _ in A]
     sigma = np.linalg.svd(task.jacobian_batch(A)[0], compute_uv=False)
     good = np.flatnonzero(sigma[:, -1] > SINGULAR * sigma[:, 0])
     if len(good):
@@ -289,14 +289,14 @@ def _along(line: _Line, a: Vector, b: Vector, clear: Clear | None) -> StillMotio
     motions = []
     for end in ends:
         way = line.at(np.linspace(0.0, end, 1 + max(LEAST, int(np.ceil(abs(end) / STEP)))))
-        motion = checked_motion(line.task, np.vstack([a, way[1:-1], b]), clear)
+        motion = _checked_motion(line.task, np.vstack([a, way[1:-1], b]), clear)
         why = why if motion.hindrance is None else motion.hindrance
         if motion.hindrance is None:
             motions.append(motion)
-    return min(motions, key=lambda one: one.seconds) if motions else hindered(line.task.n, why)
+    return min(motions, key=lambda one: one.seconds) if motions else _hindered(line.task.n, why)
 
 
-def checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
+def _checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
     """The motion through postures (k, n) of one tool pose, with so many between them that the tool is still.
 
     Splines through them keep the tool still to `STILL`, and within the limits; postures are clear at every one of them.
@@ -304,7 +304,7 @@ def checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
     robot, (p, R) = task.robot, task.place(q[0])
     speeds = joint_speeds(robot)
     if not np.isfinite(q).all():
-        return hindered(task.n, Hindrance.SINGULAR)
+        return _hindered(task.n, Hindrance.SINGULAR)
     most = STILL + 2 * float(np.abs(_off(task, q[-1:], p, R)).max())  # the two postures need not agree to round-off
     for _ in range(FINER):
         curve = Stretch(_way(q, speeds), q)
@@ -314,14 +314,14 @@ def checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
             break
         found = held(task, middle, p, R)
         if not np.isfinite(found).all() or np.abs(found - middle).max() > STEP:
-            return hindered(task.n, Hindrance.SINGULAR)
+            return _hindered(task.n, Hindrance.SINGULAR)
         q = np.insert(q, np.arange(1, len(q)), found, axis=0)
     else:
-        return hindered(task.n, Hindrance.SINGULAR)
+        return _hindered(task.n, Hindrance.SINGULAR)
     if not _within(robot, curve):
-        return hindered(task.n, Hindrance.LIMITS)
+        return _hindered(task.n, Hindrance.LIMITS)
     if clear is not None and not clear(_closely(curve)).all():
-        return hindered(task.n, Hindrance.BLOCKED)
+        return _hindered(task.n, Hindrance.BLOCKED)
     rate = float(np.max(np.abs(curve.derivatives(_finely(curve.s), 1)[1]) / speeds))
     return StillMotion(q, rate * curve.s)
 
