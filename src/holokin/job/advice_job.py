@@ -66,7 +66,8 @@ def advise_command(
         asked.workspace,
         asked.q0,
         chosen=asked.chosen,
-        clear=asked.clear,
+        apart=asked.apart,
+        proven=asked.proven,
         say=say,
         levels=levels,
     )
