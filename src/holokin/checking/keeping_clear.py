@@ -12,7 +12,7 @@ from ..base.arguments import typed
 from ..base.types import Array, Flags, Matrix, Value, Vector, not_negative
 from ..robot import LinkShape, Robot, with_capsules
 from ..robot.numeric import Frames, joint_frames
-from .gaps import Nearest, joints_above
+from .gaps import joints_above
 from .motion_checks import CLEARANCE
 from .pairs import Pairs, pairs_of
 
@@ -77,28 +77,37 @@ class Clearances(Value):
 
             d distance / dq = n . (J_a - J_b)
         """
-        frames, joints = joint_frames(self.robot, Q), self.robot.joints
-        found, slopes = np.empty((len(Q), len(self.limits))), np.zeros((len(Q), len(self.limits), self.robot.n))
+        frames, robot = joint_frames(self.robot, Q), self.robot
+        found, slopes = np.empty((len(Q), len(self.limits))), np.zeros((len(Q), len(self.limits), robot.n))
+        turn, shift = _screws(robot, frames)
         for p, gap in enumerate(self.pairs.gaps):
             at = gap.nearest(frames, near)
             found[:, p] = at.distance
-            rows = np.flatnonzero(np.isfinite(at.distance))
-            above = [joints_above(self.robot, joint) for joint in gap.joints]
-            for i in set(above[0]) ^ set(above[1]):
-                sign = 1.0 if i in above[0] else -1.0
-                change = _pushed(frames, self.robot, i, at, i in above[0])
-                slopes[rows, p, joints[i].coordinate] += sign * joints[i].multiplier * change[rows]
+            rows = np.isfinite(at.distance)
+            if not rows.any():
+                continue
+            above = [joints_above(robot, joint) for joint in gap.joints]
+            for sign, own, other, point in ((1.0, *above, at.on_one), (-1.0, *above[::-1], at.on_other)):
+                moving = [i for i in own if i not in other]
+                n = at.away[rows]
+                each = np.einsum("kij,kj->ki", turn[rows][:, moving], np.cross(point[rows], n))
+                each += np.einsum("kij,kj->ki", shift[rows][:, moving], n)
+                for column, i in enumerate(moving):
+                    joint = robot.joints[i]
+                    slopes[rows, p, joint.coordinate] += sign * joint.multiplier * each[:, column]
         return found, slopes
 
 
-def _pushed(frames: Frames, robot: Robot, i: int, at: Nearest, one: bool) -> Vector:
-    """How fast a joint moves the nearest point of the one, or of the other, along the direction between them (k,)."""
-    p, R = frames[i]
-    axis = R @ robot.joints[i].axis
-    if robot.joints[i].kind == "prismatic":
-        return np.einsum("ki,ki->k", at.away, axis)
-    arm = (at.on_one if one else at.on_other) - p
-    return np.einsum("ki,ki->k", at.away, np.cross(axis, arm))
+def _screws(robot: Robot, frames: Frames) -> tuple[Array, Array]:
+    """z and v (k, joints, 3): a joint moves a point x of what it carries by z x x + v per joint unit."""
+    turn, shift = np.zeros((len(frames[0][0]), len(frames), 3)), np.zeros((len(frames[0][0]), len(frames), 3))
+    for i, (p, R) in enumerate(frames):
+        axis = R @ robot.joints[i].axis
+        if robot.joints[i].kind == "prismatic":
+            shift[:, i] = axis
+        else:
+            turn[:, i], shift[:, i] = axis, np.cross(p, axis)
+    return turn, shift
 
 
 @typed

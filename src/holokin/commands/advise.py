@@ -72,7 +72,7 @@ def advise(
     picture. Exits 0 when that is done, 2 on bad input.
     """
     from ..errors import ArgumentError
-    from ..job.advice_job import advise_command
+    from ..job.advice_job import advise_command, proof_command
     from ..job.advice_question import Typed
     from ..output.advice_report import advice_figure, print_advice
     from ..output.plots import write_figure
@@ -95,3 +95,5 @@ def advise(
     if remark:
         show(f"  Note: {remark}")
     show(f"wrote {job} and {picture} after {found.seconds:.0f} s; then: holokin run {job}")
+    if proof := proof_command(found, asked, job):
+        show(f"certify it by: {proof}")

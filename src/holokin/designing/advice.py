@@ -200,9 +200,8 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
         if not isinstance(space, PoseRange) or not isinstance(space.solid, Box):
             return f"Certify it by: hk.unique_region(advice.best.strategy, advice.q0{more})"
         if not self.best.served.all():
-            return (
-                f"Certify what it serves by: hk.unique_region(advice.best.strategy, advice.q0, advice.workspace{more})"
-            )
+            call = f"hk.unique_region(advice.best.strategy, advice.q0, advice.workspace{more})"
+            return f"Certify what it serves by: {call}"
         return f"Certify it by: hk.certify(advice.best.strategy, advice.workspace, advice.q0{more})"
 
     @property

@@ -50,9 +50,9 @@ def advise(
     pseudo-inverse, and laws designed over the best of these: each from several postures at the workspace's centre.
     They are ranked by the share of the workspace that they reach within the joint limits, and with the clearance where
     one is asked for; of laws that cover alike those are first that keep well clear, by 0.01 m more than asked for; of
-    these those that keep away from limits and singular postures; of these the one with the least joint speed. A law without a
-    cusp near the workspace is preferred to one with, for up to a tenth more squared joint speed. All this is looked at
-    pose by pose; `certify_by` of the advice is the call that proves it.
+    these those that keep away from limits and singular postures; of these the one with the least joint speed. A law
+    without a cusp near the workspace is preferred to one with, for up to a tenth more squared joint speed. All this is
+    looked at pose by pose; `certify_by` of the advice is the call that proves it.
 
     Args:
         robot: a robot, a name of the catalogue, or a file.
