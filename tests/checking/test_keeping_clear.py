@@ -17,7 +17,11 @@ pytest.importorskip("coal")
 
 TABLE = hk.obstacle("table", Box(np.array([1.0, 1.0, 0.05])), (0.6, 0.0, -0.1))
 POST = hk.obstacle("post", Capsule(0.02, 1.0), (0.45, -0.25, 0.5))
-WEDGE = hk.obstacle("wedge", Hull(np.random.default_rng(3).normal(size=(9, 3)) * 0.05), (0.2, -0.6, 0.5))
+CORNERS = [
+    [0.09, 0.02, -0.03], [-0.06, 0.05, 0.02], [0.01, -0.08, 0.04], [-0.03, -0.04, -0.07], [0.04, 0.06, 0.08],
+    [-0.07, 0.0, 0.05],
+]  # fmt: skip
+WEDGE = hk.obstacle("wedge", Hull(np.array(CORNERS)), (0.2, -0.6, 0.5))
 DRUM = hk.obstacle("drum", Cylinder(0.1, 0.3), (-0.3, 0.5, 0.6), (0.3, 0.2, 0.1))
 EGG = hk.obstacle("egg", Ellipsoid(np.array([0.05, 0.08, 0.12])), (0.6, -0.5, 0.6))
 FLOOR = -0.3

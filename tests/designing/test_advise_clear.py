@@ -65,7 +65,7 @@ def test_the_call_that_is_named_proves_it_and_refuses_the_law_without_the_post(p
     assert proof.whole
     least = proof.findings.apart.min()
     assert 0.05 <= least <= clear.best.clearance + 1e-9
-    with pytest.raises(ArgumentError, match="post are 0.0.* m apart there"):
+    with pytest.raises(ArgumentError, match=r"post are 0\.0.* m apart there"):
         hk.certify(plain.best.strategy, PLANE, plain.q0, **ASKED)
     said = str(plain).splitlines()[-1].removeprefix("Certify it by: ")
     assert eval(said, {"hk": hk, "advice": plain}).whole

@@ -254,7 +254,7 @@ def _nearest(one: Posed, other: Posed, rows: Indices) -> Matrix:
     p, R, x, S = p[rows], R[rows], x[rows], S[rows]
     if isinstance(a, Capsule) and isinstance(b, Capsule):
         u, v = R[:, :, 2] * a.length / 2, S[:, :, 2] * b.length / 2
-        s, t = segment_places(p, u, x, v)
+        s, t = _segment_places(p, u, x, v)
         ends = p + s[:, None] * u, x + t[:, None] * v
         step = ends[0] - ends[1]
         size = np.linalg.norm(step, axis=1)
@@ -279,11 +279,11 @@ def segment_distance(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> Vector:
 
 def segment_step(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> Matrix:
     """The shortest p + s u - x - t v (k, 3) over s, t in [-1, 1], of the segments p +- u and x +- v."""
-    s, t = segment_places(p, u, x, v)
+    s, t = _segment_places(p, u, x, v)
     return p - x + s[:, None] * u - t[:, None] * v
 
 
-def segment_places(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> tuple[Vector, Vector]:
+def _segment_places(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> tuple[Vector, Vector]:
     """s, t (k,) in [-1, 1] of the shortest p + s u - x - t v, of the segments p +- u and x +- v.
 
     Its length is convex in (s, t), so it is least at the free optimum, if that is inside, or on one of the four edges.
