@@ -114,6 +114,16 @@ def test_a_job_is_heard_with_its_torch_its_task_its_path_its_limits_and_its_degr
     assert asked.apart is not None and not asked.apart.clear(asked.q0[None])[0]  # the post stands where the torch is
 
 
+def test_checks_without_two_shapes_that_could_meet_ask_nothing_of_shapes(tmp_path: Path) -> None:
+    file = tmp_path / "square.toml"
+    file.write_text(PLANAR.replace("obstacles = [", "# obstacles = ["))
+    asked = question(str(file), Typed())
+    assert asked.apart is None and not asked.proven and not asked.obstacles
+    asked = question(str(file), Typed(floor=-0.5, clearance=0.03))
+    assert asked.apart is not None and asked.apart.wanted == 0.03 and asked.proven["floor"] == -0.5
+    assert asked.keys["checks"]["clearance"] == 0.03
+
+
 def test_what_is_typed_is_what_a_job_says(torch: str) -> None:
     words = Typed(
         task="axis", tool="0.08 0 0.25 rpy 0 35 0", q0="10 -100 110 -95 -80 20", degrees=True,

@@ -187,8 +187,10 @@ def _job_workspace(job: Job, task: Task, start: Vector, file: FilePath) -> Works
 
 def _among(table: ChecksTable | None, robot: Robot) -> tuple[Clearances | None, dict[str, Any], tuple[LinkShape, ...]]:
     """(how far postures keep clear, the same as arguments of `certify`, the obstacles that stand still)."""
-    if table is None:
-        return None, {}, ()
+    standing = () if table is None else table.standing()
+    apart = None if table is None else table.clearances(robot)
+    if table is None or apart is None or not apart.names:
+        return None, {}, standing
     proven = table.proven(robot)
     del proven["limits"]
-    return table.clearances(robot), proven, table.standing()
+    return apart, proven, standing
