@@ -274,7 +274,7 @@ def calls() -> dict[str, Call]:
             "base": k["g"], "degree": 1, "samples": 32, "seed": 0, "length": 0.5}),
         "advise": (hk.advise, (robot, k["space"]), {
             "tip": None, "base": None, "task": "position", "q0": q, "say": lambda _: None, **shapes}),
-        "section_metrics": (designing.section_metrics, (held, q, k["space"]), shapes),
+        "section_metrics": (designing.section_metrics, (held, k["space"], q), shapes),
         "coverage_slices": (designing.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
         "posture_reach": (designing.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),
         "Workspace.poses": (k["space"].poses, (5,), {"seed": 0}),

@@ -90,6 +90,14 @@ def test_what_cannot_be_kept_clear_of_is_refused() -> None:
 
 
 @pytest.mark.campaign
+def test_where_no_law_keeps_clear_the_advice_says_so_and_names_no_proof() -> None:
+    found = hk.advise(arm(), PLANE, clear_of=[hk.obstacle("tank", Capsule(1.0), (0.5, 0.2, 0.0))])
+    assert found.best.coverage == 0.0 and found.best.clearance < 0 and found.certify_by == ""
+    assert found.reasons[0].startswith("No law that was tried serves any of the 256 poses. With ")
+    assert "too near" in found.reasons[0] and found.summary()["floor"] is None
+
+
+@pytest.mark.campaign
 def test_on_a_panda_beside_a_post_the_advised_law_is_proven_and_the_one_without_the_post_is_not() -> None:
     """A cube of 6 cm above a table, a post behind the elbow; without the criterion the elbow is beside the post."""
     table = hk.obstacle("table", Box(np.array([1.0, 1.0, 0.05])), (0.6, 0.0, -0.05))

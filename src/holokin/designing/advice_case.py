@@ -235,8 +235,9 @@ class Case:
         )  # fmt: skip
 
     def floor_of(self, law: Law) -> float:
-        """The mean of the floor where a law serves."""
-        return float(np.nanmean(self.floor[law.served]))
+        """The mean of the floor where a law serves; NaN where it serves nothing."""
+        known = self.floor[law.served & np.isfinite(self.floor)]
+        return float(known.mean()) if len(known) else np.nan
 
     def excess(self, laws: tuple[Law, ...]) -> Excess | None:
         """Why the best law is above the least joint speed; None where it is close to it."""

@@ -17,6 +17,9 @@ MOST = 3
 def reasons(laws: Sequence[Law], found: Coverage, part: Part | None, excess: Excess | None) -> tuple[str, ...]:
     """The sentences: what the best does and the next does not, why poses are not served, what its speed is due to."""
     best = laws[0]
+    if not best.served.any():
+        causes = "; ".join(f"{cause}: {count}" for cause, count in found.causes())
+        return (f"No law that was tried serves any of the {len(found)} poses. With {best.name}, {causes}.",)
     said = [f"Take {best.name}: {best.sentence}."]
     if len(laws) > 1:
         said.append(_next(best, laws[1]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -64,7 +64,7 @@ def clearances_of(
     level = None if floor is None else number("floor", floor)
     if level is not None and not np.isfinite(level):
         raise ArgumentError("floor", level, "give its height in m, or None")
-    _checked(robot, clear_of)
+    _checked(robot, clear_of, {"floor": level or 0.0, "clearance": number("clearance", clearance)})
     found = posture_clearances(robot, clear_of, level, clearance, self_collision, ignore)
     for one in found.pairs.unseen:
         if any(one.link == shape.link for shape in clear_of):
@@ -74,8 +74,11 @@ def clearances_of(
     return found
 
 
-def _checked(robot: Robot, obstacles: Sequence[LinkShape]) -> None:
+def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str, float]) -> None:
     most = LARGE * max(chain_length(robot), 0.1)
+    for name, length in lengths.items():
+        if abs(length) > most:
+            raise ArgumentError(name, length, "give metres: it is more than 50 times as far as the arm is long")
     for one in obstacles:
         if one.joint >= 0:
             cure = "a proof is about obstacles that stand still: put what the tool carries on it by hk.with_shape"
