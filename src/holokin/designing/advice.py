@@ -193,8 +193,8 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
 
     @property
     def certify_by(self) -> str:
-        """The call that proves what was looked at here pose by pose, with this as `advice`; empty for `radial`, and where no
-        pose is served.
+        """The call that proves what was looked at here pose by pose, with this as `advice`; empty for `radial`, and
+        where no pose is served.
         """
         if self.best.strategy.constraint.looped is not None or not self.best.served.any():
             return ""
@@ -242,7 +242,8 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
             "other_tips": list(self.chain.others), "task": self.task.name, "workspace": str(self.workspace),
             "cusp_distance": self.cusps.away if np.isfinite(self.cusps.away) else None,
             "levels": None if self.levels is None else [list(ends) for ends in self.levels.intervals],
-            "proposed": list(self.proposed), "floor": self.floor if np.isfinite(self.floor) else None, "reasons": list(self.reasons),
+            "floor": self.floor if np.isfinite(self.floor) else None,
+            "proposed": list(self.proposed), "reasons": list(self.reasons),
             "laws": [
                 {
                     "name": law.name, "same": list(law.same), "coverage": law.coverage, "joint": law.joint,
