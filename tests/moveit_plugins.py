@@ -1,4 +1,4 @@
-"""Kinematics plugins of MoveIt, built against the stand-ins of tests/export/moveit_stubs and asked as MoveIt asks."""
+"""Kinematics plugins of MoveIt, built against the stand-ins of tests/export/ros_stubs and asked as MoveIt asks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from holokin.base.types import Array
 from holokin.export import MoveItPackage
 
-STUBS = Path(__file__).parent / "export" / "moveit_stubs"
+STUBS = Path(__file__).parent / "export" / "ros_stubs"
 STRICT = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror")
 SUCCESS, NO_SOLUTION, TIMED_OUT = 1, -31, -6
 

@@ -203,7 +203,7 @@ def test_a_joint_that_follows_goes_with_its_leader(plugin: Plugin, tmp_path: Pat
     ("tip", "base", "group", "words"),
     [
         ("panda_joint5_link", "base", "arm", "m and .* rad from where the export has its tip 'panda_hand_tcp'"),
-        (TIP, "panda_joint1_link", "arm", "Choose base and tip of the group as they were exported"),
+        (TIP, "panda_joint1_link", "arm", "Choose base and tip as they were exported"),
         (TIP, "base", "leg", "has no such group"),
         ("nowhere", "base", "arm", "no link 'nowhere'"),
         (f"{TIP},panda_joint5_link", "base", "arm", "the group has 2 tips"),
