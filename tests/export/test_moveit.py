@@ -17,7 +17,8 @@ import holokin as hk
 from conftest import PANDA_START
 from holokin.export import MoveItPackage, export_moveit
 from holokin.inverse_kinematics import InverseStatus
-from moveit_plugins import NO_SOLUTION, STUBS, SUCCESS, TIMED_OUT, Answers, Plugin, ask, driver, library, run
+from moveit_plugins import NO_SOLUTION, SUCCESS, TIMED_OUT, Answers, Plugin, ask
+from ros_plugins import STUBS, driver, includes, library, run
 
 pytestmark = pytest.mark.skipif(not (shutil.which("g++") and shutil.which("cc")), reason="no C++ compiler here")
 
@@ -36,7 +37,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> MoveItPackage:
 @pytest.fixture(scope="module")
 def plugin(package: MoveItPackage, tmp_path_factory: pytest.TempPathFactory) -> Plugin:
     folder = tmp_path_factory.mktemp("built")
-    return Plugin(library(package, folder), driver(folder), package.folder / "test" / "robot")
+    return Plugin(library(package, folder), driver("moveit_driver.cpp", folder), package.folder / "test" / "robot")
 
 
 def near(count: int, seed: int = 0, size: float = 0.3) -> np.ndarray:
@@ -68,7 +69,7 @@ def test_the_same_pose_has_the_joints_of_python_whatever_the_seed(plugin: Plugin
 
 def package_test(test: Path, robot: Path, plugin: Plugin, folder: Path) -> subprocess.CompletedProcess[str]:
     """The test of a package, with the stand-ins of GoogleTest and class_loader, as it ends."""
-    words = [f'-DPLUGIN="{plugin.library}"', f'-DROBOT="{robot}"', f"-I{STUBS / 'ros'}", f"-I{STUBS / 'loader'}"]
+    words = [f'-DPLUGIN="{plugin.library}"', f'-DROBOT="{robot}"', *includes("ros", "robot", "loader")]
     made = folder / "test_plugin"
     run("g++", "-std=c++17", "-O0", "-Wall", "-Wextra", *words, test, "-o", made, "-ldl", "-lpthread")
     return subprocess.run([str(made)], capture_output=True, text=True, timeout=200, check=False)
@@ -100,7 +101,7 @@ def test_threads_share_a_plugin(plugin: Plugin) -> None:
 @pytest.mark.campaign
 def test_no_thread_writes_what_another_reads(package: MoveItPackage, tmp_path: Path) -> None:
     flags = ("-fsanitize=thread", "-g")
-    watched = Plugin(library(package, tmp_path, *flags), driver(tmp_path, *flags), package.folder / "test" / "robot")
+    watched = Plugin(library(package, tmp_path, *flags), driver("moveit_driver.cpp", tmp_path, *flags), package.folder / "test" / "robot")
     found = ask(watched, poses(near(60)), near(60, seed=1), "from_seed=bool:true", tip=TIP, threads=4)
     assert found.exit == 0 and "WARNING" not in found.words, found.words
 
@@ -285,7 +286,7 @@ def test_moveits_own_base_class_takes_the_plugin(package: MoveItPackage, tmp_pat
     """kinematics_base.hpp and .cpp of MoveIt, 2.12 or later, with stand-ins of what they need."""
     core = Path(os.environ["HOLOKIN_MOVEIT"]) / "moveit_core"
     base, macros = (core / name / "include" for name in ("kinematics_base", "macros"))
-    places = (base, macros, STUBS / "base", STUBS / "ros", STUBS / "loader", package.folder / "c")
+    places = (base, macros, STUBS / "base", STUBS / "ros", STUBS / "robot", STUBS / "loader", package.folder / "c")
     build = ["g++", "-std=c++17", "-O0", "-Wall", "-fPIC", *(f"-I{place}" for place in places)]
     source, code, made = core / "kinematics_base" / "src" / "kinematics_base.cpp", tmp_path / "law.o", tmp_path / "a.so"
     run("cc", "-std=c99", "-O1", "-fPIC", "-c", package.folder / "c" / f"{package.name}.c", "-o", code)
@@ -310,7 +311,7 @@ def test_ament_builds_the_package_and_pluginlib_finds_it(package: MoveItPackage,
     assert "100% tests passed" in run("ctest", "--test-dir", build).stdout
     run("cmake", "--install", build)
     (installed / "share" / "ament_index" / "resource_index" / "packages" / "moveit_core").touch()
-    includes = [
+    real = [
         f"-I/usr/include/{name}" for name in ("pluginlib", "class_loader", "rcpputils", "rcutils", "ament_index_cpp")
     ]
     libraries = [
@@ -318,6 +319,6 @@ def test_ament_builds_the_package_and_pluginlib_finds_it(package: MoveItPackage,
         for name in ["class_loader", "ament_index_cpp", "rcpputils", "rcutils", "tinyxml2", "console_bridge", "roslib"]
     ]
     source, load = STUBS / "pluginlib_load.cpp", tmp_path / "load"
-    run("g++", "-std=c++17", "-w", f"-I{STUBS / 'ros'}", *includes, source, "-o", load, *libraries)
+    run("g++", "-std=c++17", "-w", *includes("ros", "robot"), *real, source, "-o", load, *libraries)
     said = run("env", f"AMENT_PREFIX_PATH={installed}", load, "panda_law_moveit_plugin/KinematicsPlugin").stdout
     assert said == "panda_law_moveit_plugin/KinematicsPlugin\n"

@@ -1,17 +1,30 @@
-/* For the tests of holokin: what the plugin uses of the messages of ROS 2 and of rclcpp, written from their public
-   interface. Log lines go to stderr; a node has parameters and nothing else. */
+/* For the tests of holokin: what the plugins use of the messages of ROS 2, written from their public interface. */
 #pragma once
 
 #include <cstdint>
-#include <cstdio>
-#include <map>
 #include <memory>
-#include <stdexcept>
 #include <string>
-#include <variant>
+#include <vector>
+
+namespace builtin_interfaces::msg {
+struct Time {
+  std::int32_t sec = 0;
+  std::uint32_t nanosec = 0;
+};
+}  // namespace builtin_interfaces::msg
+
+namespace std_msgs::msg {
+struct Header {
+  builtin_interfaces::msg::Time stamp;
+  std::string frame_id;
+};
+}  // namespace std_msgs::msg
 
 namespace geometry_msgs::msg {
 struct Point {
+  double x = 0, y = 0, z = 0;
+};
+struct Vector3 {
   double x = 0, y = 0, z = 0;
 };
 struct Quaternion {
@@ -21,7 +34,32 @@ struct Pose {
   Point position;
   Quaternion orientation;
 };
+struct Twist {
+  Vector3 linear, angular;
+};
+struct PoseStamped {
+  using SharedPtr = std::shared_ptr<PoseStamped>;
+  std_msgs::msg::Header header;
+  Pose pose;
+};
+struct TwistStamped {
+  using SharedPtr = std::shared_ptr<TwistStamped>;
+  std_msgs::msg::Header header;
+  Twist twist;
+};
 }  // namespace geometry_msgs::msg
+
+namespace diagnostic_msgs::msg {
+struct KeyValue {
+  std::string key, value;
+};
+struct DiagnosticStatus {
+  static constexpr unsigned char OK = 0, WARN = 1, ERROR = 2, STALE = 3;
+  unsigned char level = 0;
+  std::string name, message, hardware_id;
+  std::vector<KeyValue> values;
+};
+}  // namespace diagnostic_msgs::msg
 
 namespace moveit_msgs::msg {
 struct MoveItErrorCodes {
@@ -36,49 +74,3 @@ struct ParameterDescriptor {
   bool read_only = false;
 };
 }  // namespace rcl_interfaces::msg
-
-namespace rclcpp {
-
-struct Logger {
-  std::string name;
-};
-inline Logger get_logger(const std::string &name) { return {name}; }
-
-class Parameter {
- public:
-  using Value = std::variant<bool, std::int64_t, double, std::string>;
-  explicit Parameter(Value value) : value_(std::move(value)) {}
-  template <class T>
-  T get_value() const {
-    if (const T *found = std::get_if<T>(&value_)) return *found;
-    throw std::runtime_error("parameter is of another type");
-  }
-
- private:
-  Value value_;
-};
-
-class Node {
- public:
-  using SharedPtr = std::shared_ptr<Node>;
-  std::map<std::string, Parameter::Value> overrides, declared;
-  bool has_parameter(const std::string &name) const { return declared.count(name) > 0; }
-  Parameter get_parameter(const std::string &name) const { return Parameter(declared.at(name)); }
-  template <class T>
-  T declare_parameter(const std::string &name, const T &by_default,
-      const rcl_interfaces::msg::ParameterDescriptor & = {}) {
-    if (has_parameter(name)) throw std::runtime_error("parameter " + name + " is declared already");
-    const auto given = overrides.find(name);
-    declared[name] = given == overrides.end() ? Parameter::Value(by_default) : given->second;
-    return get_parameter(name).get_value<T>();
-  }
-};
-
-}  // namespace rclcpp
-
-#define RCLCPP_ERROR(logger, ...) \
-  do { \
-    std::fprintf(stderr, "[%s] ", (logger).name.c_str()); \
-    std::fprintf(stderr, __VA_ARGS__); \
-    std::fprintf(stderr, "\n"); \
-  } while (false)

@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "stand_in_urdf.hpp"
+
 namespace Eigen {
 struct Isometry3d {
   std::array<double, 12> a{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
@@ -31,52 +33,6 @@ struct Isometry3d {
 
 namespace stand_in {
 
-/* A tag with its attributes; `depth` counts the tags round it. */
-struct Tag {
-  std::string name;
-  std::map<std::string, std::string> attributes;
-  bool closes = false;
-};
-
-inline std::string unescaped(std::string text) {
-  for (const auto &[code, mark] : std::map<std::string, std::string>{{"&lt;", "<"}, {"&gt;", ">"}, {"&quot;", "\""}, {"&apos;", "'"}})
-    for (std::size_t at; (at = text.find(code)) != std::string::npos;) text.replace(at, code.size(), mark);
-  for (std::size_t at = 0; (at = text.find("&amp;", at)) != std::string::npos; at++) text.replace(at, 5, "&");
-  return text;
-}
-
-/* The tags of a text of XML, comments left out. */
-inline std::vector<Tag> tags(const std::string &text) {
-  std::vector<Tag> found;
-  for (std::size_t at = 0; (at = text.find('<', at)) != std::string::npos;) {
-    if (text.compare(at, 4, "<!--") == 0) {
-      at = text.find("-->", at);
-      continue;
-    }
-    Tag tag;
-    std::size_t i = at + 1;
-    if (text[i] == '/') tag.closes = true, i++;
-    const std::size_t end = text.find_first_of(" \n>/", i);
-    tag.name = text.substr(i, end - i);
-    for (i = end; text[i] != '>'; i++) {
-      if (text[i] == '/' || text[i] == ' ' || text[i] == '\n' || text[i] == '?') continue;
-      const std::size_t is = text.find('=', i), close = text.find(text[is + 1], is + 2);
-      tag.attributes[text.substr(i, is - i)] = unescaped(text.substr(is + 2, close - is - 2));
-      i = close;
-    }
-    found.push_back(tag);
-    at = i;
-  }
-  return found;
-}
-
-inline std::array<double, 3> three(const std::string &text) {
-  std::istringstream stream(text);
-  std::array<double, 3> found{};
-  stream >> found[0] >> found[1] >> found[2];
-  return found;
-}
-
 inline Eigen::Isometry3d turned(const std::array<double, 3> &axis, double angle) {
   const double c = std::cos(angle), s = std::sin(angle), length = std::hypot(axis[0], axis[1], axis[2]);
   const double x = axis[0] / length, y = axis[1] / length, z = axis[2] / length;
@@ -88,13 +44,6 @@ inline Eigen::Isometry3d turned(const std::array<double, 3> &axis, double angle)
 }
 
 }  // namespace stand_in
-
-namespace urdf {
-struct Model {
-  std::string text;
-  bool initString(const std::string &xml) { return !(text = xml).empty(); }
-};
-}  // namespace urdf
 
 namespace srdf {
 struct Model {
@@ -144,7 +93,7 @@ class RobotModel {
   std::string root;
 
   RobotModel(const std::shared_ptr<urdf::Model> &urdf, const std::shared_ptr<srdf::Model> &srdf) {
-    read(urdf->text);
+    read(*urdf);
     group(srdf->text);
   }
   const JointModelGroup *getJointModelGroup(const std::string &name) const {
@@ -158,35 +107,29 @@ class RobotModel {
   }
 
  private:
-  void read(const std::string &text) {
-    bool inside = false;
-    for (stand_in::Tag tag : stand_in::tags(text)) {
-      auto &at = tag.attributes;
-      if (tag.name == "link" && !tag.closes && root.empty()) root = at["name"];
-      if (tag.name == "joint") inside = !tag.closes;
-      if (tag.name == "joint" && !tag.closes) {
-        joints.emplace_back();
-        joints.back().name = at["name"];
-        joints.back().kind = at["type"];
-      }
-      if (!inside || tag.closes) continue;
+  void read(const urdf::Model &model) {
+    root = model.root;
+    for (const auto &given : model.in_order) {
+      joints.emplace_back();
       JointModel &joint = joints.back();
-      if (tag.name == "parent") joint.parent = at["link"];
-      if (tag.name == "child") joint.child = at["link"];
-      if (tag.name == "axis") joint.axis = stand_in::three(at["xyz"]);
-      if (tag.name == "origin") {
-        const auto p = stand_in::three(at["xyz"]), r = stand_in::three(at["rpy"]);
-        joint.origin = stand_in::turned({0, 0, 1}, r[2]) * stand_in::turned({0, 1, 0}, r[1]) * stand_in::turned({1, 0, 0}, r[0]);
-        for (int i = 0; i < 3; i++) joint.origin(i, 3) = p[static_cast<std::size_t>(i)];
+      joint.name = given->name;
+      joint.kind = given->type == urdf::Joint::FIXED ? "fixed" : given->type == urdf::Joint::PRISMATIC ? "prismatic" : "turns";
+      joint.parent = given->parent_link_name;
+      joint.child = given->child_link_name;
+      joint.axis = {given->axis.x, given->axis.y, given->axis.z};
+      const auto &place = given->parent_to_joint_origin_transform;
+      const auto &o = place.rotation;
+      const double length = std::hypot(o.x, o.y, o.z);
+      if (length > 0) joint.origin = stand_in::turned({o.x, o.y, o.z}, 2 * std::atan2(length, o.w));
+      joint.origin(0, 3) = place.position.x, joint.origin(1, 3) = place.position.y, joint.origin(2, 3) = place.position.z;
+      if (given->limits) {
+        const bool bounded = given->type != urdf::Joint::CONTINUOUS;
+        joint.bounds = {{bounded ? given->limits->lower : 0, bounded ? given->limits->upper : 0, bounded}};
       }
-      if (tag.name == "limit") {
-        const bool bounded = at.count("lower") && joint.kind != "continuous";
-        joint.bounds = {{bounded ? std::stod(at["lower"]) : 0, bounded ? std::stod(at["upper"]) : 0, bounded}};
-      }
-      if (tag.name == "mimic") {
-        joint.leader_name = at["joint"];
-        joint.factor = at.count("multiplier") ? std::stod(at["multiplier"]) : 1;
-        joint.offset = at.count("offset") ? std::stod(at["offset"]) : 0;
+      if (given->mimic) {
+        joint.leader_name = given->mimic->joint_name;
+        joint.factor = given->mimic->multiplier;
+        joint.offset = given->mimic->offset;
       }
     }
     for (JointModel &joint : joints)

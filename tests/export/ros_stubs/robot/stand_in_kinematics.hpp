@@ -8,7 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "stand_in_messages.hpp"
+#include <stand_in_node.hpp>
+
 #include "stand_in_robot.hpp"
 
 namespace kinematics {
