@@ -44,3 +44,28 @@ def driver(name: str, folder: Path, *flags: str) -> Path:
     build = ("g++", "-std=c++17", "-O0", "-rdynamic", *flags, *includes("ros", "robot", "control"))
     run(*build, STUBS / name, "-o", made, "-ldl", "-lpthread")
     return made
+
+
+def found_by_pluginlib(
+    written: MoveItPackage | Ros2ControlPackage, folder: Path, of: str, base: str, header: str, *places: str
+) -> str:
+    """Build and test a package with Debian's ament_cmake, and let pluginlib load its plugin: the plugins it knows.
+
+    Args:
+        of: the package whose plugins they are. base: their class, of the header `header`. places: stand-ins.
+    """
+    build, installed = folder / "build", folder / "installed"
+    options = [f"-DCMAKE_PREFIX_PATH={STUBS / 'cmake'}", f"-DCMAKE_INSTALL_PREFIX={installed}"]
+    run("cmake", "-S", written.folder, "-B", build, "-DPython3_EXECUTABLE=/usr/bin/python3", *options)
+    run("cmake", "--build", build)
+    assert "100% tests passed" in run("ctest", "--test-dir", build).stdout
+    run("cmake", "--install", build)
+    (installed / "share" / "ament_index" / "resource_index" / "packages" / of).touch()
+    needed = ("pluginlib", "class_loader", "rcpputils", "rcutils", "ament_index_cpp")
+    real = [f"-I/usr/include/{name}" for name in needed]
+    more = ("class_loader", "ament_index_cpp", "rcpputils", "rcutils", "tinyxml2", "console_bridge", "roslib")
+    words = [f"-DHEADER=<{header}>", f"-DBASE={base}", f"-DOF={of}"]
+    source, load = STUBS / "pluginlib_load.cpp", folder / "load"
+    build_load = ("g++", "-std=c++17", "-w", *words, *includes(*places), *real)
+    run(*build_load, source, "-o", load, *(f"-l{name}" for name in more))
+    return run("env", f"AMENT_PREFIX_PATH={installed}", load, written.plugin).stdout

@@ -121,7 +121,7 @@ int main(int, char **argv) {
     for (const auto &name : known) {
       auto &sensor = sensors[name.substr(0, name.rfind('/'))];
       if (!sensor) sensor = std::make_shared<hardware_interface::Handle>(name.substr(0, name.rfind('/')), "position");
-      if (name != drop + " state") states_lent.emplace_back(sensor, nullptr);
+      if (name + " state" != drop) states_lent.emplace_back(sensor, nullptr);
     }
     controller->assign_interfaces(std::move(commands_lent), std::move(states_lent));
   };
