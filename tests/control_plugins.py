@@ -103,8 +103,7 @@ def update_all(
     done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=400, check=False)
     n = len(built.joints)
     rows = np.fromfile(found).reshape(len(events), -1) if found.exists() else np.zeros((0, 6 + 2 * n))
-    first = [rows[:, i] for i in range(4)]
     return Ran(
-        done.returncode, done.stdout + done.stderr, *first, rows[:, 4 : 4 + n], rows[:, 4 + n : 4 + 2 * n],
-        rows[:, -2], rows[:, -1],
+        done.returncode, done.stdout + done.stderr, rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3],
+        rows[:, 4 : 4 + n], rows[:, 4 + n : 4 + 2 * n], rows[:, -2], rows[:, -1],
     )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -162,7 +163,7 @@ def test_a_target_that_jumps_by_a_metre_is_not_followed(arm: BuiltController) ->
     allowed = update_all(arm, [posed(turned)] * 1200, "max_angle=double:2.0")
     np.testing.assert_allclose(ROBOT.pose(allowed.states[-1]), turned, atol=1e-6)
     poses = [ROBOT.pose(q) for q in allowed.states[:900]]
-    speeds = [np.linalg.norm(between(A, B)[3:]) / DT for A, B in zip(poses[:-1], poses[1:], strict=True)]
+    speeds = [np.linalg.norm(between(A, B)[3:]) / DT for A, B in pairwise(poses)]
     assert max(speeds) < 1.0 + 1e-3
 
 

@@ -1,4 +1,4 @@
-"""The controller for ros2_control against bad parameters, other robots, missing interfaces and drives that do not follow."""
+"""The controller for ros2_control against bad parameters, other robots, missing interfaces and bad drives."""
 
 from __future__ import annotations
 

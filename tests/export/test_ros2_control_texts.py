@@ -1,4 +1,4 @@
-"""The package for ros2_control: its own tests, what is refused, names, the interface of ROS 2 Humble, ament and pluginlib."""
+"""The package for ros2_control: its own tests, what is refused, names, ROS 2 Humble, ament and pluginlib."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_what_is_no_name_and_what_has_no_leaf_is_refused(tmp_path: Path) -> None
 
 
 def test_the_texts_of_the_controller_are_what_ros_reads(plain: Ros2ControlPackage) -> None:
-    """package.xml names the plugin description, which names library and class; the yaml has every parameter's default."""
+    """package.xml names the plugin description, which names the class; the yaml has the defaults."""
     yaml = pytest.importorskip("yaml")
     package = ElementTree.parse(plain.folder / "package.xml").getroot()
     library = ElementTree.parse(plain.folder / "plugin_description.xml").getroot()
@@ -183,7 +183,7 @@ REAL = [
     not all(map(Path.exists, REAL)), reason="pluginlib, GoogleTest, urdf or ament_cmake is not installed"
 )
 def test_ament_builds_the_controller_and_pluginlib_finds_it(plain: Ros2ControlPackage, tmp_path: Path) -> None:
-    """With Debian's ament_cmake, class_loader, pluginlib, urdf and GoogleTest; ros2_control and rclcpp are stand-ins."""
+    """With Debian's ament_cmake, pluginlib, urdf and GoogleTest; ros2_control and rclcpp are stand-ins."""
     base = ("controller_interface", "controller_interface::ControllerInterface")
     header = "controller_interface/controller_interface.hpp"
     assert found_by_pluginlib(plain, tmp_path, *base, header, "ros", "control") == f"{plain.plugin}\n"

@@ -1,9 +1,10 @@
-"""`export_ros2_control`: the exported control step of a strategy as a controller of ros2_control, in a package of ROS 2."""
+"""`export_ros2_control`: the control step of a strategy as a controller of ros2_control, in a package of ROS 2."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -169,7 +170,7 @@ def _swing(source: Source, strategy: HolonomicStrategy, swing: Vector) -> tuple[
     task, dt, q, joints = strategy.task, source.dt, source.q0, []
     shares = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, STEPS + 1))
     poses = np.array([task.robot.pose(source.q0 + share * swing, tip_name(task)) for share in shares])
-    for T, then in zip(poses[:-1], poses[1:], strict=True):
+    for T, then in pairwise(poses):
         turn = Rotation.from_matrix(then[:3, :3] @ T[:3, :3].T).as_rotvec()
         twist = np.concatenate([then[:3, 3] - T[:3, 3], turn]) / dt
         given = (then[:3, 3], twist[:3]) if task.orientation is None else (then, twist)
