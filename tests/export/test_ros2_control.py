@@ -102,6 +102,17 @@ def test_the_reference_goes_straight_to_targets_at_bounded_speed(
     assert not found.allocations.any() and not found.locks.any()
 
 
+def test_a_quaternion_and_its_opposite_are_one_orientation(arm: BuiltController) -> None:
+    turned = moved(START, np.array([0, 0, 0, 0.1, 0.2, -0.3]))
+    events = [posed(turned) for _ in range(500)]
+    opposite = [[*row[:6], *(-x for x in row[6:])] for row in events]
+    mixed = [(events, opposite)[k % 2][k] for k in range(500)]
+    plain = update_all(arm, events)
+    for other in (opposite, mixed):
+        np.testing.assert_allclose(update_all(arm, other).states, plain.states, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(ROBOT.pose(plain.states[-1]), turned, atol=1e-6)
+
+
 def test_a_twist_moves_the_tool_as_long_as_it_comes(arm: BuiltController) -> None:
     """The tool is where the twist leads in closed form, on the leaf, and stops when the twists do."""
     twist = np.array([0.05, -0.03, 0.04, 0.1, 0.2, -0.1])

@@ -202,6 +202,17 @@ def test_a_tool_that_was_pushed_away_stops_a_velocity_loop(arm: BuiltController)
     assert "until it is activated again" in found.words
 
 
+def test_an_arm_that_was_pushed_while_it_stood_goes_on_at_the_speed_of_the_tool(arm: BuiltController) -> None:
+    """From where the tool is, not from where it stood before."""
+    silence, pushed = [event(Event.UPDATE)] * 300, [event(Event.STATE, 0, PANDA_START[0] + 0.1)]
+    velocity = ("command_interface=text:velocity", "max_linear_velocity=double:0.1")
+    found = update_all(arm, [posed(START)] * 20 + silence + pushed + [posed(START)] * 1500, *velocity)
+    places = np.array([ROBOT.pose(q)[:3, 3] for q in found.states[320:]])
+    speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / 0.001
+    assert 0.09 < speeds.max() < 0.101 and found.status[-1] == Outcome.OK
+    np.testing.assert_allclose(found.states[-1], PANDA_START, atol=1e-9)
+
+
 def test_a_joint_that_is_not_known_stops_the_joints(arm: BuiltController) -> None:
     """NaN at once; a value that another thread holds, after ten updates in a row."""
     poses = [posed(START)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -17,6 +18,7 @@ from control_plugins import BuiltController, Outcome, posed, update_all
 from holokin.commands.main import app
 from holokin.errors import ArgumentError, ExportError
 from holokin.export import Ros2ControlPackage, export_ros2_control
+from holokin.robot import to_urdf
 from ros_plugins import STUBS, driver, found_by_pluginlib, includes, library, run
 
 needs_cpp = pytest.mark.skipif(not (shutil.which("g++") and shutil.which("cc")), reason="no C++ compiler here")
@@ -38,9 +40,20 @@ def written(robot: hk.Robot, folder: Path, **more: str) -> Ros2ControlPackage:
     return export_ros2_control(law, folder, q0=START, vectors_count=1, **more)  # type: ignore[arg-type]
 
 
+FOLLOWER = (
+    '  <link name="hand"/><joint name="e" type="revolute"><origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 0.1"/><parent '
+    'link="tool"/><child link="hand"/><axis xyz="0 0.6 0.8"/><mimic joint="b" multiplier="-0.5" offset="0.2"/>'
+    '<limit lower="-3" upper="3" effort="1" velocity="9"/></joint>\n</robot>'
+)
+"""A joint before the tip that follows another one."""
+
+
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Ros2ControlPackage:
-    return written(arm(list("abcd")), tmp_path_factory.mktemp("plain"), name="four")
+    folder = tmp_path_factory.mktemp("plain")
+    file = folder / "arm.urdf"
+    file.write_text(to_urdf(arm(list("abcd"))).replace("</robot>", FOLLOWER), "utf-8")
+    return written(hk.from_urdf(file, tip="hand"), folder / "package", name="four")
 
 
 def test_what_is_no_name_and_what_has_no_leaf_is_refused(tmp_path: Path) -> None:
@@ -94,16 +107,16 @@ def test_the_command_writes_the_controller_of_a_job(tmp_path: Path) -> None:
 
 
 def package_test(
-    written: Ros2ControlPackage, folder: Path, test: Path, control: str
+    written: Ros2ControlPackage, folder: Path, test: Path, places: list[str], *sources: Path
 ) -> subprocess.CompletedProcess[str]:
     """The test of a package with one of the interfaces of ros2_control, as it ends."""
-    places = ("ros", "robot", control, "loader")
-    plugin = library(written, folder, places=places)
-    words = [f'-DPLUGIN="{plugin}"', f'-DROBOT="{written.folder / "test" / "robot.urdf"}"', *includes(*places)]
-    words += [f"-I{written.folder / 'c'}", f"-I{written.folder / 'src'}"]
+    c, src, code, plugin = written.folder / "c", written.folder / "src", folder / "law.o", folder / "libplugin.so"
+    build = ["g++", "-std=c++17", "-O0", "-w", "-DFMT_HEADER_ONLY", *places, f"-I{c}", f"-I{src}"]
+    run("cc", "-std=c99", "-O1", "-fPIC", "-fvisibility=hidden", "-c", c / f"{written.name}.c", "-o", code)
+    run(*build, "-fPIC", "-shared", src / "tool_controller.cpp", *sources, code, "-o", plugin)
+    words = [f'-DPLUGIN="{plugin}"', f'-DROBOT="{written.folder / "test" / "robot.urdf"}"']
     made = folder / "test_controller"
-    build = ("g++", "-std=c++17", "-O0", "-Wall", "-Wextra", *words, test, plugin, f"-Wl,-rpath,{folder}")
-    run(*build, "-o", made, "-ldl", "-lpthread")
+    run(*build, *words, test, plugin, f"-Wl,-rpath,{folder}", "-o", made, "-ldl", "-lpthread")
     return subprocess.run([str(made)], capture_output=True, text=True, timeout=200, check=False)
 
 
@@ -111,7 +124,9 @@ def package_test(
 @pytest.mark.parametrize("control", ["control", pytest.param("control2", marks=pytest.mark.campaign)])
 def test_the_test_of_the_controller_passes(plain: Ros2ControlPackage, tmp_path: Path, control: str) -> None:
     """With the interface of ros2_control 4 to 6, and with that of ros2_control 2; a task of positions."""
-    done = package_test(plain, tmp_path, plain.folder / "test" / "test_controller.cpp", control)
+    done = package_test(
+        plain, tmp_path, plain.folder / "test" / "test_controller.cpp", includes("ros", "robot", control, "loader")
+    )
     assert "11 tests, 0 failures" in done.stdout, done.stderr
 
 
@@ -124,7 +139,9 @@ def test_the_test_of_the_controller_fails_for_other_joints(plain: Ros2ControlPac
     first = text.split("JOINTS[")[1].split("{", 2)[2].split(",")[0]
     (tmp_path / "python_joints.h").write_text(text.replace(first, repr(float(first) + 1e-8)), "utf-8")
     shutil.copy(source / "test_controller.cpp", tmp_path)
-    done = package_test(plain, tmp_path, tmp_path / "test_controller.cpp", "control")
+    done = package_test(
+        plain, tmp_path, tmp_path / "test_controller.cpp", includes("ros", "robot", "control", "loader")
+    )
     assert done.returncode == 1 and "1e-9" in done.stderr
 
 
@@ -167,6 +184,23 @@ def test_the_latest_value_is_whole_and_not_older_than_the_one_before(plain: Ros2
         "-lpthread",
     )
     assert "whole and in order" in run(made).stdout
+
+
+@needs_cpp
+@pytest.mark.campaign
+@pytest.mark.skipif("HOLOKIN_ROS2_CONTROL" not in os.environ, reason="HOLOKIN_ROS2_CONTROL is no checkout")
+def test_ros2_controls_own_base_class_and_interfaces_take_the_controller(
+    plain: Ros2ControlPackage, tmp_path: Path
+) -> None:
+    """controller_interface, the handles and the loaned interfaces of a checkout, with stand-ins of what they need."""
+    checkout = Path(os.environ["HOLOKIN_ROS2_CONTROL"])
+    parts = [checkout / name for name in ("controller_interface", "hardware_interface", "joint_limits")]
+    sources = [parts[0] / "src" / f"{name}.cpp" for name in ("controller_interface", "controller_interface_base")]
+    if (parts[1] / "include" / "hardware_interface" / "lexical_casts.hpp").exists():
+        sources.append(parts[1] / "src" / "lexical_casts.cpp")
+    places = [f"-I{STUBS / 'base'}", *(f"-I{part / 'include'}" for part in parts), *includes("ros", "robot", "loader")]
+    done = package_test(plain, tmp_path, plain.folder / "test" / "test_controller.cpp", places, *sources)
+    assert "11 tests, 0 failures" in done.stdout, done.stderr
 
 
 REAL = [

@@ -69,7 +69,7 @@ class LoanedCommandInterface {
 
 namespace controller_interface {
 
-enum class CallbackReturn : std::uint8_t { SUCCESS = 97, FAILURE = 98, ERROR = 99 };
+using CallbackReturn = rclcpp_lifecycle::node_interfaces::LifecycleNodeInterface::CallbackReturn;
 enum class return_type : std::uint8_t { OK = 0, ERROR = 1 };
 enum class interface_configuration_type : std::uint8_t { ALL = 0, INDIVIDUAL = 1, NONE = 2 };
 
@@ -84,21 +84,16 @@ struct ControllerInterfaceParams {
   rclcpp::NodeOptions node_options;
 };
 
-class ControllerInterface {
+class ControllerInterface : public rclcpp_lifecycle::node_interfaces::LifecycleNodeInterface {
  public:
-  virtual ~ControllerInterface() = default;
   virtual InterfaceConfiguration command_interface_configuration() const = 0;
   virtual InterfaceConfiguration state_interface_configuration() const = 0;
   virtual CallbackReturn on_init() = 0;
-  virtual CallbackReturn on_configure(const rclcpp_lifecycle::State &) { return CallbackReturn::SUCCESS; }
-  virtual CallbackReturn on_activate(const rclcpp_lifecycle::State &) { return CallbackReturn::SUCCESS; }
-  virtual CallbackReturn on_deactivate(const rclcpp_lifecycle::State &) { return CallbackReturn::SUCCESS; }
-  virtual CallbackReturn on_cleanup(const rclcpp_lifecycle::State &) { return CallbackReturn::SUCCESS; }
   virtual return_type update(const rclcpp::Time &, const rclcpp::Duration &) = 0;
   virtual rclcpp::NodeOptions define_custom_node_options() const { return {}; }
 
   return_type init(const ControllerInterfaceParams &given) {
-    node_ = std::make_shared<rclcpp_lifecycle::LifecycleNode>(given.controller_name, given.node_options);
+    node_ = std::make_shared<rclcpp_lifecycle::LifecycleNode>(given.controller_name, "", given.node_options, false);
     description_ = given.robot_description;
     rate_ = given.controller_manager_update_rate;
     return on_init() == CallbackReturn::SUCCESS ? return_type::OK : return_type::ERROR;

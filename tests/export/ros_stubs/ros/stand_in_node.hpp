@@ -10,6 +10,7 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -26,15 +27,6 @@ inline Logger get_logger(const std::string &name) { return {name}; }
 inline bool ok() { return true; }
 inline void init(int, const char *const *) {}
 
-class Time {
- public:
-  explicit Time(std::int64_t nanoseconds = 0) : nanoseconds_(nanoseconds) {}
-  std::int64_t nanoseconds() const { return nanoseconds_; }
-
- private:
-  std::int64_t nanoseconds_;
-};
-
 class Duration {
  public:
   explicit Duration(std::chrono::nanoseconds time) : time_(time) {}
@@ -42,6 +34,19 @@ class Duration {
 
  private:
   std::chrono::nanoseconds time_;
+};
+
+class Time {
+ public:
+  explicit Time(std::int64_t nanoseconds = 0) : nanoseconds_(nanoseconds) {}
+  std::int64_t nanoseconds() const { return nanoseconds_; }
+  int get_clock_type() const { return 1; }
+  Duration operator-(const Time &other) const {
+    return Duration(std::chrono::nanoseconds(nanoseconds_ - other.nanoseconds_));
+  }
+
+ private:
+  std::int64_t nanoseconds_;
 };
 
 struct Clock {
@@ -70,9 +75,12 @@ class Parameter {
   const Value &stored() const { return value_; }
   template <class T>
   T get_value() const {
-    if (const T *found = std::get_if<T>(&value_)) return *found;
+    using Kept = std::conditional_t<std::is_same_v<T, int>, std::int64_t, T>;
+    if (const Kept *found = std::get_if<Kept>(&value_)) return static_cast<T>(*found);
     throw std::runtime_error("parameter is of another type");
   }
+  std::int64_t as_int() const { return get_value<std::int64_t>(); }
+  bool as_bool() const { return get_value<bool>(); }
 
  private:
   std::string name_;
@@ -81,6 +89,9 @@ class Parameter {
 
 struct NodeOptions {
   std::map<std::string, Parameter::Value> overrides;
+  NodeOptions &allow_undeclared_parameters(bool) { return *this; }
+  NodeOptions &automatically_declare_parameters_from_overrides(bool) { return *this; }
+  NodeOptions &enable_logger_service(bool) { return *this; }
 };
 
 template <class Message>
@@ -119,7 +130,11 @@ class Node {
       const rcl_interfaces::msg::ParameterDescriptor & = {}) {
     if (has_parameter(name)) throw std::runtime_error("parameter " + name + " is declared already");
     const auto given = overrides.find(name);
-    declared[name] = given == overrides.end() ? Parameter::Value(by_default) : given->second;
+    if constexpr (std::is_same_v<T, int>)
+      declared[name] = static_cast<std::int64_t>(by_default);
+    else
+      declared[name] = by_default;
+    if (given != overrides.end()) declared[name] = given->second;
     return get_parameter(name).template get_value<T>();
   }
 };
@@ -128,13 +143,48 @@ class Node {
 
 namespace rclcpp_lifecycle {
 
-class State {};
+class State {
+ public:
+  explicit State(std::uint8_t id = 0) : id_(id) {}
+  std::uint8_t id() const { return id_; }
+
+ private:
+  std::uint8_t id_;
+};
+
+namespace node_interfaces {
+class LifecycleNodeInterface {
+ public:
+  enum class CallbackReturn : std::uint8_t { SUCCESS = 97, FAILURE = 98, ERROR = 99 };
+  virtual ~LifecycleNodeInterface() = default;
+  virtual CallbackReturn on_configure(const State &) { return CallbackReturn::SUCCESS; }
+  virtual CallbackReturn on_cleanup(const State &) { return CallbackReturn::SUCCESS; }
+  virtual CallbackReturn on_shutdown(const State &) { return CallbackReturn::SUCCESS; }
+  virtual CallbackReturn on_activate(const State &) { return CallbackReturn::SUCCESS; }
+  virtual CallbackReturn on_deactivate(const State &) { return CallbackReturn::SUCCESS; }
+  virtual CallbackReturn on_error(const State &) { return CallbackReturn::ERROR; }
+};
+}  // namespace node_interfaces
 
 class LifecycleNode : public rclcpp::Node {
  public:
-  LifecycleNode(std::string name, const rclcpp::NodeOptions &options) : name_(std::move(name)) {
+  using Callback = std::function<node_interfaces::LifecycleNodeInterface::CallbackReturn(const State &)>;
+
+  LifecycleNode(std::string name, const std::string &, const rclcpp::NodeOptions &options, bool) : name_(std::move(name)) {
     overrides = options.overrides;
   }
+  void register_on_configure(Callback callback) { configure_ = std::move(callback); }
+  void register_on_cleanup(const Callback &) {}
+  void register_on_shutdown(const Callback &) {}
+  void register_on_activate(const Callback &) {}
+  void register_on_deactivate(const Callback &) {}
+  void register_on_error(const Callback &) {}
+  const State &get_current_state() const { return state_; }
+  const State &configure() {
+    if (configure_(state_) == node_interfaces::LifecycleNodeInterface::CallbackReturn::SUCCESS) state_ = State(2);
+    return state_;
+  }
+  const State &shutdown() { return state_ = State(4); }
   const char *get_name() const { return name_.c_str(); }
   rclcpp::Logger get_logger() const { return {name_}; }
   rclcpp::Clock::SharedPtr get_clock() { return clock_; }
@@ -168,6 +218,8 @@ class LifecycleNode : public rclcpp::Node {
 
  private:
   std::string name_;
+  Callback configure_;
+  State state_{1};
   rclcpp::Clock::SharedPtr clock_ = std::make_shared<rclcpp::Clock>();
 };
 
