@@ -205,7 +205,7 @@ def test_an_old_target_stops_the_joints(arm: BuiltController) -> None:
     assert (update_all(arm, silent, "timeout=double:0.0").status == Outcome.OK).all()
     for age, outcome in ((0.1, Outcome.OK), (0.3, Outcome.STALE), (-0.3, Outcome.STALE)):
         stamped = update_all(arm, [posed(T, age=age) for T in poses[:20]])
-        assert (stamped.status == outcome).all()
+        assert (stamped.status == outcome).all() and ("old by its stamp" in stamped.words) == (outcome == Outcome.STALE)
 
 
 @pytest.mark.parametrize(("commands", "hold"), [("position", True), ("velocity", False)])

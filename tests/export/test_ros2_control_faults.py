@@ -168,7 +168,7 @@ def test_an_arm_off_the_leaf_is_not_activated_but_where_its_own_leaf_is_to_be_ke
         np.testing.assert_allclose(found.states[:, 2], 0.5, atol=1e-9)
         np.testing.assert_allclose(ROBOT.pose(found.states[-1]), target, atol=1e-9)
     near = PANDA_START + np.array([0, 0, 0.05, 0, 0, 0, 0])
-    led = update_all(arm, [posed(ROBOT.pose(near))] * 2000, start=near)
+    led = update_all(arm, [posed(ROBOT.pose(near))] * 2000, "max_level_error=double:0.1", start=near)
     np.testing.assert_allclose(led.states[-1, 2], PANDA_START[2], atol=1e-9)
 
 

@@ -166,7 +166,7 @@ ToolController::CallbackReturn ToolController::on_init() {
     auto_declare<double>("leaf_correction", 0.1);
     auto_declare<std::vector<double>>("level", LEVEL);
     auto_declare<bool>("level_at_activation", false);
-    auto_declare<double>("max_level_error", 0.1);
+    auto_declare<double>("max_level_error", 0.01);
     auto_declare<double>("most_error", 0.1);
     auto_declare<double>("least_rcond", 1e-3);
     auto_declare<double>("status_rate", 20.0);
@@ -375,7 +375,11 @@ void ToolController::accept(const std::string &frame, std::int64_t stamp, const 
         "a target has numbers that are not finite, or a quaternion that is not of length 1");
   } else if (stamp != 0 && set_.timeout > 0) {
     const double age = static_cast<double>(get_node()->now().nanoseconds() - stamp) * NANO;
-    if (std::abs(age) > set_.timeout) accepted.found = Outcome::STALE;
+    if (std::abs(age) > set_.timeout) {
+      accepted.found = Outcome::STALE;
+      RCLCPP_WARN_THROTTLE(get_node()->get_logger(), *get_node()->get_clock(), 1000,
+          "a target is %g s old by its stamp and the clock of this node", age);
+    }
   }
   goals_.write(accepted);
 }
