@@ -27,6 +27,7 @@ NAMES = ["\"a' & <b>", "c\\n ??= %s", "$name ${NAME} */ //", "Gelenk \u00e4 \u51
 """Quotes, angle brackets, backslashes, dollars and letters of other scripts."""
 
 START = [0.4, 0.7, 0.5, -0.3]
+LAST = hk.lock(3)
 
 
 def arm(names: list[str], tip: str = "tool") -> hk.Robot:
@@ -35,8 +36,8 @@ def arm(names: list[str], tip: str = "tool") -> hk.Robot:
     return hk.from_dh(rows, name="arm", tip=tip)
 
 
-def written(robot: hk.Robot, folder: Path, **more: str) -> Ros2ControlPackage:
-    law = hk.holonomic(hk.position(robot), hk.lock(3))
+def written(robot: hk.Robot, folder: Path, held: hk.Constraint = LAST, **more: str) -> Ros2ControlPackage:
+    law = hk.holonomic(hk.position(robot), held)
     return export_ros2_control(law, folder, q0=START, vectors_count=1, **more)  # type: ignore[arg-type]
 
 
@@ -148,9 +149,10 @@ def test_the_test_of_the_controller_fails_for_other_joints(plain: Ros2ControlPac
 @needs_cpp
 @pytest.mark.campaign
 def test_a_robot_without_limits_and_with_any_names_is_controlled(tmp_path: Path) -> None:
-    """A task of positions: the orientation of a target does not count."""
+    """A task of positions: the orientation of a target does not count. An angle is a level with a turn more, too."""
     robot = arm(NAMES, "Spitze \"'<&>")
-    done = written(robot, tmp_path / "package", name="four", package="four")
+    angle = hk.custom(lambda q: q[3], rows=1, angular=True)
+    done = written(robot, tmp_path / "package", angle, name="four", package="four")
     ElementTree.parse(done.folder / "package.xml")
     built = BuiltController(
         library(done, tmp_path), driver("control_driver.cpp", tmp_path), done, robot.joint_names, np.array(START)
@@ -159,7 +161,7 @@ def test_a_robot_without_limits_and_with_any_names_is_controlled(tmp_path: Path)
     target = start.copy()
     target[:3, 3] += [0.03, -0.02, 0.05]
     target[:3, :3] = target[:3, :3] @ np.diag([-1.0, -1.0, 1.0])
-    found = update_all(built, [posed(target)] * 1000)
+    found = update_all(built, [posed(target)] * 1000, f"level=numbers:{START[3] + 2 * np.pi}")
     assert (found.status == Outcome.OK).all()
     np.testing.assert_allclose(robot.pose(found.states[-1])[:3, 3], target[:3, 3], atol=1e-9)
     np.testing.assert_allclose(found.states[:, 3], START[3], atol=1e-9)
