@@ -9,7 +9,6 @@ from holokin.export import MoveItPackage, Ros2ControlPackage
 
 STUBS = Path(__file__).parent / "export" / "ros_stubs"
 STRICT = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror")
-SOURCES = {MoveItPackage: "kinematics_plugin.cpp", Ros2ControlPackage: "tool_controller.cpp"}
 
 
 def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
@@ -31,10 +30,10 @@ def library(
 ) -> Path:  # fmt: skip
     """The plugin as a library, with the strictest warnings."""
     code, made = folder / "law.o", folder / "libplugin.so"
-    c, source = written.folder / "c", written.folder / "src" / SOURCES[type(written)]
+    c, sources = written.folder / "c", sorted((written.folder / "src").glob("*.cpp"))
     run("cc", "-std=c99", "-O1", "-fPIC", "-fvisibility=hidden", *flags, "-c", c / f"{written.name}.c", "-o", code)
     build = ("g++", "-std=c++17", "-O0", *STRICT, "-fPIC", "-shared", *flags, *includes(*places), f"-I{c}")
-    run(*build, source, code, "-o", made)
+    run(*build, *sources, code, "-o", made)
     return made
 
 

@@ -86,7 +86,7 @@ def test_the_texts_of_the_controller_are_what_ros_reads(plain: Ros2ControlPackag
     config = yaml.safe_load((plain.folder / "config" / "controller.yaml").read_text("utf-8"))
     assert config["controller_manager"]["ros__parameters"]["tool_controller"]["type"] == plain.plugin
     given = config["tool_controller"]["ros__parameters"]
-    source = (plain.folder / "src" / "tool_controller.cpp").read_text("utf-8")
+    source = (plain.folder / "src" / "tool_parameters.cpp").read_text("utf-8")
     declared = {line.split('"')[1]: line for line in source.splitlines() if "auto_declare<" in line}
     readme = (plain.folder / "README.md").read_text("utf-8")
     assert set(given) <= set(declared)
@@ -114,7 +114,7 @@ def package_test(
     c, src, code, plugin = written.folder / "c", written.folder / "src", folder / "law.o", folder / "libplugin.so"
     build = ["g++", "-std=c++17", "-O0", "-w", "-DFMT_HEADER_ONLY", *places, f"-I{c}", f"-I{src}"]
     run("cc", "-std=c99", "-O1", "-fPIC", "-fvisibility=hidden", "-c", c / f"{written.name}.c", "-o", code)
-    run(*build, "-fPIC", "-shared", src / "tool_controller.cpp", *sources, code, "-o", plugin)
+    run(*build, "-fPIC", "-shared", *src.glob("*.cpp"), *sources, code, "-o", plugin)
     words = [f'-DPLUGIN="{plugin}"', f'-DROBOT="{written.folder / "test" / "robot.urdf"}"']
     made = folder / "test_controller"
     run(*build, *words, test, plugin, f"-Wl,-rpath,{folder}", "-o", made, "-ldl", "-lpthread")

@@ -40,8 +40,11 @@ SWING = 0.02
 _FILES = {
     "src/tool_controller.hpp": "control/tool_controller.hpp",
     "src/tool_controller.cpp": "control/tool_controller.cpp",
+    "src/tool_parameters.cpp": "control/tool_parameters.cpp",
     "src/tool_motion.hpp": "control/tool_motion.hpp",
     "src/latest_value.hpp": "control/latest_value.hpp",
+    "src/outcome.hpp": "control/outcome.hpp",
+    "src/interface_access.hpp": "control/interface_access.hpp",
     "src/robot_description.hpp": "control/robot_description.hpp",
     "test/test_controller.cpp": "control/test_controller.cpp",
     "config/controller.yaml": "control/controller.yaml",

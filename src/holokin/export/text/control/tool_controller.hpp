@@ -24,28 +24,10 @@
 
 #include "$name.hpp"
 #include "latest_value.hpp"
+#include "outcome.hpp"
 #include "tool_motion.hpp"
 
 namespace $package {
-
-/* What became of an update. Up to SLOWED the joints move; those up to LOST have the numbers of the exported C. */
-enum class Outcome : std::uint8_t {
-  OK = 0,
-  SLOWED = 1,
-  LIMIT = 2,
-  SINGULAR = 3,
-  NOT_FINITE = 4,
-  LOST = 8,
-  WAITING = 20,
-  STALE = 21,
-  BAD_TARGET = 22,
-  FAR = 23,
-  BAD_PERIOD = 24,
-  NO_STATE = 25,
-  NOT_FOLLOWING = 26,
-  INACTIVE = 27,
-  BAD_PARAMETERS = 28
-};
 
 class ToolController : public controller_interface::ControllerInterface {
  public:
@@ -99,7 +81,9 @@ class ToolController : public controller_interface::ControllerInterface {
   };
 
   template <class T>
-  T value_of(const std::string &parameter) const;
+  T value_of(const std::string &parameter) const {
+    return get_node()->get_parameter(parameter).template get_value<T>();
+  }
   std::string read_settings(Settings &read) const;
   std::string check_robot(const Settings &read) const;
   std::string take_interfaces();
