@@ -61,10 +61,13 @@ def encoder_levels(q: Matrix) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class ToolMotion:
-    """Tool points of postures q (k, n), computed when they are asked for: those of a long log fill the memory."""
+    """Tool points of postures q (k, n), computed when they are asked for: those of a long log fill the memory.
+
+    q may be in single precision, too.
+    """
 
     robot: Robot
-    q: NDArray[np.floating[Any]]
+    q: Matrix
     tip: str | None
     axes: Matrix
     length_scale: float

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import cast
 
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import ArrayLike, Flags, Vector
+from ..base.types import ArrayLike, Flags, Matrix, Vector
 from ..errors import ArgumentError
 from ..recording.dataset_columns import JointFeature, PoseFeature, postures_of, tool_poses_of
 from ..recording.dataset_folder import Dataset, rows
@@ -118,7 +119,7 @@ def audit_dataset(
     notes = () if poses is None else (f"{poses.name} and the tool of the joints are up to {apart:.3g} m apart",)
     turns = 1 / length_scale if task.m < 3 + axes.shape[1] and axes.shape[1] == 3 and not robot.planar else 0.0
     q.flags.writeable = told.flags.writeable = False  # else a `Value` copies them
-    tool = ToolMotion(robot, q, tip, axes, length_scale) if poses is None else ToolColumn(told)
+    tool = ToolMotion(robot, cast("Matrix", q), tip, axes, length_scale) if poses is None else ToolColumn(told)
     pairs = _pairs(tool, key, moved, begins, near)
     del key, moved
     pairs = _equal_poses(task, q, tool, *pairs, tolerance, turns)
