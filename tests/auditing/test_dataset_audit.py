@@ -120,6 +120,17 @@ def test_poses_that_are_near_but_not_equal_leave_it_open(tmp_path: Path) -> None
     assert audited(tmp_path / "d", tolerance=2e-2).verdict is LogVerdict.REPEATS
 
 
+def test_poses_a_millimetre_apart_are_compared_wherever_they_lie(tmp_path: Path) -> None:
+    """Two of them may lie on two sides of a cell of one grid; then they are in one cell of the other."""
+    ik = hk.inverse(hk.holonomic(hk.position(ARM), hk.lock(2)), Q0)
+    across = np.mgrid[-3:4, -3:4].reshape(2, -1).T * 0.03 + np.random.default_rng(4).uniform(0, 5e-3, (49, 2))
+    places = ARM.pose(Q0)[:3, 3] + np.pad(across, ((0, 0), (0, 1)))
+    for axis, step in enumerate(1e-3 * np.eye(3)[:2]):
+        episodes = [ik.batch(places).q, ik.batch(places + step).q]
+        found = audited(write(tmp_path / f"{axis}", episodes))
+        assert sorted(zip(found.pairs.first % 49, found.pairs.second % 49, strict=True)) == [(i, i) for i in range(49)]
+
+
 def test_equal_places_with_other_orientations_are_no_equal_poses(tmp_path: Path) -> None:
     """By default the whole pose counts: this arm turns its tool from episode to episode, at the same place."""
     folder = write(tmp_path / "d", DRIFTING)
