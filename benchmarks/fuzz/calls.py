@@ -248,6 +248,8 @@ def calls() -> dict[str, Call]:
         "export_moveit": (hk.export.export_moveit, (held, "out"), {
             "q0": q, "package": "law_plugin", "group": "arm", "name": "law", "limits": True, "vectors_count": 1,
             "origin": "fuzz"}),
+        "export_ros2_control": (hk.export.export_ros2_control, (held, "out"), {
+            "q0": q, "package": "law_controller", "name": "law", "vectors_count": 1, "origin": "fuzz"}),
         "Recording": (recording.Recording, (("a", "b", "c"), t, np.zeros((3, 3)), "here"), {"notes": ()}),
         "audit_recording": (hk.audit_recording, (recording.Recording(tuple(robot.joint_names), t, np.zeros((3,
             3)), "here"),
