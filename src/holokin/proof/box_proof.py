@@ -154,12 +154,16 @@ class PoseRegion(Value, Domain):
 
     def poses(self, boxes: Boxes) -> Array:
         """(k, 4, 4) at the middles."""
+        return self.poses_at((boxes.low + boxes.high) / 2)
+
+    def poses_at(self, u: Matrix) -> Array:
+        """(k, 4, 4) at parameters (k, d)."""
         from scipy.spatial.transform import Rotation
 
-        at = (boxes.low + boxes.high) / 2 * self.half
-        T = np.tile(np.eye(4), (len(boxes), 1, 1))
+        at = u * self.half
+        T = np.tile(np.eye(4), (len(u), 1, 1))
         T[:, :3, 3] = self.p0 + at[:, :3]
-        w = at[:, 3:] if self.equation.family.turning else np.zeros((len(boxes), 3))
+        w = at[:, 3:] if self.equation.family.turning else np.zeros((len(u), 3))
         turn = Rotation.from_quat(np.column_stack([w / 2, np.ones(len(w))]))
         T[:, :3, :3] = self.R0 @ turn.as_matrix()
         return T

@@ -18,7 +18,7 @@ from ..base.arguments import typed
 from ..base.poses import PoseLike, tool_poses
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some, whole
 from ..errors import ArgumentError
-from ..inverse_kinematics import InverseStatus, inverse
+from ..inverse_kinematics import InverseKinematics, inverse
 from ..inverse_kinematics.inverse_function import leads_to
 from ..path.workspaces import PoseRange
 from ..robot import LinkShape, Robot
@@ -29,12 +29,10 @@ from .certificate import Certificate
 from .certify_leaf import certificate, demands, provable, start_of
 from .kept_apart import CLEARANCE, kept_apart
 from .largest_box import largest_box, proven_box
+from .open_parts import ANOTHER, CAUSES, END, LIMIT, NEAR, OpenParts, asked_about, open_parts
 
 SAMPLED = 1000
 """Poses of the rest of a workspace that are asked what they are."""
-
-CAUSES = ("not proven", "another posture", "beyond a joint limit", "the leaf ends")
-"""What the poses of a workspace are that are not in its region."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,23 +84,30 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         """Of the workspace the shares that do not belong to it, by cause, from `SAMPLED` poses: `CAUSES`."""
         poses = self.workspace.poses(SAMPLED)
         found = self.causes(poses)
-        return {name: float(np.mean(found == i)) for i, name in enumerate(CAUSES)}
+        names = CAUSES if self.certificate.demands.clear is not None else CAUSES[:NEAR]
+        return {name: float(np.mean(found == i)) for i, name in enumerate(names)}
 
     def causes(self, poses: Array) -> Indices:
         """(k,) of tool poses (k, 4, 4): -1 where they belong to it, else which of `CAUSES`.
 
         The postures of the others are those of `ik(pose)`, from q0 straight to the pose: "another posture" where one
-        from the nearest pose of the region is another one.
+        from the nearest pose of the region is another one; "too near" where things are nearer there than was asked.
         """
-        inside = self.contains(poses)
-        out, ik = np.full(len(poses), -1), inverse(self.strategy, self.q0, limits=self.certificate.limits is not None)
-        others = np.flatnonzero(~inside)
-        found = ik.batch(poses[others])
-        out[others] = np.select([found.reached, found.status == InverseStatus.LIMIT], [0, 2], 3)
-        for i in others[found.reached]:
-            if self._elsewhere(poses[i], found.q[np.searchsorted(others, i)]):
-                out[i] = 1
+        out, others = np.full(len(poses), -1), np.flatnonzero(~self.contains(poses))
+        asked = asked_about(self.certificate.demands.clear, poses[others], self._ik)
+        for i, k in enumerate(others):
+            there = asked.cause[i] in (LIMIT, END) or not self._elsewhere(poses[k], asked.q[i])
+            out[k] = asked.cause[i] if there else ANOTHER
         return out
+
+    @cached_property
+    def parts(self) -> OpenParts:
+        """The parts of the workspace that do not belong to it, and why: with the postures that are too near."""
+        return open_parts(self.certificate, self.cells, self._ik, self._elsewhere)
+
+    @cached_property
+    def _ik(self) -> InverseKinematics:
+        return inverse(self.strategy, self.q0, limits=self.certificate.limits is not None)
 
     def _elsewhere(self, pose: Matrix, q: Vector) -> bool:
         """Whether the leaf, followed from the nearest cell to a pose, has another posture there than q."""
@@ -164,6 +169,20 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
             at = np.clip(np.searchsorted(cuts, u[:, axis], side="right") - 1, 0, len(cuts) - 2)
             place = place * (len(cuts) - 1) + at
         return place
+
+
+def region_of(certificate: Certificate) -> UniqueRegion:
+    """The tool poses that the certificate of a box proves. Raises: ArgumentError: it is of a path."""
+    space, anchors, equation = certificate.asked, certificate.anchors, certificate.equation
+    if not isinstance(space, PoseRange):
+        raise ArgumentError("the certificate", certificate.title, "give one of a box of poses")
+    n, d = equation.strategy.task.n, equation.d
+    p0, R0, half = np.split(certificate.pieces[0], [3, 12])
+    q = anchors.q[0]
+    cells = PoseRegion(
+        equation, certificate.c, p0, R0.reshape(3, 3), half[:d], q[:n], anchors.u[0], partial=True
+    )  # fmt: skip
+    return UniqueRegion(equation.strategy, q[:n], space, certificate, cells)
 
 
 @typed
