@@ -105,13 +105,14 @@ def open_parts(certificate: Certificate, region: PoseRegion, ik: InverseKinemati
     places = _places(low, high, max(1, min(ASKED, MOST_ASKED // max(k, 1))))
     count = places.shape[1]
     asked = asked_about(clear, region.poses_at(places.reshape(k * count, d)), ik)
-    cause, found = asked.cause[::count].copy(), [None] * k
+    cause = asked.cause[::count].copy()
+    found: list[TooNear | None] = [None] * k
     cause[cause == NEAR] = UNPROVEN
     for i in range(k):
         those = np.arange(i * count, (i + 1) * count)
         near = those[asked.cause[those] == NEAR]
-        for j in near[np.argsort(-asked.short[near])].tolist() if clear is not None else ():
-            if not elsewhere(asked.poses[j], asked.q[j]):
+        for j in near[np.argsort(-asked.short[near])].tolist():
+            if clear is not None and not elsewhere(asked.poses[j], asked.q[j]):
                 cause[i], found[i] = NEAR, asked.told(clear, j)
                 break
         if cause[i] == UNPROVEN and elsewhere(asked.poses[those[0]], asked.q[those[0]]):

@@ -11,12 +11,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path as FilePath
 
 import numpy as np
 
 from ..base.arguments import typed
 from ..base.poses import PoseLike, tool_poses
-from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some, whole
+from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, kept, some, whole
 from ..errors import ArgumentError
 from ..inverse_kinematics import InverseKinematics, inverse
 from ..inverse_kinematics.inverse_function import leads_to
@@ -26,8 +27,9 @@ from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import of_one_tool
 from .box_proof import PoseRegion
 from .certificate import Certificate
-from .certify_leaf import certificate, demands, provable, start_of
+from .certify_leaf import certificate, demands, provable, question, start_of
 from .kept_apart import CLEARANCE, kept_apart
+from .kept_cells import KeptCells
 from .largest_box import largest_box, proven_box
 from .open_parts import ANOTHER, CAUSES, END, LIMIT, NEAR, OpenParts, asked_about, open_parts
 
@@ -171,6 +173,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         return place
 
 
+@kept
 def region_of(certificate: Certificate) -> UniqueRegion:
     """The tool poses that the certificate of a box proves. Raises: ArgumentError: it is of a path."""
     space, anchors, equation = certificate.asked, certificate.anchors, certificate.equation
@@ -201,6 +204,7 @@ def unique_region(
     ignore: Sequence[tuple[str, str]] = (),
     shapes_of: Robot | None = None,
     budget: int = 20_000,
+    keep_in: str | FilePath | None = None,
     say: Callable[[str], None] = lambda _text: None,
 ) -> UniqueRegion:
     """Tool poses about q0 over which the joints on its leaf are proven to be one function of the pose.
@@ -217,6 +221,7 @@ def unique_region(
         limits: prove, too, that the joints stay within their limits.
         clear_of, floor, clearance, self_collision, ignore, shapes_of: prove, too, that shapes keep apart, as `certify`.
         budget: cells that may be examined; more give a larger box.
+        keep_in: of a workspace, a file that keeps the cells, as of `certify`.
         say: hears of the progress.
 
     Raises:
@@ -231,6 +236,9 @@ def unique_region(
         strategy, limits, kept_apart(strategy, start, clear_of, floor, clearance, self_collision, ignore, shapes_of)
     )
     if workspace is None:
+        if keep_in is not None:
+            cure = "it is of one box: give the workspace, too"
+            raise ArgumentError("keep_in", str(keep_in), cure)
         box = largest_box(strategy, start, tilt, spin, asked)
         found, cells, box = proven_box(strategy, start, box, asked, budget, say)
         return UniqueRegion(strategy, start, box, found, cells)
@@ -238,6 +246,6 @@ def unique_region(
         raise ArgumentError("tilt and spin", (tilt, spin), "a workspace has its own: hk.workspace(..., tilt=, spin=)")
     began = time.perf_counter()
     cells = PoseRegion.of(strategy, workspace, start, partial=True)
-    return UniqueRegion(
-        strategy, start, workspace, certificate(workspace, cells, start, asked, budget, say, began), cells
-    )
+    with KeptCells.opened(keep_in, lambda: question(cells, start, asked)) as kept_cells:
+        found = certificate(workspace, cells, start, asked, budget, say, began, kept_cells=kept_cells)
+    return UniqueRegion(strategy, start, workspace, found, cells)
