@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from html import escape
 from pathlib import Path as FilePath
@@ -24,6 +24,8 @@ from ..proof.certificate import FORMAT, digest
 from ..proof.checker_word import CheckerWord, Outcome, ask_checker
 from ..robot import Robot
 from ..version import build
+from .clear_page import clear_sections, open_section
+from .clear_picture import box_figure, box_picture_words
 from .html_page import drawn, html_table, page
 from .proof_picture import drawable, picture_words, proof_figure, start_of
 from .proof_words import (
@@ -119,6 +121,8 @@ def _page(found: Certificate, file: FilePath, word: CheckerWord, now: datetime) 
         "<h2>File and versions</h2>",
         _facts(_file_facts(file, sha256, now)),
         *_where(found),
+        *open_section(found),
+        *clear_sections(found),
         "<h2>Robot</h2>",
         _facts(_robot_facts(robot)),
         _joints(found),
@@ -178,10 +182,17 @@ def _checker(word: CheckerWord) -> list[str]:
 
 def _where(found: Certificate) -> list[str]:
     """The path or the box, with the picture."""
-    figure = [drawn(lambda: proof_figure(found), picture_words(found))] if drawable(found) else []
+    figure = [drawn(*_picture(found))] if drawable(found) else []
     if isinstance(found.asked, Workspace):
         return ["<h2>Box of tool poses</h2>", *figure, _facts(_box_facts(found, found.asked))]
     return ["<h2>Path</h2>", *figure, _facts(_path_facts(found, found.asked)), *_pieces(found.asked)]
+
+
+def _picture(found: Certificate) -> tuple[Callable[[], Any], str]:
+    """What draws it, and what to see in it."""
+    if isinstance(found.asked, PoseRange) and not (found.whole and found.demands.clear is None):
+        return lambda: box_figure(found), box_picture_words(found)
+    return lambda: proof_figure(found), picture_words(found)
 
 
 def _box_facts(found: Certificate, space: Workspace) -> list[tuple[str, str]]:

@@ -14,6 +14,7 @@ from ..path.workspaces import Workspace
 from ..proof import Certificate, Extent, joint_rates
 from ..proof.checker_word import CheckerWord, Outcome
 from ..tasks.task import Task
+from .clear_words import nearest_of, refuted_by
 from .words import joint_unit
 
 DIGITS = 3
@@ -151,11 +152,25 @@ def verdict(found: Certificate, word: CheckerWord) -> Verdict:
         return Verdict(line, f"{only} {_capital(found.returning)}.", False)
     if not found.whole:
         stop = f" The proof stopped at {found.where}." if found.where else ""
+        worst = refuted_by(found)
+        if worst is not None:
+            stop = f" In the rest it is REFUTED: {worst}."
         return Verdict(f"NOT ALL IS PROVEN: only {share_words(found)}", f"{_capital(found.extent.cause)}.{stop}", False)
     verified = word.outcome is Outcome.VERIFIED
     known = "PROVEN" if verified else "PROVEN BUT NOT VERIFIED"
     limits = "" if found.limits is not None else " Joint limits are not part of the proof."
-    return Verdict(f"{known}: {_good(found, pose)}", _sentence(found) + limits, verified)
+    return Verdict(f"{known}: {_good(found, pose)}", _sentence(found) + _apart(found) + limits, verified)
+
+
+def _apart(found: Certificate) -> str:
+    """What is proven of distances, for the sentence below the first line."""
+    near = nearest_of(found)
+    if near is None:
+        return ""
+    return (
+        f" There the shapes that are listed below keep apart: the nearest of them, {_pair(near.names)}, by "
+        f"{at_least(near.bound)} m or more."
+    )
 
 
 def _ends_elsewhere(found: Certificate) -> bool:

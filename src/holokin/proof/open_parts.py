@@ -89,6 +89,14 @@ class OpenParts(Value):
         """Of the box the shares that are not proven, by cause."""
         return {name: float(self.volumes[self.cause == i].sum()) for i, name in enumerate(CAUSES)}
 
+    def cause_at(self, u: Matrix) -> Indices:
+        """(k,) the cause of the part that holds a place u (k, d), -1 where none does."""
+        out = np.full(len(u), -1)
+        near = ((self.low <= u.max(axis=0)) & (self.high >= u.min(axis=0))).all(axis=1) if len(u) else []
+        for i in np.flatnonzero(near):
+            out[((self.low[i] <= u) & (u <= self.high[i])).all(axis=1)] = self.cause[i]
+        return out
+
     @property
     def worst(self) -> TooNear | None:
         """The posture that is short of what was asked by most; None where none was found."""

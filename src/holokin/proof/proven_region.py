@@ -31,7 +31,7 @@ from .certify_leaf import certificate, demands, provable, question, start_of
 from .kept_apart import CLEARANCE, kept_apart
 from .kept_cells import KeptCells
 from .largest_box import largest_box, proven_box
-from .open_parts import ANOTHER, CAUSES, END, LIMIT, NEAR, OpenParts, asked_about, open_parts
+from .open_parts import ANOTHER, CAUSES, END, LIMIT, NEAR, UNPROVEN, OpenParts, asked_about, open_parts
 
 SAMPLED = 1000
 """Poses of the rest of a workspace that are asked what they are."""
@@ -101,6 +101,12 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
             there = asked.cause[i] in (LIMIT, END) or not self._elsewhere(poses[k], asked.q[i])
             out[k] = asked.cause[i] if there else ANOTHER
         return out
+
+    def parts_at(self, poses: Array) -> Indices:
+        """(k,) of tool poses (k, 4, 4): -1 where they belong to it, else which of `CAUSES` their part has."""
+        cell, u = self._cell_of(poses[:, :3, 3], poses[:, :3, :3])
+        out = self.parts.cause_at(u)
+        return np.where(cell >= 0, -1, np.where(out >= 0, out, UNPROVEN))
 
     @cached_property
     def parts(self) -> OpenParts:
