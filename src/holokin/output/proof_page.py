@@ -357,7 +357,10 @@ def _file_facts(file: FilePath, sha256: str, now: datetime) -> list[tuple[str, s
         ("Certificate", f"<code>{name}</code>, {file.stat().st_size:,} bytes, format {escape(FORMAT)}"),
         ("SHA-256 of the file", f"<code>{sha256}</code>"),
         ("Compare it by", f"<code>sha256sum {name}</code>"),
-        ("Verify it by", f"<code>holokin check-certificate {name}</code>"),
+        (
+            "Verify it by",
+            f"<code>holokin check-certificate {name}</code>, 1 % of its cells by <code>--sample 0.01</code>",
+        ),
         ("Page made", f"{now:%Y-%m-%d %H:%M} UTC"),
         ("Made by", f"holokin {escape(build())}, Python {platform.python_version()}, NumPy {np.__version__}"),
     ]

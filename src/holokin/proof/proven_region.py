@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
@@ -123,8 +124,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         u = self.cells.places(pose[None, :3, 3], pose[None, :3, :3])[0]
         if not (len(boxes) and np.isfinite(u).all()):
             return False
-        away = np.linalg.norm(np.clip(u, boxes.low, boxes.high) - u, axis=1)
-        begin = cells.q0[int(np.argmin(away)), : self.strategy.task.n]
+        begin = cells.q0[int(self._middles.query(u)[1]), : self.strategy.task.n]
         return not leads_to(inverse(self.strategy, self.q0), pose, begin, q)
 
     @property
@@ -161,6 +161,14 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
             holds = ((boxes.low[cell] <= u[inside[open_]]) & (u[inside[open_]] <= boxes.high[cell])).all(axis=1)
             out[inside[open_[holds]]] = cell[holds]
         return out, u
+
+    @cached_property
+    def _middles(self) -> Any:
+        """A KDTree of the cells' middles."""
+        from scipy.spatial import KDTree
+
+        boxes = self.certificate.proven.boxes
+        return KDTree((boxes.low + boxes.high) / 2)
 
     @cached_property
     def _bins(self) -> tuple[Indices, Indices]:
