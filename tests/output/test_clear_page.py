@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import json
 import re
 from functools import cache
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 from matplotlib.text import Text
 
 import holokin as hk
+from conftest import Command
 from holokin.output.clear_picture import box_figure
 from holokin.output.clear_words import nearest_of, refuted_by, size_words, stand_in_words
 from holokin.output.plots import legible
@@ -21,7 +23,7 @@ from holokin.output.region_plot import COLORS
 from holokin.proof import Certificate
 from holokin.proof.open_parts import CAUSES, NEAR
 from holokin.proof.proven_region import region_of
-from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, with_capsules
+from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, Mesh, with_capsules
 
 pytest.importorskip("coal")
 pin = pytest.importorskip("pinocchio")
@@ -97,7 +99,14 @@ def test_a_page_lists_the_shapes_with_their_places_and_the_pairs_that_are_left_o
     clear = proof(False).demands.clear
     for one in clear.looked_at.left_out:
         assert row(rows, " and ".join(one.pair))[-1] in {other.reason for other in clear.looked_at.left_out}
-    for word in ("bending", "braking distances", "The controller", "not named above", "lengths and axes of the model"):
+    for word in (
+        "bending",
+        "braking distances",
+        "The controller",
+        "not named above",
+        "lengths and axes of the model",
+        "capsules about the lines from joint to joint",
+    ):
         assert word in text, word
 
 
@@ -154,6 +163,57 @@ def test_the_picture_shows_green_only_where_nothing_is_too_near_and_red_where_it
     assert {"proven", "refuted: too near"} <= names and len(COLORS) == 1 + len(CAUSES)
     sizes = [t.get_fontsize() for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip()]
     assert min(sizes) * min(1.0, 700 / 96 / figure.get_figwidth()) > 7.99
+
+
+JOB = """
+title = "a ball at a corner"
+robot.name = "panda"
+task = {{ kind = "pose", orientation = "twist" }}
+start.q = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
+path = {{ kind = "circle", center = [-0.1, 0, 0], relative = true }}
+workspace = {{ kind = "box", center = {center}, half = [0.02, 0.02, 0.02], rotation = "start" }}
+strategies.lock = {{ kind = "lock", joints = ["panda_joint3"] }}
+
+[checks]
+clearance = 0.002
+obstacles = [{{ name = "a ball", kind = "sphere", radius = 0.02, xyz = {ball} }}]
+"""
+
+
+def test_the_command_tells_the_part_that_is_proven_and_the_posture_that_refutes_the_rest(
+    holokin: Command, tmp_path: Path
+) -> None:
+    job = tmp_path / "ball.toml"
+    job.write_text(JOB.format(center=TOOL[:3, 3].tolist(), ball=BALL.tolist()))
+    found = holokin("certify", job, "--workspace", "--part", "--out", tmp_path / "out", "--check", 0)
+    assert found.code == 1 and "refuted: with the tool at" in " ".join(found.out.split())
+    told = json.loads((tmp_path / "out" / "ball-proof" / "result.json").read_text())["strategies"]["lock"]
+    assert to_ball(np.array(told["refuted"]["q"])) == pytest.approx(told["refuted"]["distance"], abs=1e-9)
+    assert sum(told["shares"].values()) == pytest.approx(1, abs=1e-9) and told["shares"]["proven"] > 0.5
+    assert not list((tmp_path / "out").glob("*.cells"))
+
+
+def test_a_mesh_that_is_not_convex_is_named_as_such(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    for name, mesh, words in (
+        ("pipe", trimesh.creation.annulus(0.01, 0.02, 0.03), "the mesh is NOT convex"),
+        ("block", trimesh.creation.box((0.1, 0.1, 0.1)), "its convex hull"),
+    ):
+        mesh.export(tmp_path / f"{name}.stl")
+        said = stand_in_words(Mesh(tmp_path / f"{name}.stl"))
+        assert words in said and ("NOT" in said) is (name == "pipe")
+        assert size_words(Mesh(tmp_path / f"{name}.stl")).startswith(f"mesh {name}.stl, ")
+
+
+def test_a_box_of_which_nothing_is_proven_has_a_page(tmp_path: Path) -> None:
+    arm, q0 = hk.load("planar-3r"), np.array([0.3, 0.9, 0.7])
+    strategy = hk.holonomic(hk.position(arm), hk.linear([[0.3, 0, 1]]))
+    ball = hk.obstacle("a ball", Capsule(0.1), (-1.5, 0.0, 0.0))
+    space = hk.workspace(box=(arm.pose(q0)[:2, 3], [1.4, 1.4]))
+    none = hk.certify(strategy, space, q0, clear_of=[ball], self_collision=False, budget=1)
+    assert len(none) == 0 and region_of(none).share == 0
+    assert sum(region_of(none).parts.shares.values()) == pytest.approx(1.0)
+    assert "NOTHING IS PROVEN" in save_with_page(none, tmp_path / "none.json", 0).read_text("utf-8")
 
 
 def test_the_words_for_shapes_have_their_kind_and_sizes() -> None:

@@ -15,6 +15,7 @@ from ..proof.open_parts import ANOTHER, CAUSES, END, LIMIT, NEAR, UNPROVEN
 from ..proof.proven_region import region_of
 from ..robot import LinkShape
 from .clear_words import (
+    assumed_words,
     floor_words,
     least_of_pairs,
     nearest_of,
@@ -74,6 +75,8 @@ def _distances(found: Certificate) -> list[str]:
             f"{_pair(near.names)}: in the cell about the tool position {_place(near.pose)} m, at which the "
             f"distance is {near.distance:.4g} m. {escape(_posture(found, near.q))}</p>"
         )
+    assumed = assumed_words(found)
+    parts += [f"<p class='no'>{escape(assumed)}.</p>"] if assumed else []
     shapes = shapes_of(clear)
     rows = [_shape_row(found, shape) for shape in shapes[:MOST_ROWS]]
     rows += [[escape(floor_words(clear)), "", "", "as it is"]] if floor_words(clear) else []
@@ -84,11 +87,11 @@ def _distances(found: Certificate) -> list[str]:
         for names, asked, least in least_of_pairs(found)[:MOST_ROWS]
     ]
     head = ["Pair that is looked at", "Asked [m]", "Proven, at least [m]"]
-    parts.append(html_table(head, pairs, numbers=True) if pairs else "")
+    parts += ["<h3>Pairs</h3>", html_table(head, pairs, numbers=True)] if pairs else []
     left = {one.pair: one.reason for one in clear.looked_at.left_out}
     out = [[_pair(pair), escape(reason)] for pair, reason in list(left.items())[:MOST_ROWS]]
     out += [[escape(brief(one.link)), f"no shape: {escape(brief(one.reason))}"] for one in clear.looked_at.unseen]
-    parts.append(html_table(["Not looked at", "Why"], out) if out else "")
+    parts += ["<h3>Left out</h3>", html_table(["Not looked at", "Why"], out)] if out else []
     return parts
 
 

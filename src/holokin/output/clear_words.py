@@ -123,6 +123,16 @@ def least_of_pairs(found: Certificate) -> list[tuple[tuple[str, str], float, flo
     return sorted(((names, *of) for names, of in listed.items()), key=lambda row: row[2])
 
 
+def assumed_words(found: Certificate) -> str:
+    """What is said of the links of a robot whose model has no shapes."""
+    if found.demands.clear is None or any(not shape.obstacle for shape in found.equation.strategy.task.robot.shapes):
+        return ""
+    return (
+        "The model of the robot has no shapes: capsules about the lines from joint to joint stand for its links. That "
+        "they hold the real links is assumed, and not proven: compare their radius with the robot"
+    )
+
+
 def floor_words(clear: ClearCells) -> str:
     """The floor, where there is one."""
     height = floor_of(clear)

@@ -14,7 +14,7 @@ from ..path.workspaces import Workspace
 from ..proof import Certificate, Extent, joint_rates
 from ..proof.checker_word import CheckerWord, Outcome
 from ..tasks.task import Task
-from .clear_words import nearest_of, refuted_by
+from .clear_words import assumed_words, nearest_of, refuted_by
 from .words import joint_unit
 
 DIGITS = 3
@@ -324,6 +324,7 @@ def _collisions(found: Certificate) -> str:
     ]
     parts += [f"Pairs that a joint joins, that touch at every posture, or that may touch: {_pairs(out)}"] if out else []
     parts += [f"Links without a shape: {brief(', '.join(bare))}"] if bare else []
+    parts += [assumed] if (assumed := assumed_words(found)) else []
     return ". ".join(parts) + "."
 
 

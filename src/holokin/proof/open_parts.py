@@ -21,7 +21,7 @@ CAUSES = ("not proven", "another posture", "beyond a joint limit", "the leaf end
 
 UNPROVEN, ANOTHER, LIMIT, END, NEAR = range(len(CAUSES))
 
-MOST_PARTS, MOST_ASKED, ASKED = 8_000, 40_000, 9
+MOST_PARTS, MOST_ASKED, ASKED = 8_000, 24_000, 9
 """Parts that a box is cut into, poses of all of them that are asked about, and of each: about, and at most."""
 
 Elsewhere = Callable[[Matrix, Vector], bool]

@@ -2,21 +2,16 @@
 
 A certificate of a large box takes hours to verify as a whole. A fault in a share p of its cells is found by M draws at
 random with a probability of 1 - (1 - p)^M or more. Each cell that is drawn is verified, and so is a neighbour, drawn,
-too, which counts for nothing in M. That the cells leave no gap is verified of all of them. It needs python-flint and
-the file checker.py beside this one.
+too, which counts for nothing in M. That the cells leave no gap is verified of all of them. It needs python-flint.
 """
 
 import math
 import random
-import sys
 from typing import Any
 
 from flint import arb
 
-try:
-    from .checker import Cell, Checker, RejectedError, Verified, check, need
-except ImportError:  # as a program of its own
-    from checker import Cell, Checker, RejectedError, Verified, check, need  # type: ignore[no-redef]
+from .checker import Cell, Checker, Verified, check, need
 
 RARE = 0.01
 """A share of faulty cells, of which it is said how probably it is found."""
@@ -126,12 +121,3 @@ def check_sample(
 ) -> Verified:
     """What a sample of the cells of a certificate's file proves. Raises: as `check`."""
     return check(file, say, seconds, lambda *given: SampleChecker(*given, sample, seed))
-
-
-if __name__ == "__main__":
-    try:
-        found = check_sample(sys.argv[1], sample=float(sys.argv[2]), seed=random.SystemRandom().randrange(10**6))
-        print("NO FAULT FOUND in a sample:", *found.lines, f"The file's own words: {found.words}", sep="\n  ")
-    except (RejectedError, OSError, ValueError, LookupError) as problem:
-        print("REJECTED:" if isinstance(problem, RejectedError) else "not read:", problem)
-        sys.exit(1 if isinstance(problem, RejectedError) else 2)
