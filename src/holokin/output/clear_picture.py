@@ -68,8 +68,8 @@ def box_picture_words(found: Certificate) -> str:
         robot = "The robot at the posture below, with the shapes that the proof is about."
         return f"{robot} Below it slices through the middle of the box, the tool in its middle orientation."
     return (
-        f"Red: a posture that is too near, {worst}. Pale: the posture below. Slices of the box go through the tool pose "
-        "of the red one, which is marked by a cross. A part is refuted as a whole where one such posture was found in it."
+        f"Red: a posture that is too near, {worst}. Pale: the posture below. Slices of the box go through the tool "
+        "pose of the red one, marked by a cross. A part is refuted as a whole where one such posture was found in it."
     )
 
 
