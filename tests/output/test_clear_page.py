@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,10 @@ from conftest import Command
 from holokin.output.clear_picture import box_figure
 from holokin.output.clear_words import nearest_of, refuted_by, size_words, stand_in_words
 from holokin.output.plots import legible
-from holokin.output.proof_page import save_with_page
+from holokin.output.proof_page import save_with_page, write_page
 from holokin.output.region_plot import COLORS
 from holokin.proof import Certificate
+from holokin.proof.checker_word import Outcome, ask_checker
 from holokin.proof.open_parts import CAUSES, NEAR
 from holokin.proof.proven_region import region_of
 from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, Mesh, with_capsules
@@ -41,7 +43,8 @@ def proof(part: bool) -> Certificate:
     strategy = hk.holonomic(hk.pose(ARM), hk.lock(2))
     space = hk.workspace(box=(TOOL[:3, 3], [HALF] * 3), rotation=TOOL[:3, :3])
     things = [TABLE, hk.obstacle("a ball", Capsule(RADIUS), tuple(BALL))][: 1 + part]
-    return hk.unique_region(strategy, Q0, space, clear_of=things, floor=-0.3, clearance=WANTED, budget=4000).certificate
+    more = {"self_collision": False} if part else {"floor": -0.3}
+    return hk.unique_region(strategy, Q0, space, clear_of=things, clearance=WANTED, budget=4000, **more).certificate
 
 
 @cache
@@ -191,6 +194,21 @@ def test_the_command_tells_the_part_that_is_proven_and_the_posture_that_refutes_
     assert to_ball(np.array(told["refuted"]["q"])) == pytest.approx(told["refuted"]["distance"], abs=1e-9)
     assert sum(told["shares"].values()) == pytest.approx(1, abs=1e-9) and told["shares"]["proven"] > 0.5
     assert not list((tmp_path / "out").glob("*.cells"))
+
+
+def test_a_page_says_that_a_sample_alone_was_checked(tmp_path: Path) -> None:
+    pytest.importorskip("flint")
+    found = proof(False)
+    word = ask_checker(found, sample=0.05)
+    assert word.outcome is Outcome.SAMPLED
+    page = write_page(found, found.save(tmp_path / "box.json"), word).read_text("utf-8")
+    assert (
+        "PROVEN BUT NOT VERIFIED" in page and "NOT verified as a whole" in page and "class='verdict good'" not in page
+    )
+    told = int(re.findall(r"cells, ([\d,]+) were checked", page)[0].replace(",", ""))
+    assert 0.05 * len(found) <= told <= 0.05 * len(found) + 2
+    false = replace(found, determinant=1e3 * found.determinant)
+    assert ask_checker(false, sample=0.05).outcome is Outcome.REJECTED
 
 
 def test_a_mesh_that_is_not_convex_is_named_as_such(tmp_path: Path) -> None:

@@ -94,6 +94,7 @@ def test_a_fault_in_all_cells_is_found_by_the_smallest_sample(file: Path) -> Non
     assert rejected and text.startswith("REJECTED")
 
 
+@pytest.mark.campaign
 def test_a_fault_in_a_tenth_of_the_cells_is_found_about_as_often_as_is_said(file: Path) -> None:
     """With a tenth of the cells faulty and M checked in pairs, the chance is between those of M / 2 and of M cells."""
     tenth = np.random.default_rng(0)

@@ -48,6 +48,9 @@ def certify(
     check: Annotated[
         float, typer.Option(min=0.0, help="Seconds that the checker may take for each certificate; 0: it is not run.")
     ] = 60.0,
+    sample: Annotated[
+        float | None, typer.Option(help="Share of the cells that the checker verifies, as 0.01; by default all.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the certificates.")] = Path("out"),
 ) -> None:
     """Prove, for each strategy with leaves of a job, that the joints are one smooth function of the tool pose.
@@ -67,6 +70,8 @@ def certify(
     for option, given in (("--part", part), ("--resume", resume)):
         if given and not workspace:
             raise ArgumentError(option, given, "it is about the box of the workspace: say --workspace, too")
+    if sample is not None and not 0 < sample <= 1:
+        raise ArgumentError("--sample", sample, "give the share of the cells that is verified, as 0.01")
     name, opened, file = open_one_job(job)
     check_folder(out, f"{name}-proof")
     cells = CellsFiles(out / f"{name}-proof", resume) if workspace else None
@@ -81,7 +86,7 @@ def certify(
                 found[title] = one
                 if not isinstance(one, str):
                     say(f"{title}: the checker")
-                    words[title] = ask_checker(one, check)
+                    words[title] = ask_checker(one, check, sample)
     except BaseException:
         if cells is not None and (count := cells.count):
             show(f"{count:,} cells are kept: the same command with --resume goes on with them")

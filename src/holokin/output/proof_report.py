@@ -26,7 +26,7 @@ COLUMNS: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-CHECKED = {Outcome.VERIFIED: GOOD, Outcome.REJECTED: BAD, Outcome.NONE: WARNING}
+CHECKED = {Outcome.VERIFIED: GOOD, Outcome.REJECTED: BAD, Outcome.SAMPLED: WARNING, Outcome.NONE: WARNING}
 """The colour of what the checker says."""
 
 

@@ -185,6 +185,11 @@ def checker_words(found: Certificate, word: CheckerWord) -> str:
         return f"REJECTED by the independent checker: {word.text.partition(': ')[2]}"
     if word.outcome is Outcome.NONE:
         return f"NOT verified by the independent checker: {word.text}."
+    if word.outcome is Outcome.SAMPLED:
+        what = word.text.splitlines()[1].strip()
+        return (
+            f"NOT verified as a whole: by the independent checker, in {word.seconds:.3g} s, {what}; no fault was found."
+        )
     took = f"by the independent checker in {word.seconds:.3g} s"
     if found.whole or (_ends_elsewhere(found) and _drift_verified(word)):
         return f"Verified {took}."

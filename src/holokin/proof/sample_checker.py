@@ -120,4 +120,8 @@ def check_sample(
     file: str, say: Any = lambda _cells: None, seconds: float = math.inf, sample: float = RARE, seed: int = 0
 ) -> Verified:
     """What a sample of the cells of a certificate's file proves. Raises: as `check`."""
-    return check(file, say, seconds, lambda *given: SampleChecker(*given, sample, seed))
+
+    def begun(data: Any, say: Any, seconds: float, total: int) -> SampleChecker:
+        return SampleChecker(data, say, seconds, total, sample, seed)
+
+    return check(file, say, seconds, begun)
