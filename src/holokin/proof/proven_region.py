@@ -187,9 +187,18 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         return place
 
 
-@kept
+@typed
 def region_of(certificate: Certificate) -> UniqueRegion:
-    """The tool poses that the certificate of a box proves. Raises: ArgumentError: it is of a path."""
+    """The tool poses that the certificate of a box proves: with their `parts`, why it does not prove the others.
+
+    Raises:
+        ArgumentError: it is of a path.
+    """
+    return _region_of(certificate)
+
+
+@kept
+def _region_of(certificate: Certificate) -> UniqueRegion:
     space, anchors, equation = certificate.asked, certificate.anchors, certificate.equation
     if not isinstance(space, PoseRange):
         raise ArgumentError("the certificate", certificate.title, "give one of a box of poses")
