@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.sure_digits import at_least
 from ..base.types import ArrayLike, Vector, joined, whole
 from ..errors import NoProofError
 from ..path.synchronized_paths import AnyPath
@@ -176,10 +177,10 @@ def _theorem(
     parts = [
         f"on the leaf of {title} through the start {about} has exactly one posture{with_others} in the tube of its "
         f"cell, of {len(found)}; it is a smooth function of the {what}, with |det {equation.derivative}| >= "
-        f"{determinant:.2g}{q}"
+        f"{at_least(determinant, 2)}{q}"
     ]
     if asked.limits is not None and np.isfinite(to_limit).any():
-        parts.append(f"every joint stays {to_limit.min():.2g} or more (rad or m) from its limits")
+        parts.append(f"every joint stays {at_least(float(to_limit.min()), 2)} or more (rad or m) from its limits")
     turned = f" but for the whole turns {turns.astype(int).tolist()}" if turns.any() else ""
     if asked.clear is not None:
         parts.append(asked.clear.told(found.findings.apart))

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..base.types import Vector, number
+from ..base.types import Matrix, Vector, number
+from ..checking.gaps import FLOOR
 from ..checking.keeping_clear import Clearances, posture_clearances
 from ..errors import ArgumentError
 from ..robot import LinkShape, Robot, chain_length
@@ -15,6 +16,9 @@ from .clear_cells import ClearCells, joints_of, shape_pairs
 
 CLEARANCE = 0.02
 """What is proven by default [m]: a model is off by millimetres, and so is the robot behind it."""
+
+EVEN = 1e-11
+"""By how much a rotation may be none, and the square of an axis not 1; those of the catalogue are off by 4e-16."""
 
 LARGE = 50.0
 """Lengths of the arm's chain beyond which the size or the place of an obstacle is not in metres."""
@@ -28,16 +32,19 @@ def kept_apart(
     """What tells of the distances; None where nothing is asked about them.
 
     Raises:
-        ArgumentError: an obstacle that moves, or in millimetres; shapes that are nearer at q0 than is asked; a robot
-            without links; nothing to look at. UnknownNameError: no such link. RobotFileError: an unreadable mesh.
+        ArgumentError: an obstacle that moves, in millimetres, or of a link's name; a frame that is no rotation; shapes
+            that are nearer at q0 than is asked; a robot without links; nothing to look at. UnknownNameError: no such
+            link. RobotFileError: an unreadable mesh.
     """
     asked = clearances_of(strategy.task.robot, clear_of, floor, clearance, self_collision, ignore, shapes_of)
-    if asked is None:
+    if asked is None or clear_of is None:
         return None
+    _named_apart(asked.robot, [*(shape.link for shape in clear_of), *([] if floor is None else [FLOOR])])
+    _even(asked.robot, clear_of)
     found = ClearCells(asked.robot, shape_pairs(asked.pairs.gaps, asked.pairs.limits), asked.pairs)
     near = found.distances(q0[None])[0]
     for pair, distance in zip(found.pairs, near, strict=True):
-        if distance < pair.wanted:
+        if not distance >= pair.wanted:
             one, other = pair.names
             fact = f"{one} and {other} are {max(distance, 0.0):.3g} m apart there"
             raise ArgumentError("q0", np.round(q0, 4).tolist(), f"{fact}: give another posture, or a smaller clearance")
@@ -72,6 +79,30 @@ def clearances_of(
     if not found.pairs.gaps:
         raise ArgumentError("clear_of", list(clear_of), "give obstacles or a floor, or let the links be looked at")
     return found
+
+
+def _named_apart(robot: Robot, names: Sequence[str]) -> None:
+    """Raises: ArgumentError: what stands around the robot is called as a link is: a certificate tells by names."""
+    links = {shape.link for shape in robot.shapes if not shape.obstacle}
+    for name in names:
+        if name in links:
+            raise ArgumentError(f"the obstacle {name!r}", name, "give it a name that no link of the robot has")
+
+
+def _even(robot: Robot, obstacles: Sequence[LinkShape]) -> None:
+    """Raises: ArgumentError: a frame that is turned by no rotation, or an axis that is not of length 1."""
+    for joint in robot.joints:
+        if not (_is_rotation(joint.placement) and abs(float(joint.axis @ joint.axis) - 1) < EVEN):
+            fact = joint.placement[:3, :3].tolist(), joint.axis.tolist()
+            raise ArgumentError(f"the frame of joint {joint.name!r}", fact, "give a rotation and a unit axis")
+    for shape in (*robot.shapes, *obstacles):
+        if not _is_rotation(shape.placement):
+            fact = shape.placement[:3, :3].tolist()
+            raise ArgumentError(f"the frame of a shape of {shape.link!r}", fact, "give a rotation")
+
+
+def _is_rotation(T: Matrix) -> bool:
+    return bool(np.abs(T[:3, :3].T @ T[:3, :3] - np.eye(3)).max() < EVEN)
 
 
 def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str, float]) -> None:

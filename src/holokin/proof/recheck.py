@@ -9,6 +9,7 @@ from pathlib import Path as FilePath
 from ..errors import CertificateError, MissingExtraError
 from ..robot import Robot
 from .binding import unlike
+from .shape_binding import unsaid
 
 LONGEST = 3600.0
 """Seconds that the checker may take."""
@@ -52,7 +53,7 @@ def recheck(
             raise CertificateError(file, f"its task cannot be read ({problem!r})") from None
         if other:
             return True, f"REJECTED: {other}."
-        bound = f"\n  the rows of its task and its limits are those of {robot.name}"
+        bound = f"\n  the rows of its task and its limits are those of {robot.name}{unsaid(found.data, robot)}"
     extent = "it covers all that was asked" if found.whole else "it is a part of what was asked"
     lines = "".join(f"\n  {line}" for line in found.lines)
     return False, f"VERIFIED: {extent}.{lines}{bound}\n  The file's own words, not verified: {found.words}"
