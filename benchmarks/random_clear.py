@@ -114,7 +114,14 @@ class Examined:
         p, R = self.motion.poses(boxes.piece[cell], u)
         self.p, self.R = p, R
         level = self.problem.level(self.start)
-        if self.boxed:
+        cells = self.proof.cells
+        i, j = np.triu_indices(y.shape[1])
+        squares = y[:, i] * y[:, j] * np.where(i == j, 0.5, 1.0)
+        bend = np.einsum("knd,kd->kn", cells.V[cell], y) + np.einsum("knp,kp->kn", cells.Q[cell], squares)
+        near = (cells.q0[cell] + bend)[:, : self.problem.arm.n]
+        if self.boxed and not self.proof.whole:  # on a straight way from the start to a part the leaf may fold
+            q, _, found = self.problem.roots(near, p, R, level)
+        elif self.boxed:
             first = self.problem.arm.frames(self.start[None])[0, -1, :3, 3]
             q = np.tile(self.start, (self.count, 1))
             for share in np.arange(1, STEPS + 1) / STEPS:
@@ -124,11 +131,7 @@ class Examined:
         self.need(found, "Newton's method does not get to a pose")
         self.q = q
         self.counts["postures by Newton's method"] += self.count
-        cells = self.proof.cells
-        i, j = np.triu_indices(y.shape[1])
-        squares = y[:, i] * y[:, j] * np.where(i == j, 0.5, 1.0)
-        bend = np.einsum("knd,kd->kn", cells.V[cell], y) + np.einsum("knp,kp->kn", cells.Q[cell], squares)
-        off = np.linalg.norm(q - (cells.q0[cell] + bend)[:, : q.shape[1]], axis=1)
+        off = np.linalg.norm(q - near, axis=1)
         self.need(off <= self.proof.findings.r[cell] + 1e-10, "a posture is not in the tube of its cell")
 
     def _along(self, level: Array, u: Array) -> tuple[Array, Array]:

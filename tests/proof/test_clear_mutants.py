@@ -166,13 +166,15 @@ def test_a_floor_is_no_point(proof: hk.proof.Certificate, arm: hk.Robot, tmp_pat
 OTHER_WORDS: dict[str, tuple[Callable[[Data], Any], str]] = {
     "another wall": (lambda d: shape(d, "wall").update(points=[[-2.0, 0.0, 0.0]]), "wall stands still: -2 to -2 x"),
     "another post": (lambda d: shape(d, "post").update(radius=0.01), "post stands still: 1.19 to 1.21 x"),
+    "a corner of the wall moved in": (lambda d: shape(d, "wall")["points"][0].__setitem__(1, 1.0), ""),
+    "a corner of the gripper moved in": (lambda d: shape(d, "gripper")["points"][0].__setitem__(1, 0.0), ""),
     "a floor that is a point": (lambda d: shape(d, "floor").update(normal=[]), "floor stands still: 0 to 0"),
     "a wall that is not looked at": (
         lambda d: without(d, *(place(d, pair) for pair in d["clear"]["pairs"] if "wall" in pair["names"])),
         "it says nothing of 8 pairs",
     ),
     "a smaller distance": (lambda d: pairs(d, "wall", last(d))[0].update(apart=0.001), "0.001 claimed"),
-    "another gripper": (lambda d: shape(d, "gripper").update(link="pen"), "that of pen is its own"),
+    "another gripper": (lambda d: shape(d, "gripper").update(link="pen"), "its own is pen (SHA-256"),
 }  # fmt: skip
 
 
@@ -191,7 +193,7 @@ def test_a_certificate_about_something_else_is_verified_in_other_words(
                 pair["names"] = ["pen" if name == "gripper" else name for name in pair["names"]]
 
     good, text = said(proof.data, tmp_path / "good.json", arm)
-    assert not good and words not in text
+    assert not good and (words not in text or not words)
     rejected, other = said(changed(proof.data, change), tmp_path / "other.json", arm)
     assert not rejected and words in other, other
     assert other != text
@@ -206,7 +208,7 @@ def test_the_checker_tells_of_which_pairs_nothing_is_said(
     assert len(left) == 4 and f"it says nothing of {len(left)} pairs" in text
     for one in left:
         assert " and ".join(sorted(one.pair)) in text
-    assert "that of gripper is its own" in text
+    assert "its own is gripper (SHA-256" in text
 
 
 def test_the_checker_compares_with_the_shapes_that_were_asked_about(proof: hk.proof.Certificate) -> None:

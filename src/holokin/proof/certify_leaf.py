@@ -17,7 +17,7 @@ from ..path.workspaces import Workspace
 from ..robot import LinkShape, Robot, start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
-from .anchors import anchored
+from .anchors import anchored, at_start
 from .box_proof import PoseRegion
 from .cell_search import Domain, covered, halves
 from .certificate import COVERED, Certificate, Covered, Extent, Revisit, least_determinant
@@ -139,6 +139,8 @@ def certificate(
         extent, place = ended
     closed = extent is Extent.WHOLE and not isinstance(where, Workspace) and where.closed
     anchors = anchored(domain, found, start, closed)
+    if extent is Extent.WHOLE and not at_start(domain, anchors, start):
+        extent, place = Extent.APART, "the start"
     revisit = None
     if extent is Extent.WHOLE and isinstance(domain, Pathway):
         revisits = Revisits(domain, found)

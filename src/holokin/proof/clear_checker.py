@@ -11,6 +11,8 @@ Seen from A the height w = m . b of a point b of the other shape is a function o
 with grad w over the whole cell as balls. It needs python-flint and the file checker.py beside this one.
 """
 
+import hashlib
+import json
 from itertools import product
 from typing import Any
 
@@ -166,8 +168,14 @@ class Clear:
             rows = [[point[i] for point in points] for i in range(3)]
             sides = [" to ".join(f"{x:.4g}" for x in (min(row) - radius, max(row) + radius)) for row in rows]
             solid = "all below {} along {}".format(points[0], shape["normal"]) if shape["normal"] else " x ".join(sides)
-            found.append(f"{name} stands still: {solid} m, {len(points)} points")
+            found.append(f"{name} stands still: {solid} m, {len(points)} points, {digest_of(shape)}")
         return found
+
+
+def digest_of(shape: Any) -> str:
+    """Of a shape the first digits of the SHA-256 of its points, radius and normal."""
+    numbers = [[[float(x) for x in p] for p in shape["points"]], float(shape["radius"]), shape["normal"]]
+    return f"SHA-256 {hashlib.sha256(json.dumps(numbers).encode()).hexdigest()[:12]}"
 
 
 def _smaller(a: Any, b: Any) -> Any:

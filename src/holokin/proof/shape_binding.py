@@ -46,6 +46,8 @@ def unsaid(data: dict[str, Any], robot: Robot) -> str:
     """In words what a certificate about shapes says nothing of, and which of them are no link's of the robot."""
     if "clear" not in data:
         return ""
+    from .clear_checker import digest_of  # which needs python-flint
+
     own, clear = _own(robot), data["clear"]
     tested = set(_tested(clear, [""] * len(clear["shapes"])))
     links = {name for name, _, _ in own}
@@ -58,7 +60,8 @@ def unsaid(data: dict[str, Any], robot: Robot) -> str:
     left = [" and ".join(sorted(name for name, _, _ in pair)) for pair in pairs if pair not in tested]
     bare = sorted({s.link for s in robot.shapes if s.shape.fault})
     said = [f"\n  the shapes of its links are those of {robot.name}"]
-    said += [f"; that of {brief(', '.join(sorted(b[0] for b in carried)), MOST_TOLD)} is its own"] if carried else []
+    mine = sorted(f"{s['link']} ({digest_of(s)})" for s in clear["shapes"] if _body(s) in carried)
+    said += [f"; its own is {brief(', '.join(mine), MOST_TOLD)}"] if mine else []
     said += [f"\n  it says nothing of {len(left)} pairs: {brief('; '.join(left), MOST_TOLD)}"] if left else []
     said += [f"\n  it says nothing of {brief(', '.join(bare), MOST_TOLD)}, which cannot be read"] if bare else []
     return "".join(said)
