@@ -58,7 +58,7 @@ def anchored(domain: Domain, found: Covered, q0: Vector, closed: bool) -> Anchor
 
 
 def at_start(domain: Domain, anchors: Anchors, q0: Vector) -> bool:
-    """Whether the roots are q0's: over a box at its pose, where the box holds that, else where it leads to the middle."""
+    """Whether the roots are q0's: over a box at its pose, if the box holds that, else where it leads to the middle."""
     if not isinstance(domain, PoseRegion):
         return True
     inside = bool((np.abs(domain.place_of(q0)) <= 1).all())
