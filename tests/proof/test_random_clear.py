@@ -52,6 +52,8 @@ def test_forward_kinematics_of_chains_and_of_tools_that_point_are_those_of_holok
         q = random_posture(problem, rng, near=False)
         frame = problem.arm.frames(q[None])[:, -1]
         np.testing.assert_allclose(frame[0], problem.arm.robot.pose(q), atol=1e-12)
+        if len(problem.law[3]) != problem.arm.n - len(problem.arm.held):  # an arm angle beside five rows: refused
+            continue
         level, strategy = problem.level(q), problem.strategy
         np.testing.assert_allclose(level, np.ravel(strategy.g(q)), atol=1e-11)
         if isinstance(problem, Pointing):
