@@ -14,6 +14,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import replacing
+from ..base.sure_digits import at_least, at_most
 from ..base.types import Array, Matrix, Vector
 from ..errors import ArgumentError, brief
 from ..path.segments import Segment
@@ -30,8 +31,6 @@ from .html_page import drawn, html_table, page
 from .proof_picture import drawable, picture_words, proof_figure, start_of
 from .proof_words import (
     PROVEN,
-    at_least,
-    at_most,
     checker_words,
     claims,
     gap_of,

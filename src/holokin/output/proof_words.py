@@ -7,6 +7,8 @@ from typing import final
 
 import numpy as np
 
+from ..base.sure_digits import at_least, at_most
+from ..checking.pairs import POSTURES
 from ..errors import brief
 from ..path import Path
 from ..path.synchronized_paths import paths_of
@@ -16,9 +18,6 @@ from ..proof.checker_word import CheckerWord, Outcome
 from ..tasks.task import Task
 from .clear_words import assumed_words, nearest_of, refuted_by
 from .words import joint_unit
-
-DIGITS = 3
-"""Significant digits of a bound, rounded to the side on which it stays true."""
 
 PROVEN, NOT_PROVEN, DIFFER = "proven", "NOT proven", "NO: they differ"
 
@@ -65,27 +64,6 @@ class Verdict:
     line: str
     sentence: str
     good: bool
-
-
-def at_least(value: float) -> str:
-    """A lower bound as text, not above it."""
-    return _rounded(value, False)
-
-
-def at_most(value: float) -> str:
-    """An upper bound as text, not below it."""
-    return _rounded(value, True)
-
-
-def _rounded(value: float, up: bool) -> str:
-    if value == 0 or not np.isfinite(value):
-        return f"{value:g}"
-    text = f"{value:.{DIGITS - 1}e}"
-    if (float(text) < value) if up else (float(text) > value):
-        step = 10.0 ** (int(np.floor(np.log10(abs(value)))) - DIGITS + 1)
-        text = f"{float(text) + (step if up else -step):.{DIGITS - 1}e}"
-    short = f"{float(text):.{DIGITS}g}"
-    return short if float(short) == float(text) else text
 
 
 def _pose_word(task: Task) -> str:
@@ -327,7 +305,8 @@ def _collisions(found: Certificate) -> str:
     parts = [
         "Collisions with anything that is not named above, of cables, and of shapes that bend or are held otherwise"
     ]
-    parts += [f"Pairs that a joint joins, that touch at every posture, or that may touch: {_pairs(out)}"] if out else []
+    why = f"Pairs that a joint joins, that touch at each of {POSTURES} random postures, or that may touch"
+    parts += [f"{why}: {_pairs(out)}"] if out else []
     parts += [f"Links without a shape: {brief(', '.join(bare))}"] if bare else []
     parts += [assumed] if (assumed := assumed_words(found)) else []
     return ". ".join(parts) + "."

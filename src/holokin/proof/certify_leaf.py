@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.sure_digits import at_least
 from ..base.types import ArrayLike, Vector, joined, whole
 from ..errors import NoProofError
 from ..path.synchronized_paths import AnyPath
@@ -19,7 +20,7 @@ from ..path.workspaces import Workspace
 from ..robot import LinkShape, Robot, start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
-from .anchors import anchored
+from .anchors import anchored, at_start
 from .box_proof import PoseRegion
 from .cell_search import NOWHERE, Domain, covered, halves
 from .certificate import COVERED, Certificate, Covered, Extent, Revisit, least_determinant
@@ -165,6 +166,8 @@ def certificate(
         extent, place = ended
     closed = extent is Extent.WHOLE and not isinstance(where, Workspace) and where.closed
     anchors = anchored(domain, found, start, closed)
+    if extent is Extent.WHOLE and not at_start(domain, anchors, start):
+        extent, place = Extent.APART, "the start"
     revisit = None
     if extent is Extent.WHOLE and isinstance(domain, Pathway):
         revisits = Revisits(domain, found)
@@ -203,10 +206,10 @@ def _theorem(
     parts = [
         f"on the leaf of {title} through the start {about} has exactly one posture{with_others} in the tube of its "
         f"cell, of {len(found)}; it is a smooth function of the {what}, with |det {equation.derivative}| >= "
-        f"{determinant:.2g}{q}"
+        f"{at_least(determinant, 2)}{q}"
     ]
     if asked.limits is not None and np.isfinite(to_limit).any():
-        parts.append(f"every joint stays {to_limit.min():.2g} or more (rad or m) from its limits")
+        parts.append(f"every joint stays {at_least(float(to_limit.min()), 2)} or more (rad or m) from its limits")
     turned = f" but for the whole turns {turns.astype(int).tolist()}" if turns.any() else ""
     if asked.clear is not None:
         parts.append(asked.clear.told(found.findings.apart))

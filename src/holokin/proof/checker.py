@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 from flint import arb, arb_mat, ctx
 
-ctx.prec, UNIT, NAN, MOST = 64, arb(0, 1), arb("nan"), 64
+ctx.prec, UNIT, NAN, MOST, DOWN = 64, arb(0, 1), arb("nan"), 64, 1 - 5.1e-4
 
 FORMAT = "holokin certificate 3"
 
@@ -363,7 +363,7 @@ class Checker:
             elif claims["whole"]:
                 end = "open"
             found.append(f"the path is {end}" if claims["whole"] else end)
-        found.append(f"at each place one posture near the predicted one, smooth, |det D_q E| >= {self.least:.3g}")
+        found.append(f"at each place one posture near the predicted, smooth, |det D_q E| >= {DOWN * self.least:.4g}")
         names = self.data.get("names", [])
         for i, low, high in zip(range(self.joints), self.limits[0], self.limits[3], strict=False):
             limits = "no limits" if math.isinf(low) and math.isinf(high) else f"limits {low:.6g} to {high:.6g}"

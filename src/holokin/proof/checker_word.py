@@ -56,7 +56,8 @@ def ask_checker(certificate: Certificate, seconds: float = 60.0, sample: float |
         return unasked(certificate, "nothing is proven that it could verify")
     if seconds == 0:
         return unasked(certificate)
-    sha256, robot = digest(certificate.data), certificate.equation.strategy.task.robot
+    sha256, clear = digest(certificate.data), certificate.demands.clear
+    robot = certificate.equation.strategy.task.robot if clear is None else clear.robot
     compared = robot if described(certificate.equation) is not None else None
     began, version = time.perf_counter(), ""
     try:

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..base.types import Vector, number
+from ..base.types import Matrix, Vector, number
+from ..checking.gaps import FLOOR
 from ..checking.keeping_clear import Clearances, posture_clearances
 from ..errors import ArgumentError
 from ..robot import LinkShape, Mesh, Robot, chain_length
@@ -21,6 +22,9 @@ LARGE, DOUBTFUL = 50.0, 5.0
 """Lengths of the arm's chain: a thing larger or farther than the first is not in metres, one larger than the second and
 too near at q0, may not be."""
 
+EVEN = 1e-11
+"""By how much a rotation may be none, and the square of an axis not 1; those of the catalogue are off by 4e-16."""
+
 
 def kept_apart(
     strategy: HolonomicStrategy, q0: Vector, clear_of: Sequence[LinkShape] | None, floor: float | None,
@@ -30,14 +34,16 @@ def kept_apart(
     """What tells of the distances; None where nothing is asked about them.
 
     Raises:
-        ArgumentError: an obstacle that moves, that is a mesh and not convex, or in millimetres; shapes that are nearer
-            at q0 than is asked; a robot without links; nothing to look at. UnknownNameError: no such link.
-        RobotFileError: an unreadable mesh.
+        ArgumentError: an obstacle that moves, that is a mesh and not convex, in millimetres, or of a link's name; a
+            frame that is no rotation; shapes that are nearer at q0 than is asked; a robot without links; nothing to
+            look at. UnknownNameError: no such link. RobotFileError: an unreadable mesh.
     """
     asked = clearances_of(strategy.task.robot, clear_of, floor, clearance, self_collision, ignore, shapes_of)
-    if asked is None:
+    if asked is None or clear_of is None:
         return None
-    _check_convex(clear_of or ())
+    _check_convex(clear_of)
+    _named_apart(asked.robot, [*(shape.link for shape in clear_of), *([] if floor is None else [FLOOR])])
+    _even(asked.robot, clear_of)
     found = ClearCells(asked.robot, shape_pairs(asked.pairs.gaps, asked.pairs.limits), asked.pairs)
     _check_start(found, strategy, q0)
     return found
@@ -82,7 +88,7 @@ def _check_start(found: ClearCells, strategy: HolonomicStrategy, q0: Vector) -> 
         cure = "move what is in the way, or give another posture or a smaller clearance"
         raise ArgumentError("q0", np.round(q0, 4).tolist(), f"{fact}: {cure}{_doubt(found, there.names)}")
     short = found.distances(q0[None])[0] - found.wanted
-    if short.min() < 0:
+    if not short.min(initial=np.inf) >= 0:
         pair = found.pairs[int(np.argmin(short))]
         fact = f"{pair.names[0]} and {pair.names[1]} are far enough apart there, but not the convex shapes for them"
         cure = "give a mesh by its convex parts, another posture or a smaller clearance"
@@ -105,6 +111,30 @@ def _check_convex(obstacles: Sequence[LinkShape]) -> None:
                 "one, or its convex hull, mesh.hull, in which all hollows are filled"
             )
             raise ArgumentError("an obstacle that is a mesh and not convex", one.link, cure)
+
+
+def _named_apart(robot: Robot, names: Sequence[str]) -> None:
+    """Raises: ArgumentError: what stands around the robot is called as a link is: a certificate tells by names."""
+    links = {shape.link for shape in robot.shapes if not shape.obstacle}
+    for name in names:
+        if name in links:
+            raise ArgumentError(f"the obstacle {name!r}", name, "give it a name that no link of the robot has")
+
+
+def _even(robot: Robot, obstacles: Sequence[LinkShape]) -> None:
+    """Raises: ArgumentError: a frame that is turned by no rotation, or an axis that is not of length 1."""
+    for joint in robot.joints:
+        if not (_is_rotation(joint.placement) and abs(float(joint.axis @ joint.axis) - 1) < EVEN):
+            fact = joint.placement[:3, :3].tolist(), joint.axis.tolist()
+            raise ArgumentError(f"the frame of joint {joint.name!r}", fact, "give a rotation and a unit axis")
+    for shape in (*robot.shapes, *obstacles):
+        if not _is_rotation(shape.placement):
+            fact = shape.placement[:3, :3].tolist()
+            raise ArgumentError(f"the frame of a shape of {shape.link!r}", fact, "give a rotation")
+
+
+def _is_rotation(T: Matrix) -> bool:
+    return bool(np.abs(T[:3, :3].T @ T[:3, :3] - np.eye(3)).max() < EVEN)
 
 
 def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str, float]) -> None:

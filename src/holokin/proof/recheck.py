@@ -10,6 +10,7 @@ from random import randrange
 from ..errors import ArgumentError, CertificateError, MissingExtraError
 from ..robot import Robot
 from .binding import unlike
+from .shape_binding import unsaid
 
 LONGEST = 3600.0
 """Seconds that the checker may take."""
@@ -68,7 +69,7 @@ def recheck(
             raise CertificateError(file, f"its task cannot be read ({problem!r})") from None
         if other:
             return True, f"REJECTED: {other}."
-        bound = f"\n  the rows of its task and its limits are those of {robot.name}"
+        bound = f"\n  the rows of its task and its limits are those of {robot.name}{unsaid(found.data, robot)}"
     extent = "it covers all that was asked" if found.whole else "it is a part of what was asked"
     lines = "".join(f"\n  {line}" for line in found.lines)
     head = "NO FAULT FOUND in a sample, which does not verify the certificate" if partly else f"VERIFIED: {extent}"
