@@ -21,6 +21,7 @@ from holokin.analysis.elbow_field import LeafField, sphere_of
 from holokin.analysis.sphere_index import spread
 from holokin.job import open_job, run_job
 from holokin.output.animate import cycles_frames, shown_laws
+from holokin.output.clear_picture import box_figure
 from holokin.output.coverage_plots import coverage_figure
 from holokin.output.film import write_film
 from holokin.output.job_figures import cycles_figure, robot_figure, two_paths_figure
@@ -370,6 +371,17 @@ def region() -> None:
     save(region_figure(found, 80), "region")
 
 
+def clear_of_a_ball() -> None:
+    """A cube of tool poses over a table: proven but for a corner, where the arm comes too near to a ball."""
+    robot = hk.load("panda")
+    law, T = hk.holonomic(hk.pose(robot), hk.lock(2)), robot.pose(PANDA)
+    box = hk.workspace(box=(T[:3, 3], [0.05, 0.05, 0.05]), rotation=T[:3, :3])
+    ball = hk.obstacle("ball", hk.robot.Capsule(0.05), T[:3, 3] + [0.13, 0.1, 0.05])
+    table = hk.obstacle("table", hk.robot.Box([1.0, 1.0, 0.05]), (0.6, 0.0, -0.03))
+    found = hk.unique_region(law, PANDA, box, clear_of=[ball, table], clearance=0.01)
+    save(box_figure(found.certificate), "clear")
+
+
 def coverage_of_a_box() -> None:
     """What a Panda with its arm angle kept reaches of a box of tool poses."""
     law = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle(), name="the arm angle")
@@ -486,8 +498,8 @@ def readme() -> None:
 
 if __name__ == "__main__":
     every = (
-        self_motion, planar_loops, leaves, joints_over_cycles, swivel, cusp, region, coverage_of_a_box, edge_of_reach,
-        paths, jobs, physics, readme,
+        self_motion, planar_loops, leaves, joints_over_cycles, swivel, cusp, region, clear_of_a_ball, coverage_of_a_box,
+        edge_of_reach, paths, jobs, physics, readme,
     )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}
     with plt.rc_context(style()):

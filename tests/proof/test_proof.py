@@ -266,7 +266,7 @@ def test_cells_behind_one_that_is_not_glued_do_not_count(panda: hk.Robot) -> Non
     x = start(panda, PANDA_START)
     path = hk.line(x, x - [0.2, 0.0, 0.0])
     domain = Pathway.of(G, path, hk.follow(G, path, PANDA_START, samples=64, method="leaf").q, 64)
-    found = domain.arranged(covered(domain, domain.first(), Demands(None), 200, lambda _count: None))
+    found = domain.arranged(covered(domain, domain.first(), Demands(None), 200, lambda *_progress: None))
     assert domain.connected(found) is found and len(found) > 5
     part = domain.connected(strangers(found, np.arange(len(found)) == 4))
     assert len(part) == 4 and part.extent is Extent.APART
@@ -274,7 +274,7 @@ def test_cells_behind_one_that_is_not_glued_do_not_count(panda: hk.Robot) -> Non
     robot, q = hk.load("planar-3r"), np.array([0.3, 0.9, 0.9])
     law = hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]]))
     region = PoseRegion.of(law, hk.workspace(box=(start(robot, q), (0.15, 0.15, 0.0))), q)
-    found = covered(region, region.first(), Demands(None), 500, lambda _count: None)
+    found = covered(region, region.first(), Demands(None), 500, lambda *_progress: None)
     behind = found.boxes.low[:, 0] >= 0
     assert region.connected(found) is found and 3 < behind.sum() < len(found) - 3
     part = region.connected(strangers(found, behind))
@@ -295,7 +295,7 @@ def test_a_path_to_a_joint_limit_is_refused_there(panda: hk.Robot) -> None:
     moved = int(np.argmax(free.high - PANDA_START))
     upper[moved] = (free.high[moved] + PANDA_START[moved]) / 2
     domain = Pathway.of(G, path, hk.follow(G, path, PANDA_START, samples=64, method="leaf").q, 64)
-    found = covered(domain, domain.first(), Demands(Interval(panda.lower, upper)), 2000, lambda _count: None)
+    found = covered(domain, domain.first(), Demands(Interval(panda.lower, upper)), 2000, lambda *_progress: None)
     assert found.extent is Extent.LIMIT and (domain.arranged(found).findings.high <= upper).all()
 
 

@@ -148,3 +148,18 @@ def test_a_start_off_the_path_or_a_strategy_without_leaves_is_named_by_the_comma
     job.write_text(JOB + SOUND["strategies"] + LOCK, "utf-8")
     found = call(app, ["certify", str(job), "--out", str(tmp_path)])
     assert found.exit_code == 0 and "moore-penrose: not certified: it has no leaves" in found.output
+
+
+def test_a_box_of_the_other_elbow_is_not_proven_for_a_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Were the inverse kinematics to lead to the other branch, its cells would say nothing of the start."""
+    arm = hk.load("planar-3r")
+    G, q0 = hk.holonomic(hk.position(arm), hk.lock(0)), np.array([0.2, 0.9, 0.7])
+    p = arm.pose(q0)[:3, 3]
+    elbow = np.array([0.2, 1.6, -0.7])
+    assert np.abs(arm.pose(elbow)[:3, 3] - p).max() < 1e-12
+    space = hk.workspace(box=(p, [0.01, 0.01, 0.0]))
+    assert hk.certify(G, space, q0).whole
+    monkeypatch.setattr("holokin.proof.box_proof.inverse", lambda *_: lambda _pose: elbow)
+    found = hk.certify(G, space, q0)
+    assert found.extent is Extent.APART and found.where == "the start"
+    assert np.abs(found.cells.q0[0] - elbow).max() < 0.1

@@ -1,4 +1,4 @@
-"""Which pairs of links are looked at: not those that a joint joins, nor those that touch at every posture."""
+"""Which pairs of links are looked at: not those that a joint joins, nor those that touch at many random postures."""
 
 from __future__ import annotations
 

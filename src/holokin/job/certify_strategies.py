@@ -8,7 +8,8 @@ from typing import Any
 
 from ..errors import ExpressionError, HolokinError, JobError, NoProofError
 from ..path import Path
-from ..proof import Certificate, certify
+from ..path.workspaces import PoseRange
+from ..proof import Certificate, certify, unique_region
 from ..strategies import HolonomicStrategy
 from .cover_strategies import build_workspace
 from .job_parts import build_begin, build_strategy, build_tasks, naming
@@ -19,7 +20,8 @@ from .schema import Job
 
 
 def certify_job(
-    job: Job, file: FilePath, *, workspace: bool = False, budget: int | None = None,
+    job: Job, file: FilePath, *, workspace: bool = False, part: bool = False, budget: int | None = None,
+    cells_file: Callable[[str], FilePath | None] = lambda _title: None,
     say: Callable[[str], None] = lambda _text: None,
 ) -> Iterator[tuple[str, Certificate | str]]:  # fmt: skip
     """(name, certificate, or why there is none) of each strategy of a job, one after the other.
@@ -28,7 +30,9 @@ def certify_job(
 
     Args:
         workspace: over the box of the job's [workspace] instead of along its path.
+        part: of a workspace, as much as can be proven, as of `unique_region`.
         budget: cells that may be examined for each; by default as `certify`.
+        cells_file: name of a strategy -> the file that keeps its cells, as `keep_in` of `certify`, or None.
         say: hears what is going on.
 
     Raises:
@@ -60,9 +64,11 @@ def certify_job(
                     begin, _ = build_begin(table, strategy, start)
                     if isinstance(where, Path):
                         begin = build_entry(job, strategy, where, begin).q0
-                    found = certify(
-                        strategy, where, begin, say=lambda text, title=title: say(f"{title}: {text}"), **more
-                    )
+                    told = {"say": lambda text, title=title: say(f"{title}: {text}"), "keep_in": cells_file(title)}
+                    if part and isinstance(where, PoseRange):
+                        found = unique_region(strategy, begin, where, **told, **more).certificate
+                    else:
+                        found = certify(strategy, where, begin, **told, **more)
             except HolokinError as problem:
                 cause = problem.__cause__ or problem
                 if isinstance(cause, NoProofError):

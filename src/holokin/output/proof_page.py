@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from html import escape
 from pathlib import Path as FilePath
@@ -14,6 +14,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import replacing
+from ..base.sure_digits import at_least, at_most
 from ..base.types import Array, Matrix, Vector
 from ..errors import ArgumentError, brief
 from ..path.segments import Segment
@@ -24,12 +25,12 @@ from ..proof.certificate import FORMAT, digest
 from ..proof.checker_word import CheckerWord, Outcome, ask_checker
 from ..robot import Robot
 from ..version import build
+from .clear_page import clear_sections, open_section
+from .clear_picture import box_figure, box_picture_words
 from .html_page import drawn, html_table, page
 from .proof_picture import drawable, picture_words, proof_figure, start_of
 from .proof_words import (
     PROVEN,
-    at_least,
-    at_most,
     checker_words,
     claims,
     gap_of,
@@ -119,6 +120,8 @@ def _page(found: Certificate, file: FilePath, word: CheckerWord, now: datetime) 
         "<h2>File and versions</h2>",
         _facts(_file_facts(file, sha256, now)),
         *_where(found),
+        *open_section(found),
+        *clear_sections(found),
         "<h2>Robot</h2>",
         _facts(_robot_facts(robot)),
         _joints(found),
@@ -178,10 +181,17 @@ def _checker(word: CheckerWord) -> list[str]:
 
 def _where(found: Certificate) -> list[str]:
     """The path or the box, with the picture."""
-    figure = [drawn(lambda: proof_figure(found), picture_words(found))] if drawable(found) else []
+    figure = [drawn(*_picture(found))] if drawable(found) else []
     if isinstance(found.asked, Workspace):
         return ["<h2>Box of tool poses</h2>", *figure, _facts(_box_facts(found, found.asked))]
     return ["<h2>Path</h2>", *figure, _facts(_path_facts(found, found.asked)), *_pieces(found.asked)]
+
+
+def _picture(found: Certificate) -> tuple[Callable[[], Any], str]:
+    """What draws it, and what to see in it."""
+    if isinstance(found.asked, PoseRange) and not (found.whole and found.demands.clear is None):
+        return lambda: box_figure(found), box_picture_words(found)
+    return lambda: proof_figure(found), picture_words(found)
 
 
 def _box_facts(found: Certificate, space: Workspace) -> list[tuple[str, str]]:
@@ -346,7 +356,10 @@ def _file_facts(file: FilePath, sha256: str, now: datetime) -> list[tuple[str, s
         ("Certificate", f"<code>{name}</code>, {file.stat().st_size:,} bytes, format {escape(FORMAT)}"),
         ("SHA-256 of the file", f"<code>{sha256}</code>"),
         ("Compare it by", f"<code>sha256sum {name}</code>"),
-        ("Verify it by", f"<code>holokin check-certificate {name}</code>"),
+        (
+            "Verify it by",
+            f"<code>holokin check-certificate {name}</code>, 1 % of its cells by <code>--sample 0.01</code>",
+        ),
         ("Page made", f"{now:%Y-%m-%d %H:%M} UTC"),
         ("Made by", f"holokin {escape(build())}, Python {platform.python_version()}, NumPy {np.__version__}"),
     ]

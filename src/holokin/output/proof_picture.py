@@ -100,8 +100,6 @@ def _colors(found: Certificate, what: str) -> str:
         return f"Green: {what}."
     if found.covered:
         return f"Red: {what}, along which the joints do not return or are not shown to."
-    if isinstance(found.asked, PoseRange):
-        return f"Dashed grey: {what}, of which only a part is proven; the part is not drawn."
     return f"Green: what is proven of {what}. Dashed grey: what is not."
 
 
@@ -109,7 +107,7 @@ def _curves(found: Certificate) -> list[Curve]:
     space = found.asked
     if isinstance(space, PoseRange) and isinstance(space.solid, Box):
         color = LOOP if found.whole else GREY
-        return [Curve(edge, color, 0 if found.whole else DASH) for edge in _edges(space.solid)]
+        return [Curve(edge, color, 0 if found.whole else DASH) for edge in edges_of(space.solid)]
     if isinstance(space, Workspace):
         return []
     color = LOOP if found.whole or not found.covered else VERMILLION
@@ -133,7 +131,7 @@ def _points(path: Path, start: float, stop: float) -> Matrix:
     return path.at(np.unique(np.concatenate([np.linspace(start, stop, SAMPLES), inside]))).position
 
 
-def _edges(box: Box) -> list[Matrix]:
+def edges_of(box: Box) -> list[Matrix]:
     """The edges (k, 3) of a box that have an extent."""
     corners = [np.array(c) for c in product((-1.0, 1.0), repeat=3)]
     pairs = [(a, b) for a in corners for b in corners if (b - a).sum() == 2 and np.count_nonzero(b - a) == 1]

@@ -9,8 +9,11 @@ from typing import Any
 
 from ..base.files import writing
 from ..errors import brief
+from ..path.workspaces import PoseRange
 from ..proof import Certificate
 from ..proof.checker_word import CheckerWord, Outcome, unasked
+from ..proof.proven_region import region_of
+from .clear_words import refuted_by
 from .job_table import Column
 from .palette import BAD, GOOD, WARNING
 from .proof_page import write_page
@@ -23,7 +26,7 @@ COLUMNS: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-CHECKED = {Outcome.VERIFIED: GOOD, Outcome.REJECTED: BAD, Outcome.NONE: WARNING}
+CHECKED = {Outcome.VERIFIED: GOOD, Outcome.REJECTED: BAD, Outcome.SAMPLED: WARNING, Outcome.NONE: WARNING}
 """The colour of what the checker says."""
 
 
@@ -61,6 +64,9 @@ def print_certificates(
         console.print(f"  {brief(name)}: {text}", style=style, markup=False, highlight=False)
         if isinstance(one, Certificate) and not one.whole:
             console.print(f"    {one.extent.value}", style=WARNING, markup=False, highlight=False)
+            worst = refuted_by(one)
+            if worst is not None:
+                console.print(f"    refuted: {worst}", style=BAD, markup=False, highlight=False)
         if isinstance(one, Certificate):
             text, style = checker_words(one, words[name]), CHECKED[words[name].outcome]
             console.print(f"    {text}", style=style, markup=False, highlight=False)
@@ -92,6 +98,14 @@ def write_certificates(
             files += [file.name, write_page(one, file, word).name]
             said = {"proven": one.whole, "theorem": one.theorem, "checker": word.outcome.value}
             facts["strategies"][label] = said
+            if (worst := refuted_by(one)) is not None:
+                said["refuted"] = {
+                    "names": worst.names, "distance": worst.distance, "wanted": worst.wanted, "q": worst.q.tolist(),
+                    "pose": worst.pose.tolist(),
+                }  # fmt: skip
+            if isinstance(one.asked, PoseRange) and not one.whole:
+                region = region_of(one)
+                said["shares"] = {"proven": region.share, **region.parts.shares}
             if one.revisit is not None:
                 moved = [one.revisit.low.tolist(), one.revisit.high.tolist()]
                 said["drift"] = dict(zip(("least", "most"), moved, strict=True))

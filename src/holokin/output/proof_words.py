@@ -7,6 +7,8 @@ from typing import final
 
 import numpy as np
 
+from ..base.sure_digits import at_least, at_most
+from ..checking.pairs import POSTURES
 from ..errors import brief
 from ..path import Path
 from ..path.synchronized_paths import paths_of
@@ -14,10 +16,8 @@ from ..path.workspaces import Workspace
 from ..proof import Certificate, Extent, joint_rates
 from ..proof.checker_word import CheckerWord, Outcome
 from ..tasks.task import Task
+from .clear_words import assumed_words, nearest_of, refuted_by
 from .words import joint_unit
-
-DIGITS = 3
-"""Significant digits of a bound, rounded to the side on which it stays true."""
 
 PROVEN, NOT_PROVEN, DIFFER = "proven", "NOT proven", "NO: they differ"
 
@@ -64,27 +64,6 @@ class Verdict:
     line: str
     sentence: str
     good: bool
-
-
-def at_least(value: float) -> str:
-    """A lower bound as text, not above it."""
-    return _rounded(value, False)
-
-
-def at_most(value: float) -> str:
-    """An upper bound as text, not below it."""
-    return _rounded(value, True)
-
-
-def _rounded(value: float, up: bool) -> str:
-    if value == 0 or not np.isfinite(value):
-        return f"{value:g}"
-    text = f"{value:.{DIGITS - 1}e}"
-    if (float(text) < value) if up else (float(text) > value):
-        step = 10.0 ** (int(np.floor(np.log10(abs(value)))) - DIGITS + 1)
-        text = f"{float(text) + (step if up else -step):.{DIGITS - 1}e}"
-    short = f"{float(text):.{DIGITS}g}"
-    return short if float(short) == float(text) else text
 
 
 def _pose_word(task: Task) -> str:
@@ -151,11 +130,25 @@ def verdict(found: Certificate, word: CheckerWord) -> Verdict:
         return Verdict(line, f"{only} {_capital(found.returning)}.", False)
     if not found.whole:
         stop = f" The proof stopped at {found.where}." if found.where else ""
+        worst = refuted_by(found)
+        if worst is not None:
+            stop = f" In the rest it is REFUTED: {worst}."
         return Verdict(f"NOT ALL IS PROVEN: only {share_words(found)}", f"{_capital(found.extent.cause)}.{stop}", False)
     verified = word.outcome is Outcome.VERIFIED
     known = "PROVEN" if verified else "PROVEN BUT NOT VERIFIED"
     limits = "" if found.limits is not None else " Joint limits are not part of the proof."
-    return Verdict(f"{known}: {_good(found, pose)}", _sentence(found) + limits, verified)
+    return Verdict(f"{known}: {_good(found, pose)}", _sentence(found) + _apart(found) + limits, verified)
+
+
+def _apart(found: Certificate) -> str:
+    """What is proven of distances, for the sentence below the first line."""
+    near = nearest_of(found)
+    if near is None:
+        return ""
+    return (
+        f" There the shapes that are listed below keep apart: the nearest of them, {_pair(near.names)}, by "
+        f"{at_least(near.bound)} m or more."
+    )
 
 
 def _ends_elsewhere(found: Certificate) -> bool:
@@ -170,6 +163,11 @@ def checker_words(found: Certificate, word: CheckerWord) -> str:
         return f"REJECTED by the independent checker: {word.text.partition(': ')[2]}"
     if word.outcome is Outcome.NONE:
         return f"NOT verified by the independent checker: {word.text}."
+    if word.outcome is Outcome.SAMPLED:
+        what = word.text.splitlines()[1].strip()
+        return (
+            f"NOT verified as a whole: by the independent checker, in {word.seconds:.3g} s, {what}; no fault was found."
+        )
     took = f"by the independent checker in {word.seconds:.3g} s"
     if found.whole or (_ends_elsewhere(found) and _drift_verified(word)):
         return f"Verified {took}."
@@ -307,8 +305,10 @@ def _collisions(found: Certificate) -> str:
     parts = [
         "Collisions with anything that is not named above, of cables, and of shapes that bend or are held otherwise"
     ]
-    parts += [f"Pairs that a joint joins, that touch at every posture, or that may touch: {_pairs(out)}"] if out else []
+    why = f"Pairs that a joint joins, that touch at each of {POSTURES} random postures, or that may touch"
+    parts += [f"{why}: {_pairs(out)}"] if out else []
     parts += [f"Links without a shape: {brief(', '.join(bare))}"] if bare else []
+    parts += [assumed] if (assumed := assumed_words(found)) else []
     return ". ".join(parts) + "."
 
 

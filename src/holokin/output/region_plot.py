@@ -6,12 +6,12 @@ from typing import Any
 
 from ..designing.slices import grid_planes
 from ..proof import UniqueRegion
-from ..proof.proven_region import CAUSES
-from .palette import ORANGE, PURPLE, VERMILLION
+from ..proof.open_parts import CAUSES
+from .palette import ORANGE, PURPLE, SKY, VERMILLION
 from .plots import style
 from .words import on_figure
 
-COLORS = ("#1f7a6b", "#c9d1da", PURPLE, ORANGE, VERMILLION)
+COLORS = ("#1f7a6b", "#c9d1da", PURPLE, ORANGE, SKY, VERMILLION)
 """Of a pose that is proven, and of the others by `CAUSES`."""
 
 
@@ -38,7 +38,7 @@ def region_figure(region: UniqueRegion, steps: int = 25) -> Any:
             seen |= set(found.ravel().tolist())
             low, high = space.solid.center - space.solid.half, space.solid.center + space.solid.half
             extent = (low[i], high[i], low[j], high[j])
-            shown = {"cmap": ListedColormap(COLORS), "vmin": 0, "vmax": 4, "interpolation": "nearest"}
+            shown = {"cmap": ListedColormap(COLORS), "vmin": 0, "vmax": 5, "interpolation": "nearest"}
             axes.imshow(found, origin="lower", extent=extent, aspect="equal", **shown)
             axes.grid(False)
             axes.set(xlabel=f"{'xyz'[i]} [m]", ylabel=f"{'xyz'[j]} [m]")

@@ -7,7 +7,7 @@ from .certificate import Certificate, Extent
 from .certified_following import follow_certified
 from .certify_leaf import certify
 from .following import follow
-from .proven_region import UniqueRegion, unique_region
+from .proven_region import UniqueRegion, region_of, unique_region
 from .rates_of_joints import JointRates, joint_rates
 
 __all__ = [
@@ -19,5 +19,6 @@ __all__ = [
     "follow",
     "follow_certified",
     "joint_rates",
+    "region_of",
     "unique_region",
 ]

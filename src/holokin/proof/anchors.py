@@ -57,6 +57,15 @@ def anchored(domain: Domain, found: Covered, q0: Vector, closed: bool) -> Anchor
     return Anchors(np.zeros((pieces, 1)), np.array(postures), within, gap, turns)
 
 
+def at_start(domain: Domain, anchors: Anchors, q0: Vector) -> bool:
+    """Whether the roots are q0's: over a box at its pose, if the box holds that, else where it leads to the middle."""
+    if not isinstance(domain, PoseRegion):
+        return True
+    inside = bool((np.abs(domain.place_of(q0)) <= 1).all())
+    first = q0 if inside else domain.q
+    return anchors.within < NEAR and np.array_equal(anchors.q[0, : len(q0)], first[: len(q0)])
+
+
 def _holding(found: Covered, piece: int, u: Vector) -> int | None:
     """A cell that holds u."""
     b = found.boxes

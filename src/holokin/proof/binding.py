@@ -7,22 +7,20 @@ file.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ..errors import HolokinError
-from ..robot import Robot, with_capsules
+from ..robot import Robot
 from ..symbolic import symbol, vertcat
 from ..symbolic.interval_function import operation_list
 from ..tasks.frames import TipFrame
 from ..tasks.task_kinds import FrameTask
-from .clear_cells import joints_of, shape_of
-from .convex_shapes import convex
 from .equation import Equation
 from .lowering import lowered
+from .shape_binding import other_shapes
 from .targets import Family, PoseBox, Stretch, Stretches
 from .task_rows import rows_of
 
@@ -74,23 +72,7 @@ def unlike(data: dict[str, Any], robot: Robot) -> str:
     for name, low, high, a, b in zip(robot.joint_names, robot.lower, robot.upper, least, most, strict=False):
         if (a is not None and a < low) or (b is not None and b > high):
             return f"its limits of {name} are wider than those of {robot.name}"
-    return _other_shapes(data["clear"], robot) if "clear" in data else ""
-
-
-def _other_shapes(clear: dict[str, Any], robot: Robot) -> str:
-    """In what the shapes of links in a certificate are not those of a robot; "" where they are.
-
-    Pairs may be left out, and shapes of other names, which the robot carries, may stand there besides.
-    """
-    clad = with_capsules(robot) if all(shape.obstacle for shape in robot.shapes) else robot
-    if clear["joints"] != joints_of(clad):
-        return f"its shapes hang on other joints than those of {robot.name}"
-    moving = {json.dumps(shape_of(convex(s))) for s in clad.shapes if not s.shape.fault}
-    links = {s.link for s in clad.shapes}
-    for shape in clear["shapes"]:
-        if shape["joint"] >= 0 and shape["link"] in links and json.dumps(shape) not in moving:
-            return f"the shape of {shape['link']} is not that of {robot.name}"
-    return ""
+    return other_shapes(data["clear"], robot) if "clear" in data else ""
 
 
 def _numbered(data: dict[str, Any], sizes: tuple[int, ...], table: dict[Any, int]) -> list[int]:

@@ -22,7 +22,7 @@ from .equation import Equation
 from .partition import overlapping
 from .path_postures import PIECES
 from .targets import PoseBox
-from .tube import Findings, centred, examined
+from .tube import centred, examined
 
 NEAR = 1e-9
 """A pose is in a box without extent if it is as near [m, 1]."""
@@ -154,12 +154,16 @@ class PoseRegion(Value, Domain):
 
     def poses(self, boxes: Boxes) -> Array:
         """(k, 4, 4) at the middles."""
+        return self.poses_at((boxes.low + boxes.high) / 2)
+
+    def poses_at(self, u: Matrix) -> Array:
+        """(k, 4, 4) at parameters (k, d)."""
         from scipy.spatial.transform import Rotation
 
-        at = (boxes.low + boxes.high) / 2 * self.half
-        T = np.tile(np.eye(4), (len(boxes), 1, 1))
+        at = u * self.half
+        T = np.tile(np.eye(4), (len(u), 1, 1))
         T[:, :3, 3] = self.p0 + at[:, :3]
-        w = at[:, 3:] if self.equation.family.turning else np.zeros((len(boxes), 3))
+        w = at[:, 3:] if self.equation.family.turning else np.zeros((len(u), 3))
         turn = Rotation.from_quat(np.column_stack([w / 2, np.ones(len(w))]))
         T[:, :3, :3] = self.R0 @ turn.as_matrix()
         return T
@@ -214,6 +218,10 @@ class PoseRegion(Value, Domain):
             found[i] = self.equation.completed(q[None])[0]
         return found
 
+    def learned(self) -> list[tuple[Vector, Vector]]:
+        """Places and postures that were found, of which the next ones are continued."""
+        return self._known
+
     @cached_property
     def _known(self) -> list[tuple[Vector, Vector]]:
         """Places and postures that were found, of which the next ones are continued."""
@@ -233,13 +241,13 @@ class PoseRegion(Value, Domain):
             return super().order(boxes, scarce)
         return np.argsort(np.linalg.norm((boxes.low + boxes.high) / 2 - self.u0, axis=1), kind="stable")
 
-    def fine(self, boxes: Boxes, found: Findings) -> Flags:
+    def fine(self, boxes: Boxes, rooted: Flags) -> Flags:
         """Parts of a cell of the grid, of a `partial` proof: smaller ones where there is a root."""
         if not self.partial:
             return np.zeros(len(boxes), dtype=bool)
         whole = np.prod([2 / count for count in self._counts[0]])
         share = np.prod(boxes.high - boxes.low, axis=1) / whole
-        return share <= np.where(np.isfinite(found.eta), PART, ROOTLESS)
+        return share <= np.where(rooted, PART, ROOTLESS)
 
     def arranged(self, found: Covered) -> Covered:
         """All of them."""

@@ -15,6 +15,7 @@ from ..base.types import Array, Flags, Indices, Matrix, Vector, joined, some
 from .certificate import Boxes, Covered, Extent
 from .demands import Demands
 from .equation import Equation
+from .kept_cells import Batch, KeptCells
 from .tube import Cells, Findings, centred, examined
 
 SHORTEST = 1e-7
@@ -44,12 +45,17 @@ FEW = 32
 """Cells examined at once where none was proven before: a place where the proof fails is then found soon."""
 
 
+NOWHERE = KeptCells()
+"""Keeps no cells."""
+
+
 class Domain(ABC):
     """What a proof is about: the tool poses of boxes of parameters, and joints near their roots."""
 
     equation: Equation
     c: Vector
     slack: float
+    partial: bool = False
 
     @abstractmethod
     def first(self) -> Boxes:
@@ -78,9 +84,13 @@ class Domain(ABC):
             return np.lexsort((boxes.low[:, 0], boxes.piece))
         return np.argsort(np.prod(boxes.high - boxes.low, axis=1), kind="stable")
 
-    def fine(self, boxes: Boxes, _found: Findings) -> Flags:
+    def fine(self, boxes: Boxes, _rooted: Flags) -> Flags:
         """(k,) True for boxes that are not halved any more, though the proof failed on them: here none."""
         return np.zeros(len(boxes), dtype=bool)
+
+    def learned(self) -> list[tuple[Vector, Vector]]:
+        """Places and postures of the leaf that were found, of which the next ones are continued; here none."""
+        return []
 
     @abstractmethod
     def goes_on(self, extent: Extent) -> bool:
@@ -103,12 +113,18 @@ class Domain(ABC):
         """In words where the proof failed; nothing where it did not."""
 
 
-def covered(domain: Domain, boxes: Boxes, demands: Demands, budget: int, say: Callable[[int], None]) -> Covered:
-    """The boxes, halved where they must be, that are proven of some boxes, and why no more of them are."""
+def covered(
+    domain: Domain, boxes: Boxes, demands: Demands, budget: int, say: Callable[[int, int, float], None],
+    kept_cells: KeptCells = NOWHERE,
+) -> Covered:  # fmt: skip
+    """The boxes, halved where they must be, that are proven of some boxes, and why no more of them are.
+
+    say: hears how many are proven, how many were examined, and which share of the boxes is proven, 0 to 1.
+    """
     done: list[tuple[Boxes, Cells, Findings]] = []
     stopped: list[tuple[int, tuple[float, ...]]] = []
     reasons: list[Extent] = []
-    spent, proven_so_far, batch = 0, 0, BATCH
+    spent, proven_so_far, filled, batch, all_of_it = 0, 0, 0.0, BATCH, float(_volumes(boxes).sum())
     left, shrink = boxes, 8.0 ** (-1 / domain.equation.d)  # eta is of third order, and one of d sides is halved
     while len(left):
         if spent >= budget:
@@ -124,28 +140,25 @@ def covered(domain: Domain, boxes: Boxes, demands: Demands, budget: int, say: Ca
         rest[chosen] = False
         here, waiting = some(left, chosen), some(left, rest)
         spent += len(here)
-        numbers = domain.numbers(here)
-        cells = centred(domain.equation, domain.joints(here), numbers, domain.c, here.rho)
-        found = examined(domain.equation, cells, domain.c, domain.slack)
-        good = proven(found)
-        judged = demands.judged(cells, found, good)
-        found, kept = judged.findings, judged.good
-        done.append((some(here, kept), some(cells, kept), some(found, kept)))
+        found = _looked_up(domain, here, demands, kept_cells)
+        cells, good, kept = found.cells, found.good, found.kept
+        done.append((some(here, kept), some(cells, kept), found.findings))
         proven_so_far += int(kept.sum())
+        filled += float(_volumes(some(here, kept)).sum())
         batch = min(BATCH, FEW + 8 * int(kept.sum()))
-        say(proven_so_far)
+        say(proven_so_far, spent, filled / all_of_it)
         small = ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST) | (np.min(here.high - here.low, axis=1) < 8 * GRID)
-        final = ~kept & (small | judged.final | domain.fine(here, found))
+        final = ~kept & (small | found.final | domain.fine(here, found.rooted))
         stopped += _places(some(here, final))
-        reasons += [_reason(*of) for of in zip(good[final], judged.near[final], strict=True)]
+        reasons += [_reason(*of) for of in zip(good[final], found.near[final], strict=True)]
         failed = ~kept & ~final
-        need = np.where(np.isfinite(found.eta), SPREAD * found.eta, 0.0)
+        need = np.where(found.rooted, SPREAD * found.eta, 0.0)
         usual = np.where(np.isfinite(found.omega), TUBE / np.clip(found.omega, 1e-3, 1e9), here.rho / 4)
         narrow = np.maximum(np.minimum(here.rho / 4, usual), need)
         half = np.clip(shrink * need, here.rho / 2, np.maximum(here.rho, usual))
         retried = failed & ~good & ~here.again & (narrow < 0.9 * here.rho)
         again = some(Boxes(here.piece, here.low, here.high, narrow, np.ones(len(here), dtype=bool), cells.q0), retried)
-        left = joined(waiting, again, halves(here, cells, half, failed & ~retried, np.isfinite(found.eta)))
+        left = joined(waiting, again, halves(here, cells, half, failed & ~retried, found.rooted))
         if stopped:
             left = some(left, ~domain.beyond(left, stopped))
     all_boxes, all_cells, all_findings = (joined(*parts) for parts in zip(*done, strict=True))
@@ -153,6 +166,30 @@ def covered(domain: Domain, boxes: Boxes, demands: Demands, budget: int, say: Ca
         return Covered(all_boxes, all_cells, all_findings)
     first = min(range(len(stopped)), key=lambda i: stopped[i])
     return Covered(all_boxes, all_cells, all_findings, reasons[first], stopped[first])
+
+
+def _looked_up(domain: Domain, boxes: Boxes, demands: Demands, kept_cells: KeptCells) -> Batch:
+    """The test of the cells of boxes: as it was kept, or made now, and kept."""
+    found = kept_cells.batch(boxes)
+    if found is not None:
+        domain.learned().extend(zip(found.places, found.joints, strict=True))
+        return found
+    before = len(domain.learned())
+    cells = centred(domain.equation, domain.joints(boxes), domain.numbers(boxes), domain.c, boxes.rho)
+    tested = examined(domain.equation, cells, domain.c, domain.slack)
+    good = proven(tested)
+    judged = demands.judged(cells, tested, good)
+    new, d, n = domain.learned()[before:], domain.equation.d, domain.equation.n
+    places = np.array([u for u, _ in new]).reshape(-1, d) if new else np.zeros((0, d))
+    joints = np.array([q for _, q in new]) if new else np.zeros((0, n))
+    kept = some(judged.findings, judged.good)
+    found = Batch(cells, tested.omega, tested.eta, good, judged.good, judged.final, judged.near, kept, places, joints)
+    kept_cells.keep(found)
+    return found
+
+
+def _volumes(boxes: Boxes) -> Vector:
+    return np.prod(boxes.high - boxes.low, axis=1)
 
 
 def _reason(good: bool, near: bool) -> Extent:

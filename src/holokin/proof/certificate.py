@@ -14,6 +14,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import replacing
+from ..base.sure_digits import at_least
 from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some
 from ..path.synchronized_paths import AnyPath
 from ..path.workspaces import Workspace
@@ -189,7 +190,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         f, robot = self.findings, self.equation.strategy.task.robot
         for name, values in (("omega", f.omega), ("eta", f.eta), ("radius", f.r), ("alone within", f.alone)):
             lines.append(f"{name:12} {values.min():9.2e} to {values.max():9.2e}")
-        lines.append(f"|det {self.equation.derivative}| >= {self.determinant:.2e}")
+        lines.append(f"|det {self.equation.derivative}| >= {at_least(self.determinant)}")
         if np.isfinite(self.gap):
             turns = f", after the whole turns {self.turns.astype(int).tolist()}" if self.turns.any() else ""
             lines.append(f"closed: the joints end within {self.gap:.1e} of where they began{turns}")

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.sure_digits import at_least
 from ..base.types import ArrayLike, Vector, joined, whole
 from ..errors import NoProofError
 from ..path.synchronized_paths import AnyPath
@@ -16,14 +20,16 @@ from ..path.workspaces import Workspace
 from ..robot import LinkShape, Robot, start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
-from .anchors import anchored
+from .anchors import anchored, at_start
 from .box_proof import PoseRegion
-from .cell_search import Domain, covered, halves
+from .cell_search import NOWHERE, Domain, covered, halves
 from .certificate import COVERED, Certificate, Covered, Extent, Revisit, least_determinant
 from .clear_cells import ClearCells
 from .demands import Demands
 from .equation import Equation
 from .kept_apart import CLEARANCE, kept_apart
+from .kept_cells import KeptCells
+from .lowering import lowered
 from .path_postures import walked
 from .path_proof import Pathway
 from .revisits import Revisits
@@ -49,6 +55,7 @@ def certify(
     ignore: Sequence[tuple[str, str]] = (),
     shapes_of: Robot | None = None,
     budget: int = 20_000,
+    keep_in: str | FilePath | None = None,
     say: Callable[[str], None] = lambda _text: None,
 ) -> Certificate:
     """Prove that on the leaf through q0 the joints are one smooth function of the tool pose, over a path or a box.
@@ -74,6 +81,8 @@ def certify(
         ignore: pairs of names of links, or of a link and an obstacle, that may touch.
         shapes_of: the same robot with other shapes, as of `with_shape` or `with_capsules`; by default the strategy's.
         budget: cells that may be examined.
+        keep_in: a file that keeps the cells as they are examined. Where it is there already, of the same question, the
+            proof goes on with them, and ends with the same certificate; with another `budget`, as far as they serve.
         say: hears of the progress.
 
     Returns:
@@ -81,7 +90,8 @@ def certify(
         was proven up to there.
 
     Raises:
-        NoProofError: a strategy without leaves, or whose leaves a differential equation carries. ArgumentError: no box.
+        NoProofError: a strategy without leaves, or whose leaves a differential equation carries. ArgumentError: no box;
+            shapes of which no proof can be; `keep_in` is of another question. WriteError: it cannot be written.
         ExpressionError: an operation without a rule for intervals. StartError, JointLimitError; of a leaf on which not
         even a first step is possible SingularityError, BranchError.
     """
@@ -95,7 +105,24 @@ def certify(
         ended = extent, stop
         domain = Pathway.of(strategy, where, postures, SAMPLES)
     clear = kept_apart(strategy, start, clear_of, floor, clearance, self_collision, ignore, shapes_of)
-    return certificate(where, domain, start, demands(strategy, limits, clear), budget, say, began, ended)
+    asked = demands(strategy, limits, clear)
+    with KeptCells.opened(keep_in, lambda: question(domain, start, asked)) as kept_cells:
+        return certificate(where, domain, start, asked, budget, say, began, ended, kept_cells)
+
+
+def question(domain: Domain, start: Vector, asked: Demands) -> dict[str, Any]:
+    """All that decides what is proven, but for the budget: the equation, the start, the poses, limits and shapes."""
+    equation, first = domain.equation, domain.first()
+    n, d, given = equation.n, equation.d, domain.given(np.unique(first.piece))
+    inputs = [*range(n + d + given.shape[1]), *[0.0] * d, *[1.0] * d]
+    inputs += range(n + d + given.shape[1], n + d + given.shape[1] + len(domain.c))
+    limits, clear = asked.limits, asked.clear
+    arrays = (start, domain.c, given, first.low, first.high, first.rho, *(limits or ()))
+    return {
+        "equation": lowered(equation.operations, inputs, [*equation.angular, *[False] * equation.positive]),
+        "hashes": [hashlib.sha256(np.ascontiguousarray(a).tobytes()).hexdigest() for a in arrays],
+        "clear": None if clear is None else clear.described(), "partial": domain.partial, "slack": domain.slack,
+    }  # fmt: skip
 
 
 def provable(strategy: Strategy) -> HolonomicStrategy:
@@ -125,19 +152,22 @@ def demands(strategy: HolonomicStrategy, limits: bool, clear: ClearCells | None)
 
 def certificate(
     where: AnyPath | Workspace, domain: Domain, start: Vector, asked: Demands, budget: int, say: Callable[[str], None],
-    began: float, ended: tuple[Extent, str] = (Extent.WHOLE, ""),
+    began: float, ended: tuple[Extent, str] = (Extent.WHOLE, ""), kept_cells: KeptCells = NOWHERE,
 ) -> Certificate:  # fmt: skip
     """What can be proven over a domain. ended: why and where the postures of a path ended early."""
     strategy = domain.equation.strategy
     robot = strategy.task.robot
-    found = _glued(domain, asked, budget, lambda count: say(f"{count} cells proven"))
+    found = _glued(domain, asked, budget, say, kept_cells)
     if asked.clear is not None:
+        say(f"{len(found):,} cells proven, the least distances")
         found = replace(found, findings=asked.clear.sharpened(found.cells, found.findings))
     extent, place = found.extent, domain.place(found)
     if extent is Extent.WHOLE and ended[0] is not Extent.WHOLE:
         extent, place = ended
     closed = extent is Extent.WHOLE and not isinstance(where, Workspace) and where.closed
     anchors = anchored(domain, found, start, closed)
+    if extent is Extent.WHOLE and not at_start(domain, anchors, start):
+        extent, place = Extent.APART, "the start"
     revisit = None
     if extent is Extent.WHOLE and isinstance(domain, Pathway):
         revisits = Revisits(domain, found)
@@ -176,10 +206,10 @@ def _theorem(
     parts = [
         f"on the leaf of {title} through the start {about} has exactly one posture{with_others} in the tube of its "
         f"cell, of {len(found)}; it is a smooth function of the {what}, with |det {equation.derivative}| >= "
-        f"{determinant:.2g}{q}"
+        f"{at_least(determinant, 2)}{q}"
     ]
     if asked.limits is not None and np.isfinite(to_limit).any():
-        parts.append(f"every joint stays {to_limit.min():.2g} or more (rad or m) from its limits")
+        parts.append(f"every joint stays {at_least(float(to_limit.min()), 2)} or more (rad or m) from its limits")
     turned = f" but for the whole turns {turns.astype(int).tolist()}" if turns.any() else ""
     if asked.clear is not None:
         parts.append(asked.clear.told(found.findings.apart))
@@ -203,21 +233,23 @@ def _hull(found: Covered, q0: Vector) -> tuple[Vector, Vector]:
     return found.findings.low.min(axis=0), found.findings.high.max(axis=0)
 
 
-def _glued(domain: Domain, asked: Demands, budget: int, say: Callable[[int], None]) -> Covered:
+def _glued(domain: Domain, asked: Demands, budget: int, say: Callable[[str], None], kept: KeptCells) -> Covered:
     """Cells over all of a domain, halved until neighbours share roots; or those that hang together."""
-    found = domain.arranged(covered(domain, domain.first(), asked, budget, say))
-    for _ in range(ROUNDS):
+    before = ""
+
+    def told(count: int, spent: int, share: float) -> None:
+        again = f", {kept.resumed:,} of them before" if kept.resumed else ""
+        say(f"{before}{share:.0%} proven by {count:,} cells, {spent:,} of at most {budget:,} examined{again}")
+
+    found = domain.arranged(covered(domain, domain.first(), asked, budget, told, kept))
+    for i in range(ROUNDS):
+        say(f"{len(found):,} cells proven, joining them")
         apart = domain.unglued(found)
         if not (domain.goes_on(found.extent) and apart.any()):
             break
-        new = covered(
-            domain,
-            halves(found.boxes, found.cells, found.cells.rho / 2, apart, np.isfinite(found.findings.eta)),
-            asked,
-            budget,
-            say,
-        )
-        found = domain.arranged(_both(found.only(~apart), new))
+        before = f"round {i + 2}, of the {int(apart.sum()):,} cells that are not joined yet: "
+        parts = halves(found.boxes, found.cells, found.cells.rho / 2, apart, np.isfinite(found.findings.eta))
+        found = domain.arranged(_both(found.only(~apart), covered(domain, parts, asked, budget, told, kept)))
     return domain.connected(found)
 
 

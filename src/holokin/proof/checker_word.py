@@ -22,6 +22,7 @@ class Outcome(NoTruthValue, Enum, ask="`is Outcome.VERIFIED`"):
 
     VERIFIED = "verified"
     REJECTED = "REJECTED"
+    SAMPLED = "only sampled"
     NONE = "not verified"
 
 
@@ -41,33 +42,36 @@ class CheckerWord(Value):
 
 
 @typed
-def ask_checker(certificate: Certificate, seconds: float = 60.0) -> CheckerWord:
+def ask_checker(certificate: Certificate, seconds: float = 60.0, sample: float | None = None) -> CheckerWord:
     """What the checker says of the file of a certificate, by a copy of that file; with 0 seconds it is not run.
 
-    Where the task is about one tool in the frame of the base, the file is compared with the robot, too.
+    With a sample, a share of the cells, it verifies these alone: `Outcome.SAMPLED`. Where the task is about one tool
+    in the frame of the base, the file is compared with the robot, too.
 
     Raises:
-        ArgumentError: the seconds are negative.
+        ArgumentError: the seconds are negative, or the sample is no share.
     """
     seconds = not_negative("the seconds of the checker", seconds)
     if not len(certificate):
         return unasked(certificate, "nothing is proven that it could verify")
     if seconds == 0:
         return unasked(certificate)
-    sha256, robot = digest(certificate.data), certificate.equation.strategy.task.robot
+    sha256, clear = digest(certificate.data), certificate.demands.clear
+    robot = certificate.equation.strategy.task.robot if clear is None else clear.robot
     compared = robot if described(certificate.equation) is not None else None
     began, version = time.perf_counter(), ""
     try:
         version = _version()
         with tempfile.TemporaryDirectory(prefix="holokin-") as folder:
             file = certificate.save(FilePath(folder) / "certificate.json")
-            rejected, text = recheck(file, seconds=seconds, robot=compared)
+            rejected, text = recheck(file, seconds=seconds, robot=compared, sample=sample)
     except MissingExtraError:
         return unasked(certificate, "it was not run: python-flint is missing")
     except CertificateError as problem:
         taken = time.perf_counter() - began
         return CheckerWord(Outcome.NONE, f"it gave no answer: {problem.fact}", taken, sha256, version, False)
-    outcome = Outcome.REJECTED if rejected else Outcome.VERIFIED
+    passed = Outcome.VERIFIED if sample is None or sample == 1 else Outcome.SAMPLED
+    outcome = Outcome.REJECTED if rejected else passed
     taken = time.perf_counter() - began
     return CheckerWord(outcome, text, taken, sha256, version, compared is not None and not rejected)
 

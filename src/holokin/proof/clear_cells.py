@@ -11,7 +11,8 @@ where sliders are among them. So everywhere in the cell
     distance >= min_b w_b(q0) - |grad w_b V|_1 - |grad w_b Q|_w - |grad w_b| r - max_a m . a - r_A - r_B - 1/2 R^T K R
 
 with R_i >= |D_i|. The plane m is only a witness: any one gives a bound. Frames at q0 are enclosed by interval
-arithmetic; what follows are some thousand roundings of numbers no larger than `Pair.size`, for which `SLACK` is taken.
+arithmetic, and their half width is taken off; what follows are some thousand roundings of numbers no larger than
+`_OnePair.size`, for which `SLACK` is taken.
 """
 
 from __future__ import annotations
@@ -23,9 +24,11 @@ from typing import Any
 
 import numpy as np
 
+from ..base.sure_digits import at_least
 from ..base.types import Array, Indices, Matrix, Value, Vector, some
 from ..checking.gaps import FloorGap, Gap, LinkGap, joints_above, segment_step
-from ..checking.pairs import Pairs
+from ..checking.pairs import POSTURES, Pairs
+from ..errors import brief
 from ..robot import LinkShape, Robot
 from ..symbolic import symbol, vertcat
 from ..symbolic.interval_function import IntervalFunction
@@ -35,8 +38,8 @@ from .tube import Cells, Findings, pair_weights
 SLACK = 1e-10
 """What is taken off a bound, over the size of what it was computed from: 10^5 roundings are less."""
 
-NARROW = 1e-12
-"""Widest enclosure of a frame, over that size, that is taken for its middle."""
+OFF = 50.0
+"""By how much a bound is off where numbers of frames are, over that size: 3 for a point, 12 for a slope by a joint."""
 
 HEAVY = 1e3
 """Weight of the condition that shares of points add up to 1, over their size, where the nearest points are sought."""
@@ -49,19 +52,19 @@ UPWARD = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class ShapePair(Value):
-    """Two shapes that are to keep `wanted` [m] apart; `plane` (3,) in the frame of `one` where it is given."""
+    """Two shapes that are to keep `wanted` [m] apart; `other` is no half space."""
 
     names: tuple[str, str]
     one: Convex
     other: Convex
     wanted: float
-    plane: Vector | None = None
 
 
 def shape_pairs(gaps: Sequence[Gap], wanted: Sequence[float]) -> tuple[ShapePair, ...]:
-    """Of every gap all pairs of its shapes. The floor is its point at the origin, and the plane is the floor's."""
+    """Of every gap all pairs of its shapes. The floor is a half space."""
     found = []
     made: dict[int, Convex] = {}
+    grounds: dict[float, Convex] = {}
 
     def of(shape: LinkShape) -> Convex:
         if id(shape) not in made:
@@ -70,9 +73,10 @@ def shape_pairs(gaps: Sequence[Gap], wanted: Sequence[float]) -> tuple[ShapePair
 
     for gap, apart in zip(gaps, wanted, strict=True):
         if isinstance(gap, FloorGap):
-            ground = Convex(gap.names[1], -1, np.array([[0.0, 0.0, gap.height]]), 0.0)
+            at = np.array([[0.0, 0.0, gap.height]])
+            ground = grounds.setdefault(gap.height, Convex(gap.names[1], -1, at, 0.0, normal=UPWARD))
             bodies = [of(s) for s in gap.link.shapes]
-            found += [ShapePair(gap.names, ground, body, apart, UPWARD) for body in bodies]
+            found += [ShapePair(gap.names, ground, body, apart) for body in bodies]
         elif isinstance(gap, LinkGap):
             sides = [[of(s) for s in link.shapes] for link in (gap.one, gap.other)]
             found += [ShapePair(gap.names, a, b, apart) for a in sides[0] for b in sides[1]]
@@ -152,11 +156,13 @@ class ClearCells(Value):
         one, other = self.pairs[i].names
         touch = len(dict.fromkeys(pair.names for pair in self.pairs if not pair.wanted)) if wanted.any() else 0
         out = len([one for one in self.looked_at.left_out if one.pair not in names])
-        parts = [
-            f"the shapes of {len(names)} pairs keep apart, {one} and {other} as the nearest by {asked[i]:.3g} m or more"
-        ]
-        parts += [f"{touch} of them, which are always near, are only shown not to touch"] if touch else []
-        parts += [f"{out} pairs that a joint joins, that always touch or that may touch are left out"] if out else []
+        far = at_least(float(asked[i]))
+        parts = [f"the shapes of {len(names)} pairs keep apart, {one} and {other} as the nearest by {far} m or more"]
+        at = f"at each of {POSTURES} random postures"
+        parts += [f"{touch} of them, which are near {at}, are only shown not to touch"] if touch else []
+        parts += [f"{out} pairs that a joint joins, that touch {at}, or that may touch are left out"] if out else []
+        bare = sorted({one.link for one in self.looked_at.unseen})
+        parts += [f"nothing is said of {brief(', '.join(bare))}, without a shape to look at"] if bare else []
         return ", ".join(parts)
 
     def described(self) -> dict[str, Any]:
@@ -205,13 +211,16 @@ class ClearCells(Value):
         frames, width = self.frames(cells.q0[:, :n])
         moved = cells.reach[:, :n] + r[:, None]
         travel = self._travel(np.abs(cells.q0[:, :n]) + moved)
+        gear = max(1.0, *(abs(joint.multiplier) for joint in self.robot.joints))
+        off = OFF * width * gear * (1 + moved.sum(axis=1))
         least, planes, motion = np.full((k, P), -np.inf), np.zeros((k, P, 3)), np.zeros((k, P))
         middle = np.full((k, P), np.inf)
         steps = cells.V[:, :n], cells.Q[:, :n] * pair_weights(cells.V.shape[2])
         for p, pair in enumerate(self.pairs):
             one = _OnePair(self.robot, pair, frames, steps, moved, r, travel)
-            least[:, p], planes[:, p], motion[:, p], middle[:, p] = one.bounds(float(close[p]))
-            least[width > NARROW * one.size, p] = -np.inf
+            found, planes[:, p], motion[:, p], middle[:, p] = one.bounds(float(close[p]))
+            bound = found - off * one.size
+            least[:, p] = np.where(np.isnan(bound), -np.inf, bound)
         return Apart(least, planes, motion, middle)
 
     def sharpened(self, cells: Cells, found: Findings) -> Findings:
@@ -252,7 +261,7 @@ def shape_of(shape: Convex) -> dict[str, Any]:
     """A shape, as the checker reads it."""
     return {
         "link": shape.link, "joint": shape.joint, "points": shape.points.tolist(), "radius": shape.radius,
-        "holds": shape.holds.tolist(),
+        "holds": shape.holds.tolist(), "normal": shape.normal.tolist(),
     }  # fmt: skip
 
 
@@ -273,6 +282,7 @@ class _OnePair:
             1.0
             + max(np.abs(self.a).max(initial=0.0), np.abs(self.b).max(initial=0.0))
             + max((arm for _, arm in arms), default=0.0)
+            + max(pair.one.size, pair.other.size)
         )
         self.columns = self._columns(robot, chain, frames)
 
@@ -293,8 +303,8 @@ class _OnePair:
 
     def bounds(self, close: float) -> tuple[Vector, Matrix, Vector, Vector]:
         """(least (k,), planes (k, 3), motion (k,), distance in the middle (k,)); below `close` by nearest points."""
-        if self.pair.plane is not None:
-            least, planes, motion = self._tested(np.einsum("kij,j->ki", self.R, self.pair.plane))
+        if len(self.pair.one.normal):
+            least, planes, motion = self._tested(np.einsum("kij,j->ki", self.R, self.pair.one.normal))
             return least, planes, motion, least + motion
         best = self._tested(_unit(self.b.mean(axis=1) - self.a.mean(axis=1)))
         middle = np.full(len(self.r), np.inf)

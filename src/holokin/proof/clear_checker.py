@@ -1,7 +1,8 @@
 """The part of the checker that is about shapes: over each cell planes separate the pairs that are to keep apart.
 
 The certificate holds the joints of the robot as a tree, shapes as points with a radius, pairs of shapes with the
-distance that is claimed, and for each cell a plane for each pair, as a normal m in the frame of the pair's one shape A.
+distance that is claimed, and for each cell a plane for each pair, as a normal m in the frame of the pair's one shape A;
+a half space, as the floor, has a normal of its own.
 Seen from A the height w = m . b of a point b of the other shape is a function of the joints, and over a cell, q = p(y)
 + s with |s| <= r, by the mean value theorem
 
@@ -10,12 +11,18 @@ Seen from A the height w = m . b of a point b of the other shape is a function o
 with grad w over the whole cell as balls. It needs python-flint and the file checker.py beside this one.
 """
 
+import hashlib
+import json
 from itertools import product
 from typing import Any
 
 from flint import arb, arb_mat
 
-UNIT, MOST, CUTS = arb(0, 1), 4096, (1, 2, 3)
+UNIT, MOST, CUTS, DOWN = arb(0, 1), 4096, (1, 2, 3), 1 - 5.1e-4  # .4g of a number times DOWN is below it
+
+
+EVEN = arb(1e-10)
+"""By how much a rotation may be none."""
 
 
 class Clear:
@@ -28,9 +35,14 @@ class Clear:
         for k, joint in enumerate(self.joints):
             need(-1 <= joint["parent"] < k and 0 <= joint["coordinate"] < joints, "its joints are no tree")
             need(joint["kind"] in ("revolute", "prismatic"), "a joint of its shapes is of an unknown kind")
+            turn, axis = _matrix(joint["placement"]), _column(joint["axis"])
+            near = (*(turn.transpose() * turn - _one()).entries(), (axis.transpose() * axis)[0, 0] - 1)
+            need(all(abs(x) < EVEN for x in near), "a joint is no rotation, or its axis not of length 1")
         for shape in self.shapes:
             need(-1 <= shape["joint"] < len(self.joints), "a shape is on no joint")
             need(shape["radius"] >= 0 and len(shape["points"]) > 0, "a shape is empty")
+            need(all(isinstance(x, (int, float)) for point in shape["points"] for x in point), "a point is no number")
+            need(len(shape["normal"]) in (0, 3), "a half space has no normal")
             for corner in shape["holds"]:
                 away = (
                     sum(((arb(a) - b) ** 2 for a, b in zip(corner, p, strict=True)), arb(0)) for p in shape["points"]
@@ -40,6 +52,9 @@ class Clear:
             need(
                 pair["apart"] >= 0 and all(0 <= i < len(self.shapes) for i in pair["shapes"]), "a pair is of no shapes"
             )
+            one, other = (self.shapes[i] for i in pair["shapes"])
+            need(not other["normal"], "a half space is held against another")
+            need(sorted(pair["names"]) == sorted([one["link"], other["link"]]), "names are not those of shapes")
         self.placed = [(_matrix(j["placement"]), _column(j["origin"])) for j in self.joints]
         self.points = [arb_mat(shape["points"]).transpose() for shape in self.shapes]
         self.paths = [self.path(*(self.shapes[i]["joint"] for i in pair["shapes"])) for pair in self.pairs]
@@ -56,7 +71,7 @@ class Clear:
 
     def frames(self, q: Any) -> Any:
         """(R, p, axis) of each joint's moving frame, in that of the base, which is the last one."""
-        base = arb_mat([[int(i == j) for j in range(3)] for i in range(3)]), arb_mat(3, 1)
+        base = _one(), arb_mat(3, 1)
         found: list[Any] = []
         for joint, (turn, shift) in zip(self.joints, self.placed, strict=True):
             R, p = found[joint["parent"]][:2] if joint["parent"] >= 0 else base
@@ -71,11 +86,10 @@ class Clear:
 
     def verify(self, cell: Any) -> None:
         """All pairs over a cell whose roots are shown to be within r of its predictor, cut where that is too coarse."""
-        for i, pair in enumerate(self.pairs):
+        for i, _pair in enumerate(self.pairs):
             self.need(
                 len(cell.planes) == len(self.pairs) and len(cell.planes[i]) == 3, "a cell has other planes than pairs"
             )
-            self.need(pair["names"] is not None, "a pair has no names")
         open_pairs, d, best = list(range(len(self.pairs))), len(cell.sides), {}
         for cuts in CUTS:
             half, found = arb(1) / cuts, dict.fromkeys(open_pairs, arb("inf"))
@@ -105,7 +119,7 @@ class Clear:
         """That of a pair."""
         one, other = (self.shapes[k] for k in self.pairs[i]["shapes"])
         points = [self.points[k] for k in self.pairs[i]["shapes"]]
-        m = _column(normal)
+        m = _column(one["normal"] or normal)
         length = sum((x * x for x in m.entries()), arb(0)).sqrt()
         self.need(length > 0, "a plane has no normal")
         (R, p, _), (S, x, _) = here[one["joint"]], here[other["joint"]]
@@ -142,8 +156,26 @@ class Clear:
         found = []
         for pair, least in zip(self.pairs, self.least, strict=True):
             one, other = (_printable(name) for name in pair["names"])
-            found.append(f"{one} and {other}: {float(least.lower()):.4g} m apart or more, {pair['apart']:.4g} claimed")
+            far = float(least.lower()) * DOWN
+            found.append(f"{one} and {other}: {far:.4g} m apart or more, {pair['apart']:.4g} claimed")
+        return found + self.still()
+
+    def still(self) -> list[str]:
+        """Where the shapes of these pairs are that do not move."""
+        found, used = [], sorted({i for pair in self.pairs for i in pair["shapes"]})
+        for shape in (self.shapes[i] for i in used if self.shapes[i]["joint"] < 0):
+            name, points, radius = _printable(shape["link"]), shape["points"], shape["radius"]
+            rows = [[point[i] for point in points] for i in range(3)]
+            sides = [" to ".join(f"{x:.4g}" for x in (min(row) - radius, max(row) + radius)) for row in rows]
+            solid = "all below {} along {}".format(points[0], shape["normal"]) if shape["normal"] else " x ".join(sides)
+            found.append(f"{name} stands still: {solid} m, {len(points)} points, {digest_of(shape)}")
         return found
+
+
+def digest_of(shape: Any) -> str:
+    """Of a shape the first digits of the SHA-256 of its points, radius and normal."""
+    numbers = [[[float(x) for x in p] for p in shape["points"]], float(shape["radius"]), shape["normal"]]
+    return f"SHA-256 {hashlib.sha256(json.dumps(numbers).encode()).hexdigest()[:12]}"
 
 
 def _smaller(a: Any, b: Any) -> Any:
@@ -152,6 +184,10 @@ def _smaller(a: Any, b: Any) -> Any:
 
 def _printable(name: Any) -> str:
     return "".join(c if c.isprintable() else "?" for c in str(name)[:60])
+
+
+def _one() -> Any:
+    return arb_mat([[int(i == j) for j in range(3)] for i in range(3)])
 
 
 def _matrix(rows: Any) -> Any:
@@ -170,5 +206,4 @@ def _turned(axis: Any, angle: Any) -> Any:
     """The rotation about an axis, by Rodrigues: 1 + sin K + (1 - cos) K^2."""
     x, y, z = axis
     K = arb_mat([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    one = arb_mat([[int(i == j) for j in range(3)] for i in range(3)])
-    return one + K * angle.sin() + K * K * (1 - angle.cos())
+    return _one() + K * angle.sin() + K * K * (1 - angle.cos())

@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from ..base.types import Matrix, Value
+from ..base.types import Matrix, Value, Vector
 from ..errors import ArgumentError
 from ..robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape
 
@@ -29,7 +29,8 @@ WIDER = 1 + 1e-9
 class Convex(Value):
     """All points within `radius` [m] of the hull of `points` (p, 3) [m], in the frame of joint `joint` (-1: base).
 
-    `holds` (c, 3) are corners of a mesh or hull that it stands for, where it has fewer points than these.
+    `holds` (c, 3) are corners of a mesh or hull that it stands for, where it has fewer points than these. `normal` (3,)
+    is that of a half space, what is below the plane across it through the point; of all other shapes it is empty.
     """
 
     link: str
@@ -37,6 +38,7 @@ class Convex(Value):
     points: Matrix
     radius: float
     holds: Matrix = field(default_factory=lambda: np.zeros((0, 3)))
+    normal: Vector = field(default_factory=lambda: np.zeros(0))
 
     @property
     def size(self) -> float:

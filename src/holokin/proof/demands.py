@@ -45,7 +45,7 @@ class Demands(Value):
         k, P = len(good), len(self.clear.pairs)
         least, planes = np.full((k, P), -np.inf), np.zeros((k, P, 3))
         least[here], planes[here] = apart.least, apart.planes
-        short = apart.least < self.clear.wanted
+        short = ~(apart.least >= self.clear.wanted)
         near, final = none.copy(), none.copy()
         near[here] = short.any(axis=1)
         final[here] = (short & ((apart.motion < FINEST) | (apart.middle < self.clear.wanted))).any(axis=1)

@@ -6,18 +6,24 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..base.types import Vector, number
+from ..base.types import Matrix, Vector, number
+from ..checking.gaps import FLOOR
 from ..checking.keeping_clear import Clearances, posture_clearances
 from ..errors import ArgumentError
-from ..robot import LinkShape, Robot, chain_length
+from ..robot import LinkShape, Mesh, Robot, chain_length
 from ..strategies import HolonomicStrategy
 from .clear_cells import ClearCells, joints_of, shape_pairs
+from .too_near import apart_words, too_near_at
 
 CLEARANCE = 0.02
 """What is proven by default [m]: a model is off by millimetres, and so is the robot behind it."""
 
-LARGE = 50.0
-"""Lengths of the arm's chain beyond which the size or the place of an obstacle is not in metres."""
+LARGE, DOUBTFUL = 50.0, 5.0
+"""Lengths of the arm's chain: a thing larger or farther than the first is not in metres, one larger than the second and
+too near at q0, may not be."""
+
+EVEN = 1e-11
+"""By how much a rotation may be none, and the square of an axis not 1; those of the catalogue are off by 4e-16."""
 
 
 def kept_apart(
@@ -28,19 +34,18 @@ def kept_apart(
     """What tells of the distances; None where nothing is asked about them.
 
     Raises:
-        ArgumentError: an obstacle that moves, or in millimetres; shapes that are nearer at q0 than is asked; a robot
-            without links; nothing to look at. UnknownNameError: no such link. RobotFileError: an unreadable mesh.
+        ArgumentError: an obstacle that moves, that is a mesh and not convex, in millimetres, or of a link's name; a
+            frame that is no rotation; shapes that are nearer at q0 than is asked; a robot without links; nothing to
+            look at. UnknownNameError: no such link. RobotFileError: an unreadable mesh.
     """
     asked = clearances_of(strategy.task.robot, clear_of, floor, clearance, self_collision, ignore, shapes_of)
-    if asked is None:
+    if asked is None or clear_of is None:
         return None
+    _check_convex(clear_of)
+    _named_apart(asked.robot, [*(shape.link for shape in clear_of), *([] if floor is None else [FLOOR])])
+    _even(asked.robot, clear_of)
     found = ClearCells(asked.robot, shape_pairs(asked.pairs.gaps, asked.pairs.limits), asked.pairs)
-    near = found.distances(q0[None])[0]
-    for pair, distance in zip(found.pairs, near, strict=True):
-        if distance < pair.wanted:
-            one, other = pair.names
-            fact = f"{one} and {other} are {max(distance, 0.0):.3g} m apart there"
-            raise ArgumentError("q0", np.round(q0, 4).tolist(), f"{fact}: give another posture, or a smaller clearance")
+    _check_start(found, strategy, q0)
     return found
 
 
@@ -74,11 +79,76 @@ def clearances_of(
     return found
 
 
+def _check_start(found: ClearCells, strategy: HolonomicStrategy, q0: Vector) -> None:
+    """Raises: ArgumentError: things are nearer at q0 than is asked, or the shapes that stand for them are."""
+    there = too_near_at(found, strategy.task.pose(q0), q0)
+    if there is not None:
+        fact = f"{apart_words(there.names, there.distance)} there"
+        fact += f", {there.wanted:.3g} m asked" if there.wanted else ""
+        cure = "move what is in the way, or give another posture or a smaller clearance"
+        raise ArgumentError("q0", np.round(q0, 4).tolist(), f"{fact}: {cure}{_doubt(found, there.names)}")
+    short = found.distances(q0[None])[0] - found.wanted
+    if not short.min(initial=np.inf) >= 0:
+        pair = found.pairs[int(np.argmin(short))]
+        fact = f"{pair.names[0]} and {pair.names[1]} are far enough apart there, but not the convex shapes for them"
+        cure = "give a mesh by its convex parts, another posture or a smaller clearance"
+        raise ArgumentError("q0", np.round(q0, 4).tolist(), f"{fact}: {cure}")
+
+
+def _doubt(found: ClearCells, names: tuple[str, str]) -> str:
+    """A word about units, where what is too near is larger than the robot by far."""
+    long = DOUBTFUL * max(chain_length(found.robot), 0.1)
+    large = [s for pair in found.pairs if pair.names == names for s in (pair.one, pair.other)]
+    sizes = [float(np.ptp(shape.points, axis=0).max()) + 2 * shape.radius for shape in large]
+    return f"; one of them is {max(sizes):.3g} m large: is it given in mm?" if max(sizes, default=0.0) > long else ""
+
+
+def _check_convex(obstacles: Sequence[LinkShape]) -> None:
+    for one in obstacles:
+        if isinstance(one.shape, Mesh) and not one.shape.fault and not one.shape.convex:
+            cure = (
+                "a plane between two things proves that they keep apart, so give the convex parts of the mesh one by "
+                "one, or its convex hull, mesh.hull, in which all hollows are filled"
+            )
+            raise ArgumentError("an obstacle that is a mesh and not convex", one.link, cure)
+
+
+def _named_apart(robot: Robot, names: Sequence[str]) -> None:
+    """Raises: ArgumentError: what stands around the robot is called as a link is: a certificate tells by names."""
+    links = {shape.link for shape in robot.shapes if not shape.obstacle}
+    for name in names:
+        if name in links:
+            raise ArgumentError(f"the obstacle {name!r}", name, "give it a name that no link of the robot has")
+
+
+def _even(robot: Robot, obstacles: Sequence[LinkShape]) -> None:
+    """Raises: ArgumentError: a frame that is turned by no rotation, or an axis that is not of length 1."""
+    for joint in robot.joints:
+        if not (_is_rotation(joint.placement) and abs(float(joint.axis @ joint.axis) - 1) < EVEN):
+            fact = joint.placement[:3, :3].tolist(), joint.axis.tolist()
+            raise ArgumentError(f"the frame of joint {joint.name!r}", fact, "give a rotation and a unit axis")
+    for shape in (*robot.shapes, *obstacles):
+        if not _is_rotation(shape.placement):
+            fact = shape.placement[:3, :3].tolist()
+            raise ArgumentError(f"the frame of a shape of {shape.link!r}", fact, "give a rotation")
+
+
+def _is_rotation(T: Matrix) -> bool:
+    return bool(np.abs(T[:3, :3].T @ T[:3, :3] - np.eye(3)).max() < EVEN)
+
+
 def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str, float]) -> None:
-    most = LARGE * max(chain_length(robot), 0.1)
+    size = max(chain_length(robot), 0.1)
+    most = LARGE * size
     for name, length in lengths.items():
         if abs(length) > most:
             raise ArgumentError(name, length, "give metres: it is more than 50 times as far as the arm is long")
+    if lengths["clearance"] > size:
+        raise ArgumentError("clearance", lengths["clearance"], f"give metres: the arm is {size:.3g} m long")
+    for shape in robot.shapes:
+        if not (shape.obstacle or shape.shape.fault) and shape.shape.ball[1] > most:
+            cure = f"it is {2 * shape.shape.ball[1]:.3g} m large, the arm {size:.3g} m long: give metres, or its scale"
+            raise ArgumentError("a shape of the robot", shape.link, cure)
     for one in obstacles:
         if one.joint >= 0:
             cure = "a proof is about obstacles that stand still: put what the tool carries on it by hk.with_shape"

@@ -46,6 +46,22 @@ def _tree(low: Matrix, high: Matrix, those: Indices, sides: list[Any], leaf: Cal
     return [axis, at, below, _tree(low, high, those[~is_below], upper, leaf)]
 
 
+def left_open(tree: Any, sides: Sequence[tuple[float, float]]) -> tuple[Matrix, Matrix]:
+    """(low, high) (k, d) of the parts of a tree of `partition` in which no box is."""
+    found, waiting = [], [(tree, list(sides))]
+    while waiting:
+        part, box = waiting.pop()
+        if isinstance(part, list):
+            axis, at, below, above = part
+            lower, upper = box.copy(), box.copy()
+            lower[axis], upper[axis] = (box[axis][0], at), (at, box[axis][1])
+            waiting += [(above, upper), (below, lower)]
+        elif part is None:
+            found.append(box)
+    ends = np.array(found).reshape(-1, len(sides), 2)
+    return ends[:, :, 0], ends[:, :, 1]
+
+
 def overlapping(low: Matrix, high: Matrix, ones: Indices, others: Indices) -> tuple[Indices, Indices]:
     """All pairs (one, other) whose boxes low <= u <= high (k, d) have an inside in common, cut until few are left."""
     found, waiting = [np.zeros((0, 2), dtype=int)], [(ones, others)]

@@ -11,14 +11,16 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
 from ..base.arguments import typed
 from ..base.poses import PoseLike, tool_poses
-from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some, whole
+from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, kept, some, whole
 from ..errors import ArgumentError
-from ..inverse_kinematics import InverseStatus, inverse
+from ..inverse_kinematics import InverseKinematics, inverse
 from ..inverse_kinematics.inverse_function import leads_to
 from ..path.workspaces import PoseRange
 from ..robot import LinkShape, Robot
@@ -26,15 +28,14 @@ from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import of_one_tool
 from .box_proof import PoseRegion
 from .certificate import Certificate
-from .certify_leaf import certificate, demands, provable, start_of
+from .certify_leaf import certificate, demands, provable, question, start_of
 from .kept_apart import CLEARANCE, kept_apart
+from .kept_cells import KeptCells
 from .largest_box import largest_box, proven_box
+from .open_parts import ANOTHER, CAUSES, END, LIMIT, NEAR, UNPROVEN, OpenParts, asked_about, open_parts
 
 SAMPLED = 1000
 """Poses of the rest of a workspace that are asked what they are."""
-
-CAUSES = ("not proven", "another posture", "beyond a joint limit", "the leaf ends")
-"""What the poses of a workspace are that are not in its region."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,23 +87,36 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         """Of the workspace the shares that do not belong to it, by cause, from `SAMPLED` poses: `CAUSES`."""
         poses = self.workspace.poses(SAMPLED)
         found = self.causes(poses)
-        return {name: float(np.mean(found == i)) for i, name in enumerate(CAUSES)}
+        names = CAUSES if self.certificate.demands.clear is not None else CAUSES[:NEAR]
+        return {name: float(np.mean(found == i)) for i, name in enumerate(names)}
 
     def causes(self, poses: Array) -> Indices:
         """(k,) of tool poses (k, 4, 4): -1 where they belong to it, else which of `CAUSES`.
 
         The postures of the others are those of `ik(pose)`, from q0 straight to the pose: "another posture" where one
-        from the nearest pose of the region is another one.
+        from the nearest pose of the region is another one; "too near" where things are nearer there than was asked.
         """
-        inside = self.contains(poses)
-        out, ik = np.full(len(poses), -1), inverse(self.strategy, self.q0, limits=self.certificate.limits is not None)
-        others = np.flatnonzero(~inside)
-        found = ik.batch(poses[others])
-        out[others] = np.select([found.reached, found.status == InverseStatus.LIMIT], [0, 2], 3)
-        for i in others[found.reached]:
-            if self._elsewhere(poses[i], found.q[np.searchsorted(others, i)]):
-                out[i] = 1
+        out, others = np.full(len(poses), -1), np.flatnonzero(~self.contains(poses))
+        asked = asked_about(self.certificate.demands.clear, poses[others], self._ik)
+        for i, k in enumerate(others):
+            there = asked.cause[i] in (LIMIT, END) or not self._elsewhere(poses[k], asked.q[i])
+            out[k] = asked.cause[i] if there else ANOTHER
         return out
+
+    def parts_at(self, poses: Array) -> Indices:
+        """(k,) of tool poses (k, 4, 4): -1 where they belong to it, else which of `CAUSES` their part has."""
+        cell, u = self._cell_of(poses[:, :3, 3], poses[:, :3, :3])
+        out = self.parts.cause_at(u)
+        return np.where(cell >= 0, -1, np.where(out >= 0, out, UNPROVEN))
+
+    @cached_property
+    def parts(self) -> OpenParts:
+        """The parts of the workspace that do not belong to it, and why: with the postures that are too near."""
+        return open_parts(self.certificate, self.cells, self._ik, self._elsewhere)
+
+    @cached_property
+    def _ik(self) -> InverseKinematics:
+        return inverse(self.strategy, self.q0, limits=self.certificate.limits is not None)
 
     def _elsewhere(self, pose: Matrix, q: Vector) -> bool:
         """Whether the leaf, followed from the nearest cell to a pose, has another posture there than q."""
@@ -110,8 +124,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         u = self.cells.places(pose[None, :3, 3], pose[None, :3, :3])[0]
         if not (len(boxes) and np.isfinite(u).all()):
             return False
-        away = np.linalg.norm(np.clip(u, boxes.low, boxes.high) - u, axis=1)
-        begin = cells.q0[int(np.argmin(away)), : self.strategy.task.n]
+        begin = cells.q0[int(self._middles.query(u)[1]), : self.strategy.task.n]
         return not leads_to(inverse(self.strategy, self.q0), pose, begin, q)
 
     @property
@@ -150,6 +163,14 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         return out, u
 
     @cached_property
+    def _middles(self) -> Any:
+        """A KDTree of the cells' middles."""
+        from scipy.spatial import KDTree
+
+        boxes = self.certificate.proven.boxes
+        return KDTree((boxes.low + boxes.high) / 2)
+
+    @cached_property
     def _bins(self) -> tuple[Indices, Indices]:
         """The cells by the box of the first grid that holds them: (where those of each box begin, cells in order)."""
         boxes = self.certificate.proven.boxes
@@ -164,6 +185,30 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
             at = np.clip(np.searchsorted(cuts, u[:, axis], side="right") - 1, 0, len(cuts) - 2)
             place = place * (len(cuts) - 1) + at
         return place
+
+
+@typed
+def region_of(certificate: Certificate) -> UniqueRegion:
+    """The tool poses that the certificate of a box proves: with their `parts`, why it does not prove the others.
+
+    Raises:
+        ArgumentError: it is of a path.
+    """
+    return _region_of(certificate)
+
+
+@kept
+def _region_of(certificate: Certificate) -> UniqueRegion:
+    space, anchors, equation = certificate.asked, certificate.anchors, certificate.equation
+    if not isinstance(space, PoseRange):
+        raise ArgumentError("the certificate", certificate.title, "give one of a box of poses")
+    n, d = equation.strategy.task.n, equation.d
+    p0, R0, half = np.split(certificate.pieces[0], [3, 12])
+    q = anchors.q[0]
+    cells = PoseRegion(
+        equation, certificate.c, p0, R0.reshape(3, 3), half[:d], q[:n], anchors.u[0], partial=True
+    )  # fmt: skip
+    return UniqueRegion(equation.strategy, q[:n], space, certificate, cells)
 
 
 @typed
@@ -182,6 +227,7 @@ def unique_region(
     ignore: Sequence[tuple[str, str]] = (),
     shapes_of: Robot | None = None,
     budget: int = 20_000,
+    keep_in: str | FilePath | None = None,
     say: Callable[[str], None] = lambda _text: None,
 ) -> UniqueRegion:
     """Tool poses about q0 over which the joints on its leaf are proven to be one function of the pose.
@@ -198,6 +244,7 @@ def unique_region(
         limits: prove, too, that the joints stay within their limits.
         clear_of, floor, clearance, self_collision, ignore, shapes_of: prove, too, that shapes keep apart, as `certify`.
         budget: cells that may be examined; more give a larger box.
+        keep_in: of a workspace, a file that keeps the cells, as of `certify`.
         say: hears of the progress.
 
     Raises:
@@ -212,6 +259,9 @@ def unique_region(
         strategy, limits, kept_apart(strategy, start, clear_of, floor, clearance, self_collision, ignore, shapes_of)
     )
     if workspace is None:
+        if keep_in is not None:
+            cure = "it is of one box: give the workspace, too"
+            raise ArgumentError("keep_in", str(keep_in), cure)
         box = largest_box(strategy, start, tilt, spin, asked)
         found, cells, box = proven_box(strategy, start, box, asked, budget, say)
         return UniqueRegion(strategy, start, box, found, cells)
@@ -219,6 +269,6 @@ def unique_region(
         raise ArgumentError("tilt and spin", (tilt, spin), "a workspace has its own: hk.workspace(..., tilt=, spin=)")
     began = time.perf_counter()
     cells = PoseRegion.of(strategy, workspace, start, partial=True)
-    return UniqueRegion(
-        strategy, start, workspace, certificate(workspace, cells, start, asked, budget, say, began), cells
-    )
+    with KeptCells.opened(keep_in, lambda: question(cells, start, asked)) as kept_cells:
+        found = certificate(workspace, cells, start, asked, budget, say, began, kept_cells=kept_cells)
+    return UniqueRegion(strategy, start, workspace, found, cells)

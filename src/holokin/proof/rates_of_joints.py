@@ -25,7 +25,8 @@ class JointRates(Value):
     """Upper bounds of joint speeds, in joint units a second: `per_speed` (n,) where the tool moves by 1 m/s, `per_turn`
     (n,) where it turns by 1 rad/s. Joint i is no faster than per_speed[i] |v| + per_turn[i] |w|.
 
-    Of a path the two stand for each other: the tool turns as the path says, and `per_turn` is 0.
+    Of a path the two stand for each other: the tool turns as the path says, and `per_turn` is 0. Of several tools
+    |v| is the speed of the fastest.
     """
 
     per_speed: Vector
@@ -68,11 +69,11 @@ def _largest(columns: Matrix) -> Vector:
 
 
 def _steps(certificate: Certificate) -> Vector:
-    """(k,) what the tool moves by, at least, per y over each cell of a path [m]."""
+    """(k,) what the tool, of several the fastest, moves by, at least, per y over each cell of a path [m]."""
     family, numbers = certificate.equation.family, certificate.cells.numbers
     y, given = symbol("y", 1), symbol("numbers", family.numbers)
     moved = IntervalFunction("the tool's motion", {"y": y, "numbers": given}, jacobian(family.pose(y, given)[0], y))
     ones = np.ones((1, len(numbers)))
     found = moved(np.vstack([-ones, numbers.T]), np.vstack([ones, numbers.T]))
     least = np.maximum(np.maximum(found.low, -found.high), 0.0)
-    return np.linalg.norm(least, axis=0) / UP
+    return np.linalg.norm(least.reshape(-1, 3, len(numbers)), axis=1).max(axis=0) / UP

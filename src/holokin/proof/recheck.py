@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path as FilePath
+from random import randrange
 
-from ..errors import CertificateError, MissingExtraError
+from ..errors import ArgumentError, CertificateError, MissingExtraError
 from ..robot import Robot
 from .binding import unlike
+from .shape_binding import unsaid
 
 LONGEST = 3600.0
 """Seconds that the checker may take."""
@@ -19,21 +21,36 @@ def recheck(
     report: Callable[[int], None] = lambda _permille: None,
     seconds: float = LONGEST,
     robot: Robot | None = None,
+    sample: float | None = None,
+    seed: int | None = None,
 ) -> tuple[bool, str]:
     """(whether it is rejected, what is found, in sentences) of a certificate's file, by `proof.checker`.
 
-    With a robot the rows of its task are written down anew and compared, see `binding`.
+    With a robot the rows of its task are written down anew and compared, see `binding`. With a sample, 0 to 1, this
+    share of the cells is verified, by `proof.sample_checker`; the seed says which ones, by default any.
 
     Raises:
-        CertificateError: a file that is no certificate. MissingExtraError: python-flint is not installed.
+        ArgumentError: a sample that is no share. CertificateError: a file that is no certificate.
+        MissingExtraError: python-flint is not installed.
     """
+    if sample is not None and not 0 < sample <= 1:
+        raise ArgumentError("the sample", sample, "give the share of the cells that is verified, as 0.01")
     try:
         from .checker import RejectedError, check
+        from .sample_checker import check_sample
     except ImportError:
         raise MissingExtraError("python-flint", "proof") from None
     try:
-        done = count(1)
-        found = check(str(file), lambda total: report(min(1000, 1000 * next(done) // max(total, 1))), seconds)
+        done, partly = count(1), sample is not None and sample < 1
+
+        def say(total: int) -> None:
+            report(min(1000, 1000 * next(done) // max(total, 1)))
+
+        if sample is not None and partly:
+            drawn = randrange(10**6) if seed is None else seed
+            found = check_sample(str(file), say, seconds, sample, drawn)
+        else:
+            found = check(str(file), say, seconds)
     except RejectedError as problem:
         return True, f"REJECTED: {problem}."
     except FileNotFoundError:
@@ -52,7 +69,8 @@ def recheck(
             raise CertificateError(file, f"its task cannot be read ({problem!r})") from None
         if other:
             return True, f"REJECTED: {other}."
-        bound = f"\n  the rows of its task and its limits are those of {robot.name}"
+        bound = f"\n  the rows of its task and its limits are those of {robot.name}{unsaid(found.data, robot)}"
     extent = "it covers all that was asked" if found.whole else "it is a part of what was asked"
     lines = "".join(f"\n  {line}" for line in found.lines)
-    return False, f"VERIFIED: {extent}.{lines}{bound}\n  The file's own words, not verified: {found.words}"
+    head = "NO FAULT FOUND in a sample, which does not verify the certificate" if partly else f"VERIFIED: {extent}"
+    return False, f"{head}.{lines}{bound}\n  The file's own words, not verified: {found.words}"

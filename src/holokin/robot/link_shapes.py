@@ -14,6 +14,9 @@ import numpy as np
 from ..base.types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, not_negative, positive
 from ..errors import ArgumentError, MissingExtraError, RobotFileError, brief
 
+ROUGH = 1e-3
+"""By how much of its size or area a mesh that is called convex may differ from its convex hull."""
+
 FLAT = 1e-4
 """Thickness [m] that a hull gets at least: one of points in a plane has none, and no hull."""
 
@@ -256,9 +259,12 @@ class Mesh(Shape):
         try:
             mesh = trimesh.load(self.file, force="mesh")
             points = finite("the points of a mesh", np.asarray(mesh.vertices) * self.scale)  # type: ignore[union-attr]
-            return points, self.outward(np.asarray(mesh.faces, dtype=np.int64))  # type: ignore[union-attr]
+            faces = self.outward(np.asarray(mesh.faces, dtype=np.int64))  # type: ignore[union-attr]
         except Exception as problem:  # its readers raise what they like, of packages that are missing, too
             raise RobotFileError(self.file, f"cannot be read ({brief(problem, 100)})", cure) from problem
+        if not len(faces):
+            raise RobotFileError(self.file, "has no triangles", cure)
+        return points, faces
 
     def outward(self, faces: Indices) -> Indices:
         """Triangles (f, 3) of the file as they go round seen from outside: a mirrored mesh turns them round."""
@@ -268,6 +274,23 @@ class Mesh(Shape):
     def hull(self) -> Hull:
         """The convex hull. Raises: RobotFileError."""
         return Hull(self.triangles[0])
+
+    @cached_property
+    def convex(self) -> bool:
+        """Whether it is closed and fills its convex hull, but for `ROUGH` of its size. Raises: RobotFileError."""
+        from scipy.spatial import ConvexHull
+
+        points, faces = self.triangles
+        hull = ConvexHull(self.hull.corners)
+        at = np.vstack([points, points[faces].mean(axis=1)])
+        depth = [
+            (part @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
+            for part in np.split(at, range(1024, len(at), 1024))
+        ]
+        a, b, c = (points[faces[:, k]] for k in range(3))
+        area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+        deepest = -min(float(part.min()) for part in depth)
+        return deepest <= ROUGH * self.ball[1] and area >= (1 - ROUGH) * float(hull.area)
 
     @property
     def surface(self) -> Any:

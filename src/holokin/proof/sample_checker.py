@@ -1,0 +1,127 @@
+"""The checker on a random sample: some cells of a certificate are verified, in pairs that share a root where they meet.
+
+A certificate of a large box takes hours to verify as a whole. A fault in a share p of its cells is found by M draws at
+random with a probability of 1 - (1 - p)^M or more. Each cell that is drawn is verified, and so is a neighbour, drawn,
+too, which counts for nothing in M. That the cells leave no gap is verified of all of them. It needs python-flint.
+"""
+
+import math
+import random
+from typing import Any
+
+from flint import arb
+
+from .checker import Cell, Checker, Verified, check, need
+
+RARE = 0.01
+"""A share of faulty cells, of which it is said how probably it is found."""
+
+
+class SampleChecker(Checker):
+    """Verifies a share of the cells of a certificate, drawn from the numbers that a seed begins."""
+
+    def __init__(self, data: Any, say: Any, seconds: float, total: int, sample: float, seed: int) -> None:
+        super().__init__(data, say, seconds, total)
+        self.sample, self.seed, self.drawn = sample, seed, random.Random(seed)
+        self.cells, self.draws, self.faces = 0, 0, 0
+
+    def cover(self, tree: Any, sides: Any) -> list[Any]:
+        """The (data, sides) of the cells of a box of u, which leave no gap; none is proven yet."""
+        if not isinstance(tree, list):
+            need(bool(tree) or not self.whole, "the cells leave a gap")
+            return [(tree, sides)] if tree else []
+        axis, at, *halves = tree
+        need(sides[axis][0] < at < sides[axis][1], "a cut is outside of its box")
+        parts = [[*sides[:axis], end, *sides[axis + 1 :]] for end in ((sides[axis][0], at), (at, sides[axis][1]))]
+        lower, upper = (self.cover(half, part) for half, part in zip(halves, parts, strict=True))
+        return lower + upper
+
+    def verify(self) -> Verified:
+        """Of each piece the cell of its posture, and cells with a neighbour each, until there are enough."""
+        pieces, level = self.data["pieces"], self.data["level"] + self.data["constants"]
+        box = [(0, 1) if self.d == 1 else (-1, 1)] * self.d
+        covers = []
+        for k, piece in enumerate(pieces):
+            self.whole = self.claims["whole"] or k + 1 < len(pieces)
+            covers.append(self.cover(piece["cells"], box))
+        self.cells, part = sum(map(len, covers)), math.prod(b - a for a, b in box) * len(pieces)
+        filled = sum(math.prod(float(b - a) for a, b in sides) for cover in covers for _, sides in cover) / part
+        self.total = sum(max(1, math.ceil(self.sample * len(cover))) for cover in covers)
+        for piece, cover in zip(pieces, covers, strict=True):
+            self.numbers = [arb(x) for x in piece["numbers"] + level]
+            self.draw(piece, cover)
+        return Verified(False, self.told(filled), self.words(), self.data)
+
+    def draw(self, piece: Any, cover: list[Any]) -> None:
+        """The sample of a piece. Raises: RejectedError."""
+        proven: dict[int, Cell] = {}
+
+        def cell(i: int) -> Cell:
+            if i not in proven:
+                proven[i] = self.prove(Cell(*cover[i]))
+            return proven[i]
+
+        u = [0] if self.d == 1 else piece["u"]
+        holding = [
+            i for i, (_, box) in enumerate(cover) if all(a <= x <= b for x, (a, b) in zip(u, box, strict=True))
+        ]  # fmt: skip
+        need(len(holding) > 0, f"no cell is at {u}, where the posture is")
+        need(self.off(cell(holding[0]), u, piece["q"]) <= self.claims["gap"], "the leaf may miss the start")
+        ends: Any = [{}, {}]  # (axis, place) -> cells that begin there, and that end there
+        for i, (_, box) in enumerate(cover):
+            for axis, side in enumerate(box):
+                for which in (0, 1):
+                    ends[which].setdefault((axis, side[which]), []).append(i)
+        count = max(1, math.ceil(self.sample * len(cover)))
+        for i in self.drawn.sample(range(len(cover)), len(cover)):
+            if len(proven) >= count:
+                return
+            self.draws += 1
+            cell(i)
+            beside = [
+                (j, axis)
+                for axis, side in enumerate(cover[i][1])
+                for which in (0, 1)
+                for j in ends[1 - which].get((axis, side[which]), [])
+                if all(
+                    k == axis or max(a, c) < min(b, d)
+                    for k, ((a, b), (c, d)) in enumerate(zip(cover[i][1], cover[j][1], strict=True))
+                )
+            ]
+            if beside:
+                j, axis = self.drawn.choice(beside)
+                self.join(cell(i), cell(j), axis)
+                self.faces += 1
+
+    def told(self, filled: float) -> list[str]:
+        """What was verified, in sentences, and what was not."""
+        joints = zip(range(self.joints), self.data["units"], strict=True)
+        hull = ", ".join(f"{self.hull[0][i]:.6g} to {self.hull[1][i]:.6g} {unit}" for i, unit in joints)
+        found = 1 - (1 - RARE) ** self.draws
+        return [
+            f"of {self.cells:,} cells, {self.count:,} were checked, drawn at random (seed {self.seed}); of the faces "
+            f"between them {self.faces:,}, at which neighbours have one root",
+            f"the others were NOT checked; if {RARE:.0%} of the cells were faulty, such a sample would find one with a "
+            f"probability of {_below(found)} % or more",
+            f"all cells together fill {'all' if self.claims['whole'] else f'{100 * filled:.3g} %'} of what was asked",
+            f"in those that were checked: one posture near the predicted one, smooth, |det D_q E| >= {self.least:.3g}; "
+            f"joints {hull}",
+            "that a path closes or comes back to a tool pose was not looked at",
+            *(self.clear.lines() if self.clear else []),
+        ]  # fmt: skip
+
+
+def _below(share: float) -> str:
+    """A share in percent, rounded down."""
+    return f"{math.floor(1000 * share) / 10:g}"
+
+
+def check_sample(
+    file: str, say: Any = lambda _cells: None, seconds: float = math.inf, sample: float = RARE, seed: int = 0
+) -> Verified:
+    """What a sample of the cells of a certificate's file proves. Raises: as `check`."""
+
+    def begun(data: Any, say: Any, seconds: float, total: int) -> SampleChecker:
+        return SampleChecker(data, say, seconds, total, sample, seed)
+
+    return check(file, say, seconds, begun)
