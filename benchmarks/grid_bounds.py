@@ -30,7 +30,7 @@ ANGLES = np.linspace(-np.pi, np.pi, 1440, endpoint=False)
 
 @dataclass(frozen=True)
 class LeastCut:
-    """The radii that every function must cut [m]. Where a circle needs k jumps, its radius counts k times in the length."""
+    """The radii that every function must cut [m]. A circle that needs k jumps counts k times in the length."""
 
     inner: float
     outer: float

@@ -32,7 +32,7 @@ from .grid_bounds import least_cut, single_jump
 
 SIDES = ((0, 1), (2, 1), (1, 0), (1, 2))
 CUT, EVEN = 1000, 20
-"""Costs in a minimum cut: of a cut pair, and at most of the joints' change over a kept one. The smoother of two wins."""
+"""Costs in a minimum cut: of a cut pair, and at most of the joints' change over a kept one."""
 Limits = Sequence[tuple[float, float]]
 Free = Callable[[np.ndarray], np.ndarray]
 
@@ -105,7 +105,7 @@ class Grid:
         return (np.rint(self.points / self.step - 0.5).sum(1) % 2).astype(bool)
 
     def jumps(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """(e,) how much a joint changes between the ends of each pair: those of `first`, then those of `second` [rad]."""
+        """(e,) how much a joint changes from one end of each pair, of `first`, to the other, of `second` [rad]."""
         return np.abs(first[self.pairs[:, 0]] - second[self.pairs[:, 1]]).max(1)
 
     def cut(self, q: np.ndarray) -> np.ndarray:
@@ -229,7 +229,7 @@ def mixed(grid: Grid, first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _target(grid: Grid, rng: np.random.Generator) -> np.ndarray:
-    """(k, s) the squared distance of each posture from a random target, which may turn with the polar angle of the pose."""
+    """(k, s) the squared distance of each posture from a random target, which may turn with the polar angle."""
     widest = max(high for _, high in grid.limits)
     middle = rng.uniform(-1, 1, 3) * widest * rng.uniform()
     weight = rng.exponential(1.0, 3) ** 2
@@ -251,13 +251,13 @@ def _away(grid: Grid, target: np.ndarray, weight: np.ndarray) -> np.ndarray:
 def searched(grid: Grid, proposals: int, rng: np.random.Generator, best: np.ndarray | None = None) -> np.ndarray:
     """The postures (k, 3) with the fewest cut pairs that these many proposals of each kind find [rad]."""
     middle = int(np.hypot(*grid.points.T).argmin())
-    for _ in range(proposals):
+    best = settled(grid, _nearest(grid, _target(grid, rng))) if best is None else best
+    for _ in range(max(1, proposals)):
         away = _target(grid, rng)
         for proposal in (_nearest(grid, away), _spread(grid, middle, away)):
             answer = settled(grid, proposal)
-            tried = [answer] if best is None else [best, answer, settled(grid, mixed(grid, best, answer))]
+            tried = [best, answer, settled(grid, mixed(grid, best, answer))]
             best = min(tried, key=lambda q: int(grid.cut(q).sum()))
-    assert best is not None
     return best
 
 
@@ -292,7 +292,7 @@ class Resolution:
 
     @property
     def speed(self) -> float:
-        """The largest change of a joint over a pair that is not cut, by the step [rad/m]; the postures lie some spacing apart."""
+        """The largest change of a joint over a pair that is not cut, by the step [rad/m]."""
         jumps = self.grid.jumps(self.q, self.q)
         return float(jumps[jumps <= self.grid.threshold].max() / self.grid.step)
 
