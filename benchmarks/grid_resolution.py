@@ -298,7 +298,7 @@ class Resolution:
 
 
 def cut_pieces(middles: np.ndarray, step: float) -> int:
-    """How many pieces these cut pairs form, with the points (c, 2) between their poses: those within 1.5 steps are one."""
+    """How many pieces cut pairs form, with the points (c, 2) between their poses: those within 1.5 steps are one."""
     if not len(middles):
         return 0
     near = KDTree(middles).query_pairs(1.5 * step, output_type="ndarray")
@@ -310,7 +310,9 @@ def grid_resolution(
     links: Sequence[float] = (1.0, 1.0, 1.0), limits: Limits = ((-2.618, 2.618),) * 3, cells: int = 200,
     proposals: int = 60, count: int = 40, speed: float = 6.0, free: Free | None = None, seed: int = 0,
 ) -> Resolution:  # fmt: skip
-    """The shortest cuts found on a grid: most proposals on one of half the cells each way, their best carried over, then a few more.
+    """The shortest cuts found on a grid.
+
+    Most proposals are tried on a grid of half the cells each way; their best is carried over, and a few more are tried.
 
     Args:
         links: lengths of the three links [m].
@@ -318,7 +320,7 @@ def grid_resolution(
         cells: poses along a side of the grid.
         proposals: how many random targets are tried.
         count: how many values each joint takes in turn along a self-motion.
-        speed: a pair is cut where a joint changes by more than this times the step, and the spacing of the postures [rad/m].
+        speed: a pair is cut where a joint changes by more than this times the step and the postures' spacing [rad/m].
         free: postures (k, 3) -> (k,) True where an obstacle leaves them.
         seed: of the random targets.
     """
