@@ -9,6 +9,7 @@ A strategy is a right inverse G(q) of the task Jacobian, dq = G dx. It is holono
 are tangent to leaves g(q) = const; then a closed tool path gives a closed joint path.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from . import (
@@ -16,6 +17,7 @@ from . import (
     auditing,
     checking,
     constraints,
+    covering,
     designing,
     export,
     interop,
@@ -33,6 +35,7 @@ from .auditing import audit, audit_recording
 from .base.poses import pose_of
 from .checking import CheckReport, check
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
+from .covering import Sheets, sheets, write_sheets
 from .designing import (
     Advice,
     ClosestHolonomic,
@@ -100,6 +103,7 @@ from .tasks.task_kinds import stacked
 from .version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from .job.saved_sheets import read_sheets
     from .studios import studio
     from .surveys import survey
 
@@ -117,6 +121,7 @@ __all__ = [
     "Part",
     "Path",
     "Robot",
+    "Sheets",
     "Status",
     "Strategy",
     "Task",
@@ -148,6 +153,7 @@ __all__ = [
     "coordinates",
     "coupled",
     "coverage",
+    "covering",
     "curvature",
     "cusps",
     "custom",
@@ -197,6 +203,7 @@ __all__ = [
     "radial",
     "raster",
     "read_recording",
+    "read_sheets",
     "read_svg",
     "read_waypoints",
     "read_workspace",
@@ -204,6 +211,7 @@ __all__ = [
     "relative_pose",
     "retime",
     "robot",
+    "sheets",
     "simulate",
     "spiral",
     "spline",
@@ -225,19 +233,15 @@ __all__ = [
     "with_shape",
     "with_tool",
     "workspace",
+    "write_sheets",
 ]
 
 
 if not TYPE_CHECKING:  # so that a misspelt name is an error of types
 
     def __getattr__(name: str) -> Any:
-        """`studio` and `survey`: what serves a page or keeps rows of a survey is loaded when it is first asked for."""
-        if name == "studio":
-            from .studios import studio
-
-            return studio
-        if name == "survey":
-            from .surveys import survey
-
-            return survey
+        """What serves a page, keeps rows of a survey or reads the keys of jobs is loaded when it is first asked for."""
+        rooms = {"studio": ".studios", "survey": ".surveys", "read_sheets": ".job.saved_sheets"}
+        if name in rooms:
+            return getattr(import_module(rooms[name], __name__), name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -32,6 +32,7 @@ LAYERS = [
     {"checking"},
     {"analysis", "laws", "physics", "proof", "export"},
     {"auditing", "designing", "interop"},
+    {"covering"},
     {"output"},
     {"job"},
     {"studios", "surveys"},

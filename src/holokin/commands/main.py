@@ -25,6 +25,7 @@ from .outcome import Ending, ending, finish, prepare_streams, set_ending, show
 from .retarget import retarget
 from .robots import robots
 from .run import run
+from .sheets import sheets
 from .simulate import simulate
 from .studio import studio
 from .survey import surveying
@@ -92,6 +93,7 @@ app.command()(robots)
 app.command()(audit)
 app.command()(retarget)
 app.command()(advise)
+app.command()(sheets)
 app.command()(certify)
 app.add_typer(exporting, name="export")
 app.add_typer(surveying, name="survey")

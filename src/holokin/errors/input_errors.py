@@ -80,6 +80,14 @@ class CertificateError(HolokinError):
         super().__init__(f"{brief(path)} is no certificate: {brief(fact)}; give a file of `holokin certify`")
 
 
+class SheetsFileError(HolokinError):
+    """A file that is no map of sheets, or that of another robot."""
+
+    def __init__(self, path: object, fact: str, cure: str) -> None:
+        self.path, self.fact, self.cure = path, fact, cure
+        super().__init__(f"{brief(path)} is no map of sheets for this: {brief(fact)}; {brief(cure, LONGEST)}")
+
+
 class ExpressionError(HolokinError):
     """A formula in a job file that cannot be read."""
 

@@ -128,6 +128,17 @@ class OutsideRegionError(PathError):
         )
 
 
+class NoSheetError(PathError):
+    """A tool pose that no sheet of a map serves."""
+
+    def __init__(self, position: Iterable[float], sheets: int) -> None:
+        self.position = tuple(float(x) for x in position)
+        at = ", ".join(f"{x:.4g}" for x in self.position)
+        many = f"none of the {sheets} sheets serves" if sheets != 1 else "the only sheet does not serve"
+        cure = "ask s.why(pose), keep to the workspace, or ask for more of it: hk.sheets(..., share=1)"
+        super().__init__(f"{many} the pose at [{at}]", cure)
+
+
 class PathSingularityError(PathError):
     """The path leads into a singularity of the strategy; `.kind` says of which sort."""
 

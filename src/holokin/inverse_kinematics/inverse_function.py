@@ -285,6 +285,21 @@ class InverseKinematics(Value):
         bound = None if kernel is None else kernel.calls(self._paths.context, cold, warm)
         return (cold, warm) if bound is None else bound
 
+    def _silent(self, pose: PoseLike) -> Vector | None:
+        """`ik(pose)`, or None where there is none."""
+        p, R = self._given.one(pose)
+        q, status = self._paths.go(p, R, self.q0 if self.region is None else self._inside(p, R)[0])
+        found = status is InverseStatus.REACHED and self._paths.jump(p, R, self.q0, q, status) is None
+        return q if found else None
+
+    @cached_property
+    def _quiet(self) -> Callable[[PoseLike], Vector | None]:
+        """What serves `answer`."""
+        silent = weak(self._silent)
+        kernel = None if may_jump(self.strategy) or self.region is not None else self._paths.kernel
+        bound = None if kernel is None else kernel.calls(self._paths.context, silent, weak(self._warm))
+        return silent if bound is None else bound[0]
+
     @cached_property
     def _place(self) -> tuple[Vector, Matrix]:
         p, R = self.strategy.task.place(self.q0)
@@ -369,6 +384,11 @@ def leads_to(ik: InverseKinematics, pose: PoseLike, begin: ArrayLike, q: ArrayLi
         return bool(np.abs(ik.near(pose, begin) - np.asarray(q)).max() < AGREE)
     except HolokinError:
         return False
+
+
+def answer(ik: InverseKinematics, pose: PoseLike) -> Vector | None:
+    """`ik(pose)`, or None where it has no answer: nothing is searched for that would say why. Raises: a bad pose."""
+    return ik._quiet(pose)
 
 
 def is_native(ik: InverseKinematics) -> bool:

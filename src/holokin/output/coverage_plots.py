@@ -9,6 +9,7 @@ import numpy as np
 
 from ..base.types import Matrix
 from ..designing import Coverage, PoseStatus, Slice
+from ..designing.slices import Plane
 from .palette import BLACK, INK, ORANGE, PURPLE, SKY, VERMILLION, YELLOW
 from .words import on_figure
 
@@ -101,11 +102,33 @@ def coverage_figure(coverage: Coverage, slices: Sequence[Slice] = ()) -> Any:
 
     The maps of x-y and x-z lie over each other, those of x-z and y-z side by side, as in a drawing.
     """
-    from matplotlib.figure import Figure
-
     p = coverage.poses[:, :3, 3]
     flat = bool(np.ptp(p[:, 2]) < 1e-9)
-    widths, heights, places = _layout(p, slices)
+    figure, maps, cloud, right = views(p, slices)
+    size = figure.get_size_inches()
+    every = [coverage, *(part.coverage for part in slices)]
+    most = _greatest(every)
+    for part, axes in zip(slices, maps, strict=True):
+        slice_map(axes, part, most)
+    coverage_cloud(cloud, coverage, most)
+    cloud.set_title(f"{len(coverage)} poses: {coverage.share:.1%}", loc="left", fontsize=10)
+    if not flat:
+        frame_cloud(cloud, p)
+    within = "within the joint limits" if coverage.limits else "joint limits aside"
+    head = f"{on_figure(coverage.name)} reaches {coverage.share:.1%} of the workspace {within}"
+    figure.suptitle(head, x=0.2 / size[0], y=1 - 0.15 / size[1], ha="left", va="top", fontsize=12, color=INK)
+    cut = any(len(part.cuts) for part in slices)
+    _explain(figure, coverage, every, most, 1 - (right - 0.35) / size[0], cut)
+    return figure
+
+
+def views(points: Matrix, planes: Sequence[Slice | Plane]) -> tuple[Any, list[Any], Any, float]:
+    """(an empty figure, axes for a map of each plane, axes for the cloud of points (k, 3), width [inch] of the margin
+    at the right, which is for a legend)."""
+    from matplotlib.figure import Figure
+
+    widths, heights, places = _layout(points, planes)
+    flat = bool(np.ptp(points[:, 2]) < 1e-9)
     scale = min(4.6 / sum(widths), 4.8 / sum(heights))
     wide, tall = scale * sum(widths), max(scale * sum(heights), 2.4)
     left, right, bottom, top, gap = 0.75, 2.75, 0.6, 0.95, 0.75
@@ -116,24 +139,12 @@ def coverage_figure(coverage: Coverage, slices: Sequence[Slice] = ()) -> Any:
         right=1 - right / size[0], bottom=bottom / size[1], top=1 - top / size[1],
         wspace=gap * len(widths) / wide, hspace=gap * len(heights) / tall,
     )  # fmt: skip
-    every = [coverage, *(part.coverage for part in slices)]
-    most = _greatest(every)
-    for part, place in zip(slices, places, strict=True):
-        slice_map(figure.add_subplot(grid[place]), part, most)
+    maps = [figure.add_subplot(grid[place]) for place in places]
     cloud = figure.add_subplot(grid[0, len(widths) - 1], projection=None if flat else "3d")
-    coverage_cloud(cloud, coverage, most)
-    cloud.set_title(f"{len(coverage)} poses: {coverage.share:.1%}", loc="left", fontsize=10)
-    if not flat:
-        _frame(cloud, p)
-    within = "within the joint limits" if coverage.limits else "joint limits aside"
-    head = f"{on_figure(coverage.name)} reaches {coverage.share:.1%} of the workspace {within}"
-    figure.suptitle(head, x=0.2 / size[0], y=1 - 0.15 / size[1], ha="left", va="top", fontsize=12, color=INK)
-    cut = any(len(part.cuts) for part in slices)
-    _explain(figure, coverage, every, most, 1 - (right - 0.35) / size[0], cut)
-    return figure
+    return figure, maps, cloud, right
 
 
-def _layout(points: Matrix, slices: Sequence[Slice]) -> tuple[list[float], list[float], list[tuple[int, int]]]:
+def _layout(points: Matrix, slices: Sequence[Slice | Plane]) -> tuple[list[float], list[float], list[tuple[int, int]]]:
     """(widths of the columns, heights of the rows [m], (row, column) of each slice); the cloud is at the top right."""
     sides = [(float(np.ptp(part.u)), float(np.ptp(part.v))) for part in slices]
     if len(sides) == 3:
@@ -181,7 +192,8 @@ def _greatest(every: Sequence[Coverage]) -> float:
     return float(max(found)) if found else 1.0
 
 
-def _frame(axes: Any, points: Matrix) -> None:
+def frame_cloud(axes: Any, points: Matrix) -> None:
+    """Axes in space round points (k, 3), with few numbers at them."""
     from matplotlib.ticker import MaxNLocator
 
     low, high = points.min(axis=0), points.max(axis=0)

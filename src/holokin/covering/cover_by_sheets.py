@@ -1,0 +1,209 @@
+"""`sheets`: the fewest leaves that serve a workspace."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..base.arguments import typed
+from ..base.types import Array, Indices, not_negative, positive, whole
+from ..checking import Clear
+from ..designing.proposed_workspace import reached
+from ..designing.starts import check_that_joints_move, postures_at
+from ..errors import ArgumentError, OutOfReachError
+from ..path.workspaces import Workspace
+from ..robot import LinkShape, Robot, check_metres
+from ..strategies import HolonomicStrategy
+from ..tasks.task import Task, of_one_tool
+from .candidate_sheets import CandidateSheets, fitting_laws, spread_out
+from .set_cover import Cover, fewest
+from .sheet import known
+from .sheet_labels import continued, labelled, neighbours
+from .sheet_map import PoseRest, Sheets
+from .surroundings import CLEARANCE, Surroundings, surroundings
+
+SHARE = 0.995
+"""Share that is to be served of the poses that the arm reaches: the rest lies next to limits and the edge of reach."""
+
+SAMPLES = 1024
+"""Poses of the workspace."""
+
+TARGETS = 4
+"""Poses in a round of the search through which new leaves are tried."""
+
+ROUNDS, STILL = 12, 3
+"""Rounds at most; rounds without a smaller number of sheets, once the share is met, after which the search ends."""
+
+SECONDS, PROGRAM = 180.0, 20.0
+"""Seconds for the search, and for an integer program."""
+
+TURN_LENGTH = 0.3
+"""Metres that a turn of 1 rad counts where poses are compared: about what it moves what a tool holds."""
+
+BLOCKED_LOOKS = 200
+"""Poses for which clear postures are searched for at most, to tell why they are not served."""
+
+
+@typed
+def sheets(
+    task: Task,
+    workspace: Workspace,
+    strategies: Sequence[HolonomicStrategy] | None = None,
+    *,
+    share: float = SHARE,
+    samples: int = SAMPLES,
+    seed: int = 0,
+    clear_of: Sequence[LinkShape] | None = None,
+    floor: float | None = None,
+    clearance: float = CLEARANCE,
+    self_collision: bool = True,
+    ignore: Sequence[tuple[str, str]] = (),
+    shapes_of: Robot | None = None,
+    rcond: float = 0.0,
+    seconds: float = SECONDS,
+    say: Callable[[str], None] = lambda _text: None,
+) -> Sheets:
+    """The fewest leaves that together serve a workspace, and for each pose the one to take.
+
+    Leaves of the laws that fit the task (or of those given) are tried through postures at poses all over the workspace,
+    first where no leaf serves yet. An integer program chooses the fewest that serve the share wanted, and of equally
+    many those that serve more, with slower joints, further from their limits. A linear program chooses among the sheets
+    of each pose, so that neighbouring poses have one sheet as often as can be. All of it is said of sampled poses.
+
+    Args:
+        workspace: the tool poses to be served.
+        strategies: whose leaves are tried; by default locks, differences of parallel joints, arm angles, the elbow's
+            height and stationary costs, as of `hk.advise`.
+        share: to be served, of the poses that some posture reaches, from 0 to 1.
+        samples, seed: of the poses, see `Workspace.poses`.
+        clear_of, floor, clearance, self_collision, ignore, shapes_of: what postures are to keep clear of, as of `hk.certify`;
+            looked at at the poses; by default nothing is.
+        rcond: the least rcond of [J; J_g] at a posture, from 0 to 1.
+        seconds: after which the search for leaves ends. Ctrl-C ends it, too: what was found is kept.
+        say: hears what is going on.
+
+    Returns:
+        The sheets; `print` says what they serve, and why the other poses are not served.
+
+    Raises:
+        OutOfReachError: no pose of the workspace is reached within the joint limits and clear of what was named.
+        ArgumentError: a task of several frames, strategies of another task, bad numbers. UnknownNameError: no such
+        link. ShapeError, NotFiniteError.
+    """
+    of_one_tool(task, "sheets")
+    check_that_joints_move(task.robot)
+    _check(task, strategies, share, rcond)
+    count, limit = whole("samples", samples), positive("seconds", seconds)
+    around = surroundings(clear_of, floor, clearance, self_collision, ignore, shapes_of)
+    clear = None if around is None else around.clear(task.robot)
+    T = workspace.poses(min(count, workspace.size or count), seed)
+    check_metres(task.robot, T, task.tip)
+    say("which poses can be reached")
+    rest = _reach(task, T, clear)
+    within = np.flatnonzero(rest <= PoseRest.NOT_COVERED)
+    if not len(within):
+        raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest)}", "move or turn it")
+    pool, cover, stopped = _search(task, T[within], strategies, share, rcond, clear, limit, say)
+    return _mapped(task, workspace, T, rest, within, pool, cover, around, stopped)
+
+
+def _check(task: Task, strategies: Sequence[HolonomicStrategy] | None, share: float, rcond: float) -> None:
+    if not 0 < positive("share", share) <= 1:
+        raise ArgumentError("share", share, "give a number above 0, at most 1")
+    if not_negative("rcond", rcond) >= 1:
+        raise ArgumentError("rcond", rcond, "give a number from 0 to 1")
+    if strategies is not None and not strategies:
+        raise ArgumentError("strategies", [], "give one at least, or leave them out")
+    for one in strategies or ():
+        if one.task != task:
+            raise ArgumentError("a strategy", one, "give strategies of the same task")
+
+
+def _reach(task: Task, T: Array, clear: Clear | None) -> Indices:
+    """A `PoseRest` for each pose (k,), NOT_COVERED where a posture reaches it."""
+    Q, reach = reached(task, T, None)
+    rest = np.full(len(T), int(PoseRest.NOT_COVERED))
+    rest[~reach.within] = PoseRest.LIMITS
+    rest[~reach.anyhow] = PoseRest.OUT_OF_REACH
+    if clear is not None and reach.within.any():
+        blocked = np.flatnonzero(reach.within)
+        rest[blocked[~clear(Q[blocked])]] = PoseRest.BLOCKED
+        for i in np.flatnonzero(rest == PoseRest.BLOCKED)[:BLOCKED_LOOKS]:
+            found = postures_at(task, T[i])
+            if len(found) and clear(found).any():
+                rest[i] = PoseRest.NOT_COVERED
+    return rest
+
+
+def _why(rest: Indices) -> str:
+    counts = [(int((rest == one).sum()), one.text) for one in PoseRest]
+    return "; ".join(f"{count}: {text}" for count, text in counts if count)
+
+
+def _search(
+    task: Task, T: Array, strategies: Sequence[HolonomicStrategy] | None, share: float, rcond: float,
+    clear: Clear | None, seconds: float, say: Callable[[str], None],
+) -> tuple[CandidateSheets, Cover, bool]:  # fmt: skip
+    """Leaves through postures at poses all over, until the fewest that serve the share get no fewer."""
+    end, wanted, rng = time.monotonic() + seconds, int(np.ceil(share * len(T))), np.random.default_rng(0)
+    center = T[spread_out(T, np.arange(len(T)), 1, TURN_LENGTH)[0]]
+    say("which laws fit")
+    pool = CandidateSheets(task, T, fitting_laws(task, T, center, strategies, clear), clear, rcond)
+    cover, still = Cover(np.zeros(0, dtype=int), 0, 0), 0
+    try:
+        pool.grow(center, end, say)
+        for _ in range(ROUNDS):
+            before = cover
+            cover = _cover(pool, wanted)
+            better = (
+                cover.covered > before.covered if before.covered < wanted else len(cover.chosen) < len(before.chosen)
+            )
+            still = 0 if better or not len(before.chosen) else still + 1
+            met = cover.covered >= wanted
+            if (met and len(cover.chosen) == 1) or still >= STILL or time.monotonic() > end:
+                return pool, cover, time.monotonic() > end
+            say(f"{len(cover.chosen)} of {len(pool.sheets)} leaves serve {cover.covered} of {len(T)} poses")
+            for i in _targets(pool, cover, rng):
+                pool.grow(T[i], end, say)
+        return pool, _cover(pool, wanted), time.monotonic() > end
+    except KeyboardInterrupt:
+        return pool, _cover(pool, wanted), True
+
+
+def _targets(pool: CandidateSheets, cover: Cover, rng: np.random.Generator) -> list[int]:
+    """Poses through which leaves are tried next: half of them where the cover, or its widest sheet, fails."""
+    sets = pool.sets
+    lost = ~sets[cover.chosen].any(axis=0)
+    widest = sets[cover.chosen[int(np.argmax(sets[cover.chosen].sum(axis=1)))]] if len(cover.chosen) else ~lost
+    here = np.flatnonzero(lost if lost.any() else ~widest)
+    found = spread_out(pool.T, here, TARGETS // 2, TURN_LENGTH).tolist()
+    return [*found, *rng.choice(len(pool.T), TARGETS - len(found)).tolist()]
+
+
+def _cover(pool: CandidateSheets, wanted: int) -> Cover:
+    if not pool.sheets:
+        return Cover(np.zeros(0, dtype=int), 0, 0)
+    costs = np.array(pool.costs)
+    return fewest(pool.sets, wanted, costs / costs.max(), PROGRAM)
+
+
+def _mapped(
+    task: Task, workspace: Workspace, T: Array, rest: Indices, within: Indices, pool: CandidateSheets, cover: Cover,
+    around: Surroundings | None, stopped: bool,
+) -> Sheets:  # fmt: skip
+    """The sheets chosen, the widest first, with what each sampled pose gets."""
+    order = cover.chosen[np.argsort(-pool.sets[cover.chosen].sum(axis=1), kind="stable")]
+    chosen = tuple(pool.sheets[i] for i in order)
+    q = np.full((len(chosen), len(T), task.n), np.nan)
+    for s, sheet in enumerate(chosen):
+        q[s, within] = sheet.postures(T[within], pool.clear)[0]
+    pairs = neighbours(T[within], TURN_LENGTH)
+    pairs = within[pairs]
+    labels = labelled(known(q), pairs, continued(chosen, T, q, pairs))
+    rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)
+    return Sheets(
+        task, workspace, chosen, T, q, labels.of, rest, pairs, labels.cuts, labels.least, cover.least,
+        len(pool.sheets), TURN_LENGTH, around, stopped,
+    )  # fmt: skip

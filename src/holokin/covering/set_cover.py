@@ -1,0 +1,104 @@
+"""The fewest sets that cover a share of all elements: an integer program, solved with a bound (HiGHS, by SciPy)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.types import Flags, Indices, Value, Vector
+from .integer_program import Optimum, least
+
+PREFERENCE = 0.2
+"""Weight of the costs of sets against what they cover, once their number is decided: a set that costs the most is given
+up for one that costs nothing and covers a fifth of all elements less."""
+
+ROUND = 1e-6
+"""What a bound may be off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cover(Value):
+    """Sets that cover.
+
+    chosen: their indices. least: no fewer of the sets given cover as much: proven where it equals the number chosen.
+    covered: how many elements they cover.
+    """
+
+    chosen: Indices
+    least: int
+    covered: int
+
+    @property
+    def proven(self) -> bool:
+        """Whether no fewer sets will do."""
+        return self.least == len(self.chosen)
+
+
+def fewest(sets: Flags, wanted: int, costs: Vector, seconds: float) -> Cover:
+    """The fewest of some sets (c, k) that cover `wanted` of the elements; of equally many, those that cover more and
+    cost less.
+
+    min sum x   with   y_p <= sum_{c covers p} x_c,   sum w_p y_p >= wanted,   x in {0, 1}, 0 <= y <= 1;
+    elements that the same sets cover are one, with weight w.
+
+    Args:
+        costs: of each set (c,), from 0 to 1. seconds: for each of the two programs.
+    """
+    alive = _not_within_another(sets, costs)
+    patterns, weights = np.unique(sets[alive], axis=1, return_counts=True)
+    kept = patterns.any(axis=0)
+    patterns, weights = patterns[:, kept], weights[kept]
+    goal = min(wanted, int(weights.sum()))
+    if goal <= 0:
+        return Cover(np.zeros(0, dtype=int), 0, 0)
+    ones, none = np.ones(len(alive)), np.zeros(len(weights))
+    first = _solved(patterns, weights, ones, none, (goal, None), seconds)
+    x = _greedy(patterns, weights, goal) if first.x is None else first.x
+    bound = max(1, int(np.ceil(first.bound - ROUND))) if np.isfinite(first.bound) else 1
+    size = int(x.sum())
+    second = _solved(
+        patterns, weights, costs[alive] * (PREFERENCE / size), weights / weights.sum(), (goal, size), seconds
+    )
+    best = x if second.x is None else second.x
+    chosen = alive[best.astype(bool)]
+    return Cover(chosen, min(bound, size), int(sets[chosen].any(axis=0).sum()))
+
+
+def _solved(
+    patterns: Flags, weights: Indices, costs: Vector, gains: Vector, demands: tuple[int, int | None], seconds: float
+) -> Optimum:
+    """min costs x - gains y; demands: weight that is to be covered, and the number of sets, or None."""
+    from scipy.sparse import csr_matrix, eye, hstack, vstack
+
+    c, k = patterns.shape
+    goal, size = demands
+    covers = hstack([csr_matrix(patterns.T.astype(float)), -eye(k)])
+    total = csr_matrix(np.concatenate([np.zeros(c), weights])[None])
+    count = csr_matrix(np.concatenate([np.ones(c), np.zeros(k)])[None])
+    low = np.concatenate([np.zeros(k), [goal, size or 0]])
+    high = np.concatenate([np.full(k + 1, np.inf), [size or np.inf]])
+    whole = np.arange(c + k) < c
+    found = least(np.concatenate([costs, -gains]), vstack([covers, total, count]).tocsr(), low, high, whole, seconds)
+    return found if found.x is None else Optimum(np.round(found.x[:c]), found.bound)
+
+
+def _greedy(patterns: Flags, weights: Indices, goal: int) -> Vector:
+    """Always the set that covers most of what is left."""
+    x, left = np.zeros(len(patterns)), weights.astype(float)
+    while weights.sum() - left.sum() < goal:
+        best = int(np.argmax(patterns @ left))
+        x[best], left = 1.0, np.where(patterns[best], 0.0, left)
+    return x
+
+
+def _not_within_another(sets: Flags, costs: Vector) -> Indices:
+    """The sets that are not within another one that costs no more."""
+    sizes = sets.sum(axis=1)
+    kept: list[int] = []
+    order = np.lexsort((costs, -sizes))
+    for i in order:
+        inside = [j for j in kept if costs[j] <= costs[i] and not (sets[i] & ~sets[j]).any()]
+        if sizes[i] and not inside:
+            kept.append(int(i))
+    return np.sort(np.array(kept, dtype=int))

@@ -1,0 +1,81 @@
+"""`Sheet`: one leaf of a strategy, and the tool poses that it serves as one function."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..base.types import Array, Flags, Matrix, Value, Vector, frozen
+from ..checking import Clear
+from ..inverse_kinematics import InverseKinematics, leaf_value
+from ..inverse_kinematics.inverse_function import answer
+from ..strategies import HolonomicStrategy
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet(Value):
+    """The leaf g(q) = g(q0) of a strategy, on the branch of q0 (n,), and the tool poses that it serves.
+
+    It serves the poses that the straight path from the tool pose of q0 reaches on the leaf, where the posture is within
+    the joint limits, where rcond of [J; J_g] is at least `rcond`, and where the robot keeps clear of what was named.
+    If the path reaches a pose, it reaches all poses on the way. So the joints are one continuous function of the poses
+    that are reached.
+
+    keys: what a job says of the strategy, empty where it was given as a value.
+    """
+
+    strategy: HolonomicStrategy
+    q0: Vector
+    rcond: float = 0.0
+    keys: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """That of the strategy."""
+        return self.strategy.name
+
+    @cached_property
+    def level(self) -> Vector:
+        """c (r,) of the leaf; empty where nothing is redundant."""
+        return frozen(leaf_value(self.strategy, self.q0))
+
+    def off(self, q: Vector) -> float:
+        """How far a posture (n,) is off the leaf: the largest |g(q) - c| [units of g], angles by the shorter way."""
+        gap = leaf_value(self.strategy, q) - self.level
+        return float(np.abs(self.strategy.constraint.nearest(gap)).max()) if len(gap) else 0.0
+
+    @cached_property
+    def ik(self) -> InverseKinematics:
+        """Inverse kinematics on the leaf, within the joint limits."""
+        return InverseKinematics(self.strategy, self.q0, limits=True)
+
+    def posture(self, pose: Matrix, clear: Clear | None = None) -> Vector | None:
+        """The joints (n,) at a tool pose (4, 4); None where it is not served."""
+        q = answer(self.ik, pose)
+        if q is None or (self.rcond and not self.strategy.gain(q)[1] >= self.rcond):
+            return None
+        return q if clear is None or clear(q[None])[0] else None
+
+    def postures(self, poses: Array, clear: Clear | None = None, threads: int | None = None) -> tuple[Matrix, Flags]:
+        """(joints (k, n), which are served (k,)) at tool poses (k, 4, 4); a row of NaN where one is not served."""
+        solutions = self.ik.batch(poses, threads)
+        q, served = solutions.q.copy(), solutions.reached.copy()
+        if served.any() and self.rcond:
+            served[served] = self.strategy.gain.batch(q[served])[1].ravel() >= self.rcond
+        if served.any() and clear is not None:
+            served[served] = clear(q[served])
+        q[~served] = np.nan
+        return q, served
+
+    def __str__(self) -> str:
+        at = ", ".join(f"{c:.4g}" for c in self.level)
+        return f"{self.name}, level {at}" if at else self.name
+
+
+def known(q: Array) -> Flags:
+    """Which postures (..., n) are there: rows of NaN stand for none."""
+    return np.asarray(np.isfinite(q).all(axis=-1))

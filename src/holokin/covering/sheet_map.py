@@ -1,0 +1,226 @@
+"""`Sheets`: the leaves that together serve a workspace, asked as one function of the tool pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+
+import numpy as np
+
+from ..base.poses import PoseLike, given_pose, pose_numbers, tool_poses
+from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, finite
+from ..checking import Clear
+from ..errors import NoSheetError
+from ..inverse_kinematics.inverse_function import leads_to
+from ..path.workspaces import Workspace
+from ..tasks.task import Task
+from .candidate_sheets import features
+from .sheet import Sheet, known
+from .surroundings import Surroundings
+
+ON_LEAF = 1e-6
+"""Difference from the level of a sheet [units of g] below which a posture lies on its leaf."""
+
+
+class PoseRest(NoTruthValue, IntEnum, ask="`is PoseRest.SERVED`"):
+    """What becomes of a pose of the workspace; `text` says it in words."""
+
+    SERVED = 0
+    NOT_COVERED = 1
+    BLOCKED = 2
+    LIMITS = 3
+    OUT_OF_REACH = 4
+
+    @property
+    def text(self) -> str:
+        """The cause in words."""
+        return _TEXTS[self]
+
+
+_TEXTS = {
+    PoseRest.SERVED: "served by a sheet",
+    PoseRest.NOT_COVERED: "the arm reaches it, but with the joints of no sheet",
+    PoseRest.BLOCKED: "every posture found is too near to an obstacle, the floor or another link",
+    PoseRest.LIMITS: "every posture found is beyond the joint limits",
+    PoseRest.OUT_OF_REACH: "out of reach: no posture was found",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SheetAnswers(NoTruthValue, Value, ask="`.served`"):
+    """For each of k tool poses the sheet that serves it (k,), -1 for none, and its joints (k, n), NaN for none."""
+
+    sheet: Indices
+    q: Matrix
+
+    def __len__(self) -> int:
+        return len(self.sheet)
+
+    @property
+    def served(self) -> Flags:
+        """True where a sheet serves the pose (k,)."""
+        return self.sheet >= 0
+
+
+@dataclass(frozen=True, eq=False)
+class Sheets(NoTruthValue, Value, ask="`.share`"):
+    """The sheets that serve a workspace, and for each pose the one that is taken. Make one with `hk.sheets`.
+
+    `s(pose)` is a function of the pose alone: it takes the sheet of the nearest sampled pose, and if that does not
+    serve the pose, the first one that does. `s.near(pose, q)` stays on the sheet of q while that serves.
+
+    poses: sampled ones (k, 4, 4). q: joints of each sheet at each (S, k, n), NaN where it does not serve. labels: the
+    sheet that is taken (k,), -1 for none. rest: a `PoseRest` for each (k,). pairs: neighbours among the poses (e, 2);
+    cuts: those between which the joints do not continue (c, 2); least_cuts: no choice among these sheets has fewer.
+    least: no fewer of the candidates serve as much; candidates: how many there were. length: what a turn of 1 rad
+    counts where poses are compared [m]. around: what postures keep clear of, None for nothing. stopped: whether the
+    search was stopped early.
+    """
+
+    task: Task
+    workspace: Workspace
+    sheets: tuple[Sheet, ...]
+    poses: Array
+    q: Array
+    labels: Indices
+    rest: Indices
+    pairs: Indices
+    cuts: Indices
+    least_cuts: int
+    least: int
+    candidates: int
+    length: float
+    around: Surroundings | None = None
+    stopped: bool = False
+
+    def __len__(self) -> int:
+        return len(self.sheets)
+
+    def __call__(self, pose: PoseLike) -> tuple[int, Vector]:
+        """(index of the sheet, its joints (n,)) at a tool pose (4, 4): the same pose gives the same answer.
+
+        Of a task of positions a point (3,) or (2,) will do.
+
+        Raises:
+            NoSheetError: no sheet serves the pose. ShapeError, NotFiniteError, ArgumentError: a bad pose.
+        """
+        at = self._pose(pose)
+        first = int(self._nearest(at[None])[0])
+        for s in (first, *(s for s in range(len(self)) if s != first)):
+            q = self.sheets[s].posture(at, self.clear) if s >= 0 else None
+            if q is not None:
+                return s, q
+        raise NoSheetError(at[:3, 3], len(self))
+
+    def near(self, pose: PoseLike, q: ArrayLike) -> tuple[int, Vector]:
+        """The same, but on the sheet that a posture q (n,) lies on, such as the last answer, while that serves.
+
+        So a loop changes its sheet only where it must, and it sees a change in the index. The joints of the new sheet
+        are elsewhere: `s.seams()` has the motions that lead there.
+
+        Raises:
+            NoSheetError: no sheet serves the pose. ShapeError, NotFiniteError, ArgumentError: a bad pose or posture.
+        """
+        at, begin = self._pose(pose), self.task.robot.checked(q, "the posture")
+        for s in self.of(begin):
+            found = self.sheets[s].posture(at, self.clear)
+            if found is not None and leads_to(self.sheets[s].ik, at, begin, found):
+                return s, found
+        return self(at)
+
+    def of(self, q: ArrayLike) -> tuple[int, ...]:
+        """The sheets on whose leaves a posture (n,) lies, to 1e-6 [units of g]. Raises: ShapeError, NotFiniteError."""
+        begin = self.task.robot.checked(q, "the posture")
+        return tuple(s for s, sheet in enumerate(self.sheets) if sheet.off(begin) < ON_LEAF)
+
+    def batch(self, poses: PoseLike) -> SheetAnswers:
+        """The answers of many tool poses (k, 4, 4), each as `s(pose)`. A pose that no sheet serves does not raise.
+
+        Raises:
+            ShapeError, NotFiniteError, ArgumentError: bad poses.
+        """
+        T = tool_poses("of the batch", poses)
+        every, first, k = self.postures(T), self._nearest(T), np.arange(len(T))
+        served = known(every)
+        taken = np.where(served.any(axis=0), np.argmax(served, axis=0), -1)
+        taken = np.where((first >= 0) & served[first, k], first, taken)
+        return SheetAnswers(taken, np.where((taken >= 0)[:, None], every[taken, k], np.nan))
+
+    def postures(self, poses: PoseLike) -> Array:
+        """The joints of every sheet (S, k, n) at tool poses (k, 4, 4), NaN where it does not serve.
+
+        Raises:
+            ShapeError, NotFiniteError, ArgumentError: bad poses.
+        """
+        T = tool_poses("to be asked", poses)
+        found = [sheet.postures(T, self.clear)[0] for sheet in self.sheets]
+        return np.array(found).reshape(len(self), len(T), self.task.n)
+
+    @cached_property
+    def clear(self) -> Clear | None:
+        """Which postures (k, n) keep clear of what was named; None where nothing was."""
+        return None if self.around is None else self.around.clear(self.task.robot)
+
+    @property
+    def served(self) -> Flags:
+        """Which of the sampled poses have a sheet (k,)."""
+        return self.labels >= 0
+
+    @property
+    def reachable(self) -> Flags:
+        """Which of them some posture reaches, within the limits and clear of what was named (k,)."""
+        return self.rest <= PoseRest.NOT_COVERED
+
+    @property
+    def share(self) -> float:
+        """Share of the poses served, of those that some posture reaches."""
+        return float(self.served.sum() / max(1, self.reachable.sum()))
+
+    @property
+    def sentence(self) -> str:
+        """How many sheets serve how much."""
+        many = f"{len(self)} sheet{'' if len(self) == 1 else 's'}"
+        proven = "no fewer" if self.least == len(self) else f"at least {self.least}"
+        said = f"{many} serve{'s' if len(self) == 1 else ''} {self.served.sum()} of the {self.reachable.sum()} sampled "
+        said += f"poses that the arm reaches ({self.share:.2%}); of {self.candidates} leaves tried, {proven} will do"
+        return f"{said}; the search was stopped early" if self.stopped else said
+
+    def __str__(self) -> str:
+        lines = [self.sentence]
+        for s, sheet in enumerate(self.sheets):
+            lines.append(f"  sheet {s}: {sheet}; taken at {(self.labels == s).sum()} poses, serves {self._served(s)}")
+        for rest in list(PoseRest)[1:]:
+            if (self.rest == rest).any():
+                lines.append(f"  {(self.rest == rest).sum()} of {len(self.poses)} poses: {rest.text}")
+        few = (
+            "no choice has fewer" if self.least_cuts == len(self.cuts) else f"at least {self.least_cuts} for any choice"
+        )
+        lines.append(f"  {len(self.cuts)} of {len(self.pairs)} pairs of neighbours change their joints ({few})")
+        return "\n".join(lines)
+
+    def _served(self, s: int) -> int:
+        return int(known(self.q[s]).sum())
+
+    def _pose(self, pose: PoseLike) -> Matrix:
+        given = pose_numbers("a tool pose", pose)
+        if given.shape in ((2,), (3,)) and self.task.orientation is None:
+            at = self.workspace.center.copy()
+            at[: len(given), 3] = finite("a tool position", given)
+            return at
+        return given_pose("a tool pose", given)
+
+    @cached_property
+    def _known(self) -> tuple[Matrix, Vector, Indices]:
+        """(points of the sampled poses that have a sheet, half their squared lengths, their sheets)."""
+        X = features(self.poses[self.served], self.length)
+        return X, 0.5 * np.sum(X**2, axis=1), self.labels[self.served]
+
+    def _nearest(self, T: Array) -> Indices:
+        """The sheet of the sampled pose that is nearest to each (k,), -1 where there are none."""
+        X, half, labels = self._known
+        if not len(X):
+            return np.full(len(T), -1)
+        Y = features(T, self.length)
+        pieces = [np.argmin(half - part @ X.T, axis=1) for part in np.array_split(Y, 1 + len(Y) // 4096)]
+        return labels[np.concatenate(pieces)]

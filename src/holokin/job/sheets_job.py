@@ -1,0 +1,54 @@
+"""What `holokin sheets` does: of a robot or a job with what is typed beside it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+from ..covering import Sheets, sheets, write_sheets
+from ..designing.proposed_workspace import first_start, proposed_workspace
+from ..errors import ArgumentError, JobError
+from .advice_question import Question, Typed, question
+from .check_tables import ChecksTable
+from .table_values import filled
+
+
+def sheets_command(
+    name: str,
+    typed: Typed,
+    out: FilePath | None,
+    share: float,
+    samples: int,
+    seconds: float,
+    say: Callable[[str], None],
+    announce: Callable[[str], None],
+) -> tuple[Sheets, FilePath]:
+    """(the sheets of a robot or a job, the file to which they were written).
+
+    Raises:
+        WriteError, JobError: the file exists; said before anything is looked at. As `sheets` and `question`.
+    """
+    file = out or FilePath(f"sheets-{FilePath(name).stem}.npz")
+    if file.suffix != ".npz":
+        raise ArgumentError("--out", str(file), "give a name that ends in .npz")
+    if os.path.lexists(file):
+        raise JobError(file, "--out", "exists already", "choose another name, or delete it first")
+    asked = question(name, typed)
+    space = asked.workspace
+    if space is None:
+        space = proposed_workspace(asked.task, first_start(asked.task) if asked.q0 is None else asked.q0)
+    announce(f"{asked.chain}: {space}. This takes up to {seconds + 60:.0f} s.")
+    found = sheets(asked.task, space, share=share, samples=samples, seconds=seconds, say=say, **_kept_clear(asked))
+    write_sheets(found, file)
+    return found, file
+
+
+def _kept_clear(asked: Question) -> dict[str, Any]:
+    """What [checks] of the job, or of what was typed, asks to keep clear of: arguments of `sheets`."""
+    checks = asked.keys.get("checks")
+    if not checks:
+        return {}
+    found = filled(ChecksTable, "checks", checks).proven(asked.task.robot)
+    return {key: value for key, value in found.items() if key != "limits"}

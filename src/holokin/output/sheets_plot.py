@@ -1,0 +1,149 @@
+"""Pictures of a map of sheets: which sheet serves which pose, and where the joints change."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..base.types import Array, Flags, Indices
+from ..covering import PoseRest, Sheets
+from ..designing.slices import Plane, grid_planes
+from ..inverse_kinematics.inverse_function import leads_to
+from ..path.workspaces import PoseRange
+from .coverage_plots import CUT, frame_cloud, views
+from .palette import BLACK, INK, ORANGE, PURPLE, SKY, VERMILLION, YELLOW
+from .words import on_figure
+
+SHEETS = ("#1f7a6b", SKY, ORANGE, PURPLE, YELLOW, VERMILLION, BLACK)
+"""Colours of the sheets, the first one's first; of more they come again."""
+
+NONE = "#d5dae1"
+"""Colour of cells that no sheet serves."""
+
+REST = {
+    PoseRest.NOT_COVERED: (CUT, "reached, by no sheet"), PoseRest.BLOCKED: ("#4b5563", "too near to something"),
+    PoseRest.LIMITS: ("#8a93a0", "no posture within limits"), PoseRest.OUT_OF_REACH: ("#c5ccd6", "out of reach"),
+}  # fmt: skip
+"""Colour and short name of what becomes of a pose without a sheet."""
+
+STEPS = 41
+"""Cells along the longest side."""
+
+
+def sheets_figure(found: Sheets, steps: int = STEPS) -> Any:
+    """Maps of the planes through the workspace's centre, in its middle orientation, and the cloud of all poses.
+
+    Lines are where the joints jump from a cell to the next: there the arm changes its posture.
+
+    Args:
+        steps: cells along the longest side of a map, at least 2.
+    """
+    p = found.poses[:, :3, 3]
+    planes = list(grid_planes(found.workspace, steps)) if isinstance(found.workspace, PoseRange) else []
+    figure, maps, cloud, _ = views(p, planes)
+    jumps = False
+    for axes, plane in zip(maps, planes, strict=True):
+        jumps |= _map(axes, found, found.workspace, plane)
+    _cloud(cloud, found)
+    many = f"{len(found)} sheet{'' if len(found) == 1 else 's'}"
+    head = f"{on_figure(found.task.robot.name)}: {many} for {found.share:.1%} of what the arm reaches"
+    size = figure.get_size_inches()
+    figure.suptitle(head, x=0.2 / size[0], y=1 - 0.15 / size[1], ha="left", va="top", fontsize=12, color=INK)
+    _legend(figure, found, bool(planes), jumps)
+    return figure
+
+
+def color_of(s: int) -> str:
+    """The colour of a sheet."""
+    return SHEETS[s % len(SHEETS)]
+
+
+def _map(axes: Any, found: Sheets, space: Any, plane: Plane) -> bool:
+    """One plane; returns whether the joints jump in it."""
+    from matplotlib.colors import to_rgb
+
+    answers = found.batch(space.at(plane.points[plane.inside.ravel()]))
+    labels = np.full(plane.inside.shape, -2)
+    labels[plane.inside] = answers.sheet
+    image = np.ones((*labels.shape, 3))
+    image[labels == -1] = to_rgb(NONE)
+    for s in range(len(found)):
+        image[labels == s] = to_rgb(color_of(s))
+    du, dv = plane.u[1] - plane.u[0], plane.v[1] - plane.v[0]
+    extent = (plane.u[0] - du / 2, plane.u[-1] + du / 2, plane.v[0] - dv / 2, plane.v[-1] + dv / 2)
+    axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="equal")
+    cells = np.stack(np.meshgrid(plane.u, plane.v), axis=-1)[plane.inside]
+    poses = space.at(plane.points[plane.inside.ravel()])
+    cuts = jumps(found, poses, answers.q, answers.sheet, neighbouring(plane.inside))
+    for one, other in cells[cuts]:
+        middle, along = (one + other) / 2, np.where(np.abs(other - one) > 1e-9, 0.0, [du / 2, dv / 2])
+        axes.plot(*np.transpose([middle - along, middle + along]), color=CUT, linewidth=1.8, solid_capstyle="butt")
+    i, j = plane.axes
+    axes.grid(False)
+    axes.locator_params(nbins=5)
+    axes.set_xlabel(f"{'xyz'[i]} [m]")
+    axes.set_ylabel(f"{'xyz'[j]} [m]")
+    axes.set_title(f"{'xyz'[3 - i - j]} = {plane.at:.3g} m", loc="left", fontsize=10)
+    return bool(len(cuts))
+
+
+def neighbouring(inside: Flags) -> Indices:
+    """Pairs (e, 2) of neighbouring cells of a grid (rows, columns), by their place among those that are inside."""
+    place = np.full(inside.shape, -1)
+    place[inside] = np.arange(int(inside.sum()))
+    sides = [(place[:, :-1], place[:, 1:]), (place[:-1], place[1:])]
+    pairs = np.concatenate([np.column_stack([one.ravel(), other.ravel()]) for one, other in sides])
+    return pairs[(pairs >= 0).all(axis=1)]
+
+
+def jumps(found: Sheets, poses: Array, q: Array, sheet: Indices, pairs: Indices) -> Indices:
+    """Those of some pairs (e, 2) of poses, both with a sheet, between which the joints do not continue."""
+    both = pairs[(sheet[pairs] >= 0).all(axis=1)]
+    cut = [
+        (sheet[i] != sheet[j] and np.abs(q[i] - q[j]).max() > 0.2)
+        or (sheet[i] == sheet[j] and not leads_to(found.sheets[sheet[i]].ik, poses[j], q[i], q[j]))
+        for i, j in both
+    ]  # fmt: skip
+    return both[np.array(cut, dtype=bool)] if len(both) else both
+
+
+def _cloud(axes: Any, found: Sheets) -> None:
+    """All sampled poses at their positions."""
+    p, flat = found.poses[:, :3, 3], not hasattr(axes, "get_zlim")
+    points = p[:, :2].T if flat else p.T
+    style = {"linewidths": 0} if flat else {"linewidths": 0, "depthshade": False}
+    for rest in reversed(REST):
+        here = found.rest == rest
+        if here.any():
+            axes.scatter(*points[:, here], color=REST[rest][0], s=16 if rest is PoseRest.NOT_COVERED else 5, **style)
+    for s in range(len(found)):
+        here = found.labels == s
+        if here.any():
+            axes.scatter(*points[:, here], color=color_of(s), s=9, alpha=0.9 if flat else 0.6, **style)
+    axes.set_title(f"{len(p)} poses", loc="left", fontsize=10)
+    if flat:
+        axes.set_aspect("equal")
+        axes.set_xlabel("x [m]")
+        axes.set_ylabel("y [m]")
+    else:
+        frame_cloud(axes, p)
+
+
+def _legend(figure: Any, found: Sheets, maps: bool, jump: bool) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    k, width, height = len(found.poses), *figure.get_size_inches()
+    patches = [
+        Patch(color=color_of(s), label=f"sheet {s}: {(found.labels == s).sum() / k:.1%}\n{on_figure(one.name, 26)}")
+        for s, one in enumerate(found.sheets)
+    ]
+    patches += [
+        Patch(color=color, label=f"{name}: {(found.rest == rest).sum() / k:.1%}")
+        for rest, (color, name) in REST.items() if (found.rest == rest).any()
+    ]  # fmt: skip
+    patches += [Patch(color=NONE, label="no sheet (maps)")] if maps else []
+    lines = [Line2D([], [], color=CUT, linewidth=1.8, label="the joints jump here")] if jump else []
+    corner = (1 - 2.6 / width, 1 - 0.8 / height)
+    figure.legend(handles=[*patches, *lines], loc="upper left", bbox_to_anchor=corner, fontsize=8.5, frameon=False)

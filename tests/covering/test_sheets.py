@@ -1,0 +1,213 @@
+"""A map of sheets is one function of the tool pose, and says what it does not serve and why."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from holokin.covering import PoseRest, Sheets
+from holokin.errors import (
+    ArgumentError,
+    JointLimitError,
+    NoSheetError,
+    NotFiniteError,
+    OutOfReachError,
+    ShapeError,
+    SheetsFileError,
+)
+
+LIMIT = np.radians(150)
+
+
+def planar_task() -> hk.Task:
+    arm = hk.load("planar-3r")
+    return hk.position(hk.with_limits(arm, lower=-LIMIT, upper=LIMIT))
+
+
+def disc(radius: float = 3.0) -> hk.Workspace:
+    return hk.workspace(cylinder=([0, 0, 0], radius, 0.0))
+
+
+@pytest.fixture(scope="module")
+def planar() -> Sheets:
+    task = planar_task()
+    laws = [hk.holonomic(task, hk.linear([0, 1, -1])), hk.holonomic(task, hk.lock(0))]
+    return hk.sheets(task, disc(), laws, samples=250, share=1.0)
+
+
+def tool_of(q: np.ndarray) -> np.ndarray:
+    """The tool of three links of 1 m in a plane, by hand."""
+    angles = np.cumsum(q, axis=-1)
+    return np.stack([np.cos(angles).sum(axis=-1), np.sin(angles).sum(axis=-1)], axis=-1)
+
+
+def test_each_posture_has_its_tool_at_the_pose_and_is_within_the_limits(planar: Sheets) -> None:
+    found = planar.batch(planar.poses)
+    assert planar.share == 1.0
+    served = found.served
+    np.testing.assert_allclose(tool_of(found.q[served]), planar.poses[served][:, :2, 3], atol=1e-9)
+    assert (np.abs(found.q[served]) <= LIMIT + 1e-9).all()
+
+
+def test_the_arm_has_no_single_leaf_for_the_disc_and_the_program_says_so(planar: Sheets) -> None:
+    """No posture of q2 = q3 + c within +-150 degrees serves the whole disc: the base would have to go round."""
+    assert len(planar) == planar.least == 2
+    assert planar.candidates > 20
+
+
+def test_the_same_pose_has_the_same_joints_whatever_was_asked_before(planar: Sheets) -> None:
+    rng = np.random.default_rng(0)
+    at = rng.permutation(np.flatnonzero(planar.served))[:40]
+    once = [planar(planar.poses[i]) for i in at]
+    again = [planar(planar.poses[i]) for i in at[::-1]][::-1]
+    many = planar.batch(planar.poses[at])
+    for (s, q), (t, p), u, r in zip(once, again, many.sheet, many.q, strict=True):
+        assert s == t == u
+        np.testing.assert_array_equal(q, p)
+        np.testing.assert_allclose(q, r, atol=1e-9)
+    assert planar(planar.poses[at[0]][:2, 3])[0] == once[0][0]  # a point will do for a task of positions
+
+
+def test_the_sheet_is_that_of_the_labels_at_the_sampled_poses(planar: Sheets) -> None:
+    np.testing.assert_array_equal(planar.batch(planar.poses).sheet, planar.labels)
+
+
+def test_a_loop_stays_on_its_sheet_while_that_serves(planar: Sheets) -> None:
+    """Along a straight path near stays on the sheet that it began on; where it leaves, the other one serves."""
+    both = np.isfinite(planar.q).all(axis=(0, 2))
+    i = int(np.flatnonzero(both)[0])
+    for s in range(len(planar)):
+        q, last = planar.q[s, i], s
+        assert s in planar.of(q)
+        for share in np.linspace(0.0, 1.0, 60):
+            pose = planar.poses[i].copy()
+            pose[:2, 3] = (1 - share) * pose[:2, 3] + share * np.array([-1.2, 0.9])
+            here, q = planar.near(pose, q)
+            np.testing.assert_allclose(tool_of(q), pose[:2, 3], atol=1e-9)
+            if here != last:
+                assert planar.sheets[last].posture(pose) is None or not np.allclose(
+                    planar.sheets[last].posture(pose), q
+                )
+            last = here
+
+
+def test_neighbours_without_a_cut_are_joined_by_small_motions(planar: Sheets) -> None:
+    cut = {tuple(pair) for pair in planar.cuts.tolist()}
+    for i, j in planar.pairs.tolist():
+        if (i, j) not in cut and planar.labels[i] >= 0 <= planar.labels[j]:
+            s = planar.labels[i]
+            assert s == planar.labels[j]
+            distance = np.linalg.norm(planar.poses[i][:2, 3] - planar.poses[j][:2, 3])
+            radius = min(np.linalg.norm(planar.poses[k][:2, 3]) for k in (i, j))
+            if 0.5 < radius < 2.5:  # away from the edge and the middle, where joints are fast
+                assert np.abs(planar.q[s, i] - planar.q[s, j]).max() < 12 * distance
+
+
+def test_what_is_out_of_reach_is_told_from_what_limits_forbid() -> None:
+    """Behind the base, near the edge, the limits of q1 leave a notch; outside of 3 m nothing reaches."""
+    task = planar_task()
+    s = hk.sheets(task, disc(3.5), [hk.holonomic(task, hk.linear([0, 1, -1]))], samples=150)
+    radius = np.linalg.norm(s.poses[:, :2, 3], axis=1)
+    np.testing.assert_array_equal(s.rest == PoseRest.OUT_OF_REACH, radius > 3)
+    behind = s.rest == PoseRest.LIMITS
+    assert (radius[behind] > 2.7).all()
+    assert (s.poses[behind][:, 0, 3] < 0).all()
+    with pytest.raises(NoSheetError, match="serve"):
+        s([3.4, 0.0])
+
+
+def test_an_arm_of_six_joints_has_its_branches_as_sheets() -> None:
+    """Nothing is redundant: the sheets are branches, and each pose of the box has the joints of one."""
+    arm = hk.load("ur5e")
+    s = hk.sheets(hk.pose(arm), hk.workspace(box=([0.4, 0.1, 0.3], [0.1, 0.2, 0.1]), tilt=0.2), samples=40)
+    assert s.share == 1.0
+    for i in np.flatnonzero(s.served)[:10]:
+        np.testing.assert_allclose(arm.pose(s(s.poses[i])[1]), s.poses[i], atol=1e-9)
+
+
+def test_an_obstacle_takes_poses_away_and_is_named() -> None:
+    task = planar_task()
+    wall = hk.obstacle("wall", hk.robot.Box((0.2, 4.0, 1.0)), (1.6, 0.0, 0.0))
+    law = [hk.holonomic(task, hk.linear([0, 1, -1]))]
+    s = hk.sheets(task, disc(), law, samples=100, clear_of=[wall], self_collision=False, clearance=0.05)
+    beyond = s.poses[:, 0, 3] > 2.2
+    assert (s.rest[beyond] >= PoseRest.NOT_COVERED).all()
+    assert PoseRest.BLOCKED in s.rest
+    everywhere = hk.obstacle("block", hk.robot.Box((9.0, 9.0, 1.0)), (0, 0, 0))
+    with pytest.raises(OutOfReachError, match="obstacle"):
+        hk.sheets(task, disc(), law, samples=20, clear_of=[everywhere])
+
+
+def test_control_c_keeps_what_was_found() -> None:
+    task, said = planar_task(), []
+
+    def say(words: str) -> None:
+        said.append(words)
+        if "leaves serve" in words:
+            raise KeyboardInterrupt
+
+    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=60, say=say)
+    assert s.stopped
+    assert len(s) > 0
+    assert "stopped early" in s.sentence
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        ({"share": 0.0}, ArgumentError), ({"share": 1.5}, ArgumentError), ({"samples": 0}, ArgumentError),
+        ({"strategies": []}, ArgumentError), ({"rcond": 1.0}, ArgumentError), ({"floor": 0.0}, ArgumentError),
+        ({"strategies": [hk.holonomic(hk.position(hk.load("planar-3r")), hk.lock(0))]}, ArgumentError),
+    ],
+)  # fmt: skip
+def test_bad_numbers_are_refused(words: dict, error: type[Exception]) -> None:
+    with pytest.raises(error):
+        hk.sheets(planar_task(), disc(), **words)
+
+
+def test_a_workspace_out_of_reach_is_refused_with_the_reason() -> None:
+    with pytest.raises(OutOfReachError, match="out of reach"):
+        hk.sheets(planar_task(), hk.workspace(box=([9, 9, 0], [1, 1, 0])), samples=20)
+
+
+def test_bad_poses_are_refused(planar: Sheets) -> None:
+    with pytest.raises(NotFiniteError):
+        planar(np.full((4, 4), np.nan))
+    with pytest.raises((ShapeError, ArgumentError)):
+        planar(np.zeros(7))
+    with pytest.raises((JointLimitError, ShapeError)):
+        planar.near(planar.poses[0], np.zeros(5))
+
+
+def test_a_saved_map_answers_the_same_to_the_last_bit(tmp_path: Path) -> None:
+    task = planar_task()
+    s = hk.sheets(task, disc(), samples=40, share=0.9, seconds=4.0)
+    hk.write_sheets(s, tmp_path / "map.npz")
+    again = hk.read_sheets(tmp_path / "map.npz", planar_task())
+    assert str(again) == str(s)
+    for i in np.flatnonzero(s.served)[::5]:
+        (a, q), (b, p) = s(s.poses[i]), again(s.poses[i])
+        assert a == b
+        np.testing.assert_array_equal(q, p)
+
+
+def test_a_map_of_another_robot_or_of_no_map_is_refused(planar: Sheets, tmp_path: Path) -> None:
+    file = tmp_path / "map.npz"
+    with pytest.raises(ArgumentError, match="pickle"):  # its strategies were given as values
+        hk.write_sheets(planar, file)
+    keyed = [replace(one, keys={"kind": "lock", "joints": [1]}) for one in planar.sheets]
+    hk.write_sheets(replace(planar, sheets=tuple(keyed)), file)
+    with pytest.raises(SheetsFileError, match="leaf"):  # another strategy than that of the postures
+        hk.read_sheets(file, planar.task)
+    with pytest.raises(SheetsFileError, match="surroundings"):
+        hk.read_sheets(file, planar.task, clear_of=[])
+    with pytest.raises(SheetsFileError, match="it is of"):
+        hk.read_sheets(file, hk.position(hk.load("ppr")))
+    (tmp_path / "no.npz").write_bytes(b"PK\x03\x04 nothing")
+    for other in ("no.npz", "missing.npz"):
+        with pytest.raises(SheetsFileError):
+            hk.read_sheets(tmp_path / other, planar.task)
