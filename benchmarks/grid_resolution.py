@@ -114,7 +114,7 @@ class Grid:
 
 
 def planar_grid(
-    links: Sequence[float], limits: Limits, cells: int, count: int = 40, speed: float = 6.0, free: Free | None = None
+    links: Sequence[float], limits: Limits, cells: int, count: int = 40, speed: float = 10.0, free: Free | None = None
 ) -> Grid:
     """The grid of cells x cells poses over the square round the disc of reach, and the postures of its poses."""
     reach = float(sum(links))
@@ -132,9 +132,8 @@ def planar_grid(
     number[inside[kept]] = np.arange(int(kept.sum()))
     framed = np.pad(number.reshape(cells, cells), 1, constant_values=-1)
     beside = np.stack([framed[i : i + cells, j : j + cells].ravel() for i, j in SIDES], 1)[inside[kept]]
-    spacing = max(high - low for low, high in limits) / (count - 1)
     ranges = tuple((float(low), float(high)) for low, high in limits)
-    return Grid(tuple(links), ranges, points[inside[kept]], labels[:, kept], beside, step, speed * step + spacing)
+    return Grid(tuple(links), ranges, points[inside[kept]], labels[:, kept], beside, step, speed * step)
 
 
 def _largest(labels: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -308,7 +307,7 @@ def cut_pieces(middles: np.ndarray, step: float) -> int:
 
 def grid_resolution(
     links: Sequence[float] = (1.0, 1.0, 1.0), limits: Limits = ((-2.618, 2.618),) * 3, cells: int = 200,
-    proposals: int = 60, count: int = 40, speed: float = 6.0, free: Free | None = None, seed: int = 0,
+    proposals: int = 60, count: int = 40, speed: float = 10.0, free: Free | None = None, seed: int = 0,
 ) -> Resolution:  # fmt: skip
     """The shortest cuts found on a grid.
 
@@ -320,7 +319,7 @@ def grid_resolution(
         cells: poses along a side of the grid.
         proposals: how many random targets are tried.
         count: how many values each joint takes in turn along a self-motion.
-        speed: a pair is cut where a joint changes by more than this times the step and the postures' spacing [rad/m].
+        speed: a pair is cut where a joint changes by more than this times the step [rad/m].
         free: postures (k, 3) -> (k,) True where an obstacle leaves them.
         seed: of the random targets.
     """

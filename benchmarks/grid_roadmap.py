@@ -180,7 +180,7 @@ def grid_roadmap(links: Sequence[float], limits: Limits, cells: int = 50, count:
     )
     q = _samples(links, limits, points, beside, count, rng)
     known: np.ndarray = np.isfinite(q[..., 0])
-    some = known.any(axis=1)
+    some: np.ndarray = np.asarray(known.any(axis=1))
     first = np.repeat(np.arange(len(points)), 4)
     pairs = np.stack([first, beside.ravel()], 1)
     pairs = pairs[(pairs[:, 0] < pairs[:, 1]) & some[pairs].all(1)]

@@ -1,0 +1,231 @@
+"""One map for a whole disc: `hk.sheets` beside the published ways to give each tool position a posture, in one run.
+
+    python -m benchmarks.sheets                                # a planar arm, links of 1 m, +-150 deg
+    python -m benchmarks.sheets --answer "their code=FILE"     # and an answer that other code has written
+
+Each method gives the positions of a grid a posture. Two positions beside each other are cut where a joint changes by
+more than 10 rad for each metre between them. The length of the cuts is the number of cut pairs times the length that
+a pair stands for, 2 A / (sum of the lengths of all pairs) with A the area in reach: on a square grid, the step. So
+each method is judged by one rule, on the grid that it works on; what it has not joined by its own is said, too.
+
+The paths are straight, 2 m long, and wholly in reach. A grid is asked at the nearest position every 5 mm. The last
+lines have the fewest changes of these sheets, and of any postures (IKLink's problem), by dynamic programming at every
+2 cm: over the sheets that serve, and over some hundred postures of the self-motion, without holokin.
+
+FILE is a JSON object: points [[x, y], ...], q [[...] or null, ...], edges [[i, j], ...], connected [true, ...], seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import KDTree
+
+import holokin as hk
+
+from .grid_bounds import least_cut, single_jump
+from .grid_resolution import cut_pieces, grid_resolution, planar_grid, self_motions
+from .grid_roadmap import grid_roadmap
+from .reconfigurations import fewest_changes
+
+LIMIT = np.radians(150)
+LINKS, LIMITS = (1.0, 1.0, 1.0), ((-LIMIT, LIMIT),) * 3
+SPEED = 10.0
+"""A pair is cut where a joint changes by more for each metre between its poses [rad/m]."""
+LENGTH, SPACING, EVERY = 2.0, 0.005, 4
+"""Of a path, and between its samples [m]; every which sample is looked at where that takes long."""
+HEAD = (
+    "method | positions | with a posture | cuts | their length [m] | by its own rule [m] | changes a path "
+    "| rad/m, median | rad/m, largest | time [s]"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a method gives the positions of its grid."""
+
+    name: str
+    points: np.ndarray
+    """(k, 2) positions in reach [m]"""
+    q: np.ndarray
+    """(k, 3) [rad], NaN where there is none"""
+    pairs: np.ndarray
+    """(e, 2) positions beside each other"""
+    joined: np.ndarray | None
+    """(e,) which pairs the method says it joins; None where it does not say"""
+    seconds: float
+
+    def measured(self, area: float) -> tuple[np.ndarray, float]:
+        """(jump over length of each pair [rad/m], NaN where a posture lacks; what a cut pair counts [m])."""
+        i, j = self.pairs.T
+        long = np.linalg.norm(self.points[i] - self.points[j], axis=1)
+        return np.abs(self.q[i] - self.q[j]).max(1) / long, 2 * area / float(long.sum())
+
+    def changes(self, paths: np.ndarray) -> np.ndarray:
+        """How often the posture of the nearest position jumps along each path (p, s, 2)."""
+        near = KDTree(self.points)
+        found = []
+        for path in paths:
+            at = near.query(path)[1]
+            at = np.asarray(at)[np.concatenate([[True], np.diff(at) != 0])]
+            q, here = self.q[at], self.points[at]
+            known = np.isfinite(q[:, 0])
+            q, here = q[known], here[known]
+            long = np.linalg.norm(np.diff(here, axis=0), axis=1)
+            found.append(int((np.abs(np.diff(q, axis=0)).max(1) > SPEED * long).sum()))
+        return np.array(found)
+
+
+def in_reach(points: np.ndarray) -> np.ndarray:
+    """(k,) True where the arm brings its tool to a point (k, 2): the disc less what lacks behind the base."""
+    x, y = points[:, 0], np.abs(points[:, 1])
+    behind = np.arctan2(y, x) > LIMIT
+    return (np.hypot(x, y) <= 3) & ~(behind & (np.hypot(x - np.cos(LIMIT), y - np.sin(LIMIT)) > 2))
+
+
+def random_paths(count: int, seed: int = 0) -> np.ndarray:
+    """Straight paths (count, s, 2) of 2 m, each sample in reach."""
+    rng, found = np.random.default_rng(seed), []
+    share = np.linspace(0, 1, round(LENGTH / SPACING) + 1)[:, None]
+    while len(found) < count:
+        begin, turn = rng.uniform(-3, 3, 2), rng.uniform(0, 2 * np.pi)
+        path = begin + LENGTH * share * [np.cos(turn), np.sin(turn)]
+        if in_reach(path).all():
+            found.append(path)
+    return np.array(found)
+
+
+def planar_task() -> hk.Task:
+    """The position of the tool of the arm."""
+    return hk.position(hk.with_limits(hk.load("planar-3r"), lower=-LIMIT, upper=LIMIT))
+
+
+def poses_of(points: np.ndarray) -> np.ndarray:
+    """Poses (k, 4, 4) at points (k, 2) of the plane."""
+    poses = np.tile(np.eye(4), (len(points), 1, 1))
+    poses[:, :2, 3] = points
+    return poses
+
+
+def sheets_answer(s: hk.Sheets, cells: int, seconds: float) -> Answer:
+    """What the sheets give the positions of the referee's grid."""
+    grid = planar_grid(LINKS, LIMITS, cells)
+    return Answer(f"hk.sheets: {len(s)}", grid.points, s.batch(poses_of(grid.points)).q, grid.pairs, None, seconds)
+
+
+def answers(s: hk.Sheets, seconds: float, cells: int, proposals: int, nodes: int, count: int) -> Iterator[Answer]:
+    """Ours, the referee's, and the rerun of the published method."""
+    yield sheets_answer(s, cells, seconds)
+    best = grid_resolution(LINKS, LIMITS, cells, proposals)
+    cut = best.grid.cut(best.q)
+    yield Answer("minimum cuts on a grid", best.grid.points, best.q, best.grid.pairs, ~cut, best.seconds)
+    road = grid_roadmap(LINKS, LIMITS, nodes, count)
+    yield _kept("sampled roadmap, our rerun", road.points, road.q, road.pairs, road.joined, road.seconds)
+
+
+def _kept(
+    name: str, points: np.ndarray, q: np.ndarray, pairs: np.ndarray, joined: np.ndarray, seconds: float
+) -> Answer:
+    """The answer at the positions in reach."""
+    kept = in_reach(points)
+    number = np.cumsum(kept) - 1
+    both = kept[pairs].all(1)
+    return Answer(name, points[kept], q[kept], number[pairs[both]], joined[both], seconds)
+
+
+def read_answer(name: str, file: str | Path) -> Answer:
+    """An answer that other code has written; a coordinate that is the same everywhere is left out."""
+    found = json.loads(Path(file).read_text("utf-8"))
+    points = np.asarray(found["points"], float)
+    points = points[:, np.ptp(points, axis=0) > 0][:, :2]
+    q = np.array([row[:3] if row else [np.nan] * 3 for row in found["q"]], float)
+    pairs = np.asarray(found["edges"], int)
+    return _kept(name, points, q, pairs, np.asarray(found["connected"], bool), float(found["seconds"]))
+
+
+def line(answer: Answer, area: float, paths: np.ndarray) -> str:
+    """A row of the table."""
+    speed, weight = answer.measured(area)
+    known = np.isfinite(speed)
+    cut, kept = known & (speed > SPEED), speed[known & (speed <= SPEED)]
+    middles = answer.points[answer.pairs[cut]].mean(1)
+    step = float(np.median(np.linalg.norm(np.diff(answer.points[answer.pairs], axis=1)[:, 0], axis=1)))
+    own = "" if answer.joined is None else f"{(known & ~answer.joined).sum() * weight:.2f}"
+    cells = (
+        answer.name, len(answer.points), f"{np.isfinite(answer.q[:, 0]).mean():.2%}", cut_pieces(middles, step),
+        f"{cut.sum() * weight:.2f}", own, f"{answer.changes(paths).mean():.3f}", f"{np.median(kept):.2f}",
+        f"{kept.max():.1f}", f"{answer.seconds:.0f}",
+    )  # fmt: skip
+    return f"| {' | '.join(map(str, cells))} |"
+
+
+def of_these_sheets(s: hk.Sheets, paths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Changes along each path (p,): of a loop that stays on its sheet while it serves, and the fewest possible."""
+    loop, fewest = [], []
+    for path in paths[:, ::EVERY]:
+        poses = poses_of(path)
+        q = s.postures(poses)
+        known = np.isfinite(q[..., 0])
+        layers = [q[known[:, k], k] for k in np.flatnonzero(known.any(0))]
+        fewest.append(fewest_changes(layers, np.full(3, SPEED * SPACING * EVERY)).changes)
+        sheet, here = s(poses[np.flatnonzero(known.any(0))[0]])
+        loop.append(0)
+        for k in np.flatnonzero(known.any(0))[1:]:
+            before = sheet
+            sheet, here = s.near(poses[k], here)
+            loop[-1] += sheet != before
+    return np.array(loop), np.array(fewest)
+
+
+def any_postures(paths: np.ndarray, count: int = 48) -> np.ndarray:
+    """The fewest changes along each path of a choice among postures some spacing apart."""
+    spacing = 2 * LIMIT / (count - 1)
+    found = []
+    for path in paths[:, ::EVERY]:
+        labels = np.moveaxis(self_motions(LINKS, LIMITS, path, count), 0, -1)
+        layers = [one[np.isfinite(one[:, 0])].astype(float) for one in labels]
+        found.append(fewest_changes(layers, np.full(3, SPEED * SPACING * EVERY + spacing)).changes)
+    return np.array(found)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cells", type=int, default=200, help="positions along a side of the grid")
+    parser.add_argument("--paths", type=int, default=1000)
+    parser.add_argument("--answer", action="append", default=[], metavar="NAME=FILE", help="an answer of other code")
+    parser.add_argument("--quick", action="store_true", help="coarse grids, few paths")
+    asked = parser.parse_args(arguments)
+    cells, samples, proposals, nodes, count = (40, 64, 2, 16, 20) if asked.quick else (asked.cells, 1024, 60, 50, 100)
+    paths = random_paths(20 if asked.quick else asked.paths)
+    least, jump = least_cut(LINKS, LIMITS), single_jump(LINKS, LIMITS, cells)
+    grid = planar_grid(LINKS, LIMITS, cells, 12)
+    area = len(grid.points) * grid.step**2
+    print(f"| {HEAD} |\n|---|{'---:|' * HEAD.count('|')}")
+    began = time.process_time()
+    disc = hk.workspace(cylinder=([0, 0, 0], 3.0, 0.0))
+    s = hk.sheets(planar_task(), disc, samples=samples, seconds=5 if asked.quick else 180)
+    for answer in answers(s, time.process_time() - began, cells, proposals, nodes, count):
+        print(line(answer, area, paths), flush=True)
+    for given in asked.answer:
+        name, _, file = given.partition("=")
+        print(line(read_answer(name, file), area, paths), flush=True)
+    some = paths[:: max(1, len(paths) // 100)]
+    loop, fewest = of_these_sheets(s, some)
+    print(
+        f"\nNo function has less than {least.length:.2f} m of cuts; one with a single jump on each circle about the "
+        f"base has {jump.length:.2f} m at least, {jump.pairs:.2f} m in pairs of the {cells} x {cells} grid.\n"
+        f"Changes on each of {len(some)} paths: {loop.mean():.3f} of a loop that stays on its sheet, "
+        f"{fewest.mean():.3f} at least over these sheets, {any_postures(some).mean():.3f} at least over any postures.\n\n{s}"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
