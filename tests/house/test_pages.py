@@ -35,6 +35,7 @@ SLOW = tuple(
         "libraries",
         "paths",
         "robots",
+        "sheets",
         "studio",
         "workspaces",
     )

@@ -40,9 +40,15 @@ def sheets(
         list[str] | None,
         typer.Option(help='Like "table box X Y Z SX SY SZ" (centre, sides) [m]; may be given again.'),
     ] = None,
-    share: Annotated[float, typer.Option(help="Share to serve of the poses that the arm reaches.")] = 0.995,
-    samples: Annotated[int, typer.Option(help="Poses of the workspace that are looked at.")] = 1024,
-    seconds: Annotated[float, typer.Option(help="Seconds after which the search for leaves ends.")] = 180.0,
+    share: Annotated[
+        float | None, typer.Option(help="Share to serve of the poses that the arm reaches; 0.995 by default.")
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option(help="Poses of the workspace that are looked at; 1024 by default.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(help="Seconds after which the search for leaves ends; 180 by default.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="The file to write, ending in .npz; with a picture of its name.")
     ] = None,
@@ -62,12 +68,14 @@ def sheets(
         workspace, tip, base, task.value if task else None, None, None, degrees, tool, base_pose, tuple(limit or ()),
         floor, tuple(obstacle or ()),
     )  # fmt: skip
+    given = {"share": share, "samples": samples, "seconds": seconds}
+    options = {key: value for key, value in given.items() if value is not None}
     with ending().telling() as say:
-        found, file = sheets_command(robot, typed, out, share, samples, seconds, say, say.announce)
+        found, file, wanted = sheets_command(robot, typed, out, options, say, say.announce)
         picture = file.with_suffix(".png")
         say("drawing")
         write_figure(lambda: sheets_figure(found), picture, alone=True)
     show(str(found))
     show(f"wrote {file} and {picture}")
-    if found.share < share:
+    if found.share < wanted:
         raise typer.Exit(1)

@@ -4,8 +4,29 @@ Uses `designing` and `checking`. Read first: `sheet.py`, `cover_by_sheets.py`, `
 """
 
 from .cover_by_sheets import sheets
+from .pose_rest import PoseRest
+from .seams import NoSeam, Seam, Seams
 from .sheet import Sheet
-from .sheet_map import PoseRest, SheetAnswers, Sheets
+from .sheet_map import SheetAnswers, Sheets
+from .sheet_motion import Division, SheetMotion, SheetPiece, UnservedPart
 from .sheets_file import write_sheets
+from .still_motion import Hindrance, StillMotion, self_motion_between
 
-__all__ = ["PoseRest", "Sheet", "SheetAnswers", "Sheets", "sheets", "write_sheets"]
+__all__ = [
+    "Division",
+    "Hindrance",
+    "NoSeam",
+    "PoseRest",
+    "Seam",
+    "Seams",
+    "Sheet",
+    "SheetAnswers",
+    "SheetMotion",
+    "SheetPiece",
+    "Sheets",
+    "StillMotion",
+    "UnservedPart",
+    "self_motion_between",
+    "sheets",
+    "write_sheets",
+]

@@ -26,11 +26,11 @@ LAWS = 6
 ROUGH = 64
 """Poses by which laws are put in order."""
 
-STARTS = 8
-"""Postures at one pose that leaves go through."""
+STARTS, BEST = 8, 3
+"""Postures at one pose through which leaves of each law are tried on few poses, and those that are tried on all."""
 
-APART = 1e-3
-"""Difference of levels and postures [joint unit] below which two sheets through one pose are one."""
+CENTRES = 4
+"""Other postures of a sheet from which it is tried again."""
 
 MARGIN = 0.1
 """Share of a joint's range next to a limit that counts as near it."""
@@ -40,8 +40,8 @@ MARGIN = 0.1
 class CandidateSheets:
     """Sheets, with the poses T (k, 4, 4) that each serves; they grow while a cover is looked for.
 
-    laws: whose leaves are tried. served: a row of flags (k,) a sheet; costs: of each, squared joint speed and nearness
-    to limits, see `_cost`.
+    laws: whose leaves are tried. served: a row of flags (k,) a sheet, found by many lines side by side, which may be
+    wrong at a few poses; `exact` asks the sheet itself. costs: of each, see `_cost`.
     """
 
     task: Task
@@ -52,47 +52,79 @@ class CandidateSheets:
     sheets: list[Sheet] = field(default_factory=list)
     served: list[Flags] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
+    tried: int = 0
+    asked: set[int] = field(default_factory=set)
 
     @property
     def sets(self) -> Flags:
         """Which sheet serves which pose (c, k)."""
         return np.array(self.served, dtype=bool).reshape(-1, len(self.T))
 
-    def grow(self, at: Matrix, end: float, say: Callable[[str], None]) -> None:
-        """Adds the leaves of all laws through postures at a tool pose (4, 4), until a time of the clock `end` [s]."""
+    def grow(self, at: Matrix, wanted: Indices, end: float, say: Callable[[str], None]) -> None:
+        """Adds leaves of all laws through postures at a tool pose (4, 4): of each law those that serve most.
+
+        Args:
+            wanted: poses that are to be served first. end: time of the clock [s] after which no more are looked at.
+        """
         starts = postures_at(self.task, at, STARTS)
         if self.clear is not None and len(starts):
             starts = starts[self.clear(starts)]
+        if not len(starts):
+            return
+        every = np.arange(0, len(self.T), max(1, len(self.T) // ROUGH))
+        first = wanted[:ROUGH]
+        some, weights = np.concatenate([first, every]), np.repeat([1.0, 0.5], [len(first), len(every)])
         for law in self.laws:
-            say(f"{law.name}, {len(self.sheets)} leaves so far")
-            for q0 in starts:
-                if time.monotonic() < end or not self.sheets:
-                    self.add(law, q0)
+            if time.monotonic() > end and self.sheets:
+                return
+            say(f"{law.name}, {self.tried} leaves so far")
+            found: Vector = _lines_served(law, starts, self.T[some], self.clear, self.rcond)[0].astype(float) @ weights
+            self.tried += len(starts)
+            best = [i for i in np.argsort(-found, kind="stable")[:BEST] if found[i] > 0]
+            self.add(law, starts[best])
 
-    def add(self, law: Candidate, q0: Vector) -> None:
-        """The sheet of a law through a posture, if it is one, and not there yet."""
-        strategy = law.strategy
-        if strategy is None:
+    def add(self, law: Candidate, starts: Matrix) -> None:
+        """The sheets of a law through postures (s, n)."""
+        if law.strategy is None or not len(starts):
             return
-        sheet = Sheet(strategy, q0, self.rcond, {k: v for k, v in law.keys.items() if k != "level"})
-        try:
-            strategy(q0)
-            q, served = sheet.postures(self.T, self.clear)
-        except HolokinError:  # it is singular at this posture
-            return
-        if served.any():
-            self.sheets.append(sheet)
-            self.served.append(served)
-            self.costs.append(_cost(strategy, q[served]))
+        served, q = _lines_served(law, starts, self.T, self.clear, self.rcond)
+        for q0, flags, postures in zip(starts, served, q, strict=True):
+            if flags.any():
+                keys = {key: value for key, value in law.keys.items() if key != "level"}
+                self.sheets.append(Sheet(law.strategy, q0, self.rcond, keys))
+                self.served.append(flags)
+                self.costs.append(_cost(law.strategy, postures[flags]))
+
+    def recentre(self, which: Indices, rng: np.random.Generator, end: float) -> None:
+        """Adds the leaves of some sheets from other postures of them: straight paths from there serve other poses."""
+        for i in which.tolist():
+            served = np.flatnonzero(self.served[i])
+            some = rng.choice(served, min(CENTRES, len(served)), replace=False)
+            if time.monotonic() < end:
+                law = Candidate(self.sheets[i].name, self.sheets[i].keys, self.task, self.sheets[i].strategy)
+                q = _lines_served(law, self.sheets[i].q0[None], self.T[some], self.clear, self.rcond)[1][0]
+                self.tried += len(some)
+                self.add(law, q[self.task.robot.within(q)])
+
+    def exact(self, which: Indices) -> bool:
+        """Asks some sheets themselves which poses they serve; returns whether that changed anything."""
+        changed = False
+        for i in which.tolist():
+            if i not in self.asked:
+                served = self.sheets[i].postures(self.T, self.clear)[1]
+                changed |= not np.array_equal(served, self.served[i])
+                self.served[i] = served
+                self.asked.add(i)
+        return changed
 
 
 def _cost(strategy: HolonomicStrategy, Q: Matrix) -> float:
     """Of postures (k, n): the mean of |G|, over what it is at the least, and of the share of joints near a limit."""
     G = strategy.gain.batch(Q)[0]
     robot = strategy.task.robot
-    span = np.where(np.isfinite(robot.upper - robot.lower), robot.upper - robot.lower, np.inf)
+    span = robot.upper - robot.lower
     room = np.minimum(Q - robot.lower, robot.upper - Q)
-    near = (room < MARGIN * np.where(np.isfinite(span), span, 0.0)).mean()
+    near = float(np.mean(room < MARGIN * np.where(np.isfinite(span), span, 0.0)))
     return float(np.sqrt(np.mean(np.sum(G**2, axis=(1, 2)))) * (1 + near))
 
 
@@ -112,24 +144,26 @@ def fitting_laws(
     starts = starts if len(starts) else regular_starts(task)[:STARTS]
     found = [one for one in candidates(task, starts) if one.strategy is not None]
     some = T[:: max(1, len(T) // ROUGH)]
-    sizes = [_rough(one, starts, some, clear) for one in found]
+    sizes = [_lines_served(one, starts, some, clear, 0.0)[0] for one in found]
     return [found[i] for i in _best(sizes, len(found))]
 
 
-def _rough(law: Candidate, starts: Matrix, T: Array, clear: Clear | None) -> Flags:
-    """Which poses (s, k) the leaves of a law through some postures (s, n) serve, quickly."""
+def _lines_served(law: Candidate, starts: Matrix, T: Array, clear: Clear | None, rcond: float) -> tuple[Flags, Array]:
+    """(which poses of T (k, 4, 4) the leaves of a law through postures (s, n) serve (s, k), postures (s, k, n))."""
     robot, strategy = law.task.robot, law.strategy
-    none = np.zeros((len(starts), len(T)), dtype=bool)
+    served, q = np.zeros((len(starts), len(T)), dtype=bool), np.zeros((len(starts), len(T), robot.n))
     if strategy is None:
-        return none
+        return served, q
     try:
         ends = along_leaf(strategy, starts, T)
-    except HolokinError:
-        return none
-    served = ends.reached & robot.within(ends.q.reshape(-1, robot.n)).reshape(ends.share.shape)
+    except HolokinError:  # it is singular at a start
+        return served, q
+    served = ends.reached & robot.within(ends.q.reshape(-1, robot.n)).reshape(served.shape)
+    if rcond and served.any():
+        served[served] = strategy.gain.batch(ends.q[served])[1].ravel() >= rcond
     if clear is not None and served.any():
         served[served] = clear(ends.q[served])
-    return served
+    return served, ends.q
 
 
 def _best(served: list[Flags], count: int) -> Indices:

@@ -10,18 +10,18 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import Array, Indices, not_negative, positive, whole
 from ..checking import Clear
-from ..designing.proposed_workspace import reached
-from ..designing.starts import check_that_joints_move, postures_at
+from ..designing.starts import check_that_joints_move
 from ..errors import ArgumentError, OutOfReachError
 from ..path.workspaces import Workspace
 from ..robot import LinkShape, Robot, check_metres
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
 from .candidate_sheets import CandidateSheets, fitting_laws, spread_out
+from .pose_rest import PoseRest, rests_of
 from .set_cover import Cover, fewest
 from .sheet import known
 from .sheet_labels import continued, labelled, neighbours
-from .sheet_map import PoseRest, Sheets
+from .sheet_map import Sheets
 from .surroundings import CLEARANCE, Surroundings, surroundings
 
 SHARE = 0.995
@@ -33,7 +33,7 @@ SAMPLES = 1024
 TARGETS = 4
 """Poses in a round of the search through which new leaves are tried."""
 
-ROUNDS, STILL = 12, 3
+ROUNDS, STILL = 12, 2
 """Rounds at most; rounds without a smaller number of sheets, once the share is met, after which the search ends."""
 
 SECONDS, PROGRAM = 180.0, 20.0
@@ -41,9 +41,6 @@ SECONDS, PROGRAM = 180.0, 20.0
 
 TURN_LENGTH = 0.3
 """Metres that a turn of 1 rad counts where poses are compared: about what it moves what a tool holds."""
-
-BLOCKED_LOOKS = 200
-"""Poses for which clear postures are searched for at most, to tell why they are not served."""
 
 
 @typed
@@ -78,8 +75,8 @@ def sheets(
             height and stationary costs, as of `hk.advise`.
         share: to be served, of the poses that some posture reaches, from 0 to 1.
         samples, seed: of the poses, see `Workspace.poses`.
-        clear_of, floor, clearance, self_collision, ignore, shapes_of: what postures are to keep clear of, as of `hk.certify`;
-            looked at at the poses; by default nothing is.
+        clear_of, floor, clearance, self_collision, ignore, shapes_of: what postures are to keep clear of, as of
+            `hk.certify`; it is looked at at the poses; by default nothing is.
         rcond: the least rcond of [J; J_g] at a posture, from 0 to 1.
         seconds: after which the search for leaves ends. Ctrl-C ends it, too: what was found is kept.
         say: hears what is going on.
@@ -101,7 +98,7 @@ def sheets(
     T = workspace.poses(min(count, workspace.size or count), seed)
     check_metres(task.robot, T, task.tip)
     say("which poses can be reached")
-    rest = _reach(task, T, clear)
+    rest = rests_of(task, T, clear)
     within = np.flatnonzero(rest <= PoseRest.NOT_COVERED)
     if not len(within):
         raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest)}", "move or turn it")
@@ -121,22 +118,6 @@ def _check(task: Task, strategies: Sequence[HolonomicStrategy] | None, share: fl
             raise ArgumentError("a strategy", one, "give strategies of the same task")
 
 
-def _reach(task: Task, T: Array, clear: Clear | None) -> Indices:
-    """A `PoseRest` for each pose (k,), NOT_COVERED where a posture reaches it."""
-    Q, reach = reached(task, T, None)
-    rest = np.full(len(T), int(PoseRest.NOT_COVERED))
-    rest[~reach.within] = PoseRest.LIMITS
-    rest[~reach.anyhow] = PoseRest.OUT_OF_REACH
-    if clear is not None and reach.within.any():
-        blocked = np.flatnonzero(reach.within)
-        rest[blocked[~clear(Q[blocked])]] = PoseRest.BLOCKED
-        for i in np.flatnonzero(rest == PoseRest.BLOCKED)[:BLOCKED_LOOKS]:
-            found = postures_at(task, T[i])
-            if len(found) and clear(found).any():
-                rest[i] = PoseRest.NOT_COVERED
-    return rest
-
-
 def _why(rest: Indices) -> str:
     counts = [(int((rest == one).sum()), one.text) for one in PoseRest]
     return "; ".join(f"{count}: {text}" for count, text in counts if count)
@@ -153,32 +134,35 @@ def _search(
     pool = CandidateSheets(task, T, fitting_laws(task, T, center, strategies, clear), clear, rcond)
     cover, still = Cover(np.zeros(0, dtype=int), 0, 0), 0
     try:
-        pool.grow(center, end, say)
+        pool.grow(center, np.arange(0), end, say)
         for _ in range(ROUNDS):
-            before = cover
-            cover = _cover(pool, wanted)
-            better = (
-                cover.covered > before.covered if before.covered < wanted else len(cover.chosen) < len(before.chosen)
-            )
+            before, cover = cover, _cover(pool, wanted)
+            few, met = len(cover.chosen) < len(before.chosen), before.covered >= wanted
+            better = few if met else cover.covered > before.covered
             still = 0 if better or not len(before.chosen) else still + 1
-            met = cover.covered >= wanted
-            if (met and len(cover.chosen) == 1) or still >= STILL or time.monotonic() > end:
-                return pool, cover, time.monotonic() > end
-            say(f"{len(cover.chosen)} of {len(pool.sheets)} leaves serve {cover.covered} of {len(T)} poses")
-            for i in _targets(pool, cover, rng):
-                pool.grow(T[i], end, say)
-        return pool, _cover(pool, wanted), time.monotonic() > end
+            if len(cover.chosen) <= 1 <= cover.covered - wanted + 1 or still >= STILL or time.monotonic() > end:
+                break
+            say(f"{len(cover.chosen)} of {pool.tried} leaves serve {cover.covered} of {len(T)} poses")
+            lost = np.flatnonzero(~pool.sets[cover.chosen].any(axis=0))
+            pool.recentre(cover.chosen, rng, end)
+            for i in _targets(pool, cover, lost, rng):
+                pool.grow(T[i], lost, end, say)
+        stopped = time.monotonic() > end
     except KeyboardInterrupt:
-        return pool, _cover(pool, wanted), True
+        stopped = True
+    say("asking the sheets")
+    cover = _cover(pool, wanted)
+    while pool.exact(cover.chosen):
+        cover = _cover(pool, wanted)
+    return pool, cover, stopped
 
 
-def _targets(pool: CandidateSheets, cover: Cover, rng: np.random.Generator) -> list[int]:
+def _targets(pool: CandidateSheets, cover: Cover, lost: Indices, rng: np.random.Generator) -> list[int]:
     """Poses through which leaves are tried next: half of them where the cover, or its widest sheet, fails."""
-    sets = pool.sets
-    lost = ~sets[cover.chosen].any(axis=0)
-    widest = sets[cover.chosen[int(np.argmax(sets[cover.chosen].sum(axis=1)))]] if len(cover.chosen) else ~lost
-    here = np.flatnonzero(lost if lost.any() else ~widest)
-    found = spread_out(pool.T, here, TARGETS // 2, TURN_LENGTH).tolist()
+    if not len(lost) and len(cover.chosen):
+        sets = pool.sets[cover.chosen]
+        lost = np.flatnonzero(~sets[int(np.argmax(sets.sum(axis=1)))])
+    found = spread_out(pool.T, lost, TARGETS // 2, TURN_LENGTH).tolist()
     return [*found, *rng.choice(len(pool.T), TARGETS - len(found)).tolist()]
 
 
@@ -193,17 +177,17 @@ def _mapped(
     task: Task, workspace: Workspace, T: Array, rest: Indices, within: Indices, pool: CandidateSheets, cover: Cover,
     around: Surroundings | None, stopped: bool,
 ) -> Sheets:  # fmt: skip
-    """The sheets chosen, the widest first, with what each sampled pose gets."""
-    order = cover.chosen[np.argsort(-pool.sets[cover.chosen].sum(axis=1), kind="stable")]
-    chosen = tuple(pool.sheets[i] for i in order)
+    """The sheets chosen, that of most poses first, with what each sampled pose gets."""
+    chosen = [pool.sheets[i] for i in cover.chosen[np.argsort(-pool.sets[cover.chosen].sum(axis=1), kind="stable")]]
     q = np.full((len(chosen), len(T), task.n), np.nan)
     for s, sheet in enumerate(chosen):
         q[s, within] = sheet.postures(T[within], pool.clear)[0]
-    pairs = neighbours(T[within], TURN_LENGTH)
-    pairs = within[pairs]
+    pairs = within[neighbours(T[within], TURN_LENGTH)]
     labels = labelled(known(q), pairs, continued(chosen, T, q, pairs))
+    order = np.argsort([-int((labels.of == s).sum()) for s in range(len(chosen))], kind="stable")
+    place = np.append(np.argsort(order), -1)
     rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)
     return Sheets(
-        task, workspace, chosen, T, q, labels.of, rest, pairs, labels.cuts, labels.least, cover.least,
-        len(pool.sheets), TURN_LENGTH, around, stopped,
+        task, workspace, tuple(chosen[s] for s in order), T, q[order], place[labels.of], rest, pairs, labels.cuts,
+        labels.least, cover.least, len(pool.sheets), TURN_LENGTH, around, stopped,
     )  # fmt: skip

@@ -3,48 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
 
+from ..base.arguments import typed
 from ..base.poses import PoseLike, given_pose, pose_numbers, tool_poses
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, finite
 from ..checking import Clear
 from ..errors import NoSheetError
 from ..inverse_kinematics.inverse_function import leads_to
+from ..path import Path
 from ..path.workspaces import Workspace
 from ..tasks.task import Task
 from .candidate_sheets import features
+from .follow_sheets import Stops, follow_sheets
+from .pose_rest import PoseRest, rests_of
+from .seams import Seams, Where, seams_of
 from .sheet import Sheet, known
+from .sheet_motion import SheetMotion
 from .surroundings import Surroundings
 
 ON_LEAF = 1e-6
 """Difference from the level of a sheet [units of g] below which a posture lies on its leaf."""
-
-
-class PoseRest(NoTruthValue, IntEnum, ask="`is PoseRest.SERVED`"):
-    """What becomes of a pose of the workspace; `text` says it in words."""
-
-    SERVED = 0
-    NOT_COVERED = 1
-    BLOCKED = 2
-    LIMITS = 3
-    OUT_OF_REACH = 4
-
-    @property
-    def text(self) -> str:
-        """The cause in words."""
-        return _TEXTS[self]
-
-
-_TEXTS = {
-    PoseRest.SERVED: "served by a sheet",
-    PoseRest.NOT_COVERED: "the arm reaches it, but with the joints of no sheet",
-    PoseRest.BLOCKED: "every posture found is too near to an obstacle, the floor or another link",
-    PoseRest.LIMITS: "every posture found is beyond the joint limits",
-    PoseRest.OUT_OF_REACH: "out of reach: no posture was found",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +138,66 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         found = [sheet.postures(T, self.clear)[0] for sheet in self.sheets]
         return np.array(found).reshape(len(self), len(T), self.task.n)
 
+    @typed
+    def why(self, pose: PoseLike) -> PoseRest:
+        """Why a tool pose (4, 4) is served or not: a search for postures there. `.text` says it in words.
+
+        Raises:
+            ShapeError, NotFiniteError, ArgumentError: a bad pose.
+        """
+        at = self._pose(pose)
+        if any(sheet.posture(at, self.clear) is not None for sheet in self.sheets):
+            return PoseRest.SERVED
+        return PoseRest(int(rests_of(self.task, at[None], self.clear)[0]))
+
+    @typed
+    def seams(self, at: Where = None) -> Seams:
+        """Where the arm changes from one sheet to another with its tool still: the fastest change for each pair.
+
+        The motion is a self-motion, within the joint limits and clear of what was named. A pair without one is in
+        `.missing`, with the reason.
+
+        Args:
+            at: where the arm may change: a tool pose (4, 4) such as a fixture, or several; a workspace, which may be as
+                thin as a plane; or a function of a tool pose that is true where it may, asked at the sampled poses. By
+                default anywhere at the sampled poses.
+
+        Returns:
+            The seams; `.between(first, second)` has that of a pair.
+
+        Raises:
+            ArgumentError, ShapeError, NotFiniteError: bad poses.
+        """
+        return seams_of(self.task, self.sheets, self.poses, self.q, self.clear, at, self.workspace.center)
+
+    @typed
+    def follow(
+        self, path: Path, q0: ArrayLike | None = None, *, stops: Stops = None, samples: int = 500
+    ) -> SheetMotion:
+        """Follow a path over the sheets: with the fewest divisions, of these the fewest changes.
+
+        Dynamic programming over the samples of the path finds the best of all choices of sheets, and of equal ones
+        that with the least joint motion. A change is a
+        self-motion with the tool at rest; where there is none the path is divided: the arm must leave it to go on. What
+        no sheet serves is left out, and named. Joint motion is measured in seconds at the joints' speed limits.
+
+        Args:
+            path: of the tool. Where it says no rotation, the tool starts with that at q0, or else with that in the
+                middle of the workspace.
+            q0: start posture (n,), one of a sheet at the start of the path; by default the best.
+            stops: where the sheet may change: shares of the path's duration from 0 to 1, or a function of a tool pose
+                (4, 4) that is true where it may; by default at all samples, [] for nowhere.
+            samples: steps of the path, at least.
+
+        Returns:
+            The motion; `.trajectory` is that of the whole path, with its changes.
+
+        Raises:
+            ArgumentError: q0 is a posture of no sheet there, bad stops or samples. StartError: its tool is not at the
+            start of the path. ShapeError, NotFiniteError.
+        """
+        return follow_sheets(self.task, self.sheets, self.clear, path, q0, stops, samples, self.workspace.center)
+
     @cached_property
     def clear(self) -> Clear | None:
         """Which postures (k, n) keep clear of what was named; None where nothing was."""
@@ -183,7 +224,9 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         many = f"{len(self)} sheet{'' if len(self) == 1 else 's'}"
         proven = "no fewer" if self.least == len(self) else f"at least {self.least}"
         said = f"{many} serve{'s' if len(self) == 1 else ''} {self.served.sum()} of the {self.reachable.sum()} sampled "
-        said += f"poses that the arm reaches ({self.share:.2%}); of {self.candidates} leaves tried, {proven} will do"
+        said += (
+            f"poses that the arm reaches ({self.share:.2%}); of the {self.candidates} leaves compared, {proven} will do"
+        )
         return f"{said}; the search was stopped early" if self.stopped else said
 
     def __str__(self) -> str:

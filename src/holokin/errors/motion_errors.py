@@ -139,6 +139,19 @@ class NoSheetError(PathError):
         super().__init__(f"{many} the pose at [{at}]", cure)
 
 
+class NoSeamError(HolokinError):
+    """Two sheets between which the arm does not change with its tool still."""
+
+    def __init__(self, first: int, second: int, reason: str) -> None:
+        self.first, self.second, self.reason = first, second, reason
+        cure = "let the arm leave the pose to change, or name other places: s.seams(at=...)"
+        super().__init__(f"between the sheets {first} and {second} there is no seam: {reason}; {cure}")
+
+
+class DividedPathError(PathError):
+    """A path that the sheets serve in parts only; `.trajectory` is the first part."""
+
+
 class PathSingularityError(PathError):
     """The path leads into a singularity of the strategy; `.kind` says of which sort."""
 

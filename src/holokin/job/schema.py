@@ -138,6 +138,16 @@ class WorkspaceTable(KindTable):
     slices: Annotated[int, Field(ge=0, le=MOST_CELLS)] = 31
 
 
+class SheetsTable(Table):
+    """[sheets]: the fewest leaves that serve the workspace, as `holokin sheets` looks for them."""
+
+    share: Annotated[float, Field(gt=0, le=1)] = 0.995
+    samples: Annotated[int, Field(ge=1, le=MOST_POSES)] = 1024
+    seed: Annotated[int, Field(ge=0)] = 0
+    rcond: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    seconds: Positive = 180.0
+
+
 def _known_units(given: str | list[str]) -> str | list[str]:
     """The words for units, where they are known ones."""
     if given:
@@ -163,6 +173,7 @@ class Job(Table):
     physics: PhysicsTable | None = None
     checks: ChecksTable | None = None
     workspace: WorkspaceTable | None = None
+    sheets: SheetsTable | None = None
     strategies: Annotated[dict[str, AnyStrategy], Field(min_length=1, max_length=MOST_STRATEGIES)]
     expect: dict[str, ExpectTable] = Field(default={})
     verdict: VerdictTable = VerdictTable()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -12,6 +12,7 @@ from ..designing.proposed_workspace import first_start, proposed_workspace
 from ..errors import ArgumentError, JobError
 from .advice_question import Question, Typed, question
 from .check_tables import ChecksTable
+from .schema import SheetsTable
 from .table_values import filled
 
 
@@ -19,13 +20,14 @@ def sheets_command(
     name: str,
     typed: Typed,
     out: FilePath | None,
-    share: float,
-    samples: int,
-    seconds: float,
+    options: Mapping[str, Any],
     say: Callable[[str], None],
     announce: Callable[[str], None],
-) -> tuple[Sheets, FilePath]:
-    """(the sheets of a robot or a job, the file to which they were written).
+) -> tuple[Sheets, FilePath, float]:
+    """(the sheets of a robot or a job, the file to which they were written, the share that was wanted).
+
+    Args:
+        options: keys of [sheets] that were typed; they go before those of the job.
 
     Raises:
         WriteError, JobError: the file exists; said before anything is looked at. As `sheets` and `question`.
@@ -39,10 +41,11 @@ def sheets_command(
     space = asked.workspace
     if space is None:
         space = proposed_workspace(asked.task, first_start(asked.task) if asked.q0 is None else asked.q0)
-    announce(f"{asked.chain}: {space}. This takes up to {seconds + 60:.0f} s.")
-    found = sheets(asked.task, space, share=share, samples=samples, seconds=seconds, say=say, **_kept_clear(asked))
+    table = filled(SheetsTable, "sheets", {**asked.keys.get("sheets", {}), **options})
+    announce(f"{asked.chain}: {space}. This takes up to {table.seconds + 60:.0f} s.")
+    found = sheets(asked.task, space, say=say, **table.model_dump(), **_kept_clear(asked))
     write_sheets(found, file)
-    return found, file
+    return found, file, table.share
 
 
 def _kept_clear(asked: Question) -> dict[str, Any]:
