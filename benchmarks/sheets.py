@@ -12,7 +12,8 @@ The paths are straight, 2 m long, and wholly in reach. A grid is asked at the ne
 lines have the fewest changes of these sheets, and of any postures (IKLink's problem), by dynamic programming at every
 2 cm: over the sheets that serve, and over some hundred postures of the self-motion, without holokin.
 
-FILE is a JSON object: points [[x, y], ...], q [[...] or null, ...], edges [[i, j], ...], connected [true, ...], seconds.
+FILE is a JSON object: points [[x, y], ...], q [[...] or null, ...], edges [[i, j], ...], connected [true, ...] and
+seconds.
 """
 
 from __future__ import annotations
@@ -222,7 +223,8 @@ def main(arguments: list[str] | None = None) -> int:
         f"\nNo function has less than {least.length:.2f} m of cuts; one with a single jump on each circle about the "
         f"base has {jump.length:.2f} m at least, {jump.pairs:.2f} m in pairs of the {cells} x {cells} grid.\n"
         f"Changes on each of {len(some)} paths: {loop.mean():.3f} of a loop that stays on its sheet, "
-        f"{fewest.mean():.3f} at least over these sheets, {any_postures(some).mean():.3f} at least over any postures.\n\n{s}"
+        f"{fewest.mean():.3f} at least over these sheets, {any_postures(some).mean():.3f} at least over any postures."
+        f"\n\n{s}"
     )
     return 0
 

@@ -35,7 +35,7 @@ def test_the_poses_are_those_of_the_disc_without_the_lens_behind_the_base(found:
 
 
 def test_the_shortest_possible_cut_is_that_of_the_closed_form() -> None:
-    """Closed curves about a zero of w leave the limits at q2 = 150, q3 = 105 degrees; behind the base 2.80 m is reached."""
+    """Closed curves about a zero of w leave the limits at q2 = 150, q3 = 105 degrees; reach ends 2.80 m behind."""
     least = grid_bounds.least_cut(LINKS, LIMITS)
     inner = abs(1 + np.exp(1j * LIMIT) * (1 + np.exp(1j * np.radians(105))))
     outer = -np.cos(LIMIT) + np.sqrt(4 - np.sin(LIMIT) ** 2)

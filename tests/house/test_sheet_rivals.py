@@ -37,18 +37,18 @@ def test_the_postures_of_a_roadmap_are_at_their_nodes_and_within_the_limits(road
 
 def test_joined_postures_go_over_into_each_other_with_the_tool_on_the_line(roadmap: grid_roadmap.Roadmap) -> None:
     """From one end, small steps of the tool with the least joint motion towards the other end arrive there."""
-    for i, j in roadmap.pairs[roadmap.joined][::17]:
+    for i, j in roadmap.pairs[roadmap.joined][::60]:
         q = roadmap.q[i].copy()
-        for share in np.linspace(0, 1, 201)[1:]:
+        for share in np.linspace(0, 1, 61)[1:]:
             wanted = (1 - share) * roadmap.q[i] + share * roadmap.q[j]
             goal = (1 - share) * roadmap.points[i] + share * roadmap.points[j]
             before, q = q, wanted
-            for _ in range(20):
+            for _ in range(8):
                 bars = np.stack([-np.sin(np.cumsum(q)), np.cos(np.cumsum(q))])
                 jacobian = np.cumsum(bars[:, ::-1], axis=1)[:, ::-1]
                 q = q + np.linalg.pinv(jacobian) @ (goal - tool_of(q))
             assert np.abs(tool_of(q) - goal).max() < 1e-6
-            assert np.abs(q - before).max() < 0.3
+            assert np.abs(q - before).max() < 0.5
         np.testing.assert_allclose(q, roadmap.q[j], atol=1e-3)
 
 
