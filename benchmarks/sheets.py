@@ -1,6 +1,7 @@
 """One map for a whole disc: `hk.sheets` beside the published ways to give each tool position a posture, in one run.
 
     python -m benchmarks.sheets                                # a planar arm, links of 1 m, +-150 deg
+    python -m benchmarks.sheets --limit 114.592                # +-2 rad: the arm of a published example
     python -m benchmarks.sheets --answer "their code=FILE"     # and an answer that other code has written
 
 Each method gives the positions of a grid a posture. Two positions beside each other are cut where a joint changes by
@@ -35,8 +36,8 @@ from .grid_resolution import cut_pieces, grid_resolution, planar_grid, self_moti
 from .grid_roadmap import grid_roadmap
 from .reconfigurations import fewest_changes
 
+LINKS = (1.0, 1.0, 1.0)
 LIMIT = np.radians(150)
-LINKS, LIMITS = (1.0, 1.0, 1.0), ((-LIMIT, LIMIT),) * 3
 SPEED = 10.0
 """A pair is cut where a joint changes by more for each metre between its poses [rad/m]."""
 LENGTH, SPACING, EVERY = 2.0, 0.005, 4
@@ -83,28 +84,33 @@ class Answer:
         return np.array(found)
 
 
-def in_reach(points: np.ndarray) -> np.ndarray:
-    """(k,) True where the arm brings its tool to a point (k, 2): the disc less what lacks behind the base."""
-    x, y = points[:, 0], np.abs(points[:, 1])
-    behind = np.arctan2(y, x) > LIMIT
-    return (np.hypot(x, y) <= 3) & ~(behind & (np.hypot(x - np.cos(LIMIT), y - np.sin(LIMIT)) > 2))
+def limits_of(limit: float) -> tuple[tuple[float, float], ...]:
+    """The same limit for each joint, both ways [rad]."""
+    return ((-limit, limit),) * 3
 
 
-def random_paths(count: int, seed: int = 0) -> np.ndarray:
+def in_reach(points: np.ndarray, limit: float = LIMIT) -> np.ndarray:
+    """(k,) True where some posture has its tool at a point (k, 2)."""
+    parts = np.array_split(points, 1 + len(points) // 4096)
+    limits = limits_of(limit)
+    return np.concatenate([np.isfinite(self_motions(LINKS, limits, part, 60)[0]).any(1) for part in parts])
+
+
+def random_paths(count: int, limit: float = LIMIT, seed: int = 0) -> np.ndarray:
     """Straight paths (count, s, 2) of 2 m, each sample in reach."""
     rng, found = np.random.default_rng(seed), []
     share = np.linspace(0, 1, round(LENGTH / SPACING) + 1)[:, None]
     while len(found) < count:
         begin, turn = rng.uniform(-3, 3, 2), rng.uniform(0, 2 * np.pi)
         path = begin + LENGTH * share * [np.cos(turn), np.sin(turn)]
-        if in_reach(path).all():
+        if in_reach(path[::50], limit).all() and in_reach(path, limit).all():
             found.append(path)
     return np.array(found)
 
 
-def planar_task() -> hk.Task:
+def planar_task(limit: float = LIMIT) -> hk.Task:
     """The position of the tool of the arm."""
-    return hk.position(hk.with_limits(hk.load("planar-3r"), lower=-LIMIT, upper=LIMIT))
+    return hk.position(hk.with_limits(hk.load("planar-3r"), lower=-limit, upper=limit))
 
 
 def poses_of(points: np.ndarray) -> np.ndarray:
@@ -114,40 +120,39 @@ def poses_of(points: np.ndarray) -> np.ndarray:
     return poses
 
 
-def sheets_answer(s: hk.Sheets, cells: int, seconds: float) -> Answer:
+def sheets_answer(s: hk.Sheets, cells: int, seconds: float, limit: float = LIMIT) -> Answer:
     """What the sheets give the positions of the referee's grid."""
-    grid = planar_grid(LINKS, LIMITS, cells)
+    grid = planar_grid(LINKS, limits_of(limit), cells)
     return Answer(f"hk.sheets: {len(s)}", grid.points, s.batch(poses_of(grid.points)).q, grid.pairs, None, seconds)
 
 
-def answers(s: hk.Sheets, seconds: float, cells: int, proposals: int, nodes: int, count: int) -> Iterator[Answer]:
-    """Ours, the referee's, and the rerun of the published method."""
-    yield sheets_answer(s, cells, seconds)
-    best = grid_resolution(LINKS, LIMITS, cells, proposals)
+def others(limit: float, cells: int, proposals: int, nodes: int, count: int) -> Iterator[Answer]:
+    """The referee's answer, and that of the rerun of the published method."""
+    best = grid_resolution(LINKS, limits_of(limit), cells, proposals)
     cut = best.grid.cut(best.q)
     yield Answer("minimum cuts on a grid", best.grid.points, best.q, best.grid.pairs, ~cut, best.seconds)
-    road = grid_roadmap(LINKS, LIMITS, nodes, count)
-    yield _kept("sampled roadmap, our rerun", road.points, road.q, road.pairs, road.joined, road.seconds)
+    road = grid_roadmap(LINKS, limits_of(limit), nodes, count)
+    yield _kept("sampled roadmap, our rerun", limit, road.points, road.q, road.pairs, road.joined, road.seconds)
 
 
 def _kept(
-    name: str, points: np.ndarray, q: np.ndarray, pairs: np.ndarray, joined: np.ndarray, seconds: float
+    name: str, limit: float, points: np.ndarray, q: np.ndarray, pairs: np.ndarray, joined: np.ndarray, seconds: float
 ) -> Answer:
     """The answer at the positions in reach."""
-    kept = in_reach(points)
+    kept = in_reach(points, limit)
     number = np.cumsum(kept) - 1
     both = kept[pairs].all(1)
     return Answer(name, points[kept], q[kept], number[pairs[both]], joined[both], seconds)
 
 
-def read_answer(name: str, file: str | Path) -> Answer:
+def read_answer(name: str, file: str | Path, limit: float = LIMIT) -> Answer:
     """An answer that other code has written; a coordinate that is the same everywhere is left out."""
     found = json.loads(Path(file).read_text("utf-8"))
     points = np.asarray(found["points"], float)
     points = points[:, np.ptp(points, axis=0) > 0][:, :2]
     q = np.array([row[:3] if row else [np.nan] * 3 for row in found["q"]], float)
     pairs = np.asarray(found["edges"], int)
-    return _kept(name, points, q, pairs, np.asarray(found["connected"], bool), float(found["seconds"]))
+    return _kept(name, limit, points, q, pairs, np.asarray(found["connected"], bool), float(found["seconds"]))
 
 
 def line(answer: Answer, area: float, paths: np.ndarray) -> str:
@@ -184,12 +189,12 @@ def of_these_sheets(s: hk.Sheets, paths: np.ndarray) -> tuple[np.ndarray, np.nda
     return np.array(loop), np.array(fewest)
 
 
-def any_postures(paths: np.ndarray, count: int = 48) -> np.ndarray:
+def any_postures(paths: np.ndarray, limit: float = LIMIT, count: int = 48) -> np.ndarray:
     """The fewest changes along each path of a choice among postures some spacing apart."""
-    spacing = 2 * LIMIT / (count - 1)
+    spacing = 2 * limit / (count - 1)
     found = []
     for path in paths[:, ::EVERY]:
-        labels = np.moveaxis(self_motions(LINKS, LIMITS, path, count), 0, -1)
+        labels = np.moveaxis(self_motions(LINKS, limits_of(limit), path, count), 0, -1)
         layers = [one[np.isfinite(one[:, 0])].astype(float) for one in labels]
         found.append(fewest_changes(layers, np.full(3, SPEED * SPACING * EVERY + spacing)).changes)
     return np.array(found)
@@ -198,33 +203,35 @@ def any_postures(paths: np.ndarray, count: int = 48) -> np.ndarray:
 def main(arguments: list[str] | None = None) -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--limit", type=float, default=150.0, help="of each joint, both ways [deg]")
     parser.add_argument("--cells", type=int, default=200, help="positions along a side of the grid")
     parser.add_argument("--paths", type=int, default=1000)
     parser.add_argument("--answer", action="append", default=[], metavar="NAME=FILE", help="an answer of other code")
     parser.add_argument("--quick", action="store_true", help="coarse grids, few paths")
     asked = parser.parse_args(arguments)
     cells, samples, proposals, nodes, count = (40, 64, 2, 16, 20) if asked.quick else (asked.cells, 1024, 60, 50, 100)
-    paths = random_paths(20 if asked.quick else asked.paths)
-    least, jump = least_cut(LINKS, LIMITS), single_jump(LINKS, LIMITS, cells)
-    grid = planar_grid(LINKS, LIMITS, cells, 12)
+    limit = np.radians(asked.limit)
+    paths = random_paths(20 if asked.quick else asked.paths, limit)
+    least, jump = least_cut(LINKS, limits_of(limit)), single_jump(LINKS, limits_of(limit), cells)
+    grid = planar_grid(LINKS, limits_of(limit), cells, 12)
     area = len(grid.points) * grid.step**2
     print(f"| {HEAD} |\n|---|{'---:|' * HEAD.count('|')}")
-    began = time.process_time()
-    disc = hk.workspace(cylinder=([0, 0, 0], 3.0, 0.0))
-    s = hk.sheets(planar_task(), disc, samples=samples, seconds=5 if asked.quick else 180)
-    for answer in answers(s, time.process_time() - began, cells, proposals, nodes, count):
+    began, disc = time.process_time(), hk.workspace(cylinder=([0, 0, 0], 3.0, 0.0))
+    s = hk.sheets(planar_task(limit), disc, samples=samples, seconds=5 if asked.quick else 180)
+    print(line(sheets_answer(s, cells, time.process_time() - began, limit), area, paths), flush=True)
+    for answer in others(limit, cells, proposals, nodes, count):
         print(line(answer, area, paths), flush=True)
     for given in asked.answer:
         name, _, file = given.partition("=")
-        print(line(read_answer(name, file), area, paths), flush=True)
+        print(line(read_answer(name, file, limit), area, paths), flush=True)
     some = paths[:: max(1, len(paths) // 100)]
     loop, fewest = of_these_sheets(s, some)
     print(
         f"\nNo function has less than {least.length:.2f} m of cuts; one with a single jump on each circle about the "
         f"base has {jump.length:.2f} m at least, {jump.pairs:.2f} m in pairs of the {cells} x {cells} grid.\n"
         f"Changes on each of {len(some)} paths: {loop.mean():.3f} of a loop that stays on its sheet, "
-        f"{fewest.mean():.3f} at least over these sheets, {any_postures(some).mean():.3f} at least over any postures."
-        f"\n\n{s}"
+        f"{fewest.mean():.3f} at least over these sheets, {any_postures(some, limit).mean():.3f} at least over any "
+        f"postures.\n\n{s}"
     )
     return 0
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks import grid_resolution, grid_roadmap, reconfigurations, sheets
+from benchmarks import grid_roadmap, reconfigurations, sheets
 
 import holokin as hk
 from conftest import PANDA_START
@@ -85,11 +85,14 @@ def test_the_postures_along_a_path_have_their_tool_on_it(tmp_path: Path) -> None
             assert ((q >= robot.lower) & (q <= robot.upper)).all()
 
 
-def test_the_positions_in_reach_are_those_for_which_the_grid_has_a_posture() -> None:
-    grid = grid_resolution.planar_grid(LINKS, LIMITS, 60)
-    axis = -3 + grid.step * (np.arange(60) + 0.5)
-    points = np.stack(np.meshgrid(axis, axis, indexing="ij"), -1).reshape(-1, 2)
-    np.testing.assert_allclose(points[sheets.in_reach(points)], grid.points)
+def test_the_positions_in_reach_are_the_disc_without_the_lens_behind_the_base() -> None:
+    """There the limit of joint 1 holds the elbow at +-150 degrees, and the two outer links reach 2 m from it."""
+    points = np.random.default_rng(0).uniform(-3.1, 3.1, (4000, 2))
+    x, y = points[:, 0], np.abs(points[:, 1])
+    away = np.hypot(x - np.cos(LIMIT), y - np.sin(LIMIT))
+    inside = (np.hypot(x, y) <= 3) & ((np.arctan2(y, x) <= LIMIT) | (away <= 2))
+    clear = (np.abs(np.hypot(x, y) - 3) > 0.01) & (np.abs(away - 2) > 0.01)
+    np.testing.assert_array_equal(sheets.in_reach(points)[clear], inside[clear])
 
 
 def test_an_answer_of_other_code_is_counted_by_the_rule_of_all(tmp_path: Path) -> None:
