@@ -37,9 +37,9 @@ def test_the_postures_of_a_roadmap_are_at_their_nodes_and_within_the_limits(road
 
 def test_joined_postures_go_over_into_each_other_with_the_tool_on_the_line(roadmap: grid_roadmap.Roadmap) -> None:
     """From one end, small steps of the tool with the least joint motion towards the other end arrive there."""
-    for i, j in roadmap.pairs[roadmap.joined][::60]:
+    for i, j in roadmap.pairs[roadmap.joined][::24]:
         q = roadmap.q[i].copy()
-        for share in np.linspace(0, 1, 61)[1:]:
+        for share in np.linspace(0, 1, 41)[1:]:
             wanted = (1 - share) * roadmap.q[i] + share * roadmap.q[j]
             goal = (1 - share) * roadmap.points[i] + share * roadmap.points[j]
             before, q = q, wanted
@@ -50,6 +50,11 @@ def test_joined_postures_go_over_into_each_other_with_the_tool_on_the_line(roadm
             assert np.abs(tool_of(q) - goal).max() < 1e-6
             assert np.abs(q - before).max() < 0.5
         np.testing.assert_allclose(q, roadmap.q[j], atol=1e-3)
+
+
+def test_most_pairs_of_a_roadmap_are_joined(roadmap: grid_roadmap.Roadmap) -> None:
+    """Of this coarse one nearly nine in ten; of postures chosen at random hardly any."""
+    assert roadmap.joined.mean() > 0.8
 
 
 def test_the_fewest_changes_are_those_of_trying_all_choices() -> None:
