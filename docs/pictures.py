@@ -26,7 +26,6 @@ from holokin.output.film import write_film
 from holokin.output.job_figures import cycles_figure, robot_figure, two_paths_figure
 from holokin.output.palette import BLUE, SKY, law_colors
 from holokin.output.palette import VERMILLION as RED
-from holokin.output.physics_figures import arms_figure
 from holokin.output.plots import legible, style
 from holokin.output.region_plot import region_figure
 
@@ -36,6 +35,7 @@ from benchmarks import edge  # noqa: E402  from beside this folder
 
 OUT = HERE / "pictures"
 PANDA = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
+FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
 
 
 def save(figure: plt.Figure, name: str, dpi: int = 110) -> None:
@@ -131,7 +131,7 @@ def leaves() -> None:
         axes.plot(*places.T, 0.2, color="0.55", linewidth=1, zorder=0)
     axes.plot([tool[0]] * 2, [tool[1]] * 2, [0.2, 2.2], color="0.35", linewidth=1, linestyle=":", zorder=4)
     axes.text(tool[0], tool[1], 2.25, "self-motion", fontsize=8, ha="center")
-    axes.text(-0.1, -0.75, 0.2, "path of the tool", fontsize=8, color="0.35")
+    axes.text(-0.1, -1.0, 0.2, "path of the tool", fontsize=8, color="0.35")
     axes.set(xlabel="tool x [m]", ylabel="tool y [m]", zlabel="q3 [rad]", zlim=(0.2, 2.2))
     axes.set(xticks=[-0.5, 0, 0.5], yticks=[-0.5, 0, 0.5], zticks=[0.5, 1.0, 1.5, 2.0])
     axes.view_init(18, -58)
@@ -279,7 +279,7 @@ def globe(axes: plt.Axes, view: np.ndarray) -> None:
                     color="0.2",
                     zorder=5,
                 )
-    axes.set(aspect="equal", xlim=(-1.18, 1.18), ylim=(-1.12, 1.2))
+    axes.set(aspect="equal", xlim=(-1.18, 1.18), ylim=(-1.12, 1.34))
     axes.axis("off")
 
 
@@ -344,6 +344,7 @@ def cusp() -> None:
     axes.text(along[0] + 0.1, over[0], up[0] - 0.35, "before", fontsize=10, zorder=6)
     axes.set(zlim=(floor, 1.4), xlabel="tool poses", zlabel="joints", title="The leaf folds over the tool poses")
     axes.set_xticks([]), axes.set_yticks([]), axes.set_zticks([])
+    axes.zaxis.labelpad = -14
     axes.view_init(26, -118)
     robot = hk.load("panda")
     found = hk.cusps(hk.holonomic(hk.pose(robot), hk.lock(2)), [0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8]).witness
@@ -453,17 +454,25 @@ def jobs() -> None:
 
 
 def physics() -> None:
-    """Pseudo-inverse and a holonomic law on MuJoCo: the arms after 20 circles, as `holokin simulate` shows them."""
-    robot = hk.load("panda")
+    """Pseudo-inverse and a holonomic law on MuJoCo, 20 circles: the last rest, drawn in a browser as the gallery is."""
+    import stills  # it needs a browser
+
+    robot = hk.load("example-robot-data:panda", tip="panda_hand_tcp", locked=dict.fromkeys(FINGERS, 0.02))
     start, task = robot.pose(PANDA)[:3, 3], hk.pose(robot)
     circle = hk.circle(start, start - [0.05, 0, 0])
-    laws = {
-        "pseudo-inverse": hk.moore_penrose(task),
-        "q1 - q3 kept": hk.holonomic(task, hk.linear([1, 0, -1] + [0] * 4)),
-    }
-    runs = {name: hk.physics.play(law, circle, PANDA, cycles=20, noise=5e-5) for name, law in laws.items()}
-    with plt.rc_context(style()):
-        save(arms_figure(runs), "physics")
+    kept = hk.linear([1, 0, -1, 0, 0, 0, 0])
+    laws = {"pseudo-inverse": hk.moore_penrose(task), "q1 - q3 kept": hk.holonomic(task, kept)}
+    motions = {}
+    for name, law in laws.items():
+        run = hk.physics.play(law, circle, PANDA, cycles=20, noise=5e-5)
+        rests = np.searchsorted(run.clock, np.arange(21) - 1e-9)
+        motions[name] = hk.studios.Motion(run.t, run.q, tuple(int(i) for i in rests))
+    text = (
+        "MuJoCo with servos, weight and noisy encoders. Orange, the pseudo-inverse, rests elsewhere after each circle; "
+        "with q1 - q3 kept the arm rests where it did."
+    )
+    recording = hk.studios.record(robot, motions, title="20 circles on physics", text=text)
+    stills.save(stills.still(recording), OUT / "physics.png")
 
 
 def readme() -> None:

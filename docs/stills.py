@@ -1,4 +1,7 @@
-"""The pictures of the gallery: `python docs/stills.py [PAGE...]` takes them of the recordings, in headless chromium."""
+"""Pictures in headless chromium: `python docs/stills.py [PAGE...]` takes those of the gallery, of its recordings.
+
+`python docs/stills.py studio` takes that of the studio's own page. docs/pictures.py takes that of physics by `still`.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import shutil
 import sys
 import tempfile
 import threading
+from collections.abc import Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -17,13 +21,49 @@ from playwright.sync_api import sync_playwright
 sys.path.append(str(Path(__file__).parent))
 from recordings import HERE, made_of, pages
 
-from holokin.studios.playback import player
+from holokin.studios.playback import Recording, player
 
-SIZE = {"width": 800, "height": 540}
+SIZE = (800, 500)
 BAR = 40
 """Height of the player's own bar, which is cut off."""
 
 SHOWN = (640, 400)
+WIDE = (700, 440)
+"""As wide as a page: letters of the caption keep their size there."""
+
+PAGE = {"width": 1200, "height": 740}
+"""Of the studio, whose letters are then large enough on a page."""
+
+JOB = """
+title = "A Panda draws circles"
+[robot]
+name = "example-robot-data:panda"
+tip = "panda_hand_tcp"
+locked = { panda_finger_joint1 = 0.02, panda_finger_joint2 = 0.02 }
+[task]
+kind = "pose"
+[start]
+q = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
+[path]
+kind = "circle"
+center = [-0.1, 0, 0]
+normal = [0, 0, 1]
+relative = true
+speed = 0.1
+cycles = 3
+[strategies.pseudo-inverse]
+kind = "moore-penrose"
+[strategies."joint 3 locked"]
+kind = "lock"
+joints = ["panda_joint3"]
+[strategies."arm angle held"]
+kind = "arm-angle"
+"""
+"""What the studio shows in its picture."""
+
+SILENT = ".mantine-Notifications-root { display: none }"
+"""No message that there is no graphics card."""
+
 COLORS = 240
 FLAGS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 
@@ -37,35 +77,83 @@ class Quiet(SimpleHTTPRequestHandler):
 
 def main(names: list[str]) -> None:
     """Take the picture of each page at the end of its recording."""
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
+    with tempfile.TemporaryDirectory() as folder:
         Path(folder, "player.html").write_text(player(), "utf-8")
         for name in names:
             for kind in (".viser", ".json"):
                 shutil.copy(made_of(pages()[name]).with_suffix(kind), Path(folder, f"{name}{kind}"))
-        server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=folder))
-        threading.Thread(target=server.serve_forever, daemon=True).start()
+        files = {name: f"player.html?playbackPath={name}.viser" for name in names}
+        for name, picture in stills(folder, files):
+            save(picture.resize(SHOWN, Image.Resampling.LANCZOS), HERE / "gallery" / f"{name}.png")
+
+
+def studio() -> None:
+    """The studio's own page after three circles of a Panda with the meshes of its maker."""
+    import holokin as hk
+
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
+        Path(folder, "panda.toml").write_text(JOB, "utf-8")
+        shown = hk.studio(f"{folder}/panda.toml", browser=False, wait=False, port=0, tell=lambda _text: None)
         browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
-        for name in names:
-            page = browser.new_page(viewport=SIZE)
+        page = browser.new_page(viewport=PAGE, device_scale_factor=1.4)
+        page.set_default_timeout(120_000)
+        page.goto(shown.url)
+        page.add_style_tag(content=SILENT)
+        page.get_by_role("button", name="Start", exact=True).click()
+        page.get_by_text("Done: 3 cycles").wait_for()
+        page.wait_for_timeout(8000)
+        taken = Image.open(io.BytesIO(page.screenshot(timeout=120_000))).convert("RGB")
+        browser.close()
+        shown.close()
+    file = HERE / "pictures" / "studio.png"
+    taken.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(file, optimize=True)
+    print(f"{file}: {file.stat().st_size / 1000:.0f} kB", flush=True)
+
+
+def still(recording: Recording) -> Image.Image:
+    """The end of a recording, twice as fine as a page is wide."""
+    with tempfile.TemporaryDirectory() as folder:
+        recording.save(Path(folder, "recording.html"))
+        ((_, picture),) = stills(folder, {"recording": "recording.html"}, WIDE, 2.0)
+    return picture
+
+
+def save(picture: Image.Image, file: Path) -> None:
+    """As a PNG of few colours."""
+    few = picture.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    few.save(file, optimize=True)
+    print(f"{file}: {file.stat().st_size / 1000:.0f} kB", flush=True)
+
+
+def stills(
+    folder: str, files: dict[str, str], size: tuple[int, int] = SIZE, scale: float = 1.0
+) -> Iterator[tuple[str, Image.Image]]:
+    """(name, picture) of the end of each recording, a page of a folder."""
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=folder))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        for name, file in files.items():
+            window = {"width": size[0], "height": size[1] + BAR}
+            page = browser.new_page(viewport=window, device_scale_factor=scale)
             page.set_default_timeout(120_000)  # without a graphics card all takes its time
-            page.goto(f"http://127.0.0.1:{server.server_port}/player.html?playbackPath={name}.viser")
+            page.goto(f"http://127.0.0.1:{server.server_port}/{file}")
             slider = page.locator("[role=slider]")
             slider.wait_for(state="attached", timeout=120_000)
-            page.add_style_tag(content=".mantine-Notifications-root { display: none }")
+            page.add_style_tag(content=SILENT)
             page.keyboard.press("Space")  # it stands still
             end = float(slider.get_attribute("aria-valuemax")) - 1.5
             page.locator("input").first.fill(f"{end:.1f}")
             page.wait_for_timeout(6000)
             taken = Image.open(io.BytesIO(page.screenshot(timeout=120_000))).convert("RGB")
-            whole = taken.crop((0, 0, taken.width, taken.height - BAR)).resize(SHOWN, Image.Resampling.LANCZOS)
-            picture = whole.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-            file = HERE / "gallery" / f"{name}.png"
-            picture.save(file, optimize=True)
-            print(f"{file}: {file.stat().st_size / 1000:.0f} kB", flush=True)
+            yield name, taken.crop((0, 0, taken.width, round(scale * size[1])))
             page.close()
         browser.close()
-        server.shutdown()
+    server.shutdown()
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] or list(pages()))
+    if sys.argv[1:] == ["studio"]:
+        studio()
+    else:
+        main(sys.argv[1:] or list(pages()))

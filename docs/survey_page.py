@@ -55,11 +55,11 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def save(draw: Callable[[], Any], file: Path) -> None:
-    """A figure as a PNG of few colours, small enough for a repository."""
+    """A figure as a PNG, small enough for a repository."""
     with matplotlib.rc_context(style()):
-        legible(draw()).savefig(file, dpi=110, facecolor="white")
+        legible(draw()).savefig(file, dpi=130, facecolor="white")
     with Image.open(file) as picture:
-        small = picture.convert("RGB").quantize(96)
+        small = picture.convert("RGB")
     small.save(file, optimize=True)
 
 

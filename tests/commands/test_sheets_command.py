@@ -42,6 +42,7 @@ def test_the_sheets_of_a_job_are_written_and_answer_when_read(
     run = holokin("sheets", "plane.toml", "--seconds", "5")
     assert run.code == 0, run.err
     assert "serve" in run.out
+    assert "the job's path: 1 sheet, 0 changes, 0 divisions" in run.out
     assert (tmp_path / "sheets-plane.png").stat().st_size > 10_000
     arm = hk.with_limits(hk.load("planar-3r"), lower=-2.6, upper=2.6)
     s = hk.read_sheets(tmp_path / "sheets-plane.npz", hk.position(arm))

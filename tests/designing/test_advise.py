@@ -35,7 +35,7 @@ from holokin.errors import (
 )
 from holokin.job import open_job, run_job
 from holokin.job.workspace_words import parse_workspace
-from holokin.output.advice_report import coverage_bars, figure_height
+from holokin.output.advice_report import bars_height, coverage_bars
 from holokin.path.workspaces import pose_cloud
 
 PLANE = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
@@ -360,21 +360,25 @@ def test_the_names_of_laws_do_not_overlap_in_the_picture() -> None:
 
     long = "lock torso_lift_joint over r_upper_arm_roll_joint - r_forearm_roll_joint"
     laws: Any = [SimpleNamespace(name=name, coverage=0.5) for name in (f"designed over {long}", "radial", *[long] * 10)]
-    figure = Figure(figsize=(12.6, figure_height(laws)))
-    axes = coverage_bars(figure.add_axes((0.185, 0.11, 0.165, 0.7)), laws)
+    figure = Figure(figsize=(7.3, 2 * bars_height(laws)))
+    axes = coverage_bars(figure.add_axes((0.31, 0.2, 0.3, 0.5)), laws)
     FigureCanvasAgg(figure).draw()
     boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
     assert len(boxes) == 12
     assert all(upper.y0 > lower.y1 for upper, lower in pairwise(boxes))
 
 
-def test_the_picture_of_advice_has_letters_of_8_points_in_its_own_width(advice: Advice) -> None:
-    """It is looked at alone, in a window: other figures keep 8 points on a page, too."""
+def test_the_picture_of_advice_can_be_read_on_a_page_and_nothing_of_it_is_cut_off(advice: Advice) -> None:
     from matplotlib.text import Text
 
     from holokin.output.advice_report import advice_figure
+    from holokin.output.plots import legible
 
-    figure = advice_figure(advice)
+    figure = legible(advice_figure(advice))
     figure.canvas.draw()
     shown = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
-    assert len(shown) > 10 and min(text.get_fontsize() for text in shown) >= 8.0
+    share = min(1.0, 7.3 / figure.get_figwidth())
+    assert len(shown) > 10 and share * min(text.get_fontsize() for text in shown) > 7.99
+    box, edge = figure.get_tightbbox(), 0.01  # inches
+    assert min(box.x0, box.y0) > -edge
+    assert box.x1 < figure.get_figwidth() + edge and box.y1 < figure.get_figheight() + edge

@@ -83,6 +83,15 @@ def torch(tmp_path: Path) -> str:
     return str(file)
 
 
+def test_the_tool_that_the_checks_give_a_robot_is_in_the_picture_of_advice(tmp_path: Path) -> None:
+    file = tmp_path / "gripper.toml"
+    given = '{ name = "gripper", on = "tool", kind = "box", sides = [0.1, 0.1, 0.2], xyz = [0, 0, 0.1] }'
+    file.write_text(TORCH.replace('{ name = "post"', f'{given}, {{ name = "post"'))
+    asked = question(str(file), Typed())
+    assert [part.link for part in asked.shown.shapes if part.carried] == ["gripper"]
+    assert not [part for part in asked.task.robot.shapes if part.carried]
+
+
 def test_a_job_is_heard_with_its_torch_its_task_its_path_its_limits_and_its_degrees(torch: str) -> None:
     """Referee: the robot put together by hand, and the corners of the path about its tool."""
     asked = question(torch, Typed())

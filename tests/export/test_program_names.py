@@ -50,7 +50,7 @@ def move(irb140: hk.Robot) -> TimedTrajectory:
     ("language", "names"),
     [
         ("rapid", ["MoveL", "movel", "PROC", "EndProc", "TryNext", "p1", "c7", "v1000", "fine", "tool0", "CalcRobT"]),
-        ("krl", ["END", "def", "SPTP", "LIN", "xp1", "XERR", "E6AXIS", "Loop", "BAS"]),
+        ("krl", ["END", "def", "SPTP", "LIN", "xp1", "XERR", "E6AXIS", "Loop", "BAS", "Step", "CHANNEL", "tool_data"]),
         ("urscript", ["end", "def", "thread", "movej", "True", "sleep"]),
         ("val3", ["end", "begin", "elseIf", "movej", "l_jA", "jointRx", "world"]),
         ("ls", ["con", "NUL", "Com1"]),
@@ -92,6 +92,33 @@ def test_a_tool_or_frame_may_be_one_that_the_controller_has_but_no_word_of_it(mo
             to_rapid(move, **given)
     with pytest.raises(ArgumentError, match="has this word already"):
         to_val3(move, tool="l_jA")
+
+
+CALLING = {
+    "rapid": "ArcLStart p9,v10,seam1,weld1,fine,tTorch;", "krl": "gluegun_on(1)", "urscript": "glue(True)",
+    "val3": "call weld()", "ls": "CALL WELD(1)", "inform": "CALL JOB:WELD",
+}  # fmt: skip
+FREE = {"rapid": "weld", "ls": "DO", "inform": "DOUT"}
+"""Names that stand in no line, or are words that a program may have for its name."""
+
+
+@pytest.mark.parametrize("language", CALLING)
+def test_a_program_has_no_name_that_its_own_lines_use(language: str, move: TimedTrajectory) -> None:
+    """It would call itself, or one name would stand for a program and for data."""
+    lines = ProcessLines(before=["output 3 on"], on=[CALLING[language]])
+    used = {"rapid": ["arclstart", "seam1", "tTorch"], "krl": ["gluegun_on"], "urscript": ["glue"]}
+    for name in used.get(language, ["weld"]):
+        with pytest.raises(ArgumentError, match=f"has this name for something else.*such as hk_{name}"):
+            WRITERS[language](move, name=name, lines=lines)
+        assert f"hk_{name}".lower() in " ".join(WRITERS[language](move, about=name, lines=lines).files).lower()
+    free = FREE.get(language, "output")
+    assert WRITERS[language](move, name=free, lines=lines).text
+    if language == "rapid":
+        assert to_rapid(move, name="weld", lines=ProcessLines(on=['TPWrite "weld";'])).text
+        with pytest.raises(ArgumentError, match="'tTorch' has this name"):
+            to_rapid(move, name="ttorch", tool="tTorch")
+    if language == "urscript":
+        assert to_urscript(move, name="Glue", tolerance=2e-3, lines=lines).text  # it tells capitals apart
 
 
 def test_a_name_that_is_made_of_a_title_is_no_word_either(move: TimedTrajectory) -> None:

@@ -15,11 +15,11 @@ from holokin.job.check_tables import ChecksTable
 from holokin.output import animate as films
 from holokin.output import film, palette
 from holokin.output.bodies import pieces_of, posed, solids_at
-from holokin.output.job_figures import figures
+from holokin.output.job_figures import cycles_figure, figures, two_paths_figure
 from holokin.output.job_report import write_report
 from holokin.output.job_result import JobResult
 from holokin.output.palette import COLORS, color_of, law_colors, rgb
-from holokin.output.plots import drift_per_cycle, joint_cycles
+from holokin.output.plots import drift_per_cycle, joint_cycles, legible
 from holokin.output.robot_panels import Actor, picture, stage_of
 from holokin.output.robot_view import best_view
 from holokin.output.solids import Rod, Window, drawn
@@ -219,6 +219,15 @@ def test_limits_are_drawn_where_they_are(circle: JobResult) -> None:
     used = circle.strategies[0].cycles.q[:, 0]
     assert bars[0].get_x() == pytest.approx((used.min() + 0.05) / 0.4)
     assert bars[0].get_width() == pytest.approx(np.ptp(used) / 0.4)
+
+
+def test_nothing_of_a_panel_is_cut_off_at_the_edge_of_the_picture(circle: JobResult) -> None:
+    """The limit of joint 4 is the longest number beside a panel."""
+    for figure in (two_paths_figure(circle.strategies[0], circle), cycles_figure(circle)):
+        legible(figure).canvas.draw()
+        box, edge = figure.get_tightbbox(), 0.01  # inches
+        assert min(box.x0, box.y0) > -edge
+        assert box.x1 < figure.get_figwidth() + edge and box.y1 < figure.get_figheight() + edge
 
 
 @pytest.mark.parametrize("joints", [2, 7, 14])

@@ -283,7 +283,10 @@ def test_an_arm_that_rests_where_it_rested_first_hides_its_pale_one_and_another_
     run = play(tied(arm), circle(arm), PANDA_START, dt=4e-3)
     away = replace(run, rests=run.rests + [[0.0] * 7, [0.4, 0, -0.4, 0, 0, 0, 0]])
     for one, seen in ((run, False), (away, True)):
-        cover = physics_figures.arms_figure({"arm": one}).axes[0].images[0].get_array()[..., 3]
+        figure = physics_figures.arms_figure({"arm": one, "again": one})
+        figure.canvas.draw()
+        assert figure.get_tightbbox().y1 < figure.get_figheight() + 0.01  # no title is cut off
+        cover = figure.axes[0].images[0].get_array()[..., 3]
         pale = (cover > 0.3) & (cover < 0.6)  # ghosts cover the paper in part, solids whole
         assert (pale.mean() > 0.01) == seen
 

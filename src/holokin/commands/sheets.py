@@ -71,11 +71,13 @@ def sheets(
     given = {"share": share, "samples": samples, "seconds": seconds}
     options = {key: value for key, value in given.items() if value is not None}
     with ending().telling() as say:
-        found, file, wanted = sheets_command(robot, typed, out, options, say, say.announce)
+        found, file, wanted, along = sheets_command(robot, typed, out, options, say, say.announce)
         picture = file.with_suffix(".png")
         say("drawing")
         write_figure(lambda: sheets_figure(found), picture, alone=True)
     show(str(found))
+    if along is not None:
+        show(f"the job's path: {along}")
     show(f"wrote {file} and {picture}")
     if found.share < wanted:
         raise typer.Exit(1)

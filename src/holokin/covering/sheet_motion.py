@@ -42,7 +42,7 @@ class Division(Value):
 
 @dataclass(frozen=True, eq=False)
 class UnservedPart(Value):
-    """A part of a path that no sheet serves, from `start` to `stop` as shares of its duration; one of its poses, and why."""
+    """A part of a path that no sheet serves, from `start` to `stop` as shares of its duration; a pose of it, and why."""
 
     start: float
     stop: float

@@ -149,9 +149,12 @@ def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear |
 
 def still_motions(task: Task, A: Matrix, B: Matrix, clear: Clear | None) -> list[StillMotion]:
     """The motions from postures A (k, n) to B (k, n), each at one tool pose; or why there is none."""
+    same = np.abs(A - B).max(axis=1, initial=0.0) < SAME
+    if same.any():
+        others = iter(still_motions(task, A[~same], B[~same], clear))
+        return [_rest(a) if one else next(others) for a, one in zip(A, same, strict=True)]
     if task.n == task.m:
-        same = np.abs(A - B).max(axis=1, initial=0.0) < SAME
-        return [_rest(a) if one else hindered(task.n, Hindrance.NOT_REDUNDANT) for a, one in zip(A, same, strict=True)]
+        return [hindered(task.n, Hindrance.NOT_REDUNDANT) for _ in A]
     if task.n - task.m > 1:
         return [_projected(task, a, b, clear) for a, b in zip(A, B, strict=True)]
     found = _traced(task, A, B, clear, True)
@@ -168,17 +171,14 @@ def _rest(q: Vector) -> StillMotion:
 
 def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
     """The fastest of some motions between two postures (n,): a line, and arcs beside it, held at the pose."""
-    if np.abs(a - b).max() < SAME:
-        return _rest(a)
     rng, gap = np.random.default_rng(0), float(np.linalg.norm(b - a))
     place, motions = task.place(a), []
     for k in range(ARCS):
         c = (a + b) / 2 + rng.standard_normal(task.n) * gap * k / ARCS
         u = np.linspace(0.0, 1.0, 1 + max(LEAST, int(np.ceil(2 * gap / STEP))))[1:-1, None]
         way = held(task, (1 - u) ** 2 * a + 2 * u * (1 - u) * c + u**2 * b, *place)
-        if np.isfinite(way).all():
-            motion = checked_motion(task, np.vstack([a, way, b]), clear)
-            motions += [motion] if motion.hindrance is None else []
+        motion = checked_motion(task, np.vstack([a, way, b]), clear)
+        motions += [motion] if motion.hindrance is None else []
         if motions and k >= ENOUGH:
             break
     return min(motions, key=lambda one: one.seconds) if motions else hindered(task.n, Hindrance.NOT_FOUND)
@@ -213,10 +213,9 @@ class _Line(Value):
     def of(cls, curve: SelfMotion) -> _Line:
         """That of a self-motion. `why`: what is the matter where a posture is not on it."""
         ends = {
-            CurveEnd.LIMIT: Hindrance.LIMITS,
-            CurveEnd.SINGULAR: Hindrance.SINGULAR,
+            CurveEnd.LIMIT: Hindrance.LIMITS, CurveEnd.SINGULAR: Hindrance.SINGULAR,
             CurveEnd.LENGTH: Hindrance.LENGTH,
-        }
+        }  # fmt: skip
         why = next((ends[one] for one in ends if one in curve.endings), Hindrance.APART)
         q, s, wind = curve.q, curve.s, np.zeros(curve.q.shape[1])
         if curve.closed:
@@ -235,9 +234,8 @@ class _Line(Value):
         laps = np.floor((s - self.s[0]) / self.length) if self.closed else np.zeros(len(s))
         inside = s - laps * self.length
         q = np.column_stack([np.interp(inside, self.s, joint) for joint in self.q.T])
-        return held(self.task, q, *self.task.place(self.q[int(np.argmin(np.abs(self.s)))])) + 2 * np.pi * (
-            laps[:, None] * self.wind
-        )
+        begin = self.q[int(np.argmin(np.abs(self.s)))]
+        return held(self.task, q, *self.task.place(begin)) + 2 * np.pi * laps[:, None] * self.wind
 
     def places(self, b: Vector) -> list[float]:
         """Arc lengths, within one round, at which it passes a posture (n,), whole turns of hinges taken off."""
@@ -276,14 +274,12 @@ class _Line(Value):
 
 def _along(line: _Line, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
     """The fastest motion along a self-motion from its own posture a (n,) to b (n,)."""
-    if np.abs(a - b).max() < SAME:
-        return _rest(a)
     ends, why = line.ends(b)
     motions = []
     for end in ends:
         way = line.at(np.linspace(0.0, end, 1 + max(LEAST, int(np.ceil(abs(end) / STEP)))))
         motion = checked_motion(line.task, np.vstack([a, way[1:-1], b]), clear)
-        why = motion.hindrance or why
+        why = why if motion.hindrance is None else motion.hindrance
         if motion.hindrance is None:
             motions.append(motion)
     return min(motions, key=lambda one: one.seconds) if motions else hindered(line.task.n, why)
@@ -296,11 +292,14 @@ def checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
     """
     robot, (p, R) = task.robot, task.place(q[0])
     speeds = joint_speeds(robot)
+    if not np.isfinite(q).all():
+        return hindered(task.n, Hindrance.SINGULAR)
+    most = STILL + 2 * float(np.abs(_off(task, q[-1:], p, R)).max())  # the two postures need not agree to round-off
     for _ in range(FINER):
         curve = Stretch(_way(q, speeds), q)
         s = (curve.s[:-1] + curve.s[1:]) / 2
         middle = curve.derivatives(s, 0)[0]
-        if np.abs(_off(task, middle, p, R)).max() < STILL:
+        if np.abs(_off(task, middle, p, R)).max() < most:
             break
         found = held(task, middle, p, R)
         if not np.isfinite(found).all() or np.abs(found - middle).max() > STEP:

@@ -17,6 +17,7 @@ from ..motion import TimedTrajectory
 from ..path.straight_path import rotation_matrix, rotation_vector, straight
 from ..tasks.frame_tasks import pose
 from ..tasks.task import Task, of_one_tool
+from .finer_motion import FINER, finer
 
 Kind = Literal["joint", "linear", "circular"]
 KINDS: tuple[Kind, ...] = ("joint", "linear", "circular")
@@ -99,7 +100,7 @@ class ToolDeviation(Shown):
         """What is kept, in mm and degrees."""
         place = f"between them the tool is within {1e3 * self.position:.2g} mm"
         said = [
-            f"{place} and {np.rad2deg(self.rotation):.2g} deg of the timed motion, at its samples",
+            f"{place} and {np.rad2deg(self.rotation):.2g} deg of the timed motion",
             f"and the joints within {self.joints:.2g} rad or m",
         ]
         if np.isfinite(self.slowest):
@@ -127,7 +128,7 @@ class ToolDeviation(Shown):
 
 @dataclass(frozen=True, eq=False)
 class ToolMotion(Value):
-    """A timed motion as its tool makes it, at k instants.
+    """A timed motion as its tool makes it, at k instants: `FINER` a step of the motion.
 
     Attributes:
         task: the pose of its tool.
@@ -158,24 +159,27 @@ class ToolMotion(Value):
         if robot.joint_names != timed.joint_names:
             raise ArgumentError("the task of the tolerance", robot.name, "give a task of the robot that moves")
         task = pose(robot, tip=tolerance.task.tip)
-        p, R = task.poses(timed.q)
-        J, _ = task.jacobian_batch(timed.q)
-        speed = np.linalg.norm(np.einsum("kij,kj->ki", J[:, :3], timed.dq), axis=1)
+        t, q, dq = finer(timed)
+        p, R = task.poses(q)
+        J, _ = task.jacobian_batch(q)
+        speed = np.linalg.norm(np.einsum("kij,kj->ki", J[:, :3], dq), axis=1)
         way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
         if not np.ptp(p, axis=0).max() > NO_WAY:
             turns = rotation_vector(R[1:] @ np.swapaxes(R[:-1], 1, 2))
             way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(turns, axis=1))])
-        ramp = _ramps(speed, [0, *timed.stops, len(timed) - 1], tolerance.speed)
-        ramp[: timed.begin] = True
-        return ToolMotion(task, own, timed.t, timed.q, timed.dq, timed.limits.velocity, p, R, way, speed, ramp)
+        steps = _ramps(speed[::FINER], [0, *timed.stops, len(timed) - 1], tolerance.speed)
+        steps[: timed.begin] = True
+        ramp = np.append(np.repeat(steps[:-1] & steps[1:], FINER), steps[-1])
+        ramp[::FINER] = steps
+        return ToolMotion(task, own, t, q, dq, timed.limits.velocity, p, R, way, speed, ramp)
 
     def share(self, a: int, b: int, rows: Indices) -> Vector:
-        """How far along the move from sample a to sample b its samples are, by the tool's way, else by time."""
+        """How far along the move from instant a to instant b some are, by the tool's way, else by time."""
         along = self.way if self.way[b] - self.way[a] > NO_WAY else self.t
         return (along[rows] - along[a]) / (along[b] - along[a])
 
     def deviation(self, kind: Kind, a: int, b: int, rows: Indices) -> ToolDeviation:
-        """Of one move from sample a to sample b, looked at at some samples between."""
+        """Of one move from instant a to instant b, looked at at some instants between."""
         share, seconds = self.share(a, b, rows), self.t[b] - self.t[a]
         if kind == "joint":
             share = self._chord(a, b, rows)
@@ -210,7 +214,7 @@ class ToolMotion(Value):
         return float(kept.mean() if len(kept) else part.max())
 
     def _chord(self, a: int, b: int, rows: Indices) -> Vector:
-        """How far along the line of the joints the samples are, each at its nearest point."""
+        """How far along the line of the joints the instants are, each at its nearest point."""
         line = self.q[b] - self.q[a]
         if not line.any():
             return np.zeros(len(rows))
@@ -268,9 +272,9 @@ class ToolMotion(Value):
         return float((np.abs(self.dq[moving]) * faster[:, None] / self.limits).max())
 
     def middle(self, a: int, b: int) -> int:
-        """The sample half way along the path between two."""
+        """The sample half way along the path between two samples, all as instants."""
         along = self.way if self.way[b] - self.way[a] > NO_WAY else self.t
-        return int(np.clip(np.searchsorted(along[a:b], (along[a] + along[b]) / 2) + a, a, b))
+        return a + FINER * int(np.searchsorted(along[a:b:FINER], (along[a] + along[b]) / 2))
 
 
 def _regular(J: Array) -> bool:

@@ -76,7 +76,7 @@ def to_fanuc(
     found = targets(timed, wiring, DIALECT, tolerance, lines)
     if coupled:
         found = replace(found, q=_coupled(found.q), via={i: _coupled(row) for i, row in found.via.items()})
-    short = program_name(name, about or "holokin", NAME if name else SHORT, "FANUC's TP language").upper()
+    short = program_name(name, about or "holokin", NAME if name else SHORT, "FANUC's TP language", lines).upper()
     counted = "J3 = joint 3 - joint 2" if coupled else "J3 = joint 3 of the model (no coupling)"
     more = ["degrees, external axes degrees or mm", counted, f"UF {base}, UT {tool}"]
     remarks = header(timed, about, found, wiring, more, REMARK)

@@ -49,7 +49,7 @@ def to_gcode(
     """
     wiring, lines = wiring or Wiring(), lines or ProcessLines()
     found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about or "holokin", 64, "G-code")
+    short = program_name(name, about or "holokin", 64, "G-code", lines)
     axes = _letters(found.lengths, letters)
     mode = f"G64 P{1e3 * zone:g}" if not_negative("zone", zone) else "G61"
     facts = [f"; {line}" for line in header(timed, about, found, wiring, ["mm and degrees; F is 1/minutes (G93)"])]

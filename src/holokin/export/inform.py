@@ -69,7 +69,7 @@ def to_inform(
         if whole(what, value, 0) > most:
             raise ArgumentError(what, value, f"give a whole number from 0 to {most}")
     found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about or "holokin", NAME, "INFORM").upper()
+    short = program_name(name, about or "holokin", NAME, "INFORM", lines).upper()
     facts = header(timed, about, found, wiring, ["positions in pulses", f"tool {tool}, PL {zone}"], 10_000)
     remarks = [f"'{part}" for line in facts for part in textwrap.wrap(line, REMARK)]
     moves, rounded = _moves(found, speed_shares(found, timed, wiring, speeds), zone)

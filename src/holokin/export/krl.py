@@ -63,7 +63,7 @@ def to_krl(
     """
     wiring, lines = wiring or Wiring(), lines or ProcessLines()
     found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about or "holokin", NAME, "KRL")
+    short = program_name(name, about or "holokin", NAME, "KRL", lines)
     numbers = {"tool": tool, "base": base, "payload": payload}
     for what, value in numbers.items():
         if value is not None and whole(what, value, 0) > FRAMES[what]:

@@ -17,6 +17,11 @@ OUTPUT = re.compile(r"output (\d+) (on|off)")
 WAIT = re.compile(r"wait (\d+(?:\.\d+)?)")
 
 
+def common(line: str) -> bool:
+    """Whether a line is written in every language."""
+    return bool(OUTPUT.fullmatch(line) or WAIT.fullmatch(line))
+
+
 @dataclass(frozen=True, eq=False)
 class ProcessLines(Value):
     """Lines of a program, in the order in which they are done.

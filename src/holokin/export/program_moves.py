@@ -10,9 +10,10 @@ import numpy as np
 from ..base.types import Indices
 from ..motion import TimedTrajectory
 from .controller_moves import KINDS, Kind, ToolDeviation, ToolMotion, ToolTolerance
+from .finer_motion import FINER
 
 LOOKS = 33
-"""Samples of a move that are looked at while it is made longer; all are, before it is taken."""
+"""Instants of a move that are looked at while it is made longer; all are, before it is taken."""
 
 TRIED: tuple[Kind, ...] = ("linear", "circular", "joint")
 """Of moves that lead equally far the first of these is taken."""
@@ -84,39 +85,46 @@ def tool_moves(
             kind = max(allowed, key=ends.__getitem__)  # of equal ones the first
             kind = kind if ends[kind] > here + 1 else "joint"
             moves.append(_move(motion, kind, here, ends[kind]))
-            largest |= measured(motion, kind, here, ends[kind], np.arange(here, ends[kind] + 1))
+            largest |= measured(motion, kind, here, ends[kind])
     share = float(motion.has_speed.mean())
     return moves, replace(largest, compared=share, kept=largest.within(tolerance))
 
 
 def _move(motion: ToolMotion, kind: Kind, a: int, b: int) -> Move:
-    length = float(motion.way[b] - motion.way[a])
+    first, last = FINER * a, FINER * b
+    length = float(motion.way[last] - motion.way[first])
     if kind == "joint":
         return Move(kind, a, b, length=length)
-    return Move(kind, a, b, motion.middle(a, b) if kind == "circular" else -1, motion.steady(a, b), length)
+    via = motion.middle(first, last) // FINER if kind == "circular" else -1
+    return Move(kind, a, b, via, motion.steady(first, last), length)
 
 
-def measured(motion: ToolMotion, kind: Kind, a: int, b: int, rows: Indices) -> ToolDeviation:
-    """How far a move is from the motion at some of its samples, with its joints."""
-    found = motion.deviation(kind, a, b, rows)
-    return found | ToolDeviation(joints=motion.joint_deviation(kind, a, b, rows))
+def measured(motion: ToolMotion, kind: Kind, a: int, b: int, looks: int | None = None) -> ToolDeviation:
+    """How far a move from sample a to sample b is from the motion, with its joints, at some instants or all."""
+    first, last, rows = _instants(a, b, looks)
+    found = motion.deviation(kind, first, last, rows)
+    return found | ToolDeviation(joints=motion.joint_deviation(kind, first, last, rows))
+
+
+def _instants(a: int, b: int, looks: int | None) -> tuple[int, int, Indices]:
+    """The instants of sample a and of sample b, and some of those from one to the other, or all."""
+    first, last = FINER * a, FINER * b
+    return first, last, np.unique(np.linspace(first, last, looks or last - first + 1).astype(int))
 
 
 def _end(motion: ToolMotion, tolerance: ToolTolerance, kind: Kind, here: int, end: int) -> int:
     """The last sample to which one move of a kind keeps the tolerance; the next one if none does."""
 
-    def kept(b: int, rows: Indices) -> bool:
-        if not motion.deviation(kind, here, b, rows).within(tolerance):
+    def kept(b: int, looks: int | None = None) -> bool:
+        first, last, rows = _instants(here, b, looks)
+        if not motion.deviation(kind, first, last, rows).within(tolerance):
             return False
-        if motion.load(kind, here, b, rows) > 1.0 + tolerance.speed:
+        if motion.load(kind, first, last, rows) > 1.0 + tolerance.speed:
             return False
-        return motion.joint_deviation(kind, here, b, rows) <= tolerance.joints
+        return motion.joint_deviation(kind, first, last, rows) <= tolerance.joints
 
-    def fits(b: int) -> bool:
-        return kept(b, np.unique(np.linspace(here, b, LOOKS).astype(int)))
-
-    found = farthest(fits, here, end)
-    while found > here + 1 and not kept(found, np.arange(here, found + 1)):
+    found = farthest(lambda b: kept(b, LOOKS), here, end)
+    while found > here + 1 and not kept(found):
         found = here + max(1, (found - here) * 7 // 8)
-    moved = np.ptp(motion.p[here : found + 1], axis=0).max()
+    moved = np.ptp(motion.p[FINER * here : FINER * found + 1], axis=0).max()
     return found if kind == "joint" or moved > SHORTEST else here + 1

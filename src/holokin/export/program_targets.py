@@ -14,6 +14,7 @@ from ..errors import ArgumentError, ExportError, UnknownNameError
 from ..motion import TimedTrajectory
 from ..robot import FARTHEST
 from .controller_moves import ToolDeviation, ToolTolerance
+from .finer_motion import FINER, finer
 from .process_lines import PLACES, Dialect, ProcessLines
 from .program_moves import Move, farthest, fixed_samples, tool_moves
 
@@ -131,7 +132,7 @@ def targets(
     via = {i: q[move.via] for i, move in enumerate(moves) if move.kind == "circular"}
     return Targets(
         timed.t[picked], q[picked], tuple(picked.tolist()), lengths, tuple(stops.tolist()),
-        dialect.own or timed.q.shape[1], deviation(timed.q, picked), tuple(moves), via, tool,
+        dialect.own or timed.q.shape[1], deviation(timed, picked), tuple(moves), via, tool,
         isinstance(tolerance, ToolTolerance) and tolerance.linear and "linear" in dialect.kinds,
         int(np.searchsorted(picked, on)), int(np.searchsorted(picked, off)),
     )  # fmt: skip
@@ -212,22 +213,23 @@ def _of_arm(timed: TimedTrajectory, wiring: Wiring, tolerance: ToolTolerance) ->
 
 def chosen(timed: TimedTrajectory, tolerance: float, more: tuple[int, ...] = ()) -> Indices:
     """Indices of samples between which straight lines stay within a tolerance: each step as long as may be."""
-    found = [0]
+    q, found = finer(timed)[1], [0]
     for end in fixed_samples(timed, more)[1:]:
         while (here := found[-1]) < end:
-            found.append(farthest(lambda b, a=here: _off(timed.q, a, b) <= tolerance, here, end))
+            found.append(farthest(lambda b, a=here: _off(q, a, b) <= tolerance, here, end))
     return np.array(found)
 
 
 def _off(q: Matrix, a: int, b: int) -> float:
-    if b - a < 2:
-        return 0.0
-    share = (np.arange(a, b + 1) - a)[:, None] / (b - a)
-    return float(np.abs(q[a : b + 1] - (q[a] + share * (q[b] - q[a]))).max())
+    """How far joints q (k, n) at `FINER` instants a step are from even motion between two samples [joint units]."""
+    rows = q[FINER * a : FINER * b + 1]
+    share = np.linspace(0.0, 1.0, len(rows))[:, None]
+    return float(np.abs(rows - (rows[0] + share * (rows[-1] - rows[0]))).max())
 
 
-def deviation(q: Matrix, picked: Indices) -> float:
-    """How far even motion between picked samples is from all samples q (k, n) [joint units]."""
+def deviation(timed: TimedTrajectory, picked: Indices) -> float:
+    """How far even motion between picked samples is from the timed motion [joint units]."""
+    q = finer(timed)[1]
     return max(_off(q, int(a), int(b)) for a, b in pairwise(picked))
 
 

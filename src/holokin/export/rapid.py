@@ -54,7 +54,7 @@ def to_rapid(
     """
     wiring, lines = wiring or Wiring(), lines or ProcessLines()
     found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about or "holokin", NAME - 2, "RAPID")
+    short = program_name(name, about or "holokin", NAME - 2, "RAPID", lines, (zone, tool, base, payload))
     for what in (zone, tool, base, payload):
         if isinstance(what, str):
             checked_name(what, NAME, "RAPID", program=False)

@@ -1,16 +1,21 @@
 """Names that a controller's language keeps for itself, so that no program, tool or frame may have them.
 
-Words: RAPID, ABB, "Technical reference manual: RAPID kernel" (3HAC050946), reserved words; KRL, KUKA, "KSS 8.x: KRL
-syntax", keywords and data types; URScript, Universal Robots, "The URScript Programming Language", flow of control,
-functions, threads; VAL3, Staubli, "VAL 3 reference manual", control instructions and types; TP, FANUC, "HandlingTool
-operator's manual", names of programs. Instructions are those that the written programs use: a program of such a name
-would call itself. INFORM calls a job by `CALL JOB:NAME`, and a G-code program is known by its file alone: their names
-are apart from their words.
+Words: RAPID, ABB, "Technical reference manual: RAPID kernel" (3HAC050946), reserved words; KRL, KUKA, "Quickguide KRL
+syntax, KSS release 8.x" (2012), whose names are no keyword, its statements and data types; URScript, Universal Robots,
+"The URScript Programming Language", flow of control, functions, threads; VAL3, Staubli, "VAL 3 reference manual" 5.3
+(D28062804A), control instructions and types; TP, FANUC, "HandlingTool operator's manual", names of programs. The first
+three were held against word lists of others: the lexer of intellij-rapid (BossyMr), the syntax files rapid-for-vim and
+krl-for-vim 3.0 (KnoP-01), and vim-urscript (de-vri-es). Of VAL3 no such list was found.
+
+Instructions are those that the written programs use: a program of such a name would call itself. Others may stand in
+process lines: there a name is looked for, too. TP and INFORM call programs by CALL and RUN, and a G-code program is
+known by its file alone: their names are apart from their words.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 DEVICES = frozenset({"con", "prn", "aux", "nul", *(f"{port}{i}" for port in ("com", "lpt") for i in range(1, 10))})
@@ -48,13 +53,15 @@ _RAPID = """
     robtarget
 """
 _KRL = """
-    and anin anout b_and b_exor b_not b_or bool brake c_dis c_ori c_ptp c_spl c_vel case char circ circ_rel confirm
-    const continue decl def default defdat deffct delay digin distance do else end enddat endfct endfor endif
-    endloop endspline endswitch endwhile enum exit exor ext extfct false for frame global goto halt if import int
-    interrupt is lin lin_rel loop maximum minimum not off on or part path prio ptp ptp_rel ptp_spline public pulse
-    real repeat resume return scirc sec scirc_rel signal slin slin_rel spl spl_rel spline sptp sptp_rel start
-    stop_when_path struc switch then time_block to trigger true until wait when while axis e6axis pos e6pos load bas
-    forward inverse
+    abs acos and anin anout asycancel asycont asyptp asystop atan2 axis b_and b_exor b_not b_or bas base_data bool brake
+    c_dis c_ori c_ptp c_spl c_vel ca case cast_from cast_to cclose channel char circ circ_rel confirm const const_vel
+    continue copen cos cread cwrite decl def default defdat deffct delay digin disable distance do e3axis e3pos e6axis
+    e6pos else enable end enddat endfct endfor endif endloop endskip endspline endswitch endwhile enum exit exor ext
+    extfct extfctp extp false for forward frame global goto halt if import int interrupt inverse is lin lin_rel load
+    load_data loop maximum minimum move_emi not off on on_error_proceed onstart or part path pos prio ptp ptp_rel
+    ptp_spline public pulse real repeat resume return scirc scirc_rel sec signal sin skip slin slin_rel spl spl_rel
+    spline sptp sptp_rel sqrt sread start step stop stop_when_path struc switch swrite tan then time_block to tool_data
+    trigger true until wait when while with
 """
 _URSCRIPT = """
     and or xor not def end if elif else while break continue return sec thread kill join run halt pause sleep sync
@@ -77,9 +84,24 @@ LANGUAGE_WORDS = {
 """By the name of the language in messages; the others keep the names of devices alone."""
 
 
-def taken(name: str, language: str, program: bool = True) -> str:
-    """Who has the name of a program, or of what it uses, already, in words for a message; empty if it is free."""
+CALLS = r"\b(?:CALL|RUN)\s+(?:JOB:)?{}\b"
+"""How a line calls a program in languages whose names are apart from their words."""
+
+
+def taken(name: str, language: str, program: bool = True, used: Sequence[str] = ()) -> str:
+    """Who has the name of a program, or of what it uses, already, in words for a message; empty if it is free.
+
+    Args:
+        used: process lines, and names of tools and frames, in which a program's own name may not be.
+    """
     if program and name.lower() in DEVICES:
         return "Windows and controllers keep it for a device"
     known = LANGUAGE_WORDS.get(language)
-    return f"{language}, or the program itself, has this word already" if known and known.has(name, program) else ""
+    if known and known.has(name, program):
+        return f"{language}, or the program itself, has this word already"
+    pattern = rf"(?<![\w$#.&]){re.escape(name)}\b" if known else CALLS.format(re.escape(name))
+    for line in used:
+        code = re.sub(r'"[^"]*"', "", line)
+        if re.search(pattern, code, 0 if known and known.exact else re.IGNORECASE):
+            return f"{line!r} has this name for something else, or calls the program from itself"
+    return ""

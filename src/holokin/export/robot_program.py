@@ -17,6 +17,8 @@ from ..errors import ArgumentError
 from ..motion import TimedTrajectory
 from ..version import __version__
 from .controller_moves import KINDS, ToolDeviation
+from .finer_motion import FINER
+from .process_lines import PLACES, ProcessLines, common
 from .program_targets import Targets, Wiring
 from .reserved_names import taken
 
@@ -84,7 +86,7 @@ def header(
             *found.tool.sentences(),
             _resolution(timed, found),
         ]
-    elif found is not None and not found.deviation:
+    elif found is not None and len(found.t) == len(timed):
         lines.append(f"{len(found.t)} joint targets, one for each step")
     elif found is not None:
         lines.append(f"{len(found.t)} joint targets; even motion between them is within {found.deviation:.2g} rad or m")
@@ -102,10 +104,10 @@ def header(
 
 
 def _resolution(timed: TimedTrajectory, found: Targets) -> str:
-    """How far apart the samples are, between which nothing is known."""
-    fastest = float("nan") if found.tool is None else found.tool.fastest
-    way = f" and up to {1e3 * fastest * timed.dt:.2g} mm" if np.isfinite(fastest) else ""
-    return f"samples are {1e3 * timed.dt:g} ms{way} apart: on and off lines stand at one, deviations are told at each"
+    """How far apart the instants are at which deviations are measured, and the samples, of which targets are some."""
+    fastest, step = float("nan") if found.tool is None else found.tool.fastest, 1e3 * timed.dt
+    way = f" and up to {fastest * step / FINER:.2g} mm" if np.isfinite(fastest) else ""
+    return f"deviations are measured every {step / FINER:g} ms{way}; on and off lines stand at steps of {step:g} ms"
 
 
 def _counted(found: Targets) -> str:
@@ -126,20 +128,30 @@ def _reason(found: Targets, timed: TimedTrajectory) -> list[str]:
     return [*said, f"joint moves to targets {shown}: {why}"]
 
 
-def checked_name(given: str, longest: int, language: str, program: bool = True) -> str:
+def checked_name(
+    given: str, longest: int, language: str, program: bool = True, used: Sequence[str] = ()
+) -> str:  # fmt: skip
     """The name of a program, or of a tool or frame. Raises: ArgumentError: the language refuses it, or has it."""
     if not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{longest - 1}}}", given):
         cure = f"{language} takes a letter, then letters, digits and _, at most {longest} in all"
         raise ArgumentError("name", given, cure)
-    if why := taken(given, language, program):
+    if why := taken(given, language, program, used):
         raise ArgumentError("name", given, f"{why}: give another one, such as {f'hk_{given}'[:longest]}")
     return given
 
 
-def program_name(given: str | None, about: str, longest: int, language: str) -> str:
-    """The name of a program that is given, or one made of a text. Raises: ArgumentError: as `checked_name`."""
+def program_name(
+    given: str | None, about: str, longest: int, language: str, lines: ProcessLines, names: Sequence[object] = ()
+) -> str:
+    """The name of a program that is given, or one made of a text. Raises: ArgumentError: as `checked_name`.
+
+    Args:
+        lines: of the process. names: of tools, frames and loads; what is no text is left aside.
+    """
+    own = [line for place in PLACES for line in getattr(lines, place) if not common(line)]
+    used = [*own, *(word for word in names if isinstance(word, str))]
     if given is not None:
-        return checked_name(given, longest, language)
+        return checked_name(given, longest, language, used=used)
     words = re.sub(r"[^A-Za-z0-9]+", "_", about).strip("_")
     found = ("hk_" + words if not words[:1].isalpha() else words)[:longest].rstrip("_")
-    return f"hk_{found}"[:longest] if taken(found, language) else found
+    return f"hk_{found}"[:longest] if taken(found, language, used=used) else found

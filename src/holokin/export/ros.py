@@ -62,7 +62,7 @@ def to_ros(
         text = json.dumps({"comments": comments, **message}, indent=1, allow_nan=False) + "\n"
     else:
         text = "\n".join([*(f"# {line}" for line in comments), *_yaml(message), ""])
-    return Program({f"joint_trajectory.{format}": text}, len(picked), deviation(timed.q, picked))
+    return Program({f"joint_trajectory.{format}": text}, len(picked), deviation(timed, picked))
 
 
 @typed

@@ -65,7 +65,7 @@ def to_urscript(
     if every and not any(abs(timed.dt - step) < 1e-12 for step in STEPS):
         cure = "retime it with dt=0.002 (e-Series) or dt=0.008 (CB3), or give a tolerance for few targets"
         raise ArgumentError("dt of the trajectory", timed.dt, cure)
-    short = program_name(name, about or "holokin", 64, "URScript")
+    short = program_name(name, about or "holokin", 64, "URScript", lines)
     radii, less = zones(found, zone)
     said = [f"servoj at {1e3 * timed.dt:g} ms" if every else _why_moves(timed)]
     said += [f"the blend is half a move at {less} targets, where that is less"] if less and not every else []

@@ -61,7 +61,7 @@ def to_val3(
     """
     wiring, lines = wiring or Wiring(), lines or ProcessLines()
     found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about or "holokin", NAME, "VAL3")
+    short = program_name(name, about or "holokin", NAME, "VAL3", lines, (tool, base))
     for what in (tool, base):
         checked_name(what, NAME, "VAL3", program=False)
     radii, less = zones(found, not_negative("zone", zone))

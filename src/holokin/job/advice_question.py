@@ -73,6 +73,12 @@ class Question(Value):
     file: FilePath | None
     poses: str | None
 
+    @property
+    def shown(self) -> Robot:
+        """The robot for pictures, with the tools that the checks give it."""
+        checks = self.keys.get("checks")
+        return ChecksTable.model_validate(checks).drawn(self.task.robot) if checks else self.task.robot
+
 
 def question(name: str, typed: Typed) -> Question:
     """What is asked about a robot or a job. Raises: as `load`, `open_job`, `parse_workspace`; ArgumentError."""

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
-from ..covering import Sheets, sheets, write_sheets
+from ..covering import SheetMotion, Sheets, sheets, write_sheets
 from ..designing.proposed_workspace import first_start, proposed_workspace
 from ..errors import ArgumentError, JobError
+from ..path import Path
 from .advice_question import Question, Typed, question
 from .check_tables import ChecksTable
+from .job_file import job_of
 from .schema import SheetsTable
+from .several_paths import build_paths
 from .table_values import filled
 
 
@@ -23,8 +27,9 @@ def sheets_command(
     options: Mapping[str, Any],
     say: Callable[[str], None],
     announce: Callable[[str], None],
-) -> tuple[Sheets, FilePath, float]:
-    """(the sheets of a robot or a job, the file to which they were written, the share that was wanted).
+) -> tuple[Sheets, FilePath, float, SheetMotion | None]:
+    """(the sheets of a robot or a job, the file to which they were written, the share that was wanted, the motion along
+    the path of a job of one tool).
 
     Args:
         options: keys of [sheets] that were typed; they go before those of the job.
@@ -45,7 +50,19 @@ def sheets_command(
     announce(f"{asked.chain}: {space}. This takes up to {table.seconds + 60:.0f} s.")
     found = sheets(asked.task, space, say=say, **table.model_dump(), **_kept_clear(asked))
     write_sheets(found, file)
-    return found, file, table.share
+    return found, file, table.share, None if asked.file is None else _along(found, asked, asked.file)
+
+
+def _along(found: Sheets, asked: Question, file: FilePath) -> SheetMotion | None:
+    """The job's path over the sheets; its tool begins with the rotation that it has at the job's start."""
+    if asked.q0 is None:
+        return None
+    path, _ = build_paths(job_of(file, dict(asked.keys)).path, asked.task, asked.q0, file)
+    if not isinstance(path, Path):
+        return None
+    return found.follow(
+        path if path.rotation is not None else replace(path, rotation=asked.task.pose(asked.q0)[:3, :3])
+    )
 
 
 def _kept_clear(asked: Question) -> dict[str, Any]:

@@ -11,15 +11,13 @@ import numpy as np
 from ..base.types import Vector
 from ..designing import Advice, Law
 from ..errors import brief
-from ..robot import LinkShape
+from ..robot import LinkShape, Robot
 from .coverage_plots import CAUSES, coverage_cloud
 from .job_table import Column
 from .palette import GOOD, GREY, HOLONOMIC, INK, WARNING
+from .plots import PAGE
 from .robot_panels import Actor, draw_panel, stage_of
 from .words import on_figure
-
-PLACE = (0.575, 0.1, 0.41, 0.75)
-"""Of the robot in space in the figure: left, bottom, width, height."""
 
 MOST_LAWS = 12
 """Laws in the figure: the best ones."""
@@ -74,41 +72,70 @@ def _chosen(advice: Advice) -> str:
     return ", ".join(known.get(word, f"the {word}") for word in advice.proposed)
 
 
-def advice_figure(advice: Advice, obstacles: Sequence[LinkShape] = ()) -> Any:
-    """The laws as bars of coverage and of joint speed, and the robot with what the best of them reaches, among what
-    stands still round it.
+def advice_figure(advice: Advice, obstacles: Sequence[LinkShape] = (), robot: Robot | None = None) -> Any:
+    """The laws as bars of coverage and of joint speed, and below them the robot with what the best of them reaches.
+
+    Args:
+        obstacles: what stands still round the robot.
+        robot: the same with what it carries; by default the robot of the advice.
     """
     from matplotlib.figure import Figure
 
     laws, every = advice.laws[:MOST_LAWS], len(advice.laws)
-    figure = Figure(figsize=(12.6, figure_height(laws)))
-    bars = coverage_bars(figure.add_axes((0.185, 0.11, 0.165, 0.7)), laws)
-    _speed_bars(figure.add_axes((0.38, 0.11, 0.165, 0.7)), laws)
+    robot = advice.task.robot if robot is None else robot
+    points = advice.coverage.poses[:, :3, 3]
+    stage = stage_of(robot, advice.q0[None], extra=points, obstacles=obstacles, ratio=(0.5, 0.8))
+    subject = fill(on_figure(f"{advice.work}; {advice.workspace}", 300), LETTERS)
+    wide, tall = stage.scene.shape
+    scene, bars = SCENE * tall / wide, bars_height(laws)
+    top = 0.65 + 0.15 * subject.count("\n")
+    below = 0.75 if robot.planar else 0.45  # the names of the axes, and the causes
+    size = (PAGE, top + 0.35 + bars + 0.95 + scene + below)
+    figure = Figure(figsize=size)
+
+    def place(left: float, from_top: float, width: float, height: float) -> Any:
+        """Axes at a place in inches."""
+        return figure.add_axes((left / size[0], 1 - (from_top + height) / size[1], width / size[0], height / size[1]))
+
+    first = coverage_bars(place(BARS[0], top + 0.35, BAR, bars), laws)
+    _speed_bars(place(BARS[1], top + 0.35, BAR, bars), laws)
     shown = f"the {len(laws)} best of {every} laws" if every > len(laws) else f"{every} laws"
-    bars.set_title(f"{shown}, the best first", loc="left", fontsize=10, color=INK)
-    _reached_scene(figure.add_axes((0.63, 0.11, 0.33, 0.72) if advice.task.robot.planar else PLACE), advice, obstacles)
+    first.set_title(f"{shown}, the best first", loc="left", fontsize=10, color=INK)
+    panel = place((PAGE - SCENE) / 2, top + 0.35 + bars + 0.95, SCENE, scene)
+    title = f"start posture, and {len(points)} poses of the workspace"
+    draw_panel(panel, stage, [Actor(advice.q0, HOLONOMIC)], title=title)
+    coverage_cloud(panel, advice.coverage, seen=stage.scene.view.seen(points))
     _legend(figure, advice)
-    head = f"{on_figure(advice.task.robot.name)}: {on_figure(advice.best.name, 90)}"
-    figure.suptitle(head, fontsize=12, fontweight="bold", x=0.015, y=0.975, ha="left")
-    figure.text(0.015, 0.905, on_figure(f"{advice.work}; {advice.workspace}", 170), fontsize=9, color="#4b5563")
+    head = fill(f"{on_figure(advice.task.robot.name)}: {on_figure(advice.best.name, 90)}", HEAD)
+    figure.text(0.015, 1 - 0.1 / size[1], head, fontsize=11, fontweight="bold", va="top")
+    figure.text(0.015, 1 - (0.35 + 0.17 * head.count("\n")) / size[1], subject, fontsize=9, color="#4b5563", va="top")
     return figure
 
 
 THICK, LEAST = 1.3, 2.2
 """Thickness of a bar, and least distance of two, in lines of text."""
 
-FITTING = 28.0
-"""Lines of text that fit beside the bars of a figure of usual height."""
+LINE = 0.125
+"""Height of a line of text [inch]."""
+
+BARS, BAR = (2.25, 4.8), 2.3
+"""Where the two panels of bars begin, and their width [inch]."""
+
+SCENE = 5.8
+"""Width of the robot's picture [inch]."""
+
+LETTERS, HEAD = 96, 72
+"""In a line of the subject, and of the head."""
 
 
-def figure_height(laws: tuple[Law, ...]) -> float:
-    """The height of the figure [inch], greater where the names of laws are long."""
-    return 5.4 * max(1.0, _rows(laws)[1] / FITTING)
+def bars_height(laws: tuple[Law, ...]) -> float:
+    """The height of the bars [inch], greater where the names of laws are long."""
+    return LINE * max(_rows(laws)[1], 6.0)
 
 
 def _label(law: Law) -> str:
     """The name of a law in lines."""
-    return fill(on_figure(law.name, 120), 32)
+    return fill(on_figure(law.name, 120), 31)
 
 
 def _rows(laws: tuple[Law, ...]) -> tuple[Vector, float]:
@@ -165,17 +192,6 @@ def _colors(laws: tuple[Law, ...]) -> list[str]:
     return [HOLONOMIC if i == 0 else GREY for i in range(len(laws))]
 
 
-def _reached_scene(axes: Any, advice: Advice, obstacles: Sequence[LinkShape]) -> Any:
-    """The robot at the start posture in the poses of the workspace: those reached, the others by their cause."""
-    robot, found = advice.task.robot, advice.coverage
-    points = found.poses[:, :3, 3]
-    stage = stage_of(robot, advice.q0[None], extra=points, obstacles=obstacles, ratio=(0.5, 0.8))
-    title = f"start posture, and {len(found)} poses of the workspace"
-    draw_panel(axes, stage, [Actor(advice.q0, INK)], title=title)
-    coverage_cloud(axes, found, seen=stage.scene.view.seen(points))
-    return axes
-
-
 def _legend(figure: Any, advice: Advice) -> None:
     """The causes for which poses are not reached."""
     from matplotlib.lines import Line2D
@@ -187,4 +203,4 @@ def _legend(figure: Any, advice: Advice) -> None:
         Line2D([], [], color=color, marker="o", linestyle="", markersize=6, label=f"{name}: {count}")
         for color, name, count in marks
     ]
-    figure.legend(handles=handles, loc="lower right", bbox_to_anchor=(0.995, 0.015), fontsize=8, ncols=len(handles))
+    figure.legend(handles=handles, loc="lower center", fontsize=8, ncols=min(len(handles), 4))

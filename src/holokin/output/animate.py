@@ -18,7 +18,7 @@ from .job_result import JobResult, StrategyResult
 from .palette import CLOCKWISE, COUNTER_CLOCKWISE, GREY, HOLONOMIC, INK, LOOP, NONHOLONOMIC
 from .plots import style
 from .robot_panels import GHOST, Curve, stage_of
-from .robot_view import layer_of, show
+from .robot_view import floor_scale, layer_of, show
 from .solids import Layer, Pixels, onto
 from .words import away, joint_unit, on_figure, paths_end, stopped
 
@@ -210,6 +210,8 @@ class _Sheet:
             place = (left / width, below / height, WIDTH / width, self.window.rows / height)
             axes = figure.add_axes(place)
             show(axes, self.stage.scene, np.zeros((2, 2, 4)), self.window)
+            if not self.robot.planar:
+                floor_scale(axes, self.stage.scene)
             self.places.append((TOP + (height - TOP - below - self.window.rows), left))
             title = figure.text(left / width, 1 - 6 / height, "", va="top", ha="left", fontsize=10.5, color=INK)
             self.titles.append(title)

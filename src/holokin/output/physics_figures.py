@@ -75,7 +75,7 @@ def arms_figure(runs: Mapping[str, PhysicalRun]) -> Any:
     robot = next(iter(runs.values())).strategy.task.robot
     stage = stage_of(robot, np.vstack(ends), loops, pairs=ends)
     wide, tall = stage.scene.shape
-    figure = Figure(figsize=(3.65 * len(runs), 3.45 * tall / wide + 0.9), layout="constrained")
+    figure = Figure(figsize=(3.65 * len(runs), 3.45 * tall / wide + 1.1), layout="constrained")
     for i, (label, run) in enumerate(runs.items()):
         first, last = ends[i]
         actors = [Actor(first, GREY, "ghost"), Actor(last, colors[i]), Actor(first, GREY, "outline")]

@@ -56,11 +56,8 @@ _STYLE = {
 }
 
 
-def write_figure(draw: Callable[[], Any], file: FilePath, *, alone: bool = False) -> None:
+def write_figure(draw: Callable[[], Any], file: FilePath) -> None:
     """Write the figure that `draw` makes as an image of the file's type, PNG where its name has no ending.
-
-    Args:
-        alone: the picture is looked at in its own width, not on a page: its letters stay as they are.
 
     Raises:
         ArgumentError: there is no such type. WriteError: the system refuses the file.
@@ -73,7 +70,7 @@ def write_figure(draw: Callable[[], Any], file: FilePath, *, alone: bool = False
     if kind not in known:
         raise ArgumentError("the file to write", str(file), f"it cannot be written: choose of {', '.join(known)}")
     with rc_context(style()), replacing(file) as part:
-        figure = draw() if alone else legible(draw())
+        figure = legible(draw())
         figure.savefig(part, format=kind, dpi=130, facecolor="white")
 
 

@@ -20,6 +20,7 @@ from .robot_view import (
     Scene,
     best_view,
     empty,
+    floor_scale,
     laid,
     layer_of,
     named_axes,
@@ -156,7 +157,8 @@ def draw_panel(axes: Any, stage: Stage, actors: Sequence[Actor], curves: Sequenc
     drawn = picture(stage, actors, curves, window)
     show(axes, stage.scene, drawn, window)
     if not stage.robot.planar:
-        named_axes(axes, stage.scene, 4.5 * stage.unit, drawn[..., 3], window)
+        taken = named_axes(axes, stage.scene, 4.5 * stage.unit, drawn[..., 3], window)
+        floor_scale(axes, stage.scene, left=taken)
     axes.set_title(title, loc="left", fontsize=10)
     return axes
 

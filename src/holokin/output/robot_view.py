@@ -23,6 +23,9 @@ DETAIL = 150
 AROUND = 0.25
 """Room for obstacles beside a robot, over its size in the picture: what is farther out is cut off."""
 
+BEYOND = 0.042
+"""Way from the end of a base's axis to its name, at least, over the width of the picture."""
+
 SHADOW = 0.16
 """Darkness of the shadow on the floor."""
 
@@ -223,11 +226,11 @@ def show(axes: Any, scene: Scene, picture: Pixels, window: Window) -> Any:
 
 
 def _floor(axes: Any, scene: Scene) -> Any:
-    """Lines on the floor, at round distances, which are said."""
+    """Lines on the floor, at round distances."""
     from matplotlib.collections import LineCollection
 
     low, high = scene.spread
-    step = _round(float((high - low).max()) / 5)
+    step = _squares(scene)
     first, last = np.floor(low / step) * step, np.ceil(high / step) * step
     ends = [
         *(([x, first[1]], [x, last[1]]) for x in np.arange(first[0], last[0] + step / 2, step)),
@@ -235,21 +238,41 @@ def _floor(axes: Any, scene: Scene) -> Any:
     ]
     lines = [scene.view.seen(np.column_stack([np.array(pair), np.full(2, scene.floor)]))[:, :2] for pair in ends]
     axes.add_collection(LineCollection(lines, colors="#dfe2e7", linewidths=0.8, zorder=1))
+    return axes
+
+
+def named_axes(axes: Any, scene: Scene, size: float, cover: Pixels, window: Window) -> bool:
+    """The names of the base's axes beyond the ends of its rods, where nothing covers them.
+
+    Returns:
+        Whether one of them is in the corner at the right below.
+    """
+    wide, tall, taken = window.right - window.left, window.top - window.bottom, False
+    for name, axis in zip("xyz", np.eye(3), strict=True):
+        flat = scene.view.seen(axis[None])[0][:2]
+        short = float(np.hypot(*flat))
+        if short <= 0.2:
+            continue
+        x, y = (size + max(0.2 * size, BEYOND * wide / short)) * flat
+        row, column = int((window.top - y) / window.pixel), int((x - window.left) / window.pixel)
+        if 0 <= row < window.rows and 0 <= column < window.columns and cover[row, column] < 0.5:
+            axes.text(x, y, name, fontsize=7.5, color=INK, ha="center", va="center", zorder=6)
+            taken = taken or (x > window.left + 0.5 * wide and y < window.bottom + 0.1 * tall)
+    return taken
+
+
+def floor_scale(axes: Any, scene: Scene, *, left: bool = False) -> Any:
+    """How large the squares on the floor are, in the corner at the right below, or at the left."""
     axes.text(
-        0.995, 0.0, f"floor: {step:g} m squares", transform=axes.transAxes, ha="right", va="bottom", fontsize=7.5,
-        color="#6b7280", zorder=6,
+        0.005 if left else 0.995, 0.0, f"floor: {_squares(scene):g} m squares", transform=axes.transAxes,
+        ha="left" if left else "right", va="bottom", fontsize=7.5, color="#6b7280", zorder=6,
     )  # fmt: skip
     return axes
 
 
-def named_axes(axes: Any, scene: Scene, size: float, cover: Pixels, window: Window) -> None:
-    """The names of the base's axes beyond the ends of its rods, where nothing covers them."""
-    for name, axis in zip("xyz", np.eye(3), strict=True):
-        x, y, _ = scene.view.seen(1.2 * size * axis[None])[0]
-        row, column = int((window.top - y) / window.pixel), int((x - window.left) / window.pixel)
-        inside = 0 <= row < window.rows and 0 <= column < window.columns
-        if inside and cover[row, column] < 0.5 and np.hypot(*(scene.view.axes @ axis)[:2]) > 0.2:
-            axes.text(x, y, name, fontsize=7.5, color=INK, ha="center", va="center", zorder=6)
+def _squares(scene: Scene) -> float:
+    """The side of the squares on the floor [m]."""
+    return _round(float(np.ptp(scene.spread, axis=0).max()) / 5)
 
 
 def _round(value: float) -> float:

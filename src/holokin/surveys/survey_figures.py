@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Sequence
 from functools import wraps
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,9 @@ LEAST = 1e-12
 STATUS_COLORS = (GREEN, PURPLE, ORANGE, VERMILLION, YELLOW, SKY, GREY)
 
 DASHES = ("-", "--", ":", "-.")
+
+NAME = 30
+"""Letters of a robot's name in a line: the map of the laws needs the room beside it."""
 
 DEAR = 3.0
 """Cost beyond which the boxes end at the edge of the figure: it is rare, and would make all others look alike."""
@@ -157,7 +161,7 @@ def coverage_figure(found: Findings) -> Any:
     known = np.isfinite(share)
     order = np.argsort(-np.nansum(share, axis=1) / np.maximum(known.sum(axis=1), 1), kind="stable")
     faults = found.faults()
-    figure, axes = _figure(2.2 + 0.25 * len(robots))
+    figure, axes = _figure(2.2 + 0.29 * len(robots))
     scale = [VERMILLION, YELLOW, "#FFFFFF", SKY, BLUE]
     colors = LinearSegmentedColormap.from_list("coverage", scale).with_extremes(bad=PALE)
     image = axes.imshow(np.ma.masked_invalid(share[order]), aspect="auto", vmin=0.0, vmax=1.0, cmap=colors)
@@ -171,7 +175,8 @@ def coverage_figure(found: Findings) -> Any:
                 axes.text(column, row, f"{100 * value:.0f}", ha="center", va="center", fontsize=TYPE, color=ink)
     axes.set_xticks(range(len(laws)), [on_figure(law, 30) for law in laws], rotation=35, ha="left", fontsize=9)
     axes.xaxis.tick_top()
-    axes.set_yticks(range(len(robots)), [on_figure(names[i], 44) for i in order], fontsize=8.5)
+    shown = [fill(on_figure(names[i]), NAME) for i in order]
+    axes.set_yticks(range(len(robots)), shown, fontsize=TYPE, linespacing=1.1)
     axes.tick_params(length=0)
     axes.grid(visible=False)
     for spine in axes.spines.values():

@@ -1,0 +1,264 @@
+"""`export_sheets`: a map of sheets as C: each sheet's inverse kinematics, and a table that says which is asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..base.arguments import typed
+from ..base.types import Array, Indices, Matrix, positive
+from ..errors import ArgumentError
+from ..export import Exported
+from ..export.c_folder import c_name, c_texts, operations_of, write_texts
+from ..export.c_text import line
+from ..version import __version__
+from .candidate_sheets import features
+from .sheet_map import Sheets
+
+PIECES = 1000
+"""Pieces of a straight path on one sheet, at most."""
+
+TESTED = 64
+"""Poses of the self-test."""
+
+VECTORS = 16
+"""Postures of the self-test of each sheet."""
+
+CLOSE = 1e-7
+"""What a posture of the self-test may be off [joint unit]."""
+
+
+@typed
+def export_sheets(
+    found: Sheets, folder: str | Path, *, name: str | None = None, dt: float = 0.001, origin: str = "Python"
+) -> Exported:
+    """Write a map of sheets as C99: `NAME_sheets(target, q)` gives the sheet of a tool pose and its joints.
+
+    Each sheet is an export of its own, in a folder sheet_0, sheet_1, ..., with its control step. A table of the sampled
+    poses says which is asked first, as `s(pose)` does. `NAME_sheets_near` keeps the sheet of a loop while it serves.
+
+    Args:
+        found: the map, without surroundings and without a least rcond: C does not look at these.
+        folder: made if need be; files there that holokin did not write are left alone, or refused if in the way.
+        name: C name, the prefix of all symbols; by default that of the robot.
+        dt: the loop's step of the sheets' control steps [s].
+        origin: what it was exported from, for the readme.
+
+    Returns:
+        What was written.
+
+    Raises:
+        ArgumentError: no sheets, surroundings, a least rcond; a name that is no C name; files in the way. ExportError:
+        a strategy has no C. WriteError.
+    """
+    positive("dt", dt)
+    if not len(found):
+        raise ArgumentError("the sheets", 0, "give a map that serves something")
+    if found.around is not None or any(sheet.rcond for sheet in found.sheets):
+        cure = "C does not look at obstacles, nor at a least rcond: make the map without, and check its motions"
+        raise ArgumentError("the map", "it has surroundings, or a least rcond", cure)
+    short = c_name(found.task.robot.name) if name is None else str(name)
+    texts: dict[str, str] = {}
+    operations: dict[str, int] = {}
+    for s, sheet in enumerate(found.sheets):
+        source, of = c_texts(sheet.strategy, sheet.q0, dt, f"{short}_{s}", True, VECTORS, origin)
+        texts |= {f"sheet_{s}/{file}": content for file, content in of.items()}
+        operations |= {f"sheet {s} {key}": count for key, count in operations_of(source).items()}
+    table = features(found.poses[found.served], found.length), found.labels[found.served]
+    head = f"{line(found.sentence)}\n   Written by holokin {__version__} from: {line(origin)}."
+    texts |= {
+        f"{short}_sheets.h": _header(short, head, found),
+        f"{short}_sheets.c": _library(short, head, found, *table),
+        f"{short}_sheets_selftest.c": _selftest(short, head, found),
+        "CMakeLists.txt": _build(short, head, len(found)),
+    }
+    write_texts(Path(folder), texts, f"project({short}_sheets C)")
+    return Exported(Path(folder), f"{short}_sheets", tuple(texts), operations)
+
+
+def _header(name: str, head: str, found: Sheets) -> str:
+    n, up = found.task.n, name.upper()
+    return f"""/* {head}
+
+   Poses are 4x4 matrices by rows (16 numbers): the tool in the base frame. Lengths in m, angles in rad. */
+#ifndef {up}_SHEETS_H
+#define {up}_SHEETS_H
+
+#ifdef __cplusplus
+extern "C" {{
+#endif
+
+enum {{ {up}_SHEETS = {len(found)}, {up}_SHEETS_N = {n} }};
+
+/* The joints q at a tool pose, a function of the pose alone. Returns the sheet, or -1 where no sheet serves the pose:
+   then q stays. */
+int {name}_sheets(const double target[16], double q[{n}]);
+
+/* The same for a loop: q is the last answer, on `sheet`, which is kept while it serves the pose. */
+int {name}_sheets_near(const double target[16], double q[{n}], int sheet);
+
+/* The joints of one sheet at a tool pose; 0 where it does not serve it: then q stays. */
+int {name}_sheets_of(int sheet, const double target[16], double q[{n}]);
+
+#ifdef __cplusplus
+}}
+#endif
+
+#endif
+"""
+
+
+def _library(name: str, head: str, found: Sheets, X: Matrix, labels: Indices) -> str:
+    n, S, k = found.task.n, len(found), len(X)
+    includes = "\n".join(f'#include "sheet_{s}/{name}_{s}.h"' for s in range(S))
+
+    def cases(call: str) -> str:
+        return "\n".join(f"    case {s}: status = {name}_{s}_{call}; break;" for s in range(S))
+
+    return f"""/* {head} */
+#include "{name}_sheets.h"
+#include <math.h>
+{includes}
+
+enum {{ SERVED = 1, PIECES = {PIECES}, POSES = {k} }};
+
+/* Sampled poses: position, and {found.length:g} / sqrt(2) times the rotation by rows; and half the squared length. */
+static const double places[{k}][12] = {{
+{_rows(X)}
+}};
+static const double halves[{k}] = {{{_numbers(0.5 * np.sum(X**2, axis=1))}}};
+static const signed char labels[{k}] = {{{", ".join(map(str, labels.tolist()))}}};
+
+/* A wanted pose as the sheets take it. */
+static void given(const double target[16], double wanted[16]) {{
+  for (int i = 0; i < 16; i++) wanted[i] = {_numbered(found)};
+}}
+
+static int nearest(const double target[16]) {{
+  const double turn = {float(found.length / np.sqrt(2))!r};
+  double at[12], least = INFINITY;
+  int found = 0;
+  for (int i = 0; i < 3; i++) {{
+    at[i] = target[4 * i + 3];
+    for (int j = 0; j < 3; j++) at[3 + 3 * i + j] = turn * target[4 * i + j];
+  }}
+  for (int p = 0; p < POSES; p++) {{
+    double value = halves[p];
+    for (int i = 0; i < 12; i++) value -= at[i] * places[p][i];
+    if (value < least) least = value, found = labels[p];
+  }}
+  return found;
+}}
+
+int {name}_sheets_of(int sheet, const double target[16], double q[{n}]) {{
+  double at[{n}], wanted[16];
+  int status = -2;
+  given(target, wanted);
+  switch (sheet) {{
+{cases("solve(at, wanted, PIECES)")}
+    default: return 0;
+  }}
+  if (status != 0 && status != SERVED) return 0;
+  for (int i = 0; i < {n}; i++) q[i] = at[i];
+  return 1;
+}}
+
+int {name}_sheets(const double target[16], double q[{n}]) {{
+  const int first = nearest(target);
+  if ({name}_sheets_of(first, target, q)) return first;
+  for (int sheet = 0; sheet < {S}; sheet++)
+    if (sheet != first && {name}_sheets_of(sheet, target, q)) return sheet;
+  return -1;
+}}
+
+int {name}_sheets_near(const double target[16], double q[{n}], int sheet) {{
+  double at[{n}], cold[{n}], wanted[16], leaf[{max(1, n - found.task.m)}];
+  int status = -2, same = 1;
+  for (int i = 0; i < {n}; i++) at[i] = q[i];
+  if (!{name}_sheets_of(sheet, target, cold)) return {name}_sheets(target, q);
+  given(target, wanted);
+  switch (sheet) {{
+{_near_cases(name, found)}
+  }}
+  for (int i = 0; i < {n}; i++) same &= fabs(at[i] - cold[i]) < 1e-6;
+  if ((status != 0 && status != SERVED) || !same) return {name}_sheets(target, q);
+  for (int i = 0; i < {n}; i++) q[i] = cold[i];
+  return sheet;
+}}
+"""
+
+
+def _numbered(found: Sheets) -> str:
+    """Number i of a wanted pose: of a task of positions it is the position alone."""
+    return "target[i]" if found.task.orientation else "i < 3 ? target[4 * i + 3] : 0.0"
+
+
+def _near_cases(name: str, found: Sheets) -> str:
+    rows = []
+    for s, sheet in enumerate(found.sheets):
+        level = "".join(f"leaf[{i}] = {float(c)!r}; " for i, c in enumerate(sheet.level))
+        rows.append(f"    case {s}: {level}status = {name}_{s}_inverse(at, wanted, leaf, PIECES); break;")
+    return "\n".join(rows)
+
+
+def _selftest(name: str, head: str, found: Sheets) -> str:
+    at = np.flatnonzero(found.served)[:: max(1, int(found.served.sum()) // TESTED)]
+    answers = found.batch(found.poses[at])
+    n, k = found.task.n, len(at)
+    return f"""/* {head} */
+#include "{name}_sheets.h"
+#include <math.h>
+#include <stdio.h>
+
+static const double poses[{k}][16] = {{
+{_rows(found.poses[at].reshape(k, 16))}
+}};
+static const double joints[{k}][{n}] = {{
+{_rows(answers.q)}
+}};
+static const int sheets[{k}] = {{{", ".join(map(str, answers.sheet.tolist()))}}};
+
+int main(void) {{
+  int wrong = 0;
+  for (int p = 0; p < {k}; p++) {{
+    double q[{n}], off = 0;
+    const int sheet = {name}_sheets(poses[p], q);
+    for (int i = 0; i < {n}; i++) off = fmax(off, fabs(q[i] - joints[p][i]));
+    if (sheet != sheets[p] || !(off < {CLOSE!r})) wrong++, printf("pose %d: sheet %d, off by %g\\n", p, sheet, off);
+  }}
+  printf("%d of {k} poses have the joints of the map\\n", {k} - wrong);
+  return wrong != 0;
+}}
+"""
+
+
+def _build(name: str, head: str, count: int) -> str:
+    said = "\n".join(f"# {one.strip()}" for one in head.splitlines())
+    folders = "\n".join(f"add_subdirectory(sheet_{s})" for s in range(count))
+    libraries = " ".join(f"{name}_{s}_double" for s in range(count))
+    return f"""{said}
+#   cmake -B build && cmake --build build && ctest --test-dir build
+cmake_minimum_required(VERSION 3.10)
+project({name}_sheets C)
+set(CMAKE_C_STANDARD 99)
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Release)
+endif()
+enable_testing()
+{folders}
+add_library({name}_sheets STATIC {name}_sheets.c)
+target_include_directories({name}_sheets PUBLIC ${{CMAKE_CURRENT_SOURCE_DIR}})
+target_link_libraries({name}_sheets PUBLIC {libraries})
+add_executable({name}_sheets_selftest {name}_sheets_selftest.c)
+target_link_libraries({name}_sheets_selftest {name}_sheets)
+add_test(NAME {name}_sheets_selftest COMMAND {name}_sheets_selftest)
+"""
+
+
+def _rows(values: Array) -> str:
+    return ",\n".join(f"  {{{_numbers(row)}}}" for row in values)
+
+
+def _numbers(values: Array) -> str:
+    return ", ".join(map(repr, values.tolist()))

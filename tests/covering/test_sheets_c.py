@@ -1,0 +1,69 @@
+"""A map of sheets in C answers as the map does."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from holokin.covering import export_sheets
+from holokin.errors import ArgumentError
+
+LIMIT = np.radians(150)
+
+
+@pytest.fixture(scope="module")
+def planar() -> hk.Sheets:
+    task = hk.position(hk.with_limits(hk.load("planar-3r"), lower=-LIMIT, upper=LIMIT))
+    disc = hk.workspace(cylinder=([0, 0, 0], 2.9, 0.0))
+    return hk.sheets(task, disc, [hk.holonomic(task, hk.linear([0, 1, -1]))], samples=64, share=0.97)
+
+
+@pytest.mark.skipif(subprocess.run(["sh", "-c", "command -v cc"], check=False).returncode != 0, reason="no C compiler")
+def test_c_gives_the_sheet_and_the_joints_of_the_map(planar: hk.Sheets, tmp_path: Path) -> None:
+    """At random poses and at those that nothing serves; and a loop keeps its sheet as `near` does."""
+    made = export_sheets(planar, tmp_path / "c", name="arm")
+    assert made.name == "arm_sheets"
+    sources = ["arm_sheets.c", *(f"sheet_{s}/arm_{s}.c" for s in range(len(planar)))]
+    flags = ["-std=c99", "-O1", "-Wall", "-Werror", "-fPIC"]
+    for target in (["-shared", "-o", "arm.so"], ["arm_sheets_selftest.c", "-o", "selftest"]):
+        subprocess.run(["cc", *flags, *sources, *target, "-lm"], cwd=tmp_path / "c", check=True, timeout=120)
+    said = subprocess.run([tmp_path / "c" / "selftest"], check=True, capture_output=True, text=True, timeout=60)
+    assert "poses have the joints of the map" in said.stdout
+    library = ctypes.CDLL(str(tmp_path / "c" / "arm.so"))
+    rng, numbers = np.random.default_rng(0), ctypes.POINTER(ctypes.c_double)
+    at, last, served = np.zeros(3), -1, 0
+    for _ in range(150):
+        pose = np.eye(4)
+        pose[:2, 3] = rng.uniform(-3.1, 3.1, 2)
+        target, q = np.ascontiguousarray(pose), np.zeros(3)
+        sheet = library.arm_sheets(target.ctypes.data_as(numbers), q.ctypes.data_as(numbers))
+        answer = planar.batch(pose[None])
+        assert sheet == answer.sheet[0]
+        if sheet >= 0:
+            served += 1
+            np.testing.assert_allclose(q, answer.q[0], atol=1e-8)
+            if last >= 0:
+                kept = at.copy()
+                near = library.arm_sheets_near(target.ctypes.data_as(numbers), kept.ctypes.data_as(numbers), last)
+                wanted, joints = planar.near(pose, at)
+                if last in planar.of(at)[:1]:
+                    assert near == wanted
+                    np.testing.assert_allclose(kept, joints, atol=1e-8)
+            at, last = q, sheet
+    assert 60 < served < 150
+
+
+def test_what_c_does_not_look_at_is_refused(planar: hk.Sheets, tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match="C name"):
+        export_sheets(planar, tmp_path, name="7 arms")
+    task = planar.task
+    law = [hk.holonomic(task, hk.linear([0, 1, -1]))]
+    box = hk.workspace(box=([1.5, 0, 0], [0.2, 0.2, 0]))
+    for words in ({"clear_of": [], "floor": -1.0, "self_collision": False}, {"rcond": 0.01}):
+        with pytest.raises(ArgumentError, match="obstacles"):
+            export_sheets(hk.sheets(task, box, law, samples=8, share=0.5, **words), tmp_path)
