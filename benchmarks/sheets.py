@@ -171,22 +171,26 @@ def line(answer: Answer, area: float, paths: np.ndarray) -> str:
     return f"| {' | '.join(map(str, cells))} |"
 
 
-def of_these_sheets(s: hk.Sheets, paths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Changes along each path (p,): of a loop that stays on its sheet while it serves, and the fewest possible."""
-    loop, fewest = [], []
+def of_these_sheets(s: hk.Sheets, paths: np.ndarray) -> np.ndarray:
+    """Changes (3, p) along each path that sheets serve wholly: of a loop that stays on its sheet while it serves, of
+    `follow`, and the fewest of all choices."""
+    found = []
     for path in paths[:, ::EVERY]:
         poses = poses_of(path)
         q = s.postures(poses)
         known = np.isfinite(q[..., 0])
-        layers = [q[known[:, k], k] for k in np.flatnonzero(known.any(0))]
-        fewest.append(fewest_changes(layers, np.full(3, SPEED * SPACING * EVERY)).changes)
-        sheet, here = s(poses[np.flatnonzero(known.any(0))[0]])
-        loop.append(0)
-        for k in np.flatnonzero(known.any(0))[1:]:
+        if not known.any(0).all():
+            continue
+        fewest = fewest_changes([q[known[:, k], k] for k in range(len(poses))], np.full(3, SPEED * SPACING * EVERY))
+        motion = s.follow(hk.polyline(poses[[0, -1], :3, 3]), samples=len(poses) - 1)
+        sheet, here = s(poses[0])
+        loop = 0
+        for pose in poses[1:]:
             before = sheet
-            sheet, here = s.near(poses[k], here)
-            loop[-1] += sheet != before
-    return np.array(loop), np.array(fewest)
+            sheet, here = s.near(pose, here)
+            loop += sheet != before
+        found.append((loop, motion.changes + len(motion.divisions), fewest.changes))
+    return np.array(found, int).reshape(-1, 3).T
 
 
 def any_postures(paths: np.ndarray, limit: float = LIMIT, count: int = 48) -> np.ndarray:
@@ -225,13 +229,13 @@ def main(arguments: list[str] | None = None) -> int:
         name, _, file = given.partition("=")
         print(line(read_answer(name, file, limit), area, paths), flush=True)
     some = paths[:: max(1, len(paths) // 100)]
-    loop, fewest = of_these_sheets(s, some)
+    loop, followed, fewest = of_these_sheets(s, some)
     print(
         f"\nNo function has less than {least.length:.2f} m of cuts; one with a single jump on each circle about the "
         f"base has {jump.length:.2f} m at least, {jump.pairs:.2f} m in pairs of the {cells} x {cells} grid.\n"
-        f"Changes on each of {len(some)} paths: {loop.mean():.3f} of a loop that stays on its sheet, "
-        f"{fewest.mean():.3f} at least over these sheets, {any_postures(some, limit).mean():.3f} at least over any "
-        f"postures.\n\n{s}"
+        f"Changes on each of {len(loop)} paths of {len(some)} wholly served: {loop.mean():.3f} of a loop that stays "
+        f"on its sheet, {followed.mean():.3f} with follow, {fewest.mean():.3f} at least over them; "
+        f"{any_postures(some, limit).mean():.3f} at least over any postures.\n\n{s}"
     )
     return 0
 
