@@ -1,4 +1,4 @@
-"""Kinematics plugins of MoveIt, built against the stand-ins of tests/export/moveit_stubs and asked as MoveIt asks."""
+"""Kinematics plugins of MoveIt, asked as MoveIt asks."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from holokin.base.types import Array
-from holokin.export import MoveItPackage
 
-STUBS = Path(__file__).parent / "export" / "moveit_stubs"
-STRICT = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror")
 SUCCESS, NO_SOLUTION, TIMED_OUT = 1, -31, -6
 
 
@@ -35,32 +32,6 @@ class Answers:
     codes: Array
     joints: Array
     seconds: Array
-
-
-def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
-    """A program that must end well."""
-    words = [str(word) for word in command]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=400, check=False)
-    assert done.returncode == 0, done.stderr + done.stdout
-    return done
-
-
-def library(written: MoveItPackage, folder: Path, *flags: str) -> Path:
-    """The plugin as a library, with the strictest warnings."""
-    code, made = folder / "law.o", folder / "libplugin.so"
-    c = written.folder / "c"
-    run("cc", "-std=c99", "-O1", "-fPIC", "-fvisibility=hidden", *flags, "-c", c / f"{written.name}.c", "-o", code)
-    includes = [f"-I{place}" for place in (STUBS / "ros", STUBS / "loader", c)]
-    source = written.folder / "src" / "kinematics_plugin.cpp"
-    run("g++", "-std=c++17", "-O0", *STRICT, "-fPIC", "-shared", *flags, *includes, source, code, "-o", made)
-    return made
-
-
-def driver(folder: Path, *flags: str) -> Path:
-    """The driver of the stand-ins."""
-    made = folder / "driver"
-    run("g++", "-std=c++17", "-O0", *flags, f"-I{STUBS / 'ros'}", STUBS / "driver.cpp", "-o", made, "-ldl", "-lpthread")
-    return made
 
 
 def ask(

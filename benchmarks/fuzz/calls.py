@@ -48,6 +48,10 @@ def calls() -> dict[str, Call]:
            "upper": 1.0, "max_velocity": 2.0}  # fmt: skip
     one = np.eye(3)
     following = {"samples": 4, "method": "velocity", "limits": True}
+    shapes = {
+        "clear_of": [hk.obstacle("ball", hk.robot.Capsule(0.1), [0.0, 0.0, 1.0])], "floor": None, "clearance": 0.01,
+        "self_collision": True, "ignore": [("ball", robot.joint_names[0])], "shapes_of": hk.with_capsules(robot),
+    }  # fmt: skip
     t = np.arange(3.0)
     found: dict[str, Call] = {
         "load": (hk.load, ("planar-3r",), {"tip": None, "base": None, "locked": None}),
@@ -244,6 +248,8 @@ def calls() -> dict[str, Call]:
         "export_moveit": (hk.export.export_moveit, (held, "out"), {
             "q0": q, "package": "law_plugin", "group": "arm", "name": "law", "limits": True, "vectors_count": 1,
             "origin": "fuzz"}),
+        "export_ros2_control": (hk.export.export_ros2_control, (held, "out"), {
+            "q0": q, "package": "law_controller", "name": "law", "vectors_count": 1, "origin": "fuzz"}),
         "Recording": (recording.Recording, (("a", "b", "c"), t, np.zeros((3, 3)), "here"), {"notes": ()}),
         "audit_recording": (hk.audit_recording, (recording.Recording(tuple(robot.joint_names), t, np.zeros((3,
             3)), "here"),
@@ -265,12 +271,12 @@ def calls() -> dict[str, Call]:
             "samples": 4, "seed": 0, "limits": True, "explain": True, "reach": None}),
         "design": (hk.design, (task, k["space"], q), {
             "objective": hk.Objective(squared_speed=1.0), "base": k["g"], "degree": 1, "limits": True, "margin": 0.0,
-            "rcond": 0.0, "samples": 16, "seed": 0}),
+            "rcond": 0.0, "samples": 16, "seed": 0, **shapes}),
         "closest_holonomic": (hk.closest_holonomic, (law, region), {
             "base": k["g"], "degree": 1, "samples": 32, "seed": 0, "length": 0.5}),
         "advise": (hk.advise, (robot, k["space"]), {
-            "tip": None, "base": None, "task": "position", "q0": q, "say": lambda _: None}),
-        "section_metrics": (designing.section_metrics, (held, q, k["space"]), {}),
+            "tip": None, "base": None, "task": "position", "q0": q, "say": lambda _: None, **shapes}),
+        "section_metrics": (designing.section_metrics, (held, k["space"], q), shapes),
         "coverage_slices": (designing.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
         "posture_reach": (designing.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),
         "Workspace.poses": (k["space"].poses, (5,), {"seed": 0}),

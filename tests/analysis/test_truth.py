@@ -26,7 +26,7 @@ NO_QUESTION = {
     "DegreeTried", "NearbyCusps", "CuspWitness", "ProcessLines", "ToolTolerance", "ToolDeviation",
     "Clearance", "Deviation", "DriftFree", "DriftPrediction", "Exported", "GeneralForm", "Jump", "JointLoad",
     "BadFrames", "EqualPoses", "JointRates",
-    "MoveItPackage", "LeafFunction", "JointTensors", "Accuracy", "MeasuredCurvature",
+    "MoveItPackage", "Ros2ControlPackage", "LeafFunction", "JointTensors", "Accuracy", "MeasuredCurvature",
     "LeftOut", "ClosestHolonomic", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
     "Slice", "Slowdown", "TimedTrajectory", "Unseen", "Witness",
     # a fault that was found, and kinds: none is a no

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -118,6 +120,17 @@ def test_poses_that_are_near_but_not_equal_leave_it_open(tmp_path: Path) -> None
     assert audited(tmp_path / "d", tolerance=2e-2).verdict is LogVerdict.REPEATS
 
 
+def test_poses_a_millimetre_apart_are_compared_wherever_they_lie(tmp_path: Path) -> None:
+    """Two of them may lie on two sides of a cell of one grid; then they are in one cell of the other."""
+    ik = hk.inverse(hk.holonomic(hk.position(ARM), hk.lock(2)), Q0)
+    across = np.mgrid[-3:4, -3:4].reshape(2, -1).T * 0.03 + np.random.default_rng(4).uniform(0, 5e-3, (49, 2))
+    places = ARM.pose(Q0)[:3, 3] + np.pad(across, ((0, 0), (0, 1)))
+    for axis, step in enumerate(1e-3 * np.eye(3)[:2]):
+        episodes = [ik.batch(places).q, ik.batch(places + step).q]
+        found = audited(write(tmp_path / f"{axis}", episodes))
+        assert sorted(zip(found.pairs.first % 49, found.pairs.second % 49, strict=True)) == [(i, i) for i in range(49)]
+
+
 def test_equal_places_with_other_orientations_are_no_equal_poses(tmp_path: Path) -> None:
     """By default the whole pose counts: this arm turns its tool from episode to episode, at the same place."""
     folder = write(tmp_path / "d", DRIFTING)
@@ -160,3 +173,34 @@ def test_the_command_says_it_writes_it_and_draws_it(tmp_path: Path, holokin: Com
 
 def test_a_figure_without_a_pair_is_drawn(tmp_path: Path) -> None:
     assert len(dataset_figure(audited(write(tmp_path / "d", [HELD[0][:1]]))).axes) == 2
+
+
+PEAK = """
+import atexit, re
+from pathlib import Path
+from holokin.commands.main import main
+atexit.register(lambda: print(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1], flush=True))
+main()
+"""
+"""The command in a process of its own, and the most memory that the process had [kB], in its last line."""
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="the peak of the memory is read from /proc")
+def test_the_audit_of_a_million_frames_holds_less_than_200_megabytes(tmp_path: Path) -> None:
+    """A thousand episodes of seven joints, in one row group; every second one has the poses of the one before it."""
+    robot, rng, t = hk.load("panda"), np.random.default_rng(1), np.linspace(0, 1, 1000)
+    q0 = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
+    episodes = []
+    for _ in range(500):
+        size, rate, phase = rng.normal(size=(7, 4)) * 0.25, rng.uniform(0.5, 3, 4), rng.uniform(0, 2 * np.pi, 4)
+        waves = np.sin(2 * np.pi * rate[:, None] * t + phase[:, None]) - np.sin(phase)[:, None]
+        q = q0 + ((size / np.arange(1, 5)) @ waves).T
+        episodes += [{"observation.state": part.astype(np.float32)} for part in (q, q + 1e-4)]
+    names = {"observation.state": [f"{joint}.pos" for joint in robot.joint_names]}
+    folder = write_dataset(tmp_path / "d", episodes, names, per_file=len(episodes))
+    command = [sys.executable, "-c", PEAK, "audit", str(folder), "--robot", "panda", "--radians"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode in (0, 1), done.stderr
+    assert "1000000 frames of 1000 episodes" in done.stdout
+    assert int(done.stdout.split()[-1]) * 1024 < 200e6, done.stdout.splitlines()[-1]

@@ -335,8 +335,14 @@ def test_a_workspace_in_words_is_the_one_in_python() -> None:
 
 def test_the_command_writes_a_job_that_runs_and_a_picture(holokin: Command, tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
-    outcome = holokin("advise", "planar-3r", "--workspace", "box 1.2 0.4 0.25 0.25", "--out", file)
+    post = ("--obstacle", "post sphere 2.5 2.5 0 0.1", "--clearance", "0.03")
+    outcome = holokin("advise", "planar-3r", "--workspace", "box 1.2 0.4 0.25 0.25", *post, "--out", file)
     assert (outcome.code, outcome.err) == (0, "")
+    assert "clearance" in outcome.out and "clearance = 0.03" in file.read_text()
+    command = outcome.out.splitlines()[-1].removeprefix("certify it by: holokin ").split()
+    assert command == ["certify", str(file), "--workspace"]
+    proof = holokin(*command, "--out", tmp_path)
+    assert proof.code == 0 and "shapes of" in proof.out
     assert "Take " in outcome.out and "holokin run" in outcome.out
     assert "up to a minute" in outcome.out.splitlines()[0]
     assert file.with_suffix(".png").stat().st_size > 20_000

@@ -14,6 +14,7 @@ import pytest
 import holokin as hk
 from conftest import Command, assert_refused
 from holokin.checking import clear_postures
+from holokin.designing.advice import PROVABLE
 from holokin.designing.candidates import candidates
 from holokin.designing.coordinates import chart_of
 from holokin.designing.same_laws import distinct
@@ -110,7 +111,17 @@ def test_a_job_is_heard_with_its_torch_its_task_its_path_its_limits_and_its_degr
     assert on_edge.max() < 1e-12
     assert not asked.chosen
     assert [one.link for one in asked.obstacles] == ["post"]
-    assert not asked.clear(asked.q0[None])[0]  # the post stands where the torch is
+    assert asked.apart is not None and not asked.apart.clear(asked.q0[None])[0]  # the post stands where the torch is
+
+
+def test_checks_without_two_shapes_that_could_meet_ask_nothing_of_shapes(tmp_path: Path) -> None:
+    file = tmp_path / "square.toml"
+    file.write_text(PLANAR.replace("obstacles = [", "# obstacles = ["))
+    asked = question(str(file), Typed())
+    assert asked.apart is None and not asked.proven and not asked.obstacles
+    asked = question(str(file), Typed(floor=-0.5, clearance=0.03))
+    assert asked.apart is not None and asked.apart.wanted == 0.03 and asked.proven["floor"] == -0.5
+    assert asked.keys["checks"]["clearance"] == 0.03
 
 
 def test_what_is_typed_is_what_a_job_says(torch: str) -> None:
@@ -123,7 +134,7 @@ def test_what_is_typed_is_what_a_job_says(torch: str) -> None:
     assert np.abs(asked.q0 - meant.q0).max() < 1e-12
     assert np.abs(asked.task.robot.pose(asked.q0) - meant.task.robot.pose(meant.q0)).max() < 1e-12
     assert asked.task.robot.upper[5] == pytest.approx(3.0, abs=1e-12)
-    assert not asked.clear(asked.q0[None])[0]
+    assert asked.apart is not None and not asked.apart.clear(asked.q0[None])[0]
     assert asked.chosen == ("workspace",)
     over = question(torch, Typed(tool="0 0 0.1", task="position", workspace="sphere 0.4 0 0.2 0.1"))
     arm = hk.with_tool(hk.load("ur5e"), xyz=[0, 0, 0.1])
@@ -299,8 +310,11 @@ def test_a_law_on_trial_serves_only_where_its_postures_are_clear() -> None:
     plain = Poses(T, np.tile(np.eye(2), (32, 1, 1)), np.ones(3))
     (free,) = tried(law, q0[None], plain)
     middle = float(np.median(free.q[:, 0]))
-    (kept,) = tried(law, q0[None], replace(plain, clear=lambda Q: Q[:, 0] < middle))
-    assert kept.served.tolist() == (free.served & (free.q[:, 0] < middle)).tolist()
+    apart: Any = SimpleNamespace(wanted=0.1, least=lambda Q, near: 0.1 + middle - Q[:, 0])
+    (kept,) = tried(law, q0[None], replace(plain, apart=apart))
+    assert kept.served.tolist() == (free.served & (free.q[:, 0] <= middle)).tolist()
+    assert kept.clear == pytest.approx(np.mean(free.served & (free.q[:, 0] <= middle - PROVABLE)))
+    assert kept.clear < kept.coverage and free.clear == 1.0
     assert 0 < kept.coverage < free.coverage
 
 

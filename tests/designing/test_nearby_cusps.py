@@ -9,7 +9,7 @@ import pytest
 
 import holokin as hk
 from conftest import campaign
-from holokin.designing import compare_laws, designed_law
+from holokin.designing import advice_case, designed_law
 from holokin.designing.advice import ranked
 from holokin.designing.nearby_cusps import NEAR, NearbyCusps, cusps_near, said_of
 from holokin.errors import HolokinError
@@ -65,17 +65,17 @@ def test_of_laws_that_serve_alike_one_without_a_cusp_nearby_is_taken(
         seen.append(law)
         return NearbyCusps(hk.cusps(strategy(hk.lock(6)), PANDA, starts=1), 0.0 if len(seen) - 1 in near else 0.4)
 
-    monkeypatch.setattr(compare_laws, "cusps_near", given)
-    monkeypatch.setattr(compare_laws, "MORE_SPEED", 2.0)
+    monkeypatch.setattr(advice_case, "cusps_near", given)
+    monkeypatch.setattr(advice_case, "MORE_SPEED", 2.0)
     bars = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
     space = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
     advice = hk.advise(hk.from_dh(bars, name="planar"), space)
     order = [law.name for law in ranked(advice.laws)]
-    assert len(seen) == min(len(near) + 1, compare_laws.MOST)
-    assert advice.best.strategy is seen[0 if len(near) == compare_laws.MOST else len(near)]
-    assert advice.best.name == order[0 if len(near) == compare_laws.MOST else len(near)]
+    assert len(seen) == min(len(near) + 1, advice_case.MOST)
+    assert advice.best.strategy is seen[0 if len(near) == advice_case.MOST else len(near)]
+    assert advice.best.name == order[0 if len(near) == advice_case.MOST else len(near)]
     said = " ".join(advice.reasons)
-    if len(near) == compare_laws.MOST:
+    if len(near) == advice_case.MOST:
         assert f"so has {order[1]}, {order[2]}" in said
     else:
         assert f"{order[0]}, which needs" in said and "0.4 m from the workspace" not in said.split("which needs")[0]

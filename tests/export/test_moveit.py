@@ -17,7 +17,8 @@ import holokin as hk
 from conftest import PANDA_START
 from holokin.export import MoveItPackage, export_moveit
 from holokin.inverse_kinematics import InverseStatus
-from moveit_plugins import NO_SOLUTION, STUBS, SUCCESS, TIMED_OUT, Answers, Plugin, ask, driver, library, run
+from moveit_plugins import NO_SOLUTION, SUCCESS, TIMED_OUT, Answers, Plugin, ask
+from ros_plugins import STUBS, driver, found_by_pluginlib, includes, library, run
 
 pytestmark = pytest.mark.skipif(not (shutil.which("g++") and shutil.which("cc")), reason="no C++ compiler here")
 
@@ -36,7 +37,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> MoveItPackage:
 @pytest.fixture(scope="module")
 def plugin(package: MoveItPackage, tmp_path_factory: pytest.TempPathFactory) -> Plugin:
     folder = tmp_path_factory.mktemp("built")
-    return Plugin(library(package, folder), driver(folder), package.folder / "test" / "robot")
+    return Plugin(library(package, folder), driver("moveit_driver.cpp", folder), package.folder / "test" / "robot")
 
 
 def near(count: int, seed: int = 0, size: float = 0.3) -> np.ndarray:
@@ -68,7 +69,7 @@ def test_the_same_pose_has_the_joints_of_python_whatever_the_seed(plugin: Plugin
 
 def package_test(test: Path, robot: Path, plugin: Plugin, folder: Path) -> subprocess.CompletedProcess[str]:
     """The test of a package, with the stand-ins of GoogleTest and class_loader, as it ends."""
-    words = [f'-DPLUGIN="{plugin.library}"', f'-DROBOT="{robot}"', f"-I{STUBS / 'ros'}", f"-I{STUBS / 'loader'}"]
+    words = [f'-DPLUGIN="{plugin.library}"', f'-DROBOT="{robot}"', *includes("ros", "robot", "loader")]
     made = folder / "test_plugin"
     run("g++", "-std=c++17", "-O0", "-Wall", "-Wextra", *words, test, "-o", made, "-ldl", "-lpthread")
     return subprocess.run([str(made)], capture_output=True, text=True, timeout=200, check=False)
@@ -100,7 +101,11 @@ def test_threads_share_a_plugin(plugin: Plugin) -> None:
 @pytest.mark.campaign
 def test_no_thread_writes_what_another_reads(package: MoveItPackage, tmp_path: Path) -> None:
     flags = ("-fsanitize=thread", "-g")
-    watched = Plugin(library(package, tmp_path, *flags), driver(tmp_path, *flags), package.folder / "test" / "robot")
+    watched = Plugin(
+        library(package, tmp_path, *flags),
+        driver("moveit_driver.cpp", tmp_path, *flags),
+        package.folder / "test" / "robot",
+    )
     found = ask(watched, poses(near(60)), near(60, seed=1), "from_seed=bool:true", tip=TIP, threads=4)
     assert found.exit == 0 and "WARNING" not in found.words, found.words
 
@@ -203,7 +208,7 @@ def test_a_joint_that_follows_goes_with_its_leader(plugin: Plugin, tmp_path: Pat
     ("tip", "base", "group", "words"),
     [
         ("panda_joint5_link", "base", "arm", "m and .* rad from where the export has its tip 'panda_hand_tcp'"),
-        (TIP, "panda_joint1_link", "arm", "Choose base and tip of the group as they were exported"),
+        (TIP, "panda_joint1_link", "arm", "Choose base and tip as they were exported"),
         (TIP, "base", "leg", "has no such group"),
         ("nowhere", "base", "arm", "no link 'nowhere'"),
         (f"{TIP},panda_joint5_link", "base", "arm", "the group has 2 tips"),
@@ -285,7 +290,7 @@ def test_moveits_own_base_class_takes_the_plugin(package: MoveItPackage, tmp_pat
     """kinematics_base.hpp and .cpp of MoveIt, 2.12 or later, with stand-ins of what they need."""
     core = Path(os.environ["HOLOKIN_MOVEIT"]) / "moveit_core"
     base, macros = (core / name / "include" for name in ("kinematics_base", "macros"))
-    places = (base, macros, STUBS / "base", STUBS / "ros", STUBS / "loader", package.folder / "c")
+    places = (base, macros, STUBS / "base", STUBS / "ros", STUBS / "robot", STUBS / "loader", package.folder / "c")
     build = ["g++", "-std=c++17", "-O0", "-Wall", "-fPIC", *(f"-I{place}" for place in places)]
     source, code, made = core / "kinematics_base" / "src" / "kinematics_base.cpp", tmp_path / "law.o", tmp_path / "a.so"
     run("cc", "-std=c99", "-O1", "-fPIC", "-c", package.folder / "c" / f"{package.name}.c", "-o", code)
@@ -303,21 +308,5 @@ REAL = [Path("/usr/include/pluginlib"), Path("/usr/include/gtest"), Path("/usr/s
 @pytest.mark.skipif(not all(map(Path.exists, REAL)), reason="pluginlib, GoogleTest or ament_cmake is not installed")
 def test_ament_builds_the_package_and_pluginlib_finds_it(package: MoveItPackage, tmp_path: Path) -> None:
     """With Debian's ament_cmake, class_loader, pluginlib and GoogleTest; MoveIt and rclcpp are stand-ins."""
-    build, installed = tmp_path / "build", tmp_path / "installed"
-    options = [f"-DCMAKE_PREFIX_PATH={STUBS / 'cmake'}", f"-DCMAKE_INSTALL_PREFIX={installed}"]
-    run("cmake", "-S", package.folder, "-B", build, "-DPython3_EXECUTABLE=/usr/bin/python3", *options)
-    run("cmake", "--build", build)
-    assert "100% tests passed" in run("ctest", "--test-dir", build).stdout
-    run("cmake", "--install", build)
-    (installed / "share" / "ament_index" / "resource_index" / "packages" / "moveit_core").touch()
-    includes = [
-        f"-I/usr/include/{name}" for name in ("pluginlib", "class_loader", "rcpputils", "rcutils", "ament_index_cpp")
-    ]
-    libraries = [
-        f"-l{name}"
-        for name in ["class_loader", "ament_index_cpp", "rcpputils", "rcutils", "tinyxml2", "console_bridge", "roslib"]
-    ]
-    source, load = STUBS / "pluginlib_load.cpp", tmp_path / "load"
-    run("g++", "-std=c++17", "-w", f"-I{STUBS / 'ros'}", *includes, source, "-o", load, *libraries)
-    said = run("env", f"AMENT_PREFIX_PATH={installed}", load, "panda_law_moveit_plugin/KinematicsPlugin").stdout
-    assert said == "panda_law_moveit_plugin/KinematicsPlugin\n"
+    base = ("moveit_core", "kinematics::KinematicsBase", "moveit/kinematics_base/kinematics_base.hpp")
+    assert found_by_pluginlib(package, tmp_path, *base, "ros", "robot") == f"{package.plugin}\n"

@@ -15,7 +15,8 @@ from conftest import PANDA_START
 from holokin.commands.main import app
 from holokin.errors import ArgumentError, ExportError
 from holokin.export import MoveItPackage, export_moveit
-from moveit_plugins import SUCCESS, Plugin, ask, driver, library
+from moveit_plugins import SUCCESS, Plugin, ask
+from ros_plugins import driver, library
 
 START = [0.4, 0.7, 0.5, -0.3]
 
@@ -127,7 +128,7 @@ def named(tmp_path_factory: pytest.TempPathFactory) -> Plugin:
     folder = tmp_path_factory.mktemp("named")
     done = written(ROBOT, folder / "package", name="four", group='my "arm" & #1: x')
     ElementTree.parse(done.folder / "package.xml")
-    return Plugin(library(done, folder), driver(folder), done.folder / "test" / "robot")
+    return Plugin(library(done, folder), driver("moveit_driver.cpp", folder), done.folder / "test" / "robot")
 
 
 def around(count: int, size: float) -> np.ndarray:

@@ -28,6 +28,7 @@ SLOW = tuple(
     for name in (
         "audit",
         "choose",
+        "clearance",
         "concepts",
         "datasets",
         "inverse",

@@ -223,6 +223,8 @@ def test_along_a_path_no_joint_is_faster_than_is_proven(panda: hk.Robot) -> None
         ({"clear_of": [hk.obstacle("table", Box(np.array([1000.0, 1000.0, 50.0])), (600.0, 0.0, -100.0))]}, "metres"),
         ({"clear_of": [], "clearance": -0.1}, "clearance"),
         ({"clear_of": [], "floor": np.nan}, "floor"),
+        ({"clear_of": [], "floor": -800.0}, "metres"),
+        ({"clear_of": [], "clearance": 200.0}, "metres"),
         ({"floor": 0.0}, "clear_of"),
         ({"clear_of": [], "self_collision": False}, "obstacles"),
     ],

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.types import Array, Indices, Matrix, Vector, frozen
 from ..robot import Robot
@@ -31,7 +33,8 @@ def tool_points(position: Matrix, rotation: Array, axes: Matrix, length_scale: f
     if not axes.shape[1]:
         return position
     weight = length_scale / np.sqrt(2) if axes.shape[1] == 3 else length_scale
-    return np.hstack([position, weight * (rotation @ axes).reshape(len(position), -1)])
+    turned = rotation if axes is WHOLE else rotation @ axes
+    return np.hstack([position, weight * turned.reshape(len(position), 3 * axes.shape[1])])
 
 
 def noise_level(x: Matrix) -> float:
@@ -58,7 +61,10 @@ def encoder_levels(q: Matrix) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class ToolMotion:
-    """Tool points of postures q (k, n), computed when they are asked for: those of a long log fill the memory."""
+    """Tool points of postures q (k, n), computed when they are asked for: those of a long log fill the memory.
+
+    q may be in single precision, too.
+    """
 
     robot: Robot
     q: Matrix
@@ -73,11 +79,11 @@ class ToolMotion:
     def _all(self) -> Matrix | None:
         return self._points(slice(None)) if len(self.q) <= BLOCK else None
 
-    def _points(self, rows: slice | Indices) -> Matrix:
-        position, rotation = self.robot.pose_batch(self.q[rows], self.tip)
+    def _points(self, rows: slice | NDArray[np.integer[Any]]) -> Matrix:
+        position, rotation = self.robot.pose_batch(self.q[rows].astype(float, copy=False), self.tip)
         return tool_points(position, rotation, self.axes, self.length_scale)
 
-    def at(self, rows: slice | Indices) -> Matrix:
+    def at(self, rows: slice | NDArray[np.integer[Any]]) -> Matrix:
         """Tool points of some samples."""
         if self._all is not None:
             return self._all[rows]

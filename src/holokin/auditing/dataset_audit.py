@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.arguments import typed
-from ..base.types import ArrayLike, Flags, Vector
+from ..base.types import ArrayLike, Flags, Matrix, Vector
 from ..errors import ArgumentError
 from ..recording.dataset_columns import JointFeature, PoseFeature, postures_of, tool_poses_of
 from ..recording.dataset_folder import Dataset, rows
 from ..robot import Robot
 from ..tasks.task import Task
-from .arcs import tool_points
+from .arcs import WHOLE, ToolMotion, tool_points
 from .cycles import LENGTH_SCALE
-from .dataset_findings import DatasetAudit, EqualPoses, Numbers
+from .dataset_findings import DatasetAudit, EqualPoses, Numbers, ToolColumn, Whole
 from .equal_poses import to_pose
 from .log_audit import task_of_tool
 
@@ -38,11 +37,18 @@ AWAY = 4.0
 LOOKS = 8
 """Frames between two visits that are looked at for that."""
 
-Whole = NDArray[np.integer[Any]]
-"""Rows and cells; 32 bits take half the memory."""
+MIX = np.array([pow(0x9E3779B97F4A7C15, column + 1, 2**64) for column in range(12)], np.uint64)
+"""What the coordinates of a cell are multiplied by: their sum is the cell's number, the same for two cells by chance
+once in 2^64."""
 
-BLOCK = 20_000
-"""Frames whose Jacobians are in memory at one time."""
+PARTS = 16
+"""Parts of the cells that are searched one after the other, each with a sixteenth of the frames."""
+
+BLOCK = 4_000
+"""Frames whose tool poses are in memory at one time: two megabytes."""
+
+PAIRS = 1_000
+"""Frames whose Jacobians are in memory at one time: two megabytes."""
 
 
 @typed
@@ -83,11 +89,13 @@ def audit_dataset(
             raise ArgumentError(what, value, "give a positive number")
     chosen = list(range(len(dataset.episodes))) if episodes is None else episodes
     begins = np.cumsum([0, *(dataset.episodes[i].length for i in chosen)])
-    q, points = np.empty((begins[-1], robot.n), np.float32), np.empty((0, 0), np.float32)
+    count = int(begins[-1])
+    q, told = np.empty((count, robot.n), np.float32), np.empty((0, 0), np.float32)
+    key, moved = np.empty(count, np.uint64), np.empty(count, np.uint16)
     task: Task | None = None
-    done, apart, axes = 0, 0.0, np.eye(3)
+    done, apart, axes = 0, 0.0, WHOLE
     names = [joints.name, *([poses.name] if poses is not None and poses.name != joints.name else [])]
-    for part in rows(dataset, names, chosen):
+    for part in rows(dataset, names, chosen, size=BLOCK):
         postures = postures_of(dataset, robot, joints, part.values[joints.name])
         if not len(postures):
             continue
@@ -95,116 +103,167 @@ def audit_dataset(
             few = orientation is None and axis is None and robot.n < (3 if robot.planar else 6)
             whole = True if orientation is None and axis is None and not few else orientation
             task, axes = task_of_tool(robot, tip, whole, axis, postures[0])
-            axes = np.eye(3) if few else axes
-        z = tool_points(*robot.pose_batch(postures, tip), axes, length_scale)
+            axes = WHOLE if few else axes
+        here = slice(done, done + len(postures))
+        q[here], done = postures, here.stop
+        z = tool_points(*robot.pose_batch(q[here].astype(float), tip), axes, length_scale)
         if poses is not None:
-            told = tool_poses_of(dataset, poses, part.values[poses.name], part.frame)
-            by_column = tool_points(*told, axes, length_scale)
+            found = tool_poses_of(dataset, poses, part.values[poses.name], part.frame)
+            by_column = tool_points(*found, axes, length_scale)
             apart, z = max(apart, float(np.linalg.norm(by_column - z, axis=1).max())), by_column
-        if not done:
-            points = np.empty((begins[-1], z.shape[1]), np.float32)
-        q[done : done + len(z)], points[done : done + len(z)] = postures, z
-        done += len(z)
+            told = told if told.size else np.empty((count, z.shape[1]), np.float32)
+            told[here] = z
+        key[here], moved[here] = _cells(z.astype(np.float32), near)
     if task is None:
         raise ArgumentError("episodes", episodes, "name at least one")
     notes = () if poses is None else (f"{poses.name} and the tool of the joints are up to {apart:.3g} m apart",)
     turns = 1 / length_scale if task.m < 3 + axes.shape[1] and axes.shape[1] == 3 and not robot.planar else 0.0
-    q.flags.writeable = points.flags.writeable = False  # else a `Value` copies them
-    pairs = _equal_poses(task, q, points, begins, near, tolerance, turns)
+    q.flags.writeable = told.flags.writeable = False  # else a `Value` copies them
+    tool = ToolMotion(robot, cast("Matrix", q), tip, axes, length_scale) if poses is None else ToolColumn(told)
+    pairs = _pairs(tool, key, moved, begins, near)
+    del key, moved
+    pairs = _equal_poses(task, q, tool, *pairs, tolerance, turns)
     return DatasetAudit(
-        robot, dataset, task, joints.name, np.array(chosen), begins, q, points, pairs, near, tolerance, notes
+        robot, dataset, task, joints.name, np.array(chosen), begins, q, tool, pairs, near, tolerance, notes
     )  # fmt: skip
 
 
 def _equal_poses(
-    task: Task, q: Numbers, points: Numbers, begins: Whole, near: float, tolerance: float, turns: float
+    task: Task, q: Numbers, tool: ToolMotion | ToolColumn, first: Whole, second: Whole, tolerance: float, turns: float
 ) -> EqualPoses:  # fmt: skip
-    """The first visit of each cell of two grids, beside each other visit of it.
+    """The joints of pairs of rows.
 
     turns: how far joints [rad] follow a turn of the tool by which a distance of poses [m] grows, where the task has no
     rows for it: an arm of few joints.
     """
-    compared, found = np.zeros(len(q), bool), []
-    for shift in (0.0, 0.5):
-        for first, second in _visits(points, begins, near, shift):
+    distance, allowed, joint = np.empty(len(first)), np.full(len(first), tolerance), np.empty(len(first), np.int16)
+    for i in range(0, len(first), PAIRS):
+        here = slice(i, i + PAIRS)
+        a, b = first[here], second[here]
+        if turns:
+            turned = np.linalg.norm(_points(tool, a)[:, 3:] - _points(tool, b)[:, 3:], axis=1)
+            allowed[here] += SLOPE * (turns * turned)
+        distance[here], moved, joint[here] = _compared(task, q, a, b)
+        allowed[here] += SLOPE * moved
+    columns = (first, second, distance, allowed, joint)
+    for column in columns:
+        column.flags.writeable = False  # else a `Value` copies them
+    return EqualPoses(*columns)
+
+
+def _pairs(
+    tool: ToolMotion | ToolColumn, key: Whole, moved: Whole, begins: Whole, near: float
+) -> tuple[Whole, Whole]:  # fmt: skip
+    """(rows of first visits, rows of other visits of their poses), of both grids; a row is in the second only once."""
+    compared, count = np.zeros(len(key), bool), 0
+    found = np.empty((2, len(key)), np.int32)
+    for grid in range(2):
+        if grid:
+            _move(key, moved)
+        for first, second in _visits(tool, key, begins, near):
             new = ~compared[second]
-            first, second = first[new], second[new]
             compared[second] = True
-            for i in range(0, len(first), BLOCK):
-                a, b = first[i : i + BLOCK], second[i : i + BLOCK]
-                turned = turns * np.linalg.norm(points[a, 3:] - points[b, 3:], axis=1)
-                found.append(_compared(task, q, a, b, tolerance + SLOPE * turned))
-    if not found:
-        none = np.empty(0, np.intp)
-        return EqualPoses(none, none, np.empty(0), np.empty(0), none)
-    return EqualPoses(*(np.concatenate(column) for column in zip(*found, strict=True)))
+            here = slice(count, count + np.count_nonzero(new))
+            found[:, here], count = (first[new], second[new]), here.stop
+    return found[0, :count].copy(), found[1, :count].copy()
 
 
-def _cells(points: Numbers, near: float, shift: float) -> Whole:
-    """A number for the cell of a grid in which each tool point lies (k,)."""
-    key = np.zeros(len(points), np.uint64)
+def _cells(points: Numbers, near: float) -> tuple[Whole, Whole]:
+    """A number for the cell of a grid in which each tool point lies (k,), and a bit for each side on which it is nearer
+    to the next cell (k,)."""
+    key, moved = np.zeros(len(points), np.uint64), np.zeros(len(points), np.uint16)
     for column, values in enumerate(points.T):
-        width = near if column < 3 else 2 * near
-        cell = np.floor(values / width + shift).astype(np.int64).view(np.uint64)
-        key = (key ^ cell) * np.uint64(0x9E3779B97F4A7C15)
-        key ^= key >> np.uint64(29)
-    return key
+        place = values / (near if column < 3 else 2 * near)
+        cell = np.floor(place).astype(np.int64)
+        key += cell.view(np.uint64) * MIX[column]
+        moved |= (np.floor(place + 0.5).astype(np.int64) - cell).astype(np.uint16) << np.uint16(column)
+    return key, moved
 
 
-def _visits(points: Numbers, begins: Whole, near: float, shift: float) -> Iterator[tuple[Whole, Whole]]:
+def _move(key: Whole, moved: Whole) -> None:
+    """From the numbers of cells to those of the grid that lies half a cell aside, in place."""
+    bits = np.arange(2 ** len(MIX))[:, None] >> np.arange(len(MIX)) & 1
+    more = (bits.astype(np.uint64) * MIX).sum(axis=1, dtype=np.uint64)
+    for i in range(0, len(key), BLOCK):
+        key[i : i + BLOCK] += more[moved[i : i + BLOCK]]
+
+
+def _visits(
+    tool: ToolMotion | ToolColumn, key: Whole, begins: Whole, near: float
+) -> Iterator[tuple[Whole, Whole]]:  # fmt: skip
     """(rows of first visits, rows of other visits of their cells), at most `near` apart, in blocks."""
-    key = _cells(points, near, shift)
-    order = np.argsort(key, kind="stable").astype(np.int32)
-    key = key[order]
-    new_cell = np.append(True, key[1:] != key[:-1])
-    del key
-    starts = np.zeros(len(points), bool)
+    width = 2**64 // PARTS
+    starts = np.zeros(len(key), bool)
     starts[begins[:-1]] = True
+    for low in range(0, 2**64, width):
+        rows = np.flatnonzero((key >= np.uint64(low)) & (key <= np.uint64(low + width - 1))).astype(np.int32)
+        if len(rows):
+            yield from _visits_of(tool, rows, key[rows], starts, begins, near)
+
+
+def _visits_of(
+    tool: ToolMotion | ToolColumn, rows: Whole, key: Whole, starts: Flags, begins: Whole, near: float
+) -> Iterator[tuple[Whole, Whole]]:  # fmt: skip
+    """The same of some cells: all their rows, with their keys; starts: rows with which episodes begin."""
+    by_cell = np.argsort(key, kind="stable")
+    order, key = rows[by_cell], key[by_cell]
+    new_cell = np.append(True, key[1:] != key[:-1])
     new_visit = new_cell | np.append(True, np.diff(order) != 1) | starts[order]
-    visit = np.append(np.flatnonzero(new_visit), len(order)).astype(np.int32)  # where each begins, and the end
+    visit = np.append(np.flatnonzero(new_visit), len(order))  # where each begins, and the end
     first_here = new_cell[visit[:-1]]
-    other, cell = np.flatnonzero(~first_here).astype(np.int32), np.cumsum(first_here, dtype=np.int32)
-    first_of = np.flatnonzero(first_here).astype(np.int32)
-    del new_cell, new_visit, starts
+    other, cell, first_of = np.flatnonzero(~first_here), np.cumsum(first_here), np.flatnonzero(first_here)
     for i in range(0, len(other), BLOCK):
         part = other[i : i + BLOCK]
         first = first_of[cell[part] - 1]
-        reference = order[(visit[first] + visit[first + 1] - 1) // 2]  # the frame in the middle stands for the visit
-        second = _nearest_frames(points, order, visit[part], visit[part + 1], reference)
-        close = np.linalg.norm(points[second] - points[reference], axis=1) <= near
-        first, second = reference[close], second[close]
-        apart = _was_away(points, begins, first, second, AWAY * near)
+        first = order[(visit[first] + visit[first + 1] - 1) // 2]  # the frame in the middle stands for the visit
+        points = _points(tool, first)
+        second, gap = _nearest_frames(tool, order, visit[part], visit[part + 1], points)
+        close = gap <= near
+        first, second, points = first[close], second[close], points[close]
+        apart = _was_away(tool, begins, first, second, points, AWAY * near)
         yield first[apart], second[apart]
 
 
-def _nearest_frames(points: Numbers, order: Whole, begin: Whole, end: Whole, reference: Whole) -> Whole:
-    """Of each visit, rows order[begin:end], the one whose pose is nearest to that of its reference."""
+def _points(tool: ToolMotion | ToolColumn, rows: Whole) -> Numbers:
+    """Tool points of some rows, in single precision; those of equal rows that follow each other are computed once."""
+    new = np.ones(len(rows), bool)
+    new[1:] = rows[1:] != rows[:-1]
+    return tool.at(rows[new]).astype(np.float32)[np.cumsum(new) - 1]
+
+
+def _nearest_frames(
+    tool: ToolMotion | ToolColumn, order: Whole, begin: Whole, end: Whole, reference: Numbers
+) -> tuple[Whole, Numbers]:  # fmt: skip
+    """Of each visit, rows order[begin:end], the one whose pose is nearest to a tool point, and how near."""
     length = np.minimum(end - begin, LOOKS)  # of a long rest some frames say it all
-    best, least = order[begin], np.full(len(begin), np.inf)
+    best, least = order[begin], np.full(len(begin), np.inf, np.float32)
     for k in range(int(length.max())):
-        at = order[begin + np.minimum(k * (end - begin) // length, end - begin - 1)]
-        gap = np.linalg.norm(points[at] - points[reference], axis=1)
-        best, least = np.where(gap < least, at, best), np.minimum(gap, least)
-    return best
+        mine = np.flatnonzero(length > k)
+        at = order[begin[mine] + k * (end - begin)[mine] // length[mine]]
+        gap = np.linalg.norm(_points(tool, at) - reference[mine], axis=1)
+        nearer = gap < least[mine]
+        best[mine[nearer]], least[mine[nearer]] = at[nearer], gap[nearer]
+    return best, least
 
 
-def _was_away(points: Numbers, begins: Whole, first: Whole, second: Whole, far: float) -> Flags:
-    """Whether two rows are of different episodes, or the tool was far from both of them in between."""
+def _was_away(
+    tool: ToolMotion | ToolColumn, begins: Whole, first: Whole, second: Whole, points: Numbers, far: float
+) -> Flags:  # fmt: skip
+    """Whether two rows are of different episodes, or the tool was far from the first, at `points`, in between."""
     of = [np.searchsorted(begins, rows, side="right") for rows in (first, second)]
     away = of[0] != of[1]
-    low, high = np.minimum(first, second), np.maximum(first, second)
+    low, high = np.minimum(first, second).astype(np.int64), np.maximum(first, second)
     for k in range(1, LOOKS + 1):
-        between = low + (high - low).astype(np.int64) * k // (LOOKS + 1)
-        away |= np.linalg.norm(points[between] - points[first], axis=1) > far
+        asked = np.flatnonzero(~away)
+        between = (low + (high - low) * k // (LOOKS + 1))[asked]
+        away[asked] = np.linalg.norm(_points(tool, between) - points[asked], axis=1) > far
     return away
 
 
-def _compared(
-    task: Task, q: Numbers, first: Whole, second: Whole, tolerance: Vector
-) -> tuple[Whole, Whole, Vector, Vector, Whole]:  # fmt: skip
-    """The columns of `EqualPoses` for some pairs."""
+def _compared(task: Task, q: Numbers, first: Whole, second: Whole) -> tuple[Vector, Vector, Whole]:
+    """Of some pairs the largest joint distance, how far joints were moved to one pose, and which joint it is."""
     here, there = q[first].astype(float), q[second].astype(float)
     met, moved = to_pose(task, there, *task.poses(here))
     gap = np.abs(met - here)
     joint = np.argmax(gap, axis=1)
-    return first, second, gap[np.arange(len(gap)), joint], tolerance + SLOPE * moved, joint
+    return gap[np.arange(len(gap)), joint], moved, joint

@@ -12,13 +12,31 @@ from ..base.types import Flags, Indices, NoTruthValue, Value, Vector
 from ..recording import Dataset
 from ..robot import Robot
 from ..tasks.task import Task
+from .arcs import ToolMotion
 from .equal_poses import LogVerdict
 
 Numbers = NDArray[np.floating[Any]]
 """Joints and tool points in single precision, which takes half the memory."""
 
+BLOCK = 50_000
+"""Pairs that are looked at in one go: a megabyte."""
+
+Whole = NDArray[np.integer[Any]]
+"""Rows, cells and joints; 32 bits take half the memory."""
+
 MOST_ROWS = 8
 """Episodes that are named, the worst first; `summary` has all."""
+
+
+@dataclass(frozen=True, eq=False)
+class ToolColumn(Value):
+    """Tool points z (k, d) that were read, as `tool_points` makes them."""
+
+    z: Numbers
+
+    def at(self, rows: Whole) -> Numbers:
+        """Those of some rows."""
+        return self.z[rows]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +45,11 @@ class EqualPoses(Value):
     distance (p,) of the joints of the second, moved to the pose of the first, from those of the first; allowed (p,):
     up to which they are equal; joint (p,): the one that is farthest."""
 
-    first: Indices
-    second: Indices
+    first: Whole
+    second: Whole
     distance: Vector
     allowed: Vector
-    joint: Indices
+    joint: Whole
 
     @property
     def beyond(self) -> Flags:
@@ -44,7 +62,8 @@ class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
     """Findings of `audit_dataset`; `str` prints them, `summary` gives them as plain data.
 
     episodes (e,): those that were looked at; begins (e + 1,): where each begins among the rows of `q` (k, n), joints
-    [rad or m] in single precision as they are stored; points (k, d): tool poses, as `tool_points`; pairs: equal poses.
+    [rad or m] in single precision as they are stored; tool: `tool.at(rows)` are their tool poses, as `tool_points`;
+    pairs: equal poses.
     """
 
     robot: Robot
@@ -54,7 +73,7 @@ class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
     episodes: Indices
     begins: Indices
     q: Numbers
-    points: Numbers
+    tool: ToolMotion | ToolColumn
     pairs: EqualPoses
     near: float
     tolerance: float
@@ -87,30 +106,26 @@ class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
         pairs = self.pairs
         if not len(pairs.first):
             return None
-        over = pairs.distance - pairs.allowed
-        return int(np.argmax(over)) if pairs.beyond.any() else int(np.argmax(pairs.distance))
+        if not pairs.beyond.any():
+            return int(np.argmax(pairs.distance))
+        return int(np.argmax(pairs.distance - pairs.allowed))
 
     def by_episode(self) -> list[dict[str, Any]]:
         """Of each episode with equal poses: how many, how many differ, and the worst, with its frames and place."""
-        pairs, found = self.pairs, []
-        of = [np.searchsorted(self.begins, rows, side="right") - 1 for rows in (pairs.first, pairs.second)]
-        over = pairs.distance - pairs.allowed
-        order = np.concatenate(of)
-        number = np.tile(np.arange(len(over)), 2)
-        by = np.lexsort((-over[number], order))
-        starts = np.flatnonzero(np.diff(order[by], prepend=-1))
-        for part in np.split(by, starts[1:]) if len(by) else ():
-            mine = np.unique(number[part])
-            fact = {"episode": int(self.episodes[order[part[0]]]), "equal poses": len(mine)}
-            fact["differ"] = int(pairs.beyond[mine].sum())
-            found.append(fact | {"worst": self.place(int(number[part[0]]))})
-        return found
+        count, differ, worst = _of_episodes(self)
+        return [
+            {
+                "episode": int(self.episodes[at]), "equal poses": int(count[at]), "differ": int(differ[at]),
+                "worst": self.place(int(worst[at])),
+            }
+            for at in np.flatnonzero(count)
+        ]  # fmt: skip
 
     def place(self, pair: int) -> dict[str, Any]:
         """A pair as plain data: its frames, where the tool is, and how far the joints are apart."""
         pairs = self.pairs
         (e, i), (f, j) = self.frame(int(pairs.first[pair])), self.frame(int(pairs.second[pair]))
-        xyz = [float(v) for v in self.points[pairs.first[pair], :3]]
+        xyz = self.tool.at(pairs.first[pair : pair + 1])[0, :3].astype(np.float32).tolist()
         return {
             "first": {"episode": e, "frame": i}, "second": {"episode": f, "frame": j}, "tool": xyz,
             "joint": self.robot.joint_names[pairs.joint[pair]], "distance": float(pairs.distance[pair]),
@@ -139,6 +154,32 @@ class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
 
     def __str__(self) -> str:
         return "\n".join([*(f"{what}: {found}" for what, found in self.rows()), self.sentence()])
+
+
+def _of_episodes(audit: DatasetAudit) -> tuple[Indices, Indices, Indices]:
+    """Of each episode (e,): its pairs, those of them that differ, and the one that is farthest over what is allowed."""
+    pairs, size = audit.pairs, len(audit.episodes)
+    count, differ, worst = (np.zeros(size, np.intp) for _ in range(3))
+    most = np.full(size, -np.inf)
+
+    def block(i: int) -> tuple[list[Indices], Vector]:
+        rows = [column[i : i + BLOCK] for column in (pairs.first, pairs.second)]
+        over = pairs.distance[i : i + BLOCK] - pairs.allowed[i : i + BLOCK]
+        return [np.searchsorted(audit.begins, part, side="right") - 1 for part in rows], over
+
+    starts = range(0, len(pairs.first), BLOCK)
+    for i in starts:
+        of, over = block(i)
+        for mine, counts in zip(of, (np.ones(len(over), bool), of[0] != of[1]), strict=True):
+            np.add.at(count, mine[counts], 1)
+            np.add.at(differ, mine[counts & (over > 0)], 1)
+            np.maximum.at(most, mine, over)
+    for which in (1, 0):  # of equal ones the first counts, which is written last
+        for i in reversed(starts):
+            of, over = block(i)
+            best = np.flatnonzero(over == most[of[which]])[::-1]
+            worst[of[which][best]] = i + best
+    return count, differ, worst
 
 
 def _sentence(audit: DatasetAudit) -> str:

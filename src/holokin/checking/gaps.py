@@ -18,6 +18,9 @@ from ..robot.numeric import Frames, placed
 FLOOR = "floor"
 """The name of the floor in findings."""
 
+UP = np.array([0.0, 0.0, 1.0])
+"""The direction taken for two axes that meet, which have none."""
+
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,26 @@ def links_of(shapes: Sequence[LinkShape]) -> list[Link]:
 
 
 @dataclass(frozen=True, eq=False)
+class Nearest(Value):
+    """Where two things are nearest at k postures.
+
+    distance (k,) [m], infinite where it was not looked at; away (k, 3), of length 1, from the other to the one; on_one,
+    on_other (k, 3) [m], points of them, or of the axes of capsules, by whose motion along `away` the distance changes.
+    """
+
+    distance: Vector
+    away: Matrix
+    on_one: Matrix
+    on_other: Matrix
+
+    @staticmethod
+    def of(columns: Matrix, near: float) -> Nearest:
+        """Of (k, 10) numbers, those fields side by side; only what is nearer than `near` counts."""
+        far = columns[:, 0] >= near
+        return Nearest(np.where(far, np.inf, columns[:, 0]), columns[:, 1:4], columns[:, 4:7], columns[:, 7:])
+
+
+@dataclass(frozen=True, eq=False)
 class Gap(Value, ABC):
     """What the distance of two things is at a posture, and how fast it can change. Abstract.
 
@@ -59,6 +82,15 @@ class Gap(Value, ABC):
         That of meshes is the distance of their convex hulls, which is no larger; where this is below `near`, their own.
         """
 
+    @abstractmethod
+    def nearest(self, frames: Frames, near: float) -> Nearest:
+        """Where the two are nearest at all postures of frames, if nearer than `near`; of meshes their convex hulls."""
+
+    @property
+    @abstractmethod
+    def joints(self) -> tuple[int, int]:
+        """On whose moving sides the two are; -1 for the base."""
+
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -70,8 +102,22 @@ class FloorGap(Gap):
 
     def distances(self, frames: Frames, rows: Indices, near: float) -> Vector:
         """Height of the lowest point over the floor."""
-        found = [lowest(s.shape, *_pose(frames, s, rows)) for s in self.link.shapes]
+        found = [lowest(s.shape, *_pose(frames, s, rows))[:, 2] for s in self.link.shapes]
         return np.min(found, axis=0) - self.height
+
+    def nearest(self, frames: Frames, near: float) -> Nearest:
+        """The lowest point, and that of the floor below it."""
+        count = len(frames[0][0])
+        low = np.array([lowest(s.shape, *_pose(frames, s, np.arange(count))) for s in self.link.shapes])
+        point = low[low[:, :, 2].argmin(axis=0), np.arange(count)]
+        below = point * [1.0, 1.0, 0.0] + [0.0, 0.0, self.height]
+        columns = point[:, 2] - self.height, np.tile(UP, (count, 1)), point, below
+        return Nearest.of(np.column_stack(columns), near)
+
+    @property
+    def joints(self) -> tuple[int, int]:
+        """That of the link; the floor stands still."""
+        return self.link.joint, -1
 
 
 @final
@@ -95,10 +141,32 @@ class LinkGap(Gap):
                 least[open_rows] = np.minimum(least[open_rows], found)
         return least
 
+    def nearest(self, frames: Frames, near: float) -> Nearest:
+        """Of the pair of their shapes that is nearest."""
+        count = len(frames[0][0])
+        sides = [
+            [(s.shape, *_pose(frames, s, np.arange(count))) for s in link.shapes] for link in (self.one, self.other)
+        ]
+        pairs = [(a, b) for a in sides[0] for b in sides[1]]
+        bounds, best = [_ball_gap(a, b) for a, b in pairs], np.zeros((count, 10))
+        best[:, 0] = near
+        for i in np.argsort([bound.min() for bound in bounds]):
+            rows = np.flatnonzero(bounds[i] < best[:, 0])
+            if len(rows):
+                found = _nearest(pairs[i][0], pairs[i][1], rows)
+                nearer = found[:, 0] < best[rows, 0]
+                best[rows[nearer]] = found[nearer]
+        return Nearest.of(best, near)
+
+    @property
+    def joints(self) -> tuple[int, int]:
+        """Those of the links."""
+        return self.one.joint, self.other.joint
+
 
 def link_gap(robot: Robot, one: Link, other: Link, travel: Vector) -> LinkGap:
     """The gap of two links; `travel` (joints,): the farthest that sliders are from their zero [m]."""
-    ups = [_up(robot, link.joint) for link in (one, other)]
+    ups = [joints_above(robot, link.joint) for link in (one, other)]
     shared = set(ups[0]) & set(ups[1])
     weights = sum(_weights(robot, link, shared, travel) for link in (one, other))
     return LinkGap((one.name, other.name), np.asarray(weights), one, other)
@@ -109,7 +177,8 @@ def floor_gap(robot: Robot, link: Link, height: float, travel: Vector) -> FloorG
     return FloorGap((link.name, FLOOR), _weights(robot, link, set(), travel), link, height)
 
 
-def _up(robot: Robot, joint: int) -> list[int]:
+def joints_above(robot: Robot, joint: int) -> list[int]:
+    """A joint and all those before it; none for the base, -1."""
     found = []
     while joint >= 0:
         found.append(joint)
@@ -120,7 +189,7 @@ def _up(robot: Robot, joint: int) -> list[int]:
 def _weights(robot: Robot, link: Link, shared: set[int], travel: Vector) -> Vector:
     """How far a point of the link can move per joint unit: the length of the arm from the joint to it, at most."""
     weights, arm = np.zeros(robot.n), link.radius
-    for index in _up(robot, link.joint):
+    for index in joints_above(robot, link.joint):
         if index in shared:
             break
         joint = robot.joints[index]
@@ -179,26 +248,56 @@ def _coal_distance(a: Any, b: Any, one: Posed, other: Posed, rows: Indices) -> V
     return found
 
 
+def _nearest(one: Posed, other: Posed, rows: Indices) -> Matrix:
+    """Where two shapes, meshes as their hulls, are nearest at some rows: (k, 10), the fields of `Nearest`."""
+    (a, p, R), (b, x, S) = one, other
+    p, R, x, S = p[rows], R[rows], x[rows], S[rows]
+    if isinstance(a, Capsule) and isinstance(b, Capsule):
+        u, v = R[:, :, 2] * a.length / 2, S[:, :, 2] * b.length / 2
+        s, t = _segment_places(p, u, x, v)
+        ends = p + s[:, None] * u, x + t[:, None] * v
+        step = ends[0] - ends[1]
+        size = np.linalg.norm(step, axis=1)
+        across = np.where(size[:, None] > 0, step / np.where(size > 0, size, 1.0)[:, None], UP)
+        return np.column_stack([size - a.radius - b.radius, across, *ends])
+    coal = coal_package()
+    asked, answer = coal.DistanceRequest(), coal.DistanceResult()
+    asked.enable_signed_distance = True
+    found = np.empty((len(rows), 10))
+    for k in range(len(rows)):
+        answer.clear()
+        places = coal.Transform3s(R[k], p[k]), coal.Transform3s(S[k], x[k])
+        found[k, 0] = coal.distance(a.solid, places[0], b.solid, places[1], asked, answer)
+        found[k, 1:] = np.concatenate([-answer.normal, answer.getNearestPoint1(), answer.getNearestPoint2()])
+    return found
+
+
 def segment_distance(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> Vector:
     """Distances (k,) of the segments p +- u and x +- v."""
     return frozen(np.linalg.norm(segment_step(p, u, x, v), axis=1))
 
 
 def segment_step(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> Matrix:
-    """The shortest p + s u - x - t v (k, 3) over s, t in [-1, 1], of the segments p +- u and x +- v.
+    """The shortest p + s u - x - t v (k, 3) over s, t in [-1, 1], of the segments p +- u and x +- v."""
+    s, t = _segment_places(p, u, x, v)
+    return p - x + s[:, None] * u - t[:, None] * v
+
+
+def _segment_places(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> tuple[Vector, Vector]:
+    """s, t (k,) in [-1, 1] of the shortest p + s u - x - t v, of the segments p +- u and x +- v.
 
     Its length is convex in (s, t), so it is least at the free optimum, if that is inside, or on one of the four edges.
     """
     w = p - x
     a, b, c = (np.einsum("ki,ki->k", *pair) for pair in ((u, u), (u, v), (v, v)))
     d, e = np.einsum("ki,ki->k", u, w), np.einsum("ki,ki->k", v, w)
-    best, least = w.copy(), np.full(len(p), np.inf)
+    best, least = (np.zeros(len(p)), np.zeros(len(p))), np.full(len(p), np.inf)
 
     def meet(s: Vector, t: Vector) -> None:
         step = w + s[:, None] * u - t[:, None] * v
         length = np.linalg.norm(step, axis=1)
         shorter = length < least
-        best[shorter], least[shorter] = step[shorter], length[shorter]
+        best[0][shorter], best[1][shorter], least[shorter] = s[shorter], t[shorter], length[shorter]
 
     with np.errstate(divide="ignore", invalid="ignore"):
         det = a * c - b * b

@@ -1,20 +1,113 @@
-"""Which of many postures keep clear of obstacles, of the floor, and of the robot itself."""
+"""How far apart links, obstacles and the floor are at many postures, and which of these keep clear."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import Flags, Matrix, not_negative
+from ..base.types import Array, Flags, Matrix, Value, Vector, not_negative
 from ..robot import LinkShape, Robot, with_capsules
-from ..robot.numeric import joint_frames
+from ..robot.numeric import Frames, joint_frames
+from .gaps import joints_above
 from .motion_checks import CLEARANCE
-from .pairs import pairs_of
+from .pairs import Pairs, pairs_of
 
 Clear = Callable[[Matrix], Flags]
 """Which of some postures (k, n) are clear (k,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clearances(Value):
+    """What tells at single postures how far apart P pairs are: two links, a link and an obstacle, a link and the floor.
+
+    pairs: as of `check`, of the shapes of the robot. wanted: the distance asked for [m]; of a pair that is always
+    nearer it is only asked that it does not touch.
+    """
+
+    robot: Robot
+    pairs: Pairs
+    wanted: float
+
+    @cached_property
+    def limits(self) -> Vector:
+        """The distance asked of each pair (P,) [m]."""
+        return np.array(self.pairs.limits)
+
+    @property
+    def names(self) -> tuple[tuple[str, str], ...]:
+        """Of the pairs."""
+        return tuple(gap.names for gap in self.pairs.gaps)
+
+    @property
+    def free(self) -> Clearances:
+        """Those of the pairs that are not always nearer than is wanted."""
+        kept = [(gap, limit) for gap, limit in zip(self.pairs.gaps, self.limits, strict=True) if limit >= self.wanted]
+        gaps, limits = tuple(gap for gap, _ in kept), tuple(float(limit) for _, limit in kept)
+        return replace(self, pairs=replace(self.pairs, gaps=gaps, limits=limits))
+
+    def distances(self, Q: Matrix, near: float = -np.inf) -> Matrix:
+        """Of each pair at postures (k, n) -> (k, P) [m]; negative where they overlap.
+
+        Of meshes those of their convex hulls, and where these are below `near`, their own.
+        """
+        frames, every = joint_frames(self.robot, Q), np.arange(len(Q))
+        found = [gap.distances(frames, every, near) for gap in self.pairs.gaps if len(Q)]
+        return np.column_stack(found) if found else np.zeros((len(Q), len(self.pairs.gaps)))
+
+    def least(self, Q: Matrix, near: float = -np.inf) -> Vector:
+        """The least distance at postures (k, n) -> (k,) [m]; of pairs that are always near only where they touch."""
+        return self.counted(self.distances(Q, near)).min(axis=1, initial=np.inf)
+
+    def clear(self, Q: Matrix) -> Flags:
+        """Which postures (k, n) keep all pairs as far apart as is asked of them (k,)."""
+        return np.all(self.distances(Q, self.wanted) >= self.limits, axis=1)
+
+    def counted(self, distances: Matrix) -> Matrix:
+        """The distances (k, P), infinite for pairs that are always near and do not touch."""
+        return np.where((distances >= 0) & (self.limits < self.wanted), np.inf, distances)
+
+    def slopes(self, Q: Matrix, near: float) -> tuple[Matrix, Array]:
+        """The distances of pairs that are nearer than `near` (k, P), infinite for others, and their slopes (k, P, n).
+
+        Of points a and b of the two shapes where they are nearest, and n the unit vector from b to a,
+
+            d distance / dq = n . (J_a - J_b)
+        """
+        frames, robot = joint_frames(self.robot, Q), self.robot
+        found, slopes = np.empty((len(Q), len(self.limits))), np.zeros((len(Q), len(self.limits), robot.n))
+        turn, shift = _screws(robot, frames)
+        for p, gap in enumerate(self.pairs.gaps):
+            at = gap.nearest(frames, near)
+            found[:, p] = at.distance
+            rows = np.isfinite(at.distance)
+            if not rows.any():
+                continue
+            above = [joints_above(robot, joint) for joint in gap.joints]
+            for sign, own, other, point in ((1.0, *above, at.on_one), (-1.0, *above[::-1], at.on_other)):
+                moving = [i for i in own if i not in other]
+                n = at.away[rows]
+                each = np.einsum("kij,kj->ki", turn[rows][:, moving], np.cross(point[rows], n))
+                each += np.einsum("kij,kj->ki", shift[rows][:, moving], n)
+                for column, i in enumerate(moving):
+                    joint = robot.joints[i]
+                    slopes[rows, p, joint.coordinate] += sign * joint.multiplier * each[:, column]
+        return found, slopes
+
+
+def _screws(robot: Robot, frames: Frames) -> tuple[Array, Array]:
+    """z and v (k, joints, 3): a joint moves a point x of what it carries by z x x + v per joint unit."""
+    turn, shift = np.zeros((len(frames[0][0]), len(frames), 3)), np.zeros((len(frames[0][0]), len(frames), 3))
+    for i, (p, R) in enumerate(frames):
+        axis = R @ robot.joints[i].axis
+        if robot.joints[i].kind == "prismatic":
+            shift[:, i] = axis
+        else:
+            turn[:, i], shift[:, i] = axis, np.cross(p, axis)
+    return turn, shift
 
 
 @typed
@@ -37,21 +130,18 @@ def clear_postures(
     Raises:
         UnknownNameError: no such link. ArgumentError: a negative clearance; a robot without links.
     """
+    return posture_clearances(robot, obstacles, floor, clearance, self_collision, ignore).clear
+
+
+def posture_clearances(
+    robot: Robot, obstacles: Sequence[LinkShape], floor: float | None, clearance: float, self_collision: bool,
+    ignore: Sequence[tuple[str, str]],
+) -> Clearances:  # fmt: skip
+    """What tells of postures how far apart they are. Raises: as `clear_postures`."""
     robot.check_links()
-    wanted = not_negative("clearance", clearance)
+    wanted, still = not_negative("clearance", clearance), np.zeros((1, robot.n))
     shaped = with_capsules(robot) if all(shape.obstacle for shape in robot.shapes) else robot
     pairs = pairs_of(
-        shaped, obstacles, np.zeros((1, robot.n)), clearance=wanted, floor=floor, self_collision=self_collision,
-        ignore=ignore,
-    )  # fmt: skip
-
-    def clear(Q: Matrix) -> Flags:
-        found, every = np.ones(len(Q), dtype=bool), np.arange(len(Q))
-        if not len(Q):
-            return found
-        frames = joint_frames(shaped, Q)
-        for gap, limit in zip(pairs.gaps, pairs.limits, strict=True):
-            found &= gap.distances(frames, every, wanted) >= limit
-        return found
-
-    return clear
+        shaped, obstacles, still, clearance=wanted, floor=floor, self_collision=self_collision, ignore=ignore
+    )
+    return Clearances(shaped, pairs, wanted)

@@ -51,6 +51,9 @@ def advise(
         list[str] | None,
         typer.Option(help='Like "table box X Y Z SX SY SZ" (centre, sides) [m]; may be given again.'),
     ] = None,
+    clearance: Annotated[
+        float | None, typer.Option(help="Distance [m] that links keep from these and from each other; or 0.01.")
+    ] = None,
     q0: Annotated[
         str | None, typer.Option(help="The posture to begin at, in rad and m, like '0 -0.8 0 -2.4 0 1.6 0.8'.")
     ] = None,
@@ -69,7 +72,7 @@ def advise(
     picture. Exits 0 when that is done, 2 on bad input.
     """
     from ..errors import ArgumentError
-    from ..job.advice_job import advise_command
+    from ..job.advice_job import advise_command, proof_command
     from ..job.advice_question import Typed
     from ..output.advice_report import advice_figure, print_advice
     from ..output.plots import write_figure
@@ -79,7 +82,7 @@ def advise(
     kind = TaskKind.POSITION if position else task
     typed = Typed(
         workspace, tip, base, kind.value if kind else None, axis, q0, degrees, tool, base_pose, tuple(limit or ()),
-        floor, tuple(obstacle or ()),
+        floor, tuple(obstacle or ()), clearance,
     )  # fmt: skip
     with ending().telling() as say:
         found, asked, write = advise_command(robot, typed, out, say, say.announce, levels)
@@ -92,3 +95,5 @@ def advise(
     if remark:
         show(f"  Note: {remark}")
     show(f"wrote {job} and {picture} after {found.seconds:.0f} s; then: holokin run {job}")
+    if proof := proof_command(found, asked, job):
+        show(f"certify it by: {proof}")

@@ -77,27 +77,31 @@ def audit(
     """
     from ..auditing import audit_recording
     from ..errors import ArgumentError, RecordingError
-    from ..job import axis_of
-    from ..output.log_report import log_figure, print_log_audit, save_log_audits
-    from ..output.plots import write_figure
     from ..recording import is_dataset, read_runs
     from ..robot import is_model, load
 
     if position and axis is not None:
         raise ArgumentError("--position beside --axis", axis, "give one of them")
+    about = None
+    if axis is not None:
+        from ..job import axis_of  # it loads the reader of job files: 13 MB
+
+        about = axis_of(axis)
     arm = load(robot, tip=tip if is_model(robot) else None)
     of_dataset = {
         "episodes": episodes, "column": column, "poses": poses, "angles": angles, "order": order, "near": near,
     }  # fmt: skip
     if len(log) == 1 and is_dataset(log[0]):
         refuse_options("a log", topic=topic, time=time, skip_bad=skip_bad or None, split=split or None)
-        tool = {"tip": tip, "orientation": False if position else None, "axis": None if axis is None else axis_of(axis)}
+        tool = {"tip": tip, "orientation": False if position else None, "axis": about}
         audit_of_dataset(log[0], arm, tool, of_dataset, degrees, columns, tolerance, json, plot)
     refuse_options("a LeRobot dataset, which has meta/info.json", **of_dataset)
+    from ..output.log_report import log_figure, print_log_audit, save_log_audits
+    from ..output.plots import write_figure
+
     runs = read_runs(
         log, arm, split=split, idle=idle, degrees=degrees, topic=topic, columns=columns, time=time, skip_bad=skip_bad
     )
-    about = None if axis is None else axis_of(axis)
     found: list[LogAudit] = []
     left_out: list[RecordingError] = []
     for run in runs:

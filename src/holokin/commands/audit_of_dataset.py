@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -29,9 +30,9 @@ def audit_of_dataset(
     """Audit a dataset, and end the command. Raises: HolokinError."""
     from ..auditing import audit_dataset
     from ..output.dataset_report import dataset_figure, print_dataset_audit, save_dataset_audit
-    from ..output.plots import write_figure
     from ..recording import STATE, chosen_episodes, joint_feature, pose_feature, read_dataset
 
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # pyarrow's own keeps 20 MB that it needs no more
     dataset = read_dataset(folder)
     joints = joint_feature(dataset, arm, options["column"] or STATE, columns=columns, degrees=degrees)
     poses = None
@@ -46,6 +47,8 @@ def audit_of_dataset(
     if json is not None:
         save_dataset_audit(found, json)
     if plot is not None:
+        from ..output.plots import write_figure
+
         write_figure(lambda: dataset_figure(found), plot)
     show_rich(lambda console: print_dataset_audit(found, console))
     raise typer.Exit(found.exit_code)

@@ -78,6 +78,35 @@ def export_moveit(
     show(f"in kinematics.yaml: kinematics_solver: {written.plugin}")
 
 
+@exporting.command("ros2-control")
+def export_ros2_control(
+    job: OneJob,
+    out: Folder,
+    strategy: StrategyName = None,
+    orientation: Annotated[
+        str | None, typer.Option(help="One of the job's representations of orientation; by default its first.")
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Prefix of the C names; by default that of robot and strategy.")
+    ] = None,
+    package: Annotated[
+        str | None, typer.Option(help="Name of the package; by default the C name and _controller.")
+    ] = None,
+) -> None:
+    """Write a strategy as a controller for ros2_control: a package of ROS 2 with the C, its tests and a README.md.
+
+    Exits 0 when all is written, 2 else.
+    """
+    from ..job import export_job_ros2_control, open_one_job
+
+    written = export_job_ros2_control(
+        *open_one_job(job), out, strategy, orientation=orientation, prefix=name, package=package
+    )
+    for file in written.files:
+        show(f"wrote {out / file}")
+    show(f"in controller.yaml: type: {written.plugin}")
+
+
 def _speed(text: str) -> float | str:
     """A number, or "fastest", which [timing] judges."""
     try:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from ..base.types import Flags, NoTruthValue, Value, Vector
-from ..path.workspaces import PoseRange, Workspace
+from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
 from .coverage_result import Coverage
@@ -31,6 +31,10 @@ ROOM = 0.02
 REGULAR = 0.01
 """rcond from which on a posture keeps away from singular ones: joints are then at most a hundred times as fast."""
 
+PROVABLE = 0.01
+"""Clearance [m] beyond that asked for from which on a posture keeps well clear: what `certify` proves of a Panda was a
+centimetre less than the least at many poses."""
+
 CLOSE = 0.03
 """Excess of mean squared joint speed over the least possible that is called close: 1.5 % of speed."""
 
@@ -41,6 +45,11 @@ class Ranked(Protocol):
     @property
     def coverage(self) -> float:
         """Share of the poses that are served."""
+        ...
+
+    @property
+    def clear(self) -> float:
+        """Share of the poses that are served with a clearance that can be proven; 1 where none is asked for."""
         ...
 
     @property
@@ -58,19 +67,27 @@ Entry = TypeVar("Entry", bound=Ranked)
 
 
 def ranked(entries: Iterable[Entry]) -> list[Entry]:
-    """The best first: by coverage; of those that cover alike, by the share that is served away from limits and singular
-    postures; of those alike in this, too, by joint speed.
+    """The best first: by coverage; of those that cover alike, by the share that is served well clear of what stands
+    round; of those alike in this, too, by the share that is served away from limits and singular postures; of those
+    alike in all this by joint speed.
     """
     found: list[Entry] = []
     for group in _alike(entries, lambda one: one.coverage, EQUAL):
-        for part in _alike(group, lambda one: one.easy, EASY):
-            found += sorted(part, key=lambda one: one.squared_speed)
+        for clear in _alike(group, _clear, EQUAL):
+            for part in _alike(clear, lambda one: one.easy, EASY):
+                found += sorted(part, key=lambda one: one.squared_speed)
     return found
 
 
 def alike(one: Ranked, other: Ranked) -> bool:
-    """Whether two cover alike, and serve alike shares away from limits and singular postures."""
-    return abs(one.coverage - other.coverage) <= EQUAL and abs(one.easy - other.easy) <= EASY
+    """Whether two cover alike, and serve alike shares well clear, and away from limits and singular postures."""
+    same = abs(one.coverage - other.coverage) <= EQUAL and abs(_clear(one) - _clear(other)) <= EQUAL
+    return same and abs(one.easy - other.easy) <= EASY
+
+
+def _clear(one: Ranked) -> float:
+    """The share that is well clear, and more where it is all: what is not clear somewhere cannot be proven."""
+    return one.clear if one.clear < 1 else 1 + 2 * EQUAL
 
 
 def _alike(entries: Iterable[Entry], share: Callable[[Entry], float], apart: float) -> Iterator[list[Entry]]:
@@ -91,7 +108,8 @@ class Law(Value):
     limits, `served` (k,); easy: of these, those away from limits and singular postures. margin: the least distance to
     a limit over the joint's range, of `joint`; inf without limits. rcond: the least of [J; J_g]; NaN where it was not
     looked at. squared_speed: mean squared joint speed [rad^2/m^2]; speed: that over the least of the postures found
-    there.
+    there. clearance: the least distance of two shapes [m] at the poses that it reaches within the joint limits; inf
+    where nothing was asked of it. clear: share of the poses that are served with 0.01 m more of it than was asked for.
     """
 
     name: str
@@ -107,6 +125,8 @@ class Law(Value):
     rcond: float
     squared_speed: float
     speed: float
+    clearance: float = np.inf
+    clear: float = 1.0
 
     @property
     def sentence(self) -> str:
@@ -118,6 +138,8 @@ class Law(Value):
             said += f", {self.joint} comes to {self.margin:.1%} of its range from its limit"
         if np.isfinite(self.rcond):
             said += f", rcond is {self.rcond:.2g} at least"
+        if np.isfinite(self.clearance):
+            said += f", shapes come to {self.clearance:.3f} m of each other"
         return f"{said}, and its mean squared joint speed is {self.speed - 1:.1%} above the least found there"
 
 
@@ -139,7 +161,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     [rad^2/m^2]. coverage: of the best. reasons: sentences on the best. cusps: those found on its leaf, and how near to
     the workspace they are. part: the largest part of the workspace that a law
     serves, where none serves the whole. levels: those of the best law that serve the workspace, where they were asked
-    for and it has one row.
+    for and it has one row. asked: what shapes are to keep clear of, as arguments of `certify`; empty where nothing is.
     """
 
     chain: Chain
@@ -154,6 +176,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     part: Part | None
     seconds: float
     levels: LevelRange | None = None
+    asked: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def best(self) -> Law:
@@ -166,7 +189,22 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
         return self.best.q0
 
     def __str__(self) -> str:
-        return "\n".join([self.subject, *self.reasons])
+        return "\n".join([self.subject, *self.reasons, *filter(None, [self.certify_by])])
+
+    @property
+    def certify_by(self) -> str:
+        """The call that proves what was looked at here pose by pose, with this as `advice`; empty for `radial`, and
+        where no pose is served.
+        """
+        if self.best.strategy.constraint.looped is not None or not self.best.served.any():
+            return ""
+        more, space = ", **advice.asked" if self.asked else "", self.workspace
+        if not isinstance(space, PoseRange) or not isinstance(space.solid, Box):
+            return f"Certify it by: hk.unique_region(advice.best.strategy, advice.q0{more})"
+        if not self.best.served.all():
+            call = f"hk.unique_region(advice.best.strategy, advice.q0, advice.workspace{more})"
+            return f"Certify what it serves by: {call}"
+        return f"Certify it by: hk.certify(advice.best.strategy, advice.workspace, advice.q0{more})"
 
     @property
     def subject(self) -> str:
@@ -204,7 +242,8 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
             "other_tips": list(self.chain.others), "task": self.task.name, "workspace": str(self.workspace),
             "cusp_distance": self.cusps.away if np.isfinite(self.cusps.away) else None,
             "levels": None if self.levels is None else [list(ends) for ends in self.levels.intervals],
-            "proposed": list(self.proposed), "floor": self.floor, "reasons": list(self.reasons),
+            "floor": self.floor if np.isfinite(self.floor) else None,
+            "proposed": list(self.proposed), "reasons": list(self.reasons),
             "laws": [
                 {
                     "name": law.name, "same": list(law.same), "coverage": law.coverage, "joint": law.joint,
@@ -212,6 +251,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
                     "rcond": law.rcond if np.isfinite(law.rcond) else None,
                     "squared_speed": law.squared_speed if np.isfinite(law.squared_speed) else None,
                     "speed": law.speed if np.isfinite(law.speed) else None, "start": law.q0.tolist(),
+                    "clearance": law.clearance if np.isfinite(law.clearance) else None, "clear": law.clear,
                 }
                 for law in self.laws
             ],

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from ..base.types import Array, Matrix, Value, Vector
+from ..checking.keeping_clear import Clearances
 from .bfgs import Cost, descend
 from .coordinates import monomials_up_to
 from .objectives import Costs, Slopes
@@ -32,21 +33,55 @@ KEPT = 2e-4
 """Violation [share of half a joint's range, or of rcond] that counts as none; limits are narrowed by as much."""
 
 
+SHORT = 0.1
+"""Distance [m] by which two shapes may be too near that counts as half of a joint's range; pairs that are farther apart
+than asked by as much are not looked at."""
+
+
 @dataclass(frozen=True, eq=False)
 class Limits(Value):
-    """Hard limits: allowed |q - middle| / half (n,) or (S, n), inf for none, and the least rcond, 0 for none."""
+    """Hard limits: allowed |q - middle| / half (n,) or (S, n), inf for none, and the least rcond, 0 for none.
+
+    apart: P pairs of shapes that keep the distances wanted there, and `more` (P,) [m].
+    """
 
     allowed: Array
     rcond: float
+    apart: Clearances | None = None
+    more: Array = field(default_factory=lambda: np.zeros(0))
 
-    def narrowed(self, over: Vector, share: float) -> Limits:
-        """Narrower by what was beyond them (n,), and by the share that rcond fell short of."""
-        return Limits(self.allowed - OVER * np.maximum(over, 0.0), self.rcond * max(1.0, share) ** OVER)
+    def narrowed(self, over: Vector, share: float, nearer: Vector) -> Limits:
+        """Narrower by what was beyond them (n,), by the share that rcond fell short of, and by what shapes were too
+        near (P,) [m].
+        """
+        allowed, rcond = self.allowed - OVER * np.maximum(over, 0.0), self.rcond * max(1.0, share) ** OVER
+        return Limits(allowed, rcond, self.apart, self.distances + OVER * np.maximum(nearer, 0.0) - self._wanted)
+
+    @property
+    def _wanted(self) -> Vector:
+        return np.zeros(0) if self.apart is None else self.apart.limits
+
+    @property
+    def distances(self) -> Vector:
+        """What each pair of shapes keeps (P,) [m]."""
+        return self._wanted + self.more if self.more.size else self._wanted
+
+    def nearer(self, Q: Matrix) -> Matrix:
+        """By how much pairs of shapes are too near at postures (k, n) -> (k, P) [m]."""
+        return np.zeros((len(Q), 0)) if self.apart is None else self.distances - self.apart.distances(Q)
+
+    def nearer_slopes(self, Q: Matrix) -> tuple[Matrix, Array]:
+        """The same, -inf where they are `SHORT` farther apart than asked, and the derivatives (k, P, n)."""
+        if self.apart is None:
+            return np.zeros((len(Q), 0)), np.zeros((len(Q), 0, Q.shape[1]))
+        apart = self.distances
+        found, slopes = self.apart.slopes(Q, float(apart.max()) + SHORT)
+        return apart - found, -slopes
 
     @property
     def none(self) -> bool:
         """True where nothing is limited."""
-        return not np.isfinite(self.allowed).any() and self.rcond <= 0
+        return not np.isfinite(self.allowed).any() and self.rcond <= 0 and self.apart is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,16 +105,18 @@ class Search(Value):
             total = total.plus(one, weight)
         return total
 
-    def violations(self, at: Sampled) -> tuple[Array, Array]:
-        """(S, n + 1) numbers that must not be above 0, and the derivatives of the joints' by q."""
+    def violations(self, at: Sampled) -> tuple[Array, Array, Array]:
+        """(S, n + 1 + P) numbers that must not be above 0, and the derivatives of the joints' and the pairs' by q."""
         off = (at.Q - self.costs.middle) / self.costs.half
         over = np.abs(off) - self.limits.allowed + KEPT
         least = np.log(self.limits.rcond / at.rcond) + KEPT if self.limits.rcond > 0 else np.full(len(at.Q), -1.0)
-        return np.column_stack([np.maximum(over, -1.0), least]), np.sign(off) / self.costs.half
+        near, slopes = self.limits.nearer_slopes(at.Q)
+        found = np.column_stack([np.maximum(over, -1.0), least, np.maximum(near / SHORT + KEPT, -1.0)])
+        return found, np.sign(off) / self.costs.half, slopes / SHORT
 
     def best(self, first: Matrix, degree: int) -> tuple[Matrix, Sampled, tuple[float, ...]]:
         """(coefficients (r, t), their section, the least cost with each degree), from those of a lower degree."""
-        found, near, values, start = first, self.near, [], (np.zeros((len(self.near.Q), self._n + 1)), PENALTY)
+        found, near, values, start = first, self.near, [], (self._no_push, PENALTY)
         for k in range(degree + 1):
             t = len(monomials_up_to(self.section.leaves.coordinates.d, k))
             if t < first.shape[1]:
@@ -105,7 +142,7 @@ class Search(Value):
             x, _, near = descend(cost, x, near)
             if self.limits.none:
                 break
-            over, _ = self.violations(near)
+            over, _, _ = self.violations(near)
             worst = float(over.max())
             if worst <= KEPT and float(np.abs(multipliers * over).max()) <= KEPT:
                 return x.reshape(r, t) @ white, near, (multipliers, penalty)
@@ -132,22 +169,23 @@ class Search(Value):
 
     @cached_property
     def _size(self) -> float:
-        """The objective to begin with."""
-        return self.cost(self.near).value
+        """The objective to begin with; 1 where that is 0."""
+        return self.cost(self.near).value or 1.0
 
     @property
-    def _n(self) -> int:
-        return self.near.Q.shape[1]
+    def _no_push(self) -> Matrix:
+        return np.zeros((len(self.near.Q), self.near.Q.shape[1] + 1 + len(self.limits.distances)))
 
     def _penalty(self, at: Sampled, multipliers: Matrix, penalty: float) -> Slopes:
         """sum max(0, multiplier + penalty over)^2 / (2 penalty). [NW06, section 17.3]"""
         none = np.zeros_like(at.G)
         if self.limits.none:
             return Slopes(0.0, np.zeros_like(at.Q), none, np.zeros(len(at.Q)))
-        over, by_q = self.violations(at)
-        push = np.maximum(0.0, multipliers + penalty * over)
+        over, by_q, by_near = self.violations(at)
+        push, n = np.maximum(0.0, multipliers + penalty * over), at.Q.shape[1]
         value = float(np.sum(push**2) - np.sum(multipliers**2)) / (2 * penalty)
-        return Slopes(value, push[:, :-1] * by_q, none, -push[:, -1] / at.rcond)
+        pushed = push[:, :n] * by_q + np.einsum("sp,spn->sn", push[:, n + 1 :], by_near)
+        return Slopes(value, pushed, none, -push[:, n] / at.rcond)
 
     @cached_property
     def _whitening(self) -> Matrix:

@@ -3,67 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-
 from ..base.arguments import typed
-from ..base.types import Array, ArrayLike, Flags, Matrix, Vector
-from ..checking import Clear
-from ..errors import ArgumentError, HolokinError, OutOfReachError
-from ..path.workspaces import PoseRange, Workspace, pose_cloud
-from ..robot import Robot, check_metres
+from ..base.types import ArrayLike
+from ..checking.keeping_clear import Clearances
+from ..errors import ArgumentError
+from ..path.workspaces import Workspace
+from ..proof.kept_apart import CLEARANCE, clearances_of
+from ..robot import LinkShape, Robot
 from ..tasks.task import Task, of_one_tool
-from .advice import CLOSE, EQUAL, ROOM, Advice, Law, Part, alike, ranked
-from .candidates import Candidate, candidates
-from .coordinates import chart_of, coordinates_of
-from .cover_workspace import coverage
-from .coverage_result import Coverage, Reach
-from .designed_law import Design, design
-from .excess import PARTLY, Excess, Free, beyond_limits, least_near, ratio, rival_of
-from .lower_bound import least_costs
-from .nearby_cusps import MORE_SPEED, NearbyCusps, cusps_near, said_of
-from .objectives import Objective, costs_of
-from .proposed_workspace import first_start, proposed_workspace, reached
+from .advice import Advice
+from .advice_case import Case
+from .proposed_workspace import first_start, proposed_workspace
 from .reasons import reasons
-from .same_laws import distinct, strategy_of
-from .served_part import largest_part
-from .serving_levels import LevelRange, level_range
-from .starts import check_that_joints_move, postures_at, task_of_kind
+from .starts import check_that_joints_move, task_of_kind
 from .tips import Chain, chain_to_tool
-from .trials import Poses, Trial, everywhere, posed, tried
 
-POSES, SCREENED = 256, 4
-"""Poses by which laws are compared; every fourth of them chooses leaves. Of even points, 256 tell a share to 2 %."""
-
-DEGREE, DESIGNED = 2, 128
-"""Degree of the polynomials of laws that are designed, and poses that they are made for."""
-
-FASTER = 0.95
-"""Mean squared joint speed, over that of the law designed over the best, of one from another leaf, where both serve,
-from which on a law is designed over that one, too: designs over two laws from one start came out alike to 0.1 %."""
-
-GOALS = {
-    "": {"objective": Objective(squared_speed=1.0), "limits": True},
-    ", off limits": {"objective": Objective(squared_speed=1.0, joint_limits=1.0), "limits": False},
-}
-"""What they are designed for: the least joint speed within the joint limits; where that covers less than the base does,
-a compromise between joint speed and distance to limits."""
-
-MOST = 3
-"""Laws that serve alike whose cusps are looked for, until one has none near the workspace."""
-
-PARTS = 3
-"""Laws whose part of the workspace is looked for where none serves the whole."""
-
-FAR = 2.0
-"""Margin of a designed law, over that which it was to keep at least, from which on limits have not held it."""
-
-FREE = 1e9
-"""Distance from the middle of a joint's range, over half of it, that no joint gets to."""
+ASKED = ("clear_of", "floor", "clearance", "self_collision", "ignore", "shapes_of")
+"""What `certify` is asked of shapes, by name."""
 
 
 @typed
@@ -75,7 +35,12 @@ def advise(
     base: str | None = None,
     task: Literal["pose", "axis", "position"] | Task | None = None,
     q0: ArrayLike | None = None,
-    clear: Callable[[Matrix], Flags] | None = None,
+    clear_of: Sequence[LinkShape] | None = None,
+    floor: float | None = None,
+    clearance: float = CLEARANCE,
+    self_collision: bool = True,
+    ignore: Sequence[tuple[str, str]] = (),
+    shapes_of: Robot | None = None,
     levels: bool = False,
     say: Callable[[str], None] = lambda _text: None,
 ) -> Advice:
@@ -83,9 +48,11 @@ def advise(
 
     Locked joints, differences of parallel joints, arm angles, the elbow's height, stationary costs, `radial` of the
     pseudo-inverse, and laws designed over the best of these: each from several postures at the workspace's centre.
-    They are ranked by the share of the workspace that they reach within the joint limits; of laws that cover alike
-    those are first that keep away from limits and singular postures; of these the one with the least joint speed. A law
-    without a cusp near the workspace is preferred to one with, for up to a tenth more squared joint speed.
+    They are ranked by the share of the workspace that they reach within the joint limits, and with the clearance where
+    one is asked for; of laws that cover alike those are first that keep well clear, by 0.01 m more than asked for; of
+    these those that keep away from limits and singular postures; of these the one with the least joint speed. A law
+    without a cusp near the workspace is preferred to one with, for up to a tenth more squared joint speed. All this is
+    looked at pose by pose; `certify_by` of the advice is the call that proves it.
 
     Args:
         robot: a robot, a name of the catalogue, or a file.
@@ -95,8 +62,10 @@ def advise(
         task: "pose", "axis" (the tool may spin about its z axis) or "position", or a task of this robot; by default the
             pose, for arms of up to six joints the position.
         q0: the posture (n,) that the leaf is to go through; by default each law gets the best of several.
-        clear: which of some postures (k, n) keep clear of what stands round the robot, as of
-            `checking.clear_postures`; a pose whose posture does not is not served. By default nothing is looked at.
+        clear_of: a pose is served only where no link is nearer than `clearance` to these obstacles (`hk.obstacle`), to
+            the floor, or to another link; [] for the floor and the links alone. By default nothing is looked at. The
+            pairs are those of `certify`; meshes are their convex hulls, and where these are nearer, themselves.
+        floor, clearance, self_collision, ignore, shapes_of: as of `certify`.
         levels: which levels of the best law serve the workspace, as `level_range` finds them; it takes seconds.
         say: hears what is going on.
 
@@ -115,14 +84,22 @@ def advise(
         work = task_of_kind(chain.robot, tip if isinstance(robot, Robot) else None, task)
     words = {"tip": not chain.chosen, "task": task, "q0": q0, "workspace": workspace}
     chosen = tuple(word for word, value in words.items() if value is None or value is False)
-    return advise_chain(chain, work, workspace, q0, chosen=chosen, clear=clear or everywhere, levels=levels, say=say)
+    asked = clear_of, floor, clearance, self_collision, ignore, shapes_of
+    apart = clearances_of(chain.robot, *asked)
+    proven: dict[str, Any] = {} if apart is None else dict(zip(ASKED, asked, strict=True))
+    return advise_chain(chain, work, workspace, q0, chosen=chosen, apart=apart, proven=proven, levels=levels, say=say)
 
 
 def advise_chain(
-    chain: Chain, task: Task, workspace: Workspace | None, q0: ArrayLike | None, *, chosen: Sequence[str], clear: Clear,
-    say: Callable[[str], None], levels: bool = False,
+    chain: Chain, task: Task, workspace: Workspace | None, q0: ArrayLike | None, *, chosen: Sequence[str],
+    apart: Clearances | None, proven: Mapping[str, Any], say: Callable[[str], None], levels: bool = False,
 ) -> Advice:  # fmt: skip
-    """The advice for a chain and its task, as of `advise`. chosen: what nobody gave."""
+    """The advice for a chain and its task, as of `advise`.
+
+    Args:
+        chosen: what nobody gave. apart: how far shapes are from each other, None where nothing is asked of that;
+            proven: the same as arguments of `certify`.
+    """
     began = time.perf_counter()
     arm = chain.robot
     of_one_tool(task, "advice")
@@ -134,7 +111,7 @@ def advise_chain(
     if workspace is None:
         at = first_start(task) if start is None else start
         workspace = proposed_workspace(task, at)
-    case = _Case(task, workspace, start, clear, say)
+    case = Case(task, workspace, start, apart, proven, say)
     laws = case.ranked()
     say("the reasons")
     part = case.part(laws) if not laws[0].served.all() else None
@@ -143,252 +120,5 @@ def advise_chain(
     return Advice(
         chain, task, workspace, tuple(chosen), laws, case.floor_of(laws[0]), found,
         (*reasons(laws, found, part, case.excess(laws)), *case.of_cusps(laws[0]), *said),
-        case.cusps[laws[0].name], part, time.perf_counter() - began, range_,
+        case.cusps[laws[0].name], part, time.perf_counter() - began, range_, proven,
     )  # fmt: skip
-
-
-class _Case:
-    """A task and a workspace, with what is found out of them on the way to an advice."""
-
-    def __init__(
-        self, task: Task, workspace: Workspace, q0: Vector | None, clear: Clear, say: Callable[[str], None]
-    ) -> None:
-        self.task, self.workspace, self.clear, self.say = task, workspace, clear, say
-        T = workspace.poses(POSES)
-        check_metres(task.robot, T, task.tip)
-        say("which poses can be reached")
-        self.Q, self.reach = reached(task, T, q0)
-        if not self.reach.within.any():
-            raise _nothing(task, workspace, self.reach)
-        self.starts = q0[None] if q0 is not None else self._starts(T)
-        self.coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), self.Q[self.reach.anyhow])
-        self.costs = costs_of(task.robot, Objective(squared_speed=1.0), self.coordinates.turns, self.coordinates.spread)
-        self.poses = posed(task, T, self.Q, self.coordinates, self.costs, clear)
-        self.trials: dict[str, Trial] = {}
-        self.made: dict[str, Design] = {}
-        self.checked: dict[str, Coverage] = {}
-        self.cusps: dict[str, NearbyCusps] = {}
-        self.passed_over: Law | None = None
-
-    def _starts(self, T: Array) -> Matrix:
-        """Start postures at the centre, or at the pose nearest to it that is reached."""
-        center = self.workspace.center
-        order = np.argsort(np.linalg.norm(T[:, :3, 3] - center[:3, 3], axis=1), kind="stable")
-        for at in [center, *T[order[self.reach.within[order]]]]:
-            found = postures_at(self.task, at)
-            free = found[self.clear(found)]
-            if len(free):
-                return free
-        return self.Q[self.reach.within][:1]
-
-    def ranked(self) -> tuple[Law, ...]:
-        """All laws, on their best leaves, the best one looked at closely."""
-        rough = self.poses.some(slice(None, None, SCREENED))
-        trials: list[Trial] = []
-        for candidate in candidates(self.task, self.starts):
-            self.say(candidate.name)
-            found = tried(candidate, self.starts, rough)
-            if found:
-                best = ranked(found)[0]
-                trials += tried(_there(candidate), best.q0[None], self.poses)
-        if not trials:
-            raise ArgumentError("the laws that fit", 0, "give another start posture: all are singular at this one")
-        trials = distinct(ranked(trials))
-        trials += self._designed(trials)
-        self.trials = {trial.candidate.name: trial for trial in trials}
-        self.floor = self._floor(trials)
-        laws = ranked(self._law(trial) for trial in trials)
-        while laws[0].name not in self.checked:
-            self.say(f"{laws[0].name}, pose by pose")
-            laws[0] = self._looked_at(laws[0])
-            laws = ranked(laws)
-        return tuple(self._without_cusps(laws))
-
-    def _without_cusps(self, laws: list[Law]) -> list[Law]:
-        """Other things equal, a law without a cusp near the workspace comes first."""
-        best = laws[0]
-        most = MORE_SPEED * best.squared_speed
-        equal = [one for one in laws[1:] if alike(one, best) and one.squared_speed <= most]
-        for law in [best, *equal][:MOST]:
-            self.say(f"{law.name}, its cusps")
-            self.cusps[law.name] = found = cusps_near(law.strategy, law.q0, self.workspace)
-            if found.clear:
-                law = law if law.name in self.checked else self._looked_at(law)
-                if alike(law, best):
-                    self.passed_over = None if law.name == best.name else best
-                    return [law, *(one for one in laws if one.name != law.name)]
-        return laws
-
-    def levels(self, law: Law) -> tuple[LevelRange | None, Sequence[str]]:
-        """The levels of a law that serve the workspace; and what is said of them."""
-        self.say(f"{law.name}, its levels")
-        try:
-            found = level_range(law.strategy, self.workspace, law.q0, say=self.say)
-        except HolokinError as problem:  # of several rows
-            return None, [f"Levels were not looked for: {problem}."]
-        blind = "" if self.clear is everywhere else " Collisions were not looked at for them."
-        return found, [f"Of {law.name}, {found.served}.{blind}"]
-
-    def of_cusps(self, law: Law) -> Sequence[str]:
-        """What is said of the cusps of the law that was chosen."""
-        first = self.passed_over or law
-        return said_of(law.name, first.name, self.cusps, law.squared_speed / first.squared_speed - 1)
-
-    def _designed(self, trials: list[Trial]) -> list[Trial]:
-        """Laws designed over the best of the others, and over the one that is faster from elsewhere."""
-        # derivatives of a cost's gradient make designs over stationary laws three times as slow
-        plain = [t for t in trials if t.candidate.strategy is not None and t.candidate.kind != "stationary"]
-        plain = [t for t in plain if t.coverage > PARTLY] or plain[:1]
-        if not plain or not plain[0].served.any():
-            return []
-        found = self._designed_over(plain[0])
-        best = ranked(found or plain[:1])[0]
-        gains = {i: _gain(t, best) for i, t in enumerate(plain[1:], 1)}
-        if gains and min(gains.values()) < FASTER:
-            found += self._designed_over(plain[min(gains, key=lambda i: gains[i])])
-        return found
-
-    def _designed_over(self, trial: Trial) -> list[Trial]:
-        """Laws designed over one, on its leaf, until one covers as much."""
-        law, found = trial.candidate, []
-        for words, goal in GOALS.items():
-            name = f"designed over {law.name}{words}"
-            self.say(name)
-            try:
-                made = self._design(trial, margin=self._room if goal["limits"] else 0.0, **goal)
-            except HolokinError:  # no law where there is none: the others stay
-                continue
-            designed = Candidate(name, _keys(law, made), self.task, made.strategy)
-            self.made[name] = made
-            found += tried(designed, made.q0[None], self.poses)
-            if found[-1].coverage >= trial.coverage - EQUAL:
-                break
-        return found
-
-    def _design(self, trial: Trial, **goal: Any) -> Design:
-        """A design over a law, for the poses that it serves; where these are few, for all that any posture reaches."""
-        base = None if trial.candidate.strategy is None else trial.candidate.strategy.constraint
-        within = self.reach.within
-        which = within if trial.coverage < within.mean() - EQUAL else trial.served
-        space = self.workspace if which.all() else pose_cloud(self.poses.T[which])
-        return design(self.task, space, trial.q0, base=base, degree=DEGREE, samples=DESIGNED, **goal)
-
-    @property
-    def _room(self) -> float:
-        """A distance to limits that designs keep [rad or m]: what `easy` asks of the joint with the least range."""
-        return ROOM * float(np.min(2 * self.costs.half[np.isfinite(self.costs.half)], initial=1.0))
-
-    def _floor(self, trials: list[Trial]) -> Vector:
-        """The least squared joint speed (k,) of the postures found at the poses that the best law reaches, else NaN."""
-        best, found = ranked(trials)[0], np.full(len(self.poses), np.nan)
-        if best.reached.any():
-            p, R = self._targets(best.reached)
-            free = np.full(self.task.n, FREE)
-            known = least_costs(self.coordinates, self.costs, best.q[best.reached], p, R, free)
-            found[best.reached] = known.squared_speed
-        return found
-
-    def _targets(self, which: Flags) -> tuple[Matrix, Array]:
-        T = self.poses.T[which]
-        return np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
-
-    def _law(self, trial: Trial) -> Law:
-        c, robot = trial.candidate, self.task.robot
-        return Law(
-            c.name, trial.same, c.keys, strategy_of(trial), trial.q0, trial.coverage, trial.served, trial.easy,
-            trial.margin, robot.joint_names[trial.joint], trial.least_rcond, trial.squared_speed,
-            ratio(trial, self.floor),
-        )  # fmt: skip
-
-    def _looked_at(self, law: Law) -> Law:
-        """A law with its coverage as `coverage` finds it, pose by pose."""
-        found = coverage(law.strategy, self.workspace, law.q0, samples=POSES, reach=self.reach)
-        found = found.blocked(self.clear)
-        self.checked[law.name] = found
-        served = found.reached
-        rcond = float(found.rcond[served].min()) if served.any() else 0.0
-        easy = law.easy + found.share - law.coverage
-        return replace(law, coverage=found.share, served=served, easy=easy, rcond=rcond)
-
-    def floor_of(self, law: Law) -> float:
-        """The mean of the floor where a law serves."""
-        return float(np.nanmean(self.floor[law.served]))
-
-    def excess(self, laws: tuple[Law, ...]) -> Excess | None:
-        """Why the best law is above the least joint speed; None where it is close to it."""
-        best = self.trials[laws[0].name]
-        which = best.served & np.isfinite(self.floor)
-        if not which.any() or laws[0].speed <= 1 + CLOSE:
-            return None
-        near = least_near(self.coordinates, self.costs, best.q[which], *self._targets(which))
-        near = float(np.minimum(near, best.speed[which]).mean() / self.floor[which].mean())
-        others = [trial for name, trial in self.trials.items() if name != laws[0].name]
-        rival = rival_of(best, others, self.floor, self.reach.within)
-        return Excess(near, self.task.n - self.task.m == 1, self._free(laws[0]), rival)
-
-    def _free(self, law: Law) -> Free | None:
-        """The best law designed without the limits; None where it keeps away from them, or none is found."""
-        made = self.made.get(law.name)
-        if made is not None and law.margin > FAR * ROOM:
-            return None
-        self.say(f"{law.name}, joint limits aside")
-        trial = self.trials[law.name]
-        if made is not None:
-            trial = replace(trial, candidate=replace(trial.candidate, strategy=made.base))
-        elif trial.candidate.kind == "stationary":  # over these a design is slow
-            return None
-        try:
-            made = self._design(trial, limits=False)
-        except HolokinError:
-            return None
-        free = tried(Candidate(law.name, {"kind": "designed"}, self.task, made.strategy), made.q0[None], self.poses)
-        which = free[0].reached & np.isfinite(self.floor)
-        return Free(ratio(free[0], self.floor, limits=False), beyond_limits(free[0], which), int(which.sum()))
-
-    def part(self, laws: tuple[Law, ...]) -> Part | None:
-        """The largest part of the workspace that one of the best laws serves."""
-        if not isinstance(self.workspace, PoseRange):
-            return None
-        best: Part | None = None
-        for law in laws[:PARTS]:
-            self.say(f"the part of the workspace that {law.name} serves")
-            candidate = Candidate(law.name, law.keys, self.task, None if law.keys["kind"] == "radial" else law.strategy)
-
-            def serves(T: Array, law: Law = law, candidate: Candidate = candidate) -> bool:
-                still = np.zeros((len(T), self.task.m, 0))
-                poses = Poses(T, still, self.costs.joints, self.clear)
-                return bool(tried(candidate, law.q0[None], poses)[0].served.all())
-
-            found = largest_part(self.workspace, serves)
-            if found is not None and (best is None or found[0] > best.share):
-                best = Part(law, *found)
-        return best
-
-
-def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
-    name = f"the workspace of {task.robot.name!r}, {workspace},"
-    if reach.anyhow.any():
-        return OutOfReachError(f"{name} is reached by postures beyond the joint limits alone", "move or turn it")
-    cure = "move it nearer to the base; lengths are in metres, angles in degrees on the command line and rad in Python"
-    return OutOfReachError(f"{name} is out of reach altogether: no posture was found at any of its poses", cure)
-
-
-def _keys(law: Candidate, made: Design) -> dict[str, Any]:
-    """What a job file says of a design over a law."""
-    base, u = {key: value for key, value in law.keys.items() if key != "level"}, made.polynomial.coordinates
-    return {
-        "kind": "designed", "base": base, "reference": u.chart.reference.tolist(), "directions": u.P.tolist(),
-        "middle": u.middle.tolist(), "scale": u.scale.tolist(),
-        "coefficients": made.polynomial.coefficients.tolist(),
-    }  # fmt: skip
-
-
-def _gain(trial: Trial, best: Trial) -> float:
-    """The mean squared joint speed of a law over that of the best one, where both serve; infinite where they do not."""
-    both = trial.served & best.served
-    return float(trial.speed[both].mean() / best.speed[both].mean()) if both.any() else np.inf
-
-
-def _there(candidate: Candidate) -> Candidate:
-    """The same, from a start that is on its leaf already."""
-    return replace(candidate, level=None)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..base.types import Array, Flags, Matrix, Value, Vector
+from ..checking.keeping_clear import Clearances
 from ..constraints import Constraint, linear, tilted
 from ..errors import ArgumentError, OutOfReachError, PathError
 from ..inverse_kinematics import inverse
@@ -70,10 +71,15 @@ class Problem(Value):
         strategy = holonomic(self.law.task, constraint, name="designed")
         middle = inverse(strategy, best.Q[0])(self.workspace.center)
         arrived, _ = reached(strategy, middle, self.others)
-        over, rconds = self.over(arrived), strategy.gain.batch(arrived)[1]
-        fits = (over <= 0).all(axis=1) & (rconds >= self.hard.rcond)
+        over, rconds, nearer = self.over(arrived), strategy.gain.batch(arrived)[1], self.hard.nearer(arrived)
+        fits = (over <= 0).all(axis=1) & (rconds >= self.hard.rcond) & (nearer <= 0).all(axis=1)
         share = self.hard.rcond / float(rconds.min())
-        return Checked(strategy, zeta, middle, arrived, fits, over.max(axis=0), share)
+        return Checked(strategy, zeta, middle, arrived, fits, over.max(axis=0), share, nearer.max(axis=0))
+
+    def broken(self, at: Sampled) -> int:
+        """At how many samples of a section a hard limit is broken."""
+        beyond = (self.over(at.Q) > 0).any(axis=1) | (at.rcond < self.hard.rcond)
+        return int(np.sum(beyond | (self.hard.nearer(at.Q) > 0).any(axis=1)))
 
     def over(self, Q: Matrix) -> Matrix:
         """By how much joints at postures (k, n) are beyond the hard limits (k, n)."""
@@ -81,7 +87,7 @@ class Problem(Value):
 
     def measured(self, strategy: HolonomicStrategy, Q: Matrix, poses: int) -> SectionMetrics:
         """The metrics of a law at postures (k, n) that it reaches, of so many poses."""
-        return measured(strategy, self.coordinates, self.costs, Q, poses)
+        return measured(strategy, self.coordinates, self.costs, Q, poses, self.hard.apart)
 
     def _weights(self, at: Sampled) -> dict[str, float]:
         """The weights of the costs, each divided by what it is at a section, where there are several."""
@@ -89,6 +95,8 @@ class Problem(Value):
         if len(weights) == 1:
             return dict.fromkeys(weights, 1.0)
         found = {name: self.costs.known[name](at.Q, at.G, at.rcond).value for name in weights}
+        if "clearance" in found:  # a share already, and 0 where all is far
+            found["clearance"] = 1.0
         for name, value in found.items():
             if not value > 0:
                 cure = "beside other costs it must be above 0: add a constant to it, or make it the only one"
@@ -99,7 +107,8 @@ class Problem(Value):
 @dataclass(frozen=True, eq=False)
 class Checked(Value):
     """A law of a search, its posture in the middle, and its postures (k, n) at other poses: which keep the limits (k,),
-    by how much joints are beyond them at most (n,), and by what share rcond falls short.
+    by how much joints are beyond them at most (n,), by what share rcond falls short, and by how much pairs of shapes
+    are too near at most (P,).
     """
 
     strategy: HolonomicStrategy
@@ -109,6 +118,7 @@ class Checked(Value):
     fits: Flags
     over: Vector
     short: float
+    nearer: Vector
 
 
 def based(
@@ -132,7 +142,7 @@ def _along_self_motion(task: Task, q: Vector, units: Vector) -> HolonomicStrateg
     return holonomic(task, linear(Z.T * units, name="the combination of joints along the self-motion"))
 
 
-def hard_limits(costs: Costs, margin: float | None, rcond: float) -> Limits:
+def hard_limits(costs: Costs, margin: float | None, rcond: float, apart: Clearances | None) -> Limits:
     """The hard limits of a search; no joint limits without a margin."""
     allowed = np.full(len(costs.half), np.inf) if margin is None else 1 - margin / costs.half
-    return Limits(np.where(np.isfinite(costs.half), allowed, np.inf), rcond)
+    return Limits(np.where(np.isfinite(costs.half), allowed, np.inf), rcond, apart)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,7 +13,8 @@ from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector, 
 from ..constraints import Constraint
 from ..errors import ArgumentError
 from ..path.workspaces import Workspace
-from ..robot import check_metres, start_posture
+from ..proof.kept_apart import CLEARANCE, clearances_of
+from ..robot import LinkShape, Robot, check_metres, start_posture
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
 from .coordinates import Polynomial, chart_of, coordinates_of
@@ -167,6 +169,12 @@ def design(
     limits: bool = True,
     margin: float = 0.0,
     rcond: float = 0.0,
+    clear_of: Sequence[LinkShape] | None = None,
+    floor: float | None = None,
+    clearance: float = CLEARANCE,
+    self_collision: bool = True,
+    ignore: Sequence[tuple[str, str]] = (),
+    shapes_of: Robot | None = None,
     samples: int = 256,
     seed: int = 0,
     avoid_cusps: bool = False,
@@ -175,7 +183,7 @@ def design(
 
     The leaf is that of g = phi - zeta o f, with the rows J_phi - zeta' J, so that zeta adds no algorithmic singularity
     to those of phi. The objective is made least over the coefficients, with exact derivatives, from zeta constant.
-    Joint limits and the least rcond hold at all samples, and are checked at other poses afterwards.
+    Joint limits, the least rcond and the clearance hold at all samples, and are checked at other poses afterwards.
 
     Args:
         q0: a posture (n,) on the branch that is to be used.
@@ -186,6 +194,10 @@ def design(
         degree: of zeta, 0 to 4.
         limits: True makes joint limits hard. margin: distance kept from them [joint units].
         rcond: the least rcond of [J; J_g], a hard limit too; 0 for none.
+        clear_of: let no link come nearer than `clearance` to these obstacles (`hk.obstacle`), to the floor, or to
+            another link, a hard limit too; [] for the floor and the links alone. The pairs are those of `certify`, and
+            meshes count by their convex hulls. How far apart they are between the samples `certify` proves.
+        floor, clearance, self_collision, ignore, shapes_of: as of `certify`.
         samples: tool poses of the workspace that the search looks at. Those that the base law does not reach from the
             middle of the workspace are left out, and counted.
         avoid_cusps: where a cusp of the leaf lies in the workspace or near it, a design of a lower degree without such
@@ -208,14 +220,20 @@ def design(
         raise ArgumentError("the least rcond", rcond, "give a number from 0 to 1")
     whole("seed", seed, 0)
 
+    shapes, pairs = (clear_of, floor), (self_collision, ignore, shapes_of)
+    apart = clearances_of(robot, *shapes, clearance, *pairs)
+    if goal.clearance and apart is None:
+        cure = "give clear_of, too: obstacles, or [] for the floor and the links alone"
+        raise ArgumentError("the weight of clearance", goal.clearance, cure)
     poses, others = workspace.poses(whole("samples", samples), seed), workspace.poses(FINER * samples, seed + 1)
     check_metres(robot, poses, task.tip)
     law, center = based(task, base, q0, workspace.center, np.sqrt(joint_weights(robot, goal)))
     Q, there = reached(law, center, poses)
     coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), Q)
     goal = replace(goal, length=length_of(goal, coordinates.turns, coordinates.spread))
-    costs = costs_of(robot, goal, coordinates.turns, coordinates.spread)
-    hard = hard_limits(costs, margin if limits else None, rcond)
+    near = clearances_of(robot, *shapes, goal.enough_clearance, *pairs) if goal.clearance else None
+    costs = costs_of(robot, goal, coordinates.turns, coordinates.spread, near)
+    hard = hard_limits(costs, margin if limits else None, rcond, apart)
     problem = Problem(law, center, workspace, coordinates, costs, goal, hard, degree, poses, others)
     best = _solved(problem, Q, there)
     return _away_from_cusps(problem, best, Q, there) if avoid_cusps else best
@@ -249,14 +267,18 @@ def _solved(problem: Problem, Q: Matrix, there: Array) -> Design:
     result, values = problem.checked(found, best), (search.cost(near).value, *more)
     for _ in range(ROUNDS - 1):
         Q, there = reached(result.strategy, result.middle, poses) if len(best.Q) < len(poses) else (best.Q, poses)
-        if len(Q) > len(best.Q):
+        further = len(Q) > len(best.Q)
+        if further:
             search, floor = problem.posed(Q, there, found, search.weights)
-        elif result.fits.all() or floor.here.beyond.any():
+        elif result.fits.all() or floor.here.beyond.any() or (problem.hard.nearer(best.Q) > 0).any():
             break
         else:
-            search = replace(search, near=best, limits=search.limits.narrowed(result.over, result.short))
-        found, best, more = search.best(found, degree)
-        result = problem.checked(found, best)
+            search = replace(search, near=best, limits=search.limits.narrowed(result.over, result.short, result.nearer))
+        again = search.best(found, degree)
+        checked = problem.checked(*again[:2])
+        if not further and checked.fits.sum() <= result.fits.sum():
+            break
+        (found, best, more), result = again, checked
         values = (*values[: degree + 2 - len(more)], *more)
     return Design(
         strategy=result.strategy,
@@ -266,7 +288,7 @@ def _solved(problem: Problem, Q: Matrix, there: Array) -> Design:
         base=problem.law,
         polynomial=result.zeta,
         costs=values,
-        broken=int(np.sum((problem.over(near.Q) > 0).any(axis=1) | (near.rcond < problem.hard.rcond))),
+        broken=problem.broken(near),
         floor=floor,
         before=before,
         after=problem.measured(result.strategy, best.Q, len(poses)),

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Matrix, Value, Vector, whole
+from ..checking.keeping_clear import Clearances
 from ..errors import OutOfReachError
 from ..inverse_kinematics import inverse
 from ..inverse_kinematics.solutions import InverseStatus
 from ..path.workspaces import Workspace
+from ..proof.kept_apart import CLEARANCE, clearances_of
+from ..robot import LinkShape, Robot
 from ..strategies import HolonomicStrategy
 from .coordinates import Coordinates, chart_of, coordinates_of
 from .objectives import Cost, Costs, Objective, as_objective, costs_of
@@ -28,7 +32,8 @@ class SectionMetrics(Value):
     worst_speed, the greatest share of a joint's speed limit at 1 m/s of the tool [s/m]; joint_limits, the greatest
     |q - middle| over half a joint's range, 1 at the limit, and worst_joint, whose it is; rcond, the least of [J; J_g];
     travel, the mean squared distance of the joints between two poses [rad^2]; own, the mean of each cost
-    of your own. See `Objective`.
+    of your own; clearance, the least distance of two shapes [m], infinite where none was looked at, and closest, the
+    names of these two. See `Objective`.
     """
 
     poses: int
@@ -41,9 +46,13 @@ class SectionMetrics(Value):
     rcond: float
     travel: float
     own: dict[str, float] = field(default_factory=dict)
+    clearance: float = np.inf
+    closest: tuple[str, str] | None = None
 
     def __str__(self) -> str:
         own = "".join(f", {name} {value:.5g}" for name, value in self.own.items())
+        if self.closest is not None:
+            own += f", {' and '.join(self.closest)} {self.clearance:.3g} m apart"
         return (
             f"the leaf reaches {self.reached} of {self.poses} poses, {self.within_limits} within the joint limits; "
             f"mean squared joint speed {self.squared_speed:.5g} rad^2/m^2, worst joint speed {self.worst_speed:.3g} of "
@@ -59,6 +68,12 @@ def section_metrics(
     q0: ArrayLike,
     *,
     objective: Objective | OwnCost | Cost = "squared_speed",
+    clear_of: Sequence[LinkShape] | None = None,
+    floor: float | None = None,
+    clearance: float = CLEARANCE,
+    self_collision: bool = True,
+    ignore: Sequence[tuple[str, str]] = (),
+    shapes_of: Robot | None = None,
     samples: int = 256,
     seed: int = 0,
 ) -> SectionMetrics:
@@ -66,6 +81,7 @@ def section_metrics(
 
     Args:
         objective: whose weights of joints and turns count, and whose own costs are measured.
+        clear_of, floor, clearance, self_collision, ignore, shapes_of: whose distances are measured, as of `certify`.
 
     Raises:
         OutOfReachError: none of the poses is reached. ArgumentError: they all are one.
@@ -74,8 +90,10 @@ def section_metrics(
     q0 = strategy.task.robot.checked(q0, "the start posture")
     Q, _ = reached(strategy, q0, poses)
     coordinates = coordinates_of(chart_of(strategy.task, workspace.center[:3, :3]), Q)
+    asked = clear_of, floor, clearance, self_collision, ignore, shapes_of
+    apart = clearances_of(strategy.task.robot, *asked)
     costs = costs_of(strategy.task.robot, as_objective(objective), coordinates.turns, coordinates.spread)
-    return measured(strategy, coordinates, costs, Q, len(poses))
+    return measured(strategy, coordinates, costs, Q, len(poses), apart)
 
 
 def reached(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matrix, Array]:
@@ -93,13 +111,15 @@ def reached(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matr
 
 
 def measured(
-    strategy: HolonomicStrategy, coordinates: Coordinates, costs: Costs, Q: Matrix, poses: int
+    strategy: HolonomicStrategy, coordinates: Coordinates, costs: Costs, Q: Matrix, poses: int, apart: Clearances | None
 ) -> SectionMetrics:
-    """The metrics of a law at postures (k, n) that it reaches, of so many poses."""
+    """The metrics of a law at postures (k, n) that it reaches, of so many poses. apart: the shapes to look at."""
     robot = strategy.task.robot
     at = TiltedLeaves(strategy, coordinates).through(Q, np.zeros((len(Q), strategy.constraint.rows, coordinates.d)))
     off = np.abs(Q - costs.middle) / costs.half
     k, joint = np.unravel_index(int(np.argmax(off)), off.shape)
+    near = np.full((1, 1), np.inf) if apart is None else apart.counted(apart.distances(Q))
+    closest = int(near.min(axis=0).argmin())
     used = np.sqrt(np.sum((at.G * costs.columns) ** 2, axis=2)) * costs.speeds
     return SectionMetrics(
         poses=poses,
@@ -112,4 +132,6 @@ def measured(
         rcond=float(strategy.gain.batch(Q)[1].min()),
         travel=costs.travel(Q, at.G, at.rcond).value,
         own={cost.name: float(np.mean(cost.values(Q))) for cost in costs.own},
+        clearance=float(near.min()),
+        closest=None if apart is None or not np.isfinite(near).any() else apart.names[closest],
     )

@@ -138,6 +138,7 @@ class Floor(Value):
             "joint_limits": lambda: float(np.mean(least.joint_limits**POWER) ** (1 / POWER)),
             "rcond": lambda: 1.0,
             "travel": lambda: 0.0,
+            "clearance": lambda: 0.0,
         }
         known |= {cost.name: partial(least.own, cost) for cost in self.costs.own}
         return sum(w * known[name]() for name, w in self.weights.items())

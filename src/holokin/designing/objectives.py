@@ -16,6 +16,7 @@ import numpy as np
 
 from ..base.arguments import check
 from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, not_negative, positive
+from ..checking.keeping_clear import Clearances
 from ..errors import ArgumentError, UnknownNameError
 from ..robot import Robot
 from .own_cost import OwnCost
@@ -25,18 +26,22 @@ POWER = 24
 of a smooth function over a box a few per cent."""
 
 
-Cost = Literal["squared_speed", "worst_speed", "joint_limits", "rcond", "travel"]
+Cost = Literal["squared_speed", "worst_speed", "joint_limits", "rcond", "travel", "clearance"]
 """The names of the costs."""
 
 
 @dataclass(frozen=True, eq=False)
 class Objective(Value):
-    """The cost of a section: a weighted sum of five and of your `own`, each divided by its value before the design.
+    """The cost of a section: a weighted sum of six and of your `own`, each divided by its value before the design, but
+    for `clearance`.
 
     squared_speed: mean squared joint speed, mean over the poses of |G|_F^2, for a tool that moves at 1 m/s along each
         direction [rad^2/m^2]. worst_speed: greatest share of a joint's speed limit that a tool speed of 1 m/s in any
         direction asks for [s/m]. joint_limits: greatest |q - middle| over half the joint's range, 1 at a limit. rcond:
         greatest 1 / rcond. travel: mean squared distance of the joints between two poses of the workspace [rad^2].
+    clearance: greatest share 1 - d / D, at least 0, over the pairs of shapes at distances d [m], with D =
+        `enough_clearance` [m]: 1 where two touch, 0 where all are D or more apart. Pairs that are always nearer than D
+        do not count.
     joint_weights: what a squared joint speed counts (n,), 1 each by default; a sliding joint [m] then counts as a
         hinge [rad] that uses the same share of its speed limit.
     length: metres of tool motion that count as one radian of turning; by default the spread of the workspace's
@@ -49,6 +54,8 @@ class Objective(Value):
     joint_limits: float = 0.0
     rcond: float = 0.0
     travel: float = 0.0
+    clearance: float = 0.0
+    enough_clearance: float = field(default=0.1, kw_only=True)
     joint_weights: ArrayLike | None = field(default=None, kw_only=True)
     length: float | None = field(default=None, kw_only=True)
     own: OwnCost | tuple[OwnCost, ...] = field(default=(), kw_only=True)
@@ -64,6 +71,7 @@ class Objective(Value):
             not_negative(f"the weight of {name}", getattr(self, name))
         if not any(self.weights.values()):
             raise ArgumentError("the objective", "nothing", f"give a positive weight to one of {', '.join(self.NAMES)}")
+        positive("enough_clearance", self.enough_clearance)
         if self.length is not None:
             positive("the length of an objective", self.length)
         if self.joint_weights is not None:
@@ -120,10 +128,11 @@ class Slopes:
 
 @dataclass(frozen=True, eq=False)
 class Costs(Value):
-    """The five costs for one robot and one workspace.
+    """The six costs for one robot and one workspace.
 
     joints: weights (n,). speeds: 1 / max_velocity (n,), 0 where it is not known. columns: what a unit of each moving
-    direction counts (d,), 1 for metres, 1 / length for radians.
+    direction counts (d,), 1 for metres, 1 / length for radians. apart: the pairs of shapes whose clearance counts, if
+    it does, up to the distance that is wanted there.
     """
 
     joints: Vector
@@ -132,6 +141,7 @@ class Costs(Value):
     half: Vector
     columns: Vector
     own: tuple[OwnCost, ...] = ()
+    apart: Clearances | None = None
 
     @cached_property
     def known(self) -> dict[str, Callable[[Array, Array, Array], Slopes]]:
@@ -169,6 +179,16 @@ class Costs(Value):
         off = (Q - Q.mean(axis=0)) * self.joints / len(Q)
         return Slopes(float(2 * np.sum(off * (Q - Q.mean(axis=0)))), 4 * off, np.zeros_like(G), np.zeros(len(Q)))
 
+    def clearance(self, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
+        """Smooth greatest max(0, 1 - d / D)."""
+        none = np.zeros_like(G), np.zeros(len(Q))
+        if self.apart is None:
+            return Slopes(0.0, np.zeros_like(Q), *none)
+        enough = self.apart.wanted
+        distances, slopes = self.apart.slopes(Q, enough)
+        value, outer = _smooth_greatest(np.maximum(0.0, 1 - distances / enough), POWER)
+        return Slopes(value, np.einsum("sp,spn->sn", -outer / enough, slopes), *none)
+
 
 def _of_own(cost: OwnCost, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
     """mean c(q) of a cost of the user's own."""
@@ -178,17 +198,22 @@ def _of_own(cost: OwnCost, Q: Matrix, G: Array, rcond: Vector) -> Slopes:
 
 def _smooth_greatest(values: Array, power: float) -> tuple[float, Array]:
     """((mean over the first axis of the sum over the others of a^p)^(1/p), its derivative) of numbers a >= 0."""
-    top = float(values.max()) or 1.0
+    top = float(values.max(initial=0.0))
+    if not top:
+        return 0.0, np.zeros_like(values)
     share = values / top
     total = float(np.sum(share**power)) / len(values)
     return top * total ** (1 / power), total ** (1 / power - 1) * share ** (power - 1) / len(values)
 
 
-def costs_of(robot: Robot, objective: Objective, turns: Flags, spread: Vector) -> Costs:
+def costs_of(
+    robot: Robot, objective: Objective, turns: Flags, spread: Vector, apart: Clearances | None = None
+) -> Costs:
     """The costs for a robot and the moving directions of a workspace.
 
     Args:
         turns: which of the d directions are turns [rad]. spread: rms spread of the workspace along each (d,).
+        apart: what tells how far apart shapes are; without it clearance costs nothing.
 
     Raises:
         ArgumentError: weights that do not fit, or limits that a cost needs and the robot has not.
@@ -209,6 +234,7 @@ def costs_of(robot: Robot, objective: Objective, turns: Flags, spread: Vector) -
         half=np.where(limited, (upper - lower) / 2, np.inf),
         columns=np.where(turns, 1 / length, 1.0),
         own=objective.costs,
+        apart=None if apart is None else apart.free,
     )
 
 

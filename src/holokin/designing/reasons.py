@@ -17,6 +17,9 @@ MOST = 3
 def reasons(laws: Sequence[Law], found: Coverage, part: Part | None, excess: Excess | None) -> tuple[str, ...]:
     """The sentences: what the best does and the next does not, why poses are not served, what its speed is due to."""
     best = laws[0]
+    if not best.served.any():
+        causes = "; ".join(f"{cause}: {count}" for cause, count in found.causes())
+        return (f"No law that was tried serves any of the {len(found)} poses. With {best.name}, {causes}.",)
     said = [f"Take {best.name}: {best.sentence}."]
     if len(laws) > 1:
         said.append(_next(best, laws[1]))
@@ -30,6 +33,9 @@ def _next(best: Law, other: Law) -> str:
     """What speaks against the law after the best."""
     if best.coverage > other.coverage + EQUAL:
         return f"Next comes {other.name}, which reaches {other.coverage:.1%}."
+    if best.clear > other.clear + EQUAL or best.clear == 1 > other.clear:
+        rest = 1 - other.clear / other.coverage
+        return f"Next comes {other.name}, which covers as much, but keeps well clear at {rest:.1%} less of it."
     if best.easy > other.easy + EASY:
         share = 1 - other.easy / other.coverage
         return f"Next comes {other.name}, which covers as much, but {share:.1%} of it near limits or singular postures."
@@ -65,7 +71,8 @@ def _speed(best: Law, excess: Excess | None) -> list[str]:
     elif excess.near > 1 + CLOSE:
         said.append("Of the laws that were tried none comes closer, also of those that serve less.")
     if best.speed > excess.near + CLOSE:
-        said.append("The rest is what one smooth law for all poses needs, as far as those tried tell.")
+        clear = "keeping clear and " if np.isfinite(best.clearance) else ""
+        said.append(f"The rest is what {clear}one smooth law for all poses needs, as far as those tried tell.")
     return said
 
 

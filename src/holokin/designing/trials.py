@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
-from ..checking import Clear
+from ..checking.keeping_clear import Clearances
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
-from .advice import REGULAR, ROOM
+from .advice import PROVABLE, REGULAR, ROOM
 from .candidates import Candidate
 from .coordinates import Coordinates
 from .line_ends import LineEnds, along_leaf, along_radial
@@ -22,44 +22,42 @@ DIFFERENCE = 1e-4
 """Half of the step of a central difference by the tool pose [m or rad]: its error is 1e-8, that of round-off, too."""
 
 
-def everywhere(Q: Matrix) -> Flags:
-    """That all postures (k, n) are clear: nothing stands round the robot."""
-    return np.ones(len(Q), dtype=bool)
-
-
 @dataclass(frozen=True, eq=False)
 class Poses(Value):
     """The tool poses T (k, 4, 4) at which laws are tried, and the motions of the tool by which speeds are counted.
 
     twists: (k, m, d), what the tool does in the task's rows along each direction in which the workspace reaches, at
     1 m/s, or as many rad/s as its turns are wide; NaN at a pose that no posture reaches. weights: of squared joint
-    speeds (n,), see `Objective`. clear: which postures keep clear of what stands round the robot.
+    speeds (n,), see `Objective`. apart: the shapes that are to keep clear of each other; None where nothing is
+    asked of them.
     """
 
     T: Array
     twists: Array
     weights: Vector
-    clear: Clear = everywhere
+    apart: Clearances | None = None
 
     def __len__(self) -> int:
         return len(self.T)
 
     def some(self, which: Indices | slice) -> Poses:
         """Some of them."""
-        return Poses(self.T[which], self.twists[which], self.weights, self.clear)
+        return Poses(self.T[which], self.twists[which], self.weights, self.apart)
 
     def squared_speed(self, G: Array) -> Array:
         """sum_ij w_i (G twist_j)_i^2 (..., k) of slopes G (..., k, n, m): the cost "squared_speed" of `Objective`."""
         return np.sum(self.weights[:, None] * (G @ self.twists) ** 2, axis=(-2, -1))
 
 
-def posed(task: Task, T: Array, Q: Matrix, coordinates: Coordinates, costs: Costs, clear: Clear = everywhere) -> Poses:
+def posed(
+    task: Task, T: Array, Q: Matrix, coordinates: Coordinates, costs: Costs, apart: Clearances | None = None
+) -> Poses:
     """`Poses` at T (k, 4, 4), of postures that reach them, a row of NaN where there are none, Q (k, n)."""
     known = np.isfinite(Q).all(axis=1)
     J, chart = task.jacobian_batch(Q[known])[0], coordinates.chart.jacobian_batch(Q[known])[0]
     twists = np.full((len(T), task.m, coordinates.d), np.nan)
     twists[known] = J @ least_slopes(chart, coordinates.P * costs.columns, np.ones(task.n))
-    return Poses(T, twists, costs.joints, clear)
+    return Poses(T, twists, costs.joints, apart)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +67,8 @@ class Trial(Value):
     q: postures (k, n) where its lines end. reached: poses (k,) that they lead to; served: those within the joint
     limits, at clear postures. speed: squared joint speed (k,), NaN where it is not reached. rcond: of [J; J_g] there
     (k,); NaN for radial, whose leaves end only where J is singular. same: names of other laws that are this one on
-    this workspace.
+    this workspace. clearance: the least distance of two shapes (k,) [m] where the law gets within the limits, else NaN,
+    and `wanted`, what is asked of it; None where nothing is.
     """
 
     candidate: Candidate
@@ -80,6 +79,8 @@ class Trial(Value):
     speed: Vector
     rcond: Vector
     same: tuple[str, ...] = ()
+    clearance: Vector | None = None
+    wanted: float = 0.0
 
     @property
     def coverage(self) -> float:
@@ -91,6 +92,11 @@ class Trial(Value):
         """Share of the poses that are served away from limits and singular postures."""
         away = (self.margins.min(axis=1) >= ROOM) & ~(self.rcond < REGULAR)  # of radial it is not known
         return float(np.mean(self.served & away))
+
+    @property
+    def clear(self) -> float:
+        """Share of the poses that are served with a clearance that can be proven; 1 where none is asked for."""
+        return clear_share(self.served, self.clearance, self.wanted)
 
     @cached_property
     def margins(self) -> Matrix:
@@ -135,16 +141,26 @@ def tried(candidate: Candidate, starts: Matrix, poses: Poses) -> list[Trial]:
         ends = along_leaf(candidate.strategy, starts, poses.T)
         G, rcond, _ = candidate.strategy.gain.batch(ends.q.reshape(-1, task.n))
         speed, rcond = poses.squared_speed(G.reshape(*ends.q.shape, task.m)), rcond.reshape(ends.share.shape)
-    return [_trial(candidate, q0, ends, i, speed[i], rcond[i], poses.clear) for i, q0 in enumerate(starts)]
+    return [_trial(candidate, q0, ends, i, speed[i], rcond[i], poses.apart) for i, q0 in enumerate(starts)]
 
 
 def _trial(
-    candidate: Candidate, q0: Vector, ends: LineEnds, i: int, speed: Vector, rcond: Vector, clear: Clear
+    candidate: Candidate, q0: Vector, ends: LineEnds, i: int, speed: Vector, rcond: Vector, apart: Clearances | None
 ) -> Trial:
     q, reached = ends.q[i], ends.reached[i]
-    served = reached & candidate.task.robot.within(q) & np.isfinite(speed)
-    served[served] = clear(q[served])
-    return Trial(candidate, q0, q, reached, served, np.where(reached, speed, np.nan), rcond)
+    served, speed = reached & candidate.task.robot.within(q) & np.isfinite(speed), np.where(reached, speed, np.nan)
+    if apart is None:
+        return Trial(candidate, q0, q, reached, served, speed, rcond)
+    clearance = np.full(len(q), np.nan)
+    clearance[served] = apart.least(q[served], apart.wanted)
+    return Trial(
+        candidate, q0, q, reached, served & (clearance >= apart.wanted), speed, rcond, (), clearance, apart.wanted
+    )
+
+
+def clear_share(served: Flags, clearance: Vector | None, wanted: float) -> float:
+    """Share of the poses (k,) that are served with `PROVABLE` more clearance than is wanted [m]; 1 without any."""
+    return 1.0 if clearance is None else float(np.mean(served & (clearance >= wanted + PROVABLE)))
 
 
 def _on_leaf(task: Task, strategy: HolonomicStrategy, starts: Matrix, level: float) -> Matrix:

@@ -17,6 +17,7 @@ from .program_targets import Wiring
 from .rapid import to_rapid
 from .robot_program import Program
 from .ros import to_ros, write_mcap
+from .ros2_control_package import Ros2ControlPackage, export_ros2_control
 from .self_test import check as check
 from .urscript import to_urscript
 from .val3 import to_val3
@@ -26,11 +27,13 @@ __all__ = [
     "MoveItPackage",
     "ProcessLines",
     "Program",
+    "Ros2ControlPackage",
     "ToolDeviation",
     "ToolTolerance",
     "Wiring",
     "export_c",
     "export_moveit",
+    "export_ros2_control",
     "to_fanuc",
     "to_gcode",
     "to_inform",

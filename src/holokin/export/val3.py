@@ -7,7 +7,7 @@ Grammar: Staubli, "VAL3 Reference Manual" (version 7): programs as XML with <Loc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from xml.sax.saxutils import escape
+from html import escape
 
 from ..base.arguments import typed
 from ..base.types import Vector, not_negative

@@ -5,7 +5,7 @@ Uses all that a job may name. Read first: `schema.py`, `job_parts.py`, `runner.p
 
 from .advice_words import axis_of
 from .certify_strategies import certify_job
-from .export_strategy import export_job, export_job_moveit, job_strategy
+from .export_strategy import export_job, export_job_moveit, export_job_ros2_control, job_strategy
 from .job_file import read_job
 from .job_templates import new_job, new_job_for, packaged_text
 from .play_strategies import simulate_job
@@ -23,6 +23,7 @@ __all__ = [
     "expand",
     "export_job",
     "export_job_moveit",
+    "export_job_ros2_control",
     "is_job",
     "job_strategy",
     "keys_of",

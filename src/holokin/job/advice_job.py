@@ -13,7 +13,7 @@ import numpy as np
 from ..designing import Advice
 from ..designing.compare_laws import advise_chain
 from ..errors import ArgumentError, HolokinError
-from ..path.workspaces import PoseRange, Workspace
+from ..path.workspaces import Box, PoseRange, Workspace
 from ..tasks.task import Task
 from ..tasks.task_kinds import FrameTask
 from .advice_over_job import write_over
@@ -66,7 +66,8 @@ def advise_command(
         asked.workspace,
         asked.q0,
         chosen=asked.chosen,
-        clear=asked.clear,
+        apart=asked.apart,
+        proven=asked.proven,
         say=say,
         levels=levels,
     )
@@ -78,6 +79,17 @@ def advise_command(
         return path, ""
 
     return found, asked, write
+
+
+def proof_command(advice: Advice, asked: Question, job: FilePath) -> str:
+    """The command that proves what the advice looked at pose by pose: over its box, or along the path of the job; empty
+    where no proof is made of the law.
+    """
+    if not advice.certify_by:
+        return ""
+    space = advice.workspace
+    box = asked.file is None and isinstance(space, PoseRange) and isinstance(space.solid, Box)
+    return f"holokin certify {job}{' --workspace' if box and advice.best.served.all() else ''}"
 
 
 def _write_advice(path: FilePath, advice: Advice, asked: Question) -> None:

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..base.types import Value, Vector
-from ..checking import Clear
+from ..checking.keeping_clear import Clearances
 from ..designing.starts import task_of_kind
 from ..designing.tips import Chain, chain_to_tool
-from ..designing.trials import everywhere
 from ..errors import ArgumentError
 from ..path import Path
 from ..path.workspaces import Workspace, pose_cloud
@@ -52,12 +51,14 @@ class Typed:
     limits: Sequence[str] = ()
     floor: float | None = None
     obstacles: Sequence[str] = ()
+    clearance: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Question(Value):
     """A chain, its task, and where it works among what.
 
+    apart: how far postures keep clear of that, None where nothing is asked; proven: the same as arguments of `certify`.
     chosen: what nobody gave. keys: the tables that say all this in a job; the whole job where there is one, which is
     in `file`. poses: the CSV file of the workspace, if it is of given poses.
     """
@@ -66,7 +67,8 @@ class Question(Value):
     task: Task
     workspace: Workspace | None
     q0: Vector | None
-    clear: Clear
+    apart: Clearances | None
+    proven: Mapping[str, Any]
     obstacles: tuple[LinkShape, ...]
     chosen: tuple[str, ...]
     keys: Mapping[str, Any]
@@ -104,7 +106,7 @@ def _of_robot(name: str, typed: Typed) -> Question:
     words = {"tip": not chain.chosen, "task": kind, "q0": q0, "workspace": space}
     chosen = tuple(word for word, value in words.items() if value is None or value is False)
     chain = Chain(robot, chain.base, chain.tip, chain.others, chain.chosen)
-    return Question(chain, task, space, q0, *_clear(table, robot), chosen, keys, None, poses)
+    return Question(chain, task, space, q0, *_among(table, robot), chosen, keys, None, poses)
 
 
 def _of_job(name: str, typed: Typed) -> Question:
@@ -130,7 +132,7 @@ def _of_job(name: str, typed: Typed) -> Question:
     space, poses = _typed_workspace(typed, task, start)
     space = space or _job_workspace(job, task, start, file)
     chain = Chain(robot, None, task.tip or robot.tips[0].name, (), False)
-    return Question(chain, task, space, start, *_clear(job.checks, robot), (), keys, file, poses)
+    return Question(chain, task, space, start, *_among(job.checks, robot), (), keys, file, poses)
 
 
 def _robot_words(robot: Robot, typed: Typed) -> dict[str, Any]:
@@ -152,6 +154,7 @@ def _task_words(typed: Typed) -> dict[str, Any]:
 def _checks_words(typed: Typed) -> dict[str, Any]:
     """[checks] of what is typed; empty where nothing stands round the robot."""
     found: dict[str, Any] = {} if typed.floor is None else {"floor": float(typed.floor)}
+    found |= {} if typed.clearance is None else {"clearance": float(typed.clearance)}
     return found | ({"obstacles": [obstacle_words(text) for text in typed.obstacles]} if typed.obstacles else {})
 
 
@@ -182,6 +185,12 @@ def _job_workspace(job: Job, task: Task, start: Vector, file: FilePath) -> Works
     return pose_cloud(T, f"the path of {file.name}")
 
 
-def _clear(table: ChecksTable | None, robot: Robot) -> tuple[Clear, tuple[LinkShape, ...]]:
-    """(which postures are clear, the obstacles that stand still)."""
-    return (everywhere, ()) if table is None else (table.clear(robot), table.standing())
+def _among(table: ChecksTable | None, robot: Robot) -> tuple[Clearances | None, dict[str, Any], tuple[LinkShape, ...]]:
+    """(how far postures keep clear, the same as arguments of `certify`, the obstacles that stand still)."""
+    standing = () if table is None else table.standing()
+    apart = None if table is None else table.clearances(robot)
+    if table is None or apart is None or not apart.names:
+        return None, {}, standing
+    proven = table.proven(robot)
+    del proven["limits"]
+    return apart, proven, standing

@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from ..checking import CheckReport, Clear, check, clear_postures
+from ..checking import CheckReport, check
+from ..checking.keeping_clear import Clearances, posture_clearances
 from ..motion import TimedTrajectory
 from ..motion.trajectory import Trajectory
 from ..robot import Box, Capsule, Cylinder, LinkShape, Robot, Shape, obstacle, with_capsules, with_shape
@@ -70,11 +71,12 @@ class ChecksTable(Table):
         ignore = [(a, b) for a, b in self.ignore]
         return check(motion, shaped, task=task, obstacles=self.standing(), ignore=ignore, **own)
 
-    def clear(self, robot: Robot) -> Clear:
-        """Which postures keep clear of all this. Raises: as `clear_postures` and `with_capsules`."""
-        own = self.model_dump(include={"floor", "clearance", "self_collision"})
+    def clearances(self, robot: Robot) -> Clearances:
+        """How far postures keep clear of all this. Raises: as `clear_postures` and `with_capsules`."""
         ignore = [(a, b) for a, b in self.ignore]
-        return clear_postures(self._shaped(robot), obstacles=self.standing(), ignore=ignore, **own)
+        return posture_clearances(
+            self._shaped(robot), self.standing(), self.floor, self.clearance, self.self_collision, ignore
+        )
 
     def proven(self, robot: Robot) -> dict[str, Any]:
         """The same as arguments of `certify`. Raises: as `with_capsules`."""

@@ -6,7 +6,15 @@ from pathlib import Path as FilePath
 
 from ..base.types import Vector
 from ..errors import ArgumentError, UnknownNameError
-from ..export import Exported, MoveItPackage, c_name, export_c, export_moveit
+from ..export import (
+    Exported,
+    MoveItPackage,
+    Ros2ControlPackage,
+    c_name,
+    export_c,
+    export_moveit,
+    export_ros2_control,
+)
 from ..strategies import Strategy
 from .job_parts import build_begin, build_strategy, build_tasks, naming
 from .schema import Job
@@ -68,6 +76,20 @@ def export_job_moveit(
     label, strategy, start = job_strategy(job, file, label, orientation)
     short, origin = _names(name, label, strategy, prefix)
     return export_moveit(strategy, folder, q0=start, package=package, group=group, name=short, origin=origin)
+
+
+def export_job_ros2_control(
+    name: str, job: Job, file: FilePath, folder: FilePath, label: str | None = None, *,
+    orientation: str | None = None, prefix: str | None = None, package: str | None = None,
+) -> Ros2ControlPackage:  # fmt: skip
+    """Write a strategy of a job as a controller of ros2_control, see `export_ros2_control`.
+
+    Raises:
+        as `job_strategy` and `export_ros2_control`.
+    """
+    label, strategy, start = job_strategy(job, file, label, orientation)
+    short, origin = _names(name, label, strategy, prefix)
+    return export_ros2_control(strategy, folder, q0=start, package=package, name=short, origin=origin)
 
 
 def _names(job: str, label: str, strategy: Strategy, prefix: str | None) -> tuple[str, str]:

@@ -47,7 +47,7 @@ def has_leaf(strategy: Strategy) -> TypeGuard[HolonomicStrategy]:
     return isinstance(strategy, HolonomicStrategy) and strategy.task.n > strategy.task.m
 
 
-def _fastest_rate(joint: Coordinate) -> float:
+def fastest_rate(joint: Coordinate) -> float:
     """The speed [unit/s] that a step keeps a joint to: its limit, or that of one that has none."""
     return joint.max_velocity if np.isfinite(joint.max_velocity) else UNLIMITED.get(joint.unit, np.inf)
 
@@ -73,7 +73,7 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     dq, fast, room = found.X, SX(1), SX(1)
     if limits:
         for i, joint in enumerate(task.robot.coordinates):
-            fastest = _fastest_rate(joint)
+            fastest = fastest_rate(joint)
             if np.isfinite(fastest):
                 fast = fmin(fast, fastest / fmax(fabs(dq[i]), 1e-12))
             if joint.unit in UNLIMITED:

@@ -28,6 +28,9 @@ COLUMNS: tuple[Column, ...] = (
 )  # fmt: skip
 """Headings of the table, and how their columns are aligned."""
 
+CLEARANCE: Column = ("clearance\nmin [m]", "right")
+"""The heading of the column before the last, where clearance was asked for."""
+
 
 def print_advice(advice: Advice, console: Any) -> None:
     """Print the laws as a table, the best first, and the reasons below."""
@@ -35,10 +38,13 @@ def print_advice(advice: Advice, console: Any) -> None:
     from rich.text import Text
 
     table = Table(title=Text(brief(advice.subject, 600)), title_justify="left", title_style="bold", header_style="dim")
-    for heading, justify in COLUMNS:
+    columns = (*COLUMNS[:-1], CLEARANCE, COLUMNS[-1]) if advice.asked else COLUMNS
+    for heading, justify in columns:
         table.add_column(Text(heading), justify=justify, no_wrap=heading not in ("law", "joint"))
     for i, law in enumerate(advice.laws):
-        table.add_row(*(Text(cell, style=GOOD if i == 0 else "") for cell in cells(law)))
+        said = cells(law)
+        said[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.asked else []
+        table.add_row(*(Text(cell, style=GOOD if i == 0 else "") for cell in said))
     console.print(table)
     if advice.proposed:
         console.print(f"  Not given, so chosen here: {_chosen(advice)}.", style=WARNING, markup=False, highlight=False)

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from ..base.types import Array, Indices, Matrix, Value, Vector, some
-from ..checking.gaps import FloorGap, Gap, LinkGap, segment_step
+from ..checking.gaps import FloorGap, Gap, LinkGap, joints_above, segment_step
 from ..checking.pairs import Pairs
 from ..robot import LinkShape, Robot
 from ..symbolic import symbol, vertcat
@@ -92,7 +92,7 @@ class Chain(Value):
     @staticmethod
     def between(robot: Robot, one: int, other: int) -> Chain:
         """Of two joints (-1: the base)."""
-        a, b = _above(robot, one), _above(robot, other)
+        a, b = joints_above(robot, one), joints_above(robot, other)
         return Chain(tuple(j for j in a if j not in b), tuple(j for j in reversed(b) if j not in a))
 
     def arms(self, robot: Robot, size: float, travel: Vector) -> list[tuple[int, float]]:
@@ -105,14 +105,6 @@ class Chain(Value):
             arm += _step(robot, index, travel)
             found.append((index, arm))
         return found[::-1]
-
-
-def _above(robot: Robot, joint: int) -> list[int]:
-    found = []
-    while joint >= 0:
-        found.append(joint)
-        joint = robot.joints[joint].parent
-    return found
 
 
 def _step(robot: Robot, index: int, travel: Vector) -> float:

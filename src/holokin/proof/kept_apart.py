@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..base.types import Vector, not_negative, number
-from ..checking.pairs import pairs_of
+from ..base.types import Vector, number
+from ..checking.keeping_clear import Clearances, posture_clearances
 from ..errors import ArgumentError
-from ..robot import LinkShape, Robot, chain_length, with_capsules
+from ..robot import LinkShape, Robot, chain_length
 from ..strategies import HolonomicStrategy
 from .clear_cells import ClearCells, joints_of, shape_pairs
 
@@ -31,29 +31,10 @@ def kept_apart(
         ArgumentError: an obstacle that moves, or in millimetres; shapes that are nearer at q0 than is asked; a robot
             without links; nothing to look at. UnknownNameError: no such link. RobotFileError: an unreadable mesh.
     """
-    if clear_of is None:
-        if floor is not None:
-            raise ArgumentError("floor", floor, "give clear_of, too: [] for the floor and the links alone")
+    asked = clearances_of(strategy.task.robot, clear_of, floor, clearance, self_collision, ignore, shapes_of)
+    if asked is None:
         return None
-    robot = shapes_of or strategy.task.robot
-    robot.check_links()
-    if joints_of(robot) != joints_of(strategy.task.robot):
-        raise ArgumentError("shapes_of", robot.name, "give the same robot, with other shapes")
-    wanted, level = not_negative("clearance", clearance), None if floor is None else number("floor", floor)
-    if level is not None and not np.isfinite(level):
-        raise ArgumentError("floor", level, "give its height in m, or None")
-    if all(shape.obstacle for shape in robot.shapes):
-        robot = with_capsules(robot)
-    _checked(robot, clear_of)
-    pairs = pairs_of(
-        robot, clear_of, q0[None], clearance=wanted, floor=level, self_collision=self_collision, ignore=ignore
-    )
-    for one in pairs.unseen:
-        if any(one.link == shape.link for shape in clear_of):
-            raise ArgumentError(f"the obstacle {one.link!r}", one.reason, "give a box, a capsule, a cylinder or a mesh")
-    found = ClearCells(robot, shape_pairs(pairs.gaps, pairs.limits), pairs)
-    if not found.pairs:
-        raise ArgumentError("clear_of", list(clear_of), "give obstacles or a floor, or let the links be looked at")
+    found = ClearCells(asked.robot, shape_pairs(asked.pairs.gaps, asked.pairs.limits), asked.pairs)
     near = found.distances(q0[None])[0]
     for pair, distance in zip(found.pairs, near, strict=True):
         if distance < pair.wanted:
@@ -63,8 +44,41 @@ def kept_apart(
     return found
 
 
-def _checked(robot: Robot, obstacles: Sequence[LinkShape]) -> None:
+def clearances_of(
+    own: Robot, clear_of: Sequence[LinkShape] | None, floor: float | None, clearance: float, self_collision: bool,
+    ignore: Sequence[tuple[str, str]], shapes_of: Robot | None,
+) -> Clearances | None:  # fmt: skip
+    """What tells of the distances at single postures; None where nothing is asked about them.
+
+    Raises:
+        ArgumentError, UnknownNameError, RobotFileError: as `kept_apart`, but for what is said of q0.
+    """
+    if clear_of is None:
+        if floor is not None:
+            raise ArgumentError("floor", floor, "give clear_of, too: [] for the floor and the links alone")
+        return None
+    robot = shapes_of or own
+    robot.check_links()
+    if joints_of(robot) != joints_of(own):
+        raise ArgumentError("shapes_of", robot.name, "give the same robot, with other shapes")
+    level = None if floor is None else number("floor", floor)
+    if level is not None and not np.isfinite(level):
+        raise ArgumentError("floor", level, "give its height in m, or None")
+    _checked(robot, clear_of, {"floor": level or 0.0, "clearance": number("clearance", clearance)})
+    found = posture_clearances(robot, clear_of, level, clearance, self_collision, ignore)
+    for one in found.pairs.unseen:
+        if any(one.link == shape.link for shape in clear_of):
+            raise ArgumentError(f"the obstacle {one.link!r}", one.reason, "give a box, a capsule, a cylinder or a mesh")
+    if not found.pairs.gaps:
+        raise ArgumentError("clear_of", list(clear_of), "give obstacles or a floor, or let the links be looked at")
+    return found
+
+
+def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str, float]) -> None:
     most = LARGE * max(chain_length(robot), 0.1)
+    for name, length in lengths.items():
+        if abs(length) > most:
+            raise ArgumentError(name, length, "give metres: it is more than 50 times as far as the arm is long")
     for one in obstacles:
         if one.joint >= 0:
             cure = "a proof is about obstacles that stand still: put what the tool carries on it by hk.with_shape"

@@ -23,6 +23,9 @@ VERSIONS = ("v2.1", "v3.0")
 ROWS = 20_000
 """Rows of a data file that are in memory at one time: a megabyte and a half of fourteen columns."""
 
+_SMALL = {"memory_map": False, "pre_buffer": False, "buffer_size": 2**16}
+"""How parquet files are opened: bytes of a column that are read at one time; else all of a row group are in memory."""
+
 MOST_FRAMES = 100_000_000
 """Frames of one dataset: five weeks at 30 Hz. A file that says more is broken, or made to fill the memory."""
 
@@ -109,12 +112,15 @@ def read_dataset(folder: Path) -> Dataset:
     return Dataset(folder, info, tuple(episodes))
 
 
-def rows(dataset: Dataset, columns: Sequence[str], episodes: Sequence[int] | None = None) -> Iterator[Rows]:
+def rows(
+    dataset: Dataset, columns: Sequence[str], episodes: Sequence[int] | None = None, size: int = ROWS
+) -> Iterator[Rows]:  # fmt: skip
     """Numeric columns of a dataset, a batch at a time, in the order of the files.
 
     Args:
         columns: names of features, each (k, d) of numbers.
         episodes: those that are wanted; by default all.
+        size: rows of a batch.
 
     Raises:
         RecordingError: a data file that is missing, broken, or holds something else than `meta/` says.
@@ -125,7 +131,7 @@ def rows(dataset: Dataset, columns: Sequence[str], episodes: Sequence[int] | Non
         if chosen is not None and not chosen & {e.index for e in here}:
             continue
         read = 0
-        for batch in batches(file, sum(e.length for e in here), ["episode_index", "frame_index", *columns]):
+        for batch in batches(file, sum(e.length for e in here), ["episode_index", "frame_index", *columns], size):
             found = _rows_of(dataset, file, batch, columns, here, read)
             read += len(found.episode)
             keep = np.isin(found.episode, list(chosen)) if chosen is not None else slice(None)
@@ -145,7 +151,7 @@ class Rows:
 def batches(file: Path, count: int, columns: Sequence[str] | None = None, size: int = ROWS) -> Iterator[Any]:
     """Record batches of a data file that holds so many rows. Raises: RecordingError."""
     parquet = _parquet()
-    with reading(file), parquet.ParquetFile(file, memory_map=False) as table:
+    with reading(file), parquet.ParquetFile(file, **_SMALL) as table:
         there = table.schema_arrow.names
         missing = [name for name in columns or () if name not in there]
         if missing:
@@ -156,6 +162,14 @@ def batches(file: Path, count: int, columns: Sequence[str] | None = None, size: 
             raise RecordingError(file, fact, "download it anew: some of its files are of another version")
         chosen = None if columns is None else list(columns)
         yield from table.iter_batches(batch_size=size, columns=chosen, use_threads=False)
+    release()
+
+
+def release() -> None:
+    """Give back to the system what pyarrow needs no more."""
+    import pyarrow
+
+    pyarrow.default_memory_pool().release_unused()
 
 
 @contextmanager
@@ -199,7 +213,7 @@ def read_lines(file: Path) -> list[Any]:
 def read_parquet(file: Path, skip: str = "\0") -> Any:
     """A small table, without the columns whose names begin with `skip`. Raises: RecordingError."""
     parquet = _parquet()
-    with reading(file), parquet.ParquetFile(file, memory_map=False) as table:
+    with reading(file), parquet.ParquetFile(file, **_SMALL) as table:
         if table.metadata.num_rows > MOST_FRAMES:
             raise RecordingError(file, f"has {table.metadata.num_rows} rows", "no dataset is so long: download it anew")
         names = [name for name in table.schema_arrow.names if not name.startswith(skip)]
@@ -325,9 +339,7 @@ def _rows_of(
 ) -> Rows:  # fmt: skip
     """A record batch as arrays, whose episodes are those that are due. Raises: RecordingError."""
     with reading(file):
-        episode, frame = (
-            batch.column(name).to_numpy(zero_copy_only=False) for name in ("episode_index", "frame_index")
-        )
+        episode, frame = (_numbers(batch.column(name)) for name in ("episode_index", "frame_index"))
         values = {name: numeric(dataset, file, name, batch.column(name)) for name in columns}
     begins = np.cumsum([0, *(e.length for e in here)])
     place = np.arange(read, read + len(episode))
@@ -356,9 +368,20 @@ def numeric(dataset: Dataset, file: Path, name: str, column: Any) -> Matrix:
     if len(flat) != len(column) * width:
         fact = f"its column {name} has {len(flat)} numbers in {len(column)} rows"
         raise RecordingError(file, fact, f"meta/info.json says {width} a row: download it anew")
-    found = flat.to_numpy(zero_copy_only=False).astype(np.float64).reshape(len(column), width)
+    found = _numbers(flat).astype(np.float64).reshape(len(column), width)
     bad = np.flatnonzero(~np.isfinite(found).all(axis=1))
     if len(bad):
         cure = "correct or delete the episode; LeRobot's own delete_episodes does"
         raise RecordingError(file, f"{len(bad)} rows of its column {name} hold no finite number", cure)
     return found
+
+
+def _numbers(column: Any) -> Any:
+    """A column as an array, NaN where it has no number. `to_numpy` loads pandas where it is installed: 40 MB."""
+    from pyarrow import types
+
+    plain = types.is_floating(column.type) or types.is_integer(column.type)
+    if not plain or column.null_count or not len(column):
+        return column.to_numpy(zero_copy_only=False)
+    found = np.frombuffer(column.buffers()[1], column.type.to_pandas_dtype())
+    return found[column.offset : column.offset + len(column)]

@@ -40,11 +40,12 @@ class Shape(Value, ABC):
 
         Raises: ShapeError, NotFiniteError, ArgumentError: no directions. RobotFileError: a mesh that cannot be read.
         """
-        return self._support(finite("the directions", directions, ("k", 3)))
+        given = finite("the directions", directions, ("k", 3))
+        return np.einsum("ki,ki->k", given, self._farthest(given))
 
     @abstractmethod
-    def _support(self, directions: Matrix) -> Vector:
-        """The same, unchecked."""
+    def _farthest(self, directions: Matrix) -> Matrix:
+        """A point of the shape (k, 3) that is farthest along each of some directions (k, 3) of length 1."""
 
     @cached_property
     def solid(self) -> Any:
@@ -85,9 +86,9 @@ class Box(Shape):
         """About the origin."""
         return np.zeros(3), float(np.linalg.norm(self.sides) / 2)
 
-    def _support(self, directions: Matrix) -> Vector:
-        """Half the sum of |d_i| side_i."""
-        return np.abs(directions) @ self.sides / 2
+    def _farthest(self, directions: Matrix) -> Matrix:
+        """A corner."""
+        return np.where(directions < 0, -self.sides, self.sides) / 2
 
     def _made_by(self, coal: Any) -> Any:
         """A coal.Box."""
@@ -111,9 +112,9 @@ class Capsule(Shape):
         """About the origin."""
         return np.zeros(3), self.radius + self.length / 2
 
-    def _support(self, directions: Matrix) -> Vector:
-        """|d_z| length / 2 + radius."""
-        return np.abs(directions[:, 2]) * self.length / 2 + self.radius
+    def _farthest(self, directions: Matrix) -> Matrix:
+        """The radius from an end of the segment."""
+        return self.radius * directions + _along_z(directions, self.length)
 
     def _made_by(self, coal: Any) -> Any:
         """A coal.Capsule."""
@@ -137,9 +138,11 @@ class Cylinder(Shape):
         """About the origin."""
         return np.zeros(3), float(np.hypot(self.radius, self.length / 2))
 
-    def _support(self, directions: Matrix) -> Vector:
-        """|d_z| length / 2 + |d_xy| radius."""
-        return np.abs(directions[:, 2]) * self.length / 2 + np.linalg.norm(directions[:, :2], axis=1) * self.radius
+    def _farthest(self, directions: Matrix) -> Matrix:
+        """On the rim of an end; in its middle for directions along z."""
+        out = directions * [1.0, 1.0, 0.0]
+        size = np.linalg.norm(out, axis=1, keepdims=True)
+        return self.radius * out / np.where(size > 0, size, 1.0) + _along_z(directions, self.length)
 
     def _made_by(self, coal: Any) -> Any:
         """A coal.Cylinder."""
@@ -165,9 +168,9 @@ class Ellipsoid(Shape):
         """About the origin."""
         return np.zeros(3), float(self.radii.max())
 
-    def _support(self, directions: Matrix) -> Vector:
-        """|(d_i radius_i)|."""
-        return np.linalg.norm(directions * self.radii, axis=1)
+    def _farthest(self, directions: Matrix) -> Matrix:
+        """(radius_i^2 d_i) / |(radius_i d_i)|."""
+        return directions * self.radii**2 / np.linalg.norm(directions * self.radii, axis=1, keepdims=True)
 
     def _made_by(self, coal: Any) -> Any:
         """A coal.Ellipsoid."""
@@ -220,9 +223,9 @@ class Hull(Shape):
         center = (self.corners.min(axis=0) + self.corners.max(axis=0)) / 2
         return center, float(np.linalg.norm(self.corners - center, axis=1).max())
 
-    def _support(self, directions: Matrix) -> Vector:
-        """The largest over the corners."""
-        return (directions @ self.corners.T).max(axis=1)
+    def _farthest(self, directions: Matrix) -> Matrix:
+        """A corner."""
+        return self.corners[(directions @ self.corners.T).argmax(axis=1)]
 
     def _made_by(self, coal: Any) -> Any:
         """A coal.Convex."""
@@ -287,9 +290,9 @@ class Mesh(Shape):
         """Of the hull."""
         return self.hull.ball
 
-    def _support(self, directions: Matrix) -> Vector:
+    def _farthest(self, directions: Matrix) -> Matrix:
         """Of the hull."""
-        return self.hull._support(directions)
+        return self.hull._farthest(directions)
 
     def _made_by(self, coal: Any) -> Any:
         """Of the hull."""
@@ -318,7 +321,7 @@ class Unread(Shape):
         """Raises: RobotFileError."""
         raise self._problem()
 
-    def _support(self, directions: Matrix) -> Vector:
+    def _farthest(self, directions: Matrix) -> Matrix:
         """Raises: RobotFileError."""
         raise self._problem()
 
@@ -351,6 +354,13 @@ class LinkShape(Value):
     carried: bool = False
 
 
-def lowest(shape: Shape, positions: Matrix, rotations: Array) -> Vector:
-    """Height z (k,) of the lowest point of a shape whose frame is at positions (k, 3), rotations (k, 3, 3)."""
-    return positions[:, 2] - shape.support(-rotations[:, 2, :])
+def lowest(shape: Shape, positions: Matrix, rotations: Array) -> Matrix:
+    """The lowest point (k, 3) of a shape whose frame is at positions (k, 3), rotations (k, 3, 3)."""
+    return positions + np.einsum("kij,kj->ki", rotations, shape._farthest(-rotations[:, 2, :]))
+
+
+def _along_z(directions: Matrix, length: float) -> Matrix:
+    """The end (k, 3) of a segment of a length along z about the origin that is farther along directions (k, 3)."""
+    out = np.zeros_like(directions)
+    out[:, 2] = np.where(directions[:, 2] < 0, -length, length) / 2
+    return out

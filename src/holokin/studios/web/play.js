@@ -1,7 +1,8 @@
 // The page: controls, the hand that drags the loop, and what is drawn at each moment.
 
 const PAUSE = 0.5; // seconds at the start between two rounds
-const WORK = 7; // milliseconds of computing in a frame
+const WORK = 3; // milliseconds of computing in a frame
+const SAID = 100; // milliseconds between two reports while rounds are computed
 const GHOST = [0.42, 0.45, 0.5], GREEN = [0, 0.62, 0.45];
 
 const $ = (id) => document.getElementById(id);
@@ -14,7 +15,7 @@ function fail(problem) {
 
 class Page {
   constructor(laws, stage) {
-    Object.assign(this, { laws, stage, playing: true, time: 0, kind: "circle", plane: data.plane, size: data.size, cycles: data.rounds });
+    Object.assign(this, { laws, stage, playing: true, time: 0, silent: 0, kind: "circle", plane: data.plane, size: data.size, cycles: data.rounds });
     this.offer();
     this.wire();
     this.change();
@@ -121,8 +122,15 @@ class Page {
   work(patience, cycles = this.rounds) {
     for (const law of this.laws) law.advance(cycles, patience / this.laws.length);
     const done = this.laws.reduce((sum, law) => sum + law.cycles + (law.ended ? 0.5 : 0), 0);
-    if (done !== this.told) this.report();
+    if (done === this.told || (!this.ready && performance.now() < this.silent)) return;
+    this.report();
     this.told = done;
+    this.silent = performance.now() + SAID;
+  }
+
+  // Whether all rounds are computed.
+  get ready() {
+    return this.laws.every((law) => law.ended || law.cycles >= this.rounds);
   }
 
   report() {
@@ -135,8 +143,7 @@ class Page {
       this.labels[i].value.textContent = last[i] ? amount(last[i].largest, data.joints[last[i].joint].unit) : law.ended ? "stops" : "...";
       this.labels[i].of.textContent = law.ended && !last[i] ? `at ${law.ended}` : `drift after ${drifts[i].length} round${drifts[i].length === 1 ? "" : "s"}`;
     });
-    const ready = this.laws.every((law) => law.ended || law.cycles >= this.rounds);
-    if (ready) $("story").replaceChildren(...[...sentences(this.laws, drifts, data.joints), this.loop.text || ""].map((said) => make("span", {}, `${said} `)));
+    if (this.ready) $("story").replaceChildren(...[...sentences(this.laws, drifts, data.joints), this.loop.text || ""].map((said) => make("span", {}, `${said} `)));
   }
 
   // Steps that are shown at a time: rounds with a rest between them.

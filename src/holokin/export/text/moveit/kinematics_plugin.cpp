@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <exception>
-#include <sstream>
 #include <tuple>
 
 #include <pluginlib/class_list_macros.hpp>
@@ -23,38 +22,15 @@
 #include <moveit/robot_state/robot_state.h>
 #endif
 
-#include "pose_conversions.hpp"
+#include "exported_robot.hpp"
 
 namespace $package {
 namespace {
 
-namespace law = ::$name;
 using Clock = std::chrono::steady_clock;
-
-const std::array<const char *, ${NAME}_N> JOINTS = {
-$joint_strings};
-const char *const TIP = $tip_string;
 
 /* The first try takes this many pieces at most, each other one twice as many as the one before. */
 constexpr int FIRST_PIECES = 256;
-
-/* By how much [rad, m] joints are moved from the start to compare MoveIt's model with the export. */
-constexpr double MOVED = 0.3;
-
-/* The start posture, one joint of it moved, and at the end all of them, each by another amount. */
-law::Joints posture(std::size_t k) {
-  law::Joints q = law::start();
-  for (std::size_t i = 0; i < q.size(); i++) {
-    if (k == i + 1) q[i] += MOVED;
-    if (k == q.size() + 1) q[i] += MOVED * static_cast<double>(i + 1) / static_cast<double>(q.size());
-  }
-  return q;
-}
-
-std::string posture_words(std::size_t k) {
-  if (k == 0) return "at the start";
-  return k > JOINTS.size() ? "when all joints move" : std::string("when '") + JOINTS[k - 1] + "' moves";
-}
 
 rclcpp::Logger logger() { return rclcpp::get_logger("$package"); }
 
@@ -68,22 +44,6 @@ T parameter(rclcpp::Node &node, const std::string &name, const T &by_default, co
   descriptor.description = about;
   descriptor.read_only = true;
   return node.declare_parameter<T>(name, by_default, descriptor);
-}
-
-std::string listed(const std::vector<std::string> &names) {
-  std::string all;
-  for (const std::string &name : names) all += (all.empty() ? "'" : ", '") + name + "'";
-  return all;
-}
-
-/* The largest difference of positions [m], and of entries of the rotations. */
-std::array<double, 2> difference(const Matrix &A, const Matrix &B) {
-  std::array<double, 2> most = {0.0, 0.0};
-  for (std::size_t i = 0; i < 12; i++) {
-    double &worst = most[i % 4 == 3 ? 0 : 1];
-    worst = std::max(worst, std::abs(A[i] - B[i]));
-  }
-  return most;
 }
 
 /* The pose of a link in the frame of another. */
@@ -145,24 +105,16 @@ bool KinematicsPlugin::read_parameters(std::string &why) {
   return why.empty();
 }
 
-/* Whether MoveIt's model puts the tip where the export puts it: at the start, and where joints are moved from it. */
+/* Whether MoveIt's model puts the tip where the export puts it. */
 bool KinematicsPlugin::agrees(std::string &why) const {
   moveit::core::RobotState state(robot_model_);
   state.setToDefaultValues();
-  for (std::size_t k = 0; k < JOINTS.size() + 2; k++) {
-    const law::Joints q = posture(k);
+  const auto pose_of = [this, &state](const law::Joints &q) {
     for (std::size_t i = 0; i < q.size(); i++) state.setVariablePosition(JOINTS[i], q[i]);
-    const auto T = law::pose(q);
-    const auto [off, turned] = difference(relative(state, base_frame_, tip_frames_[0]), T.value);
-    if (T && off <= model_tolerance_ && turned <= model_tolerance_) continue;
-    std::ostringstream words;
-    words << "the link '" << tip_frames_[0] << "' in '" << base_frame_ << "' is " << off << " m and " << turned
-          << " rad from where the export has its tip '" << TIP << "' " << posture_words(k)
-          << ". Choose base and tip of the group as they were exported, or export from this robot description";
-    why = words.str();
-    return false;
-  }
-  return true;
+    return relative(state, base_frame_, tip_frames_[0]);
+  };
+  why = disagreement(pose_of, base_frame_, tip_frames_[0], model_tolerance_);
+  return why.empty();
 }
 
 /* Puts the joints of a group to those of the export, by their names. */

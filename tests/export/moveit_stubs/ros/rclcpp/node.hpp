@@ -1,3 +1,0 @@
-/* For the tests of holokin: stands in for the header of this name. */
-#pragma once
-#include "../stand_in_messages.hpp"

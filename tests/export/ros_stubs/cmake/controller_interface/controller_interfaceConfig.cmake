@@ -1,0 +1,3 @@
+# For the tests of holokin: stands in for the package of this name.
+add_library(controller_interface::controller_interface INTERFACE IMPORTED)
+target_include_directories(controller_interface::controller_interface INTERFACE ${CMAKE_CURRENT_LIST_DIR}/../../ros ${CMAKE_CURRENT_LIST_DIR}/../../control)

@@ -1,0 +1,3 @@
+/* For the tests of holokin: stands in for the header of this name. */
+#pragma once
+#include "../../stand_in_messages.hpp"
