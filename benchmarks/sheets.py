@@ -232,7 +232,8 @@ def main(arguments: list[str] | None = None) -> int:
     loop, followed, fewest = of_these_sheets(s, some)
     print(
         f"\nNo function has less than {least.length:.2f} m of cuts; one with a single jump on each circle about the "
-        f"base has {jump.length:.2f} m at least, {jump.pairs:.2f} m in pairs of the {cells} x {cells} grid.\n"
+        f"base has {jump.length:.2f} m at least, {jump.pairs:.2f} m in pairs of the {cells} x {cells} grid (inf: one "
+        f"jump is not enough).\n"
         f"Changes on each of {len(loop)} paths of {len(some)} wholly served: {loop.mean():.3f} of a loop that stays "
         f"on its sheet, {followed.mean():.3f} with follow, {fewest.mean():.3f} at least over them; "
         f"{any_postures(some, limit).mean():.3f} at least over any postures.\n\n{s}"
