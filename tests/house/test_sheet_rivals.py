@@ -1,0 +1,120 @@
+"""The methods that `hk.sheets` is measured beside: our reruns of them, and the answers of other code."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks import grid_roadmap, reconfigurations, sheets
+
+import holokin as hk
+from conftest import PANDA_START
+
+LIMIT = np.radians(150)
+LINKS, LIMITS = (1.0, 1.0, 1.0), ((-LIMIT, LIMIT),) * 3
+
+
+@pytest.fixture(scope="module")
+def roadmap() -> grid_roadmap.Roadmap:
+    return grid_roadmap.grid_roadmap(LINKS, LIMITS, cells=18, count=30)
+
+
+def tool_of(q: np.ndarray) -> np.ndarray:
+    """The tool of three links of 1 m in a plane, by hand."""
+    angles = np.cumsum(q, axis=-1)
+    return np.stack([np.cos(angles).sum(axis=-1), np.sin(angles).sum(axis=-1)], axis=-1)
+
+
+def test_the_postures_of_a_roadmap_are_at_their_nodes_and_within_the_limits(roadmap: grid_roadmap.Roadmap) -> None:
+    known = np.isfinite(roadmap.q[:, 0])
+    assert known.sum() > 0.95 * sheets.in_reach(roadmap.points).sum()
+    np.testing.assert_allclose(tool_of(roadmap.q[known]), roadmap.points[known], atol=1e-5)
+    assert np.abs(roadmap.q[known]).max() <= LIMIT
+
+
+def test_joined_postures_go_over_into_each_other_with_the_tool_on_the_line(roadmap: grid_roadmap.Roadmap) -> None:
+    """From one end, small steps of the tool with the least joint motion towards the other end arrive there."""
+    for i, j in roadmap.pairs[roadmap.joined][::24]:
+        q = roadmap.q[i].copy()
+        for share in np.linspace(0, 1, 41)[1:]:
+            wanted = (1 - share) * roadmap.q[i] + share * roadmap.q[j]
+            goal = (1 - share) * roadmap.points[i] + share * roadmap.points[j]
+            before, q = q, wanted
+            for _ in range(8):
+                bars = np.stack([-np.sin(np.cumsum(q)), np.cos(np.cumsum(q))])
+                jacobian = np.cumsum(bars[:, ::-1], axis=1)[:, ::-1]
+                q = q + np.linalg.pinv(jacobian) @ (goal - tool_of(q))
+            assert np.abs(tool_of(q) - goal).max() < 1e-6
+            assert np.abs(q - before).max() < 0.5
+        np.testing.assert_allclose(q, roadmap.q[j], atol=1e-3)
+
+
+def test_most_pairs_of_a_roadmap_are_joined(roadmap: grid_roadmap.Roadmap) -> None:
+    """Of this coarse one nearly nine in ten; of postures chosen at random hardly any."""
+    assert roadmap.joined.mean() > 0.8
+
+
+def test_the_fewest_changes_are_those_of_trying_all_choices() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        layers = [rng.uniform(0, 1, (int(rng.integers(1, 5)), 2)) for _ in range(6)]
+        most = np.array([0.35, 0.5])
+        best = []
+        for choice in itertools.product(*(range(len(layer)) for layer in layers)):
+            q = np.array([layer[k] for layer, k in zip(layers, choice, strict=True)])
+            joined = (np.abs(np.diff(q, axis=0)) <= most).all(axis=1)
+            best.append((int((~joined).sum()), float(np.linalg.norm(np.diff(q, axis=0)[joined], axis=1).sum())))
+        found = reconfigurations.fewest_changes(layers, most)
+        assert found.changes == min(best)[0]
+        assert found.way == pytest.approx(min(best)[1])
+
+
+def test_the_postures_along_a_path_have_their_tool_on_it(tmp_path: Path) -> None:
+    """The path is read from a table as the published one: time, position, quaternion."""
+    robot = hk.load("panda")
+    pose = robot.pose(PANDA_START)
+    rows = [[k / 30, *(pose[:3, 3] + [0, 0.01 * k, 0]), 1.0, 0.0, 0.0, 0.0] for k in range(3)]
+    file = tmp_path / "path.csv"
+    np.savetxt(file, rows, delimiter=",", header="time,x,y,z,qx,qy,qz,qw", comments="")
+    times, poses = reconfigurations.read_path(file)
+    np.testing.assert_allclose(times, [0, 1 / 30, 2 / 30])
+    np.testing.assert_allclose(poses[0, :3, :3], np.diag([1.0, -1.0, -1.0]))
+    layers = reconfigurations.path_postures(hk.pose(robot), poses, count=6)
+    assert min(map(len, layers)) >= 6
+    for at, layer in zip(poses, layers, strict=True):
+        for q in layer:
+            np.testing.assert_allclose(robot.pose(q), at, atol=2e-6)
+            assert ((q >= robot.lower) & (q <= robot.upper)).all()
+
+
+def test_the_positions_in_reach_are_the_disc_without_the_lens_behind_the_base() -> None:
+    """There the limit of joint 1 holds the elbow at +-150 degrees, and the two outer links reach 2 m from it."""
+    points = np.random.default_rng(0).uniform(-3.1, 3.1, (4000, 2))
+    x, y = points[:, 0], np.abs(points[:, 1])
+    away = np.hypot(x - np.cos(LIMIT), y - np.sin(LIMIT))
+    inside = (np.hypot(x, y) <= 3) & ((np.arctan2(y, x) <= LIMIT) | (away <= 2))
+    clear = (np.abs(np.hypot(x, y) - 3) > 0.01) & (np.abs(away - 2) > 0.01)
+    np.testing.assert_array_equal(sheets.in_reach(points)[clear], inside[clear])
+
+
+def test_an_answer_of_other_code_is_counted_by_the_rule_of_all(tmp_path: Path) -> None:
+    """Four positions in a row, a jump between the second and the third, no posture at the fourth; z is always 0."""
+    file = tmp_path / "answer.json"
+    x = [1.0, 1.1, 1.2, 1.3]
+    answer = {
+        "points": [[0.0, a, b] for a, b in zip(x, [0, 0, 0, 0.001], strict=True)],
+        "q": [[0, 0, 0], [0.1, 0, 0], [0.1, 2, 0], None],
+        "edges": [[0, 1], [1, 2], [2, 3]],
+        "connected": [True, True, False],
+        "seconds": 1.5,
+    }
+    file.write_text(json.dumps(answer), encoding="utf-8")
+    read = sheets.read_answer("other code", file)
+    speed, weight = read.measured(area=0.3)
+    np.testing.assert_allclose(speed, [1, 20, np.nan], rtol=1e-3)
+    assert weight == pytest.approx(2, rel=1e-3)
+    path = np.stack([np.linspace(1, 1.3, 50), np.zeros(50)], 1)
+    assert read.changes(path[None]).tolist() == [1]
