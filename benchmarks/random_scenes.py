@@ -185,9 +185,11 @@ def random_solid(rng: np.random.Generator, size: float, folder: Path, kind: str 
     radius = float(np.linalg.norm(points - middle, axis=1).max())
     if kind == "hull":
         return Solid(kind, Hull(points), _convex(points), middle, radius)
-    file = folder / f"{rng.integers(2**60)}.obj"  # its triangles are any: what is proven is of its hull
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
-    lines += [f"f {i + 1} {i + 2} {i + 3}" for i in range(len(points) - 2)]
+    file, hull = folder / f"{rng.integers(2**60)}.obj", ConvexHull(points)  # obstacles that are not convex are refused
+    place = np.full(len(points), -1)
+    place[hull.vertices] = np.arange(len(hull.vertices))
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points[hull.vertices].tolist()]
+    lines += [f"f {i + 1} {j + 1} {k + 1}" for i, j, k in place[hull.simplices].tolist()]
     file.write_text("\n".join(lines) + "\n", "utf-8")
     return Solid(kind, Mesh(file), _convex(points), middle, radius)
 

@@ -180,7 +180,7 @@ def _told(witness: Witness) -> str:
 
 
 def _directions(sphere: ToolSphere) -> str:
-    return f"directions from the shoulder to the wrist, {sphere.radius:.3g} m long, the tool turned as at the start"
+    return f"directions from the shoulder to the wrist (wrist {sphere.radius:.3g} m away, tool turned as at the start)"
 
 
 def _of_any_law(field: FreeField, over: Directions) -> Obstruction:

@@ -22,7 +22,7 @@ RUNS = 5
 """Runs of the same way from the same start, so that a law that alternates between runs is seen to."""
 
 AT_ONCE, MIDWAY, NEW_RUN, BEGUN_THERE, SAME_RUN = (
-    "at once", "midway in a run", "in a new run", "in a run begun there", "in the same run again",
+    "at once", "midway in a run", "in a new run", "in a run from the posture of the call", "when the run was repeated",
 )  # fmt: skip
 
 

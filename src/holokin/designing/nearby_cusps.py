@@ -115,7 +115,7 @@ def said_of(chosen: str, first: str, looked_at: Mapping[str, NearbyCusps], more:
             f"Of the law to take {found.sentence}.",
         ]
     others = [name for name, other in looked_at.items() if name != chosen and other.near]
-    rest = f"; so has {', '.join(others)}, which serves as much" if found.near and others else ""
+    rest = f"; so has {', '.join(others)}, whose coverage and margins are as good" if found.near and others else ""
     return [f"{_capital(found.sentence)}{rest}."]
 
 
@@ -141,6 +141,6 @@ def said_of_degrees(chosen: int, looked_at: Sequence[DegreeTried], found: Nearby
             f"Of degree {chosen} {found.sentence}.",
         ]
     else:
-        rest = f"; so does one with degree {many}, which serves as much" if others else ""
+        rest = f"; so does one with degree {many}, whose coverage and margins are as good" if others else ""
         said = [f"{_capital(found.sentence)}{rest}."]
     return "\n".join([*said, loop] if loop else said)

@@ -40,7 +40,8 @@ def _next(best: Law, other: Law) -> str:
         share = 1 - other.easy / other.coverage
         return f"Next comes {other.name}, which covers as much, but {share:.1%} of it near limits or singular postures."
     more = other.squared_speed / best.squared_speed - 1
-    return f"Next comes {other.name}, which serves as much with {more:.1%} more squared joint speed."
+    needs = f"it needs {more:.1%} more squared joint speed"
+    return f"Next comes {other.name}: its coverage and margins are as good, but {needs}."
 
 
 def _not_served(found: Coverage, part: Part | None, best: Law) -> str:
@@ -59,8 +60,8 @@ def _speed(best: Law, excess: Excess | None) -> list[str]:
     if not np.isfinite(best.speed):
         return ["Its joint speed was not compared."]
     if excess is None:
-        share = f"{1 / best.speed:.1%} of its mean squared joint speed"
-        return [f"No law with the postures that were found there can have less than {share}."]
+        share = f"{1 / best.speed:.1%} of that of {best.name}"
+        return [f"With the postures found in the workspace, no law has a mean squared joint speed below {share}."]
     said = [_limits(best, excess.free)]
     if excess.free is not None and excess.free.speed <= 1 + CLOSE:
         return said

@@ -106,7 +106,7 @@ class ToolDeviation(Shown):
         if np.isfinite(self.slowest):
             speeds = f"{1e3 * self.slowest:.4g} to {1e3 * self.fastest:.4g} mm/s"
             said.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed,")
-            said.append(f"compared in {100 * self.compared:.3g} % of the time: ramps are the controller's")
+            said.append(f"compared in {100 * self.compared:.3g} % of the time, without starts and stops of the tool")
         else:
             said.append("its speed was not compared: it only gathers speed and loses it, or turns in place")
         if not self.kept:

@@ -106,8 +106,9 @@ def header(
 def _resolution(timed: TimedTrajectory, found: Targets) -> str:
     """How far apart the instants are at which deviations are measured, and the samples, of which targets are some."""
     fastest, step = float("nan") if found.tool is None else found.tool.fastest, 1e3 * timed.dt
-    way = f" and up to {fastest * step / FINER:.2g} mm" if np.isfinite(fastest) else ""
-    return f"deviations are measured every {step / FINER:g} ms{way}; on and off lines stand at steps of {step:g} ms"
+    way = f", at most {fastest * step / FINER:.2g} mm apart on the path" if np.isfinite(fastest) else ""
+    lines = f"lines of on and off are at multiples of {step:g} ms"
+    return f"deviations are measured every {step / FINER:g} ms{way}; {lines}"
 
 
 def _counted(found: Targets) -> str:
