@@ -74,7 +74,7 @@ def sheets(
         found, file, wanted, along = sheets_command(robot, typed, out, options, say, say.announce)
         picture = file.with_suffix(".png")
         say("drawing")
-        write_figure(lambda: sheets_figure(found), picture, alone=True)
+        write_figure(lambda: sheets_figure(found), picture)
     show(str(found))
     if along is not None:
         show(f"the job's path: {along}")
