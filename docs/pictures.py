@@ -29,6 +29,7 @@ from holokin.output.palette import BLUE, SKY, law_colors
 from holokin.output.palette import VERMILLION as RED
 from holokin.output.plots import legible, style
 from holokin.output.region_plot import region_figure
+from holokin.output.sheets_plot import sheets_figure
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent))
@@ -391,6 +392,14 @@ def coverage_of_a_box() -> None:
     save(coverage_figure(hk.coverage(law, box, ready, samples=512), slices), "coverage-arm-angle")
 
 
+def sheets_of_a_panda() -> None:
+    """The fewest leaves that serve a large box before a Panda: some minutes."""
+    box = hk.workspace(box=([0.6, 0, 0.5], [0.6, 0.6, 0.5]), tilt=np.radians(30))
+    found = hk.sheets(hk.pose(hk.load("panda")), box, seconds=240, say=print)
+    print(found)
+    save(sheets_figure(found), "sheets")
+
+
 def paths() -> None:
     """Six kinds of path: seen from above, and over a surface."""
     figure = plt.figure(figsize=(9.4, 6.2))
@@ -499,7 +508,7 @@ def readme() -> None:
 if __name__ == "__main__":
     every = (
         self_motion, planar_loops, leaves, joints_over_cycles, swivel, cusp, region, clear_of_a_ball, coverage_of_a_box,
-        edge_of_reach, paths, jobs, physics, readme,
+        sheets_of_a_panda, edge_of_reach, paths, jobs, physics, readme,
     )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}
     with plt.rc_context(style()):

@@ -94,7 +94,7 @@ class NoSeam(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Seams(NoTruthValue, Value, ask="`len(...)`"):
+class Seams(NoTruthValue, Value, ask="`.missing`"):
     """The cheapest change that was found between each pair of sheets; `missing` has the pairs without one, and why."""
 
     found: tuple[Seam, ...]

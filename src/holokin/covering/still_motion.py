@@ -60,7 +60,7 @@ ROUNDS = 16
 """Rounds of a closed self-motion at most, where each turns a hinge."""
 
 
-class Hindrance(NoTruthValue, Enum, ask="`is None` of a result's hindrance"):
+class Hindrance(NoTruthValue, Enum, ask="`is Hindrance.NOT_REDUNDANT`"):
     """Why the arm cannot go from one posture to another with its tool still; the text says it in words."""
 
     NOT_REDUNDANT = "no joint is redundant: the tool moves with every motion of the joints"
@@ -81,7 +81,7 @@ class Hindrance(NoTruthValue, Enum, ask="`is None` of a result's hindrance"):
 
 
 @dataclass(frozen=True, eq=False)
-class StillMotion(NoTruthValue, Value, ask="`.hindrance is None`"):
+class StillMotion(NoTruthValue, Value, ask="`.hindrance`"):
     """Joints q (k, n) at times t (k,) [s] between two postures of one tool pose; the tool stays where it is.
 
     The times are those at which the fastest joint just keeps its speed limit, at an even rate along the curve; the time
