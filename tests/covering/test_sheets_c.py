@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from handmade_sheets import planar_map
 
 import holokin as hk
 from holokin.covering import export_sheets
+from holokin.covering.surroundings import Surroundings
 from holokin.errors import ArgumentError
-
-LIMIT = np.radians(150)
 
 
 @pytest.fixture(scope="module")
 def planar() -> hk.Sheets:
-    task = hk.position(hk.with_limits(hk.load("planar-3r"), lower=-LIMIT, upper=LIMIT))
-    disc = hk.workspace(cylinder=([0, 0, 0], 2.9, 0.0))
-    return hk.sheets(task, disc, [hk.holonomic(task, hk.linear([0, 1, -1]))], samples=64, share=0.97)
+    return planar_map(64)
 
 
 @pytest.mark.skipif(subprocess.run(["sh", "-c", "command -v cc"], check=False).returncode != 0, reason="no C compiler")
@@ -61,9 +60,7 @@ def test_c_gives_the_sheet_and_the_joints_of_the_map(planar: hk.Sheets, tmp_path
 def test_what_c_does_not_look_at_is_refused(planar: hk.Sheets, tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="C name"):
         export_sheets(planar, tmp_path, name="7 arms")
-    task = planar.task
-    law = [hk.holonomic(task, hk.linear([0, 1, -1]))]
-    box = hk.workspace(box=([1.5, 0, 0], [0.2, 0.2, 0]))
-    for words in ({"clear_of": [], "floor": -1.0, "self_collision": False}, {"rcond": 0.01}):
+    rough = replace(planar, sheets=tuple(replace(one, rcond=0.01) for one in planar.sheets))
+    for other in (replace(planar, around=Surroundings()), rough):
         with pytest.raises(ArgumentError, match="obstacles"):
-            export_sheets(hk.sheets(task, box, law, samples=8, share=0.5, **words), tmp_path)
+            export_sheets(other, tmp_path)

@@ -29,6 +29,9 @@ ROUGH = 64
 STARTS, BEST = 8, 3
 """Postures at one pose through which leaves of each law are tried on few poses, and those that are tried on all."""
 
+OTHERS = 0.05
+"""Weight of a pose anywhere, beside one that the widest sheet does not serve, where leaves are tried on few poses."""
+
 CENTRES = 4
 """Other postures of a sheet from which it is tried again."""
 
@@ -73,7 +76,7 @@ class CandidateSheets:
             return
         every = np.arange(0, len(self.T), max(1, len(self.T) // ROUGH))
         first = wanted[:ROUGH]
-        some, weights = np.concatenate([first, every]), np.repeat([1.0, 0.5], [len(first), len(every)])
+        some, weights = np.concatenate([first, every]), np.repeat([1.0, OTHERS], [len(first), len(every)])
         for law in self.laws:
             if time.monotonic() > end and self.sheets:
                 return

@@ -143,10 +143,10 @@ def _search(
             if len(cover.chosen) <= 1 <= cover.covered - wanted + 1 or still >= STILL or time.monotonic() > end:
                 break
             say(f"{len(cover.chosen)} of {pool.tried} leaves serve {cover.covered} of {len(T)} poses")
-            lost = np.flatnonzero(~pool.sets[cover.chosen].any(axis=0))
+            left = _left(pool, cover)
             pool.recentre(cover.chosen, rng, end)
-            for i in _targets(pool, cover, lost, rng):
-                pool.grow(T[i], lost, end, say)
+            for i in _targets(left, len(T), rng):
+                pool.grow(T[i], left, end, say)
         stopped = time.monotonic() > end
     except KeyboardInterrupt:
         stopped = True
@@ -157,13 +157,18 @@ def _search(
     return pool, cover, stopped
 
 
-def _targets(pool: CandidateSheets, cover: Cover, lost: Indices, rng: np.random.Generator) -> list[int]:
-    """Poses through which leaves are tried next: half of them where the cover, or its widest sheet, fails."""
-    if not len(lost) and len(cover.chosen):
-        sets = pool.sets[cover.chosen]
-        lost = np.flatnonzero(~sets[int(np.argmax(sets.sum(axis=1)))])
-    found = spread_out(pool.T, lost, TARGETS // 2, TURN_LENGTH).tolist()
-    return [*found, *rng.choice(len(pool.T), TARGETS - len(found)).tolist()]
+def _left(pool: CandidateSheets, cover: Cover) -> Indices:
+    """The poses that the widest sheet of a cover does not serve: those that the others are for."""
+    if not len(cover.chosen):
+        return np.arange(len(pool.T))
+    sets = pool.sets[cover.chosen]
+    return np.flatnonzero(~sets[int(np.argmax(sets.sum(axis=1)))])
+
+
+def _targets(left: Indices, count: int, rng: np.random.Generator) -> list[int]:
+    """Poses through which leaves are tried next: most of them where the widest sheet fails."""
+    some = rng.choice(left, min(TARGETS - 1, len(left)), replace=False) if len(left) else left
+    return [*some.tolist(), *rng.choice(count, TARGETS - len(some)).tolist()]
 
 
 def _cover(pool: CandidateSheets, wanted: int) -> Cover:

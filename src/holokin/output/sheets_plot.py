@@ -23,7 +23,7 @@ NONE = "#d5dae1"
 
 REST = {
     PoseRest.NOT_COVERED: (CUT, "reached, by no sheet"), PoseRest.BLOCKED: ("#4b5563", "too near to something"),
-    PoseRest.LIMITS: ("#8a93a0", "no posture within limits"), PoseRest.OUT_OF_REACH: ("#c5ccd6", "out of reach"),
+    PoseRest.LIMITS: ("#8a93a0", "beyond joint limits"), PoseRest.OUT_OF_REACH: ("#c5ccd6", "out of reach"),
 }  # fmt: skip
 """Colour and short name of what becomes of a pose without a sheet."""
 
@@ -147,5 +147,5 @@ def _legend(figure: Any, found: Sheets, maps: bool, jump: bool) -> None:
     ]  # fmt: skip
     patches += [Patch(color=NONE, label="no sheet (maps)")] if maps else []
     lines = [Line2D([], [], color=CUT, linewidth=1.8, label="the joints jump here")] if jump else []
-    corner = (1 - 2.6 / width, 1 - 0.8 / height)
+    corner = (1 - 2.38 / width, 1 - 0.8 / height)
     figure.legend(handles=[*patches, *lines], loc="upper left", bbox_to_anchor=corner, fontsize=8.5, frameon=False)
