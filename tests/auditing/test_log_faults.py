@@ -257,7 +257,7 @@ def test_a_long_way_in_and_out_does_not_count() -> None:
     cycles = find_cycles(
         recorded(joined(np.r_[x, 0.3 * np.cos(angle), x[::-1]], np.r_[y, 0.3 * np.sin(angle), y[::-1]])),
         PPR,
-        orientation=False,
+        axes=FREE,
     )
     assert len(cycles) == 300
     assert cycles.q0[0] == pytest.approx(50_000, abs=100)  # the path in ends at rest
