@@ -211,3 +211,20 @@ def test_a_map_of_another_robot_or_of_no_map_is_refused(planar: Sheets, tmp_path
     for other in ("no.npz", "missing.npz"):
         with pytest.raises(SheetsFileError):
             hk.read_sheets(tmp_path / other, planar.task)
+
+
+def test_laws_without_a_leaf_that_serves_anything_are_named() -> None:
+    """No posture of this arm is as regular as is asked: nothing is served, and no map is made."""
+    task = planar_task()
+    with pytest.raises(ArgumentError, match="no leaf of them serves"):
+        hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=20, rcond=0.99)
+
+
+def test_control_c_before_anything_was_found_ends_it() -> None:
+    def say(words: str) -> None:
+        if "leaves so far" in words:
+            raise KeyboardInterrupt
+
+    task = planar_task()
+    with pytest.raises(KeyboardInterrupt):
+        hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=20, say=say)

@@ -86,8 +86,8 @@ def sheets(
 
     Raises:
         OutOfReachError: no pose of the workspace is reached within the joint limits and clear of what was named.
-        ArgumentError: a task of several frames, strategies of another task, bad numbers. UnknownNameError: no such
-        link. ShapeError, NotFiniteError.
+        ArgumentError: a task of several frames, strategies of another task, or none of whose leaves serves a pose; bad
+        numbers. UnknownNameError: no such link. ShapeError, NotFiniteError.
     """
     of_one_tool(task, "sheets")
     check_that_joints_move(task.robot)
@@ -149,7 +149,12 @@ def _search(
                 pool.grow(T[i], left, end, say)
         stopped = time.monotonic() > end
     except KeyboardInterrupt:
+        if not pool.sheets:
+            raise
         stopped = True
+    if not pool.sheets:
+        cure = "give other strategies, a smaller rcond, or a workspace nearer to the arm's middle"
+        raise ArgumentError("the strategies", [law.name for law in pool.laws], f"no leaf of them serves a pose: {cure}")
     say("asking the sheets")
     cover = _cover(pool, wanted)
     while pool.exact(cover.chosen):

@@ -177,9 +177,9 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         """Follow a path over the sheets: with the fewest divisions, of these the fewest changes.
 
         Dynamic programming over the samples of the path finds the best of all choices of sheets, and of equal ones
-        that with the least joint motion. A change is a
-        self-motion with the tool at rest; where there is none the path is divided: the arm must leave it to go on. What
-        no sheet serves is left out, and named. Joint motion is measured in seconds at the joints' speed limits.
+        that with the least joint motion. A change is a self-motion with the tool at rest; where there is none the path
+        is divided: the arm must leave it to go on. What no sheet serves is left out, and named. Joint motion is
+        measured in seconds at the joints' speed limits.
 
         Args:
             path: of the tool. Where it says no rotation, the tool starts with that at q0, or else with that in the
