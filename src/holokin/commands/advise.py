@@ -2,55 +2,42 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from .outcome import ending, show, show_rich
-
-
-class TaskKind(StrEnum):
-    """What the tool must hold."""
-
-    POSE = "pose"
-    AXIS = "axis"
-    POSITION = "position"
+from .robot_options import (
+    Base,
+    BasePose,
+    Floor,
+    JointLimits,
+    Obstacles,
+    RobotOrJob,
+    Task,
+    TaskKind,
+    Tip,
+    Tool,
+    WorkspaceWords,
+)
 
 
 def advise(
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="ROBOT|JOB", help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file; or a job."
-        ),
-    ],
-    workspace: Annotated[
-        str | None,
-        typer.Option(help='Like "box X Y Z HX HY HZ tilt DEG spin DEG", or a .toml or .csv file: docs/workspaces.md.'),
-    ] = None,
-    tip: Annotated[str | None, typer.Option(help="The link that is the tool; by default the palm of the arm.")] = None,
-    base: Annotated[str | None, typer.Option(help="The link that stands still; by default the root.")] = None,
-    task: Annotated[
-        TaskKind | None, typer.Option(help="What the tool must hold: axis is its point and the direction of an axis.")
-    ] = None,
+    robot: RobotOrJob,
+    workspace: WorkspaceWords = None,
+    tip: Tip = None,
+    base: Base = None,
+    task: Task = None,
     axis: Annotated[
         str | None, typer.Option(help='With the task axis: x, y, z or a direction in its frame, like "0 0.5 1".')
     ] = None,
     position: Annotated[bool, typer.Option("--position", help="The same as --task position.")] = False,
-    tool: Annotated[str | None, typer.Option(help='The tool on the tip, "X Y Z rpy R P Y" in m and degrees.')] = None,
-    base_pose: Annotated[
-        str | None, typer.Option(help='Where the base of the robot stands, "X Y Z rpy R P Y" in m and degrees.')
-    ] = None,
-    limit: Annotated[
-        list[str] | None, typer.Option(help='Other limits of a joint, "JOINT LOWER UPPER"; may be given again.')
-    ] = None,
-    floor: Annotated[float | None, typer.Option(help="Height of the floor [m].")] = None,
-    obstacle: Annotated[
-        list[str] | None,
-        typer.Option(help='Like "table box X Y Z SX SY SZ" (centre, sides) [m]; may be given again.'),
-    ] = None,
+    tool: Tool = None,
+    base_pose: BasePose = None,
+    limit: JointLimits = None,
+    floor: Floor = None,
+    obstacle: Obstacles = None,
     clearance: Annotated[
         float | None, typer.Option(help="Distance [m] that links keep from these and from each other; or 0.01.")
     ] = None,

@@ -15,6 +15,10 @@ from .outcome import show
 OneJob = Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")]
 Folder = Annotated[Path, typer.Option(help="The folder to write.")]
 StrategyName = Annotated[str | None, typer.Option(help="The strategy's name in the job; needed where it has several.")]
+Orientation = Annotated[
+    str | None, typer.Option(help="One of the job's representations of orientation; by default its first.")
+]
+Prefix = Annotated[str | None, typer.Option(help="Prefix of the C names; by default that of robot and strategy.")]
 
 exporting = typer.Typer(help="Write a strategy for a controller.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -24,13 +28,9 @@ def export_c(
     job: OneJob,
     out: Folder,
     strategy: StrategyName = None,
-    orientation: Annotated[
-        str | None, typer.Option(help="One of the job's representations of orientation; by default its first.")
-    ] = None,
+    orientation: Orientation = None,
     dt: Annotated[float, typer.Option(help="Step of the control loop in seconds, a default the C may change.")] = 1e-3,
-    name: Annotated[
-        str | None, typer.Option(help="Prefix of the C names; by default that of robot and strategy.")
-    ] = None,
+    name: Prefix = None,
     check: Annotated[bool, typer.Option("--check", help="Build and run the self-test with the compiler here.")] = False,
 ) -> None:
     """Write a strategy as C99: library, headers of C and C++, self-test with its vectors, README.md.
@@ -53,12 +53,8 @@ def export_moveit(
     job: OneJob,
     out: Folder,
     strategy: StrategyName = None,
-    orientation: Annotated[
-        str | None, typer.Option(help="One of the job's representations of orientation; by default its first.")
-    ] = None,
-    name: Annotated[
-        str | None, typer.Option(help="Prefix of the C names; by default that of robot and strategy.")
-    ] = None,
+    orientation: Orientation = None,
+    name: Prefix = None,
     package: Annotated[
         str | None, typer.Option(help="Name of the package; by default the C name and _moveit_plugin.")
     ] = None,
@@ -83,12 +79,8 @@ def export_ros2_control(
     job: OneJob,
     out: Folder,
     strategy: StrategyName = None,
-    orientation: Annotated[
-        str | None, typer.Option(help="One of the job's representations of orientation; by default its first.")
-    ] = None,
-    name: Annotated[
-        str | None, typer.Option(help="Prefix of the C names; by default that of robot and strategy.")
-    ] = None,
+    orientation: Orientation = None,
+    name: Prefix = None,
     package: Annotated[
         str | None, typer.Option(help="Name of the package; by default the C name and _controller.")
     ] = None,
