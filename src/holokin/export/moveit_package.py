@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.shown import Shown
 from ..base.types import ArrayLike
 from ..errors import ArgumentError, ExportError
 from ..inverse_kinematics import InverseStatus, inverse
@@ -18,6 +17,7 @@ from ..version import __version__
 from .c_folder import c_name, c_texts
 from .c_text import Source, line
 from .ros_package import (
+    RosPackage,
     check_names,
     check_word,
     leaf_strategy,
@@ -57,14 +57,8 @@ _PLUGIN = {
 
 
 @dataclass(frozen=True)
-class MoveItPackage(Shown):
+class MoveItPackage(RosPackage):
     """What was written: the folder, the package, its C name, its files, the operations of each C function."""
-
-    folder: Path
-    package: str
-    name: str
-    files: tuple[str, ...]
-    operations: dict[str, int]
 
     @property
     def plugin(self) -> str:

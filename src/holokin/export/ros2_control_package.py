@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.shown import Shown
 from ..base.types import Array, ArrayLike, Vector
 from ..errors import ExportError
 from ..inverse_kinematics import leaf_value
@@ -21,6 +20,7 @@ from ..version import __version__
 from .c_folder import c_name, c_texts
 from .c_text import Source, line
 from .ros_package import (
+    RosPackage,
     check_names,
     cpp_literal,
     leaf_strategy,
@@ -64,14 +64,8 @@ _PLUGIN = {
 
 
 @dataclass(frozen=True)
-class Ros2ControlPackage(Shown):
+class Ros2ControlPackage(RosPackage):
     """What was written: the folder, the package, its C name, its files, the operations of each C function."""
-
-    folder: Path
-    package: str
-    name: str
-    files: tuple[str, ...]
-    operations: dict[str, int]
 
     @property
     def plugin(self) -> str:

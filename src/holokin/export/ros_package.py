@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..base.shown import Shown
 from ..errors import ArgumentError, ExportError
 from ..motion import has_leaf
 from ..robot import to_urdf
@@ -39,6 +42,22 @@ SHARED = {
     "package.xml": "ros/package.xml",
 }
 """Files of every package, by their templates."""
+
+
+@dataclass(frozen=True)
+class RosPackage(Shown, ABC):
+    """What was written: the folder, the package, its C name, its files, the operations of each C function. Abstract."""
+
+    folder: Path
+    package: str
+    name: str
+    files: tuple[str, ...]
+    operations: dict[str, int]
+
+    @property
+    @abstractmethod
+    def plugin(self) -> str:
+        """The name by which ROS finds the plugin."""
 
 
 def leaf_strategy(strategy: Strategy, cure: str) -> HolonomicStrategy:
