@@ -100,13 +100,18 @@ def coverage_slices(
     return tuple(found)
 
 
-def _cuts(strategy: HolonomicStrategy, inside: Flags, found: Coverage) -> Indices:
-    """Pairs (c, 2) of neighbouring cells, both with a posture, that no straight path on the leaf joins."""
+def neighbouring_cells(inside: Flags) -> Indices:
+    """Pairs (e, 2) of neighbouring cells of a grid (rows, columns), by their place among those that are inside."""
     place = np.full(inside.shape, -1)
     place[inside] = np.arange(int(inside.sum()))
     sides = [(place[:, :-1], place[:, 1:]), (place[:-1], place[1:])]
     pairs = np.concatenate([np.column_stack([one.ravel(), other.ravel()]) for one, other in sides])
-    pairs = pairs[(pairs >= 0).all(axis=1)]
+    return pairs[(pairs >= 0).all(axis=1)]
+
+
+def _cuts(strategy: HolonomicStrategy, inside: Flags, found: Coverage) -> Indices:
+    """Pairs (c, 2) of neighbouring cells, both with a posture, that no straight path on the leaf joins."""
+    pairs = neighbouring_cells(inside)
     apart = np.abs(found.q[pairs[:, 0]] - found.q[pairs[:, 1]]).max(axis=1)  # NaN where there is no posture
     ik, poses = inverse(strategy, found.q0), found.poses
     far = pairs[apart > JUMP]

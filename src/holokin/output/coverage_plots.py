@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.types import Matrix
+from ..base.types import Array, Matrix
 from ..designing import Coverage, PoseStatus, Slice
 from ..designing.slices import Plane
 from .palette import BLACK, INK, ORANGE, PURPLE, SKY, VERMILLION, YELLOW
@@ -51,21 +51,35 @@ def slice_map(axes: Any, part: Slice, most: float | None = None) -> Any:
     image[reached] = shades()(np.clip(rcond[reached] / most, 0, 1))[:, :3]
     for cause, (color, _) in CAUSES.items():
         image[status == cause] = to_rgb(color)
-    (i, j), (du, dv) = part.axes, (part.u[1] - part.u[0], part.v[1] - part.v[0])
-    extent = (part.u[0] - du / 2, part.u[-1] + du / 2, part.v[0] - dv / 2, part.v[-1] + dv / 2)
-    axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="equal")
-    for one, other in part.coverage.poses[part.cuts][:, :, [i, j], 3]:  # the side between the two cells
-        middle, along = (one + other) / 2, np.where(np.abs(other - one) > 1e-9, 0.0, [du / 2, dv / 2])
-        axes.plot(*np.transpose([middle - along, middle + along]), color=CUT, linewidth=1.8, solid_capstyle="butt")
+    i, j = part.axes
+    extent = plane_map(axes, part, image, part.coverage.poses[part.cuts][:, :, [i, j], 3])
     tool = part.coverage.tool[:3, 3]
     if extent[0] <= tool[i] <= extent[1] and extent[2] <= tool[j] <= extent[3]:
         axes.plot(tool[i], tool[j], "+", color=INK, markersize=9, markeredgewidth=1.6)
+    axes.set_title(f"{_AXES[3 - i - j]} = {part.at:.3g} m: {part.coverage.share:.0%}", loc="left", fontsize=10)
+    return axes
+
+
+def plane_map(axes: Any, plane: Slice | Plane, image: Array, cuts: Array) -> tuple[float, float, float, float]:
+    """Draw the cells of a plane by their colours (rows, columns, 3), and a line between each of some pairs of cells.
+
+    Args:
+        cuts: the places of the two cells of each pair (c, 2, 2).
+
+    Returns:
+        The ends of the plane, left, right, bottom, top [m].
+    """
+    (i, j), (du, dv) = plane.axes, (plane.u[1] - plane.u[0], plane.v[1] - plane.v[0])
+    extent = (plane.u[0] - du / 2, plane.u[-1] + du / 2, plane.v[0] - dv / 2, plane.v[-1] + dv / 2)
+    axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="equal")
+    for one, other in cuts:  # the side between the two cells
+        middle, along = (one + other) / 2, np.where(np.abs(other - one) > 1e-9, 0.0, [du / 2, dv / 2])
+        axes.plot(*np.transpose([middle - along, middle + along]), color=CUT, linewidth=1.8, solid_capstyle="butt")
     axes.grid(False)
     axes.locator_params(nbins=5)
     axes.set_xlabel(f"{_AXES[i]} [m]")
     axes.set_ylabel(f"{_AXES[j]} [m]")
-    axes.set_title(f"{_AXES[3 - i - j]} = {part.at:.3g} m: {part.coverage.share:.0%}", loc="left", fontsize=10)
-    return axes
+    return extent
 
 
 def coverage_cloud(axes: Any, coverage: Coverage, most: float | None = None, seen: Matrix | None = None) -> Any:

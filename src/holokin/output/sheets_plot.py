@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from ..base.types import Array, Flags, Indices
+from ..base.types import Array, Indices
 from ..covering import PoseRest, Sheets
-from ..designing.slices import Plane, grid_planes
+from ..designing.slices import Plane, grid_planes, neighbouring_cells
 from ..inverse_kinematics.inverse_function import leads_to
 from ..path.workspaces import PoseRange
-from .coverage_plots import CUT, frame_cloud, views
+from .coverage_plots import CUT, frame_cloud, plane_map, views
 from .palette import BLACK, INK, ORANGE, PURPLE, SKY, VERMILLION, YELLOW
 from .words import on_figure
 
@@ -70,34 +70,15 @@ def _map(axes: Any, found: Sheets, space: Any, plane: Plane) -> bool:
     image[labels == -1] = to_rgb(NONE)
     for s in range(len(found)):
         image[labels == s] = to_rgb(color_of(s))
-    du, dv = plane.u[1] - plane.u[0], plane.v[1] - plane.v[0]
-    extent = (plane.u[0] - du / 2, plane.u[-1] + du / 2, plane.v[0] - dv / 2, plane.v[-1] + dv / 2)
-    axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="equal")
-    cells = np.stack(np.meshgrid(plane.u, plane.v), axis=-1)[plane.inside]
     poses = space.at(plane.points[plane.inside.ravel()])
-    cuts = jumps(found, poses, answers.q, answers.sheet, neighbouring(plane.inside))
-    for one, other in cells[cuts]:
-        middle, along = (one + other) / 2, np.where(np.abs(other - one) > 1e-9, 0.0, [du / 2, dv / 2])
-        axes.plot(*np.transpose([middle - along, middle + along]), color=CUT, linewidth=1.8, solid_capstyle="butt")
+    cuts = _jumps(found, poses, answers.q, answers.sheet, neighbouring_cells(plane.inside))
     i, j = plane.axes
-    axes.grid(False)
-    axes.locator_params(nbins=5)
-    axes.set_xlabel(f"{'xyz'[i]} [m]")
-    axes.set_ylabel(f"{'xyz'[j]} [m]")
+    plane_map(axes, plane, image, poses[cuts][:, :, [i, j], 3])
     axes.set_title(f"{'xyz'[3 - i - j]} = {plane.at:.3g} m", loc="left", fontsize=10)
     return bool(len(cuts))
 
 
-def neighbouring(inside: Flags) -> Indices:
-    """Pairs (e, 2) of neighbouring cells of a grid (rows, columns), by their place among those that are inside."""
-    place = np.full(inside.shape, -1)
-    place[inside] = np.arange(int(inside.sum()))
-    sides = [(place[:, :-1], place[:, 1:]), (place[:-1], place[1:])]
-    pairs = np.concatenate([np.column_stack([one.ravel(), other.ravel()]) for one, other in sides])
-    return pairs[(pairs >= 0).all(axis=1)]
-
-
-def jumps(found: Sheets, poses: Array, q: Array, sheet: Indices, pairs: Indices) -> Indices:
+def _jumps(found: Sheets, poses: Array, q: Array, sheet: Indices, pairs: Indices) -> Indices:
     """Those of some pairs (e, 2) of poses, both with a sheet, between which the joints do not continue."""
     both = pairs[(sheet[pairs] >= 0).all(axis=1)]
     cut = [
