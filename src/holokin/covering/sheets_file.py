@@ -114,7 +114,13 @@ def _check(file: Path, found: Sheets) -> None:
     """The arrays fit each other, and the postures are on their leaves, at their poses, within the limits."""
     S, k, n, bad = len(found), len(found.poses), found.task.n, None
     shapes = [found.q.shape == (S, k, n), found.labels.shape == (k,), found.rest.shape == (k,)]
-    if not all(shapes) or found.labels.max(initial=-1) >= S or np.abs(found.pairs).max(initial=0) >= max(k, 1):
+    whole = all(one.dtype.kind == "i" for one in (found.labels, found.rest, found.pairs, found.cuts))
+    if (
+        not (all(shapes) and whole)
+        or found.labels.min(initial=0) < -1
+        or found.labels.max(initial=-1) >= S
+        or np.abs(found.pairs).max(initial=0) >= max(k, 1)
+    ):
         bad = "its arrays do not fit each other"
     else:
         for s, sheet in enumerate(found.sheets):
