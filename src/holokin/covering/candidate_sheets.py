@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Vector
 from ..checking import Clear
-from ..constraints import custom
+from ..constraints import custom, linear
 from ..designing import regular_starts
 from ..designing.candidates import Candidate, candidates
-from ..designing.line_ends import along_leaf
+from ..designing.line_ends import along_leaf, one_by_one
 from ..designing.starts import postures_at
 from ..errors import HolokinError
 from ..strategies import HolonomicStrategy, holonomic
 from ..tasks.task import Task
-from .sheet import Sheet
+from .pose_features import TURN_LENGTH, nearby, neighbours
+from .sheet import Sheet, known
+from .sheet_growth import Go, grown, one_function
 
 LAWS = 6
 """Laws of which leaves are looked at all over the workspace. On a Panda the first three made up the cover."""
@@ -32,8 +35,15 @@ STARTS, BEST = 8, 3
 OTHERS = 0.05
 """Weight of a pose anywhere, beside one that the widest sheet does not serve, where leaves are tried on few poses."""
 
-CENTRES = 4
-"""Other postures of a sheet from which it is tried again."""
+LEVELS = 4
+"""Levels next to that of a sheet, and laws next to its law, that are tried in a round."""
+
+SPREAD, BEND = 0.5, 0.4
+"""How far off the other levels are at first, as a share of the level's spread over postures of the start's pose; and
+the coefficients of the other laws, as a share of the largest one."""
+
+CLOSER = 0.6
+"""Both shrink so in each round."""
 
 MARGIN = 0.1
 """Share of a joint's range next to a limit that counts as near it."""
@@ -43,8 +53,9 @@ MARGIN = 0.1
 class CandidateSheets:
     """Sheets, with the poses T (k, 4, 4) that each serves; they grow while a cover is looked for.
 
-    laws: whose leaves are tried. served: a row of flags (k,) a sheet, found by many lines side by side, which may be
-    wrong at a few poses; `exact` asks the sheet itself. costs: of each, see `_cost`.
+    laws: whose leaves are tried. own: whether laws may be made besides. served: a row of flags (k,) a sheet, found by
+    many lines side by side, which may be wrong at a few poses; `exact` asks the sheet itself. costs: of each, see
+    `_cost`.
     """
 
     task: Task
@@ -52,6 +63,7 @@ class CandidateSheets:
     laws: Sequence[Candidate]
     clear: Clear | None
     rcond: float
+    own: bool
     sheets: list[Sheet] = field(default_factory=list)
     served: list[Flags] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
@@ -62,6 +74,16 @@ class CandidateSheets:
     def sets(self) -> Flags:
         """Which sheet serves which pose (c, k)."""
         return np.array(self.served, dtype=bool).reshape(-1, len(self.T))
+
+    @cached_property
+    def near(self) -> Indices:
+        """Of each pose its neighbours (k, m)."""
+        return nearby(self.T, TURN_LENGTH)
+
+    @cached_property
+    def pairs(self) -> Indices:
+        """Pairs (e, 2) of neighbours."""
+        return neighbours(self.T, TURN_LENGTH)
 
     def grow(self, at: Matrix, wanted: Indices, end: float, say: Callable[[str], None]) -> None:
         """Adds leaves of all laws through postures at a tool pose (4, 4): of each law those that serve most.
@@ -90,35 +112,96 @@ class CandidateSheets:
         """The sheets of a law through postures (s, n)."""
         if law.strategy is None or not len(starts):
             return
-        served, q = _lines_served(law, starts, self.T, self.clear, self.rcond)
-        for q0, flags, postures in zip(starts, served, q, strict=True):
+        go = _side_by_side(law.strategy, self.clear, self.rcond)
+        served, straight = _lines_served(law, starts, self.T, self.clear, self.rcond)
+        for q0, flags, postures in zip(starts, served, straight, strict=True):
             if flags.any():
+                q, _ = grown(np.where(flags[:, None], postures, np.nan), self.near, self.T, go)
                 keys = {key: value for key, value in law.keys.items() if key != "level"}
                 self.sheets.append(Sheet(law.strategy, q0, self.rcond, keys))
-                self.served.append(flags)
-                self.costs.append(_cost(law.strategy, postures[flags]))
+                self.served.append(known(q))
+                self.costs.append(_cost(law.strategy, q[known(q)]))
 
-    def recentre(self, which: Indices, rng: np.random.Generator, end: float) -> None:
-        """Adds the leaves of some sheets from other postures of them: straight paths from there serve other poses."""
+    def vary(self, which: Indices, rng: np.random.Generator, round_: int, end: float) -> None:
+        """Adds sheets next to some of them: on other levels of their laws, and of laws with other coefficients."""
         for i in which.tolist():
-            served = np.flatnonzero(self.served[i])
-            some = rng.choice(served, min(CENTRES, len(served)), replace=False)
-            if time.monotonic() < end:
-                law = Candidate(self.sheets[i].name, self.sheets[i].keys, self.task, self.sheets[i].strategy)
-                q = _lines_served(law, self.sheets[i].q0[None], self.T[some], self.clear, self.rcond)[1][0]
-                self.tried += len(some)
-                self.add(law, q[self.task.robot.within(q)])
+            sheet = self.sheets[i]
+            if time.monotonic() > end or not len(sheet.level):
+                return
+            law = Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
+            self.add(law, self._on_other_levels(sheet, rng, round_))
+            if self.own and (bent := self._bent(sheet, rng, round_)):
+                for one in bent:
+                    self.add(one, sheet.q0[None])
+            self.tried += LEVELS
+
+    def _on_other_levels(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> Matrix:
+        """Postures at the pose of a sheet's start, on levels about its own."""
+        at = np.eye(4)
+        at[:3, 3], at[:3, :3] = (part[0] for part in self.task.poses(sheet.q0[None]))
+        others = postures_at(self.task, at, STARTS)
+        if not len(others):
+            return others
+        levels = sheet.strategy.constraint_value.batch(others).reshape(len(others), -1)
+        gap = sheet.strategy.constraint.nearest(levels - sheet.level)
+        spread = SPREAD * CLOSER**round_ * np.sqrt(np.mean(gap**2, axis=0))
+        found = []
+        for _ in range(LEVELS):
+            level = sheet.level + spread * rng.standard_normal(len(sheet.level))
+            ends = along_leaf(sheet.strategy, sheet.q0[None], at[None], level)
+            if ends.reached.all() and self.task.robot.within(ends.q[0, 0]):
+                found.append(ends.q[0, 0])
+        return np.array(found).reshape(-1, self.task.n)
+
+    def _bent(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> list[Candidate]:
+        """Linear laws whose coefficients are near those of a sheet's law, if that is linear."""
+        A = _coefficients(self.task, sheet)
+        if A is None:
+            return []
+        found = []
+        for _ in range(LEVELS):
+            B = A + BEND * CLOSER**round_ * np.abs(A).max() * rng.standard_normal(A.shape)
+            B = np.round(B / np.linalg.norm(B, axis=1, keepdims=True), 4)
+            rows = " ".join(f"[{', '.join(f'{value:.4g}' for value in row)}]" for row in B)
+            name = f"linear {rows}"
+            keys = {"kind": "linear", "matrix": B.tolist()}
+            found.append(Candidate(name, keys, self.task, holonomic(self.task, linear(B, name=name), name=name)))
+        return found
 
     def exact(self, which: Indices) -> bool:
-        """Asks some sheets themselves which poses they serve; returns whether that changed anything."""
+        """Asks some sheets themselves which poses they serve, as one function; returns whether that changed anything.
+
+        Where a leaf comes to one pose with two postures, the sheet of the other one becomes a candidate.
+        """
         changed = False
         for i in which.tolist():
-            if i not in self.asked:
-                served = self.sheets[i].postures(self.T, self.clear)[1]
-                changed |= not np.array_equal(served, self.served[i])
-                self.served[i] = served
-                self.asked.add(i)
+            if i in self.asked:
+                continue
+            self.asked.add(i)
+            sheet, clear = self.sheets[i], self.clear
+
+            def go(begin: Matrix, poses: Array, sheet: Sheet = sheet) -> tuple[Matrix, Flags]:
+                return sheet.reached(begin, poses, clear)
+
+            q, wave = grown(sheet.reached(np.tile(sheet.q0, (len(self.T), 1)), self.T, clear)[0], self.near, self.T, go)
+            q, others = one_function(q, wave, self.pairs, self.T, go)
+            self.sheets[i] = replace(sheet, stations=q[known(q)])
+            changed |= not np.array_equal(known(q), self.served[i])
+            self.served[i] = known(q)
+            if len(others):
+                law = Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
+                self.add(law, others[[len(others) // 2]])
+                changed = True
         return changed
+
+
+def _coefficients(task: Task, sheet: Sheet) -> Matrix | None:
+    """The matrix (r, n) of a sheet's law, if it is linear in the joints; else None."""
+    if sheet.keys.get("kind") == "linear":
+        return np.atleast_2d(np.asarray(sheet.keys["matrix"], dtype=float))
+    if sheet.keys.get("kind") == "lock":
+        return np.eye(task.n)[[task.robot.joint_index(joint) for joint in sheet.keys["joints"]]]
+    return None
 
 
 def _cost(strategy: HolonomicStrategy, Q: Matrix) -> float:
@@ -152,21 +235,37 @@ def fitting_laws(
 
 
 def _lines_served(law: Candidate, starts: Matrix, T: Array, clear: Clear | None, rcond: float) -> tuple[Flags, Array]:
-    """(which poses of T (k, 4, 4) the leaves of a law through postures (s, n) serve (s, k), postures (s, k, n))."""
-    robot, strategy = law.task.robot, law.strategy
-    served, q = np.zeros((len(starts), len(T)), dtype=bool), np.zeros((len(starts), len(T), robot.n))
-    if strategy is None:
-        return served, q
+    """(which poses of T (k, 4, 4) the leaves of a law through postures (s, n) serve (s, k), postures (s, k, n)), along
+    the straight path from each."""
+    shape = len(starts), len(T)
+    if law.strategy is None:
+        return np.zeros(shape, dtype=bool), np.zeros((*shape, law.task.n))
     try:
-        ends = along_leaf(strategy, starts, T)
+        ends = along_leaf(law.strategy, starts, T)
     except HolokinError:  # it is singular at a start
-        return served, q
-    served = ends.reached & robot.within(ends.q.reshape(-1, robot.n)).reshape(served.shape)
+        return np.zeros(shape, dtype=bool), np.zeros((*shape, law.task.n))
+    q = ends.q.reshape(-1, law.task.n)
+    return _allowed(law.strategy, q, ends.reached.ravel(), clear, rcond).reshape(shape), ends.q
+
+
+def _side_by_side(strategy: HolonomicStrategy, clear: Clear | None, rcond: float) -> Go:
+    """The straight paths of a leaf, many side by side."""
+
+    def go(begin: Matrix, poses: Array) -> tuple[Matrix, Flags]:
+        q, reached = one_by_one(strategy, begin, poses)
+        return q, _allowed(strategy, q, reached, clear, rcond)
+
+    return go
+
+
+def _allowed(strategy: HolonomicStrategy, q: Matrix, reached: Flags, clear: Clear | None, rcond: float) -> Flags:
+    """Which of some postures (k, n) that were reached are within the limits, regular enough and clear."""
+    served: Flags = reached & strategy.task.robot.within(q)
     if rcond and served.any():
-        served[served] = strategy.gain.batch(ends.q[served])[1].ravel() >= rcond
+        served[served] = strategy.gain.batch(q[served])[1].ravel() >= rcond
     if clear is not None and served.any():
-        served[served] = clear(ends.q[served])
-    return served, ends.q
+        served[served] = clear(q[served])
+    return served
 
 
 def _best(served: list[Flags], count: int) -> Indices:
@@ -175,22 +274,3 @@ def _best(served: list[Flags], count: int) -> Indices:
     together = np.array([flags.any(axis=0).mean() for flags in served])
     order = np.argsort(-(widest + 0.5 * together), kind="stable")
     return np.asarray(order[: min(LAWS, count)], dtype=int)
-
-
-def spread_out(T: Array, which: Indices, count: int, length: float) -> Indices:
-    """Of some poses of T (k, 4, 4), up to `count` that are far from each other; a turn of 1 rad counts `length` m."""
-    if not len(which):
-        return which
-    X = features(T[which], length)
-    chosen = [int(np.argmin(np.linalg.norm(X - X.mean(axis=0), axis=1)))]
-    away = np.full(len(X), np.inf)
-    while len(chosen) < min(count, len(X)):
-        away = np.minimum(away, np.linalg.norm(X - X[chosen[-1]], axis=1))
-        chosen.append(int(np.argmax(away)))
-    return which[chosen]
-
-
-def features(T: Array, length: float) -> Matrix:
-    """Poses (k, 4, 4) as points (k, 12): their distances are those of the positions, and length times the turn's chord
-    2 sin(angle / 2)."""
-    return np.hstack([T[:, :3, 3], (length / np.sqrt(2)) * T[:, :3, :3].reshape(-1, 9)])

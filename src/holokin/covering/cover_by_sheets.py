@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,11 +17,12 @@ from ..path.workspaces import Workspace
 from ..robot import LinkShape, Robot, check_metres
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
-from .candidate_sheets import CandidateSheets, fitting_laws, spread_out
+from .candidate_sheets import CandidateSheets, fitting_laws
+from .pose_features import TURN_LENGTH, neighbours, spread_out
 from .pose_rest import PoseRest, rests_of
 from .set_cover import Cover, fewest
 from .sheet import known
-from .sheet_labels import continued, labelled, neighbours
+from .sheet_labels import continued, labelled, same_postures
 from .sheet_map import Sheets
 from .surroundings import CLEARANCE, Surroundings, surroundings
 
@@ -38,9 +40,6 @@ ROUNDS, STILL = 12, 2
 
 SECONDS, PROGRAM = 180.0, 20.0
 """Seconds for the search, and for an integer program."""
-
-TURN_LENGTH = 0.3
-"""Metres that a turn of 1 rad counts where poses are compared: about what it moves what a tool holds."""
 
 
 @typed
@@ -131,11 +130,11 @@ def _search(
     end, wanted, rng = time.monotonic() + seconds, int(np.ceil(share * len(T))), np.random.default_rng(0)
     center = T[spread_out(T, np.arange(len(T)), 1, TURN_LENGTH)[0]]
     say("which laws fit")
-    pool = CandidateSheets(task, T, fitting_laws(task, T, center, strategies, clear), clear, rcond)
+    pool = CandidateSheets(task, T, fitting_laws(task, T, center, strategies, clear), clear, rcond, strategies is None)
     cover, still = Cover(np.zeros(0, dtype=int), 0, 0), 0
     try:
         pool.grow(center, np.arange(0), end, say)
-        for _ in range(ROUNDS):
+        for round_ in range(ROUNDS):
             before, cover = cover, _cover(pool, wanted)
             few, met = len(cover.chosen) < len(before.chosen), before.covered >= wanted
             better = few if met else cover.covered > before.covered
@@ -144,7 +143,7 @@ def _search(
                 break
             say(f"{len(cover.chosen)} of {pool.tried} leaves serve {cover.covered} of {len(T)} poses")
             left = _left(pool, cover)
-            pool.recentre(cover.chosen, rng, end)
+            pool.vary(cover.chosen, rng, round_, end)
             for i in _targets(left, len(T), rng):
                 pool.grow(T[i], left, end, say)
         stopped = time.monotonic() > end
@@ -192,8 +191,9 @@ def _mapped(
     q = np.full((len(chosen), len(T), task.n), np.nan)
     for s, sheet in enumerate(chosen):
         q[s, within] = sheet.postures(T[within], pool.clear)[0]
+    chosen = [replace(sheet, stations=q[s][known(q[s])]) for s, sheet in enumerate(chosen)]
     pairs = within[neighbours(T[within], TURN_LENGTH)]
-    labels = labelled(known(q), pairs, continued(chosen, T, q, pairs))
+    labels = labelled(known(q), pairs, continued(chosen, T, q, pairs), same_postures(q))
     order = np.argsort([-int((labels.of == s).sum()) for s in range(len(chosen))], kind="stable")
     place = np.append(np.argsort(order), -1)
     rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)

@@ -11,7 +11,8 @@ import numpy as np
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, whole
 from ..checking import Clear
 from ..errors import ArgumentError
-from ..inverse_kinematics.inverse_function import leads_to
+from ..inverse_kinematics.inverse_function import AGREE
+from ..inverse_kinematics.quiet_answers import answers
 from ..path import Path
 from ..path.plan import check_start
 from ..tasks.task import Task
@@ -89,8 +90,10 @@ class _Along(Value):
         q = np.array([sheet.postures(poses, clear)[0] for sheet in sheets]).reshape(len(sheets), len(t), task.n)
         there = known(q)
         served = there[:, :-1] & there[:, 1:]
-        for s, i in np.argwhere(served).tolist():
-            served[s, i] = leads_to(sheets[s].ik, poses[i + 1], q[s, i], q[s, i + 1])
+        for s, sheet in enumerate(sheets):
+            i = np.flatnonzero(served[s])
+            on, reached = answers(sheet.ik, poses[i + 1], q[s, i])
+            served[s, i] = reached & (np.abs(on - q[s, i + 1]).max(axis=1) < AGREE)
         return cls(task, tuple(sheets), clear, path, t, poses, q, served, may)
 
     def share(self, i: int) -> float:
@@ -139,6 +142,7 @@ class _Changes:
         speeds, q = joint_speeds(along.task.robot), np.swapaxes(along.q, 0, 1)
         least = straight_seconds(q[:, :, None], q[:, None], speeds)
         self.seconds = np.where(np.isfinite(least) & along.may[:, None, None], least, np.inf)
+        self.seconds[np.abs(q[:, :, None] - q[:, None]).max(axis=-1) < ON_SHEET] = 0.0  # one posture: nothing changes
         steps = straight_seconds(along.q[:, 1:], along.q[:, :-1], speeds)
         self.steps = np.where(along.served, steps, np.inf)
 
@@ -147,7 +151,7 @@ class _Changes:
         while True:
             found = fewest_changes(self.steps, self.along.served, self.seconds, first)
             unknown = [one for one in turnings(found, first) if one not in self.motions]
-            wanted = [one for one in unknown if np.isfinite(self.seconds[one])]
+            wanted = [one for one in unknown if 0 < self.seconds[one] < np.inf]
             if not wanted:
                 return found
             for one in wanted:
@@ -160,6 +164,7 @@ class _Changes:
         least = self.seconds[:, a, b].copy()
         done = [j for j, one, other in self.motions if (one, other) == (a, b)]
         least[done] = np.inf
+        least[least == 0] = np.inf
         others = np.argsort(least, kind="stable")[: max(TOGETHER, len(done))]
         rows: Indices = np.unique(np.append(others[np.isfinite(least[others])], i))
         q = self.along.q
@@ -192,7 +197,7 @@ def _motion(along: _Along, changes: _Changes, best: SheetSequence, first: int | 
             left_out.append(UnservedPart(start, stop, *_unserved(along, a, b)))
             parts.append([])
             continue
-        if a in turning:
+        if a in turning and changes.seconds[(a, *turning[a])] > 0:
             change = (a, *turning[a])
             motion = changes.motions.get(change)
             if motion is not None and motion.hindrance is None:

@@ -9,6 +9,9 @@ import numpy as np
 
 from ..base.types import Flags, Value, Vector
 
+NODES = 5000
+"""Nodes of the search tree after which the best x is taken: the same one on a slow and on a fast machine."""
+
 
 @dataclass(frozen=True, eq=False)
 class Optimum(Value):
@@ -29,7 +32,7 @@ def least(cost: Vector, rows: Any, low: Vector, high: Vector, whole: Flags, seco
     limits: Any = low, high
     found = milp(
         cost, constraints=LinearConstraint(rows, *limits), integrality=np.asarray(whole, dtype=int),
-        bounds=Bounds(0.0, 1.0), options={"time_limit": seconds},
+        bounds=Bounds(0.0, 1.0), options={"time_limit": seconds, "node_limit": NODES},
     )  # fmt: skip
     known = getattr(found, "mip_dual_bound", None)
     bound = found.fun if known is None and found.status == 0 else known

@@ -12,26 +12,29 @@ import numpy as np
 from ..base.types import Array, Flags, Matrix, Value, Vector, frozen
 from ..checking import Clear
 from ..inverse_kinematics import InverseKinematics, leaf_value
-from ..inverse_kinematics.inverse_function import answer
+from ..inverse_kinematics.quiet_answers import answer, answers
 from ..strategies import HolonomicStrategy
+from .pose_features import TURN_LENGTH, PosePoints
 
 
 @dataclass(frozen=True, eq=False)
 class Sheet(Value):
     """The leaf g(q) = g(q0) of a strategy, on the branch of q0 (n,), and the tool poses that it serves.
 
-    It serves the poses that the straight path from the tool pose of q0 reaches on the leaf, where the posture is within
-    the joint limits, where rcond of [J; J_g] is at least `rcond`, and where the robot keeps clear of what was named.
-    If the path reaches a pose, it reaches all poses on the way. So the joints are one continuous function of the poses
-    that are reached.
+    It serves the poses that the straight path from the tool pose of its nearest station reaches on the leaf, where the
+    posture is within the joint limits, where rcond of [J; J_g] is at least `rcond`, and where the robot keeps clear of
+    what was named.
 
-    keys: what a job says of the strategy, empty where it was given as a value.
+    stations: postures (h, n) of the leaf from which poses are reached; none (0, n) for q0 alone. Those of `hk.sheets`
+    are at the sampled poses that the sheet serves; next to each other, each leads to the other. keys: what a job says
+    of the strategy, empty where it was given as a value.
     """
 
     strategy: HolonomicStrategy
     q0: Vector
     rcond: float = 0.0
     keys: Mapping[str, Any] = field(default_factory=dict)
+    stations: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def name(self) -> str:
@@ -53,23 +56,41 @@ class Sheet(Value):
         """Inverse kinematics on the leaf, within the joint limits."""
         return InverseKinematics(self.strategy, self.q0, limits=True)
 
-    def posture(self, pose: Matrix, clear: Clear | None = None) -> Vector | None:
-        """The joints (n,) at a tool pose (4, 4); None where it is not served."""
-        q = answer(self.ik, pose)
+    def posture(self, pose: Matrix, clear: Clear | None = None, station: Vector | None = None) -> Vector | None:
+        """The joints (n,) at a tool pose (4, 4); None where it is not served. station: the nearest, where known."""
+        begin = self._begin[self._places.nearest(pose[None])[0]] if station is None else station
+        q = answer(self.ik, pose, begin)
         if q is None or (self.rcond and not self.strategy.gain(q)[1] >= self.rcond):
             return None
         return q if clear is None or clear(q[None])[0] else None
 
     def postures(self, poses: Array, clear: Clear | None = None, threads: int | None = None) -> tuple[Matrix, Flags]:
         """(joints (k, n), which are served (k,)) at tool poses (k, 4, 4); a row of NaN where one is not served."""
-        solutions = self.ik.batch(poses, threads)
-        q, served = solutions.q.copy(), solutions.reached.copy()
+        if not len(poses):
+            return np.zeros((0, len(self.q0))), np.zeros(0, dtype=bool)
+        return self.reached(self._begin[self._places.nearest(poses)], poses, clear, threads)
+
+    def reached(
+        self, begin: Matrix, poses: Array, clear: Clear | None = None, threads: int | None = None
+    ) -> tuple[Matrix, Flags]:
+        """The same straight from postures of the leaf (k, n), one for each pose."""
+        q, served = answers(self.ik, poses, begin, threads)
         if served.any() and self.rcond:
             served[served] = self.strategy.gain.batch(q[served])[1].ravel() >= self.rcond
         if served.any() and clear is not None:
             served[served] = clear(q[served])
         q[~served] = np.nan
         return q, served
+
+    @cached_property
+    def _begin(self) -> Matrix:
+        return self.stations if len(self.stations) else frozen(self.q0[None])
+
+    @cached_property
+    def _places(self) -> PosePoints:
+        T = np.repeat(np.eye(4)[None], len(self._begin), axis=0)
+        T[:, :3, 3], T[:, :3, :3] = self.strategy.task.poses(self._begin)
+        return PosePoints(T, TURN_LENGTH)
 
     def __str__(self) -> str:
         at = ", ".join(f"{c:.4g}" for c in self.level)

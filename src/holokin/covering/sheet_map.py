@@ -12,12 +12,12 @@ from ..base.poses import PoseLike, given_pose, pose_numbers, tool_poses
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, finite
 from ..checking import Clear
 from ..errors import NoSheetError
-from ..inverse_kinematics.inverse_function import leads_to
+from ..inverse_kinematics.quiet_answers import leads_to
 from ..path import Path
 from ..path.workspaces import Workspace
 from ..tasks.task import Task
-from .candidate_sheets import features
 from .follow_sheets import Stops, follow_sheets
+from .pose_features import PosePoints
 from .pose_rest import PoseRest, rests_of
 from .seams import Seams, Where, seams_of
 from .sheet import Sheet, known
@@ -48,8 +48,9 @@ class SheetAnswers(NoTruthValue, Value, ask="`.served`"):
 class Sheets(NoTruthValue, Value, ask="`.share`"):
     """The sheets that serve a workspace, and for each pose the one that is taken. Make one with `hk.sheets`.
 
-    `s(pose)` is a function of the pose alone: it takes the sheet of the nearest sampled pose, and if that does not
-    serve the pose, the first one that does. `s.near(pose, q)` stays on the sheet of q while that serves.
+    `s(pose)` is a function of the pose alone: it takes the sheet of the nearest sampled pose, straight from the posture
+    there; if that does not serve the pose, the first sheet that does, from its own nearest posture. `s.near(pose, q)`
+    stays on the sheet of q while that serves.
 
     poses: sampled ones (k, 4, 4). q: joints of each sheet at each (S, k, n), NaN where it does not serve. labels: the
     sheet that is taken (k,), -1 for none. rest: a `PoseRest` for each (k,). pairs: neighbours among the poses (e, 2);
@@ -87,9 +88,9 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             NoSheetError: no sheet serves the pose. ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
         at = self._pose(pose)
-        first = int(self._nearest(at[None])[0])
+        first, station = self._nearest(at)
         for s in (first, *(s for s in range(len(self)) if s != first)):
-            q = self.sheets[s].posture(at, self.clear) if s >= 0 else None
+            q = self.sheets[s].posture(at, self.clear, station if s == first else None) if s >= 0 else None
             if q is not None:
                 return s, q
         raise NoSheetError(at[:3, 3], len(self))
@@ -122,7 +123,9 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             ShapeError, NotFiniteError, ArgumentError: bad poses.
         """
         T = tool_poses("of the batch", poses)
-        every, first, k = self.postures(T), self._nearest(T), np.arange(len(T))
+        every, k = self.postures(T), np.arange(len(T))
+        places, at = self._known
+        first = self.labels[at[places.nearest(T)]] if len(at) else np.full(len(T), -1)
         served = known(every)
         taken = np.where(served.any(axis=0), np.argmax(served, axis=0), -1)
         taken = np.where((first >= 0) & served[first, k], first, taken)
@@ -254,16 +257,15 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         return given_pose("a tool pose", given)
 
     @cached_property
-    def _known(self) -> tuple[Matrix, Vector, Indices]:
-        """(points of the sampled poses that have a sheet, half their squared lengths, their sheets)."""
-        X = features(self.poses[self.served], self.length)
-        return X, 0.5 * np.sum(X**2, axis=1), self.labels[self.served]
+    def _known(self) -> tuple[PosePoints, Indices]:
+        """The sampled poses that have a sheet, and their indices."""
+        return PosePoints(self.poses[self.served], self.length), np.flatnonzero(self.served)
 
-    def _nearest(self, T: Array) -> Indices:
-        """The sheet of the sampled pose that is nearest to each (k,), -1 where there are none."""
-        X, half, labels = self._known
-        if not len(X):
-            return np.full(len(T), -1)
-        Y = features(T, self.length)
-        pieces = [np.argmin(half - part @ X.T, axis=1) for part in np.array_split(Y, 1 + len(Y) // 4096)]
-        return labels[np.concatenate(pieces)]
+    def _nearest(self, pose: Matrix) -> tuple[int, Vector | None]:
+        """(sheet of the sampled pose that is nearest to a pose, -1 where there are none; its posture (n,) there)."""
+        places, at = self._known
+        if not len(at):
+            return -1, None
+        i = at[places.nearest(pose[None])[0]]
+        s = int(self.labels[i])
+        return s, self.q[s, i]

@@ -42,7 +42,8 @@ def fewest_changes(steps: Vector, served: Flags, change: Array, first: int | Non
     Args:
         steps: seconds of the joints on each sheet and step (S, k - 1).
         served: which sheet serves which step (S, k - 1).
-        change: seconds of a change from a sheet to another at each sample (k, S, S); infinite where there is none.
+        change: seconds of a change from a sheet to another at each sample (k, S, S); infinite where there is none, 0
+            where both have one posture: then it is no change.
         first: the sheet on which the arm stands at the first sample; None for any.
     """
     k = served.shape[1]
@@ -87,4 +88,6 @@ def _plus(cost: Cost, i: int, t: int, s: int, change: Array, first: int | None) 
     if t == s or (i == 0 and first is None):
         return cost
     seconds = float(change[i, t, s])
+    if seconds == 0:
+        return cost
     return (cost[0], cost[1] + 1, cost[2] + seconds) if np.isfinite(seconds) else (cost[0] + 1, cost[1], cost[2])

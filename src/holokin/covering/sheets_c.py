@@ -13,7 +13,8 @@ from ..export import Exported
 from ..export.c_folder import c_name, c_texts, operations_of, write_texts
 from ..export.c_text import line
 from ..version import __version__
-from .candidate_sheets import features
+from .pose_features import features
+from .sheet import known
 from .sheet_map import Sheets
 
 PIECES = 1000
@@ -65,7 +66,8 @@ def export_sheets(
         source, of = c_texts(sheet.strategy, sheet.q0, dt, f"{short}_{s}", True, VECTORS, origin)
         texts |= {f"sheet_{s}/{file}": content for file, content in of.items()}
         operations |= {f"sheet {s} {key}": count for key, count in operations_of(source).items()}
-    table = features(found.poses[found.served], found.length), found.labels[found.served]
+    some = known(found.q).any(axis=0)
+    table = features(found.poses[some], found.length), found.labels[some], found.q[:, some]
     head = f"{line(found.sentence)}\n   Written by holokin {__version__} from: {line(origin)}."
     texts |= {
         f"{short}_sheets.h": _header(short, head, found),
@@ -109,12 +111,11 @@ int {name}_sheets_of(int sheet, const double target[16], double q[{n}]);
 """
 
 
-def _library(name: str, head: str, found: Sheets, X: Matrix, labels: Indices) -> str:
+def _library(name: str, head: str, found: Sheets, X: Matrix, labels: Indices, q: Array) -> str:
     n, S, k = found.task.n, len(found), len(X)
+    there = known(q)
+    row = np.where(there, np.cumsum(there.ravel()).reshape(there.shape) - 1, -1)
     includes = "\n".join(f'#include "sheet_{s}/{name}_{s}.h"' for s in range(S))
-
-    def cases(call: str) -> str:
-        return "\n".join(f"    case {s}: status = {name}_{s}_{call}; break;" for s in range(S))
 
     return f"""/* {head} */
 #include "{name}_sheets.h"
@@ -130,60 +131,74 @@ static const double places[{k}][12] = {{
 static const double halves[{k}] = {{{_numbers(0.5 * np.sum(X**2, axis=1))}}};
 static const signed char labels[{k}] = {{{", ".join(map(str, labels.tolist()))}}};
 
+/* The joints of the sheets at the poses that they serve; and of each sheet and pose the row, -1 for none. */
+static const double joints[{int(there.sum())}][{n}] = {{
+{_rows(q[there])}
+}};
+static const int rows[{S}][{k}] = {{
+{_rows(row)}
+}};
+
 /* A wanted pose as the sheets take it. */
 static void given(const double target[16], double wanted[16]) {{
   for (int i = 0; i < 16; i++) wanted[i] = {_numbered(found)};
 }}
 
-static int nearest(const double target[16]) {{
+/* The nearest of the poses that a sheet serves; of those that have a sheet for -1. Returns -1 where there is none. */
+static int nearest(const double target[16], int sheet) {{
   const double turn = {float(found.length / np.sqrt(2))!r};
   double at[12], least = INFINITY;
-  int found = 0;
+  int found = -1;
   for (int i = 0; i < 3; i++) {{
     at[i] = target[4 * i + 3];
     for (int j = 0; j < 3; j++) at[3 + 3 * i + j] = turn * target[4 * i + j];
   }}
   for (int p = 0; p < POSES; p++) {{
     double value = halves[p];
+    if ((sheet < 0 ? labels[p] : rows[sheet][p]) < 0) continue;
     for (int i = 0; i < 12; i++) value -= at[i] * places[p][i];
-    if (value < least) least = value, found = labels[p];
+    if (value < least) least = value, found = p;
   }}
   return found;
 }}
 
-int {name}_sheets_of(int sheet, const double target[16], double q[{n}]) {{
-  double at[{n}], wanted[16];
+/* The posture of a sheet, straight from q. Returns whether there is one. */
+static int go(int sheet, const double target[16], double q[{n}]) {{
+  double wanted[16], leaf[{max(1, n - found.task.m)}];
   int status = -2;
   given(target, wanted);
   switch (sheet) {{
-{cases("solve(at, wanted, PIECES)")}
-    default: return 0;
+{_cases(name, found)}
   }}
-  if (status != 0 && status != SERVED) return 0;
+  return status == 0 || status == SERVED;
+}}
+
+int {name}_sheets_of(int sheet, const double target[16], double q[{n}]) {{
+  double at[{n}];
+  const int p = sheet < 0 || sheet >= {S} ? -1 : nearest(target, sheet);
+  if (p < 0) return 0;
+  for (int i = 0; i < {n}; i++) at[i] = joints[rows[sheet][p]][i];
+  if (!go(sheet, target, at)) return 0;
   for (int i = 0; i < {n}; i++) q[i] = at[i];
   return 1;
 }}
 
 int {name}_sheets(const double target[16], double q[{n}]) {{
-  const int first = nearest(target);
-  if ({name}_sheets_of(first, target, q)) return first;
+  const int p = nearest(target, -1), first = p < 0 ? -1 : labels[p];
+  if (first >= 0 && {name}_sheets_of(first, target, q)) return first;
   for (int sheet = 0; sheet < {S}; sheet++)
     if (sheet != first && {name}_sheets_of(sheet, target, q)) return sheet;
   return -1;
 }}
 
 int {name}_sheets_near(const double target[16], double q[{n}], int sheet) {{
-  double at[{n}], cold[{n}], wanted[16], leaf[{max(1, n - found.task.m)}];
-  int status = -2, same = 1;
+  double at[{n}], own[{n}];
+  int same = {name}_sheets_of(sheet, target, own);
   for (int i = 0; i < {n}; i++) at[i] = q[i];
-  if (!{name}_sheets_of(sheet, target, cold)) return {name}_sheets(target, q);
-  given(target, wanted);
-  switch (sheet) {{
-{_near_cases(name, found)}
-  }}
-  for (int i = 0; i < {n}; i++) same &= fabs(at[i] - cold[i]) < 1e-6;
-  if ((status != 0 && status != SERVED) || !same) return {name}_sheets(target, q);
-  for (int i = 0; i < {n}; i++) q[i] = cold[i];
+  same = same && go(sheet, target, at);
+  for (int i = 0; same && i < {n}; i++) same = fabs(at[i] - own[i]) < 1e-6;
+  if (!same) return {name}_sheets(target, q);
+  for (int i = 0; i < {n}; i++) q[i] = own[i];
   return sheet;
 }}
 """
@@ -194,11 +209,11 @@ def _numbered(found: Sheets) -> str:
     return "target[i]" if found.task.orientation else "i < 3 ? target[4 * i + 3] : 0.0"
 
 
-def _near_cases(name: str, found: Sheets) -> str:
+def _cases(name: str, found: Sheets) -> str:
     rows = []
     for s, sheet in enumerate(found.sheets):
         level = "".join(f"leaf[{i}] = {float(c)!r}; " for i, c in enumerate(sheet.level))
-        rows.append(f"    case {s}: {level}status = {name}_{s}_inverse(at, wanted, leaf, PIECES); break;")
+        rows.append(f"    case {s}: {level}status = {name}_{s}_inverse(q, wanted, leaf, PIECES); break;")
     return "\n".join(rows)
 
 

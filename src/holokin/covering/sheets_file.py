@@ -20,7 +20,7 @@ from .sheet import Sheet, known
 from .sheet_map import Sheets
 from .surroundings import Surroundings
 
-FORMAT = 1
+FORMAT = 2
 """Changed when files of before cannot be read any more."""
 
 MOST_BYTES = 1 << 30
@@ -81,8 +81,8 @@ def sheets_of_file(path: str | Path, task: Task, around: Surroundings | None, bu
             cure = "give clear_of, floor, clearance, self_collision and ignore as they were given to hk.sheets"
             raise SheetsFileError(file, "it is of other surroundings", cure)
         sheets = tuple(
-            Sheet(build(one["keys"], task, q0, str(one["name"])), q0, float(one["rcond"]), one["keys"])
-            for one, q0 in zip(about["leaves"], arrays["q0"], strict=True)
+            Sheet(build(one["keys"], task, q0, str(one["name"])), q0, float(one["rcond"]), one["keys"], q[known(q)])
+            for one, q0, q in zip(about["leaves"], arrays["q0"], arrays["q"], strict=True)
         )
         found = Sheets(
             task, _workspace_of(about["workspace"], arrays["poses"]), sheets, arrays["poses"], arrays["q"],

@@ -60,8 +60,20 @@ class LineEnds(Value):
 
 def along_leaf(strategy: HolonomicStrategy, starts: Matrix, poses: Array, levels: Vector | None = None) -> LineEnds:
     """From each start (s, n) to each pose (k, 4, 4), on the start's own leaf, or from it to that of level c (r,)."""
-    correct, lines = leaf_step(strategy), _Lines(strategy.task, starts, poses)
-    count = len(lines.q)
+    lines = _Lines.each_to_each(strategy.task, starts, poses)
+    q, share = _followed(strategy, lines, levels)
+    return LineEnds(q.reshape(len(starts), len(poses), -1), share.reshape(len(starts), len(poses)))
+
+
+def one_by_one(strategy: HolonomicStrategy, starts: Matrix, poses: Array) -> tuple[Matrix, Flags]:
+    """(postures (k, n), which lines led to their poses (k,)): from start i (k, n) to pose i (k, 4, 4), on its leaf."""
+    q, share = _followed(strategy, _Lines(strategy.task, starts, poses), None)
+    return q, share >= 1.0
+
+
+def _followed(strategy: HolonomicStrategy, lines: _Lines, levels: Vector | None) -> tuple[Matrix, Vector]:
+    """(postures (k, n) to which lines were gone, the share of each that was gone)."""
+    correct, count = leaf_step(strategy), len(lines.q)
     from_level = np.reshape(strategy.constraint_value.batch(lines.q), (count, -1))
     gap = np.zeros_like(from_level)
     if levels is not None:
@@ -81,7 +93,7 @@ def along_leaf(strategy: HolonomicStrategy, starts: Matrix, poses: Array, levels
         q[moved], share[moved] = at[good], goal[good]
         width[live] = np.where(good, np.minimum(1.0, 2 * width[live]), 0.4 * width[live])
         live = live[(share[live] < 1.0) & (width[live] > SHORTEST)]
-    return lines.ends(q, share)
+    return q, share
 
 
 def _newton(step: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, side: Vector) -> tuple[Matrix, Flags]:
@@ -97,7 +109,7 @@ def _newton(step: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, side:
 
 def along_radial(task: Task, starts: Matrix, poses: Array) -> LineEnds:
     """From each start to each pose with least joint speed: the leaf of `radial(moore_penrose(task), start)`."""
-    lines = _Lines(task, starts, poses)
+    lines = _Lines.each_to_each(task, starts, poses)
     q, count, h = lines.q.copy(), len(lines.q), 1.0 / STEPS
     share, live = np.zeros(count), np.arange(count)
     velocity, angular = lines.rates
@@ -116,7 +128,8 @@ def along_radial(task: Task, starts: Matrix, poses: Array) -> LineEnds:
     for _ in range(2):  # what the steps' errors have left
         q[live] += _least_rate(task, q[live], task.error(q[live], p[live], R[live]))
     exact = np.abs(task.error(q, p, R)).max(axis=1) < 1e-6
-    return lines.ends(q, np.where(exact, share, np.minimum(share, 1 - h)))
+    share = np.where(exact, share, np.minimum(share, 1 - h))
+    return LineEnds(q.reshape(len(starts), len(poses), -1), share.reshape(len(starts), len(poses)))
 
 
 def _least_rate(task: Task, Q: Matrix, dx: Matrix) -> Matrix:
@@ -128,26 +141,25 @@ def _least_rate(task: Task, Q: Matrix, dx: Matrix) -> Matrix:
 
 
 class _Lines:
-    """Straight lines from the poses at starts (s, n) to poses (k, 4, 4): s k of them, those of a start together."""
+    """Straight lines from the poses at starts (k, n) to poses (k, 4, 4)."""
 
     def __init__(self, task: Task, starts: Matrix, poses: Array) -> None:
-        self.shape = (len(starts), len(poses))
-        self.q = np.repeat(starts, len(poses), axis=0)
-        p0, R0 = (np.repeat(part, len(poses), axis=0) for part in task.poses(np.asarray(starts)))
-        ends = np.tile(poses, (len(starts), 1, 1))
-        self.path = straight(p0, R0, ends[:, :3, 3], ends[:, :3, :3])
+        self.q = starts
+        p0, R0 = task.poses(np.asarray(starts))
+        self.path = straight(p0, R0, poses[:, :3, 3], poses[:, :3, :3])
         if task.orientation is None:
             self.path = replace(self.path, turn=np.zeros_like(self.path.turn))
 
+    @classmethod
+    def each_to_each(cls, task: Task, starts: Matrix, poses: Array) -> _Lines:
+        """From each start (s, n) to each pose (k, 4, 4): s k lines, those of a start together."""
+        return cls(task, np.repeat(starts, len(poses), axis=0), np.tile(poses, (len(starts), 1, 1)))
+
     @property
     def rates(self) -> tuple[Matrix, Matrix]:
-        """Velocity and angular velocity (s k, 3) over a whole line."""
+        """Velocity and angular velocity (k, 3) over a whole line."""
         return self.path.move, self.path.turn
 
     def at(self, which: Indices, share: Vector) -> tuple[Matrix, Array]:
         """Positions and rotations of some lines at their shares."""
         return self.path.at(share, which)
-
-    def ends(self, q: Matrix, share: Vector) -> LineEnds:
-        """The ends of the lines, start by start."""
-        return LineEnds(q.reshape(*self.shape, -1), share.reshape(self.shape))

@@ -12,7 +12,7 @@ from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, numbers, whole
 from ..errors import ShapeError
 from ..inverse_kinematics import inverse
-from ..inverse_kinematics.inverse_function import leads_to
+from ..inverse_kinematics.quiet_answers import leads_to
 from ..path.workspaces import PoseRange, pose_cloud
 from ..strategies import HolonomicStrategy
 from .cover_workspace import coverage

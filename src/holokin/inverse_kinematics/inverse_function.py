@@ -13,7 +13,7 @@ from ..base.arguments import check, typed
 from ..base.poses import PoseLike, pose_numbers
 from ..base.types import ArrayLike, Matrix, Value, Vector, frozen, positive, whole
 from ..codegen import engine, weak
-from ..errors import ArgumentError, BranchError, HolokinError, OutsideRegionError
+from ..errors import ArgumentError, BranchError, OutsideRegionError
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy, may_jump
 from .edge import Edge
@@ -287,18 +287,22 @@ class InverseKinematics(Value):
 
     def _silent(self, pose: PoseLike) -> Vector | None:
         """`ik(pose)`, or None where there is none."""
+        return self._silent_near(pose, self.q0)
+
+    def _silent_near(self, pose: PoseLike, q: Vector) -> Vector | None:
+        """`ik.near(pose, q)`, or None where there is none."""
         p, R = self._given.one(pose)
-        q, status = self._paths.go(p, R, self.q0 if self.region is None else self._inside(p, R)[0])
-        found = status is InverseStatus.REACHED and self._paths.jump(p, R, self.q0, q, status) is None
-        return q if found else None
+        found, status = self._paths.go(p, R, q)
+        reached = status is InverseStatus.REACHED and self._paths.jump(p, R, q, found, status) is None
+        return found if reached else None
 
     @cached_property
-    def _quiet(self) -> Callable[[PoseLike], Vector | None]:
+    def _quiet(self) -> tuple[Callable[[PoseLike], Vector | None], Callable[[PoseLike, Vector], Vector | None]]:
         """What serves `answer`."""
-        silent = weak(self._silent)
-        kernel = None if may_jump(self.strategy) or self.region is not None else self._paths.kernel
-        bound = None if kernel is None else kernel.calls(self._paths.context, silent, weak(self._warm))
-        return silent if bound is None else bound[0]
+        cold, warm = weak(self._silent), weak(self._silent_near)
+        kernel = None if may_jump(self.strategy) else self._paths.kernel
+        bound = None if kernel is None else kernel.calls(self._paths.context, cold, warm)
+        return (cold, warm) if bound is None else bound
 
     @cached_property
     def _place(self) -> tuple[Vector, Matrix]:
@@ -366,31 +370,3 @@ def _check_region(strategy: HolonomicStrategy, q0: Vector, region: PoseSet) -> N
     if region.strategy != strategy or not np.linalg.norm(near[0] - q0) <= alone[0]:
         cure = "give one of the same strategy whose function holds q0: hk.unique_region(strategy, q0)"
         raise ArgumentError("the region", str(region), cure)
-
-
-def how_far(ik: InverseKinematics, pose: PoseLike, q: ArrayLike) -> tuple[Vector, InverseStatus]:
-    """How far `ik.near(pose, q)` gets: (the posture (n,) to which its path was gone, what became of the pose).
-
-    Raises:
-        ShapeError, NotFiniteError, ArgumentError: a bad pose or posture.
-    """
-    p, R = ik._given.one(pose)
-    return ik._paths.go(p, R, ik.strategy.task.robot.checked(q, "the posture to begin from"))
-
-
-def leads_to(ik: InverseKinematics, pose: PoseLike, begin: ArrayLike, q: ArrayLike) -> bool:
-    """Whether the leaf, followed straight from one posture (n,) to a tool pose, comes to the posture q (n,) there."""
-    try:
-        return bool(np.abs(ik.near(pose, begin) - np.asarray(q)).max() < AGREE)
-    except HolokinError:
-        return False
-
-
-def answer(ik: InverseKinematics, pose: PoseLike) -> Vector | None:
-    """`ik(pose)`, or None where it has no answer: nothing is searched for that would say why. Raises: a bad pose."""
-    return ik._quiet(pose)
-
-
-def is_native(ik: InverseKinematics) -> bool:
-    """Whether native code answers, which is built if it is not yet there."""
-    return ik._paths.kernel is not None

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, Indices, Matrix, Value, Vector, frozen
+from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ..codegen import InverseKernel
 from ..errors import BranchError, OutOfReachError
 from ..path.plan import doubtful_target
@@ -89,6 +89,15 @@ class PosePaths(Value):
             return q, np.array([status for _, status in found], dtype=np.intp)
         q = np.tile(self.q0, (len(p), 1))
         return q, self.kernel(in_rows(p, R), self.context, q, not self._cold(self.q0), threads)
+
+    def go_each(self, p: Matrix, R: Array, begin: Matrix, threads: int | None) -> tuple[Matrix, Flags]:
+        """(postures (k, n), which are reached (k,)) of many poses, each by the path from its own posture (k, n)."""
+        if self.kernel is None:
+            found = [self._walk(*one) for one in zip(p, R, begin, strict=True)]
+            q = np.array([one for one, _ in found]).reshape(-1, len(self.q0))
+            return q, np.array([status == InverseStatus.REACHED for _, status in found], dtype=bool)
+        q = np.ascontiguousarray(begin).copy()
+        return q, np.asarray(self.kernel(in_rows(p, R), self.context, q, True, threads) == InverseStatus.REACHED)
 
     def jump(self, p: Vector, R: Matrix, begin: Vector, q: Vector, status: InverseStatus) -> Jump | None:
         """A jump of g on the path that was gone to q."""

@@ -9,7 +9,7 @@ import numpy as np
 from ..base.types import Array, Indices
 from ..covering import PoseRest, Sheets
 from ..designing.slices import Plane, grid_planes, neighbouring_cells
-from ..inverse_kinematics.inverse_function import leads_to
+from ..inverse_kinematics.quiet_answers import leads_to
 from ..path.workspaces import PoseRange
 from .coverage_plots import CUT, frame_cloud, plane_map, views
 from .palette import BLACK, INK, ORANGE, PURPLE, SKY, VERMILLION, YELLOW

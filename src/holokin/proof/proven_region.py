@@ -21,7 +21,7 @@ from ..base.poses import PoseLike, tool_poses
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, kept, some, whole
 from ..errors import ArgumentError
 from ..inverse_kinematics import InverseKinematics, inverse
-from ..inverse_kinematics.inverse_function import leads_to
+from ..inverse_kinematics.quiet_answers import leads_to
 from ..path.workspaces import PoseRange
 from ..robot import LinkShape, Robot
 from ..strategies import HolonomicStrategy, Strategy

@@ -12,8 +12,8 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Value, Vector, tool_pose
 from ..errors import HolokinError
 from ..inverse_kinematics import InverseStatus, inverse
-from ..inverse_kinematics.inverse_function import how_far, is_native
 from ..inverse_kinematics.leaf import PathEnd, leaf_value, leaf_walk, straight_path, tool_at
+from ..inverse_kinematics.quiet_answers import how_far, is_native
 from ..motion import ControlLaw, StepStatus, controller
 from ..path.straight_path import StraightPath, straight
 from ..strategies import HolonomicStrategy, Strategy

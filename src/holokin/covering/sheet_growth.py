@@ -1,0 +1,72 @@
+"""How far a sheet reaches: from pose to neighbouring pose, as long as its leaf goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..base.types import Array, Flags, Indices, Matrix
+from ..inverse_kinematics.inverse_function import AGREE
+from .sheet import known
+
+Go = Callable[[Matrix, Array], tuple[Matrix, Flags]]
+"""(postures (k, n) to begin from, poses (k, 4, 4)) -> (postures there (k, n), which are served (k,))."""
+
+
+def grown(q: Matrix, near: Indices, T: Array, go: Go) -> tuple[Matrix, Indices]:
+    """A sheet's postures at poses T (k, 4, 4), grown from those it has.
+
+    Wave after wave the poses next to it are reached straight from a neighbour. So poses behind a hole or a corner of
+    the leaf are reached, too, which no straight path from its start does.
+
+    Args:
+        q: the postures (k, n) that it has, NaN for none. near: of each pose its neighbours (k, m), nearest first.
+
+    Returns:
+        (postures (k, n), NaN where it does not serve; the wave in which each was reached (k,), -1 for never).
+    """
+    q = q.copy()
+    wave, tried, count = np.where(known(q), 0, -1), np.zeros(near.shape, dtype=bool), 0
+    while True:
+        count += 1
+        can = (wave >= 0)[near] & ~tried & (wave < 0)[:, None]
+        at = np.flatnonzero(can.any(axis=1))
+        if not len(at):
+            return q, wave
+        column = np.argmax(can[at], axis=1)
+        tried[at, column] = True
+        found, served = go(q[near[at, column]], T[at])
+        q[at[served]], wave[at[served]] = found[served], count
+
+
+def one_function(q: Matrix, wave: Indices, pairs: Indices, T: Array, go: Go) -> tuple[Matrix, Matrix]:
+    """A sheet's postures without those that contradict their neighbours, so that it is one function of the pose.
+
+    Where a leaf overlaps itself, as after a turn round the base, it comes to one pose with two postures. Of two
+    neighbours of which one leads to another posture of the other, that which was reached later is left out.
+
+    Returns:
+        (postures (k, n), NaN where it does not serve; the other postures (l, n) of the leaf, at poses left out).
+    """
+    q = q.copy()
+    both = pairs[known(q[pairs]).all(axis=1)]
+    if not len(both):
+        return q, q[:0]
+    found, served = go(q[both[:, 0]], T[both[:, 1]])
+    clash = both[served & (np.abs(found - q[both[:, 1]]).max(axis=1) > AGREE)]
+    count = np.bincount(clash.ravel(), minlength=len(q))
+    kept, out = known(q), []
+    for i in np.lexsort((-count, -wave)).tolist():  # the latest first
+        rivals = clash[(clash == i).any(axis=1)].ravel() if count[i] else clash[:0].ravel()
+        if kept[rivals[rivals != i]].any():
+            kept[i] = False
+            out.append(i)
+    others = []
+    for i in out:
+        rivals = clash[(clash == i).any(axis=1)].ravel()
+        begin = [j for j in rivals[rivals != i] if kept[j]][:1]
+        there, reached = go(q[begin], T[[i] * len(begin)])
+        others += list(there[reached])
+    q[out] = np.nan
+    return q, np.array(others).reshape(-1, q.shape[1])
