@@ -29,7 +29,7 @@ LAWS = 6
 ROUGH = 64
 """Poses by which laws are put in order."""
 
-STARTS, BEST = 8, 3
+STARTS, BEST = 8, 2
 """Postures at one pose through which leaves of each law are tried on few poses, and those that are tried on all."""
 
 OTHERS = 0.05
@@ -44,6 +44,13 @@ the coefficients of the other laws, as a share of the largest one."""
 
 CLOSER = 0.6
 """Both shrink so in each round."""
+
+NATIVE, MANY = 64, 300
+"""Lines side by side from which on native code runs, and poses from which on building it pays; not for laws that are
+tried once."""
+
+CLOSEST = 3
+"""Neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all."""
 
 MARGIN = 0.1
 """Share of a joint's range next to a limit that counts as near it."""
@@ -75,6 +82,11 @@ class CandidateSheets:
         """Which sheet serves which pose (c, k)."""
         return np.array(self.served, dtype=bool).reshape(-1, len(self.T))
 
+    @property
+    def _native(self) -> int | None:
+        """Lines from which on native code runs; None for as many as is usual."""
+        return NATIVE if len(self.T) >= MANY else None
+
     @cached_property
     def near(self) -> Indices:
         """Of each pose its neighbours (k, m)."""
@@ -103,20 +115,22 @@ class CandidateSheets:
             if time.monotonic() > end and self.sheets:
                 return
             say(f"{law.name}, {self.tried} leaves so far")
-            found: Vector = _lines_served(law, starts, self.T[some], self.clear, self.rcond)[0].astype(float) @ weights
+            some_served, _ = _lines_served(law, starts, self.T[some], self.clear, self.rcond, self._native)
+            found: Vector = some_served.astype(float) @ weights
             self.tried += len(starts)
             best = [i for i in np.argsort(-found, kind="stable")[:BEST] if found[i] > 0]
             self.add(law, starts[best])
 
-    def add(self, law: Candidate, starts: Matrix) -> None:
-        """The sheets of a law through postures (s, n)."""
+    def add(self, law: Candidate, starts: Matrix, once: bool = False) -> None:
+        """The sheets of a law through postures (s, n); once: the law is new, and may not be looked at again."""
         if law.strategy is None or not len(starts):
             return
-        go = _side_by_side(law.strategy, self.clear, self.rcond)
-        served, straight = _lines_served(law, starts, self.T, self.clear, self.rcond)
+        native = None if once else self._native
+        go = _side_by_side(law.strategy, self.clear, self.rcond, native)
+        served, straight = _lines_served(law, starts, self.T, self.clear, self.rcond, native)
         for q0, flags, postures in zip(starts, served, straight, strict=True):
             if flags.any():
-                q, _ = grown(np.where(flags[:, None], postures, np.nan), self.near, self.T, go)
+                q, _ = grown(np.where(flags[:, None], postures, np.nan), self.near[:, :CLOSEST], self.T, go)
                 keys = {key: value for key, value in law.keys.items() if key != "level"}
                 self.sheets.append(Sheet(law.strategy, q0, self.rcond, keys))
                 self.served.append(known(q))
@@ -132,7 +146,7 @@ class CandidateSheets:
             self.add(law, self._on_other_levels(sheet, rng, round_))
             if self.own and (bent := self._bent(sheet, rng, round_)):
                 for one in bent:
-                    self.add(one, sheet.q0[None])
+                    self.add(one, sheet.q0[None], once=True)
             self.tried += LEVELS
 
     def _on_other_levels(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> Matrix:
@@ -234,25 +248,27 @@ def fitting_laws(
     return [found[i] for i in _best(sizes, len(found))]
 
 
-def _lines_served(law: Candidate, starts: Matrix, T: Array, clear: Clear | None, rcond: float) -> tuple[Flags, Array]:
+def _lines_served(
+    law: Candidate, starts: Matrix, T: Array, clear: Clear | None, rcond: float, native: int | None = None
+) -> tuple[Flags, Array]:
     """(which poses of T (k, 4, 4) the leaves of a law through postures (s, n) serve (s, k), postures (s, k, n)), along
     the straight path from each."""
     shape = len(starts), len(T)
     if law.strategy is None:
         return np.zeros(shape, dtype=bool), np.zeros((*shape, law.task.n))
     try:
-        ends = along_leaf(law.strategy, starts, T)
+        ends = along_leaf(law.strategy, starts, T, native_from=native)
     except HolokinError:  # it is singular at a start
         return np.zeros(shape, dtype=bool), np.zeros((*shape, law.task.n))
     q = ends.q.reshape(-1, law.task.n)
     return _allowed(law.strategy, q, ends.reached.ravel(), clear, rcond).reshape(shape), ends.q
 
 
-def _side_by_side(strategy: HolonomicStrategy, clear: Clear | None, rcond: float) -> Go:
+def _side_by_side(strategy: HolonomicStrategy, clear: Clear | None, rcond: float, native: int | None) -> Go:
     """The straight paths of a leaf, many side by side."""
 
     def go(begin: Matrix, poses: Array) -> tuple[Matrix, Flags]:
-        q, reached = one_by_one(strategy, begin, poses)
+        q, reached = one_by_one(strategy, begin, poses, native)
         return q, _allowed(strategy, q, reached, clear, rcond)
 
     return go

@@ -38,8 +38,8 @@ TARGETS = 4
 ROUNDS, STILL = 12, 2
 """Rounds at most; rounds without a smaller number of sheets, once the share is met, after which the search ends."""
 
-SECONDS, PROGRAM = 180.0, 20.0
-"""Seconds for the search, and for an integer program."""
+SECONDS, PROGRAM = 280.0, 60.0
+"""Seconds for the search, and for an integer program, at most: rounds and nodes end them before, on most machines."""
 
 
 @typed

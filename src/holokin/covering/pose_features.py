@@ -37,7 +37,7 @@ class PosePoints(Value):
         X, half = self._points
         Y = features(T, self.length)
         if len(Y) == 1:
-            return np.argmin(half - X @ Y[0])[None]
+            return np.array([np.argmin(half - X @ Y[0])])
         pieces = [np.argmin(half - part @ X.T, axis=1) for part in np.array_split(Y, 1 + len(Y) // PIECE)]
         return np.concatenate(pieces)
 

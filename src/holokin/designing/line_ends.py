@@ -58,20 +58,30 @@ class LineEnds(Value):
         return self.share >= 1.0
 
 
-def along_leaf(strategy: HolonomicStrategy, starts: Matrix, poses: Array, levels: Vector | None = None) -> LineEnds:
-    """From each start (s, n) to each pose (k, 4, 4), on the start's own leaf, or from it to that of level c (r,)."""
+def along_leaf(
+    strategy: HolonomicStrategy, starts: Matrix, poses: Array, levels: Vector | None = None,
+    native_from: int | None = None,
+) -> LineEnds:  # fmt: skip
+    """From each start (s, n) to each pose (k, 4, 4), on the start's own leaf, or from it to that of level c (r,).
+
+    native_from: lines side by side from which on native code runs, which takes a second to build; see `Function.batch`.
+    """
     lines = _Lines.each_to_each(strategy.task, starts, poses)
-    q, share = _followed(strategy, lines, levels)
+    q, share = _followed(strategy, lines, levels, native_from)
     return LineEnds(q.reshape(len(starts), len(poses), -1), share.reshape(len(starts), len(poses)))
 
 
-def one_by_one(strategy: HolonomicStrategy, starts: Matrix, poses: Array) -> tuple[Matrix, Flags]:
+def one_by_one(
+    strategy: HolonomicStrategy, starts: Matrix, poses: Array, native_from: int | None = None
+) -> tuple[Matrix, Flags]:
     """(postures (k, n), which lines led to their poses (k,)): from start i (k, n) to pose i (k, 4, 4), on its leaf."""
-    q, share = _followed(strategy, _Lines(strategy.task, starts, poses), None)
+    q, share = _followed(strategy, _Lines(strategy.task, starts, poses), None, native_from)
     return q, share >= 1.0
 
 
-def _followed(strategy: HolonomicStrategy, lines: _Lines, levels: Vector | None) -> tuple[Matrix, Vector]:
+def _followed(
+    strategy: HolonomicStrategy, lines: _Lines, levels: Vector | None, native_from: int | None
+) -> tuple[Matrix, Vector]:
     """(postures (k, n) to which lines were gone, the share of each that was gone)."""
     correct, count = leaf_step(strategy), len(lines.q)
     from_level = np.reshape(strategy.constraint_value.batch(lines.q), (count, -1))
@@ -88,7 +98,7 @@ def _followed(strategy: HolonomicStrategy, lines: _Lines, levels: Vector | None)
         goal = np.minimum(1.0, share[live] + width[live])
         p, R = lines.at(live, goal)
         level = from_level[live] + goal[:, None] * gap[live]
-        at, good = _newton(correct, q[live], p, R, level, side[live])
+        at, good = _newton(correct, q[live], p, R, level, side[live], native_from)
         moved = live[good]
         q[moved], share[moved] = at[good], goal[good]
         width[live] = np.where(good, np.minimum(1.0, 2 * width[live]), 0.4 * width[live])
@@ -96,11 +106,13 @@ def _followed(strategy: HolonomicStrategy, lines: _Lines, levels: Vector | None)
     return q, share
 
 
-def _newton(step: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, side: Vector) -> tuple[Matrix, Flags]:
+def _newton(
+    step: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, side: Vector, native_from: int | None
+) -> tuple[Matrix, Flags]:
     """One step's postures and which of them are good: corrections shrink fast, det [J; J_g] keeps its sign."""
 
     def correct(at: Matrix, i: Indices) -> tuple[Matrix, Flags]:
-        dq, rcond, margin, now = step.batch(at, p[i], R[i], level[i])
+        dq, rcond, margin, now = step.batch(at, p[i], R[i], level[i], native_from=native_from)
         sound = (rcond > TOLERANCES.singular) & (margin > TOLERANCES.representation) & (now == side[i])
         return dq, sound & (np.abs(dq).max(axis=1) <= FIRST)
 

@@ -145,7 +145,7 @@ class SheetsTable(Table):
     samples: Annotated[int, Field(ge=1, le=MOST_POSES)] = 1024
     seed: Annotated[int, Field(ge=0)] = 0
     rcond: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    seconds: Positive = 180.0
+    seconds: Positive = 280.0
 
 
 def _known_units(given: str | list[str]) -> str | list[str]:
