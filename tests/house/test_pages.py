@@ -69,11 +69,21 @@ def test_the_python_of_a_page_prints_what_stands_below_it(page: str, tmp_path, m
                 assert_alike(printed, below)
 
 
-GUIDE = re.findall(
-    r"^ {10}- .+: (\S+\.md)$",
-    (ROOT / "mkdocs.yml").read_text("utf-8").partition("  - Guide:\n")[2].partition("  - Gallery:\n")[0],
-    re.MULTILINE,
-)
+SETTINGS = (ROOT / "mkdocs.yml").read_text("utf-8")
+
+
+def tab(name: str) -> str:
+    """What stands under a tab of the site."""
+    return re.split(r"^(?: {2}- |\S)", SETTINGS.partition(f"\n  - {name}:\n")[2], maxsplit=1, flags=re.MULTILINE)[0]
+
+
+def pages(name: str) -> list[str]:
+    """The pages of a tab of the site."""
+    return re.findall(r"^ +- (?:.+: )?(\S+\.md)$", tab(name), re.MULTILINE)
+
+
+GUIDE = pages("Guide")
+HOW_TO = [page for page in pages("How to") if not page.startswith("notebooks/")]
 PROMISE = re.compile(
     r"same (?:tool )?pose,? (?:has )?the same joints|(?<!where the )pose decides the joints"
     r"|joints[^.|]{0,40} functions? of the|one (?:smooth )?function of the pose"
@@ -84,12 +94,16 @@ PLACE = re.compile(r"\bregion\b|\bbox\b|this circle|place on the path|must be a 
 
 def test_the_guide_has_at_most_fourteen_pages_in_five_groups() -> None:
     assert 10 < len(GUIDE) <= 14 and len(set(GUIDE)) == len(GUIDE)
-    settings = (ROOT / "mkdocs.yml").read_text("utf-8")
-    guide = settings.partition("  - Guide:\n")[2].partition("  - Gallery:\n")[0]
-    assert re.findall(r"^ {6}- (\w+):$", guide, re.MULTILINE) == ["Start", "Choose", "Run", "Prove", "Connect"]
+    assert re.findall(r"^ {6}- (\w+):$", tab("Guide"), re.MULTILINE) == ["Start", "Choose", "Run", "Prove", "Connect"]
 
 
-@pytest.mark.parametrize("page", GUIDE)
+def test_the_gallery_has_recordings_alone_and_the_reference_has_names_and_keys() -> None:
+    assert len(HOW_TO) > 5 and len(pages("Gallery")) > 5 and len(pages("Reference")) > 10
+    assert [page for page in pages("Gallery") if not page.startswith("gallery")] == []
+    assert [page for page in pages("Reference") if not page.startswith("api/")] == ["job-keys.md"]
+
+
+@pytest.mark.parametrize("page", [*GUIDE, *HOW_TO])
 def test_a_page_of_the_guide_says_at_once_for_whom_it_is_and_ends_before_its_reader(page: str) -> None:
     lines = (ROOT / "docs" / page).read_text("utf-8").splitlines()
     said = " ".join(lines[2:5])
