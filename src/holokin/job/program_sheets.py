@@ -33,13 +33,11 @@ def program_of_sheets(
         language, short, changes: as of `program_of_job`. say: hears what is going on, as of `sheets`.
 
     Raises:
-        ArgumentError: the job has no [sheets], several tools, or an entry. DividedPathError: the path is divided, or
+        ArgumentError: the job has no [sheets], or several tools. DividedPathError: the path is divided, or
         not served as a whole. As `sheets_of_job`, `retime`, `check` and the writer.
     """
     if job.sheets is None:
         raise ArgumentError("[sheets] of the job", None, "add the table, or give --strategy in place of --sheets")
-    if job.path.entry is not None:
-        raise ArgumentError("entry of [path]", job.path.entry, "sheets begin where the path does: leave it out")
     timing = timing_of(job, changes)
     _, start, tasks = build_tasks(job, file)
     with naming(file, "path"):
