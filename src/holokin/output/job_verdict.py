@@ -155,4 +155,6 @@ def not_tested(result: JobResult) -> list[str]:
     found += dict.fromkeys(remark for report in reports for remark in report.remarks)
     if all(s.timed is None for s in result.strategies):
         found.append("accelerations and jerks: the job has no [timing]")
+    if result.sheets is not None and result.sheets.along is not None:
+        found.append("the motion over the sheets: [timing] and [checks] are of strategies, and of `holokin export`")
     return [*found, "the controller and the robot: servos, weight, backlash, its own planning"]
