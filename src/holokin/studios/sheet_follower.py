@@ -153,7 +153,7 @@ class SheetFollower:
         seconds = change.motion.seconds
         change.at += dt * seconds / max(seconds, FASTEST_CHANGE)
         if change.at < seconds:
-            change.q = posture_at(change.motion, change.at)
+            change.q = _posture_at(change.motion, change.at)
             run.put(Move(change.q, LawStatus.STOPPED, self._state.sentence))
             return True
         self._change, self._known = None, {}
@@ -257,6 +257,6 @@ class SheetFollower:
                 worker.close(patience=2.0)
 
 
-def posture_at(motion: StillMotion, t: float) -> Vector:
+def _posture_at(motion: StillMotion, t: float) -> Vector:
     """The joints (n,) of a motion at a time [s], even between its rows."""
     return np.array([np.interp(t, motion.t, column) for column in motion.q.T])
