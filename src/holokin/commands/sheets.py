@@ -55,9 +55,9 @@ def sheets(
     given = {"share": share, "samples": samples, "seconds": seconds}
     options = {key: value for key, value in given.items() if value is not None}
     with ending().telling() as say:
-        result, file = sheets_command(robot, typed, out, options, say, say.announce)
+        result, file = sheets_command(robot, typed, out, options, say.tell, say.announce)
         picture = file.with_suffix(".png")
-        say("drawing")
+        say.tell("drawing")
         write_figure(lambda: sheets_figure(result.found), picture)
     show("\n".join([*result.map_lines(), *result.path_lines()]))
     show(f"wrote {file} and {picture}")
