@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
+from ..errors import ArgumentError
 from ..export import LANGUAGES
 from .export_web import export_web
-from .outcome import show
+from .outcome import ending, show
 
 OneJob = Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")]
 Folder = Annotated[Path, typer.Option(help="The folder to write.")]
@@ -114,6 +115,9 @@ def _export_motion(language: str) -> Callable[..., None]:
         job: OneJob,
         out: Folder,
         strategy: StrategyName = None,
+        sheets: Annotated[
+            bool, typer.Option("--sheets", help="The path over the job's [sheets], in place of a strategy.")
+        ] = False,
         name: Annotated[str | None, typer.Option(help="The program's name; by default robot and strategy.")] = None,
         acceleration: Annotated[float | None, typer.Option(help="Of all joints [rad/s^2, m/s^2].")] = None,
         jerk: Annotated[float | None, typer.Option(help="Of all joints [rad/s^3, m/s^3]; by default no limit.")] = None,
@@ -124,12 +128,20 @@ def _export_motion(language: str) -> Callable[..., None]:
         dt: Annotated[float | None, typer.Option(help="The controller's step in seconds.")] = None,
         anyway: Annotated[bool, typer.Option("--anyway", help="Write it also where the job's [checks] fail.")] = False,
     ) -> None:
-        from ..job import open_one_job, program_of_job
+        from ..job import open_one_job, program_of_job, program_of_sheets
 
         most = None if speed is None else _speed(speed)
         given = {"acceleration": acceleration, "jerk": jerk, "profile": profile, "speed": most, "dt": dt}
         changes = {key: value for key, value in given.items() if value is not None}
-        program, timed, found = program_of_job(*open_one_job(job), language, strategy, short=name, changes=changes)
+        if sheets and strategy is not None:
+            raise ArgumentError("--strategy", strategy, "--sheets takes the place of a strategy: leave one out")
+        if sheets:
+            with ending().telling() as say:
+                program, timed, found = program_of_sheets(
+                    *open_one_job(job), language, short=name, changes=changes, say=say
+                )
+        else:
+            program, timed, found = program_of_job(*open_one_job(job), language, strategy, short=name, changes=changes)
         if found is not None:
             for line in found.table().splitlines():
                 show(line)

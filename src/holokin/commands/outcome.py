@@ -143,6 +143,10 @@ class Telling:
     def __call__(self, text: str) -> None:
         """Say what goes on now. Raises: KeyboardInterrupt: Ctrl-C was heard."""
         self._ending.check()
+        self.tell(text)
+
+    def tell(self, text: str) -> None:
+        """The same of what Ctrl-C may end by itself, keeping what it has: nothing is raised."""
         if self._status is not None:
             from rich.text import Text
 

@@ -39,7 +39,8 @@ def sheets(
     """Find the fewest sheets that serve a workspace: leaves on which the joints are a function of the tool pose.
 
     Prints which share they serve and why the rest is not served, and writes them to a file that hk.read_sheets reads,
-    by default sheets-<robot>.npz, with a picture. Exits 0 if the share was reached, 1 if not, 2 on bad input.
+    by default the one that a job's [sheets] name or
+    sheets-<robot>.npz, with a picture. Exits 0 if the share was reached, 1 if not, 2 on bad input.
     Ctrl-C ends the search; what was found is written.
     """
     from ..job.advice_question import Typed
@@ -54,13 +55,11 @@ def sheets(
     given = {"share": share, "samples": samples, "seconds": seconds}
     options = {key: value for key, value in given.items() if value is not None}
     with ending().telling() as say:
-        found, file, wanted, along = sheets_command(robot, typed, out, options, say, say.announce)
+        result, file = sheets_command(robot, typed, out, options, say.tell, say.announce)
         picture = file.with_suffix(".png")
-        say("drawing")
-        write_figure(lambda: sheets_figure(found), picture)
-    show(str(found))
-    if along is not None:
-        show(f"the job's path: {along}")
+        say.tell("drawing")
+        write_figure(lambda: sheets_figure(result.found), picture)
+    show("\n".join([*result.map_lines(), *result.path_lines()]))
     show(f"wrote {file} and {picture}")
-    if found.share < wanted:
+    if not result.passed:
         raise typer.Exit(1)

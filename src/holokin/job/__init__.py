@@ -9,6 +9,7 @@ from .export_strategy import export_job, export_job_moveit, export_job_ros2_cont
 from .job_file import read_job
 from .job_templates import new_job, new_job_for, packaged_text
 from .play_strategies import simulate_job
+from .program_sheets import program_of_sheets
 from .program_strategy import program_of_job
 from .runner import PAPER, expand, is_job, open_job, open_one_job, packaged_jobs, robot_of_file, run_job
 from .schema import Job
@@ -34,6 +35,7 @@ __all__ = [
     "packaged_jobs",
     "packaged_text",
     "program_of_job",
+    "program_of_sheets",
     "read_job",
     "robot_of_file",
     "run_job",

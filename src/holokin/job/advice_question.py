@@ -8,31 +8,23 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
-import numpy as np
-
 from ..base.types import Value, Vector
 from ..checking.keeping_clear import Clearances
 from ..designing.starts import task_of_kind
 from ..designing.tips import Chain, chain_to_tool
 from ..errors import ArgumentError
-from ..path import Path
-from ..path.workspaces import Workspace, pose_cloud
+from ..path.workspaces import Workspace
 from ..robot import LinkShape, Robot
 from ..tasks.task import Task
 from .advice_words import axis_of, frame_words, limits_of, obstacle_words, posture_of
 from .check_tables import ChecksTable
-from .cover_strategies import build_workspace
+from .cover_strategies import workspace_of_job
 from .job_file import job_of
 from .job_parts import build_tasks
 from .robot_tables import RobotTable, robot_of_job
 from .runner import is_job, open_one_job
-from .schema import Job
-from .several_paths import build_paths
 from .table_values import filled
 from .workspace_words import parse_workspace
-
-PLACES = 256
-"""Poses of a path that stand for a workspace."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +122,7 @@ def _of_job(name: str, typed: Typed) -> Question:
         cure = "say --task axis if the tool may spin about its axis, or --task position"
         raise ArgumentError(f"the number of redundant joints of {robot.name!r} for the job's task", 0, cure)
     space, poses = _typed_workspace(typed, task, start)
-    space = space or _job_workspace(job, task, start, file)
+    space = space or workspace_of_job(job, task, start, file)
     chain = Chain(robot, None, task.tip or robot.tips[0].name, (), False)
     return Question(chain, task, space, start, *_among(job.checks, robot), (), keys, file, poses)
 
@@ -165,24 +157,6 @@ def _typed_workspace(typed: Typed, task: Task, q0: Vector | None) -> tuple[Works
     at_start = None if q0 is None else task.robot.pose(q0, task.tip)[:3, :3]
     space = parse_workspace(typed.workspace, planar=task.robot.planar, at_start=at_start)
     return space, typed.workspace if typed.workspace.lower().endswith(".csv") else None
-
-
-def _job_workspace(job: Job, task: Task, start: Vector, file: FilePath) -> Workspace:
-    """[workspace] of a job; without one the poses along its path."""
-    tool = task.robot.pose(start, task.tip)[:3, :3]
-    if job.workspace is not None:
-        return build_workspace(job.workspace, tool, file)
-    path, _ = build_paths(job.path, task, start, file)
-    if not isinstance(path, Path):
-        raise ArgumentError(
-            "the paths of several tools", len(path.paths), "advice is for one tool: give it a workspace"
-        )
-    shares = np.linspace(0.0, 1.0, PLACES, endpoint=not path.closed)
-    places = path.at(shares * path.duration)
-    T = np.tile(np.eye(4), (PLACES, 1, 1))
-    T[:, :3, 3] = places.position
-    T[:, :3, :3] = places.rotation @ (tool if path.rotation is None else path.rotation)
-    return pose_cloud(T, f"the path of {file.name}")
 
 
 def _among(table: ChecksTable | None, robot: Robot) -> tuple[Clearances | None, dict[str, Any], tuple[LinkShape, ...]]:

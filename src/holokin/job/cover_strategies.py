@@ -10,14 +10,19 @@ import numpy as np
 
 from ..base.types import Matrix, Value, Vector
 from ..designing import Reach, coverage, coverage_slices, posture_reach
-from ..errors import JobError
+from ..errors import ArgumentError, JobError
 from ..output.job_result import StrategyResult
-from ..path.workspaces import PoseRange, Workspace, workspace
+from ..path import Path
+from ..path.workspaces import PoseRange, Workspace, pose_cloud, workspace
 from ..recording import read_workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
 from .job_parts import naming
 from .schema import Job, WorkspaceTable
+from .several_paths import build_paths
+
+PLACES = 256
+"""Poses of a path that stand for a workspace."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,3 +84,19 @@ def build_workspace(table: WorkspaceTable, at_start: Matrix | None, file: FilePa
     angles = {"tilt": np.deg2rad(table.tilt_deg), "spin": np.deg2rad(table.spin_deg)}
     with naming(file, "workspace"):
         return workspace(**{table.kind: solid}, rotation=rotation, **angles)  # type: ignore[arg-type]
+
+
+def workspace_of_job(job: Job, task: Task, start: Vector, file: FilePath) -> Workspace:
+    """[workspace] of a job; without one the poses along its path. Raises: as `build_workspace`; ArgumentError."""
+    tool = task.robot.pose(start, task.tip)[:3, :3]
+    if job.workspace is not None:
+        return build_workspace(job.workspace, tool, file)
+    path, _ = build_paths(job.path, task, start, file)
+    if not isinstance(path, Path):
+        raise ArgumentError("the paths of several tools", len(path.paths), "this is for one tool: add a [workspace]")
+    shares = np.linspace(0.0, 1.0, PLACES, endpoint=not path.closed)
+    places = path.at(shares * path.duration)
+    T = np.tile(np.eye(4), (PLACES, 1, 1))
+    T[:, :3, 3] = places.position
+    T[:, :3, :3] = places.rotation @ (tool if path.rotation is None else path.rotation)
+    return pose_cloud(T, f"the path of {file.name}")

@@ -42,6 +42,7 @@ from .motion_tables import TimingTable
 from .path_entry import build_entry, entry_report
 from .schema import ExpectTable, Job
 from .several_paths import build_paths
+from .sheets_over_job import saved_map, sheets_result
 
 PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
 """The jobs that make up the paper, under the name "paper"."""
@@ -130,6 +131,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     with naming(file, "path"):
         path, notes = build_paths(job.path, tasks[0], start, file)
     covering = build_covering(job, tasks[0], start, file)
+    saved_map(job, tasks[0], file)  # a file that cannot be used is told before the work
     results: list[StrategyResult] = []
     failed: list[NotRun] = []
     first: HolokinError | None = None
@@ -173,6 +175,13 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         results += [_checked(replace(v, metrics=v.metrics | same), expect) for v in variants]
     if first is not None and not results:
         raise first
+    over = None
+    try:
+        over = sheets_result(job, tasks[0], start, path, file, say)
+    except HolokinError as problem:  # the strategies were run all the same
+        failed.append(
+            NotRun("[sheets]", f"{problem.fact}; {problem.cure}" if isinstance(problem, JobError) else str(problem))
+        )
     task_name = tasks[0].name if len(tasks) == 1 else f"pose of {robot.name}, {len(tasks)} orientation representations"
     shown = job.checks.drawn(robot) if job.checks is not None else robot
     seconds = time.perf_counter() - began
@@ -181,7 +190,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         tuple(failed), str(covering.workspace) if covering is not None else "",
         job.checks.standing() if job.checks is not None else (), one_way(path),
         {key: metric.meaning for key, metric in METRICS.items()}, job.printed_units,
-        job.checks.clearance if job.checks is not None else None,
+        job.checks.clearance if job.checks is not None else None, over,
     )  # fmt: skip
 
 

@@ -139,8 +139,9 @@ class WorkspaceTable(KindTable):
 
 
 class SheetsTable(Table):
-    """[sheets]: the fewest leaves that serve the workspace, as `holokin sheets` looks for them."""
+    """[sheets]: the fewest leaves that serve the workspace; `file` names a map of them that is taken instead."""
 
+    file: Annotated[str | None, Field(min_length=1)] = None
     share: Annotated[float, Field(gt=0, le=1)] = 0.995
     samples: Annotated[int, Field(ge=1, le=MOST_POSES)] = 1024
     seed: Annotated[int, Field(ge=0)] = 0

@@ -25,6 +25,8 @@ from .plots import (
     thin,
 )  # fmt: skip
 from .robot_panels import Actor, Curve, Stage, draw_panel, stage_of
+from .sheet_motion_plot import JUMPS, sheet_motion_figure
+from .sheets_plot import MAPPED, sheets_figure
 from .words import away, on_figure, paths_end, stopped
 
 MAPS = (
@@ -98,6 +100,13 @@ def _figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
                 said.append(CUTS if any(len(part.cuts) for part in strategy.slices) else "")
                 caption = " ".join(filter(None, said))
                 yield f"coverage-{result.stems[strategy.name]}", caption, coverage_figure(found, strategy.slices)
+
+    if result.sheets is not None:
+        with rc_context(style()):
+            yield "sheets", MAPPED, sheets_figure(result.sheets.found)
+        if result.sheets.along is not None and result.sheets.along.pieces:
+            with rc_context(style()):
+                yield "sheets-joints", JUMPS, sheet_motion_figure(result.sheets.along, result.robot)
 
 
 def _robot_caption(result: JobResult) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base.files import writing
 from ..base.printed_units import PrintedUnits
+from ..covering import write_sheets
 from ..errors import posture_text
 from ..motion import TimedTrajectory
 from .check_section import check_section
@@ -21,6 +22,7 @@ from .job_result import JobResult
 from .job_table import NOTHING, columns, remarks, rows
 from .job_verdict import verdict_section
 from .result_folder import FACTS, renewed
+from .sheets_section import sheets_section
 from .words import ALIKE, paths_words
 
 RETURNS = ", returns"
@@ -87,6 +89,10 @@ def _fill(result: JobResult, folder: FilePath, version: str, films: list[tuple[s
             strategy.timed.save(folder / f"{result.stems[strategy.name]}-timed.csv", result.units)
         if strategy.coverage is not None:
             strategy.coverage.save(folder / f"{result.stems[strategy.name]}-workspace.csv")
+    if result.sheets is not None:
+        write_sheets(result.sheets.found, folder / "sheets.npz")
+        for name, walk in result.sheets.motions.items():
+            walk.save(folder / f"{name}.csv", result.units)
     with writing(folder / "report.html"):
         (folder / "report.html").write_text(_page(result, folder, shown, films, version), "utf-8")
 
@@ -98,6 +104,7 @@ def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
         "robot_source": result.robot.source, "task": result.task, "start": result.q0.tolist(),
         "joint_names": list(result.robot.joint_names), "workspace": result.workspace or None,
         "path_length_m": result.path.length,
+        "sheets": result.sheets.summary() if result.sheets is not None else None,
         "two_paths": paths_words(result) or "compared",
         "path_duration_s": result.path.duration, "cycles": result.cycles, "seconds": result.seconds,
         "holokin": version, "strategies": [s.summary() for s in result.strategies],
@@ -142,6 +149,7 @@ def _page(
         *_coverage(result),
         *_timing(result),
         *check_section(result, html_table),
+        *sheets_section(result.sheets),
         "<h2>Figures</h2>",
         *(_film(folder / name, caption) for name, caption in films),
         *(_figure(folder, stem, caption) for stem, caption in shown),
@@ -231,7 +239,7 @@ def _cell(text: str) -> str:
 
 
 def _figure(folder: FilePath, stem: str, caption: str) -> str:
-    wide = stem.startswith(("paths", "cycles", "coverage"))  # for a telephone
+    wide = stem.startswith(("paths", "cycles", "coverage", "sheets"))  # for a telephone
     return svg_figure((folder / f"{stem}.svg").read_bytes(), caption, wide)
 
 

@@ -19,6 +19,7 @@ from ..motion import TimedTrajectory
 from ..motion.trajectory import Status, Trajectory
 from ..path.synchronized_paths import AnyPath
 from ..robot import LinkShape, Robot
+from .sheets_result import SheetsResult
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,7 @@ class JobResult:
     obstacles: those of [checks] that stand still. one_way: why its path has no two paths to a pose, at which joints
     could be compared, or empty. meanings: of the metrics of its strategies; [joint] there stands for the joints' unit.
     units: in which it is printed; all values here are in rad and m. clearance: the one that [checks] want [m].
+    sheets: what was found of [sheets], None in a job without.
     """
 
     name: str
@@ -128,6 +130,7 @@ class JobResult:
     meanings: Mapping[str, str] = field(default_factory=dict)
     units: PrintedUnits = SI
     clearance: float | None = None
+    sheets: SheetsResult | None = None
 
     @property
     def joint_unit(self) -> tuple[str, float]:
@@ -168,8 +171,9 @@ class JobResult:
 
     @property
     def passed(self) -> bool:
-        """True when every strategy could be run, and every expectation of each holds."""
-        return not self.not_run and all(result.passed for result in self.strategies)
+        """True when every strategy could be run, every expectation of each holds, and sheets serve what they should."""
+        served = self.sheets is None or self.sheets.passed
+        return not self.not_run and served and all(result.passed for result in self.strategies)
 
     @property
     def exit_code(self) -> int:

@@ -102,6 +102,11 @@ def print_result(result: JobResult, console: Any) -> None:
         console.print(f"  {paths_words(result)}", markup=False, highlight=False)
     for name, text in remarks(result):
         console.print(f"  {brief(name)}: {text}", style=WARNING, markup=False, highlight=False)
+    if result.sheets is not None:
+        console.print("  sheets:", markup=False, highlight=False)
+        for line in [*result.sheets.map_lines(), *result.sheets.path_lines()]:
+            wrong = line == result.sheets.verdict and not result.sheets.passed
+            console.print(f"    {brief(line, 300)}", style=BAD if wrong else None, markup=False, highlight=False)
     for strategy in result.strategies:
         if strategy.timed is not None:
             console.print(f"  {brief(strategy.name)}, timed:", markup=False, highlight=False)

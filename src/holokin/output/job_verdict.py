@@ -44,11 +44,13 @@ def whole_verdict(result: JobResult) -> str:
     checked = [s for s in result.strategies if s.motion_check is not None]
     if not result.passed:
         failed = [s.name for s in result.strategies if not s.passed] + [one.name for one in result.not_run]
+        failed += ["[sheets]"] if result.sheets is not None and not result.sheets.passed else []
         return f"Not all that the job asks for holds: see {', '.join(failed)}."
-    if not asked and not checked:
+    if not asked and not checked and result.sheets is None:
         return "The job expects nothing and checks nothing: this is a measurement, no test."
     parts = [f"{asked} expectation{'s' * (asked != 1)}"] if asked else []
     parts += ["the checks of the motion"] if checked else []
+    parts += ["the share that sheets are to serve"] if result.sheets is not None else []
     return f"All that the job asks for holds: {' and '.join(parts)}."
 
 
@@ -153,4 +155,6 @@ def not_tested(result: JobResult) -> list[str]:
     found += dict.fromkeys(remark for report in reports for remark in report.remarks)
     if all(s.timed is None for s in result.strategies):
         found.append("accelerations and jerks: the job has no [timing]")
+    if result.sheets is not None and result.sheets.along is not None:
+        found.append("the motion over the sheets: [timing] and [checks] are of strategies, and of `holokin export`")
     return [*found, "the controller and the robot: servos, weight, backlash, its own planning"]

@@ -27,6 +27,12 @@ REST = {
 }  # fmt: skip
 """Colour and short name of what becomes of a pose without a sheet."""
 
+MAPPED = (
+    "The sheets of the workspace: the planes through its centre, the tool in its middle orientation, and all poses "
+    "that were sampled. Each has the colour of the sheet that serves it."
+)
+"""What a figure of sheets shows."""
+
 STEPS = 41
 """Cells along the longest side."""
 

@@ -17,6 +17,7 @@ from ..errors import ArgumentError, HolokinError
 from ..job import Job, open_one_job, packaged_jobs
 from ..job.job_parts import build_begin, build_strategy, build_tasks, naming
 from ..job.several_paths import build_paths
+from ..job.sheets_over_job import sheets_of_job
 from ..motion import drift, follow
 from ..path import Path
 from ..path.synchronized_paths import AnyPath
@@ -129,7 +130,10 @@ def session_of_job(name: str, job: Job, file: FilePath) -> Session:
     robot, work = (part.model_dump(exclude_unset=True, exclude_none=True) for part in (job.robot, job.task))
     origin = Origin(robot, work, file.parent.absolute())
     cycles = max(job.path.cycles, visible_cycles(laws, loop, start))
-    return Session(laws, start, loop, title=job.title, source=name, cycles=cycles, origin=origin)
+    session = Session(laws, start, loop, title=job.title, source=name, cycles=cycles, origin=origin)
+    if job.sheets is None or tasks[0].frames > 1:
+        return session
+    return session.with_sheets(lambda say: sheets_of_job(job, tasks[0], start, file, say))
 
 
 def visible_cycles(laws: Sequence[Law], loop: Loop, q0: Vector) -> int:

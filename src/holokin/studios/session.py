@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..base.poses import PoseLike
 from ..base.types import ArrayLike, frozen, not_negative, positive, whole
 from ..errors import ArgumentError, OpenPathError
 from ..path.workspaces import Workspace
@@ -22,6 +23,7 @@ from .runs import Run, new_run, state_of
 from .session_laws import Law, rebuilt
 from .session_loops import Loop, entered, reversed_loop
 from .setups import Setup, kept
+from .sheet_follower import Search, SheetFollower
 from .shown_units import View
 from .sliders import leaves_of
 from .states import Cloud, CloudStatus, LeafCusps, Origin, Phase, Snapshot
@@ -71,6 +73,7 @@ class Session(LawGroup):
             self._lock, lambda: list(self._runs.values()), lambda: self.home, self._changed, self._failed,
             self._unseen_loop, self._looked_at, limits,
         )  # fmt: skip
+        self.sheets: SheetFollower | None = None
         self._looked = 0
         self._worker: Worker | None = None
         self._covering: Worker | None = None
@@ -186,9 +189,49 @@ class Session(LawGroup):
             elif self._playing.phase is Phase.RUNNING:
                 go(self._playing, self._runs.values(), dt * self._playing.factor, self._worker is None)
                 self._aim()
-            else:
+            elif self.sheets is None or not self.sheets.advance(dt):
                 return self.snapshot()
             return self._changed()
+
+    def with_sheets(self, search: Search) -> Session:
+        """The session with a map of sheets, which `find_sheets` makes or reads by this function."""
+        self.sheets = SheetFollower(self._shared, search)
+        return self
+
+    def find_sheets(self) -> Snapshot:
+        """Make the map of the session's sheets in a thread: `sheets.state`. Raises: ArgumentError: it has none."""
+        with self._lock:
+            self._mapped().find()
+            return self._changed()
+
+    def follow_sheets(self, name: str | None) -> Snapshot:
+        """The arm of a law takes the joints of the sheets when the tool is dragged; of None every arm those of its law.
+
+        Raises:
+            ArgumentError: the session has no sheets. UnknownNameError.
+        """
+        with self._lock:
+            sheets, run = self._mapped(), None if name is None else self._run(name)
+            self._halt()
+            if run is None:
+                sheets.release(self.limits)
+            else:
+                sheets.take(run, self._target)
+            return self._changed()
+
+    def _mapped(self) -> SheetFollower:
+        if self.sheets is None:
+            raise ArgumentError("the sheets of the session", None, "open a job with a table [sheets]")
+        return self.sheets
+
+    def drag(self, pose: PoseLike) -> Snapshot:
+        """As `LawGroup.drag`; where no arm follows the sheets it is told which of them serves."""
+        with self._lock:
+            snap = super().drag(pose)
+            if self.sheets is not None:
+                self.sheets.look(self._target)
+                snap = self._changed()
+            return snap
 
     def start_work(self) -> None:
         """Compile and judge the laws in a thread, and keep the curvature at their postures: `LawState.judgement`.
@@ -252,6 +295,8 @@ class Session(LawGroup):
 
     def close(self) -> None:
         """End all threads of the session."""
+        if self.sheets is not None:
+            self.sheets.close()
         for worker in (self._worker, self._covering, *self._seeking):
             if worker is not None:
                 worker.close()

@@ -12,6 +12,7 @@ from .loop_panel import LoopPanel
 from .panel_texts import block, gauge, line, named, plain, put, quiet, swatch, table, warning
 from .posture_panel import PosturePanel
 from .save_panel import SavePanel
+from .sheets_panel import SheetsPanel
 from .shown_units import FASTEST, SLOWEST, UNITS, Units, View
 from .stage import Stage
 from .states import LawState, Phase, Snapshot
@@ -60,6 +61,10 @@ class Panels:
             self.loop = LoopPanel(page)
         with tabs.add_tab("Posture"):
             self.posture = PosturePanel(page)
+        self.sheets: SheetsPanel | None = None
+        if page.session.sheets is not None:
+            with tabs.add_tab("Sheets"):
+                self.sheets = SheetsPanel(page, page.session.sheets)
         with tabs.add_tab("Work"):
             self.work = WorkPanel(page)
         with tabs.add_tab("Save"):
@@ -70,6 +75,8 @@ class Panels:
         put(self.doing, self._doing(snap))
         put(self.table, self._table(snap))
         self.posture.draw(snap)
+        if self.sheets is not None:
+            self.sheets.draw()
         for button, there in zip((self.undo, self.redo), self.page.undo.steps, strict=True):
             if button.disabled == there:
                 button.disabled = not there
