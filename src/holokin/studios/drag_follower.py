@@ -13,7 +13,7 @@ from ..base.types import Array, Value, Vector, tool_pose
 from ..errors import HolokinError
 from ..inverse_kinematics import InverseStatus, inverse
 from ..inverse_kinematics.inverse_function import how_far, is_native
-from ..inverse_kinematics.leaf import PathEnd, leaf_value, leaf_walk, straight_path, tool_at
+from ..inverse_kinematics.leaf import PathEnd, leaf_value, leaf_walk, straight_path
 from ..motion import ControlLaw, StepStatus, controller
 from ..path.straight_path import StraightPath, straight
 from ..strategies import HolonomicStrategy, Strategy
@@ -101,7 +101,7 @@ def _by_leaf(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Follower:
                 return how_far(ik, pose, q)
         walk, at = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
         levels = at, at + strategy.constraint.nearest(level - at)
-        last, ended = walk(q, straight_path(tool_at(task, q), task.target(poses), levels))
+        last, ended = walk(q, straight_path(task.place(q), task.target(poses), levels))
         return last, InverseStatus.REACHED if ended is PathEnd.REACHED else InverseStatus.LEAF_ENDS
 
     def follow(q: Vector, poses: Array, wait: bool) -> Move:
