@@ -13,7 +13,7 @@ from ..base.arguments import check, typed
 from ..base.shown import Shown
 from ..base.types import Matrix, Vector, finite
 from ..errors import ArgumentError, NoArmError
-from ..robot import Kinematics, Robot
+from ..robot import Kinematics, Robot, joints_above
 from ..symbolic import SX, Function, horzcat, symbol
 from ..tasks.task import Task
 
@@ -176,13 +176,12 @@ def _chain(robot: Robot, tip: str | None) -> list[_Axis]:
     frames: list[Matrix] = []
     for joint in robot.joints:
         frames.append((frames[joint.parent] if joint.parent >= 0 else np.eye(4)) @ joint.placement)
-    at = next((t for t in robot.tips if t.name == tip), robot.tips[0]).joint
+    end = next((t for t in robot.tips if t.name == tip), robot.tips[0])
     found: list[_Axis] = []
-    while at >= 0:
+    for at in joints_above(robot.joints, end.joint):
         joint = robot.joints[at]
         direction = frames[at][:3, :3] @ joint.axis
         found.append(_Axis(at, joint.name, frames[at], direction, joint.kind == "revolute"))
-        at = joint.parent
     return found[::-1]
 
 

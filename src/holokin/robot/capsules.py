@@ -11,6 +11,7 @@ from ..base.arguments import typed
 from ..base.types import ArrayLike, Matrix, Vector, finite, positive
 from ..errors import ArgumentError, UnknownNameError
 from .composition import pose_matrix
+from .joints import joints_above
 from .link_shapes import Capsule, LinkShape, Shape
 from .model import Robot
 
@@ -67,11 +68,9 @@ def chain_length(robot: Robot) -> float:
         ArgumentError: a robot without links.
     """
     tip = robot.tip()
-    total, index = float(np.linalg.norm(tip.placement[:3, 3])), tip.joint
-    while index >= 0:
-        joint = robot.joints[index]
-        total += float(np.linalg.norm(joint.placement[:3, 3]))
-        index = joint.parent
+    total = float(np.linalg.norm(tip.placement[:3, 3]))
+    for index in joints_above(robot.joints, tip.joint):
+        total += float(np.linalg.norm(robot.joints[index].placement[:3, 3]))
     return total
 
 
