@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import check, typed
+from ..base.poses import pose_from
 from ..base.shown import Shown
 from ..base.types import Matrix, Vector, finite
 from ..errors import ArgumentError, NoArmError
@@ -42,9 +43,7 @@ class Point:
             raise ArgumentError("the robot of the task", task.robot.name, "give that on which the arm was found")
         if self.offset is None:
             return k.origins[name]
-        placement = np.eye(4)
-        placement[:3, 3] = self.offset
-        return task.robot.kinematics_at(q, self.joint, placement).position
+        return task.robot.kinematics_at(q, self.joint, pose_from(self.offset)).position
 
 
 @dataclass(frozen=True)

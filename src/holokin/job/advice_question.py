@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.poses import pose_from
 from ..base.types import Value, Vector
 from ..checking.keeping_clear import Clearances
 from ..designing.starts import task_of_kind
@@ -179,10 +180,8 @@ def _job_workspace(job: Job, task: Task, start: Vector, file: FilePath) -> Works
         )
     shares = np.linspace(0.0, 1.0, PLACES, endpoint=not path.closed)
     places = path.at(shares * path.duration)
-    T = np.tile(np.eye(4), (PLACES, 1, 1))
-    T[:, :3, 3] = places.position
-    T[:, :3, :3] = places.rotation @ (tool if path.rotation is None else path.rotation)
-    return pose_cloud(T, f"the path of {file.name}")
+    turned = places.rotation @ (tool if path.rotation is None else path.rotation)
+    return pose_cloud(pose_from(places.position, turned), f"the path of {file.name}")
 
 
 def _among(table: ChecksTable | None, robot: Robot) -> tuple[Clearances | None, dict[str, Any], tuple[LinkShape, ...]]:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..base.poses import pose_from
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
 from ..errors import ArgumentError, HolokinError
 from ..inverse_kinematics import inverse
@@ -161,12 +162,9 @@ class PoseRegion(Value, Domain):
         from scipy.spatial.transform import Rotation
 
         at = u * self.half
-        T = np.tile(np.eye(4), (len(u), 1, 1))
-        T[:, :3, 3] = self.p0 + at[:, :3]
         w = at[:, 3:] if self.equation.family.turning else np.zeros((len(u), 3))
         turn = Rotation.from_quat(np.column_stack([w / 2, np.ones(len(w))]))
-        T[:, :3, :3] = self.R0 @ turn.as_matrix()
-        return T
+        return pose_from(self.p0 + at[:, :3], self.R0 @ turn.as_matrix())
 
     def place_of(self, q: Vector) -> Vector:
         """The parameters (d,) of the tool's pose at q; outside of [-1, 1] where the box does not hold it."""

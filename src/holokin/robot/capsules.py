@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import pose_from
 from ..base.types import ArrayLike, Matrix, Vector, finite, positive
 from ..errors import ArgumentError, UnknownNameError
 from .composition import pose_matrix
@@ -81,9 +82,7 @@ def between(start: Vector, end: Vector, radius: float) -> tuple[Matrix, Capsule]
     z = step / length if length > 0 else np.array([0.0, 0.0, 1.0])
     x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     x /= np.linalg.norm(x)
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = np.column_stack([x, np.cross(z, x), z]), (start + end) / 2
-    return T, Capsule(radius, length)
+    return pose_from((start + end) / 2, np.column_stack([x, np.cross(z, x), z])), Capsule(radius, length)
 
 
 def link_steps(robot: Robot) -> list[tuple[int, Vector]]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.poses import PoseLike, given_pose, pose_numbers
+from ..base.poses import PoseLike, given_pose, pose_from, pose_numbers
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Value, Vector, tool_pose
 from ..errors import HolokinError
@@ -186,8 +186,7 @@ def _way(task: Task, q: Vector, poses: Array) -> tuple[StraightPath, int]:
 def _pose(task: Task, target: tuple[Vector, Array]) -> Array:
     """(4, 4), or (F, 4, 4), of positions (3F,) and rotations (3F, 3)."""
     F = task.frames
-    poses = np.zeros((F, 4, 4))
-    poses[:, :3, 3], poses[:, :3, :3], poses[:, 3, 3] = target[0].reshape(F, 3), target[1].reshape(F, 3, 3), 1.0
+    poses = pose_from(target[0].reshape(F, 3), target[1].reshape(F, 3, 3))
     return poses[0] if F == 1 else poses
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.poses import pose_from
 from ..base.types import ArrayLike, Indices, Matrix, Vector
 from ..errors import MissingExtraError
 from ..output.palette import GREY, LOOP, color_of, rgb
@@ -356,9 +357,7 @@ def rotations_of(turns: Matrix) -> Matrix:
 
 def pose_of(position: ArrayLike, wxyz: ArrayLike) -> Matrix:
     """The pose (4, 4) of a handle: where it is (3,) [m] and its quaternion w, x, y, z (4,)."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotations_of(np.asarray(wxyz, dtype=float)[None])[0], np.asarray(position, dtype=float)
-    return T
+    return pose_from(position, rotations_of(np.asarray(wxyz, dtype=float)[None])[0])
 
 
 def wxyz_of(pose: Matrix) -> Vector:
