@@ -15,8 +15,8 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.poses import PoseLike
-from ..base.types import ArrayLike, NoTruthValue, Value, Vector, frozen, number, numbers
-from ..errors import ArgumentError, MissingExtraError, ShapeError
+from ..base.types import ArrayLike, NoTruthValue, Value, Vector, frozen, number, one_or_each
+from ..errors import ArgumentError, MissingExtraError
 from ..inverse_kinematics.inverse_function import InverseKinematics
 from ..inverse_kinematics.nearest_pose import Nearest
 
@@ -132,12 +132,10 @@ def hand_follower(
 
 def _each(what: str, value: Any, n: int) -> Vector:
     """(n,) of one positive number or of n. Raises: ArgumentError, ShapeError."""
-    given = numbers(what, value)
-    if given.shape not in ((), (n,)):
-        raise ShapeError(what, f"() or ({n},)", given.shape)
+    given = one_or_each(what, value, n)
     if not (given > 0).all():
-        raise ArgumentError(what, given.tolist(), "give positive numbers")
-    return frozen(np.array(np.broadcast_to(given, n)))
+        raise ArgumentError(what, np.asarray(value, dtype=float).tolist(), "give positive numbers")
+    return frozen(given.copy())
 
 
 def _ruckig() -> Any:
