@@ -289,11 +289,11 @@ def leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Callabl
     return lambda q, i: walk(q, LeafPath(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
-def leaf_rules(side: float) -> LeafRules:
+def leaf_rules(side: float, tries: int = TRIES) -> LeafRules:
     """The rules of native code for steps on the branch whose det [J; J_g] has the sign `side`."""
     t = TOLERANCES
     return LeafRules(
-        t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, side, NEWTONS, TRIES
+        t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, side, NEWTONS, tries
     )
 
 
