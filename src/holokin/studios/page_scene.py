@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.extra_module import extra_module
 from ..base.poses import pose_from
 from ..base.types import ArrayLike, Indices, Matrix, Vector
-from ..errors import MissingExtraError
 from ..output.palette import GREY, LOOP, color_of, rgb
 from ..robot import LinkShape, Robot, Tip, reach
 from .meshes import GHOST, SOLID, THING, frames_of, looks_of, quaternions, shape_mesh, trimesh_package
@@ -44,11 +44,7 @@ _CELL, _SECTION = (228, 231, 235), (208, 213, 220)
 
 def viser_package() -> Any:
     """The module viser. Raises: MissingExtraError."""
-    try:
-        import viser
-    except ImportError:
-        raise MissingExtraError("viser", "studio") from None
-    return viser
+    return extra_module("viser", "studio")
 
 
 @contextmanager
