@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import pose_from
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, kept, whole
 from ..errors import ArgumentError, HolokinError
@@ -247,8 +248,7 @@ def _witness(strategy: HolonomicStrategy, level: Vector, motion: Motions, limits
     if not good.all():
         return None
     p, R = strategy.task.poses(Q)
-    poses = np.tile(np.eye(4), (len(Q), 1, 1))
-    poses[:, :3, 3], poses[:, :3, :3] = p, R
+    poses = pose_from(p, R)
     poses[-1] = poses[0]
     turns = bool(strategy.task.rotations)
     try:

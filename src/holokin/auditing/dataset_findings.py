@@ -133,12 +133,54 @@ class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
         }  # fmt: skip
 
     def sentence(self) -> str:
-        """The verdict in a sentence."""
-        return _sentence(self)
+        """The verdict, what it rests on, and what the dataset does not test."""
+        pairs, worst = self.pairs, self.worst()
+        if worst is None:
+            return (
+                f"cannot tell: in {len(self.q)} frames no tool pose comes again within {1e3 * self.near:g} mm; "
+                "a greater --near compares poses that are farther apart"
+            )
+        tests = f"{len(pairs.first)} pairs of equal tool poses"
+        if self.verdict is LogVerdict.DIFFERS:
+            count = int(pairs.beyond.sum())
+            return f"differs: at {count} of {tests} the joints are not equal. Worst: {_place_words(self, worst)}"
+        if self.verdict is LogVerdict.REPEATS:
+            return (
+                f"repeats: the joints are equal at all {int(self.decided.sum())} equal tool poses that are near enough "
+                f"to tell (of {tests}); poses that come only once say nothing"
+            )
+        least = float(pairs.allowed.min())
+        return (
+            f"cannot tell: of {tests} none is so near that a difference of {2 * self.tolerance:g} rad or m shows; the "
+            f"nearest shows {least:.2g}. Give a greater --tolerance, or record poses that come again"
+        )
 
     def rows(self) -> list[tuple[str, str]]:
         """(what, finding) of every question, for people."""
-        return _rows(self)
+        pairs = self.pairs
+        found = [
+            ("equal poses, equal joints", self.verdict.value.partition(":")[0]),
+            ("dataset", f"{self.dataset.folder}, format {self.dataset.version}"),
+            ("looked at", f"{len(self.q)} frames of {len(self.episodes)} episodes, column {self.feature}"),
+            ("task", self.task.name),
+            ("equal", f"tool poses within {1e3 * self.near:g} mm, joints within {self.tolerance:g} rad or m"),
+            ("pairs of equal poses", f"{len(pairs.first)}, {int(self.decided.sum())} of them near enough to decide"),
+            ("of them the joints differ", str(int(pairs.beyond.sum()))),
+        ]
+        if len(pairs.first):
+            median, most = (_size(float(v)) for v in (np.median(pairs.distance), pairs.distance.max()))
+            found.append(("distance of the joints", f"median {median}, largest {most} rad or m"))
+        episodes = sorted(self.by_episode(), key=lambda e: e["worst"]["allowed"] - e["worst"]["distance"])
+        differ = [e for e in episodes if e["differ"]]
+        if differ:
+            found.append(("episodes that differ", f"{len(differ)} of {len(self.episodes)}"))
+        for e in differ[:MOST_ROWS]:
+            w = e["worst"]
+            other = next(w[k] for k in ("second", "first") if w[k]["episode"] != e["episode"] or k == "first")
+            at = f"{w['distance']:.3g} ({w['joint']}) from frame {other['frame']} of episode {other['episode']}"
+            said = f"{e['differ']} of {e['equal poses']} equal poses differ, by up to {at}"
+            found.append((f"episode {e['episode']}", said))
+        return found + [("note", note) for note in self.notes]
 
     def summary(self) -> dict[str, Any]:
         """All findings as plain data."""
@@ -182,30 +224,6 @@ def _of_episodes(audit: DatasetAudit) -> tuple[Indices, Indices, Indices]:
     return count, differ, worst
 
 
-def _sentence(audit: DatasetAudit) -> str:
-    """The verdict, what it rests on, and what the dataset does not test."""
-    pairs, worst = audit.pairs, audit.worst()
-    if worst is None:
-        return (
-            f"cannot tell: in {len(audit.q)} frames no tool pose comes again within {1e3 * audit.near:g} mm; "
-            "a greater --near compares poses that are farther apart"
-        )
-    tests = f"{len(pairs.first)} pairs of equal tool poses"
-    if audit.verdict is LogVerdict.DIFFERS:
-        count = int(pairs.beyond.sum())
-        return f"differs: at {count} of {tests} the joints are not equal. Worst: {_place_words(audit, worst)}"
-    if audit.verdict is LogVerdict.REPEATS:
-        return (
-            f"repeats: the joints are equal at all {int(audit.decided.sum())} equal tool poses that are near enough to "
-            f"tell (of {tests}); poses that come only once say nothing"
-        )
-    least = float(pairs.allowed.min())
-    return (
-        f"cannot tell: of {tests} none is so near that a difference of {2 * audit.tolerance:g} rad or m shows; the "
-        f"nearest shows {least:.2g}. Give a greater --tolerance, or record poses that come again"
-    )
-
-
 def _place_words(audit: DatasetAudit, pair: int) -> str:
     """A pair of frames, where the tool is, and how far which joint is apart."""
     p = audit.place(pair)
@@ -215,34 +233,6 @@ def _place_words(audit: DatasetAudit, pair: int) -> str:
         f"{p['distance']:.3g} ({p['joint']}) between frame {i} of episode {e} and frame {j} of episode {f}, tool at "
         f"({x:.3f}, {y:.3f}, {z:.3f}) m"
     )
-
-
-def _rows(audit: DatasetAudit) -> list[tuple[str, str]]:
-    """(what, finding) of every question, for people."""
-    pairs = audit.pairs
-    found = [
-        ("equal poses, equal joints", audit.verdict.value.partition(":")[0]),
-        ("dataset", f"{audit.dataset.folder}, format {audit.dataset.version}"),
-        ("looked at", f"{len(audit.q)} frames of {len(audit.episodes)} episodes, column {audit.feature}"),
-        ("task", audit.task.name),
-        ("equal", f"tool poses within {1e3 * audit.near:g} mm, joints within {audit.tolerance:g} rad or m"),
-        ("pairs of equal poses", f"{len(pairs.first)}, {int(audit.decided.sum())} of them near enough to decide"),
-        ("of them the joints differ", str(int(pairs.beyond.sum()))),
-    ]
-    if len(pairs.first):
-        median, most = (_size(float(v)) for v in (np.median(pairs.distance), pairs.distance.max()))
-        found.append(("distance of the joints", f"median {median}, largest {most} rad or m"))
-    episodes = sorted(audit.by_episode(), key=lambda e: e["worst"]["allowed"] - e["worst"]["distance"])
-    differ = [e for e in episodes if e["differ"]]
-    if differ:
-        found.append(("episodes that differ", f"{len(differ)} of {len(audit.episodes)}"))
-    for e in differ[:MOST_ROWS]:
-        w = e["worst"]
-        other = next(w[k] for k in ("second", "first") if w[k]["episode"] != e["episode"] or k == "first")
-        at = f"{w['distance']:.3g} ({w['joint']}) from frame {other['frame']} of episode {other['episode']}"
-        said = f"{e['differ']} of {e['equal poses']} equal poses differ, by up to {at}"
-        found.append((f"episode {e['episode']}", said))
-    return found + [("note", note) for note in audit.notes]
 
 
 def _size(distance: float) -> str:

@@ -145,12 +145,40 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
         return "\n".join([*(f"{name}: {value}" for name, value in self.rows()), self.sentence()])
 
     def sentence(self) -> str:
-        """The verdict, what it rests on, and what the log does not test."""
-        return _audit_sentence(self)
+        """The two answers, what they rest on, and what was not tested."""
+        said = {LogVerdict.REPEATS: _same, LogVerdict.DIFFERS: _differs, LogVerdict.UNDECIDED: _undecided}
+        trend = _trend_said(self)
+        return f"{said[self.verdict](self)}. {trend}{'. ' if trend else ''}Not tested: {'; '.join(not_tested(self))}"
 
     def rows(self) -> list[tuple[str, str]]:
         """(what, finding) of every question, for people."""
-        return _audit_rows(self)
+        c, last = self.cycles, self.since_start[-1]
+        forward = int((c.direction > 0).sum())
+        joint = int(np.argmax(np.abs(last)))
+        rows = [
+            ("log", f"{self.recording.source}, {len(self.recording)} samples in {self.recording.duration:.4g} s"),
+            ("task", self.task.name),
+            ("cycles", f"{forward} forward, {len(c) - forward} backward, {c.length:.3g} m each"
+             + (f", {c.left_out} that span gaps left out" if c.left_out else "")),
+            ("duration of a cycle", f"{ranged(c.duration)} s, {ranged(c.moving)} s of it moving"),
+            ("tool path repeats to", f"{c.residual.max():.2g} m" + by_sampling(c)),
+            ("drift of each cycle", f"{listed(self.largest)} ({self.worst_joint})"),
+            (f"drift after {len(c)} cycles", f"{abs(last[joint]):.4g} ({self.robot.joint_names[joint]})"),
+            ("noise floor", f"{self.noise_floor:.2g}, tolerance {self.tolerance:g} on top"),
+            ("smallest detectable drift", f"{rate_words(self.detectable)} ({_SURE} confidence)"),
+        ]  # fmt: skip
+        rows.insert(0, ("joints repeated", self.verdict.value))
+        rows.insert(1, ("trend", self.trend.value))
+        crossing = "not tested: the path does not cross itself"
+        for group, trend in self.trends.items():
+            rows.append((f"trend {group}", trend_words(trend, c.phase)))
+        rows += [
+            ("equal poses, between cycles", distance_words(self.between, "")),
+            ("equal poses, forward and back", distance_words(self.by_way, "not tested: all cycles run one way")),
+            ("equal poses, fast and slow", distance_words(self.by_speed, "not tested: all cycles at one speed")),
+            ("equal poses, at crossings", distance_words(self.at_crossings, crossing)),
+        ]
+        return rows + [("note", note) for note in self.recording.notes]
 
     def summary(self) -> dict[str, Any]:
         """Everything found, as plain data for JSON (no NaN, no infinity)."""
@@ -215,13 +243,6 @@ def not_tested(audit: LogAudit) -> list[str]:
     if audit.at_crossings is None and audit.cycles.mirror is None:
         open_.append("other paths to a pose within a cycle (the path does not cross itself)")
     return [*open_, "other paths"]
-
-
-def _audit_sentence(audit: LogAudit) -> str:
-    """The two answers, what they rest on, and what was not tested."""
-    said = {LogVerdict.REPEATS: _same, LogVerdict.DIFFERS: _differs, LogVerdict.UNDECIDED: _undecided}
-    trend = _trend_said(audit)
-    return f"{said[audit.verdict](audit)}. {trend}{'. ' if trend else ''}Not tested: {'; '.join(not_tested(audit))}"
 
 
 def _same(audit: LogAudit) -> str:
@@ -331,33 +352,3 @@ def _ahead(audit: LogAudit) -> str:
         (joint, cycles), (few, most) = audit.limit, audit.limit_range
         text += f"; at this rate {joint} is at its limit after {cycles:.0f} more ({few:.0f} to {most:.0f})"
     return text
-
-
-def _audit_rows(audit: LogAudit) -> list[tuple[str, str]]:
-    """(what, finding) of every question, for people."""
-    c, last = audit.cycles, audit.since_start[-1]
-    forward = int((c.direction > 0).sum())
-    joint = int(np.argmax(np.abs(last)))
-    rows = [
-        ("log", f"{audit.recording.source}, {len(audit.recording)} samples in {audit.recording.duration:.4g} s"),
-        ("task", audit.task.name),
-        ("cycles", f"{forward} forward, {len(c) - forward} backward, {c.length:.3g} m each"
-         + (f", {c.left_out} that span gaps left out" if c.left_out else "")),
-        ("duration of a cycle", f"{ranged(c.duration)} s, {ranged(c.moving)} s of it moving"),
-        ("tool path repeats to", f"{c.residual.max():.2g} m" + by_sampling(c)),
-        ("drift of each cycle", f"{listed(audit.largest)} ({audit.worst_joint})"),
-        (f"drift after {len(c)} cycles", f"{abs(last[joint]):.4g} ({audit.robot.joint_names[joint]})"),
-        ("noise floor", f"{audit.noise_floor:.2g}, tolerance {audit.tolerance:g} on top"),
-        ("smallest detectable drift", f"{rate_words(audit.detectable)} ({_SURE} confidence)"),
-    ]  # fmt: skip
-    rows.insert(0, ("joints repeated", audit.verdict.value))
-    rows.insert(1, ("trend", audit.trend.value))
-    for group, trend in audit.trends.items():
-        rows.append((f"trend {group}", trend_words(trend, c.phase)))
-    rows += [
-        ("equal poses, between cycles", distance_words(audit.between, "")),
-        ("equal poses, forward and back", distance_words(audit.by_way, "not tested: all cycles run one way")),
-        ("equal poses, fast and slow", distance_words(audit.by_speed, "not tested: all cycles at one speed")),
-        ("equal poses, at crossings", distance_words(audit.at_crossings, "not tested: the path does not cross itself")),
-    ]
-    return rows + [("note", note) for note in audit.recording.notes]

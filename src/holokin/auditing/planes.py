@@ -42,13 +42,14 @@ def area_unit(task: Task, i: int, j: int) -> str:
     return f"{a}^2" if a == b else f"{a} {b}"
 
 
-def _row_twists(task: Task, rotation: Matrix) -> Matrix:
-    """The least twists (m, 6) of a tool turned by R (3, 3) that change one task row each, at unit rate.
+def _steps(task: Task, position: Vector, rotation: Matrix, rows: tuple[int, int], size: float) -> list[Vector]:
+    """The least twists (6,) of a tool at a pose that change one of two task rows each, by the sides of a loop.
 
     Raises:
         SingularityError where the representation is singular.
     """
-    return np.asarray(np.linalg.pinv(_rates(task, rotation)).T, dtype=float)
+    twists = np.asarray(np.linalg.pinv(_rates(task, rotation)).T, dtype=float)
+    return [size * _signed(task, k, position) * twists[k] for k in rows]
 
 
 def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, size: float = 1.0) -> Path:
@@ -63,8 +64,7 @@ def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, s
     """
     from scipy.spatial.transform import Rotation
 
-    twists = _row_twists(task, rotation)
-    a, b = (size * _signed(task, k, position) * twists[k] for k in (i, j))
+    a, b = _steps(task, position, rotation, (i, j), size)
     if i == j:
         return polyline([position, position + a[:3]], turns=[a[3:], -a[3:]], closed=True)
     turned = Rotation.from_rotvec(-a[3:]) * Rotation.from_rotvec(b[3:]) * Rotation.from_rotvec(a[3:])
@@ -79,8 +79,7 @@ def plane_path(task: Task, position: Vector, rotation: Matrix, i: int, j: int, s
     Raises:
         SingularityError where the representation is singular.
     """
-    twists = _row_twists(task, rotation)
-    a, b = (size * _signed(task, k, position) * twists[k] for k in (i, j))
+    a, b = _steps(task, position, rotation, (i, j), size)
     steps = np.tile([a, b], (stairs, 1)) / stairs if stairs else np.array([a + b])
     corners = position + np.vstack([np.zeros(3), np.cumsum(steps[:, :3], axis=0)])
     return polyline(list(corners), turns=list(steps[:, 3:]))

@@ -335,7 +335,6 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
         f"in {name}: twice the size drifts {metrics['ratio']:.2f} times as far; the reversed loop is off the opposite "
         f"drift by {metrics['turned']:.0%}, half the speed changes the drift by {metrics['hurried']:.0%}"
     )
-    per = f"{metrics['drift_per_area']:.3g} per {area_unit(setup.task, *plane)}"
     if metrics["turned"] < TURNED and metrics["hurried"] < HURRIED:
         metrics["stairs"] = _stairs_gap(setup, plane, scale) / size
         facts += f", fine stairs instead of a straight line by {metrics['stairs']:.0%}"

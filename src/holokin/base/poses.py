@@ -72,8 +72,14 @@ def pose_of(position: ArrayLike, quaternion: ArrayLike, *, order: str) -> Array:
         worst = four.reshape(-1, 4)[np.argmax(off)]
         cure = f"its length is {np.linalg.norm(worst):.4g}: give one of length 1"
         raise ArgumentError("the quaternion", worst.tolist(), cure)
+    return pose_from(p, _turned((four / length)[..., ORDERS[order]]))
+
+
+def pose_from(position: ArrayLike, rotation: ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1))) -> Array:
+    """Poses (..., 4, 4) of positions (..., 3) and rotations (..., 3, 3), or one rotation for all; unchecked."""
+    p = np.asarray(position, dtype=float)
     T = np.zeros((*p.shape[:-1], 4, 4))
-    T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = _turned((four / length)[..., ORDERS[order]]), p, 1.0
+    T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = rotation, p, 1.0
     return T
 
 

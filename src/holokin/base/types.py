@@ -99,6 +99,14 @@ def numbers(what: str, value: Any) -> Array:
     raise ArgumentError(what, value, "give numbers, in rows of one length")
 
 
+def one_or_each(what: str, value: Any, count: int) -> Array:
+    """Numbers (count,), given one by one or as one for all; read only. Raises: ArgumentError, ShapeError."""
+    given = numbers(what, value)
+    if given.shape not in ((), (count,)):
+        raise ShapeError(what, f"() or ({count},)", given.shape)
+    return np.broadcast_to(given, (count,))
+
+
 def finite(what: str, value: Any, shape: tuple[int | str, ...] | None = None, cure: str = "") -> Array:
     """An array of finite floats, of a shape if one is given; a name in it ("k") stands for any length.
 

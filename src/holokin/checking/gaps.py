@@ -11,7 +11,7 @@ from typing import Any, final
 import numpy as np
 
 from ..base.types import Array, Indices, Matrix, Value, Vector, frozen
-from ..robot import Capsule, LinkShape, Robot, Shape
+from ..robot import Capsule, LinkShape, Robot, Shape, joints_above
 from ..robot.link_shapes import coal_package, lowest
 from ..robot.numeric import Frames, placed
 
@@ -166,7 +166,7 @@ class LinkGap(Gap):
 
 def link_gap(robot: Robot, one: Link, other: Link, travel: Vector) -> LinkGap:
     """The gap of two links; `travel` (joints,): the farthest that sliders are from their zero [m]."""
-    ups = [joints_above(robot, link.joint) for link in (one, other)]
+    ups = [joints_above(robot.joints, link.joint) for link in (one, other)]
     shared = set(ups[0]) & set(ups[1])
     weights = sum(_weights(robot, link, shared, travel) for link in (one, other))
     return LinkGap((one.name, other.name), np.asarray(weights), one, other)
@@ -177,19 +177,10 @@ def floor_gap(robot: Robot, link: Link, height: float, travel: Vector) -> FloorG
     return FloorGap((link.name, FLOOR), _weights(robot, link, set(), travel), link, height)
 
 
-def joints_above(robot: Robot, joint: int) -> list[int]:
-    """A joint and all those before it; none for the base, -1."""
-    found = []
-    while joint >= 0:
-        found.append(joint)
-        joint = robot.joints[joint].parent
-    return found
-
-
 def _weights(robot: Robot, link: Link, shared: set[int], travel: Vector) -> Vector:
     """How far a point of the link can move per joint unit: the length of the arm from the joint to it, at most."""
     weights, arm = np.zeros(robot.n), link.radius
-    for index in joints_above(robot, link.joint):
+    for index in joints_above(robot.joints, link.joint):
         if index in shared:
             break
         joint = robot.joints[index]

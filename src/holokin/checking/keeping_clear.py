@@ -10,9 +10,8 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import Array, Flags, Matrix, Value, Vector, not_negative
-from ..robot import LinkShape, Robot, with_capsules
+from ..robot import LinkShape, Robot, joints_above, with_capsules
 from ..robot.numeric import Frames, joint_frames
-from .gaps import joints_above
 from .motion_checks import CLEARANCE
 from .pairs import Pairs, pairs_of
 
@@ -86,7 +85,7 @@ class Clearances(Value):
             rows = np.isfinite(at.distance)
             if not rows.any():
                 continue
-            above = [joints_above(robot, joint) for joint in gap.joints]
+            above = [joints_above(robot.joints, joint) for joint in gap.joints]
             for sign, own, other, point in ((1.0, *above, at.on_one), (-1.0, *above[::-1], at.on_other)):
                 moving = [i for i in own if i not in other]
                 n = at.away[rows]

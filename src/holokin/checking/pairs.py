@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.types import Matrix, Value, Vector
 from ..errors import UnknownNameError
-from ..robot import Capsule, LinkShape, Robot
+from ..robot import Capsule, LinkShape, Robot, joints_above
 from ..robot.numeric import joint_frames
 from .check_report import LeftOut, Unseen
 from .gaps import Gap, floor_gap, link_gap, links_of
@@ -105,10 +105,8 @@ def _joined(robot: Robot, shaped: set[int]) -> set[frozenset[int]]:
     """Pairs of joints whose links hang on each other, with none that has a shape between."""
     found = set()
     for index in shaped:
-        above = robot.joints[index].parent if index >= 0 else index
-        while above >= 0 and above not in shaped:
-            above = robot.joints[above].parent
-        found.add(frozenset((index, above)))
+        above = (joint for joint in joints_above(robot.joints, index)[1:] if joint in shaped)
+        found.add(frozenset((index, next(above, -1))))
     return found
 
 

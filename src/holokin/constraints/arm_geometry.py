@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import check, typed
+from ..base.poses import pose_from
 from ..base.shown import Shown
 from ..base.types import Matrix, Vector, finite
 from ..errors import ArgumentError, NoArmError
-from ..robot import Kinematics, Robot
+from ..robot import Kinematics, Robot, joints_above
 from ..symbolic import SX, Function, horzcat, symbol
 from ..tasks.task import Task
 
@@ -42,9 +43,7 @@ class Point:
             raise ArgumentError("the robot of the task", task.robot.name, "give that on which the arm was found")
         if self.offset is None:
             return k.origins[name]
-        placement = np.eye(4)
-        placement[:3, 3] = self.offset
-        return task.robot.kinematics_at(q, self.joint, placement).position
+        return task.robot.kinematics_at(q, self.joint, pose_from(self.offset)).position
 
 
 @dataclass(frozen=True)
@@ -176,13 +175,12 @@ def _chain(robot: Robot, tip: str | None) -> list[_Axis]:
     frames: list[Matrix] = []
     for joint in robot.joints:
         frames.append((frames[joint.parent] if joint.parent >= 0 else np.eye(4)) @ joint.placement)
-    at = next((t for t in robot.tips if t.name == tip), robot.tips[0]).joint
+    end = next((t for t in robot.tips if t.name == tip), robot.tips[0])
     found: list[_Axis] = []
-    while at >= 0:
+    for at in joints_above(robot.joints, end.joint):
         joint = robot.joints[at]
         direction = frames[at][:3, :3] @ joint.axis
         found.append(_Axis(at, joint.name, frames[at], direction, joint.kind == "revolute"))
-        at = joint.parent
     return found[::-1]
 
 

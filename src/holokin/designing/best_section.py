@@ -9,8 +9,8 @@ import numpy as np
 
 from ..base.types import Array, Matrix, Value, Vector
 from ..checking.keeping_clear import Clearances
+from ..strategies.polynomial import monomials_up_to
 from .bfgs import Cost, descend
-from .coordinates import monomials_up_to
 from .objectives import Costs, Slopes
 from .section import Sampled, SectionSamples
 

@@ -24,6 +24,7 @@ import numpy as np
 from ..analysis import Ball, Deviation, Region
 from ..analysis.repeatable_distance import distance_to_repeatable
 from ..base.arguments import typed
+from ..base.poses import pose_from
 from ..base.types import Matrix, Value, Vector, frozen, whole
 from ..constraints import Constraint, linear, lock
 from ..errors import ArgumentError, SingularityError
@@ -186,8 +187,7 @@ def _postures(law: HolonomicStrategy, region: Region | Ball, q0: Vector, count: 
         cure = "give hk.analysis.ball(start, radius, along=...): a repeatable law has leaves side by side"
         raise ArgumentError("`along` of the ball", region.along, cure)
     u, pose = sobol(4, count, seed), task.pose(q0)
-    poses = np.tile(pose, (count, 1, 1))
-    poses[:, :3, 3] = _positions(pose[:3, 3], region.radius, u, task.robot.planar)
+    poses = pose_from(_positions(pose[:3, 3], region.radius, u, task.robot.planar), pose[:3, :3])
     found = inverse(law, q0).batch(poses)
     ok = found.reached
     Q, p, R = found.q[ok], poses[ok, :3, 3], poses[ok, :3, :3]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations_with_replacement
 
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..errors import ArgumentError
-from ..symbolic import SX, Function, jacobian, symbol, vertcat
+from ..strategies.polynomial import Terms, monomials, monomials_up_to
+from ..symbolic import SX, Function, jacobian, symbol
 from ..tasks.task import Task
 from ..tasks.task_kinds import FrameTask, parts_of
 
@@ -19,9 +19,6 @@ MOVES = 1e-6
 
 FAR = 3.0
 """Turn [rad] from the middle orientation up to which poses have a rotation vector; at pi it jumps."""
-
-Terms = tuple[tuple[int, ...], ...]
-"""For each monomial the variables that it multiplies; () is the constant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,20 +114,6 @@ class Polynomial(Value):
     def __call__(self, x: SX) -> SX:
         """zeta as an expression of the tool pose in the chart."""
         return SX(self.coefficients) @ monomials(self.coordinates.of(x), self.terms)
-
-
-def monomials_up_to(variables: int, degree: int) -> Terms:
-    """All monomials of so many variables up to a degree, by increasing degree."""
-    return tuple(c for d in range(degree + 1) for c in combinations_with_replacement(range(variables), d))
-
-
-def monomials(u: SX, terms: Terms) -> SX:
-    """Monomials (t,) of u, each one product more than one of lower degree."""
-    known: dict[tuple[int, ...], SX] = {(): SX(1)}
-    for factors in terms:
-        if factors:
-            known[factors] = known[factors[:-1]] * u[factors[-1]]
-    return vertcat(*(known[factors] for factors in terms))
 
 
 def values_and_slopes(u: Matrix, terms: Terms) -> tuple[Matrix, Array]:

@@ -13,10 +13,11 @@ from ..errors import ArgumentError, OutOfReachError, PathError
 from ..inverse_kinematics import inverse
 from ..path.workspaces import Workspace
 from ..strategies import HolonomicStrategy, holonomic
+from ..strategies.polynomial import monomials_up_to
 from ..symbolic.null_space import null_space
 from ..tasks.task import Task
 from .best_section import Limits, Search
-from .coordinates import Coordinates, Polynomial, monomials_up_to
+from .coordinates import Coordinates, Polynomial
 from .law_metrics import SectionMetrics, measured, reached
 from .lower_bound import Floor
 from .objectives import Costs, Objective

@@ -18,10 +18,11 @@ from ..constraints import Constraint, formulas_of
 from ..errors import ArgumentError, posture_text
 from ..robot import Kinematics
 from ..strategies import HolonomicStrategy, Strategy, holonomic
+from ..strategies.polynomial import monomials, monomials_up_to
 from ..symbolic import SX, Function, cos, jacobian, sin, symbol, vertcat
 from ..tasks.task import Task
 from .bfgs import Cost, descend
-from .coordinates import Coordinates, monomials, monomials_up_to
+from .coordinates import Coordinates
 from .section import TiltedLeaves
 
 BARRIER = 1e-4

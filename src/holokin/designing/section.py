@@ -21,8 +21,9 @@ from ..errors import SingularityError, SingularityKind
 from ..inverse_kinematics.leaf import leaf_step
 from ..inverse_kinematics.newton import newton
 from ..strategies import HolonomicStrategy
+from ..strategies.polynomial import Terms
 from ..symbolic import Function, dot, gradient, symbol, vec
-from .coordinates import Coordinates, Terms, values_and_slopes
+from .coordinates import Coordinates, values_and_slopes
 from .objectives import Slopes
 
 NEWTONS = 8

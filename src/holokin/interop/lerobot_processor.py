@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import pose_from
 from ..base.types import ArrayLike, Matrix, Vector
 from ..errors import ArgumentError, MissingExtraError, UnknownNameError
 from ..inverse_kinematics import InverseKinematics
@@ -62,10 +63,7 @@ def _pose_of(action: dict[str, Any], prefix: str) -> Matrix:
     if missing:
         raise ArgumentError("the entries of an action", list(action), f"it needs {', '.join(missing)}")
     values = np.array([float(action.pop(f"{prefix}.{name}")) for name in POSE])
-    pose = np.eye(4)
-    pose[:3, 3] = values[:3]
-    pose[:3, :3] = Rotation.from_rotvec(values[3:]).as_matrix() if np.isfinite(values).all() else np.nan
-    return pose
+    return pose_from(values[:3], Rotation.from_rotvec(values[3:]).as_matrix() if np.isfinite(values).all() else np.nan)
 
 
 @cache

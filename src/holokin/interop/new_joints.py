@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..base.types import Array, Indices, Matrix, Value
+from ..base.poses import pose_from
+from ..base.types import Indices, Matrix, Value
 from ..inverse_kinematics import InverseKinematics, InverseStatus
 from ..recording import Dataset, JointFeature, PoseFeature
 from ..recording.dataset_columns import postures_of, tool_poses_of
@@ -89,7 +90,7 @@ class _Solver:
             place, turn = robot.pose_batch(old, self.tip)
         else:
             place, turn = tool_poses_of(self.dataset, self.source, values, part.frame)
-        poses = _matrices(place, turn)
+        poses = pose_from(place, turn)
         found = self.ik.batch(poses, threads=self.threads)
         q, status = found.q.copy(), found.status.astype(np.intp)
         reached = status == InverseStatus.REACHED
@@ -125,10 +126,3 @@ class _Solver:
         """What was found of all rows."""
         status, before = np.concatenate(self.status), np.concatenate(self.before)
         return NewJoints(self.source, file, status, before, self.kept, self.moved)
-
-
-def _matrices(place: Matrix, turn: Array) -> Array:
-    """Poses (k, 4, 4)."""
-    poses = np.tile(np.eye(4), (len(place), 1, 1))
-    poses[:, :3, :3], poses[:, :3, 3] = turn, place
-    return poses

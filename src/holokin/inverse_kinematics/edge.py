@@ -21,7 +21,7 @@ from ..path.straight_path import StraightPath, rotation_vector
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, dot, gradient, substitute, sumsqr, symbol, vertcat
 from .branch import turning
-from .leaf import LeafPath, PathEnd, Pose, leaf_step, leaf_value, leaf_walk, newton, straight_path, tool_at
+from .leaf import LeafPath, PathEnd, Pose, leaf_step, leaf_value, leaf_walk, newton, straight_path
 from .rays import on_ray
 
 Goal = Pose
@@ -177,7 +177,7 @@ class Edge(Value):
 
     def tool(self, q: Vector) -> Goal:
         """(position, rotation) of the tool."""
-        return tool_at(self.strategy.task, q)
+        return self.strategy.task.place(q)
 
     def look(self, q: Vector, goal: Goal, scaled: Look | None = None) -> Look:
         """At a posture; `scaled`: a look whose choice of constraints and whose sizes are kept."""

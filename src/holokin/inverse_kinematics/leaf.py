@@ -27,7 +27,6 @@ from ..robot.joints import WOUND
 from ..strategies import HolonomicStrategy, Jump, Strategy, first_jump, holonomic, jump_near
 from ..strategies.jumps import states
 from ..symbolic import Function, symbol
-from ..tasks.task import Task
 from .branch import Branch, branch_code
 from .native_follower import NativeFollower
 from .rays import SHORTEST, keeps_turns
@@ -284,22 +283,17 @@ def straight_path(begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> Leaf
     return LeafPath(at, turn=float(np.linalg.norm(line.turn)))
 
 
-def tool_at(task: Task, q: Vector) -> Pose:
-    """(position, rotation) of the tool at a posture (n,); of several frames, see `Task`."""
-    return task.place(q)
-
-
 def leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Callable[[Vector, int], Vector]:
     """(q, step) -> q after that step of the plan, on the leaf through q0. Raises (when called): as `leaf_follower`."""
     walk, c = leaf_follower(strategy, q0), leaf_value(strategy, q0)
     return lambda q, i: walk(q, LeafPath(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
-def leaf_rules(side: float) -> LeafRules:
+def leaf_rules(side: float, tries: int = TRIES) -> LeafRules:
     """The rules of native code for steps on the branch whose det [J; J_g] has the sign `side`."""
     t = TOLERANCES
     return LeafRules(
-        t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, side, NEWTONS, TRIES
+        t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, side, NEWTONS, tries
     )
 
 
@@ -354,7 +348,7 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 
     start = start_posture(task.robot, q0)
     strategy(start)
     at, goal = leaf_value(strategy, start), level_towards(strategy, start, level)
-    here = tool_at(task, start)
+    here = task.place(start)
     return leaf_follower(strategy, start)(start, straight_path(here, here, (at, goal)))
 
 

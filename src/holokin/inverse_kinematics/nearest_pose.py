@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.types import ArrayLike, Matrix, NoTruthValue, Value, Vector, kept, numbers
+from ..base.types import ArrayLike, Matrix, NoTruthValue, Value, Vector, kept, one_or_each
 from ..codegen import LARGEST, EdgeKernel, enabled, tell
-from ..errors import ArgumentError, NativeError, ShapeError
+from ..errors import ArgumentError, NativeError
 from ..strategies import HolonomicStrategy
 from .descent import CONSTANTS, WITHIN, descend, inside, least_ratio, part
 from .edge import SAME, Edge, Goal, Look, edge_function
@@ -238,9 +238,7 @@ def nearest(
 
 def steps_of(step: ArrayLike, joints: int) -> Vector:
     """A step of each joint (n,). Raises: ShapeError, ArgumentError."""
-    given = numbers("step", step)
-    if given.shape not in ((), (joints,)):
-        raise ShapeError("step", f"() or ({joints},)", given.shape)
+    given = one_or_each("step", step, joints)
     if not (given > 0).all():  # NaN included
-        raise ArgumentError("step", given.tolist(), "give positive numbers")
-    return np.ascontiguousarray(np.broadcast_to(given, (joints,)))
+        raise ArgumentError("step", np.asarray(step, dtype=float).tolist(), "give positive numbers")
+    return np.ascontiguousarray(given)

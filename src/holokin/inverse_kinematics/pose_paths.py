@@ -24,7 +24,6 @@ from .leaf import (
     leaf_value,
     leaf_walk,
     straight_path,
-    tool_at,
 )
 from .rays import on_ray
 from .reach import pose_out_of_reach
@@ -116,7 +115,7 @@ class PosePaths(Value):
         robot, slack = self.strategy.task.robot, TOLERANCES.limit
         beyond = np.full(robot.n, np.inf)
         low, high = (robot.lower - slack, robot.upper + slack) if self.limits else (-beyond, beyond)
-        p, R = tool_at(self.strategy.task, self.q0)
+        p, R = self.strategy.task.place(self.q0)
         return frozen(np.concatenate([self.q0, p, R.ravel(), self.level, low, high, [self._side]]))
 
     def _cold(self, begin: Vector) -> bool:
@@ -130,14 +129,14 @@ class PosePaths(Value):
     @cached_property
     def _side(self) -> float:
         q0 = self.q0
-        return float(leaf_step(self.strategy)(q0, *tool_at(self.strategy.task, q0), leaf_value(self.strategy, q0))[3])
+        return float(leaf_step(self.strategy)(q0, *self.strategy.task.place(q0), leaf_value(self.strategy, q0))[3])
 
     def _path(self, p: Vector, R: Matrix, begin: Vector) -> tuple[LeafPath, bool]:
         """(the straight path to a pose and to the leaf, whether it stays on the leaf)."""
         s = self.strategy
         level = self.level if self._cold(begin) else leaf_value(s, begin)
         goal = level + s.constraint.nearest(self.level - level) if len(level) else level
-        return straight_path(tool_at(s.task, begin), (p, R), (level, goal)), np.array_equal(level, goal)
+        return straight_path(s.task.place(begin), (p, R), (level, goal)), np.array_equal(level, goal)
 
     def _walk(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """The same as `go` on the virtual machine."""

@@ -18,14 +18,13 @@ continuously. Stretches follow one another where one's posture lies within the o
 
 from __future__ import annotations
 
-from ..base.tolerances import TOLERANCES
 from ..base.types import ROTATION, kept
 from ..errors import NativeError
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, TaylorModel, directional, horzcat, symbol, vertcat
 from ..tasks.frames import poses_expression
 from .branch import branch_code
-from .leaf import ALMOST, CREEP, DONE, NEWTONS, REGULAR, TRIES
+from .leaf import REGULAR, leaf_rules
 from .rays import rays_code
 
 SLENDER = 0.02
@@ -120,15 +119,14 @@ def twist(strategy: HolonomicStrategy) -> Function:
 
 def inverse_code(strategy: HolonomicStrategy) -> str:
     """C that inverse.c and what is before it need besides hk_leaf_body: numbers, and the functions of a strategy."""
-    s, task, t, models = strategy, strategy.task, TOLERANCES, along(strategy)
+    s, task, models = strategy, strategy.task, along(strategy)
     r = task.n - task.m
-    tries = TRIES if models is None else PIECES
-    rules = (t.singular, t.representation, t.contraction, ALMOST, DONE, t.smallest_step, CREEP, 1.0, NEWTONS, tries)
+    rules = leaf_rules(1.0) if models is None else leaf_rules(1.0, PIECES)
     numbers = {
         "R": r, "FULL": FULL, "FIRST": FIRST, "SHORTEST": SHORTEST, "WIDEST": WIDEST, "ALIKE": ALIKE, "AHEAD": AHEAD,
         "WIDER": WIDER,
         "SLENDER": SLENDER, "SLENDEREST": SLENDEREST, "CENTRED": CENTRED, "ROTATION": ROTATION, "REGULAR": REGULAR,
-        "RULES": f"{{{', '.join(map(repr, rules))}}}",
+        "RULES": f"{{{', '.join(repr(getattr(rules, key)) for key, *_ in rules._fields_)}}}",
     }  # fmt: skip
     if models is not None:
         numbers["STRETCHES"] = STRETCHES

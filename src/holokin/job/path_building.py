@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
+from ..base.poses import pose_from
 from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, JobError
@@ -135,11 +136,9 @@ def _outline(table: PathTable, at: Vector, file: FilePath) -> Path:
     index = (table.outline or 1) - 1
     if index >= len(found):
         raise JobError(file, "path.outline", f"is {table.outline}", f"the drawing has {len(found)}")
-    drawn = np.eye(4)
-    drawn[:3, 3] = at
     if table.at is None and table.frame is None:
         return found[index].starting_at(at)
-    return found[index].in_frame(drawn)
+    return found[index].in_frame(pose_from(at))
 
 
 def _surface(formula: str | float) -> Callable[[float, float], float]:

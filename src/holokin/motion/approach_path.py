@@ -7,6 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import pose_from
 from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector, positive, whole
 from ..errors import ArgumentError, PathError, SingularityError
@@ -94,10 +95,8 @@ def approach(
 def _found(strategy: Strategy, p: Vector, R: Matrix, near: Vector) -> Vector | None:
     """The posture nearest to another (n,) of those found at a pose, on the same leaf; None if there is none."""
     task = strategy.task
-    pose = np.eye(4)
-    pose[:3, 3], pose[:3, :3] = p, R
     if isinstance(strategy, HolonomicStrategy):
-        found = all_postures(strategy, pose, leaf_value(strategy, near), limits=True, near=near).q
+        found = all_postures(strategy, pose_from(p, R), leaf_value(strategy, near), limits=True, near=near).q
         return found[np.argmin(np.abs(found - near).max(axis=1))] if len(found) else None
     nearest = nearest_postures(task, p[None], R[None], near[None], limits=True)
     return nearest.q[0] if nearest.reached[0] and nearest.missing[0] <= TOLERANCES.start else None

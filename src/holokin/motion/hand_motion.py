@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.extra_module import extra_module
 from ..base.poses import PoseLike
-from ..base.types import ArrayLike, NoTruthValue, Value, Vector, frozen, number, numbers
-from ..errors import ArgumentError, MissingExtraError, ShapeError
+from ..base.types import ArrayLike, NoTruthValue, Value, Vector, frozen, number, one_or_each
+from ..errors import ArgumentError
 from ..inverse_kinematics.inverse_function import InverseKinematics
 from ..inverse_kinematics.nearest_pose import Nearest
 
@@ -66,10 +67,10 @@ class HandFollower(Value):
         Raises:
             ShapeError, NotFiniteError, JointLimitError: q0. MissingExtraError: ruckig is not installed.
         """
-        ruckig, robot = _ruckig(), self.ik.strategy.task.robot
+        ruckig, robot = extra_module("ruckig", "teleoperation"), self.ik.strategy.task.robot
         q = robot.checked(q0, "the posture to begin from")
         robot.check_limits(q)
-        profile, state, out = ruckig.Ruckig(robot.n, self.dt), ruckig.InputParameter(robot.n), None
+        profile, state = ruckig.Ruckig(robot.n, self.dt), ruckig.InputParameter(robot.n)
         out = ruckig.OutputParameter(robot.n)
         state.current_position, zero = q.tolist(), [0.0] * robot.n
         state.current_velocity, state.current_acceleration = zero, zero
@@ -132,17 +133,7 @@ def hand_follower(
 
 def _each(what: str, value: Any, n: int) -> Vector:
     """(n,) of one positive number or of n. Raises: ArgumentError, ShapeError."""
-    given = numbers(what, value)
-    if given.shape not in ((), (n,)):
-        raise ShapeError(what, f"() or ({n},)", given.shape)
+    given = one_or_each(what, value, n)
     if not (given > 0).all():
-        raise ArgumentError(what, given.tolist(), "give positive numbers")
-    return frozen(np.array(np.broadcast_to(given, n)))
-
-
-def _ruckig() -> Any:
-    try:
-        import ruckig
-    except ImportError:
-        raise MissingExtraError("ruckig", "teleoperation") from None
-    return ruckig
+        raise ArgumentError(what, np.asarray(value, dtype=float).tolist(), "give positive numbers")
+    return frozen(given.copy())

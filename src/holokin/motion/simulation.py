@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import pose_from
 from ..base.progress import progress
 from ..base.types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError
@@ -184,7 +185,5 @@ def steps_between(p: Array, R: Array, h: Vector) -> tuple[Array, Array]:
 
     h (k,): how long each step takes [s].
     """
-    poses = np.tile(np.eye(4), (*p.shape[:2], 1, 1))
-    poses[..., :3, 3], poses[..., :3, :3] = p, R
     turned = turn_between(R[:-1].reshape(-1, 3, 3), R[1:].reshape(-1, 3, 3)).reshape(-1, *p.shape[1:])
-    return poses, np.concatenate([np.diff(p, axis=0), turned], axis=-1) / h[:, None, None]
+    return pose_from(p, R), np.concatenate([np.diff(p, axis=0), turned], axis=-1) / h[:, None, None]

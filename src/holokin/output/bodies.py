@@ -10,6 +10,7 @@ from typing import final
 
 import numpy as np
 
+from ..base.poses import pose_from
 from ..base.types import Matrix, Vector
 from ..robot import Box, Capsule, Cylinder, Hull, LinkShape, Mesh, Robot, Shape, chain_length
 from ..robot.capsules import between, link_steps
@@ -77,8 +78,7 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
             half = 1.2 * width * joint.axis
             found.append(_piece(index, between(-half, half, 1.16 * width), "hinge"))
     if all(joint.kind != "prismatic" for joint in robot.joints if joint.parent < 0) and -1 not in shaped:
-        middle = np.eye(4)
-        middle[2, 3] = 0.25 * unit
+        middle = pose_from([0.0, 0.0, 0.25 * unit])
         found.append(_piece(-1, (middle, Cylinder(2.4 * unit, 0.5 * unit)), "base"))
     return tuple(found)
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import ArrayLike, Indices, Matrix, Value, Vector, finite, numbers, positive
-from ..errors import ArgumentError, OpenPathError, ShapeError
+from ..base.types import ArrayLike, Indices, Matrix, Value, Vector, finite, one_or_each, positive
+from ..errors import ArgumentError, OpenPathError
 from .path import Path, Samples, as_point, corners_of
 from .segments import Segment, line_segment
 
@@ -214,15 +214,13 @@ def through(
     moves = np.diff(corners, axis=0)
     if not np.abs(moves).max(axis=1).all():
         raise ArgumentError("the points to go through", given.tolist(), "leave out repeated points")
-    each = numbers("seconds", seconds)
-    if each.shape not in ((), (len(moves),)):
-        raise ShapeError("seconds", f"() or ({len(moves)},)", each.shape)
+    each = one_or_each("seconds", seconds, len(moves))
     if speed is not None:
         each = np.linalg.norm(moves, axis=1) / positive("speed", speed)
     frames = -(-given.shape[1] // 3)
     wide = np.zeros((len(corners), 3 * frames))
     wide[:, : given.shape[1]] = corners
-    times = np.broadcast_to(each, len(moves)).tolist()
+    times = each.tolist()
     return SynchronizedPaths(
         tuple(
             Path(

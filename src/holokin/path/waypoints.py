@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.poses import PoseLike, pose_cure, pose_numbers
+from ..base.poses import PoseLike, pose_cure, pose_from, pose_numbers
 from ..base.types import Array, Matrix, Value, Vector, check_rotation, finite, right_last_row
 from ..errors import ShapeError
 from .path import as_point
@@ -31,11 +31,7 @@ class Waypoints(Value):
     @property
     def targets(self) -> Array:
         """Poses (k, 4, 4); points (k, 3) where there are no rotations."""
-        if self.rotations is None:
-            return self.points
-        poses = np.tile(np.eye(4), (len(self), 1, 1))
-        poses[:, :3, 3], poses[:, :3, :3] = self.points, self.rotations
-        return poses
+        return self.points if self.rotations is None else pose_from(self.points, self.rotations)
 
 
 @dataclass(frozen=True, eq=False)

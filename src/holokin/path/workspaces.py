@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.poses import PoseLike, tool_poses
+from ..base.poses import PoseLike, pose_from, tool_poses
 from ..base.types import (
     Array,
     ArrayLike,
@@ -228,10 +228,7 @@ class PoseRange(Workspace):
 
     def at(self, positions: ArrayLike) -> Array:
         """Poses (k, 4, 4) at positions (k, 3), all with the middle rotation. Raises: ShapeError, NotFiniteError."""
-        points = finite("the positions", positions, ("k", 3))
-        poses = np.tile(np.eye(4), (len(points), 1, 1))
-        poses[:, :3, 3], poses[:, :3, :3] = points, self.rotation
-        return poses
+        return pose_from(finite("the positions", positions, ("k", 3)), self.rotation)
 
     def __str__(self) -> str:
         words = [str(self.solid)]

@@ -18,10 +18,11 @@ from ..path.plan import check_start
 from ..robot import DENSITY, Servo, weighed
 from ..robot import servo as servo_of
 from ..robot.drives import ServoKind
+from ..robot.mjcf import mujoco_module
 from ..strategies import Strategy
 from ..tasks.task import of_one_tool
 from .physical_run import Feedback, PhysicalRun
-from .plant import Plant, make_plant, mujoco_module
+from .plant import Plant, make_plant
 
 FITTING: dict[ServoKind, Feedback] = {"position": "commanded", "velocity": "measured", "torque": "measured"}
 """The feedback that fits each kind of servo."""

@@ -11,8 +11,9 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.shown import Shown
 from ..base.types import Indices, positive
-from ..errors import ArgumentError, MissingExtraError, RobotFileError
+from ..errors import ArgumentError, RobotFileError
 from ..robot import DENSITY, Robot, Servo, knows_masses, to_mjcf
+from ..robot.mjcf import mujoco_module
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,15 +35,6 @@ class Plant(Shown):
     dofs: Indices
     actuators: Indices
     bodies: Indices
-
-
-def mujoco_module() -> Any:
-    """MuJoCo's Python package. Raises: MissingExtraError."""
-    try:
-        import mujoco
-    except ImportError:
-        raise MissingExtraError("mujoco", "mujoco") from None
-    return mujoco
 
 
 @typed

@@ -8,10 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
+from ..base.poses import pose_from
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
 from ..errors import ArgumentError, HolokinError
 from ..inverse_kinematics import inverse
-from ..inverse_kinematics.leaf import leaf_follower, leaf_step, newton, straight_path, tool_at
+from ..inverse_kinematics.leaf import leaf_follower, leaf_step, newton, straight_path
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
@@ -161,12 +162,9 @@ class PoseRegion(Value, Domain):
         from scipy.spatial.transform import Rotation
 
         at = u * self.half
-        T = np.tile(np.eye(4), (len(u), 1, 1))
-        T[:, :3, 3] = self.p0 + at[:, :3]
         w = at[:, 3:] if self.equation.family.turning else np.zeros((len(u), 3))
         turn = Rotation.from_quat(np.column_stack([w / 2, np.ones(len(w))]))
-        T[:, :3, :3] = self.R0 @ turn.as_matrix()
-        return T
+        return pose_from(self.p0 + at[:, :3], self.R0 @ turn.as_matrix())
 
     def place_of(self, q: Vector) -> Vector:
         """The parameters (d,) of the tool's pose at q; outside of [-1, 1] where the box does not hold it."""
@@ -201,7 +199,7 @@ class PoseRegion(Value, Domain):
         task, leaf = strategy.task, self.c
         correct, go = leaf_step(strategy), leaf_follower(strategy, self.q, PIECES)
         middles, T = (boxes.low + boxes.high) / 2, self.poses(boxes)
-        side = float(correct(self.q, *tool_at(task, self.q), leaf)[3])
+        side = float(correct(self.q, *task.place(self.q), leaf)[3])
         before = KDTree(np.array([u for u, _ in self._known])).query(middles[missing])[1]
         known, postures = (list(column) for column in zip(*(self._known[i] for i in np.unique(before)), strict=True))
         for i in missing[np.argsort(np.linalg.norm(middles[missing] - self.u0, axis=1), kind="stable")].tolist():
@@ -209,7 +207,7 @@ class PoseRegion(Value, Domain):
             q, pose = postures[nearest], (T[i, :3, 3], T[i, :3, :3])
             near = newton(correct, q, *pose, leaf, side)
             try:
-                q = go(q, straight_path(tool_at(task, q), pose, (leaf, leaf))) if near is None else near[0]
+                q = go(q, straight_path(task.place(q), pose, (leaf, leaf))) if near is None else near[0]
                 known.append(middles[i])
                 postures.append(q)
                 self._known.append((middles[i], q))

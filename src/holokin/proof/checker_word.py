@@ -9,6 +9,7 @@ from enum import Enum
 from pathlib import Path as FilePath
 
 from ..base.arguments import typed
+from ..base.extra_module import extra_module
 from ..base.types import NoTruthValue, Value, not_negative
 from ..errors import CertificateError, MissingExtraError
 from ..version import build
@@ -83,8 +84,5 @@ def unasked(certificate: Certificate, why: str = "it was not run") -> CheckerWor
 
 def _version() -> str:
     """Of the checker, and of the library of its arithmetic. Raises: MissingExtraError."""
-    try:
-        import flint
-    except ImportError:
-        raise MissingExtraError("python-flint", "proof") from None
+    flint = extra_module("flint", "proof", "python-flint")
     return f"holokin {build()}, python-flint {flint.__version__}"

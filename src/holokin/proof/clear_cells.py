@@ -26,10 +26,10 @@ import numpy as np
 
 from ..base.sure_digits import at_least
 from ..base.types import Array, Indices, Matrix, Value, Vector, some
-from ..checking.gaps import FloorGap, Gap, LinkGap, joints_above, segment_step
+from ..checking.gaps import FloorGap, Gap, LinkGap, segment_step
 from ..checking.pairs import POSTURES, Pairs
 from ..errors import brief
-from ..robot import LinkShape, Robot
+from ..robot import LinkShape, Robot, joints_above
 from ..symbolic import symbol, vertcat
 from ..symbolic.interval_function import IntervalFunction
 from .convex_shapes import Convex, convex
@@ -96,7 +96,7 @@ class Chain(Value):
     @staticmethod
     def between(robot: Robot, one: int, other: int) -> Chain:
         """Of two joints (-1: the base)."""
-        a, b = joints_above(robot, one), joints_above(robot, other)
+        a, b = joints_above(robot.joints, one), joints_above(robot.joints, other)
         return Chain(tuple(j for j in a if j not in b), tuple(j for j in reversed(b) if j not in a))
 
     def arms(self, robot: Robot, size: float, travel: Vector) -> list[tuple[int, float]]:

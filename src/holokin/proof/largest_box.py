@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..base.poses import pose_from
 from ..base.types import Array, Flags, Matrix, Vector
 from ..inverse_kinematics import inverse
 from ..path.workspaces import PoseRange, workspace
@@ -53,7 +54,7 @@ def largest_box(strategy: HolonomicStrategy, q0: Vector, tilt: float, spin: floa
     points = np.stack(np.meshgrid(*cuts, indexing="ij"), axis=-1).reshape(-1, 3)
     good = np.ones(len(points), dtype=bool)
     for R in _turned(T[:3, :3], tilt, spin):
-        good[good] = _sound(strategy, q0, _poses(points[good], R), asked)
+        good[good] = _sound(strategy, q0, pose_from(points[good], R), asked)
     solid = good.reshape([len(c) for c in cuts])
     low, high = np.full(3, STEPS), np.full(3, STEPS)
     while True:
@@ -103,7 +104,7 @@ def _spans(strategy: HolonomicStrategy, q0: Vector, asked: Demands) -> Matrix:
         for side, sign in enumerate((-1.0, 1.0)):
             points = np.tile(T[:3, 3], (len(t), 1))
             points[:, axis] += sign * t
-            good = _sound(strategy, q0, _poses(points, T[:3, :3]), asked)
+            good = _sound(strategy, q0, pose_from(points, T[:3, :3]), asked)
             last = int(np.argmin(good)) if not good.all() else len(t)
             spans[axis, side] = t[last - 1] if last else t[0] / 4
     return spans
@@ -133,12 +134,6 @@ def _turned(R: Matrix, tilt: float, spin: float) -> list[Matrix]:
     most = np.diag([tilt, tilt, spin])
     vectors = [v for v in (*most, *-most) if v.any()]
     return [R, *(R @ Rotation.from_rotvec(v).as_matrix() for v in vectors)]
-
-
-def _poses(points: Matrix, R: Matrix) -> Array:
-    poses = np.tile(np.eye(4), (len(points), 1, 1))
-    poses[:, :3, 3], poses[:, :3, :3] = points, R
-    return poses
 
 
 def _ends(box: PoseRange) -> Matrix:

@@ -51,7 +51,7 @@ def read_table(
                 fact = "line 1 is empty, no header" if next(lines, "") else "is empty"
                 raise RecordingError(file, fact, cure)
             done = 1
-            if _number(header[0]) is not None:
+            if number_in(header[0]) is not None:
                 if headless is None:
                     raise RecordingError(file, "line 1 holds numbers, no header", f"name the columns: {names}")
                 header, lines, done = headless([cell.strip() for cell in cells]), chain([first], lines), 0
@@ -62,7 +62,7 @@ def read_table(
         raise RecordingError(file, fact, "give a CSV file in UTF-8, a bag or .mcap") from None
 
 
-def _number(text: str) -> float | None:
+def number_in(text: str) -> float | None:
     """The number that a cell holds; None for text."""
     try:
         return float(text)
@@ -151,7 +151,7 @@ def _row(file: Path, header: Sequence[str], wanted: Sequence[int], line: int, ro
     for c in wanted:
         if c >= len(row):
             raise RecordingError(file, f"line {line} has {len(row)} {lengths}", "complete or delete the line")
-        number = _number(row[c])
+        number = number_in(row[c])
         if number is None or not isfinite(number):
             fact = f"line {line}, column {shown(header[c])!r} holds {shown(row[c].strip())!r}, not a finite number"
             raise RecordingError(file, fact, "correct or delete the line")

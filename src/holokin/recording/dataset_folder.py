@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.extra_module import extra_module
 from ..base.shown import Shown
 from ..base.types import Indices, Matrix, Value
-from ..errors import MissingExtraError, RecordingError
+from ..errors import RecordingError
 from .log import listed, shown
 
 INFO = "meta/info.json"
@@ -231,11 +232,7 @@ def episode_files(folder: Path) -> list[Path]:
 
 
 def _parquet() -> Any:
-    try:
-        from pyarrow import parquet
-    except ImportError:
-        raise MissingExtraError("pyarrow, to read LeRobot datasets", "lerobot") from None
-    return parquet
+    return extra_module("pyarrow.parquet", "lerobot", "pyarrow, to read LeRobot datasets")
 
 
 def _text(file: Path) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..errors import RecordingError
 from ..robot import Robot
+from .csv_table import number_in
 from .log import listed
 
 STAMPS = ("secs", "nsecs")
@@ -84,8 +85,4 @@ def _forms(robot: Robot) -> dict[int, list[tuple[list[str], str]]]:
 
 
 def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    return number_in(text) is not None

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import pose_from
 from ..base.types import Array, ArrayLike, Indices, Matrix, Vector, check_rotation, finite
 from ..errors import ArgumentError, RecordingError
 from ..path import Waypoints
@@ -94,15 +95,10 @@ def read_workspace(
     read = pose_rows(Path(path), "pose", Units(units, angles, order, True, tuple(ignore)))
     if rotation is not None and read.rotations is not None:
         raise ArgumentError("rotation", rotation.tolist(), f"leave it out: {path} has a rotation for each pose")
-    poses = np.tile(np.eye(4), (len(read.points), 1, 1))
-    poses[:, :3, 3] = read.points
-    source = str(path)
-    if read.rotations is None:
-        poses[:, :3, :3] = TOOL_DOWN if rotation is None else rotation
-        source += " with the tool down" if rotation is None else " with one rotation"
-    else:
-        poses[:, :3, :3] = read.rotations
-    return pose_cloud(poses, source)
+    if read.rotations is not None:
+        return pose_cloud(pose_from(read.points, read.rotations), str(path))
+    source = f"{path} with the tool down" if rotation is None else f"{path} with one rotation"
+    return pose_cloud(pose_from(read.points, TOOL_DOWN if rotation is None else rotation), source)
 
 
 def _note_wide_turns(rotations: Array, lines: Indices, notes: list[str]) -> None:

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.extra_module import extra_module
 from ..base.types import Matrix, Vector, positive
-from ..errors import ArgumentError, HolokinError, MissingExtraError, RecordingError
+from ..errors import ArgumentError, HolokinError, RecordingError
 from ..path import Path, Segment, arc_segment, even_curve, line_segment
 from .joint_files import is_folder
 from .log import shown
@@ -80,10 +81,7 @@ def read_svg(
         RecordingError: no such file, no SVG, no size, no outlines. MissingExtraError: svgelements is not installed.
         ArgumentError.
     """
-    try:
-        import svgelements
-    except ImportError:
-        raise MissingExtraError("svgelements", "svg") from None
+    svgelements = extra_module("svgelements", "svg")
     file = FilePath(path)
     positive("tolerance", tolerance)
     positive("speed", speed)

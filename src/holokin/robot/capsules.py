@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import pose_from
 from ..base.types import ArrayLike, Matrix, Vector, finite, positive
 from ..errors import ArgumentError, UnknownNameError
 from .composition import pose_matrix
+from .joints import joints_above
 from .link_shapes import Capsule, LinkShape, Shape
 from .model import Robot
 
@@ -67,11 +69,9 @@ def chain_length(robot: Robot) -> float:
         ArgumentError: a robot without links.
     """
     tip = robot.tip()
-    total, index = float(np.linalg.norm(tip.placement[:3, 3])), tip.joint
-    while index >= 0:
-        joint = robot.joints[index]
-        total += float(np.linalg.norm(joint.placement[:3, 3]))
-        index = joint.parent
+    total = float(np.linalg.norm(tip.placement[:3, 3]))
+    for index in joints_above(robot.joints, tip.joint):
+        total += float(np.linalg.norm(robot.joints[index].placement[:3, 3]))
     return total
 
 
@@ -82,9 +82,7 @@ def between(start: Vector, end: Vector, radius: float) -> tuple[Matrix, Capsule]
     z = step / length if length > 0 else np.array([0.0, 0.0, 1.0])
     x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     x /= np.linalg.norm(x)
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = np.column_stack([x, np.cross(z, x), z]), (start + end) / 2
-    return T, Capsule(radius, length)
+    return pose_from((start + end) / 2, np.column_stack([x, np.cross(z, x), z])), Capsule(radius, length)
 
 
 def link_steps(robot: Robot) -> list[tuple[int, Vector]]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..base.arguments import check, typed
+from ..base.poses import pose_from
 from ..base.types import ArrayLike, Matrix, Value, Vector, finite
 from ..errors import ArgumentError, UnknownNameError
 from ..symbolic.rotations import rotation_from_rpy
@@ -93,9 +94,7 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
             label, coordinate = part.prefix + joint.name, number + joint.coordinate
             joints.append(replace(joint, name=label, parent=parent, placement=placement, coordinate=coordinate))
         for body in part.robot.bodies:
-            T = np.eye(4)
-            T[:3, 3] = body.center
-            index, T = placed(body.joint, T)
+            index, T = placed(body.joint, pose_from(body.center))
             R = T[:3, :3]
             bodies.append(Body(index, body.mass, T[:3, 3], R @ body.inertia @ R.T))
         for shape in part.robot.shapes:
@@ -193,6 +192,4 @@ def _unlike(kind: str, named: Sequence[Joint | Tip]) -> None:
 
 def pose_matrix(xyz: Vector, rpy: Vector) -> Matrix:
     """The pose (4, 4) at xyz (3,) [m], turned by rpy (3,) [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), as in a URDF."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation_from_rpy(rpy.tolist()), xyz
-    return T
+    return pose_from(xyz, rotation_from_rpy(rpy.tolist()))

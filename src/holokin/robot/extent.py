@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import Array, Matrix, Vector
-from .joints import Tip
+from .joints import Tip, joints_above
 from .model import Robot
 from .numeric import joint_frames, placed
 
@@ -50,10 +50,9 @@ def _points(robot: Robot, Q: Matrix, end: Tip) -> tuple[Matrix, Array]:
     frames = joint_frames(robot, Q)
     axes = [R @ joint.axis for joint, (_, R) in zip(robot.joints, frames, strict=True)]  # it turns about its own axis
     point = placed(frames, end.joint, end.placement, len(Q))[0]
-    J, index = np.zeros((len(Q), 3, robot.n)), end.joint
-    while index >= 0:
+    J = np.zeros((len(Q), 3, robot.n))
+    for index in joints_above(robot.joints, end.joint):
         joint, axis = robot.joints[index], axes[index]
         step = axis if joint.kind == "prismatic" else np.cross(axis, point - frames[index][0])
         J[:, :, joint.coordinate] += joint.multiplier * step
-        index = joint.parent
     return point, J

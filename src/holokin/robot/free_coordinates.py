@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import ArrayLike, Vector, numbers
+from ..base.types import ArrayLike, one_or_each
 from ..errors import ArgumentError, ShapeError
 from .joints import Coordinate
 from .model import Robot
@@ -43,16 +43,8 @@ def coordinates(
     each = (units,) * len(known) if isinstance(units, str) else tuple(units)
     if len(each) != len(known):
         raise ShapeError("the units of the coordinates", (len(known),), (len(each),))
-    bounds = (_each(what, value, len(known)) for what, value in
+    bounds = (one_or_each(f"{what} of the coordinates", value, len(known)) for what, value in
               (("lower", lower), ("upper", upper), ("max_velocity", max_velocity)))  # fmt: skip
     rows = zip(known, each, *bounds, strict=True)
     made = tuple(Coordinate(one, "quantity", float(a), float(b), float(v), unit) for one, unit, a, b, v in rows)
     return Robot(name, made, (), (), "coordinates without links")
-
-
-def _each(what: str, value: ArrayLike, count: int) -> Vector:
-    """One number for each coordinate (n,). Raises: ShapeError, ArgumentError."""
-    given = numbers(f"{what} of the coordinates", value)
-    if given.shape not in ((), (count,)):
-        raise ShapeError(f"{what} of the coordinates", f"() or ({count},)", given.shape)
-    return np.broadcast_to(given, count)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.types import Matrix, Vector
+from ..base.poses import pose_from
+from ..base.types import Vector
 from ..errors import MassError
 from ..symbolic import SX, dot
 from .joints import Body
@@ -18,7 +19,7 @@ def mass_matrix_expression(robot: Robot, q: SX) -> SX:
     """
     total = SX.zeros(robot.n, robot.n)
     for body in _bodies(robot):
-        k = robot.kinematics_at(q, body.joint, _frame(body))
+        k = robot.kinematics_at(q, body.joint, pose_from(body.center))
         v, w = k.jacobian[:3, :], k.rotation.T @ k.jacobian[3:, :]
         total = total + body.mass * (v.T @ v) + w.T @ SX(body.inertia) @ w
     return total
@@ -28,7 +29,9 @@ def potential_expression(robot: Robot, q: SX, gravity: Vector) -> SX:
     """U = - sum_b m g . c_b [J]. Raises: MassError."""
     total = SX(0)
     for body in _bodies(robot):
-        total = total - body.mass * dot(SX(gravity), robot.kinematics_at(q, body.joint, _frame(body)).position)
+        total = total - body.mass * dot(
+            SX(gravity), robot.kinematics_at(q, body.joint, pose_from(body.center)).position
+        )
     return total
 
 
@@ -40,9 +43,3 @@ def _bodies(robot: Robot) -> tuple[Body, ...]:
         if not (np.isfinite(body.mass) and body.mass > 0 and np.isfinite(body.inertia).all()):
             raise MassError(robot.name, f"has a mass of {body.mass} kg")
     return moving
-
-
-def _frame(body: Body) -> Matrix:
-    T = np.eye(4)
-    T[:3, 3] = body.center
-    return T

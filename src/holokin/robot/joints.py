@@ -64,6 +64,15 @@ class Joint(Value):
     offset: float = 0.0
 
 
+def joints_above(joints: Sequence[Joint], joint: int) -> list[int]:
+    """A joint of the tree and all those before it, down to the base; none for the base, -1."""
+    found = []
+    while joint >= 0:
+        found.append(joint)
+        joint = joints[joint].parent
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class Tip(Value):
     """A named frame fixed to a joint's moving side (joint -1: the base)."""

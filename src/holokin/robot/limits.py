@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import ArrayLike, Vector, numbers
+from ..base.types import ArrayLike, Vector, numbers, one_or_each
 from ..errors import ArgumentError, ShapeError
 from .model import Robot
 
@@ -60,16 +60,12 @@ def with_limits(
 
 def _each(robot: Robot, what: str, value: JointValues) -> Vector:
     """(n,) of a number, of n numbers, or of those of some joints, where the others stay."""
-    values = getattr(robot, what).copy()
     if isinstance(value, Mapping):
+        values = getattr(robot, what).copy()
         for name, one in value.items():
             values[robot.joint_index(name)] = _number(f"{what} of joint {name!r}", one)
         return values
-    found = numbers(what, value)
-    if found.shape not in ((), (robot.n,)):
-        raise ShapeError(what, f"() or ({robot.n},)", found.shape)
-    values[...] = found
-    return values
+    return one_or_each(what, value, robot.n).copy()
 
 
 def _number(what: str, value: float) -> float:

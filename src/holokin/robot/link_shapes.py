@@ -11,8 +11,9 @@ from typing import Any, final
 
 import numpy as np
 
+from ..base.extra_module import extra_module
 from ..base.types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, not_negative, positive
-from ..errors import ArgumentError, MissingExtraError, RobotFileError, brief
+from ..errors import ArgumentError, RobotFileError, brief
 
 ROUGH = 1e-3
 """By how much of its size or area a mesh that is called convex may differ from its convex hull."""
@@ -23,11 +24,7 @@ FLAT = 1e-4
 
 def coal_package() -> Any:
     """The module coal. Raises: MissingExtraError."""
-    try:
-        import coal
-    except ImportError:
-        raise MissingExtraError("coal", "collision") from None
-    return coal
+    return extra_module("coal", "collision")
 
 
 class Shape(Value, ABC):

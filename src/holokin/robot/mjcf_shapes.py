@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.poses import pose_from
 from ..base.types import Matrix, Vector
 from .link_shapes import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Shape, Unread
 
@@ -50,11 +51,9 @@ def shape_of(model: Any, geom: int, enums: Any, source: str = "") -> Shape:
 def transform(position: Vector, quaternion: Vector) -> Matrix:
     """(w, x, y, z) and a position as a pose (4, 4)."""
     w, x, y, z = quaternion / np.linalg.norm(quaternion)
-    T = np.eye(4)
-    T[:3, 3] = position
-    T[:3, :3] = [
+    rotation = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
-    return T
+    return pose_from(position, rotation)

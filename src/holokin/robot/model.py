@@ -29,7 +29,7 @@ from ..symbolic import (
     vertcat,
 )
 from ..symbolic.rotations import rotation_about
-from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Kinematics, Tip, joint_rows
+from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Kinematics, Tip, joint_rows, joints_above
 from .link_shapes import LinkShape
 from .model_joints import ModelJoints, places_in, put_into, taken_from
 from .visuals import Visual
@@ -163,13 +163,11 @@ class Robot(ByValue):
 
     def _columns(self, frames: list[tuple[SX, SX]], joint: int, p: SX) -> list[tuple[int, float, SX, SX]]:
         found = []
-        while joint >= 0:
-            moving = self.joints[joint]
-            origin, rotation = frames[joint]
+        for above in joints_above(self.joints, joint):
+            moving, (origin, rotation) = self.joints[above], frames[above]
             axis = rotation @ SX(moving.axis)
             v, w = (axis, SX.zeros(3, 1)) if moving.kind == "prismatic" else (cross(axis, p - origin), axis)
             found.append((moving.coordinate, moving.multiplier, v, w))
-            joint = moving.parent
         return found[::-1]
 
     def pose(self, q: ArrayLike, tip: str | None = None) -> Matrix:
@@ -202,11 +200,8 @@ class Robot(ByValue):
             return []
         origins, lines = self._skeleton(self.checked(q)).reshape(-1, 3), []
         for tip in self.tips:
-            index, points = tip.joint, [self.pose(q, tip.name)[:3, 3]]
-            while index >= 0:
-                points.append(origins[index])
-                index = self.joints[index].parent
-            lines.append(np.array([np.zeros(3), *reversed(points)]))
+            above = joints_above(self.joints, tip.joint)[::-1]
+            lines.append(np.array([np.zeros(3), *origins[above], self.pose(q, tip.name)[:3, 3]]))
         return lines
 
     def checked(self, q: ArrayLike, what: str = "q") -> Vector:

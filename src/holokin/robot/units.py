@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.types import Array, ArrayLike, Matrix, Vector
 from ..errors import ArgumentError
-from .joints import WOUND
+from .joints import WOUND, joints_above
 from .model import Robot
 
 FAR = 100.0
@@ -44,14 +44,12 @@ def longest_reach(robot: Robot, tip: str | None = None) -> float:
     Infinite with a slide without limits.
     """
     chosen = next((t for t in robot.tips if t.name == tip), robot.tips[0])
-    total, at = float(np.linalg.norm(chosen.placement[:3, 3])), chosen.joint
-    while at >= 0:
-        joint = robot.joints[at]
+    total = float(np.linalg.norm(chosen.placement[:3, 3]))
+    for joint in (robot.joints[at] for at in joints_above(robot.joints, chosen.joint)):
         total += float(np.linalg.norm(joint.placement[:3, 3]))
         if joint.kind == "prismatic":
             slide = robot.coordinates[joint.coordinate]
             total += abs(joint.multiplier) * max(-slide.lower, slide.upper) + abs(joint.offset)
-        at = joint.parent
     return total
 
 

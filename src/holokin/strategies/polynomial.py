@@ -24,6 +24,9 @@ from .right_inverses import holonomic
 from .strategy import Field
 from .strategy_kinds import HolonomicStrategy
 
+Terms = tuple[tuple[int, ...], ...]
+"""For each monomial the variables that it multiplies; () is the constant."""
+
 
 @made
 def fitted(
@@ -63,7 +66,7 @@ def fitted(
     x = chart.value_batch(postures)[:, chosen]
     u = np.hstack([x, (postures - q0) @ Z])
     middle, spread = u.mean(axis=0), np.maximum(np.abs(u - u.mean(axis=0)).max(axis=0), 1e-6)
-    exponents = _exponents(u.shape[1], degree)
+    exponents = monomials_up_to(u.shape[1], degree)[1:]  # without the constant, of which a leaf knows nothing
     if len(exponents) > len(postures) * (1 + len(chosen)):
         cure = f"give at least {len(exponents) // (1 + len(chosen)) + 1} postures, or a lower degree"
         raise ArgumentError(f"the number of postures for {len(exponents)} terms", len(postures), cure)
@@ -76,7 +79,7 @@ def fitted(
     coefficients = _least_squares(strategy, postures, Z, q0, variables, exponents, others)
 
     def expression(task: Task, k: Kinematics, q: SX) -> SX:
-        terms = _monomials(variables(task, k, q), exponents)
+        terms = monomials(variables(task, k, q), exponents)
         return SX(Z.T) @ (q - SX(q0)) + SX(coefficients.T) @ terms
 
     constraint = Constraint(
@@ -89,17 +92,18 @@ def fitted(
     return holonomic(task, constraint)
 
 
-def _exponents(variables: int, degree: int) -> list[tuple[int, ...]]:
-    """The variables that each monomial multiplies, by increasing degree from 1: () would be a constant."""
-    return [c for d in range(1, degree + 1) for c in combinations_with_replacement(range(variables), d)]
+def monomials_up_to(variables: int, degree: int) -> Terms:
+    """All monomials of so many variables up to a degree, by increasing degree; the first is the constant."""
+    return tuple(c for d in range(degree + 1) for c in combinations_with_replacement(range(variables), d))
 
 
-def _monomials(u: SX, exponents: list[tuple[int, ...]]) -> SX:
-    """All monomials (k,), each one product more than one of lower degree."""
+def monomials(u: SX, terms: Terms) -> SX:
+    """Monomials (t,) of u, each one product more than one of lower degree."""
     known: dict[tuple[int, ...], SX] = {(): SX(1)}
-    for factors in exponents:
-        known[factors] = known[factors[:-1]] * u[factors[-1]]
-    return vertcat(*(known[factors] for factors in exponents))
+    for factors in terms:
+        if factors:
+            known[factors] = known[factors[:-1]] * u[factors[-1]]
+    return vertcat(*(known[factors] for factors in terms))
 
 
 def _least_squares(
@@ -108,7 +112,7 @@ def _least_squares(
     Z: Matrix,
     q0: Matrix,
     variables: Field,
-    exponents: list[tuple[int, ...]],
+    exponents: Terms,
     others: list[int],
 ) -> Matrix:
     """Coefficients (terms, r) from the values of g - phi, measured from their mean, and from its gradients.
@@ -118,7 +122,7 @@ def _least_squares(
     task = strategy.task
     r = task.n - task.m
     q = symbol("q", task.n)
-    terms = _monomials(variables(task, task.kinematics(q), q), exponents)
+    terms = monomials(variables(task, task.kinematics(q), q), exponents)
     basis = Function("monomials", {"q": q}, {"terms": terms, "slopes": as_expression(jacobian(terms, q))})
     T, S = basis.batch(Q)
     g = strategy.constraint_value.batch(Q).reshape(len(Q), r)

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.poses import PoseLike, given_pose, pose_numbers
+from ..base.poses import PoseLike, given_pose, pose_from, pose_numbers
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Value, Vector, tool_pose
 from ..errors import HolokinError
 from ..inverse_kinematics import InverseStatus, inverse
-from ..inverse_kinematics.leaf import PathEnd, leaf_value, leaf_walk, straight_path, tool_at
+from ..inverse_kinematics.leaf import PathEnd, leaf_value, leaf_walk, straight_path
 from ..inverse_kinematics.quiet_answers import how_far, is_native
 from ..motion import ControlLaw, StepStatus, controller
 from ..path.straight_path import StraightPath, straight
@@ -101,7 +101,7 @@ def _by_leaf(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Follower:
                 return how_far(ik, pose, q)
         walk, at = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
         levels = at, at + strategy.constraint.nearest(level - at)
-        last, ended = walk(q, straight_path(tool_at(task, q), task.target(poses), levels))
+        last, ended = walk(q, straight_path(task.place(q), task.target(poses), levels))
         return last, InverseStatus.REACHED if ended is PathEnd.REACHED else InverseStatus.LEAF_ENDS
 
     def follow(q: Vector, poses: Array, wait: bool) -> Move:
@@ -186,8 +186,7 @@ def _way(task: Task, q: Vector, poses: Array) -> tuple[StraightPath, int]:
 def _pose(task: Task, target: tuple[Vector, Array]) -> Array:
     """(4, 4), or (F, 4, 4), of positions (3F,) and rotations (3F, 3)."""
     F = task.frames
-    poses = np.zeros((F, 4, 4))
-    poses[:, :3, 3], poses[:, :3, :3], poses[:, 3, 3] = target[0].reshape(F, 3), target[1].reshape(F, 3, 3), 1.0
+    poses = pose_from(target[0].reshape(F, 3), target[1].reshape(F, 3, 3))
     return poses[0] if F == 1 else poses
 
 

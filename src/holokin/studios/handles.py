@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.poses import pose_from
 from ..base.types import Matrix, Vector
 from ..output.palette import BAD, GOOD, LOOP, rgb
 from ..robot import reach
@@ -187,8 +188,6 @@ def circle_of(loop: Loop | None) -> tuple[Vector, Vector, float] | None:
 
 def frame_of(normal: Vector, towards: Vector) -> Matrix:
     """A pose (4, 4) at the origin whose z axis is the normal (3,), and whose x axis points from a direction's way."""
-    T = np.eye(4)
     x = towards - (towards @ normal) * normal
     x = x / np.linalg.norm(x) if np.linalg.norm(x) > 1e-9 else np.cross(normal, [0.0, 1.0, 0.0])
-    T[:3, :3] = np.column_stack([-x, np.cross(normal, -x), normal])
-    return T
+    return pose_from(np.zeros(3), np.column_stack([-x, np.cross(normal, -x), normal]))

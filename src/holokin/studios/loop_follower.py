@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.poses import pose_from
 from ..base.types import Array, Matrix, Vector
 from ..errors import HolokinError, JointLimitError
 from ..inverse_kinematics import inverse, move_to_leaf
@@ -140,9 +141,7 @@ def _control_stepper(rule: ControlLaw, plan: Plan, q0: Vector) -> Stepper:
 def poses_at(plan: Plan, step: int) -> Array:
     """Where the tools are wanted after some steps of a cycle (F, 4, 4)."""
     p, R = plan.first if step == 0 else plan.target(step - 1, 1.0)
-    poses = np.tile(np.eye(4), (plan.task.frames, 1, 1))
-    poses[:, :3, 3], poses[:, :3, :3] = p.reshape(-1, 3), R.reshape(-1, 3, 3)
-    return poses
+    return pose_from(p.reshape(-1, 3), R.reshape(-1, 3, 3))
 
 
 def compiled(law: Law, q0: Vector) -> None:

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.extra_module import extra_module
 from ..base.types import Array, Indices, Matrix, Value
-from ..errors import MissingExtraError, RobotFileError, brief
+from ..errors import RobotFileError, brief
 from ..output.bodies import pieces_of
 from ..robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Robot, Shape, Surface, chain_length
 from ..robot.numeric import Frames, joint_frames
@@ -42,11 +43,7 @@ class Look(Value):
 
 def trimesh_package() -> Any:
     """The module trimesh. Raises: MissingExtraError."""
-    try:
-        import trimesh
-    except ImportError:
-        raise MissingExtraError("trimesh", "studio") from None
-    return trimesh
+    return extra_module("trimesh", "studio")
 
 
 @lru_cache(maxsize=8)

@@ -21,7 +21,7 @@ from ..job.sheets_over_job import sheets_of_job
 from ..motion import drift, follow
 from ..path import Path
 from ..path.synchronized_paths import AnyPath
-from ..robot import Robot, is_model
+from ..robot import Robot, is_model, joints_above
 from ..strategies import moore_penrose
 from ..tasks.frame_tasks import pose
 from ..tasks.task import Task
@@ -206,11 +206,7 @@ def _task_of(robot: Robot) -> Task:
 
 def _moving(robot: Robot, joint: int) -> set[int]:
     """The coordinates that move a joint."""
-    found: set[int] = set()
-    while joint >= 0:
-        found.add(robot.joints[joint].coordinate)
-        joint = robot.joints[joint].parent
-    return found
+    return {robot.joints[above].coordinate for above in joints_above(robot.joints, joint)}
 
 
 def _ready(task: Task) -> Matrix:

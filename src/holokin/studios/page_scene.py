@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.extra_module import extra_module
+from ..base.poses import pose_from
 from ..base.types import ArrayLike, Indices, Matrix, Vector
-from ..errors import MissingExtraError
 from ..output.palette import GREY, LOOP, color_of, rgb
 from ..robot import LinkShape, Robot, Tip, reach
 from .meshes import GHOST, SOLID, THING, frames_of, looks_of, quaternions, shape_mesh, trimesh_package
@@ -43,11 +44,7 @@ _CELL, _SECTION = (228, 231, 235), (208, 213, 220)
 
 def viser_package() -> Any:
     """The module viser. Raises: MissingExtraError."""
-    try:
-        import viser
-    except ImportError:
-        raise MissingExtraError("viser", "studio") from None
-    return viser
+    return extra_module("viser", "studio")
 
 
 @contextmanager
@@ -356,9 +353,7 @@ def rotations_of(turns: Matrix) -> Matrix:
 
 def pose_of(position: ArrayLike, wxyz: ArrayLike) -> Matrix:
     """The pose (4, 4) of a handle: where it is (3,) [m] and its quaternion w, x, y, z (4,)."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotations_of(np.asarray(wxyz, dtype=float)[None])[0], np.asarray(position, dtype=float)
-    return T
+    return pose_from(position, rotations_of(np.asarray(wxyz, dtype=float)[None])[0])
 
 
 def wxyz_of(pose: Matrix) -> Vector:

@@ -12,7 +12,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from ..errors import MissingExtraError, SchedulerError
+from ..base.extra_module import extra_module
+from ..errors import SchedulerError
 from .batches import SECONDS, Batch, Batches, lasting
 from .cases import Cases
 from .engine import AHEAD
@@ -145,10 +146,7 @@ def reached(scheduler: str) -> Iterator[Any]:
     """
     if not ADDRESS.fullmatch(scheduler):
         raise SchedulerError(scheduler, "is no address", "give one as tcp://host:8786")
-    try:
-        import distributed
-    except ImportError:
-        raise MissingExtraError("distributed", "cluster") from None
+    distributed = extra_module("distributed", "cluster")
     until = time.monotonic() + PATIENCE
     try:
         with ThreadPoolExecutor(1) as thread:  # first, since a client that reaches nothing complains for long

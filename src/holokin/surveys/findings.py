@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.extra_module import extra_module
 from ..base.shown import one_line
 from ..base.types import Array, Flags, Indices, Value, Vector
-from ..errors import MissingExtraError
 from ..output.html_page import html_table
 from .one_case import METRICS, CaseStatus
 
@@ -155,11 +155,7 @@ class Findings(Value):
 
     def frame(self) -> Any:
         """The rows as a pandas DataFrame. Raises: MissingExtraError: pandas is not installed."""
-        try:
-            import pandas
-        except ImportError:
-            raise MissingExtraError("pandas", "survey") from None
-        return pandas.DataFrame(self.columns)
+        return extra_module("pandas", "survey").DataFrame(self.columns)
 
     def drifting(self, count: int = 10) -> list[dict[str, Any]]:
         """The rows with the largest drift in all."""

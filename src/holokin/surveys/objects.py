@@ -7,8 +7,7 @@ import pickle
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy as np
-
+from ..base.poses import pose_from
 from ..base.types import Matrix
 from ..errors import ArgumentError
 from ..path import Path
@@ -46,9 +45,7 @@ def given_path(key: str, tool: Matrix) -> Path:
     found = given(key)
     if not isinstance(found, Path):
         return found(tool)
-    moved = np.eye(4)
-    moved[:3, 3] = tool[:3, 3] - found.start
-    return found.in_frame(moved)
+    return found.in_frame(pose_from(tool[:3, 3] - found.start))
 
 
 def sendable(objects: Mapping[str, Any]) -> bool:
