@@ -43,7 +43,6 @@ _FILES = {
     "test/robot.srdf": "moveit/robot.srdf",
     "config/kinematics.yaml": "moveit/kinematics.yaml",
     "README.md": "moveit/README.md",
-    "CMakeLists.txt": "moveit/CMakeLists.txt",
 }
 
 _PLUGIN = {
@@ -53,6 +52,21 @@ _PLUGIN = {
     "about": "Inverse kinematics on the leaf of a start posture",
     "depends": "geometry_msgs moveit_core moveit_msgs pluginlib rcl_interfaces rclcpp",
     "test_depends": "ament_cmake_gtest class_loader srdfdom urdf",
+    "sources": "src/kinematics_plugin.cpp",
+    "includes": "PRIVATE c",
+    "libraries": """moveit_core::moveit_kinematics_base
+  moveit_core::moveit_robot_model
+  moveit_core::moveit_robot_state
+  pluginlib::pluginlib
+  rclcpp::rclcpp""",
+    "test": "test_plugin",
+    "test_robot": "robot",
+    "link_test": """  target_link_libraries(test_plugin
+    class_loader::class_loader
+    moveit_core::moveit_kinematics_base
+    moveit_core::moveit_robot_model
+    moveit_core::moveit_robot_state)
+  add_dependencies(test_plugin ${PROJECT_NAME})""",
 }
 
 

@@ -49,7 +49,6 @@ _FILES = {
     "test/test_controller.cpp": "control/test_controller.cpp",
     "config/controller.yaml": "control/controller.yaml",
     "README.md": "control/README.md",
-    "CMakeLists.txt": "control/CMakeLists.txt",
 }
 
 _PLUGIN = {
@@ -60,6 +59,19 @@ _PLUGIN = {
     "depends": "controller_interface diagnostic_msgs geometry_msgs hardware_interface pluginlib rclcpp "
     "rclcpp_lifecycle urdf",
     "test_depends": "ament_cmake_gtest class_loader",
+    "sources": "src/tool_controller.cpp src/tool_parameters.cpp",
+    "includes": "PUBLIC c src",
+    "libraries": """controller_interface::controller_interface
+  hardware_interface::hardware_interface
+  ${diagnostic_msgs_TARGETS}
+  ${geometry_msgs_TARGETS}
+  pluginlib::pluginlib
+  rclcpp::rclcpp
+  rclcpp_lifecycle::rclcpp_lifecycle
+  urdf::urdf""",
+    "test": "test_controller",
+    "test_robot": "robot.urdf",
+    "link_test": "  target_link_libraries(test_controller ${PROJECT_NAME} class_loader::class_loader)",
 }
 
 

@@ -40,6 +40,7 @@ SHARED = {
     "src/pose_conversions.hpp": "ros/pose_conversions.hpp",
     "plugin_description.xml": "ros/plugin_description.xml",
     "package.xml": "ros/package.xml",
+    "CMakeLists.txt": "ros/CMakeLists.txt",
 }
 """Files of every package, by their templates."""
 
@@ -146,7 +147,8 @@ def package_words(source: Source, package: str, plugin: Mapping[str, str]) -> di
 
     Args:
         plugin: `plugin_class`, `base_class`, `plugin_of` (the package whose plugin it is), `about` (a sentence), and
-            what the package depends on, `depends` and `test_depends`.
+            what the package depends on, `depends` and `test_depends`; for CMake its `sources`, `includes` and
+            `libraries`, and of the `test` its name, the file of its robot (`test_robot`), and how it is linked.
     """
     from xml.sax.saxutils import escape, quoteattr  # it imports a client of the web: 30 ms
 
@@ -172,6 +174,7 @@ def package_words(source: Source, package: str, plugin: Mapping[str, str]) -> di
         "xml_tip": quoteattr(tip),
         "xml_joints": "\n".join(f"    <joint name={quoteattr(joint.name)}/>" for joint in robot.joints),
         "joint_rows": "\n".join(rows),
+        "find_packages": "\n".join(f"find_package({name} REQUIRED)" for name in plugin["depends"].split()),
         "depends": _depends("depend", plugin["depends"]),
         "test_depends": _depends("test_depend", plugin["test_depends"]),
     }
