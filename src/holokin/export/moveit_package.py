@@ -13,18 +13,16 @@ from ..base.types import ArrayLike
 from ..errors import ArgumentError, ExportError
 from ..inverse_kinematics import InverseStatus, inverse
 from ..strategies import HolonomicStrategy, Strategy
-from ..version import __version__
-from .c_folder import c_name, c_texts
+from .c_folder import c_texts
 from .c_text import Source, line
 from .ros_package import (
     RosPackage,
-    check_names,
     check_word,
     leaf_strategy,
     markdown_cell,
-    names_of_cpp,
-    numbers_of_cpp,
+    package_names,
     package_words,
+    python_header,
     tip_name,
     write_package,
 )
@@ -114,9 +112,7 @@ def export_moveit(
         As of `export_c`.
     """
     law = leaf_strategy(strategy, "take one of MoveIt's own solvers for this arm")
-    short = c_name(f"{strategy.task.robot.name}_{strategy.name}") if name is None else str(name)
-    chosen = f"{short}_moveit_plugin" if package is None else package
-    check_names(strategy, short, chosen)
+    short, chosen = package_names(strategy, name, package, "moveit_plugin")
     check_word("the group", group)
     if "." in group:
         raise ArgumentError("the group", group, "the names of ROS parameters have no dots within: choose another")
@@ -133,8 +129,6 @@ def export_moveit(
 
 def _python_joints(source: Source, strategy: HolonomicStrategy) -> str:
     """Poses, and the joints that Python finds for them, as a header of C++."""
-    from scipy.spatial.transform import Rotation
-
     robot, tip = strategy.task.robot, tip_name(strategy.task)
     ik, rng = inverse(strategy, source.q0, limits=source.limits), np.random.default_rng(0)
     near = source.q0 + rng.uniform(-0.3, 0.3, (4 * POSES, robot.n))
@@ -143,19 +137,4 @@ def _python_joints(source: Source, strategy: HolonomicStrategy) -> str:
     kept = np.flatnonzero(found.status == InverseStatus.REACHED)[:POSES]
     if not len(kept):
         raise ExportError("no pose near the start is reached within the joint limits", "choose another start posture")
-    quaternions = Rotation.from_matrix(poses[kept, :3, :3]).as_quat()
-    return "\n".join(
-        [
-            f"/* Written by holokin {__version__}. Poses (x, y, z, quaternion x, y, z, w) and the joints of Python. */",
-            "#pragma once",
-            "#include <cstddef>",
-            "#include <string>",
-            f"constexpr std::size_t COUNT = {len(kept)}, N = {robot.n};",
-            *names_of_cpp(strategy.task),
-            *numbers_of_cpp(
-                f"POSES[{len(kept)}][7]", ([*T[:3, 3], *o] for T, o in zip(poses[kept], quaternions, strict=True))
-            ),
-            *numbers_of_cpp(f"JOINTS[{len(kept)}][{robot.n}]", found.q[kept]),
-            "",
-        ]
-    )
+    return python_header(strategy.task, " and the joints of Python.", poses[kept], found.q[kept])

@@ -16,17 +16,15 @@ from ..inverse_kinematics import leaf_value
 from ..motion.control_step import LEAST_RCOND
 from ..motion.step_expression import fastest_rate
 from ..strategies import HolonomicStrategy, Strategy
-from ..version import __version__
-from .c_folder import c_name, c_texts
+from .c_folder import c_texts
 from .c_text import Source, line
 from .ros_package import (
     RosPackage,
-    check_names,
     cpp_literal,
     leaf_strategy,
-    names_of_cpp,
-    numbers_of_cpp,
+    package_names,
     package_words,
+    python_header,
     tip_name,
     write_package,
 )
@@ -115,9 +113,7 @@ def export_ros2_control(
         As of `export_c`.
     """
     law = leaf_strategy(strategy, "take one of the controllers of ros2_controllers for this arm")
-    short = c_name(f"{strategy.task.robot.name}_{strategy.name}") if name is None else str(name)
-    chosen = f"{short}_controller" if package is None else package
-    check_names(strategy, short, chosen)
+    short, chosen = package_names(strategy, name, package, "controller")
     source, c = c_texts(strategy, q0, 0.001, short, True, vectors_count, origin)
     robot = strategy.task.robot
     words = package_words(source, chosen, _PLUGIN) | {
@@ -141,35 +137,23 @@ def _limits(values: Iterable[float]) -> str:
 
 def _python_steps(source: Source, strategy: HolonomicStrategy) -> str:
     """Targets of a loop of 1 kHz and the joints of Python after each, as a header of C++."""
-    from scipy.spatial.transform import Rotation
-
-    robot, tip, rng = strategy.task.robot, tip_name(strategy.task), np.random.default_rng(0)
+    robot, rng = strategy.task.robot, np.random.default_rng(0)
     for size in (SWING, SWING, SWING, SWING / 10, SWING / 100):
         poses, joints = _swing(source, strategy, size * rng.uniform(-1.0, 1.0, robot.n))
         if len(joints):
             break
     else:
         raise ExportError("no motion near the start keeps the joint limits", "choose another start posture")
-    quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
     away, off = _off_the_leaf(source, strategy, rng)
-    return "\n".join(
-        [
-            f"/* Written by holokin {__version__}. Poses (x, y, z, quaternion x, y, z, w) of the tip {line(tip)}, one",
-            "   each millisecond, and the joints of Python after each. */",
-            "#pragma once",
-            "#include <cstddef>",
-            "#include <string>",
-            f"constexpr std::size_t COUNT = {len(joints)}, N = {robot.n};",
-            *names_of_cpp(strategy.task),
-            *numbers_of_cpp(f"POSES[{len(poses)}][7]", np.hstack([poses[:, :3, 3], quaternions])),
-            *numbers_of_cpp(f"JOINTS[{len(joints)}][{robot.n}]", joints),
-            f"const double START[{robot.n}] = {{{', '.join(repr(float(x)) for x in source.q0)}}};",
-            f"/* So far from the leaf [its units]: {off!r}. */",
-            f"constexpr double OFF_BY = {off!r};",
-            f"const double OFF_THE_LEAF[{robot.n}] = {{{', '.join(repr(float(x)) for x in away)}}};",
-            "",
-        ]
-    )
+    tip = line(tip_name(strategy.task))
+    told = f" of the tip {tip}, one\n   each millisecond, and the joints of Python after each."
+    more = [
+        f"const double START[{robot.n}] = {{{', '.join(repr(float(x)) for x in source.q0)}}};",
+        f"/* So far from the leaf [its units]: {off!r}. */",
+        f"constexpr double OFF_BY = {off!r};",
+        f"const double OFF_THE_LEAF[{robot.n}] = {{{', '.join(repr(float(x)) for x in away)}}};",
+    ]
+    return python_header(strategy.task, told, poses, joints, more)
 
 
 def _swing(source: Source, strategy: HolonomicStrategy, swing: Vector) -> tuple[Array, Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..base.shown import Shown
+from ..base.types import Array
 from ..errors import ArgumentError, ExportError
 from ..motion import has_leaf
 from ..robot import to_urdf
@@ -20,7 +21,7 @@ from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.frames import TipFrame
 from ..tasks.task import Task
 from ..version import __version__
-from .c_folder import operations_of, write_texts
+from .c_folder import c_name, operations_of, write_texts
 from .c_text import RESERVED, Source, line, text
 
 _ROS_WORDS = """
@@ -79,8 +80,14 @@ def leaf_strategy(strategy: Strategy, cure: str) -> HolonomicStrategy:
     return strategy
 
 
-def check_names(strategy: Strategy, short: str, package: str) -> None:
-    """Raises: ArgumentError for a name that ROS, C++, XML or a log does not take."""
+def package_names(strategy: Strategy, name: str | None, package: str | None, kind: str) -> tuple[str, str]:
+    """(C name, name of the package): those given, or by robot, strategy and the kind of the package.
+
+    Raises:
+        ArgumentError: a name that ROS, C++, XML or a log does not take.
+    """
+    short = c_name(f"{strategy.task.robot.name}_{strategy.name}") if name is None else str(name)
+    package = f"{short}_{kind}" if package is None else package
     for what, word in (("the name", short), ("the package", package)):
         if word in RESERVED | _ROS_NAMES:
             raise ArgumentError(what, word, "ROS, MoveIt or C++ uses this name: give one of your own")
@@ -90,6 +97,7 @@ def check_names(strategy: Strategy, short: str, package: str) -> None:
     for joint in strategy.task.robot.joints:
         check_word("the name of a joint", joint.name)
     check_word("the name of the tip", tip_name(strategy.task))
+    return short, package
 
 
 def check_word(what: str, word: str) -> None:
@@ -114,13 +122,36 @@ def markdown_cell(word: str) -> str:
     return line(word).replace("|", "/").replace("`", "'")
 
 
-def numbers_of_cpp(declared: str, rows: Iterable[Iterable[float]]) -> list[str]:
+def python_header(task: Task, told: str, poses: Array, joints: Array, more: Sequence[str] = ()) -> str:
+    """A header of C++ for the test of a package: poses (k, 4, 4), and the joints (k, n) that Python finds for them.
+
+    Args:
+        told: the end of the sentence on the poses. more: lines that come last.
+    """
+    from scipy.spatial.transform import Rotation
+
+    quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+    return "\n".join([
+        f"/* Written by holokin {__version__}. Poses (x, y, z, quaternion x, y, z, w){told} */",
+        "#pragma once",
+        "#include <cstddef>",
+        "#include <string>",
+        f"constexpr std::size_t COUNT = {len(joints)}, N = {task.robot.n};",
+        *_names_of_cpp(task),
+        *_numbers_of_cpp(f"POSES[{len(poses)}][7]", np.hstack([poses[:, :3, 3], quaternions])),
+        *_numbers_of_cpp(f"JOINTS[{len(joints)}][{task.robot.n}]", joints),
+        *more,
+        "",
+    ])  # fmt: skip
+
+
+def _numbers_of_cpp(declared: str, rows: Iterable[Iterable[float]]) -> list[str]:
     """The lines of a table of C++ with all digits."""
     body = ",\n".join("  {" + ", ".join(repr(float(x)) for x in row) + "}" for row in rows)
     return [f"const double {declared} = {{", body, "};"]
 
 
-def names_of_cpp(task: Task) -> list[str]:
+def _names_of_cpp(task: Task) -> list[str]:
     """The lines of C++ that name base, tip and joints."""
     robot = task.robot
     return [
