@@ -56,7 +56,7 @@ class Slice(Value):
 
 @dataclass(frozen=True, eq=False)
 class Plane(Value):
-    """A grid of positions in a plane through a workspace's centre, as of a `Slice`; points (rows * columns, 3)."""
+    """A grid of positions in a plane through a workspace, as of a `Slice`; points (rows * columns, 3)."""
 
     axes: tuple[int, int]
     at: float
@@ -69,14 +69,19 @@ class Plane(Value):
 def grid_planes(workspace: PoseRange, steps: int) -> Iterator[Plane]:
     """The planes x-y, x-z and y-z; of a flat one only its own. steps: cells along the longest side, at least 2."""
     whole("steps", steps, 2)
-    solid = workspace.solid
+    for axes in combinations(np.flatnonzero(workspace.solid.half > 0).tolist(), 2):
+        yield plane_through(workspace, axes, steps, workspace.solid.center)
+
+
+def plane_through(workspace: PoseRange, axes: tuple[int, int], steps: int, place: Vector) -> Plane:
+    """The plane along two axes through a place (3,) of a workspace."""
+    solid, (i, j) = workspace.solid, axes
     half, center = solid.half, solid.center
-    for i, j in combinations(np.flatnonzero(half > 0).tolist(), 2):
-        counts = np.maximum(2, np.rint(steps * half[[i, j]] / half.max())).astype(int)
-        u, v = (center[k] + half[k] * (2 * (np.arange(n) + 0.5) / n - 1) for k, n in zip((i, j), counts, strict=True))
-        points = np.tile(center, (len(u) * len(v), 1))
-        points[:, i], points[:, j] = np.tile(u, len(v)), np.repeat(v, len(u))
-        yield Plane((i, j), float(center[3 - i - j]), u, v, points, solid.contains(points).reshape(len(v), len(u)))
+    counts = np.maximum(2, np.rint(steps * half[[i, j]] / half.max())).astype(int)
+    u, v = (center[k] + half[k] * (2 * (np.arange(n) + 0.5) / n - 1) for k, n in zip((i, j), counts, strict=True))
+    points = np.tile(place, (len(u) * len(v), 1))
+    points[:, i], points[:, j] = np.tile(u, len(v)), np.repeat(v, len(u))
+    return Plane((i, j), float(place[3 - i - j]), u, v, points, solid.contains(points).reshape(len(v), len(u)))
 
 
 @typed

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..base.types import Matrix
+from ..designing.slices import plane_through
 from ..path.workspaces import Box, PoseRange
 from ..proof import Certificate, UniqueRegion
 from ..proof.open_parts import CAUSES, NEAR
@@ -15,7 +16,7 @@ from ..robot import LinkShape
 from .clear_words import obstacles_of, refuted_by
 from .palette import HOLONOMIC, INK, LOOP, VERMILLION
 from .proof_picture import edges_of, start_of
-from .region_plot import COLORS
+from .region_plot import COLORS, region_map
 from .robot_panels import Actor, Curve, draw_panel, stage_of
 
 SIZE = (7.6, 6.5)
@@ -75,28 +76,19 @@ def box_picture_words(found: Certificate) -> str:
 
 def _slice(axes: Any, region: UniqueRegion, pair: tuple[int, int], place: Matrix, marked: bool) -> set[int]:
     """A plane of the box along two axes of the base; returns which of `NAMES` are seen in it."""
-    from matplotlib.colors import ListedColormap
-
-    i, j = pair
-    center, half = region.workspace.solid.center, region.workspace.solid.half
-    counts = np.maximum(2, np.rint(PIXELS * half[[i, j]] / half.max())).astype(int)
-    u, v = (center[k] + half[k] * (2 * (np.arange(n) + 0.5) / n - 1) for k, n in zip(pair, counts, strict=True))
-    points = np.tile(center + np.clip(place - center, -INSIDE * half, INSIDE * half), (len(u) * len(v), 1))
-    points[:, i], points[:, j] = np.tile(u, len(v)), np.repeat(v, len(u))
-    found = 1 + region.parts_at(region.workspace.at(points))
-    ends = (center[i] - half[i], center[i] + half[i], center[j] - half[j], center[j] + half[j])
-    shown = {"cmap": ListedColormap(COLORS), "vmin": 0, "vmax": len(COLORS) - 1, "interpolation": "nearest"}
-    axes.imshow(found.reshape(len(v), len(u)), origin="lower", extent=ends, aspect="equal", **shown)
+    (i, j), center, half = pair, region.workspace.solid.center, region.workspace.solid.half
+    inside = center + np.clip(place - center, -INSIDE * half, INSIDE * half)
+    plane = plane_through(region.workspace, pair, PIXELS, inside)
+    seen = region_map(axes, region, plane, region.parts_at(region.workspace.at(plane.points)))
     if marked:
         axes.plot(place[i], place[j], "x", color=INK, markersize=7, markeredgewidth=1.8, clip_on=False)
-    axes.grid(False)
     axes.set_xlabel(f"{'xyz'[i]} [m]", fontsize=8, labelpad=1)
     axes.set_ylabel(f"{'xyz'[j]} [m]", fontsize=8, labelpad=1)
     axes.set_title(f"{'xyz'[3 - i - j]} = {place[3 - i - j]:.3g} m", loc="left", fontsize=8, pad=2)
     axes.tick_params(labelsize=8)
     axes.locator_params(nbins=4, min_n_ticks=2)
     axes.set_anchor("N")
-    return set(found.tolist())
+    return seen
 
 
 def _box(space: PoseRange) -> Box:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..designing.slices import grid_planes
+from ..base.types import Indices
+from ..designing.slices import Plane, grid_planes
 from ..proof import UniqueRegion
 from ..proof.open_parts import CAUSES
 from .palette import ORANGE, PURPLE, SKY, VERMILLION
@@ -23,7 +24,6 @@ def region_figure(region: UniqueRegion, steps: int = 25) -> Any:
         steps: cells along the longest side.
     """
     from matplotlib import rc_context
-    from matplotlib.colors import ListedColormap
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
@@ -34,13 +34,7 @@ def region_figure(region: UniqueRegion, steps: int = 25) -> Any:
         seen: set[int] = set()
         for axes, plane in zip(figure.subplots(1, len(planes), squeeze=False)[0], planes, strict=True):
             i, j = plane.axes
-            found = 1 + region.causes(space.at(plane.points)).reshape(plane.inside.shape)
-            seen |= set(found.ravel().tolist())
-            low, high = space.solid.center - space.solid.half, space.solid.center + space.solid.half
-            extent = (low[i], high[i], low[j], high[j])
-            shown = {"cmap": ListedColormap(COLORS), "vmin": 0, "vmax": 5, "interpolation": "nearest"}
-            axes.imshow(found, origin="lower", extent=extent, aspect="equal", **shown)
-            axes.grid(False)
+            seen |= region_map(axes, region, plane, region.causes(space.at(plane.points)))
             axes.set(xlabel=f"{'xyz'[i]} [m]", ylabel=f"{'xyz'[j]} [m]")
             axes.set_title(f"{'xyz'[3 - i - j]} = {plane.at:.3g} m", loc="left", fontsize=10)
         names = ("proven", *CAUSES)
@@ -48,3 +42,15 @@ def region_figure(region: UniqueRegion, steps: int = 25) -> Any:
         title = f"{on_figure(region.strategy.name)}: {region.share:.0%} of the box is proven"
         figure.suptitle(title, x=0.02, ha="left", fontsize=12)
     return figure
+
+
+def region_map(axes: Any, region: UniqueRegion, plane: Plane, causes: Indices) -> set[int]:
+    """Draw the cells of a plane by `COLORS`, of causes (k,) of its poses, -1 for proven; returns which are seen."""
+    from matplotlib.colors import ListedColormap
+
+    (i, j), solid = plane.axes, region.workspace.solid
+    found, low, high = 1 + causes.reshape(plane.inside.shape), solid.center - solid.half, solid.center + solid.half
+    shown = {"cmap": ListedColormap(COLORS), "vmin": 0, "vmax": len(COLORS) - 1, "interpolation": "nearest"}
+    axes.imshow(found, origin="lower", extent=(low[i], high[i], low[j], high[j]), aspect="equal", **shown)
+    axes.grid(False)
+    return set(found.ravel().tolist())
