@@ -69,21 +69,20 @@ def to_fanuc(
     Raises:
         ExportError: a robot of other than six axes, external ones left out. ArgumentError: bad names, wiring or lines.
     """
-    wiring, lines = wiring or Wiring(), lines or ProcessLines()
     for what, value, most in (("base", base, 9), ("tool", tool, 10), ("zone", zone, 100), ("payload", payload, 10)):
         if value is not None and whole(what, value, 0) > most:
             raise ArgumentError(what, value, f"give a whole number from 0 to {most}")
     found = targets(timed, wiring, DIALECT, tolerance, lines)
     if coupled:
         found = replace(found, q=_coupled(found.q), via={i: _coupled(row) for i, row in found.via.items()})
-    short = program_name(name, about or "holokin", NAME if name else SHORT, "FANUC's TP language", lines).upper()
+    short = program_name(name, about, NAME if name else SHORT, found).upper()
     counted = "J3 = joint 3 - joint 2" if coupled else "J3 = joint 3 of the model (no coupling)"
     more = ["degrees, external axes degrees or mm", counted, f"UF {base}, UT {tool}"]
-    remarks = header(timed, about, found, wiring, more, REMARK)
+    remarks = header(timed, about, found, more, REMARK)
     body = [f"!{line.replace(';', ',')}" for line in remarks]  # a semicolon ends a statement
     body += [f"UFRAME_NUM={base}", f"UTOOL_NUM={tool}"]
     body += [f"PAYLOAD[{payload}]"] if payload is not None else []
-    body += with_lines(found, DIALECT, lines, [["J P[1] 10% FINE"], *_moves(found, zone)])
+    body += with_lines(found, [["J P[1] 10% FINE"], *_moves(found, zone)])
     text = _listing(short, body, found, f"UF : {base}, UT : {tool}", written or datetime.now())
     return Program({f"{short}.LS": text}, len(found.q), found.deviation, found.tool)
 

@@ -47,18 +47,17 @@ def to_gcode(
     Raises:
         ArgumentError: more axes than letters; bad names, wiring or lines.
     """
-    wiring, lines = wiring or Wiring(), lines or ProcessLines()
     found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about or "holokin", 64, "G-code", lines)
+    short = program_name(name, about, 64, found)
     axes = _letters(found.lengths, letters)
     mode = f"G64 P{1e3 * zone:g}" if not_negative("zone", zone) else "G61"
-    facts = [f"; {line}" for line in header(timed, about, found, wiring, ["mm and degrees; F is 1/minutes (G93)"])]
+    facts = [f"; {line}" for line in header(timed, about, found, ["mm and degrees; F is 1/minutes (G93)"])]
     seconds = [10.0, *found.seconds.tolist()]
     moves = [
         [" ".join(["G1", *(f"{a}{x:.6f}" for a, x in zip(axes, row, strict=True)), f"F{60 / t:.6f}"])]
         for row, t in zip(found.shown(), seconds, strict=True)
     ]
-    body = with_lines(found, DIALECT, lines, moves)
+    body = with_lines(found, moves)
     text = "\n".join([*facts, "G21 G90 G93", mode, *body, "G94", "M2", ""])
     return Program({f"{short}.ngc": text}, len(found.q), found.deviation, found.tool)
 

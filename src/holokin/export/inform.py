@@ -64,16 +64,15 @@ def to_inform(
         ExportError: a robot of other than six axes; a move too slow or too fast for VJ or V.
         ArgumentError: bad names, numbers, wiring or lines.
     """
-    wiring, lines = wiring or Wiring(), lines or ProcessLines()
     for what, value, most in (("zone", zone, LEVELS), ("tool", tool, 63)):
         if whole(what, value, 0) > most:
             raise ArgumentError(what, value, f"give a whole number from 0 to {most}")
     found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about or "holokin", NAME, "INFORM", lines).upper()
-    facts = header(timed, about, found, wiring, ["positions in pulses", f"tool {tool}, PL {zone}"], 10_000)
+    short = program_name(name, about, NAME, found).upper()
+    facts = header(timed, about, found, ["positions in pulses", f"tool {tool}, PL {zone}"], 10_000)
     remarks = [f"'{part}" for line in facts for part in textwrap.wrap(line, REMARK)]
-    moves, rounded = _moves(found, speed_shares(found, timed, wiring, speeds), zone)
-    body = ["NOP", *remarks, *with_lines(found, DIALECT, lines, moves), "END"]
+    moves, rounded = _moves(found, speed_shares(found, speeds), zone)
+    body = ["NOP", *remarks, *with_lines(found, moves), "END"]
     counts = _counts(found, pulses)
     bases = counts.shape[1] - found.own
     date = written or datetime.now()

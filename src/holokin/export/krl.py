@@ -61,9 +61,8 @@ def to_krl(
         ExportError: a robot of other than six axes, external ones left out. ArgumentError: bad names, numbers, wiring
             or lines.
     """
-    wiring, lines = wiring or Wiring(), lines or ProcessLines()
     found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about or "holokin", NAME, "KRL", lines)
+    short = program_name(name, about, NAME, found)
     numbers = {"tool": tool, "base": base, "payload": payload}
     for what, value in numbers.items():
         if value is not None and whole(what, value, 0) > FRAMES[what]:
@@ -71,7 +70,7 @@ def to_krl(
     more = ["degrees, external axes degrees or mm; TIME_BLOCK needs KSS 8.3 or later"]
     used = [f"{what} {value}" for what, value in numbers.items() if value is not None]
     more += [", ".join(used)] if used else []
-    facts = [f"; {line}" for line in header(timed, about, found, wiring, more, 76)]
+    facts = [f"; {line}" for line in header(timed, about, found, more, 76)]
     declared = ["DECL INT XERR", *(f"DECL E6POS {point}" for point in _poses(found))]
     frames = [f"BAS(#{what.upper()},{numbers[what]})" for what in ("tool", "base") if numbers[what] is not None]
     frames += [f"$LOAD=LOAD_DATA[{payload}]"] if payload is not None else []
@@ -79,9 +78,7 @@ def to_krl(
     text += ["BAS(#INITMOV,0)", *frames, "BAS(#VEL_PTP,10)", *_computed(found)]
     text += ["$ORI_TYPE=#VAR", "$CIRC_TYPE=#BASE"] if found.linear else []  # the tool turns evenly along a move
     text += [f"$APO.CDIS={1e3 * not_negative('zone', zone):g}"] if found.linear else []
-    text += with_lines(
-        found, DIALECT, lines, [["SPTP XP1", "BAS(#VEL_PTP,100)", "BAS(#ACC_PTP,100)"], *_moves(found, lines, zone)]
-    )
+    text += with_lines(found, [["SPTP XP1", "BAS(#VEL_PTP,100)", "BAS(#ACC_PTP,100)"], *_moves(found, zone)])
     data = ["&ACCESS RVP", "&REL 1", f"DEFDAT {short} PUBLIC"]
     named = {f"XP{i}": row for i, row in enumerate(found.q, 1)} | {f"XC{i + 2}": row for i, row in found.via.items()}
     words = [f"A{i}" for i in range(1, 7)] + [f"E{i}" for i in range(1, 7)]
@@ -111,11 +108,11 @@ def _computed(found: Targets) -> list[str]:
     return lines
 
 
-def _moves(found: Targets, lines: ProcessLines, zone: float) -> list[list[str]]:
+def _moves(found: Targets, zone: float) -> list[list[str]]:
     """The lines of the moves to each target but the first; a block of joint moves stands at its last one."""
     radii, _ = zones(found, zone)
     ends = {*np.flatnonzero(found.stops).tolist(), len(found.t) - 1}
-    ends |= {k for k, given in ((found.on, lines.on), (found.off, lines.off)) if given}
+    ends |= {k for k, given in ((found.on, found.lines.on), (found.off, found.lines.off)) if given}
     text: list[list[str]] = []
     block: list[int] = []
     speed = ""

@@ -59,6 +59,7 @@ class Targets(Value):
     """Targets of a program, and the moves to them.
 
     Attributes:
+        timed, wiring, dialect, lines: of what, for which axes, in which language, with which lines of the process.
         t, q: instants (k,) and the controller's axes (k, axes + external) [rad or m].
         samples: which samples of the timed motion they are.
         lengths: which axes are in metres.
@@ -71,6 +72,10 @@ class Targets(Value):
         on, off: the targets at which the process begins and ends.
     """
 
+    timed: TimedTrajectory
+    wiring: Wiring
+    dialect: Dialect
+    lines: ProcessLines
     t: Vector
     q: Matrix
     samples: tuple[int, ...]
@@ -103,21 +108,23 @@ class Targets(Value):
 
 
 def targets(
-    timed: TimedTrajectory, wiring: Wiring, dialect: Dialect, tolerance: float | ToolTolerance | None,
-    lines: ProcessLines,
+    timed: TimedTrajectory, wiring: Wiring | None, dialect: Dialect, tolerance: float | ToolTolerance | None,
+    lines: ProcessLines | None,
 ) -> Targets:  # fmt: skip
     """As few samples as keep the motion within a tolerance of the trajectory, as a controller moves between them.
 
     Args:
+        wiring: of the controller's axes; by default one for each joint.
         dialect: of the language, which says how many axes it holds, and which moves it has.
         tolerance: of the joints [rad or m], or of the tool; None for all samples. Starts, ends and corners are always
             targets.
-        lines: of which those where the process begins and ends need targets.
+        lines: of the process; those where it begins and ends need targets. By default none.
 
     Raises:
         ExportError: the program's language cannot hold the robot, or has no linear moves for it.
         ArgumentError: bad wiring; a tolerance of another robot's tool.
     """
+    wiring, lines = wiring or Wiring(), lines or ProcessLines()
     q, lengths = _wired(timed, wiring, dialect)
     on, off = window = _window(timed, lines)
     more = window if lines.on or lines.off else ()
@@ -131,8 +138,8 @@ def targets(
     stops = np.isin(picked, [*timed.stops, *more])  # where lines stand the robot stops, so that they come in time
     via = {i: q[move.via] for i, move in enumerate(moves) if move.kind == "circular"}
     return Targets(
-        timed.t[picked], q[picked], tuple(picked.tolist()), lengths, tuple(stops.tolist()),
-        dialect.own or timed.q.shape[1], deviation(timed, picked), tuple(moves), via, tool,
+        timed, wiring, dialect, lines, timed.t[picked], q[picked], tuple(picked.tolist()), lengths,
+        tuple(stops.tolist()), dialect.own or timed.q.shape[1], deviation(timed, picked), tuple(moves), via, tool,
         isinstance(tolerance, ToolTolerance) and tolerance.linear and "linear" in dialect.kinds,
         int(np.searchsorted(picked, on)), int(np.searchsorted(picked, off)),
     )  # fmt: skip
@@ -155,7 +162,7 @@ def _window(timed: TimedTrajectory, lines: ProcessLines) -> tuple[int, int]:
     return on, off
 
 
-def speed_shares(found: Targets, timed: TimedTrajectory, wiring: Wiring, speeds: Sequence[float] | None) -> Vector:
+def speed_shares(found: Targets, speeds: Sequence[float] | None) -> Vector:
     """The share of its axes' greatest speeds that each move takes (k - 1,), if all axes start and end together.
 
     Args:
@@ -164,6 +171,7 @@ def speed_shares(found: Targets, timed: TimedTrajectory, wiring: Wiring, speeds:
     Raises:
         ArgumentError: a moving joint without one.
     """
+    timed = found.timed
     known = timed.limits.velocity if speeds is None else np.array([positive("a speed of axes", v) for v in speeds])
     if known.shape != timed.limits.velocity.shape:
         raise ArgumentError("the speeds of axes", speeds, f"give one for each of {', '.join(timed.joint_names)}")
@@ -187,9 +195,9 @@ def zones(found: Targets, zone: float) -> tuple[Vector, int]:
     return radii, int(((radii > 0) & (radii < zone)).sum())
 
 
-def with_lines(found: Targets, dialect: Dialect, lines: ProcessLines, moves: Sequence[Sequence[str]]) -> list[str]:
+def with_lines(found: Targets, moves: Sequence[Sequence[str]]) -> list[str]:
     """The lines that move to each target (k,), with those of the process between. Raises: ArgumentError: a bad line."""
-    before, on, off, after = (dialect.written(getattr(lines, place)) for place in PLACES)
+    before, on, off, after = (found.dialect.written(getattr(found.lines, place)) for place in PLACES)
     text = list(before)
     for i, moved in enumerate(moves):
         text += moved

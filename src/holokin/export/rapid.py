@@ -52,16 +52,15 @@ def to_rapid(
     Raises:
         ExportError: a robot of other than six axes, external ones left out. ArgumentError: bad names, wiring or lines.
     """
-    wiring, lines = wiring or Wiring(), lines or ProcessLines()
     found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about or "holokin", NAME - 2, "RAPID", lines, (zone, tool, base, payload))
+    short = program_name(name, about, NAME - 2, found, (zone, tool, base, payload))
     for what in (zone, tool, base, payload):
         if isinstance(what, str):
             checked_name(what, NAME, "RAPID", program=False)
     places, reduced = _zones(found, zone)
     used = tool if base is None else f"{tool}\\WObj:={base}"
     more = [f"degrees, external axes degrees or mm; zone {zone}, tool {used}", *reduced]
-    text = [f"MODULE {short}_M", *(f"  ! {line}" for line in header(timed, about, found, wiring, more, 76))]
+    text = [f"MODULE {short}_M", *(f"  ! {line}" for line in header(timed, about, found, more, 76))]
     text += [line for i in range(len(found.q)) for line in _declared(f"p{i + 1}", found, i)]
     text += [line for i in found.via for line in _declared(f"c{i + 2}", found, i, via=True)]
     moves = [[f"    MoveAbsJ p1\\NoEOffs,v100,fine,{used};"]]
@@ -74,7 +73,7 @@ def to_rapid(
         else:
             moves.append([f"    MoveC CalcRobT(c{i},{used}),{end},", f"      v1000\\V:={1e3 * move.speed:.3f},{way}"])
     load = [] if payload is None else [f"GripLoad {payload};"]
-    body = with_lines(found, DIALECT, lines, moves)
+    body = with_lines(found, moves)
     if found.via:  # the tool turns evenly from the start to the end of an arc, not along with the arc
         body = ["CirPathMode\\ObjectFrame;", *body, "CirPathMode\\PathFrame;"]
     text += ["", f"  PROC {short}()", *(f"    {line.strip()}" for line in [*load, *body])]

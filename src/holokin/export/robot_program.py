@@ -18,7 +18,7 @@ from ..motion import TimedTrajectory
 from ..version import __version__
 from .controller_moves import KINDS, ToolDeviation
 from .finer_motion import FINER
-from .process_lines import PLACES, ProcessLines, common
+from .process_lines import PLACES, common
 from .program_targets import Targets, Wiring
 from .reserved_names import taken
 
@@ -60,7 +60,6 @@ def header(
     timed: TimedTrajectory,
     about: str,
     found: Targets | None,
-    wiring: Wiring,
     more: Sequence[str] = (),
     width: int = 100,
 ) -> list[str]:
@@ -68,6 +67,7 @@ def header(
     lines = [f"Written by holokin {__version__}", about or "law: not told"]
     lines.append(f"{timed.profile} motion of {timed.duration:.3f} s, timed at steps of {1e3 * timed.dt:g} ms")
     limits, linear = timed.limits, found is not None and found.linear
+    wiring = Wiring() if found is None else found.wiring
     told = [("speed", "velocity", "")]
     told += [] if linear else [("acc", "acceleration", "^2"), ("jerk", "jerk", "^3")]
     for i, (name, unit) in enumerate(zip(timed.joint_names, timed.joint_units, strict=True)):
@@ -141,18 +141,18 @@ def checked_name(
     return given
 
 
-def program_name(
-    given: str | None, about: str, longest: int, language: str, lines: ProcessLines, names: Sequence[object] = ()
-) -> str:
+def program_name(given: str | None, about: str, longest: int, found: Targets, names: Sequence[object] = ()) -> str:
     """The name of a program that is given, or one made of a text. Raises: ArgumentError: as `checked_name`.
 
     Args:
-        lines: of the process. names: of tools, frames and loads; what is no text is left aside.
+        found: the targets, whose process has names of its own.
+        names: of tools, frames and loads; what is no text is left aside.
     """
-    own = [line for place in PLACES for line in getattr(lines, place) if not common(line)]
+    language = found.dialect.language
+    own = [line for place in PLACES for line in getattr(found.lines, place) if not common(line)]
     used = [*own, *(word for word in names if isinstance(word, str))]
     if given is not None:
         return checked_name(given, longest, language, used=used)
-    words = re.sub(r"[^A-Za-z0-9]+", "_", about).strip("_")
-    found = ("hk_" + words if not words[:1].isalpha() else words)[:longest].rstrip("_")
-    return f"hk_{found}"[:longest] if taken(found, language, used=used) else found
+    words = re.sub(r"[^A-Za-z0-9]+", "_", about or "holokin").strip("_")
+    name = ("hk_" + words if not words[:1].isalpha() else words)[:longest].rstrip("_")
+    return f"hk_{name}"[:longest] if taken(name, language, used=used) else name

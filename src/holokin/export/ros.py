@@ -14,7 +14,7 @@ from ..base.files import writing
 from ..base.types import Indices, positive
 from ..errors import ArgumentError, MissingExtraError
 from ..motion import TimedTrajectory
-from .program_targets import Wiring, chosen, deviation
+from .program_targets import chosen, deviation
 from .robot_program import Program, header
 
 NANO = 10**9
@@ -46,7 +46,7 @@ def to_ros(
     if format not in ("yaml", "json"):
         raise ArgumentError("format", format, "use 'yaml' or 'json'")
     picked = _picked(timed, tolerance)
-    comments = header(timed, about, None, Wiring(), ["units: rad, m, s"])
+    comments = header(timed, about, None, ["units: rad, m, s"])
     message = {
         "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": frame},
         "joint_names": list(timed.joint_names),

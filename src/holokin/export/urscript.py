@@ -56,7 +56,6 @@ def to_urscript(
     Raises:
         ExportError: a robot of other than six axes. ArgumentError: bad names, step, wiring or lines.
     """
-    wiring, lines = wiring or Wiring(), lines or ProcessLines()
     not_negative("zone", zone)
     if not (0.03 <= lookahead_time <= 0.2 and 100 <= gain <= 2000):
         raise ArgumentError("(lookahead_time, gain)", (lookahead_time, gain), "see the docstring")
@@ -65,11 +64,11 @@ def to_urscript(
     if every and not any(abs(timed.dt - step) < 1e-12 for step in STEPS):
         cure = "retime it with dt=0.002 (e-Series) or dt=0.008 (CB3), or give a tolerance for few targets"
         raise ArgumentError("dt of the trajectory", timed.dt, cure)
-    short = program_name(name, about or "holokin", 64, "URScript", lines)
+    short = program_name(name, about, 64, found)
     radii, less = zones(found, zone)
     said = [f"servoj at {1e3 * timed.dt:g} ms" if every else _why_moves(timed)]
     said += [f"the blend is half a move at {less} targets, where that is less"] if less and not every else []
-    text = [f"  # {line}" for line in header(timed, about, found, wiring, ["radians", *said])]
+    text = [f"  # {line}" for line in header(timed, about, found, ["radians", *said])]
     if tool is not None:
         text.append(f"  set_tcp(p{_list(finite('tool', tool, (6,)))})")
     text += [f"  set_payload({not_negative('payload', payload):g})"] if payload is not None else []
@@ -80,7 +79,7 @@ def to_urscript(
     else:
         moves = [_move(found, i, radii[i + 1]) for i in range(len(found.moves))]
     first = f"movej({_list(found.q[0])}, {APPROACH})"
-    body = with_lines(found, DIALECT, lines, [[first], *([move] for move in moves)])
+    body = with_lines(found, [[first], *([move] for move in moves)])
     text += [f"  {line}" for line in body]
     files = {f"{short}.script": "\n".join([f"def {short}():", *text, "end", f"{short}()", ""])}
     return Program(files, len(found.q), found.deviation, found.tool, tuple(said))

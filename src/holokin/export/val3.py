@@ -59,21 +59,20 @@ def to_val3(
         ExportError: a robot of other than six joints; a move faster than the nominal speed.
         ArgumentError: bad names, wiring or lines.
     """
-    wiring, lines = wiring or Wiring(), lines or ProcessLines()
     found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about or "holokin", NAME, "VAL3", lines, (tool, base))
+    short = program_name(name, about, NAME, found, (tool, base))
     for what in (tool, base):
         checked_name(what, NAME, "VAL3", program=False)
     radii, less = zones(found, not_negative("zone", zone))
     more = ["degrees, mm", f"tool {tool}, frame {base}"]
     more += [f"leave and reach are half a move at {less} targets, where that is less"] if less else []
-    facts = [f"// {line.replace(']]>', ']] >')}" for line in header(timed, about, found, wiring, more)]
-    shares = speed_shares(found, timed, wiring, speeds)
+    facts = [f"// {line.replace(']]>', ']] >')}" for line in header(timed, about, found, more)]
+    shares = speed_shares(found, speeds)
     first = ["l_mDesc.accel=100", "l_mDesc.decel=100", "l_mDesc.vel=10", "l_mDesc.blend=off"]
     first += [*_joints("A", found, found.q[0]), f"movej(l_jA,{tool},l_mDesc)", "waitEndMove()"]
     first.append(f"l_mDesc.rvel={TURNING}")
     moves = [_move(found, i, float(shares[i]), float(radii[i + 1]), (tool, base)) for i in range(len(found.moves))]
-    body = with_lines(found, DIALECT, lines, [first, *moves])
+    body = with_lines(found, [first, *moves])
     local = '      <Local name="{}" type="{}" xsi:type="array" size="1" />'
     declared = [local.format(name, kind) for name, kind in LOCALS.items()]
     text = [
