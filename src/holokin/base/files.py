@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import errno
+import json
 import os
 import re
 import secrets
@@ -19,6 +20,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from ..errors import WriteError
 
@@ -89,6 +91,21 @@ def write_csv(file: str | Path, header: Iterable[str], rows: Iterable[Iterable[o
         writer = csv.writer(stream)
         writer.writerow(header)
         writer.writerows(rows)
+
+
+def write_text(file: str | Path, text: str, *, new: bool = False) -> None:
+    """Write a text, complete or not at all; `new` as in `replacing`.
+
+    Raises:
+        WriteError: it cannot be written.
+    """
+    with replacing(file, new=new) as part:
+        part.write_text(text, "utf-8")
+
+
+def write_json(file: str | Path, facts: dict[str, Any]) -> None:
+    """The same of facts, as JSON to be read by people, too."""
+    write_text(file, json.dumps(facts, indent=2, allow_nan=False) + "\n")
 
 
 def _appear(part: Path, target: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.files import replacing
+from ..base.files import write_json
 from ..base.printed_units import SI, PrintedUnits
 from ..base.shown import Shown
 from ..base.types import NoTruthValue
@@ -183,5 +182,4 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
     @typed
     def save(self, path: str | Path) -> None:
         """Write `summary` as JSON, complete or not at all. Raises: WriteError."""
-        with replacing(path) as part:
-            part.write_text(json.dumps(self.summary(), indent=2, allow_nan=False) + "\n", "utf-8")
+        write_json(path, self.summary())

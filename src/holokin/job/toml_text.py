@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.files import aside, replacing, writing
+from ..base.files import aside, write_text, writing
 from ..errors import JobError
 
 
@@ -64,5 +64,4 @@ def check_new(path: FilePath) -> None:
 def write_new(path: FilePath, text: str) -> None:
     """Write a new file. Raises: JobError: it exists. WriteError."""
     check_new(path)
-    with replacing(path, new=True) as part:
-        part.write_text(text, "utf-8")
+    write_text(path, text, new=True)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from ..auditing import DatasetAudit, LogVerdict
-from ..base.files import replacing
+from ..base.files import write_json
 from .job_figures import margins
 from .log_report import print_findings
 from .palette import BAD, GOOD, GREY, INK
@@ -28,8 +27,7 @@ def print_dataset_audit(audit: DatasetAudit, console: Any) -> None:
 
 def save_dataset_audit(audit: DatasetAudit, file: FilePath) -> None:
     """Write `DatasetAudit.summary` as JSON. Raises: WriteError."""
-    with replacing(file) as part:
-        part.write_text(json.dumps(audit.summary(), indent=2, allow_nan=False) + "\n", "utf-8")
+    write_json(file, audit.summary())
 
 
 def dataset_figure(audit: DatasetAudit) -> Any:

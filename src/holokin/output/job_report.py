@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import base64
-import json
 from collections.abc import Callable
 from html import escape
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
-from ..base.files import writing
+from ..base.files import write_text, writing
 from ..base.printed_units import PrintedUnits
 from ..covering import write_sheets
 from ..errors import posture_text
@@ -21,7 +21,7 @@ from .job_figures import figures
 from .job_result import JobResult
 from .job_table import NOTHING, columns, remarks, rows
 from .job_verdict import verdict_section
-from .result_folder import FACTS, renewed
+from .result_folder import renewed, write_facts
 from .sheets_section import sheets_section
 from .words import ALIKE, paths_words
 
@@ -70,7 +70,7 @@ def write_report(
     """
     with renewed(out, result.name) as work:
         _fill(result, work, version, extra(work) if extra is not None else [])
-        _write_facts(result, work, version)
+        write_facts(work, _facts(result, version))
     return out / result.name
 
 
@@ -93,13 +93,12 @@ def _fill(result: JobResult, folder: FilePath, version: str, films: list[tuple[s
         write_sheets(result.sheets.found, folder / "sheets.npz")
         for name, walk in result.sheets.motions.items():
             walk.save(folder / f"{name}.csv", result.units)
-    with writing(folder / "report.html"):
-        (folder / "report.html").write_text(_page(result, folder, shown, films, version), "utf-8")
+    write_text(folder / "report.html", _page(result, folder, shown, films, version))
 
 
-def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
-    """result.json, with the names of all files that a later run may replace: written last."""
-    facts = {
+def _facts(result: JobResult, version: str) -> dict[str, Any]:
+    """What result.json says."""
+    return {
         "job": result.name, "title": result.title, "passed": result.passed, "robot": result.robot.name,
         "robot_source": result.robot.source, "task": result.task, "start": result.q0.tolist(),
         "joint_names": list(result.robot.joint_names), "workspace": result.workspace or None,
@@ -109,10 +108,7 @@ def _write_facts(result: JobResult, folder: FilePath, version: str) -> None:
         "path_duration_s": result.path.duration, "cycles": result.cycles, "seconds": result.seconds,
         "holokin": version, "strategies": [s.summary() for s in result.strategies],
         "not_run": [vars(one) for one in result.not_run],
-        "files": sorted({FACTS, *(entry.name for entry in folder.iterdir())}),
     }  # fmt: skip
-    with writing(folder / FACTS):
-        (folder / FACTS).write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")
 
 
 def _page(

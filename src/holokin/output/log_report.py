@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..auditing import LogAudit, LogVerdict
-from ..base.files import replacing
+from ..base.files import write_json
 from .job_figures import margins
 from .palette import BAD, GOOD, INK, PALE, WARNING, color_of
 from .plots import thin
@@ -47,9 +46,7 @@ def print_findings(rows: Sequence[tuple[str, str]], verdict: LogVerdict, sentenc
 def save_log_audits(audits: Sequence[LogAudit], file: FilePath) -> None:
     """Write `LogAudit.summary` as JSON; of several runs a list of them, under "runs". Raises: WriteError."""
     found = [audit.summary() for audit in audits]
-    facts = found[0] if len(found) == 1 else {"runs": found}
-    with replacing(file) as part:
-        part.write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")
+    write_json(file, found[0] if len(found) == 1 else {"runs": found})
 
 
 def log_figure(audit: LogAudit) -> Any:

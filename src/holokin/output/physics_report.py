@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..auditing import LogAudit, LogVerdict, audit_recording
-from ..base.files import writing
+from ..base.files import write_text
 from ..base.types import Matrix
 from ..errors import HolokinError, brief
 from ..motion import has_leaf
@@ -23,7 +22,7 @@ from .job_table import number
 from .palette import BAD, GOOD, WARNING
 from .physics_figures import apart_figure, arms_figure, push_figure
 from .plots import write_figure
-from .result_folder import FACTS, renewed
+from .result_folder import renewed, write_facts
 from .words import joint_unit
 
 FOLDER = "{}-physics"
@@ -120,11 +119,9 @@ def write_physics(
                 write_figure(lambda: push_figure(runs), work / f"push.{kind}")
         write_figure(lambda: arms_figure(runs), work / "arms.png")
         first = result.played[0].run
-        with writing(work / "model.xml"):
-            drive = servo(result.robot, first.servo, first.command[0], frequency=result.settings["frequency"])
-            text = to_mjcf(result.robot, servo=drive, density=result.settings["density"])
-            (work / "model.xml").write_text(text, "utf-8")
-        _write_facts(result, work, version)
+        drive = servo(result.robot, first.servo, first.command[0], frequency=result.settings["frequency"])
+        write_text(work / "model.xml", to_mjcf(result.robot, servo=drive, density=result.settings["density"]))
+        write_facts(work, _facts(result, version))
     return result
 
 
@@ -138,15 +135,13 @@ def _audited(one: Played, log: FilePath, robot: Robot) -> Played:
         return replace(one, not_audited=str(problem).partition(": ")[2] or str(problem))
 
 
-def _write_facts(result: PhysicsResult, folder: FilePath, version: str) -> None:
-    facts = {
+def _facts(result: PhysicsResult, version: str) -> dict[str, Any]:
+    """What result.json says."""
+    return {
         "job": result.name, "title": result.title, "robot": result.robot.name, "holokin": version,
         "masses": result.masses or "the robot's own", "physics": result.settings,
         "strategies": [one.summary() for one in result.played],
-        "files": sorted({FACTS, *(entry.name for entry in folder.iterdir())}),
     }  # fmt: skip
-    with writing(folder / FACTS):
-        (folder / FACTS).write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")
 
 
 def print_physics(result: PhysicsResult, console: Any) -> None:

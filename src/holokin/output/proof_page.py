@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.files import replacing
+from ..base.files import write_text
 from ..base.sure_digits import at_least, at_most
 from ..base.types import Array, Matrix, Vector
 from ..errors import ArgumentError, brief
@@ -92,9 +92,7 @@ def write_page(certificate: Certificate, file: FilePath, word: CheckerWord) -> F
     if word.sha256 != digest(certificate.data):
         raise ArgumentError("what the checker says", word.outcome.value, "ask it about this certificate")
     target = file.with_suffix(".html")
-    text = _page(certificate, file, word, datetime.now(UTC))
-    with replacing(target) as part:
-        part.write_text(text, "utf-8")
+    write_text(target, _page(certificate, file, word, datetime.now(UTC)))
     return target
 
 

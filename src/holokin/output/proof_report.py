@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from itertools import chain, count
 from pathlib import Path as FilePath
 from typing import Any
 
-from ..base.files import writing
 from ..errors import brief
 from ..path.workspaces import PoseRange
 from ..proof import Certificate
@@ -18,7 +16,7 @@ from .job_table import Column
 from .palette import BAD, GOOD, WARNING
 from .proof_page import write_page
 from .proof_words import checker_words
-from .result_folder import FACTS, renewed
+from .result_folder import renewed, write_facts
 
 COLUMNS: tuple[Column, ...] = (
     ("strategy", "left"), ("proven", "left"), ("cells", "right"), ("seconds", "right"), ("omega\nmost", "right"),
@@ -109,9 +107,7 @@ def write_certificates(
             if one.revisit is not None:
                 moved = [one.revisit.low.tolist(), one.revisit.high.tolist()]
                 said["drift"] = dict(zip(("least", "most"), moved, strict=True))
-        with writing(work / FACTS):
-            facts["files"] = sorted([FACTS, *files])
-            (work / FACTS).write_text(json.dumps(facts, indent=2, allow_nan=False) + "\n", "utf-8")
+        write_facts(work, facts)
     return [out / name / file for file in files]
 
 

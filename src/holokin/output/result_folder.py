@@ -7,8 +7,9 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path as FilePath
+from typing import Any
 
-from ..base.files import alone, aside, clear, put, restore, uninterrupted, writing
+from ..base.files import alone, aside, clear, put, restore, uninterrupted, write_json, writing
 from ..errors import ArgumentError, WriteError
 
 FACTS = "result.json"
@@ -66,6 +67,11 @@ def renewed(out: FilePath, name: str) -> Iterator[FilePath]:
         with alone(out), uninterrupted():
             _checked(out, name)
             put(work, target, written(target) or set())
+
+
+def write_facts(folder: FilePath, facts: dict[str, Any]) -> None:
+    """result.json, with the names of all files of a folder, which a later run may replace: written last."""
+    write_json(folder / FACTS, facts | {"files": sorted({FACTS, *(entry.name for entry in folder.iterdir())})})
 
 
 def written(folder: FilePath) -> set[str] | None:

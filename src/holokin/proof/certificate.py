@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.files import replacing
+from ..base.files import write_text
 from ..base.sure_digits import at_least
 from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some
 from ..path.synchronized_paths import AnyPath
@@ -288,8 +288,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
         """Write it as JSON, for `holokin check-certificate`. Raises: WriteError."""
         data = self.data
         data = data | {"sha256": digest(data)}
-        with replacing(file) as part:
-            part.write_text(json.dumps(data, allow_nan=False) + "\n", "utf-8")
+        write_text(file, json.dumps(data, allow_nan=False) + "\n")
         return FilePath(file)
 
 

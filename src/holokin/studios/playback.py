@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.files import replacing
+from ..base.files import write_text
 from ..base.types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, positive
 from ..errors import ArgumentError, ShapeError
 from ..motion.trajectory import Status
@@ -123,8 +123,7 @@ class Recording(Value):
     @typed
     def save(self, file: str | FilePath) -> FilePath:
         """Write `html()` to a file, whole or not at all. Raises: WriteError."""
-        with replacing(file) as part:
-            part.write_text(self.html(), "utf-8")
+        write_text(file, self.html())
         return FilePath(file)
 
 

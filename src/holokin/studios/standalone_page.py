@@ -15,7 +15,7 @@ import numpy as np
 
 from ..analysis import CuspWitness
 from ..base.arguments import typed
-from ..base.files import replacing
+from ..base.files import write_text
 from ..base.types import ArrayLike, Matrix, Value, Vector
 from ..errors import ArgumentError, OpenPathError, PathError
 from ..motion import follow
@@ -68,8 +68,7 @@ class WebPage(Value):
     @typed
     def save(self, file: str | FilePath) -> FilePath:
         """Write the page to a file, whole or not at all. Raises: WriteError."""
-        with replacing(file) as part:
-            part.write_text(self.html, "utf-8")
+        write_text(file, self.html)
         return FilePath(file)
 
 

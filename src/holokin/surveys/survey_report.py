@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from ..base.files import replacing
+from ..base.files import write_text
 from ..errors import HolokinError, SurveyError, brief
 from ..job.toml_text import table, toml
 from ..output.html_page import drawn, page
@@ -80,8 +80,7 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
         + (f" {len(stopped) - KINDS:,} more frequent kinds are not shown.</p>" if len(stopped) > KINDS else "</p>"),
         *([_told(row, cases, many) for many, row in stopped[:KINDS]] or ["<p>All were complete.</p>"]),
     ]
-    with replacing(file) as part:
-        part.write_text(page(survey.title, parts), "utf-8")
+    write_text(file, page(survey.title, parts))
 
 
 def _stale(cases: Cases, found: Findings) -> list[str]:
