@@ -96,7 +96,7 @@ def audit(
         tool = {"tip": tip, "orientation": False if position else None, "axis": about}
         audit_of_dataset(log[0], arm, tool, of_dataset, degrees, columns, tolerance, json, plot)
     refuse_options("a LeRobot dataset, which has meta/info.json", **of_dataset)
-    from ..output.log_report import log_figure, print_log_audit, save_log_audits
+    from ..output.log_report import log_figure, print_audit, save_log_audits
     from ..output.plots import write_figure
 
     runs = read_runs(
@@ -127,7 +127,7 @@ def audit(
             file = plot if len(found) == 1 else plot.with_stem(f"{plot.stem}-{k + 1}")
             write_figure(lambda one=one: log_figure(one), file)
     for one in found:
-        show_rich(lambda console, one=one: print_log_audit(one, console))
+        show_rich(lambda console, one=one: print_audit(one, console))
     for problem in left_out:
         show(f"not audited: {problem.path}: {problem.fact}")
     codes = {one.exit_code for one in found}

@@ -29,7 +29,9 @@ def audit_of_dataset(
 ) -> NoReturn:  # fmt: skip
     """Audit a dataset, and end the command. Raises: HolokinError."""
     from ..auditing import audit_dataset
-    from ..output.dataset_report import dataset_figure, print_dataset_audit, save_dataset_audit
+    from ..base.files import write_json
+    from ..output.dataset_report import dataset_figure
+    from ..output.log_report import print_audit
     from ..recording import STATE, chosen_episodes, joint_feature, pose_feature, read_dataset
 
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # pyarrow's own keeps 20 MB that it needs no more
@@ -45,10 +47,10 @@ def audit_of_dataset(
     given = {name: value for name, value in more.items() if value is not None}
     found = audit_dataset(dataset, arm, joints, poses=poses, episodes=chosen, **tool, **given)
     if json is not None:
-        save_dataset_audit(found, json)
+        write_json(json, found.summary())
     if plot is not None:
         from ..output.plots import write_figure
 
         write_figure(lambda: dataset_figure(found), plot)
-    show_rich(lambda console: print_dataset_audit(found, console))
+    show_rich(lambda console: print_audit(found, console))
     raise typer.Exit(found.exit_code)

@@ -1,16 +1,13 @@
-"""The audit of a robot learning dataset: table for the terminal, figure, JSON."""
+"""The figure of the audit of a robot learning dataset."""
 
 from __future__ import annotations
 
-from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from ..auditing import DatasetAudit, LogVerdict
-from ..base.files import write_json
-from .job_figures import margins
-from .log_report import print_findings
+from .log_report import two_panels
 from .palette import BAD, GOOD, GREY, INK
 from .plots import thin
 from .robot_panels import Actor, Curve, draw_panel, stage_of
@@ -20,28 +17,13 @@ MOST_POINTS = 4_000
 """Tool poses and pairs that are drawn."""
 
 
-def print_dataset_audit(audit: DatasetAudit, console: Any) -> None:
-    """Print the findings as a table, and the verdict below."""
-    print_findings(audit.rows(), audit.verdict, audit.sentence(), console)
-
-
-def save_dataset_audit(audit: DatasetAudit, file: FilePath) -> None:
-    """Write `DatasetAudit.summary` as JSON. Raises: WriteError."""
-    write_json(file, audit.summary())
-
-
 def dataset_figure(audit: DatasetAudit) -> Any:
     """Distances of the joints at equal poses by episode, and where the tool is there, with the two worst postures."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.4, 4.6))
-    margins(figure, left=0.85, right=0.35, bottom=0.65, top=0.75, width_gap=0.85, grid=(1, 2))
-    _by_episode(figure.add_subplot(1, 2, 1), audit)
-    _places(figure.add_subplot(1, 2, 2), audit)
     name = on_figure(audit.dataset.folder.resolve().name)
     word = {LogVerdict.REPEATS: "equal", LogVerdict.DIFFERS: "different"}.get(audit.verdict, "undecided")
-    title = f"{name}: joints at equal tool poses are {word}"
-    figure.suptitle(title, fontsize=12, fontweight="bold", x=0.02, ha="left")
+    figure, left, right = two_panels(f"{name}: joints at equal tool poses are {word}")
+    _by_episode(left, audit)
+    _places(right, audit)
     return figure
 
 

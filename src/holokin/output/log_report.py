@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..auditing import LogAudit, LogVerdict
+from ..auditing import DatasetAudit, LogAudit, LogVerdict
 from ..base.files import write_json
 from .job_figures import margins
 from .palette import BAD, GOOD, INK, PALE, WARNING, color_of
@@ -23,24 +23,19 @@ MOST_ARMS = 4
 """Postures in the figure: at the start pose, after so many cycles at most."""
 
 
-def print_log_audit(audit: LogAudit, console: Any) -> None:
-    """Print the findings as a table, and the verdict below."""
-    print_findings(audit.rows(), audit.verdict, audit.sentence(), console)
-
-
-def print_findings(rows: Sequence[tuple[str, str]], verdict: LogVerdict, sentence: str, console: Any) -> None:
-    """Print findings as a table, and the sentence of the verdict below in its colour."""
+def print_audit(audit: LogAudit | DatasetAudit, console: Any) -> None:
+    """Print the findings as a table, and the sentence of the verdict below in its colour."""
     from rich.table import Table
     from rich.text import Text
 
     table = Table(show_header=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column()
-    for what, finding in rows:
+    for what, finding in audit.rows():
         table.add_row(what, Text(finding))
     console.print(table)
-    color = {LogVerdict.REPEATS: GOOD, LogVerdict.UNDECIDED: WARNING}.get(verdict, BAD)
-    console.print(Text(sentence, style=color), highlight=False)
+    color = {LogVerdict.REPEATS: GOOD, LogVerdict.UNDECIDED: WARNING}.get(audit.verdict, BAD)
+    console.print(Text(audit.sentence(), style=color), highlight=False)
 
 
 def save_log_audits(audits: Sequence[LogAudit], file: FilePath) -> None:
@@ -51,17 +46,21 @@ def save_log_audits(audits: Sequence[LogAudit], file: FilePath) -> None:
 
 def log_figure(audit: LogAudit) -> Any:
     """Joints at the cycles' start pose against the cycle number, and the tool's path, cycles by colour."""
+    word = f"{audit.verdict.name.lower()}, trend: {audit.trend.name.lower().replace('_', ' ')}"
+    figure, left, right = two_panels(f"{on_figure(FilePath(audit.recording.source).name)}: {word}")
+    _joints_at_start(left, audit)
+    _tool_cycles(right, audit)
+    return figure
+
+
+def two_panels(title: str) -> tuple[Any, Any, Any]:
+    """(a figure with a title, its left and its right axes), for what joints do and where the tool is."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.4, 4.6))
     margins(figure, left=0.85, right=0.35, bottom=0.65, top=0.75, width_gap=0.85, grid=(1, 2))
-    _joints_at_start(figure.add_subplot(1, 2, 1), audit)
-    _tool_cycles(figure.add_subplot(1, 2, 2), audit)
-    word = f"{audit.verdict.name.lower()}, trend: {audit.trend.name.lower().replace('_', ' ')}"
-    figure.suptitle(
-        f"{on_figure(FilePath(audit.recording.source).name)}: {word}", fontsize=12, fontweight="bold", x=0.02, ha="left"
-    )
-    return figure
+    figure.suptitle(title, fontsize=12, fontweight="bold", x=0.02, ha="left")
+    return figure, figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
 
 
 def _joints_at_start(axes: Any, audit: LogAudit) -> Any:
