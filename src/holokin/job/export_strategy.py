@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
+from typing import Any
 
 from ..base.types import Vector
 from ..errors import ArgumentError, UnknownNameError
@@ -59,9 +60,8 @@ def export_job(
     Raises:
         as `job_strategy` and `export_c`.
     """
-    label, strategy, start = job_strategy(job, file, label, orientation)
-    short, origin = _names(name, label, strategy, prefix)
-    return export_c(strategy, folder, q0=start, dt=dt, name=short, origin=origin)
+    strategy, given = _given(name, job, file, label, orientation, prefix)
+    return export_c(strategy, folder, dt=dt, **given)
 
 
 def export_job_moveit(
@@ -73,9 +73,8 @@ def export_job_moveit(
     Raises:
         as `job_strategy` and `export_moveit`.
     """
-    label, strategy, start = job_strategy(job, file, label, orientation)
-    short, origin = _names(name, label, strategy, prefix)
-    return export_moveit(strategy, folder, q0=start, package=package, group=group, name=short, origin=origin)
+    strategy, given = _given(name, job, file, label, orientation, prefix)
+    return export_moveit(strategy, folder, package=package, group=group, **given)
 
 
 def export_job_ros2_control(
@@ -87,12 +86,14 @@ def export_job_ros2_control(
     Raises:
         as `job_strategy` and `export_ros2_control`.
     """
+    strategy, given = _given(name, job, file, label, orientation, prefix)
+    return export_ros2_control(strategy, folder, package=package, **given)
+
+
+def _given(
+    name: str, job: Job, file: FilePath, label: str | None, orientation: str | None, prefix: str | None
+) -> tuple[Strategy, dict[str, Any]]:
+    """A strategy of a job, and what all exports are told: its start, its C name, where it comes from."""
     label, strategy, start = job_strategy(job, file, label, orientation)
-    short, origin = _names(name, label, strategy, prefix)
-    return export_ros2_control(strategy, folder, q0=start, package=package, name=short, origin=origin)
-
-
-def _names(job: str, label: str, strategy: Strategy, prefix: str | None) -> tuple[str, str]:
-    """The C name, and the words of where it comes from."""
-    name = c_name(f"{strategy.task.robot.name}_{label}") if prefix is None else prefix
-    return name, f"the job {job}, strategy {label}"
+    short = c_name(f"{strategy.task.robot.name}_{label}") if prefix is None else prefix
+    return strategy, {"q0": start, "name": short, "origin": f"the job {name}, strategy {label}"}

@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 from ..base.files import writing
 from ..errors import ArgumentError
 from ..proof.kept_cells import count_kept, remove_kept
+from .result_folder import free_name
 
 ENDING = ".cells"
 
@@ -19,11 +20,8 @@ class CellsFiles:
 
     def of(self, title: str) -> FilePath:
         """That of a strategy. Raises: ArgumentError: it is there, and the run is not to go on with it."""
-        word = "".join(c if c.isalnum() or c in "-_" else "-" for c in title).strip("-") or "strategy"
-        file, k = self._stem.with_name(f"{self._stem.name}-{word}{ENDING}"), 1
-        while file in self._files.values():
-            k += 1
-            file = self._stem.with_name(f"{self._stem.name}-{word}-{k}{ENDING}")
+        taken = {file.name for file in self._files.values()}
+        file = self._stem.with_name(free_name(title, ENDING, taken, prefix=f"{self._stem.name}-"))
         if file.exists() and not self._resume:
             cure = "a run that was stopped left it: say --resume to go on with its cells, or delete it"
             raise ArgumentError("the file of cells", str(file), cure)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import chain, count
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -16,7 +15,7 @@ from .job_table import Column
 from .palette import BAD, GOOD, WARNING
 from .proof_page import write_page
 from .proof_words import checker_words
-from .result_folder import renewed, write_facts
+from .result_folder import free_name, renewed, write_facts
 
 COLUMNS: tuple[Column, ...] = (
     ("strategy", "left"), ("proven", "left"), ("cells", "right"), ("seconds", "right"), ("omega\nmost", "right"),
@@ -92,7 +91,7 @@ def write_certificates(
             if isinstance(one, str):
                 facts["strategies"][label] = {"proven": False, "theorem": one}
                 continue
-            file, word = one.save(work / _file_of(label, files)), words.get(label) or unasked(one)
+            file, word = one.save(work / free_name(label, "-certificate.json", files)), words.get(label) or unasked(one)
             files += [file.name, write_page(one, file, word).name]
             said = {"proven": one.whole, "theorem": one.theorem, "checker": word.outcome.value}
             facts["strategies"][label] = said
@@ -109,11 +108,3 @@ def write_certificates(
                 said["drift"] = dict(zip(("least", "most"), moved, strict=True))
         write_facts(work, facts)
     return [out / name / file for file in files]
-
-
-def _file_of(label: str, taken: list[str]) -> str:
-    """A file name for a strategy, which none of the others has."""
-    word = "".join(c if c.isalnum() or c in "-_" else "-" for c in label).strip("-") or "strategy"
-    stems = chain([word], (f"{word}-{i}" for i in count(2)))
-    names = (f"{stem}-certificate.json" for stem in stems)
-    return next(name for name in names if name not in taken)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import contextmanager
+from itertools import chain, count
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -67,6 +68,13 @@ def renewed(out: FilePath, name: str) -> Iterator[FilePath]:
         with alone(out), uninterrupted():
             _checked(out, name)
             put(work, target, written(target) or set())
+
+
+def free_name(label: str, ending: str, taken: Container[str], *, prefix: str = "") -> str:
+    """A file name for a strategy: the letters of its label, and a number where that name is taken."""
+    word = "".join(c if c.isalnum() or c in "-_" else "-" for c in label).strip("-") or "strategy"
+    stems = chain([word], (f"{word}-{i}" for i in count(2)))
+    return next(name for stem in stems if (name := f"{prefix}{stem}{ending}") not in taken)
 
 
 def write_facts(folder: FilePath, facts: dict[str, Any]) -> None:
