@@ -179,6 +179,11 @@ def tool_pose(what: str, pose: Matrix) -> Matrix:
     return pose
 
 
+def number_or_none(value: float) -> float | None:
+    """A number as JSON has it: None for one that is not finite."""
+    return value if np.isfinite(value) else None
+
+
 def frozen(array: Any) -> Any:
     """The array, if nobody can write to it, else a copy to which nobody can."""
     if isinstance(array, np.ndarray):

@@ -7,13 +7,11 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..base.arguments import typed
 from ..base.files import write_json
 from ..base.printed_units import SI, PrintedUnits
 from ..base.shown import Shown
-from ..base.types import NoTruthValue
+from ..base.types import NoTruthValue, number_or_none
 
 MOST_TOLD = 20
 """Findings in a table; a cyclic motion may have one in every cycle."""
@@ -167,13 +165,9 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
 
     def summary(self) -> dict[str, Any]:
         """JSON-ready facts."""
-
-        def known(value: float) -> float | None:
-            return value if np.isfinite(value) else None
-
         return {
             "passed": self.passed, "samples": self.samples, "duration": self.duration,
-            "clearance": known(self.clearance), "bound": known(self.bound),
+            "clearance": number_or_none(self.clearance), "bound": number_or_none(self.bound),
             "findings": [vars(one) | {"kind": one.kind.name.lower()} for one in self.findings],
             "pairs": [vars(one) for one in self.pairs], "left_out": [vars(one) for one in self.left_out],
             "unseen": [vars(one) for one in self.unseen], "remarks": list(self.remarks),

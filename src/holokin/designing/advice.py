@@ -8,7 +8,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from ..base.types import Flags, NoTruthValue, Value, Vector
+from ..base.types import Flags, NoTruthValue, Value, Vector, number_or_none
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
@@ -240,18 +240,18 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
         return {
             "robot": self.task.robot.name, "base": self.chain.base, "tip": self.chain.tip,
             "other_tips": list(self.chain.others), "task": self.task.name, "workspace": str(self.workspace),
-            "cusp_distance": self.cusps.away if np.isfinite(self.cusps.away) else None,
+            "cusp_distance": number_or_none(self.cusps.away),
             "levels": None if self.levels is None else [list(ends) for ends in self.levels.intervals],
-            "floor": self.floor if np.isfinite(self.floor) else None,
+            "floor": number_or_none(self.floor),
             "proposed": list(self.proposed), "reasons": list(self.reasons),
             "laws": [
                 {
                     "name": law.name, "same": list(law.same), "coverage": law.coverage, "joint": law.joint,
-                    "margin": law.margin if np.isfinite(law.margin) else None,
-                    "rcond": law.rcond if np.isfinite(law.rcond) else None,
-                    "squared_speed": law.squared_speed if np.isfinite(law.squared_speed) else None,
-                    "speed": law.speed if np.isfinite(law.speed) else None, "start": law.q0.tolist(),
-                    "clearance": law.clearance if np.isfinite(law.clearance) else None, "clear": law.clear,
+                    "margin": number_or_none(law.margin),
+                    "rcond": number_or_none(law.rcond),
+                    "squared_speed": number_or_none(law.squared_speed),
+                    "speed": number_or_none(law.speed), "start": law.q0.tolist(),
+                    "clearance": number_or_none(law.clearance), "clear": law.clear,
                 }
                 for law in self.laws
             ],

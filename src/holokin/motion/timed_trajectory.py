@@ -13,7 +13,7 @@ from ..base.arguments import typed
 from ..base.files import write_csv
 from ..base.printed_units import SI, PrintedUnits
 from ..base.shown import Shown
-from ..base.types import Matrix, Value, Vector
+from ..base.types import Matrix, Value, Vector, number_or_none
 from ..errors import ArgumentError
 from .trajectory import Trajectory
 
@@ -208,15 +208,11 @@ class TimedTrajectory(Value):
 
     def summary(self) -> dict[str, Any]:
         """JSON-ready facts."""
-
-        def known(value: float) -> float | None:
-            return value if np.isfinite(value) else None
-
         loads = [
             {
                 "joint": load.joint, "unit": load.unit, "peaks": list(load.peaks),
-                "shares": [known(share) for share in load.shares],
-                "distance": known(load.distance), "distance_at": load.distance_at,
+                "shares": [number_or_none(share) for share in load.shares],
+                "distance": number_or_none(load.distance), "distance_at": load.distance_at,
             }
             for load in self.loads
         ]  # fmt: skip

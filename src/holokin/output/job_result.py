@@ -8,11 +8,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from ..analysis import Verdict
 from ..base.printed_units import SI, PrintedUnits
-from ..base.types import NoTruthValue, Vector
+from ..base.types import NoTruthValue, Vector, number_or_none
 from ..checking import CheckReport
 from ..designing import Coverage, Slice
 from ..motion import TimedTrajectory
@@ -84,7 +82,7 @@ class StrategyResult:
             "relative_defect": v.relative,
             "witness": v.witness.tolist(),
             "plane": list(v.plane),
-            "metrics": {key: value if np.isfinite(value) else None for key, value in self.metrics.items()},
+            "metrics": {key: number_or_none(value) for key, value in self.metrics.items()},
             "drift_each_cycle": self.cycles.drift().tolist(),
             "coverage": self.coverage.summary() if self.coverage is not None else None,
             "timing": self.timed.summary() if self.timed is not None else None,

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..auditing import LogAudit, LogVerdict, audit_recording
 from ..base.files import write_text
-from ..base.types import Matrix
+from ..base.types import Matrix, number_or_none
 from ..errors import HolokinError, brief
 from ..motion import has_leaf
 from ..physics import PhysicalRun
@@ -56,7 +56,7 @@ class Played:
             "cycles": run.cycles, "duration": run.duration, "nominal_duration": run.nominal,
             "apart_each_cycle": run.apart.tolist(), "since_start": run.since_start.tolist(),
             "predicted": None if self.predicted is None else np.abs(self.predicted).max(axis=1).tolist(),
-            "deflection": run.deflection if np.isfinite(run.deflection) else None,
+            "deflection": number_or_none(run.deflection),
             "tracking_m": run.tracking_error("m"), "remark": run.remark,
             "audit": None if self.audit is None else self.audit.summary(), "not_audited": self.not_audited,
         }  # fmt: skip

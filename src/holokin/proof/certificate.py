@@ -15,7 +15,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.files import write_text
 from ..base.sure_digits import at_least
-from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, some
+from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, number_or_none, some
 from ..path.synchronized_paths import AnyPath
 from ..path.workspaces import Workspace
 from ..symbolic import intervals as iv
@@ -294,7 +294,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
 
 def _bounded(values: Vector, n: int) -> list[float | None]:
     """Bounds of the joints, and of n unknowns in all; None where there is none."""
-    return [float(x) if np.isfinite(x) else None for x in values] + [None] * (n - len(values))
+    return [number_or_none(float(x)) for x in values] + [None] * (n - len(values))
 
 
 def _between(low: float, high: float) -> str:
