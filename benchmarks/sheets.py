@@ -31,6 +31,7 @@ from scipy.spatial import KDTree
 
 import holokin as hk
 
+from .disc_law import disc_law, disc_start
 from .grid_bounds import least_cut, single_jump
 from .grid_resolution import cut_pieces, grid_resolution, planar_grid, self_motions
 from .grid_roadmap import grid_roadmap
@@ -120,10 +121,10 @@ def poses_of(points: np.ndarray) -> np.ndarray:
     return poses
 
 
-def sheets_answer(s: hk.Sheets, cells: int, seconds: float, limit: float = LIMIT) -> Answer:
+def sheets_answer(s: hk.Sheets, cells: int, seconds: float, limit: float = LIMIT, name: str = "hk.sheets") -> Answer:
     """What the sheets give the positions of the referee's grid."""
     grid = planar_grid(LINKS, limits_of(limit), cells)
-    return Answer(f"hk.sheets: {len(s)}", grid.points, s.batch(poses_of(grid.points)).q, grid.pairs, None, seconds)
+    return Answer(f"{name}: {len(s)}", grid.points, s.batch(poses_of(grid.points)).q, grid.pairs, None, seconds)
 
 
 def others(limit: float, cells: int, proposals: int, nodes: int, count: int) -> Iterator[Answer]:
@@ -221,22 +222,29 @@ def main(arguments: list[str] | None = None) -> int:
     area = len(grid.points) * grid.step**2
     print(f"| {HEAD} |\n|---|{'---:|' * HEAD.count('|')}")
     began, disc = time.process_time(), hk.workspace(cylinder=([0, 0, 0], 3.0, 0.0))
-    s = hk.sheets(planar_task(limit), disc, samples=samples, seconds=5 if asked.quick else 180)
+    s = hk.sheets(planar_task(limit), disc, samples=samples, seconds=5 if asked.quick else 280)
     print(line(sheets_answer(s, cells, time.process_time() - began, limit), area, paths), flush=True)
+    if limit == LIMIT:
+        began = time.process_time()
+        one = hk.sheets(
+            planar_task(), disc, [disc_law(planar_task())], q0=disc_start(), share=0.96, samples=4 * samples
+        )
+        made = sheets_answer(one, cells, time.process_time() - began, limit, "hk.sheets, a law for this disc")
+        print(line(made, area, paths), flush=True)
     for answer in others(limit, cells, proposals, nodes, count):
         print(line(answer, area, paths), flush=True)
     for given in asked.answer:
         name, _, file = given.partition("=")
         print(line(read_answer(name, file, limit), area, paths), flush=True)
     some = paths[:: max(1, len(paths) // 100)]
-    loop, followed, fewest = of_these_sheets(s, some)
+    loop, followed, fewest = of_these_sheets(s, paths)
     print(
         f"\nNo function has less than {least.length:.2f} m of cuts; one with a single jump on each circle about the "
         f"base has {jump.length:.2f} m at least, {jump.pairs:.2f} m in pairs of the {cells} x {cells} grid (inf: one "
         f"jump is not enough).\n"
-        f"Changes on each of {len(loop)} paths of {len(some)} wholly served: {loop.mean():.3f} of a loop that stays "
-        f"on its sheet, {followed.mean():.3f} with follow, {fewest.mean():.3f} at least over them; "
-        f"{any_postures(some, limit).mean():.3f} at least over any postures.\n\n{s}"
+        f"Changes on each of {len(loop)} paths of {len(paths)} wholly served: {loop.mean():.3f} of a loop that stays "
+        f"on its sheet, {followed.mean():.3f} with follow, {fewest.mean():.3f} at least over them (follow has more on "
+        f"{(followed > fewest).sum()}); {any_postures(some, limit).mean():.3f} at least over any postures, of {len(some)}.\n\n{s}"
     )
     return 0
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.disc_law import disc_law, disc_start
 
 import holokin as hk
 from holokin.covering import PoseRest, Sheets
@@ -86,7 +87,11 @@ def test_a_loop_stays_on_its_sheet_while_that_serves(planar: Sheets) -> None:
         for share in np.linspace(0.0, 1.0, 60):
             pose = planar.poses[i].copy()
             pose[:2, 3] = (1 - share) * pose[:2, 3] + share * np.array([-1.2, 0.9])
-            here, q = planar.near(pose, q)
+            try:
+                here, q = planar.near(pose, q)
+            except NoSheetError:  # the loop rests, and goes on from there
+                assert planar.batch(pose[None]).sheet[0] == -1
+                continue
             np.testing.assert_allclose(tool_of(q), pose[:2, 3], atol=1e-9)
             if here != last:
                 assert planar.sheets[last].posture(pose) is None or not np.allclose(
@@ -231,3 +236,72 @@ def test_control_c_before_anything_was_found_ends_it() -> None:
     task = planar_task()
     with pytest.raises(KeyboardInterrupt):
         hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=20, say=say)
+
+
+def test_a_sheet_is_one_function_neighbours_lead_to_each_other(planar: Sheets) -> None:
+    """Where the straight path from one pose of a sheet reaches a neighbouring one, it comes to the sheet's posture."""
+    for s, sheet in enumerate(planar.sheets):
+        for i, j in planar.pairs.tolist():
+            for a, b in ((i, j), (j, i)):
+                if np.isfinite(planar.q[s, [a, b]]).all():
+                    q, served = sheet.reached(planar.q[s, [a]], planar.poses[[b]])
+                    assert not served[0] or np.abs(q[0] - planar.q[s, b]).max() < 1e-6
+
+
+def test_a_sheet_serves_what_no_straight_path_from_its_start_reaches(planar: Sheets) -> None:
+    """About the base the limits leave a hole: poses behind it are reached round it, on the same leaf."""
+    behind = 0
+    for s, sheet in enumerate(planar.sheets):
+        straight = replace(sheet, stations=np.zeros((0, 3))).postures(planar.poses)[1]
+        grown = np.isfinite(planar.q[s]).all(axis=1)
+        behind += int((grown & ~straight).sum())
+        assert all(sheet.off(q) < 1e-8 for q in planar.q[s][grown])
+    assert behind > 5
+
+
+def test_the_same_search_finds_the_same_map() -> None:
+    task = planar_task()
+    first, second = (
+        hk.sheets(task, disc(), [hk.holonomic(task, hk.linear([0, 1, -1]))], samples=60, share=0.9) for _ in range(2)
+    )
+    np.testing.assert_array_equal(first.q, second.q)
+    np.testing.assert_array_equal(first.labels, second.labels)
+
+
+def test_a_sheet_is_proven_over_a_box_and_has_the_joints_of_the_proof(planar: Sheets) -> None:
+    """In the proven part random poses have the sheet's joints, whatever station they are reached from."""
+    box = hk.workspace(box=([1.2, 0.9], [0.15, 0.15]))
+    served = [s for s in range(len(planar)) if planar.sheets[s].posture(box.center) is not None]
+    region = planar.certified(served[0], box, budget=4000)
+    assert region.share > 0.9
+    T = box.poses(50, 3)
+    near, alone = region.near(T[:, :3, 3], T[:, :3, :3])
+    inside = np.isfinite(near).all(axis=1)
+    q, found = planar.sheets[served[0]].postures(T[inside])
+    assert inside.sum() > 30
+    assert found.all()
+    assert (np.linalg.norm(q - near[inside], axis=1) <= alone[inside]).all()
+    with pytest.raises(ArgumentError, match="index"):
+        planar.certified(9)
+    with pytest.raises(ArgumentError, match="box"):
+        planar.certified(0)  # the disc
+
+
+def test_one_leaf_serves_nearly_the_whole_disc_and_overlaps_itself() -> None:
+    """The base cannot go round, but the self-motion leads the tool the rest of the way: a loop round the base comes to
+    other joints on the same leaf, and the map says where."""
+    task = planar_task()
+    s = hk.sheets(task, disc(), [disc_law(task)], q0=disc_start(), share=0.9, samples=400)
+    assert len(s) == 1
+    assert s.share > 0.95
+    round_ = np.array([[1.8 * np.cos(a), 1.8 * np.sin(a)] for a in np.linspace(0, 2 * np.pi, 200)])
+    poses = np.tile(np.eye(4), (200, 1, 1))
+    poses[:, :2, 3] = round_
+    found = s.batch(poses)
+    assert found.served.all()
+    jumps = np.abs(np.diff(found.q, axis=0)).max(axis=1) > 0.5
+    assert jumps.sum() == 1
+    assert all(s.sheets[0].off(q) < 1e-8 for q in found.q)
+    assert len(s.cuts) > 5
+    with pytest.raises(JointLimitError):
+        hk.sheets(task, disc(), [disc_law(task)], q0=[3.0, 0, 0], samples=20)

@@ -30,7 +30,7 @@ def sheets(
         int | None, typer.Option(help="Poses of the workspace that are looked at; 1024 by default.")
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(help="Seconds after which the search for leaves ends; 180 by default.")
+        float | None, typer.Option(help="Seconds after which the search for leaves ends; 280 by default.")
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="The file to write, ending in .npz; with a picture of its name.")

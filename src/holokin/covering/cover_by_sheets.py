@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import Array, Indices, not_negative, positive, whole
+from ..base.types import Array, ArrayLike, Indices, Matrix, finite, not_negative, positive, whole
 from ..checking import Clear
 from ..designing.starts import check_that_joints_move
 from ..errors import ArgumentError, OutOfReachError
@@ -48,6 +48,7 @@ def sheets(
     workspace: Workspace,
     strategies: Sequence[HolonomicStrategy] | None = None,
     *,
+    q0: ArrayLike | None = None,
     share: float = SHARE,
     samples: int = SAMPLES,
     seed: int = 0,
@@ -72,6 +73,7 @@ def sheets(
         workspace: the tool poses to be served.
         strategies: whose leaves are tried; by default locks, differences of parallel joints, arm angles, the elbow's
             height and stationary costs, as of `hk.advise`.
+        q0: postures (s, n), or one (n,), whose leaves are candidates, too, such as taught ones.
         share: to be served, of the poses that some posture reaches, from 0 to 1.
         samples, seed: of the poses, see `Workspace.poses`.
         clear_of, floor, clearance, self_collision, ignore, shapes_of: what postures are to keep clear of, as of
@@ -86,7 +88,7 @@ def sheets(
     Raises:
         OutOfReachError: no pose of the workspace is reached within the joint limits and clear of what was named.
         ArgumentError: a task of several frames, strategies of another task, or none of whose leaves serves a pose; bad
-        numbers. UnknownNameError: no such link. ShapeError, NotFiniteError.
+        numbers. UnknownNameError: no such link. JointLimitError: a q0 beyond them. ShapeError, NotFiniteError.
     """
     of_one_tool(task, "sheets")
     check_that_joints_move(task.robot)
@@ -101,7 +103,8 @@ def sheets(
     within = np.flatnonzero(rest <= PoseRest.NOT_COVERED)
     if not len(within):
         raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest)}", "move or turn it")
-    pool, cover, stopped = _search(task, T[within], strategies, share, rcond, clear, limit, say)
+    given = _given(task, q0)
+    pool, cover, stopped = _search(task, T[within], strategies, given, share, rcond, clear, limit, say)
     return _mapped(task, workspace, T, rest, within, pool, cover, around, stopped)
 
 
@@ -117,13 +120,24 @@ def _check(task: Task, strategies: Sequence[HolonomicStrategy] | None, share: fl
             raise ArgumentError("a strategy", one, "give strategies of the same task")
 
 
+def _given(task: Task, q0: ArrayLike | None) -> Matrix:
+    """The postures (s, n) that were given. Raises: ShapeError, NotFiniteError, JointLimitError: beyond the limits."""
+    if q0 is None:
+        return np.zeros((0, task.n))
+    rows = finite("the postures of q0", q0)
+    found = finite("the postures of q0", np.atleast_2d(rows), ("s", task.n))
+    for row in found:
+        task.robot.check_limits(row)
+    return found
+
+
 def _why(rest: Indices) -> str:
     counts = [(int((rest == one).sum()), one.text) for one in PoseRest]
     return "; ".join(f"{count}: {text}" for count, text in counts if count)
 
 
 def _search(
-    task: Task, T: Array, strategies: Sequence[HolonomicStrategy] | None, share: float, rcond: float,
+    task: Task, T: Array, strategies: Sequence[HolonomicStrategy] | None, q0: Matrix, share: float, rcond: float,
     clear: Clear | None, seconds: float, say: Callable[[str], None],
 ) -> tuple[CandidateSheets, Cover, bool]:  # fmt: skip
     """Leaves through postures at poses all over, until the fewest that serve the share get no fewer."""
@@ -133,6 +147,8 @@ def _search(
     pool = CandidateSheets(task, T, fitting_laws(task, T, center, strategies, clear), clear, rcond, strategies is None)
     cover, still = Cover(np.zeros(0, dtype=int), 0, 0), 0
     try:
+        for law in pool.laws:
+            pool.add(law, q0)
         pool.grow(center, np.arange(0), end, say)
         for round_ in range(ROUNDS):
             before, cover = cover, _cover(pool, wanted)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -34,12 +35,23 @@ class PosePoints(Value):
 
     def nearest(self, T: Array) -> Indices:
         """The nearest to each of some poses (l, 4, 4), the first one of equals; there must be one at least."""
+        return np.concatenate([np.argmin(values, axis=1) for values in self._compared(T)])
+
+    def few(self, T: Array, count: int) -> Indices:
+        """The nearest `count`, or all, to each of some poses (l, 4, 4), nearest first."""
+        count = min(count, len(self.poses))
+        found = []
+        for values in self._compared(T):
+            near = np.argpartition(values, count - 1, axis=1)[:, :count]
+            order = np.argsort(np.take_along_axis(values, near, axis=1), axis=1, kind="stable")
+            found.append(np.take_along_axis(near, order, axis=1))
+        return np.concatenate(found)
+
+    def _compared(self, T: Array) -> Iterator[Matrix]:
+        """Half the squared distances of some poses to all, but for what all of one pose have in common."""
         X, half = self._points
         Y = features(T, self.length)
-        if len(Y) == 1:
-            return np.array([np.argmin(half - X @ Y[0])])
-        pieces = [np.argmin(half - part @ X.T, axis=1) for part in np.array_split(Y, 1 + len(Y) // PIECE)]
-        return np.concatenate(pieces)
+        yield from (half - part @ X.T for part in np.array_split(Y, 1 + len(Y) // PIECE))
 
     @cached_property
     def _points(self) -> tuple[Matrix, Vector]:

@@ -16,14 +16,17 @@ from ..inverse_kinematics.quiet_answers import answer, answers
 from ..strategies import HolonomicStrategy
 from .pose_features import TURN_LENGTH, PosePoints
 
+STATIONS = 3
+"""Stations of a sheet from which a pose is tried at most, nearest first."""
+
 
 @dataclass(frozen=True, eq=False)
 class Sheet(Value):
     """The leaf g(q) = g(q0) of a strategy, on the branch of q0 (n,), and the tool poses that it serves.
 
-    It serves the poses that the straight path from the tool pose of its nearest station reaches on the leaf, where the
-    posture is within the joint limits, where rcond of [J; J_g] is at least `rcond`, and where the robot keeps clear of
-    what was named.
+    It serves the poses that a straight path reaches on the leaf from the tool pose of the nearest station, or of the
+    next two, where the posture is within the joint limits, where rcond of [J; J_g] is at least `rcond`, and where the
+    robot keeps clear of what was named.
 
     stations: postures (h, n) of the leaf from which poses are reached; none (0, n) for q0 alone. Those of `hk.sheets`
     are at the sampled poses that the sheet serves; next to each other, each leads to the other. keys: what a job says
@@ -58,7 +61,15 @@ class Sheet(Value):
 
     def posture(self, pose: Matrix, clear: Clear | None = None, station: Vector | None = None) -> Vector | None:
         """The joints (n,) at a tool pose (4, 4); None where it is not served. station: the nearest, where known."""
-        begin = self._begin[self._places.nearest(pose[None])[0]] if station is None else station
+        begin = self.nearest_station(pose) if station is None else station
+        q = self._straight(pose, begin, clear)
+        if q is None:
+            for i in self._places.few(pose[None], STATIONS)[0, 1:]:
+                if (q := self._straight(pose, self._begin[i], clear)) is not None:
+                    break
+        return q
+
+    def _straight(self, pose: Matrix, begin: Vector, clear: Clear | None) -> Vector | None:
         q = answer(self.ik, pose, begin)
         if q is None or (self.rcond and not self.strategy.gain(q)[1] >= self.rcond):
             return None
@@ -68,7 +79,14 @@ class Sheet(Value):
         """(joints (k, n), which are served (k,)) at tool poses (k, 4, 4); a row of NaN where one is not served."""
         if not len(poses):
             return np.zeros((0, len(self.q0))), np.zeros(0, dtype=bool)
-        return self.reached(self._begin[self._places.nearest(poses)], poses, clear, threads)
+        q, served = self.reached(self._begin[self._places.nearest(poses)], poses, clear, threads)
+        left = np.flatnonzero(~served)
+        few = self._places.few(poses[left], STATIONS) if len(left) else np.zeros((0, 1), dtype=int)
+        for column in few.T[1:]:
+            still = ~served[left]
+            at = left[still]
+            q[at], served[at] = self.reached(self._begin[column[still]], poses[at], clear, threads)
+        return q, served
 
     def reached(
         self, begin: Matrix, poses: Array, clear: Clear | None = None, threads: int | None = None
@@ -81,6 +99,10 @@ class Sheet(Value):
             served[served] = clear(q[served])
         q[~served] = np.nan
         return q, served
+
+    def nearest_station(self, pose: Matrix) -> Vector:
+        """Its station (n,) whose tool pose is nearest to a pose (4, 4)."""
+        return self._begin[self._places.nearest(pose[None])[0]]
 
     @cached_property
     def _begin(self) -> Matrix:

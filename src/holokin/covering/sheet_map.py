@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +13,11 @@ from ..base.arguments import typed
 from ..base.poses import PoseLike, given_pose, pose_numbers, tool_poses
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, finite
 from ..checking import Clear
-from ..errors import NoSheetError
+from ..errors import ArgumentError, NoSheetError
 from ..inverse_kinematics.quiet_answers import leads_to
 from ..path import Path
-from ..path.workspaces import Workspace
+from ..path.workspaces import PoseRange, Workspace
+from ..proof import UniqueRegion, unique_region
 from ..tasks.task import Task
 from .follow_sheets import Stops, follow_sheets
 from .pose_features import PosePoints
@@ -26,6 +29,10 @@ from .surroundings import Surroundings
 
 ON_LEAF = 1e-6
 """Difference from the level of a sheet [units of g] below which a posture lies on its leaf."""
+
+
+CELLS = 20_000
+"""Cells of a proof that may be examined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,6 +207,42 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             start of the path. ShapeError, NotFiniteError.
         """
         return follow_sheets(self.task, self.sheets, self.clear, path, q0, stops, samples, self.workspace.center)
+
+    @typed
+    def certified(
+        self, sheet: int, workspace: PoseRange | None = None, *, budget: int = CELLS,
+        say: Callable[[str], None] = lambda _text: None,
+    ) -> UniqueRegion:  # fmt: skip
+        """The part of a box of tool poses over which a sheet is proven to be one function, as of `hk.unique_region`.
+
+        Within the joint limits, and clear of what was named. It hangs together with the pose of the sheet's station
+        that is nearest to the middle of the box. A box with tilt and spin has up to six dimensions: many cells.
+
+        Args:
+            sheet: its index.
+            workspace: `workspace(box=...)`; by default that of the map.
+            budget: cells that may be examined; more prove more.
+            say: hears of the progress.
+
+        Returns:
+            The region: its share, its certificate, and what is not proven and why.
+
+        Raises:
+            ArgumentError: no such sheet; a workspace that is no box. NoProofError, SingularityError, ExpressionError.
+        """
+        if not 0 <= sheet < len(self):
+            raise ArgumentError("the sheet", sheet, f"give an index from 0 to {len(self) - 1}")
+        space = self.workspace if workspace is None else workspace
+        if not isinstance(space, PoseRange):
+            raise ArgumentError("workspace", str(space), "give a box: hk.workspace(box=...)")
+        one = self.sheets[sheet]
+        q = one.nearest_station(space.center)
+        a = self.around
+        kept: dict[str, Any] = {} if a is None else {
+            "clear_of": a.obstacles, "floor": a.floor, "clearance": a.clearance, "self_collision": a.self_collision,
+            "ignore": a.ignore, "shapes_of": a.shapes_of,
+        }  # fmt: skip
+        return unique_region(one.strategy, q, space, budget=budget, say=say, **kept)
 
     @cached_property
     def clear(self) -> Clear | None:

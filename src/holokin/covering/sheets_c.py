@@ -14,7 +14,7 @@ from ..export.c_folder import c_name, c_texts, operations_of, write_texts
 from ..export.c_text import line
 from ..version import __version__
 from .pose_features import features
-from .sheet import known
+from .sheet import STATIONS, known
 from .sheet_map import Sheets
 
 PIECES = 1000
@@ -144,8 +144,9 @@ static void given(const double target[16], double wanted[16]) {{
   for (int i = 0; i < 16; i++) wanted[i] = {_numbered(found)};
 }}
 
-/* The nearest of the poses that a sheet serves; of those that have a sheet for -1. Returns -1 where there is none. */
-static int nearest(const double target[16], int sheet) {{
+/* The nearest of the poses that a sheet serves, of those that have a sheet for -1, further away than `beyond`, which
+   becomes how far it is. Returns -1 where there is none. */
+static int nearest(const double target[16], int sheet, double *beyond) {{
   const double turn = {float(found.length / np.sqrt(2))!r};
   double at[12], least = INFINITY;
   int found = -1;
@@ -157,8 +158,9 @@ static int nearest(const double target[16], int sheet) {{
     double value = halves[p];
     if ((sheet < 0 ? labels[p] : rows[sheet][p]) < 0) continue;
     for (int i = 0; i < 12; i++) value -= at[i] * places[p][i];
-    if (value < least) least = value, found = p;
+    if (value > *beyond && value < least) least = value, found = p;
   }}
+  *beyond = least;
   return found;
 }}
 
@@ -174,17 +176,22 @@ static int go(int sheet, const double target[16], double q[{n}]) {{
 }}
 
 int {name}_sheets_of(int sheet, const double target[16], double q[{n}]) {{
-  double at[{n}];
-  const int p = sheet < 0 || sheet >= {S} ? -1 : nearest(target, sheet);
-  if (p < 0) return 0;
-  for (int i = 0; i < {n}; i++) at[i] = joints[rows[sheet][p]][i];
-  if (!go(sheet, target, at)) return 0;
-  for (int i = 0; i < {n}; i++) q[i] = at[i];
-  return 1;
+  double at[{n}], beyond = -INFINITY;
+  if (sheet < 0 || sheet >= {S}) return 0;
+  for (int k = 0; k < {STATIONS}; k++) {{
+    const int p = nearest(target, sheet, &beyond);
+    if (p < 0) return 0;
+    for (int i = 0; i < {n}; i++) at[i] = joints[rows[sheet][p]][i];
+    if (!go(sheet, target, at)) continue;
+    for (int i = 0; i < {n}; i++) q[i] = at[i];
+    return 1;
+  }}
+  return 0;
 }}
 
 int {name}_sheets(const double target[16], double q[{n}]) {{
-  const int p = nearest(target, -1), first = p < 0 ? -1 : labels[p];
+  double beyond = -INFINITY;
+  const int p = nearest(target, -1, &beyond), first = p < 0 ? -1 : labels[p];
   if (first >= 0 && {name}_sheets_of(first, target, q)) return first;
   for (int sheet = 0; sheet < {S}; sheet++)
     if (sheet != first && {name}_sheets_of(sheet, target, q)) return sheet;

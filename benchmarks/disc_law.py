@@ -1,0 +1,62 @@
+"""A law whose one leaf serves nearly the whole disc of a planar arm, three links of 1 m within +-150 degrees.
+
+    g(q) = q2 - sum c_ij u^i v^j,     u = q1 / L,  v = q3 / L,  L = 150 deg
+
+On the leaf g = 0 the second joint is a polynomial of the other two. As the base turns from limit to limit, the
+self-motion leads the tool by some 30 degrees each way, so that the leaf goes once round the base and overlaps itself:
+there the cut may lie. The coefficients come from a random search for the leaf whose cut is short and that covers most
+of the disc.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+import holokin as hk
+
+LIMIT = np.radians(150)
+
+COEFFICIENTS = {
+    (0, 0): -0.0719,
+    (0, 1): 3.0720,
+    (0, 2): 1.2151,
+    (0, 3): -0.2730,
+    (0, 4): -0.0972,
+    (0, 5): -0.3330,
+    (0, 6): -1.2325,
+    (1, 0): 1.0466,
+    (1, 1): -0.1758,
+    (1, 2): -0.0749,
+    (1, 3): 0.2163,
+    (1, 4): 0.2981,
+    (1, 5): 0.5210,
+    (2, 0): 0.1652,
+    (2, 1): -0.1090,
+    (2, 2): 0.0263,
+    (2, 3): -0.0225,
+    (2, 4): -0.1816,
+    (3, 0): -0.0109,
+    (3, 1): -1.2815,
+    (3, 2): 0.2402,
+    (3, 3): 0.0295,
+    (4, 0): 0.0732,
+    (4, 1): -0.6956,
+    (4, 2): 0.1701,
+}
+"""Powers (i, j) of u and v, and the coefficient [rad]."""
+
+
+def disc_law(task: hk.Task) -> hk.HolonomicStrategy:
+    """The strategy that keeps the leaf."""
+
+    def g(q):
+        u, v = q[0] / LIMIT, q[2] / LIMIT
+        return q[1] - sum(c * u**i * v**j for (i, j), c in COEFFICIENTS.items())
+
+    return hk.holonomic(task, hk.custom(g, rows=1), name="disc law")
+
+
+def disc_start() -> np.ndarray:
+    """A posture (3,) of the leaf g = 0 in the middle of the disc's sheet."""
+    v = -1.0 / LIMIT
+    return np.array([0.0, sum(c * v**j for (i, j), c in COEFFICIENTS.items() if i == 0), -1.0])
