@@ -244,8 +244,8 @@ def main(arguments: list[str] | None = None) -> int:
         f"jump is not enough).\n"
         f"Changes on each of {len(loop)} paths of {len(paths)} wholly served: {loop.mean():.3f} of a loop that stays "
         f"on its sheet, {followed.mean():.3f} with follow, {fewest.mean():.3f} at least over them (follow has more on "
-        f"{(followed > fewest).sum()}); {any_postures(some, limit).mean():.3f} at least over any postures, of {len(some)}."
-        f"\n\n{s}"
+        f"{(followed > fewest).sum()}); {any_postures(some, limit).mean():.3f} at least over any postures, on "
+        f"{len(some)} paths.\n\n{s}"
     )
     return 0
 
