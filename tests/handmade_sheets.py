@@ -8,6 +8,7 @@ import numpy as np
 
 import holokin as hk
 from holokin.covering import PoseRest, Sheet, Sheets
+from holokin.covering.pose_features import turn_length
 from holokin.covering.sheet import known
 
 LIMIT = np.radians(150)
@@ -26,7 +27,22 @@ def map_of(task: hk.Task, space: hk.Workspace, sheets: Sequence[Sheet], samples:
     labels = np.where(served.any(axis=0), np.argmax(served, axis=0), -1)
     rest = np.where(labels >= 0, int(PoseRest.SERVED), int(PoseRest.NOT_COVERED))
     none = np.zeros((0, 2), dtype=int)
-    return Sheets(task, space, tuple(sheets), T, q, labels, rest, none, none, 0, len(sheets), len(sheets), 0.3, around)
+    return Sheets(
+        task,
+        space,
+        tuple(sheets),
+        T,
+        q,
+        labels,
+        rest,
+        none,
+        none,
+        0,
+        len(sheets),
+        len(sheets),
+        turn_length(task),
+        around,
+    )
 
 
 def planar_map(samples: int = 40) -> Sheets:

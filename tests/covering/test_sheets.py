@@ -305,3 +305,15 @@ def test_one_leaf_serves_nearly_the_whole_disc_and_overlaps_itself() -> None:
     assert len(s.cuts) > 5
     with pytest.raises(JointLimitError):
         hk.sheets(task, disc(), [disc_law(task)], q0=[3.0, 0, 0], samples=20)
+
+
+def test_the_tool_s_turn_does_not_matter_where_only_its_position_does(planar: Sheets) -> None:
+    """The same point with another rotation has the same joints to the last bit."""
+    rng = np.random.default_rng(5)
+    for point in rng.uniform(-2, 2, (40, 2)):
+        pose = np.eye(4)
+        pose[:2, 3] = point
+        turned = pose.copy()
+        turned[:3, :3] = np.diag([1.0, -1.0, -1.0])
+        if planar.batch(pose[None]).served[0]:
+            np.testing.assert_array_equal(planar(pose)[1], planar(turned)[1])

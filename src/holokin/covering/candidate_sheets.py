@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..base.poses import pose_from
 from ..base.types import Array, Flags, Indices, Matrix, Vector
 from ..checking import Clear
 from ..constraints import custom, linear
@@ -19,7 +20,7 @@ from ..designing.starts import postures_at
 from ..errors import HolokinError
 from ..strategies import HolonomicStrategy, holonomic
 from ..tasks.task import Task
-from .pose_features import TURN_LENGTH, nearby, neighbours
+from .pose_features import nearby, neighbours, turn_length
 from .sheet import Sheet, known
 from .sheet_growth import Go, grown, one_function
 
@@ -90,12 +91,12 @@ class CandidateSheets:
     @cached_property
     def near(self) -> Indices:
         """Of each pose its neighbours (k, m)."""
-        return nearby(self.T, TURN_LENGTH)
+        return nearby(self.T, turn_length(self.task))
 
     @cached_property
     def pairs(self) -> Indices:
         """Pairs (e, 2) of neighbours."""
-        return neighbours(self.T, TURN_LENGTH)
+        return neighbours(self.T, turn_length(self.task))
 
     def grow(self, at: Matrix, wanted: Indices, end: float, say: Callable[[str], None]) -> None:
         """Adds leaves of all laws through postures at a tool pose (4, 4): of each law those that serve most.
@@ -151,8 +152,7 @@ class CandidateSheets:
 
     def _on_other_levels(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> Matrix:
         """Postures at the pose of a sheet's start, on levels about its own."""
-        at = np.eye(4)
-        at[:3, 3], at[:3, :3] = (part[0] for part in self.task.poses(sheet.q0[None]))
+        at = pose_from(*self.task.poses(sheet.q0[None]))[0]
         others = postures_at(self.task, at, STARTS)
         if not len(others):
             return others
@@ -199,7 +199,7 @@ class CandidateSheets:
 
             q, wave = grown(sheet.reached(np.tile(sheet.q0, (len(self.T), 1)), self.T, clear)[0], self.near, self.T, go)
             q, others = one_function(q, wave, self.pairs, self.T, go)
-            self.sheets[i] = replace(sheet, stations=q[known(q)])
+            self.sheets[i] = replace(sheet, stations=q[known(q)], places=self.T[known(q)])
             changed |= not np.array_equal(known(q), self.served[i])
             self.served[i] = known(q)
             if len(others):

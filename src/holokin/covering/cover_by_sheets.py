@@ -18,7 +18,7 @@ from ..robot import LinkShape, Robot, check_metres
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
 from .candidate_sheets import CandidateSheets, fitting_laws
-from .pose_features import TURN_LENGTH, neighbours, spread_out
+from .pose_features import neighbours, spread_out, turn_length
 from .pose_rest import PoseRest, rests_of
 from .set_cover import Cover, fewest
 from .sheet import known
@@ -142,7 +142,7 @@ def _search(
 ) -> tuple[CandidateSheets, Cover, bool]:  # fmt: skip
     """Leaves through postures at poses all over, until the fewest that serve the share get no fewer."""
     end, wanted, rng = time.monotonic() + seconds, int(np.ceil(share * len(T))), np.random.default_rng(0)
-    center = T[spread_out(T, np.arange(len(T)), 1, TURN_LENGTH)[0]]
+    center = T[spread_out(T, np.arange(len(T)), 1, turn_length(task))[0]]
     say("which laws fit")
     pool = CandidateSheets(task, T, fitting_laws(task, T, center, strategies, clear), clear, rcond, strategies is None)
     cover, still = Cover(np.zeros(0, dtype=int), 0, 0), 0
@@ -207,13 +207,14 @@ def _mapped(
     q = np.full((len(chosen), len(T), task.n), np.nan)
     for s, sheet in enumerate(chosen):
         q[s, within] = sheet.postures(T[within], pool.clear)[0]
-    chosen = [replace(sheet, stations=q[s][known(q[s])]) for s, sheet in enumerate(chosen)]
-    pairs = within[neighbours(T[within], TURN_LENGTH)]
+    there = known(q)
+    chosen = [replace(one, stations=q[s, there[s]], places=T[there[s]]) for s, one in enumerate(chosen)]
+    pairs = within[neighbours(T[within], turn_length(task))]
     labels = labelled(known(q), pairs, continued(chosen, T, q, pairs), same_postures(q))
     order = np.argsort([-int((labels.of == s).sum()) for s in range(len(chosen))], kind="stable")
     place = np.append(np.argsort(order), -1)
     rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)
     return Sheets(
         task, workspace, tuple(chosen[s] for s in order), T, q[order], place[labels.of], rest, pairs, labels.cuts,
-        labels.least, cover.least, len(pool.sheets), TURN_LENGTH, around, stopped,
+        labels.least, cover.least, len(pool.sheets), turn_length(task), around, stopped,
     )  # fmt: skip

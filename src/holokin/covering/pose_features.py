@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..base.types import Array, Indices, Matrix, Value, Vector
+from ..tasks.task import Task
 
 TURN_LENGTH = 0.3
 """Metres that a turn of 1 rad counts where poses are compared: about what it moves what a tool holds."""
@@ -18,6 +19,11 @@ NEIGHBOURS = 8
 
 PIECE = 4096
 """Poses that are compared at once."""
+
+
+def turn_length(task: Task) -> float:
+    """What a turn of 1 rad counts for a task [m]: nothing where only positions matter."""
+    return 0.0 if task.orientation is None else TURN_LENGTH
 
 
 def features(T: Array, length: float) -> Matrix:

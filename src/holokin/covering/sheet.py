@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from ..base.poses import pose_from
 from ..base.types import Array, Flags, Matrix, Value, Vector, frozen
 from ..checking import Clear
 from ..inverse_kinematics import InverseKinematics, leaf_value
 from ..inverse_kinematics.quiet_answers import answer, answers
 from ..strategies import HolonomicStrategy
-from .pose_features import TURN_LENGTH, PosePoints
+from .pose_features import PosePoints, turn_length
 
 STATIONS = 3
 """Stations of a sheet from which a pose is tried at most, nearest first."""
@@ -29,8 +30,8 @@ class Sheet(Value):
     robot keeps clear of what was named.
 
     stations: postures (h, n) of the leaf from which poses are reached; none (0, n) for q0 alone. Those of `hk.sheets`
-    are at the sampled poses that the sheet serves; next to each other, each leads to the other. keys: what a job says
-    of the strategy, empty where it was given as a value.
+    are at the sampled poses that the sheet serves; next to each other, each leads to the other. places: the tool poses
+    (h, 4, 4) of these. keys: what a job says of the strategy, empty where it was given as a value.
     """
 
     strategy: HolonomicStrategy
@@ -38,6 +39,7 @@ class Sheet(Value):
     rcond: float = 0.0
     keys: Mapping[str, Any] = field(default_factory=dict)
     stations: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
+    places: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
 
     @property
     def name(self) -> str:
@@ -110,9 +112,9 @@ class Sheet(Value):
 
     @cached_property
     def _places(self) -> PosePoints:
-        T = np.repeat(np.eye(4)[None], len(self._begin), axis=0)
-        T[:, :3, 3], T[:, :3, :3] = self.strategy.task.poses(self._begin)
-        return PosePoints(T, TURN_LENGTH)
+        task = self.strategy.task
+        places = self.places if len(self.stations) else pose_from(*task.poses(self.q0[None]))
+        return PosePoints(places, turn_length(task))
 
     def __str__(self) -> str:
         at = ", ".join(f"{c:.4g}" for c in self.level)

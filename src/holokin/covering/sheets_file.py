@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..base.files import replacing
-from ..base.types import Array, Vector
+from ..base.types import Array, Matrix, Vector
 from ..errors import ArgumentError, SheetsFileError
 from ..path.workspaces import Box, Cylinder, PoseRange, Solid, Sphere, Workspace, pose_cloud
 from ..strategies import HolonomicStrategy
@@ -81,7 +81,7 @@ def sheets_of_file(path: str | Path, task: Task, around: Surroundings | None, bu
             cure = "give clear_of, floor, clearance, self_collision and ignore as they were given to hk.sheets"
             raise SheetsFileError(file, "it is of other surroundings", cure)
         sheets = tuple(
-            Sheet(build(one["keys"], task, q0, str(one["name"])), q0, float(one["rcond"]), one["keys"], q[known(q)])
+            _sheet(build(one["keys"], task, q0, str(one["name"])), q0, one, q, arrays["poses"])
             for one, q0, q in zip(about["leaves"], arrays["q0"], arrays["q"], strict=True)
         )
         found = Sheets(
@@ -93,6 +93,12 @@ def sheets_of_file(path: str | Path, task: Task, around: Surroundings | None, bu
         raise SheetsFileError(file, f"it lacks {problem}", "write it again") from None
     _check(file, found)
     return found
+
+
+def _sheet(strategy: HolonomicStrategy, q0: Vector, about: Mapping[str, Any], q: Matrix, poses: Array) -> Sheet:
+    """A sheet whose stations are its postures q (k, n) at the poses (k, 4, 4), NaN where it has none."""
+    there = known(q)
+    return Sheet(strategy, q0, float(about["rcond"]), about["keys"], q[there], poses[there])
 
 
 def _read(file: Path) -> tuple[dict[str, Any], dict[str, Any]]:
