@@ -8,6 +8,7 @@ import numpy as np
 
 from ..base.types import Array, Indices
 from ..covering import PoseRest, Sheets
+from ..designing.proposed_workspace import reached
 from ..designing.slices import Plane, grid_planes, neighbouring_cells
 from ..inverse_kinematics.quiet_answers import leads_to
 from ..path.workspaces import PoseRange
@@ -69,15 +70,18 @@ def _map(axes: Any, found: Sheets, space: Any, plane: Plane) -> bool:
     """One plane; returns whether the joints jump in it."""
     from matplotlib.colors import to_rgb
 
-    answers = found.batch(space.at(plane.points[plane.inside.ravel()]))
+    poses = space.at(plane.points[plane.inside.ravel()])
+    within = np.flatnonzero(reached(found.task, poses, None)[1].within)  # a sheet takes long to say no
+    answers = found.batch(poses[within])
+    sheet, q = np.full(len(poses), -1), np.full((len(poses), found.task.n), np.nan)
+    sheet[within], q[within] = answers.sheet, answers.q
     labels = np.full(plane.inside.shape, -2)
-    labels[plane.inside] = answers.sheet
+    labels[plane.inside] = sheet
     image = np.ones((*labels.shape, 3))
     image[labels == -1] = to_rgb(NONE)
     for s in range(len(found)):
         image[labels == s] = to_rgb(color_of(s))
-    poses = space.at(plane.points[plane.inside.ravel()])
-    cuts = _jumps(found, poses, answers.q, answers.sheet, neighbouring_cells(plane.inside))
+    cuts = _jumps(found, poses, q, sheet, neighbouring_cells(plane.inside))
     i, j = plane.axes
     plane_map(axes, plane, image, poses[cuts][:, :, [i, j], 3])
     axes.set_title(f"{'xyz'[3 - i - j]} = {plane.at:.3g} m", loc="left", fontsize=10)
