@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
 import shutil
@@ -30,9 +29,12 @@ def built_once(made: Path, sources: Iterable[Path], *command: str | Path) -> Non
     Args:
         made: what `-o` is to write. sources: what is read. command: the compiler with its flags, without `-o`.
     """
+    import fcntl  # which Windows has not
+
     files = (file for place in (*sources, STUBS) for file in ([place] if place.is_file() else sorted(place.rglob("*"))))
     texts = [f"{file.name}\n".encode() + file.read_bytes() for file in files if file.is_file()]
-    flags = [str(word) for word in command if not Path(word).is_absolute()]
+    flags = [str(word).replace(str(made.parent), "") for word in command]
+    flags.append(str(Path(shutil.which(flags[0]) or flags[0]).resolve()))  # g++-13 is not g++-14
     key = hashlib.sha256(b"\0".join([*texts, *map(str.encode, flags)])).hexdigest()[:24]
     folder = Path(os.environ.get("HOLOKIN_CACHE", made.parent)) / "ros"
     folder.mkdir(parents=True, exist_ok=True)
