@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
+import shutil
 import subprocess
+from collections.abc import Iterable
 from pathlib import Path
 
 from holokin.export import MoveItPackage, Ros2ControlPackage
@@ -19,6 +23,30 @@ def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
     return done
 
 
+def built_once(made: Path, sources: Iterable[Path], *command: str | Path) -> None:
+    """The file `made` that the command writes, which takes seconds: kept, for all files of tests with the same sources.
+
+    Args:
+        made: what `-o` is to write. sources: what is read. command: the compiler with its flags, without `-o`.
+    """
+    import fcntl  # which Windows has not
+
+    files = (file for place in (*sources, STUBS) for file in ([place] if place.is_file() else sorted(place.rglob("*"))))
+    texts = [f"{file.name}\n".encode() + file.read_bytes() for file in files if file.is_file()]
+    flags = [str(word).replace(str(made.parent), "") for word in command]
+    flags.append(str(Path(shutil.which(flags[0]) or flags[0]).resolve()))  # g++-13 is not g++-14
+    key = hashlib.sha256(b"\0".join([*texts, *map(str.encode, flags)])).hexdigest()[:24]
+    folder = Path(os.environ.get("HOLOKIN_CACHE", made.parent)) / "ros"
+    folder.mkdir(parents=True, exist_ok=True)
+    kept = folder / key
+    with (folder / f"{key}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not kept.exists():
+            run(*command, "-o", folder / f"{key}.new")
+            (folder / f"{key}.new").replace(kept)
+    shutil.copy(kept, made)
+
+
 def includes(*places: str) -> list[str]:
     """Folders of stand-ins."""
     return [f"-I{STUBS / place}" for place in places]
@@ -31,9 +59,10 @@ def library(
     """The plugin as a library, with the strictest warnings."""
     code, made = folder / "law.o", folder / "libplugin.so"
     c, sources = written.folder / "c", sorted((written.folder / "src").glob("*.cpp"))
-    run("cc", "-std=c99", "-O1", "-fPIC", "-fvisibility=hidden", *flags, "-c", c / f"{written.name}.c", "-o", code)
+    compiled = ("cc", "-std=c99", "-O1", "-fPIC", "-fvisibility=hidden", *flags, "-c", c / f"{written.name}.c")
+    built_once(code, [c], *compiled)
     build = ("g++", "-std=c++17", "-O0", *STRICT, "-fPIC", "-shared", *flags, *includes(*places), f"-I{c}")
-    run(*build, *sources, code, "-o", made)
+    built_once(made, [c, *sources, code], *build, *sources, code)
     return made
 
 
@@ -41,7 +70,7 @@ def driver(name: str, folder: Path, *flags: str) -> Path:
     """A driver of the stand-ins."""
     made = folder / "driver"
     build = ("g++", "-std=c++17", "-O0", "-rdynamic", *flags, *includes("ros", "robot", "control"))
-    run(*build, STUBS / name, "-o", made, "-ldl", "-lpthread")
+    built_once(made, [STUBS / name], *build, STUBS / name, "-ldl", "-lpthread")
     return made
 
 

@@ -96,7 +96,7 @@ def slope(g: Callable[[np.ndarray], np.ndarray], q: np.ndarray) -> np.ndarray:
     return np.array([(g(q + h * e) - g(q - h * e)) / (2 * h) for e in np.eye(len(q))]).T
 
 
-@pytest.mark.parametrize("name", ["lock 3", "q1 - q3"])
+@sampled(1, "name", ["lock 3", "q1 - q3"])
 def test_a_controller_led_round_a_cusp_comes_to_rest_at_the_other_posture(name: str) -> None:
     """At 0.01 m/s, within the joints' speeds and limits. Its error of tracking, 1e-5 at the end, fades to round-off."""
     cusps = found(name)

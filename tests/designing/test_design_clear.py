@@ -119,6 +119,7 @@ def test_what_was_designed_to_keep_clear_is_proven_to(pair: tuple[hk.Design, hk.
     assert not hk.certify(free.strategy, SPACE, free.q0, **asked).whole
 
 
+@pytest.mark.campaign
 def test_clearance_as_a_cost_makes_the_least_distance_larger(task: hk.Task) -> None:
     words: dict[str, Any] = {"clear_of": [TABLE, POST], "clearance": 0.0, "degree": 1, "samples": 12}
     plain = hk.design(task, SPACE, READY, **words)

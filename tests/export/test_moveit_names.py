@@ -140,6 +140,7 @@ def poses(Q: np.ndarray) -> np.ndarray:
 
 
 @needs_cpp
+@pytest.mark.campaign
 def test_a_robot_without_limits_and_with_any_names_is_solved(named: Plugin) -> None:
     T = poses(around(50, 0.2))
     found = ask(named, T, around(50, 0.2), tip=TIP)

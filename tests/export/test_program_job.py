@@ -94,6 +94,13 @@ def of(language: str, text: str = WELD) -> str:
     return text.replace('"tTorch"', TOOL.get(language, '"tTorch"'))
 
 
+def from_start(job: str) -> str:
+    """The job with a short seam that begins at the start posture: no way there, which takes longest, is sought."""
+    found = job.replace('entry = "joints"', "relative = true").replace("samples = 200", "samples = 40")
+    found = found.replace("lead_in = 0.01\n", "").replace("retract = 0.02\n", "")
+    return found.replace("[[0.56, -0.05, 0.45], [0.56, 0.03, 0.45]]", "[[0.0, 0.0, 0.0], [0.0, 0.02, 0.0]]")
+
+
 @pytest.fixture
 def weld(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
@@ -161,7 +168,7 @@ def test_what_a_language_cannot_hold_is_refused_and_named(
     language: str, old: str, new: str, words: str, weld: Path
 ) -> None:
     assert old in of(language)
-    weld.write_text(of(language).replace(old, new, 1), "utf-8")
+    weld.write_text(from_start(of(language)).replace(old, new, 1), "utf-8")
     with pytest.raises(HolokinError, match=words):
         program_of_job(*open_job(str(weld)), language)
 

@@ -38,7 +38,7 @@ def poses_and_levels(name: str, seed: int, count: int) -> tuple[np.ndarray, np.n
     return poses, np.ravel(strategy.constraint_value(PANDA)) + rng.uniform(-0.4, 0.4, (count, 1))
 
 
-@sampled(4, "name", LAWS)
+@sampled(2, "name", LAWS)
 def test_the_joints_are_those_of_the_pose_and_of_the_level_whatever_was_asked_before(name: str) -> None:
     """Pinocchio says where the tool is; g says which leaf it is; the leaf is reached by self-motion as well."""
     strategy, ik = of_panda(name)
@@ -62,7 +62,7 @@ def test_the_joints_are_those_of_the_pose_and_of_the_level_whatever_was_asked_be
     assert batch.reached.all() and np.abs(batch.q - found).max() < 1e-12
 
 
-@sampled(4, "name", LAWS)
+@sampled(2, "name", LAWS)
 def test_a_loop_of_hand_and_elbow_brings_the_joints_back(name: str) -> None:
     """A closed path of the pair (pose, level), which an operator leads: every place of it has its joints."""
     strategy, ik = of_panda(name)
@@ -80,7 +80,7 @@ def test_a_loop_of_hand_and_elbow_brings_the_joints_back(name: str) -> None:
     assert np.abs(np.diff(seen, axis=0)).max() < 0.2
 
 
-@sampled(2, "name", LAWS)
+@sampled(1, "name", LAWS)
 def test_the_nearest_pose_on_another_level_is_that_of_the_leaf_there(name: str) -> None:
     """Referees: `ik(pose, level)` within reach; beyond it, a start that self-motion leads to, on its own leaf."""
     strategy, ik = of_panda(name)
