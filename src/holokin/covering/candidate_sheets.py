@@ -63,7 +63,7 @@ class CandidateSheets:
 
     laws: whose leaves are tried. own: whether laws may be made besides. served: a row of flags (k,) a sheet, found by
     many lines side by side, which may be wrong at a few poses; `exact` asks the sheet itself. costs: of each, see
-    `_cost`.
+    `_cost`. asked: the sheets that were; others: those of other postures of a leaf, which bring no more of them.
     """
 
     task: Task
@@ -77,6 +77,7 @@ class CandidateSheets:
     costs: list[float] = field(default_factory=list)
     tried: int = 0
     asked: set[int] = field(default_factory=set)
+    others: set[int] = field(default_factory=set)
 
     @property
     def sets(self) -> Flags:
@@ -202,7 +203,8 @@ class CandidateSheets:
             self.sheets[i] = replace(sheet, stations=q[known(q)], places=self.T[known(q)])
             changed |= not np.array_equal(known(q), self.served[i])
             self.served[i] = known(q)
-            if len(others):
+            if len(others) and i not in self.others:
+                self.others.add(len(self.sheets))
                 law = Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
                 self.add(law, others[[len(others) // 2]])
                 changed = True

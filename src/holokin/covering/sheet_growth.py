@@ -18,7 +18,8 @@ def grown(q: Matrix, near: Indices, T: Array, go: Go) -> tuple[Matrix, Indices]:
     """A sheet's postures at poses T (k, 4, 4), grown from those it has.
 
     Wave after wave the poses next to it are reached straight from a neighbour. So poses behind a hole or a corner of
-    the leaf are reached, too, which no straight path from its start does.
+    the leaf are reached, too, which no straight path from its start does. A pose is taken only if every neighbour that
+    the sheet serves leads to the same posture: else the leaf ends between them, or overlaps itself.
 
     Args:
         q: the postures (k, n) that it has, NaN for none. near: of each pose its neighbours (k, m), nearest first.
@@ -37,6 +38,13 @@ def grown(q: Matrix, near: Indices, T: Array, go: Go) -> tuple[Matrix, Indices]:
         column = np.argmax(can[at], axis=1)
         tried[at, column] = True
         found, served = go(q[near[at, column]], T[at])
+        for other in range(near.shape[1]):
+            ask = np.flatnonzero(served & (wave[near[at, other]] >= 0) & (column != other))
+            if len(ask):
+                there, reached = go(q[near[at[ask], other]], T[at[ask]])
+                alike = reached & (np.abs(there - found[ask]).max(axis=1) < AGREE)
+                tried[at[ask[~alike]]] = True
+                served[ask] = alike
         q[at[served]], wave[at[served]] = found[served], count
 
 
@@ -44,7 +52,9 @@ def one_function(q: Matrix, wave: Indices, pairs: Indices, T: Array, go: Go) -> 
     """A sheet's postures without those that contradict their neighbours, so that it is one function of the pose.
 
     Where a leaf overlaps itself, as after a turn round the base, it comes to one pose with two postures. Of two
-    neighbours of which one leads to another posture of the other, that which was reached later is left out.
+    neighbours of which one leads to another posture of the other, that which was reached later is left out. So is a
+    posture that was grown, if a neighbour does not lead to it at all. Two postures that were both reached straight from
+    the start are kept: the straight paths between them and the start are on the leaf.
 
     Returns:
         (postures (k, n), NaN where it does not serve; the other postures (l, n) of the leaf, at poses left out).
@@ -54,19 +64,24 @@ def one_function(q: Matrix, wave: Indices, pairs: Indices, T: Array, go: Go) -> 
     if not len(both):
         return q, q[:0]
     found, served = go(q[both[:, 0]], T[both[:, 1]])
-    clash = both[served & (np.abs(found - q[both[:, 1]]).max(axis=1) > AGREE)]
-    count = np.bincount(clash.ravel(), minlength=len(q))
+    differs = ~(np.abs(found - q[both[:, 1]]).max(axis=1) <= AGREE)
+    clash = both[(served & differs) | (~served & (wave[both].max(axis=1) > 0))]
     kept, out = known(q), []
+    count = np.bincount(clash.ravel(), minlength=len(q))
     for i in np.lexsort((-count, -wave)).tolist():  # the latest first
-        rivals = clash[(clash == i).any(axis=1)].ravel() if count[i] else clash[:0].ravel()
-        if kept[rivals[rivals != i]].any():
+        if count[i] and kept[_others(clash, i)].any():
             kept[i] = False
             out.append(i)
     others = []
     for i in out:
-        rivals = clash[(clash == i).any(axis=1)].ravel()
-        begin = [j for j in rivals[rivals != i] if kept[j]][:1]
+        begin = [j for j in _others(clash, i) if kept[j]][:1]
         there, reached = go(q[begin], T[[i] * len(begin)])
         others += list(there[reached])
     q[out] = np.nan
     return q, np.array(others).reshape(-1, q.shape[1])
+
+
+def _others(pairs: Indices, i: int) -> Indices:
+    """What is beside i in some pairs (e, 2)."""
+    rows = pairs[(pairs == i).any(axis=1)].ravel()
+    return rows[rows != i]

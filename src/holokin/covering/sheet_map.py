@@ -105,8 +105,9 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     def near(self, pose: PoseLike, q: ArrayLike) -> tuple[int, Vector]:
         """The same, but on the sheet that a posture q (n,) lies on, such as the last answer, while that serves.
 
-        So a loop changes its sheet only where it must, and it sees a change in the index. The joints of the new sheet
-        are elsewhere: `s.seams()` has the motions that lead there.
+        So a loop changes its sheet only where it must. The joints of the new sheet are elsewhere: `s.seams()` has the
+        motions that lead there. Between sampled poses, at the edge of a sheet, the joints may jump on one sheet, too:
+        a loop compares them with the last ones before it moves.
 
         Raises:
             NoSheetError: no sheet serves the pose. ShapeError, NotFiniteError, ArgumentError: a bad pose or posture.
