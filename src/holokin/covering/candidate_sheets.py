@@ -50,7 +50,7 @@ NATIVE, MANY = 64, 300
 """Lines side by side from which on native code runs, and poses from which on building it pays; not for laws that are
 tried once."""
 
-CLOSEST = 3
+CLOSEST = 4
 """Neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all."""
 
 MARGIN = 0.1

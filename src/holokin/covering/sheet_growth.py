@@ -10,6 +10,10 @@ from ..base.types import Array, Flags, Indices, Matrix
 from ..inverse_kinematics.inverse_function import AGREE
 from .sheet import known
 
+FAILING = 0.25
+"""Share of its neighbours that need not lead to a pose that is grown: at a hollow edge of a sheet a straight path to a
+neighbour leaves it. Where a leaf ends between two sides of a sheet, half of them do not lead across."""
+
 Go = Callable[[Matrix, Array], tuple[Matrix, Flags]]
 """(postures (k, n) to begin from, poses (k, 4, 4)) -> (postures there (k, n), which are served (k,))."""
 
@@ -18,8 +22,9 @@ def grown(q: Matrix, near: Indices, T: Array, go: Go) -> tuple[Matrix, Indices]:
     """A sheet's postures at poses T (k, 4, 4), grown from those it has.
 
     Wave after wave the poses next to it are reached straight from a neighbour. So poses behind a hole or a corner of
-    the leaf are reached, too, which no straight path from its start does. A pose is taken only if every neighbour that
-    the sheet serves leads to the same posture: else the leaf ends between them, or overlaps itself.
+    the leaf are reached, too, which no straight path from its start does. A pose is taken only if no neighbour
+    that the sheet serves leads to another posture, and three quarters of them to the same: else the leaf overlaps
+    itself, or ends between them.
 
     Args:
         q: the postures (k, n) that it has, NaN for none. near: of each pose its neighbours (k, m), nearest first.
@@ -38,13 +43,17 @@ def grown(q: Matrix, near: Indices, T: Array, go: Go) -> tuple[Matrix, Indices]:
         column = np.argmax(can[at], axis=1)
         tried[at, column] = True
         found, served = go(q[near[at, column]], T[at])
+        asked, failed = np.ones(len(at)), np.zeros(len(at))
         for other in range(near.shape[1]):
             ask = np.flatnonzero(served & (wave[near[at, other]] >= 0) & (column != other))
             if len(ask):
                 there, reached = go(q[near[at[ask], other]], T[at[ask]])
-                alike = reached & (np.abs(there - found[ask]).max(axis=1) < AGREE)
-                tried[at[ask[~alike]]] = True
-                served[ask] = alike
+                differs = reached & ~(np.abs(there - found[ask]).max(axis=1) <= AGREE)
+                asked[ask] += 1
+                failed[ask] += ~reached
+                served[ask] = ~differs
+        served &= failed <= FAILING * asked
+        tried[at[~served & (asked > 1)]] = True
         q[at[served]], wave[at[served]] = found[served], count
 
 
@@ -53,8 +62,8 @@ def one_function(q: Matrix, wave: Indices, pairs: Indices, T: Array, go: Go) -> 
 
     Where a leaf overlaps itself, as after a turn round the base, it comes to one pose with two postures. Of two
     neighbours of which one leads to another posture of the other, that which was reached later is left out. So is a
-    posture that was grown, if a neighbour does not lead to it at all. Two postures that were both reached straight from
-    the start are kept: the straight paths between them and the start are on the leaf.
+    posture that was grown, if more than a quarter of its neighbours do not lead to it at all. Postures that were
+    reached straight from the start are kept: the straight paths between them and the start are on the leaf.
 
     Returns:
         (postures (k, n), NaN where it does not serve; the other postures (l, n) of the leaf, at poses left out).
@@ -65,11 +74,13 @@ def one_function(q: Matrix, wave: Indices, pairs: Indices, T: Array, go: Go) -> 
         return q, q[:0]
     found, served = go(q[both[:, 0]], T[both[:, 1]])
     differs = ~(np.abs(found - q[both[:, 1]]).max(axis=1) <= AGREE)
-    clash = both[(served & differs) | (~served & (wave[both].max(axis=1) > 0))]
+    clash, apart = both[served & differs], both[~served]
     kept, out = known(q), []
     count = np.bincount(clash.ravel(), minlength=len(q))
     for i in np.lexsort((-count, -wave)).tolist():  # the latest first
-        if count[i] and kept[_others(clash, i)].any():
+        near, failing = _others(both, i), _others(apart, i)
+        split = wave[i] > 0 and kept[failing].sum() > FAILING * kept[near].sum()
+        if split or kept[_others(clash, i)].any():
             kept[i] = False
             out.append(i)
     others = []
