@@ -306,7 +306,7 @@ def native_leaf(
     if kernel is None:
         return None
     (p, R), c = plan.first, leaf_value(strategy, q0)
-    rules = leaf_rules(float(step(q0, p, R, c)[3]))
+    rules = leaf_rules(float(step(q0, p, R, c)[3]), TRIES)
     x = np.concatenate([q0, p, R.ravel(), c, np.zeros(len(q0) + 1)])
 
     def halted() -> None:
