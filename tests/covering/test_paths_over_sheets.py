@@ -7,9 +7,9 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
-from handmade_sheets import LIMIT, map_of, panda_map, planar_map
 
 import holokin as hk
+from handmade_sheets import LIMIT, map_of, panda_map, planar_map
 from holokin.covering import Sheet, Sheets, self_motion_between
 from holokin.errors import ArgumentError, DividedPathError, HolokinError, StartError
 

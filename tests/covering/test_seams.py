@@ -6,9 +6,9 @@ import pickle
 
 import numpy as np
 import pytest
-from handmade_sheets import map_of, panda_map, planar_map, planar_task
 
 import holokin as hk
+from handmade_sheets import map_of, panda_map, planar_map, planar_task
 from holokin.covering import Hindrance, Sheet, Sheets, self_motion_between
 from holokin.covering.surroundings import surroundings
 from holokin.errors import ArgumentError, NoSeamError, NotFiniteError, ShapeError

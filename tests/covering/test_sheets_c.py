@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from handmade_sheets import planar_map
 
 import holokin as hk
+from handmade_sheets import planar_map
 from holokin.covering import export_sheets
 from holokin.covering.surroundings import Surroundings
 from holokin.errors import ArgumentError
