@@ -10,7 +10,7 @@ import pytest
 from benchmarks.disc_law import disc_law, disc_start
 
 import holokin as hk
-from holokin.covering import PoseRest, Sheets
+from holokin.covering import PoseRest, Sheets, candidate_sheets
 from holokin.errors import (
     ArgumentError,
     JointLimitError,
@@ -159,6 +159,35 @@ def test_control_c_keeps_what_was_found() -> None:
     assert s.stopped
     assert len(s) > 0
     assert "stopped early" in s.sentence
+
+
+def test_control_c_while_the_sheets_are_asked_keeps_what_was_found() -> None:
+    task = planar_task()
+
+    def say(words: str) -> None:
+        if words == "asking the sheets":
+            raise KeyboardInterrupt
+
+    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=40, say=say)
+    assert s.stopped
+    assert s.served.any()
+    assert s.batch(s.poses[s.served]).served.all()
+
+
+def test_control_c_within_a_candidate_leaves_that_one_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    count, cost = [0], candidate_sheets._cost
+
+    def interrupted(*words: object) -> float:
+        count[0] += 1
+        if count[0] == 4:
+            raise KeyboardInterrupt
+        return cost(*words)
+
+    monkeypatch.setattr(candidate_sheets, "_cost", interrupted)
+    task = planar_task()
+    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=40)
+    assert s.stopped
+    assert s.served.any()
 
 
 @pytest.mark.parametrize(
