@@ -11,6 +11,10 @@ from ..base.types import Array, Flags, Indices, Value, Vector
 Cost = tuple[int, int, float]
 """Divisions, changes, seconds: compared in this order."""
 
+SWITCH = 1e-6
+"""Seconds that going over to another sheet of the same posture counts, so that rounding does not decide: where parts of
+one leaf overlap, both have the same motion."""
+
 
 @dataclass(frozen=True, eq=False)
 class SheetSequence(Value):
@@ -89,5 +93,5 @@ def _plus(cost: Cost, i: int, t: int, s: int, change: Array, first: int | None) 
         return cost
     seconds = float(change[i, t, s])
     if seconds == 0:
-        return cost
+        return cost[0], cost[1], cost[2] + SWITCH
     return (cost[0], cost[1] + 1, cost[2] + seconds) if np.isfinite(seconds) else (cost[0] + 1, cost[1], cost[2])
