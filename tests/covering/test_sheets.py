@@ -20,6 +20,7 @@ from holokin.errors import (
     ShapeError,
     SheetsFileError,
 )
+from holokin.path.workspaces import pose_cloud
 
 LIMIT = np.radians(150)
 
@@ -227,6 +228,18 @@ def test_a_saved_map_answers_the_same_to_the_last_bit(planar: Sheets, tmp_path: 
         (a, q), (b, p) = s(s.poses[i]), again(s.poses[i])
         assert a == b
         np.testing.assert_array_equal(q, p)
+
+
+def test_a_saved_map_of_given_poses_has_their_workspace(tmp_path: Path) -> None:
+    """Of more poses than samples, too: their middle is where the tool of a path without a rotation begins."""
+    task = hk.pose(hk.load("ur5e"))
+    given = hk.workspace(box=([0.4, 0.1, 0.3], [0.1, 0.2, 0.1]), tilt=0.2).poses(40, 3)
+    for samples in (10, 40):
+        s = hk.sheets(task, pose_cloud(given, "taught points"), samples=samples)
+        hk.write_sheets(s, tmp_path / "map.npz")
+        again = hk.read_sheets(tmp_path / "map.npz", task)
+        assert str(again.workspace) == str(s.workspace)
+        np.testing.assert_array_equal(again.workspace.center, s.workspace.center)
 
 
 def test_a_map_of_another_robot_or_of_no_map_is_refused(planar: Sheets, tmp_path: Path) -> None:
