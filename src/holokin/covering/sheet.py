@@ -77,11 +77,19 @@ class Sheet(Value):
             return None
         return q if clear is None or clear(q[None])[0] else None
 
-    def postures(self, poses: Array, clear: Clear | None = None, threads: int | None = None) -> tuple[Matrix, Flags]:
-        """(joints (k, n), which are served (k,)) at tool poses (k, 4, 4); a row of NaN where one is not served."""
+    def postures(
+        self, poses: Array, clear: Clear | None = None, threads: int | None = None, nearest: Matrix | None = None
+    ) -> tuple[Matrix, Flags]:
+        """(joints (k, n), which are served (k,)) at tool poses (k, 4, 4); a row of NaN where one is not served.
+
+        nearest: of each pose the nearest station (k, n), NaN where it is not known.
+        """
         if not len(poses):
             return np.zeros((0, len(self.q0))), np.zeros(0, dtype=bool)
-        q, served = self.reached(self._begin[self._places.nearest(poses)], poses, clear, threads)
+        begin = self._begin[self._places.nearest(poses)]
+        if nearest is not None:
+            begin = np.where(known(nearest)[:, None], nearest, begin)
+        q, served = self.reached(begin, poses, clear, threads)
         left = np.flatnonzero(~served)
         few = self._places.few(poses[left], STATIONS) if len(left) else np.zeros((0, 1), dtype=int)
         for column in few.T[1:]:
