@@ -30,8 +30,9 @@ class Sheet(Value):
     robot keeps clear of what was named.
 
     stations: postures (h, n) of the leaf from which poses are reached; none (0, n) for q0 alone. Those of `hk.sheets`
-    are at the sampled poses that the sheet serves; next to each other, each leads to the other. places: the tool poses
-    (h, 4, 4) of these. keys: what a job says of the strategy, empty where it was given as a value.
+    are at the sampled poses that the sheet serves; next to each other, each leads to the other, except where the
+    leaf overlaps itself. places: the tool poses (h, 4, 4) of these. keys: what a job says of the strategy, empty where
+    it was given as a value.
     """
 
     strategy: HolonomicStrategy

@@ -47,7 +47,7 @@ def fewest_changes(steps: Vector, served: Flags, change: Array, first: int | Non
         steps: seconds of the joints on each sheet and step (S, k - 1).
         served: which sheet serves which step (S, k - 1).
         change: seconds of a change from a sheet to another at each sample (k, S, S); infinite where there is none, 0
-            where both have one posture: then it is no change.
+            where both have one posture: then it is no change, and counts a microsecond.
         first: the sheet on which the arm stands at the first sample; None for any.
     """
     k = served.shape[1]
