@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import holokin as hk
-from handmade_sheets import LIMIT, map_of, panda_map, planar_map
+from handmade_sheets import LIMIT, map_of, panda_map, planar_map, planar_task
 from holokin.covering import Sheet, Sheets, self_motion_between
 from holokin.errors import ArgumentError, DividedPathError, HolokinError, StartError
 
@@ -173,6 +173,28 @@ def _off_sheets(s: Sheets, pose: np.ndarray) -> np.ndarray:
     """A posture of the pose on no sheet."""
     curve = hk.strategies.self_motion(s.task, s.sheets[0].posture(pose))
     return curve.at(curve.s[0] / 2)
+
+
+def test_two_sheets_of_one_leaf_are_followed_as_one() -> None:
+    """Where both have the same postures rounding does not go to and fro between them, and the arm does not rest."""
+    task, space, q0 = planar_task(), hk.workspace(cylinder=([0, 0, 0], 3.0, 0.0)), np.array([0.2, 0.9, 0.9])
+    whole = Sheet(hk.holonomic(task, hk.linear([0, 1, -1])), q0)
+    path = hk.line([1.6, 0.9, 0], [-0.9, 1.2, 0])
+    alone = map_of(task, space, [whole], 60)
+    served, x = np.isfinite(alone.q[0]).all(axis=1), alone.poses[:, 0, 3]
+    both = [
+        Sheet(whole.strategy, q0, stations=alone.q[0][served & side], places=alone.poses[served & side])
+        for side in (x > -0.3, x < 0.3)
+    ]
+    halves = [Shortened.of(whole, lambda T: T[0, 3] > 0.2), Shortened.of(whole, lambda T: T[0, 3] < 0.6)]
+    one = alone.follow(path, samples=60)
+    for sheets, many in ((both, 1), (halves, 2)):
+        for stops in (None, []):
+            found = map_of(task, space, sheets, 1).follow(path, stops=stops, samples=60)
+            assert (len(found.pieces), found.changes, found.cuts) == (many, 0, 0)
+            assert found.trajectory.corners == one.trajectory.corners
+            np.testing.assert_allclose(found.trajectory.q, one.trajectory.q, atol=1e-8)
+            np.testing.assert_allclose(found.trajectory.dq, one.trajectory.dq, atol=1e-6)
 
 
 def test_what_no_sheet_serves_is_left_out_and_named(planar: Sheets) -> None:

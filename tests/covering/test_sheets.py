@@ -10,7 +10,7 @@ import pytest
 from benchmarks.disc_law import disc_law, disc_start
 
 import holokin as hk
-from holokin.covering import PoseRest, Sheets
+from holokin.covering import PoseRest, Sheets, candidate_sheets
 from holokin.errors import (
     ArgumentError,
     JointLimitError,
@@ -20,6 +20,7 @@ from holokin.errors import (
     ShapeError,
     SheetsFileError,
 )
+from holokin.path.workspaces import pose_cloud
 
 LIMIT = np.radians(150)
 
@@ -71,6 +72,23 @@ def test_the_same_pose_has_the_same_joints_whatever_was_asked_before(planar: She
         np.testing.assert_array_equal(q, p)
         np.testing.assert_allclose(q, r, atol=1e-9)
     assert planar(planar.poses[at[0]][:2, 3])[0] == once[0][0]  # a point will do for a task of positions
+
+
+def test_a_pose_midway_between_sampled_poses_has_the_same_joints_alone_and_in_company() -> None:
+    """On a grid the middles are equally near to two or four sampled poses: rounding must not choose another one."""
+    task, at = planar_task(), np.linspace(-2.8, 2.8, 15)
+    grid = np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)
+    grid = grid[np.linalg.norm(grid, axis=1) < 2.9]
+    given, asked = np.tile(np.eye(4), (len(grid), 1, 1)), np.tile(np.eye(4), (2 * len(grid), 1, 1))
+    given[:, :2, 3] = grid
+    asked[:, :2, 3] = np.concatenate([grid + [0.2, 0.0], grid + [0.0, 0.2]])
+    s = hk.sheets(task, pose_cloud(given), [hk.holonomic(task, hk.linear([0, 1, -1]))], share=0.95)
+    found = s.batch(asked)
+    for pose, sheet, q in zip(asked[found.served], found.sheet[found.served], found.q[found.served], strict=True):
+        alone = s(pose)
+        assert alone[0] == sheet
+        np.testing.assert_allclose(alone[1], q, atol=1e-9)
+    assert s.batch(asked[:0]).q.shape == (0, 3)
 
 
 def test_the_sheet_is_that_of_the_labels_at_the_sampled_poses(planar: Sheets) -> None:
@@ -161,6 +179,35 @@ def test_control_c_keeps_what_was_found() -> None:
     assert "stopped early" in s.sentence
 
 
+def test_control_c_while_the_sheets_are_asked_keeps_what_was_found() -> None:
+    task = planar_task()
+
+    def say(words: str) -> None:
+        if words == "asking the sheets":
+            raise KeyboardInterrupt
+
+    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=40, say=say)
+    assert s.stopped
+    assert s.served.any()
+    assert s.batch(s.poses[s.served]).served.all()
+
+
+def test_control_c_within_a_candidate_leaves_that_one_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    count, cost = [0], candidate_sheets._cost
+
+    def interrupted(*words: object) -> float:
+        count[0] += 1
+        if count[0] == 4:
+            raise KeyboardInterrupt
+        return cost(*words)
+
+    monkeypatch.setattr(candidate_sheets, "_cost", interrupted)
+    task = planar_task()
+    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=40)
+    assert s.stopped
+    assert s.served.any()
+
+
 @pytest.mark.parametrize(
     ("words", "error"),
     [
@@ -198,6 +245,18 @@ def test_a_saved_map_answers_the_same_to_the_last_bit(planar: Sheets, tmp_path: 
         (a, q), (b, p) = s(s.poses[i]), again(s.poses[i])
         assert a == b
         np.testing.assert_array_equal(q, p)
+
+
+def test_a_saved_map_of_given_poses_has_their_workspace(tmp_path: Path) -> None:
+    """Of more poses than samples, too: their middle is where the tool of a path without a rotation begins."""
+    task = hk.pose(hk.load("ur5e"))
+    given = hk.workspace(box=([0.4, 0.1, 0.3], [0.1, 0.2, 0.1]), tilt=0.2).poses(40, 3)
+    for samples in (10, 40):
+        s = hk.sheets(task, pose_cloud(given, "taught points"), samples=samples)
+        hk.write_sheets(s, tmp_path / "map.npz")
+        again = hk.read_sheets(tmp_path / "map.npz", task)
+        assert str(again.workspace) == str(s.workspace)
+        np.testing.assert_array_equal(again.workspace.center, s.workspace.center)
 
 
 def test_a_map_of_another_robot_or_of_no_map_is_refused(planar: Sheets, tmp_path: Path) -> None:

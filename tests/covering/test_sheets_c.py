@@ -14,7 +14,7 @@ import holokin as hk
 from handmade_sheets import planar_map
 from holokin.covering import export_sheets
 from holokin.covering.surroundings import Surroundings
-from holokin.errors import ArgumentError
+from holokin.errors import ArgumentError, ExportError
 
 
 @pytest.fixture(scope="module")
@@ -64,3 +64,24 @@ def test_what_c_does_not_look_at_is_refused(planar: hk.Sheets, tmp_path: Path) -
     for other in (replace(planar, around=Surroundings()), rough):
         with pytest.raises(ArgumentError, match="obstacles"):
             export_sheets(other, tmp_path)
+
+
+def test_branches_of_an_arm_that_is_not_redundant_are_refused(tmp_path: Path) -> None:
+    """C has no inverse kinematics of these: what was written did not compile."""
+    s = hk.sheets(hk.pose(hk.load("ur5e")), hk.workspace(box=([0.4, 0.1, 0.3], [0.1, 0.2, 0.1])), samples=4)
+    with pytest.raises(ExportError, match="redundant"):
+        export_sheets(s, tmp_path)
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(subprocess.run(["sh", "-c", "command -v cc"], check=False).returncode != 0, reason="no C compiler")
+def test_more_sheets_than_a_char_counts_keep_their_numbers(planar: hk.Sheets, tmp_path: Path) -> None:
+    count = 130
+    q = np.concatenate([planar.q] * count)[:count]
+    last = np.array([max((s for s in range(count) if np.isfinite(q[s, i]).all()), default=-1) for i in range(64)])
+    s = replace(planar, sheets=(planar.sheets * count)[:count], q=q, labels=last)
+    assert last.max() > 127
+    export_sheets(s, tmp_path / "c", name="arm")
+    folder = tmp_path / "c"
+    flags = ["-std=c99", "-Werror", "-Wconversion", "-Wsign-conversion", "-fsyntax-only"]
+    subprocess.run(["cc", *flags, "arm_sheets.c"], cwd=folder, check=True)

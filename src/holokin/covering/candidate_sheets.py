@@ -134,9 +134,10 @@ class CandidateSheets:
             if flags.any():
                 q, _ = grown(np.where(flags[:, None], postures, np.nan), self.near[:, :CLOSEST], self.T, go)
                 keys = {key: value for key, value in law.keys.items() if key != "level"}
+                cost = _cost(law.strategy, q[known(q)])  # before the three lists: Ctrl-C leaves them of one length
                 self.sheets.append(Sheet(law.strategy, q0, self.rcond, keys))
                 self.served.append(known(q))
-                self.costs.append(_cost(law.strategy, q[known(q)]))
+                self.costs.append(cost)
 
     def vary(self, which: Indices, rng: np.random.Generator, round_: int, end: float) -> None:
         """Adds sheets next to some of them: on other levels of their laws, and of laws with other coefficients."""

@@ -175,10 +175,13 @@ def _search(
     if not pool.sheets:
         cure = "give other strategies, a smaller rcond, or a workspace nearer to the arm's middle"
         raise ArgumentError("the strategies", [law.name for law in pool.laws], f"no leaf of them serves a pose: {cure}")
-    say("asking the sheets")
     cover = _cover(pool, wanted)
-    while pool.exact(cover.chosen):
-        cover = _cover(pool, wanted)
+    try:
+        say("asking the sheets")
+        while pool.exact(cover.chosen):
+            cover = _cover(pool, wanted)
+    except KeyboardInterrupt:  # sheets that were not asked serve what is straight from their q0
+        stopped = True
     return pool, cover, stopped
 
 

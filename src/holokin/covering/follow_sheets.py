@@ -29,6 +29,9 @@ NEAR = 1e-9
 ON_SHEET = 1e-6
 """Difference [joint units] below which a start posture is that of a sheet."""
 
+SAME_RATES = 1e-6
+"""Relative difference of two G at one posture below which the joints go on as they came."""
+
 TOGETHER = 16
 """Changes between two sheets that are looked at together at first, then as many again: one takes as long as sixteen."""
 
@@ -191,6 +194,7 @@ def _motion(along: _Along, changes: _Changes, best: SheetSequence, first: int | 
     divisions: list[Division] = []
     left_out: list[UnservedPart] = []
     parts: list[list[Stage]] = [[]]
+    begun = 0
     for a, b in pairwise(ends):
         start, stop, s = along.share(a), along.share(b), int(labels[a])
         if s < 0:
@@ -207,9 +211,12 @@ def _motion(along: _Along, changes: _Changes, best: SheetSequence, first: int | 
                 reason = _reason(along, changes, change)
                 divisions.append(Division(start, *turning[a], along.poses[a], reason))
                 parts.append([])
-        stage = _stage(along, s, a, b)
-        pieces.append(SheetPiece(s, start, stop, joined(along.task, [stage])))
-        parts[-1].append(stage)
+        if a and a in turning and changes.seconds[(a, *turning[a])] == 0 and _goes_on(along, a, *turning[a]):
+            parts[-1].pop()  # one stage over both sheets: nothing rests between them
+        else:
+            begun = a
+        pieces.append(SheetPiece(s, start, stop, joined(along.task, [_stage(along, labels, a, b)])))
+        parts[-1].append(_stage(along, labels, begun, b))
     done = tuple(joined(along.task, stages) for stages in parts if stages)
     return SheetMotion(along.path, tuple(pieces), tuple(seams), tuple(divisions), tuple(left_out), done)
 
@@ -232,20 +239,30 @@ def _reason(along: _Along, changes: _Changes, change: tuple[int, int, int]) -> s
     return Hindrance.NO_POSE.text
 
 
-def _stage(along: _Along, s: int, a: int, b: int) -> Stage:
-    """The joints of a sheet from sample a to b of the path: in its times, slower where joints would be too fast."""
-    task, sheet, path, rows = along.task, along.sheets[s], along.path, slice(a, b + 1)
-    t, q = along.t[rows], along.q[s, rows]
+def _goes_on(along: _Along, i: int, a: int, b: int) -> bool:
+    """Whether two sheets that have one posture at a sample have the same joint rates there, too, as on one leaf."""
+    one, other = (along.sheets[s].strategy.gain(along.q[b, i])[0] for s in (a, b))
+    return bool(np.abs(one - other).max() <= SAME_RATES * np.abs(other).max())
+
+
+def _stage(along: _Along, labels: Indices, a: int, b: int) -> Stage:
+    """The joints from sample a to b of the path, each step on its sheet: in its times, slower where joints would be too
+    fast."""
+    task, path, rows = along.task, along.path, slice(a, b + 1)
+    on = np.append(labels[a:b], labels[b - 1])
+    t, q = along.t[rows], along.q[on, np.arange(a, b + 1)]
     at = path.at(t)
     x, _ = task.rates(along.poses[rows, :3, :3], at.velocity, at.angular)
-    dq = sheet.strategy.rate.batch(q, x)[0].reshape(q.shape)
+    dq, residual = np.zeros_like(q), np.zeros(len(q))
+    for s in np.unique(on).tolist():
+        here, sheet = on == s, along.sheets[s]
+        dq[here] = sheet.strategy.rate.batch(q[here], x[here])[0].reshape(-1, task.n)
+        if task.n > task.m:
+            values = sheet.strategy.constraint_value.batch(q[here]).reshape(here.sum(), -1) - sheet.level
+            residual[here] = np.abs(sheet.strategy.constraint.nearest(values)).max(axis=1)
     limits = np.where(task.robot.max_velocity > 0, task.robot.max_velocity, np.inf)
     slower = max(1.0, float(np.max(np.abs(dq) / limits)))
-    residual = np.zeros(len(q))
-    if task.n > task.m:
-        values = sheet.strategy.constraint_value.batch(q).reshape(len(q), -1) - sheet.level
-        residual = np.abs(sheet.strategy.constraint.nearest(values)).max(axis=1)
-    here = [int(np.argmin(np.abs(t - path.starts[c]))) for c in path.corners if t[0] <= path.starts[c] < t[-1]]
+    corners = [int(np.argmin(np.abs(t - path.starts[c]))) for c in path.corners if t[0] <= path.starts[c] < t[-1]]
     if 0 in path.corners and t[-1] == path.duration:
-        here.append(len(t) - 1)
-    return Stage(slower * (t - t[0]), q, dq / slower, along.poses[rows], residual, tuple(here))
+        corners.append(len(t) - 1)
+    return Stage(slower * (t - t[0]), q, dq / slower, along.poses[rows], residual, tuple(corners))

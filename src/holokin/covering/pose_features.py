@@ -54,10 +54,14 @@ class PosePoints(Value):
         return np.concatenate(found)
 
     def _compared(self, T: Array) -> Iterator[Matrix]:
-        """Half the squared distances of some poses to all, but for what all of one pose have in common."""
+        """Half the squared distances of some poses to all, but for what all of one pose have in common.
+
+        Each pose for itself, so that they have the same last bits in any company: of equal ones one is the nearest.
+        """
         X, half = self._points
         Y = features(T, self.length)
-        yield from (half - part @ X.T for part in np.array_split(Y, 1 + len(Y) // PIECE))
+        for part in np.array_split(Y, 1 + len(Y) // PIECE):
+            yield half - np.matmul(X[None], part[:, :, None])[..., 0]
 
     @cached_property
     def _points(self) -> tuple[Matrix, Vector]:

@@ -30,8 +30,9 @@ class Sheet(Value):
     robot keeps clear of what was named.
 
     stations: postures (h, n) of the leaf from which poses are reached; none (0, n) for q0 alone. Those of `hk.sheets`
-    are at the sampled poses that the sheet serves; next to each other, each leads to the other. places: the tool poses
-    (h, 4, 4) of these. keys: what a job says of the strategy, empty where it was given as a value.
+    are at the sampled poses that the sheet serves; next to each other, each leads to the other, except where the
+    leaf overlaps itself. places: the tool poses (h, 4, 4) of these. keys: what a job says of the strategy, empty where
+    it was given as a value.
     """
 
     strategy: HolonomicStrategy
@@ -77,11 +78,19 @@ class Sheet(Value):
             return None
         return q if clear is None or clear(q[None])[0] else None
 
-    def postures(self, poses: Array, clear: Clear | None = None, threads: int | None = None) -> tuple[Matrix, Flags]:
-        """(joints (k, n), which are served (k,)) at tool poses (k, 4, 4); a row of NaN where one is not served."""
+    def postures(
+        self, poses: Array, clear: Clear | None = None, threads: int | None = None, nearest: Matrix | None = None
+    ) -> tuple[Matrix, Flags]:
+        """(joints (k, n), which are served (k,)) at tool poses (k, 4, 4); a row of NaN where one is not served.
+
+        nearest: of each pose the nearest station (k, n), NaN where it is not known.
+        """
         if not len(poses):
             return np.zeros((0, len(self.q0))), np.zeros(0, dtype=bool)
-        q, served = self.reached(self._begin[self._places.nearest(poses)], poses, clear, threads)
+        begin = self._begin[self._places.nearest(poses)]
+        if nearest is not None:
+            begin = np.where(known(nearest)[:, None], nearest, begin)
+        q, served = self.reached(begin, poses, clear, threads)
         left = np.flatnonzero(~served)
         few = self._places.few(poses[left], STATIONS) if len(left) else np.zeros((0, 1), dtype=int)
         for column in few.T[1:]:

@@ -131,9 +131,16 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             ShapeError, NotFiniteError, ArgumentError: bad poses.
         """
         T = tool_poses("of the batch", poses)
-        every, k = self.postures(T), np.arange(len(T))
         places, at = self._known
-        first = self.labels[at[places.nearest(T)]] if len(at) else np.full(len(T), -1)
+        first, k, found = np.full(len(T), -1), np.arange(len(T)), []
+        stations = np.full((len(T), self.task.n), np.nan)
+        if len(at):
+            near = at[places.nearest(T)]
+            first, stations = self.labels[near], self.q[self.labels[near], near]
+        for s, sheet in enumerate(self.sheets):
+            nearest = np.where((first == s)[:, None], stations, np.nan)
+            found.append(sheet.postures(T, self.clear, nearest=nearest)[0])
+        every = np.array(found).reshape(len(self), len(T), self.task.n)
         served = known(every)
         taken = np.where(served.any(axis=0), np.argmax(served, axis=0), -1)
         taken = np.where((first >= 0) & served[first, k], first, taken)

@@ -11,6 +11,10 @@ from ..base.types import Array, Flags, Indices, Value, Vector
 Cost = tuple[int, int, float]
 """Divisions, changes, seconds: compared in this order."""
 
+SWITCH = 1e-6
+"""Seconds that going over to another sheet of the same posture counts, so that rounding does not decide: where parts of
+one leaf overlap, both have the same motion."""
+
 
 @dataclass(frozen=True, eq=False)
 class SheetSequence(Value):
@@ -43,7 +47,7 @@ def fewest_changes(steps: Vector, served: Flags, change: Array, first: int | Non
         steps: seconds of the joints on each sheet and step (S, k - 1).
         served: which sheet serves which step (S, k - 1).
         change: seconds of a change from a sheet to another at each sample (k, S, S); infinite where there is none, 0
-            where both have one posture: then it is no change.
+            where both have one posture: then it is no change, and counts a microsecond.
         first: the sheet on which the arm stands at the first sample; None for any.
     """
     k = served.shape[1]
@@ -89,5 +93,5 @@ def _plus(cost: Cost, i: int, t: int, s: int, change: Array, first: int | None) 
         return cost
     seconds = float(change[i, t, s])
     if seconds == 0:
-        return cost
+        return cost[0], cost[1], cost[2] + SWITCH
     return (cost[0], cost[1] + 1, cost[2] + seconds) if np.isfinite(seconds) else (cost[0] + 1, cost[1], cost[2])

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import Array, Indices, Matrix, positive
-from ..errors import ArgumentError
+from ..errors import ArgumentError, ExportError
 from ..export import Exported
 from ..export.c_folder import c_name, c_texts, operations_of, write_texts
 from ..export.c_text import line
@@ -51,7 +51,7 @@ def export_sheets(
 
     Raises:
         ArgumentError: no sheets, surroundings, a least rcond; a name that is no C name; files in the way. ExportError:
-        a strategy has no C. WriteError.
+        nothing is redundant, or a strategy has no C. WriteError.
     """
     positive("dt", dt)
     if not len(found):
@@ -59,6 +59,9 @@ def export_sheets(
     if found.around is not None or any(sheet.rcond for sheet in found.sheets):
         cure = "C does not look at obstacles, nor at a least rcond: make the map without, and check its motions"
         raise ArgumentError("the map", "it has surroundings, or a least rcond", cure)
+    if found.task.n == found.task.m:
+        cure = "ask `s(pose)` in Python, or give a task with fewer rows: C has inverse kinematics of redundant arms"
+        raise ExportError("nothing is redundant, the sheets are branches of the arm", cure)
     short = c_name(found.task.robot.name) if name is None else str(name)
     texts: dict[str, str] = {}
     operations: dict[str, int] = {}
@@ -129,7 +132,7 @@ static const double places[{k}][12] = {{
 {_rows(X)}
 }};
 static const double halves[{k}] = {{{_numbers(0.5 * np.sum(X**2, axis=1))}}};
-static const signed char labels[{k}] = {{{", ".join(map(str, labels.tolist()))}}};
+static const int labels[{k}] = {{{", ".join(map(str, labels.tolist()))}}};
 
 /* The joints of the sheets at the poses that they serve; and of each sheet and pose the row, -1 for none. */
 static const double joints[{int(there.sum())}][{n}] = {{

@@ -13,7 +13,7 @@ import numpy as np
 from ..base.files import replacing
 from ..base.types import Array, Matrix, Vector
 from ..errors import ArgumentError, SheetsFileError
-from ..path.workspaces import Box, Cylinder, PoseRange, Solid, Sphere, Workspace, pose_cloud
+from ..path.workspaces import Box, Cylinder, PoseCloud, PoseRange, Solid, Sphere, Workspace, pose_cloud
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
 from .sheet import Sheet, known
@@ -60,7 +60,7 @@ def write_sheets(found: Sheets, path: str | Path) -> None:
     with replacing(path) as part, part.open("wb") as stream:
         np.savez_compressed(
             stream, about=np.frombuffer(json.dumps(about).encode(), dtype=np.uint8), q0=q0, poses=found.poses,
-            q=found.q, labels=found.labels, rest=found.rest, pairs=found.pairs, cuts=found.cuts,
+            q=found.q, labels=found.labels, rest=found.rest, pairs=found.pairs, cuts=found.cuts, cloud=_cloud(found),
         )  # fmt: skip
 
 
@@ -84,9 +84,10 @@ def sheets_of_file(path: str | Path, task: Task, around: Surroundings | None, bu
             _sheet(build(one["keys"], task, q0, str(one["name"])), q0, one, q, arrays["poses"])
             for one, q0, q in zip(about["leaves"], arrays["q0"], arrays["q"], strict=True)
         )
+        cloud = arrays["cloud"] if len(arrays.get("cloud", ())) else arrays["poses"]
         found = Sheets(
-            task, _workspace_of(about["workspace"], arrays["poses"]), sheets, arrays["poses"], arrays["q"],
-            arrays["labels"], arrays["rest"], arrays["pairs"], arrays["cuts"], int(about["least_cuts"]),
+            task, _workspace_of(about["workspace"], cloud), sheets, arrays["poses"], arrays["q"], arrays["labels"],
+            arrays["rest"], arrays["pairs"], arrays["cuts"], int(about["least_cuts"]),
             int(about["least"]), int(about["candidates"]), float(about["length"]), around, bool(about["stopped"]),
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as problem:
@@ -139,9 +140,17 @@ def _check(file: Path, found: Sheets) -> None:
         raise SheetsFileError(file, bad, "it is of another model of the robot, or was changed: make the map again")
 
 
+def _cloud(found: Sheets) -> Array:
+    """The given poses of the workspace (l, 4, 4), where these are not the sampled ones; else none (0, 4, 4)."""
+    space = found.workspace
+    if isinstance(space, PoseCloud) and len(space.given) != len(found.poses):
+        return space.given
+    return found.poses[:0]
+
+
 def _workspace_keys(space: Workspace) -> dict[str, Any]:
     if not isinstance(space, PoseRange):
-        return {"kind": "poses", "source": str(space)}
+        return {"kind": "poses", "source": space.source if isinstance(space, PoseCloud) else str(space)}
     kind = next(word for word, (solid, _) in SOLIDS.items() if type(space.solid) is solid)
     sizes = {name: np.asarray(getattr(space.solid, name)).tolist() for name in SOLIDS[kind][1]}
     return {"kind": kind, "solid": sizes, "rotation": space.rotation.tolist(), "tilt": space.tilt, "spin": space.spin}
