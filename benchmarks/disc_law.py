@@ -48,15 +48,14 @@ COEFFICIENTS = {
 
 def disc_law(task: hk.Task) -> hk.HolonomicStrategy:
     """The strategy that keeps the leaf."""
-
-    def g(q):
-        u, v = q[0] / LIMIT, q[2] / LIMIT
-        return q[1] - sum(c * u**i * v**j for (i, j), c in COEFFICIENTS.items())
-
-    return hk.holonomic(task, hk.custom(g, rows=1), name="disc law")
+    return hk.holonomic(task, hk.custom(lambda q: q[1] - _second(q[0], q[2]), rows=1), name="disc law")
 
 
 def disc_start() -> np.ndarray:
     """A posture (3,) of the leaf g = 0 in the middle of the disc's sheet."""
-    v = -1.0 / LIMIT
-    return np.array([0.0, sum(c * v**j for (i, j), c in COEFFICIENTS.items() if i == 0), -1.0])
+    return np.array([0.0, _second(0.0, -1.0), -1.0])
+
+
+def _second(q1, q3):
+    """Joint 2 on the leaf g = 0, of joints 1 and 3."""
+    return sum(c * (q1 / LIMIT) ** i * (q3 / LIMIT) ** j for (i, j), c in COEFFICIENTS.items())

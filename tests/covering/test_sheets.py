@@ -10,9 +10,10 @@ import pytest
 from benchmarks.disc_law import disc_law, disc_start
 
 import holokin as hk
-from holokin.covering import PoseRest, Sheets, candidate_sheets
+from holokin.covering import PoseRest, Sheet, Sheets, candidate_sheets
 from holokin.errors import (
     ArgumentError,
+    BranchError,
     JointLimitError,
     NoSheetError,
     NotFiniteError,
@@ -346,11 +347,43 @@ def test_a_sheet_is_proven_over_a_box_and_has_the_joints_of_the_proof(planar: Sh
         planar.certified(0)  # the disc
 
 
-def test_one_leaf_serves_nearly_the_whole_disc_and_overlaps_itself() -> None:
+@pytest.fixture(scope="module")
+def one_leaf() -> Sheets:
+    task = planar_task()
+    return hk.sheets(task, disc(), [disc_law(task)], q0=disc_start(), share=0.9, samples=400)
+
+
+def test_a_loop_never_leaps_on_its_sheet(one_leaf: Sheets, planar: Sheets) -> None:
+    """Round the base in steps of a centimetre: while the index stays, the joints move as far as the tool asks
+    for; where they cannot, the loop is told."""
+    told = 0
+    for s in (one_leaf, planar):
+        for radius in (0.9, 1.5, 2.1):
+            q = s([radius, 0.0])[1]
+            for angle in np.arange(0.0, 2 * np.pi, 0.01 / radius):
+                before = q
+                try:
+                    _, q = s.near([radius * np.cos(angle), radius * np.sin(angle)], q)
+                except BranchError:
+                    told += 1
+                    break
+                if set(s.of(before)) & set(s.of(q)):
+                    assert np.abs(q - before).max() < 0.1
+    assert told == 3  # one leaf alone: it overlaps itself, and the base does not go round
+
+
+def test_a_posture_of_another_branch_is_on_no_sheet_of_this_one(planar: Sheets) -> None:
+    """q2 = q3 + c with both elbows turned over has another sign of det [J; J_g]: the same leaf, another sheet."""
+    s = replace(planar, sheets=(Sheet(planar.sheets[0].strategy, np.array([0.2, 0.9, 0.9])),), q=planar.q[:1])
+    assert s.of([0.1, 1.0, 1.0]) == (0,)
+    assert s.of([0.1, -1.0, -1.0]) == ()
+    assert s.of([0.1, 1.0, 1.1]) == ()
+
+
+def test_one_leaf_serves_nearly_the_whole_disc_and_overlaps_itself(one_leaf: Sheets) -> None:
     """The base cannot go round, but the self-motion leads the tool the rest of the way: a loop round the base comes to
     other joints on the same leaf, and the map says where."""
-    task = planar_task()
-    s = hk.sheets(task, disc(), [disc_law(task)], q0=disc_start(), share=0.9, samples=400)
+    s, task = one_leaf, one_leaf.task
     assert len(s) == 1
     assert s.share > 0.95
     round_ = np.array([[1.8 * np.cos(a), 1.8 * np.sin(a)] for a in np.linspace(0, 2 * np.pi, 200)])

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.disc_law import disc_law, disc_start
 
 import holokin as hk
-from handmade_sheets import planar_map
+from handmade_sheets import planar_map, planar_task
 from holokin.covering import export_sheets
 from holokin.covering.surroundings import Surroundings
-from holokin.errors import ArgumentError, ExportError
+from holokin.errors import ArgumentError, BranchError, ExportError
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +86,31 @@ def test_more_sheets_than_a_char_counts_keep_their_numbers(planar: hk.Sheets, tm
     folder = tmp_path / "c"
     flags = ["-std=c99", "-Werror", "-Wconversion", "-Wsign-conversion", "-fsyntax-only"]
     subprocess.run(["cc", *flags, "arm_sheets.c"], cwd=folder, check=True)
+
+
+@pytest.mark.skipif(subprocess.run(["sh", "-c", "command -v cc"], check=False).returncode != 0, reason="no C compiler")
+def test_a_loop_in_c_is_told_where_its_only_sheet_would_leap(tmp_path: Path) -> None:
+    """One leaf overlaps itself on the disc: round the base C goes with the map, and ends where that does."""
+    task = planar_task()
+    disc = hk.workspace(cylinder=([0, 0, 0], 3.0, 0.0))
+    one = hk.sheets(task, disc, [disc_law(task)], q0=disc_start(), share=0.9, samples=150)
+    assert len(one) == 1
+    export_sheets(one, tmp_path / "c", name="arm")
+    command = ["cc", "-std=c99", "-O1", "-fPIC", "-shared", "-o", "arm.so", "arm_sheets.c", "sheet_0/arm_0.c", "-lm"]
+    subprocess.run(command, cwd=tmp_path / "c", check=True, timeout=120)
+    library, numbers = ctypes.CDLL(str(tmp_path / "c" / "arm.so")), ctypes.POINTER(ctypes.c_double)
+    q, ended = one([1.5, 0.0])[1].copy(), False
+    for angle in np.arange(0.0, 2 * np.pi, 0.03):
+        pose, before = np.eye(4), q.copy()
+        pose[:2, 3] = 1.5 * np.cos(angle), 1.5 * np.sin(angle)
+        sheet = library.arm_sheets_near(pose.ctypes.data_as(numbers), q.ctypes.data_as(numbers), 0)
+        try:
+            wanted = one.near(pose, before)[1]
+        except BranchError:
+            ended = True
+            assert sheet == -1
+            np.testing.assert_array_equal(q, before)
+            break
+        assert sheet == 0
+        np.testing.assert_allclose(q, wanted, atol=1e-8)
+    assert ended

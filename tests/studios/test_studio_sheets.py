@@ -77,26 +77,26 @@ def test_a_change_is_a_self_motion_with_the_tool_at_rest_and_then_the_arm_goes_o
     one, sheets, found = session
     one.follow_sheets("pinv")
     changed = 0
-    for turn in (1, -1):
-        for angle in turn * np.linspace(0.0, np.pi, 90):
-            target = at(1.2 * np.cos(angle), 1.2 * np.sin(angle))
-            before = one.snapshot().law("pinv").q
-            one.drag(target)
+    there = np.linspace(0.0, np.pi, 90)
+    for angle in np.concatenate([there, there[::-1], -there]):  # the hand goes, it does not leap
+        target = at(1.2 * np.cos(angle), 1.2 * np.sin(angle))
+        before = one.snapshot().law("pinv").q
+        one.drag(target)
+        law = one.snapshot().law("pinv")
+        if not sheets.state.sentence.startswith("Changes"):
+            continue
+        changed += 1
+        rest = found.task.pose(before)[:2, 3]
+        for _ in range(200):
+            one.advance(0.1)
             law = one.snapshot().law("pinv")
-            if not sheets.state.sentence.startswith("Changes"):
-                continue
-            changed += 1
-            rest = found.task.pose(before)[:2, 3]
-            for _ in range(200):
-                one.advance(0.1)
-                law = one.snapshot().law("pinv")
-                if law.following:
-                    break
-                np.testing.assert_allclose(found.task.pose(law.q)[:2, 3], rest, atol=1e-3)
-                assert found.task.robot.within(law.q[None]).all()
-            assert law.following
-            np.testing.assert_allclose(found.task.pose(law.q)[:2, 3], target[:2, 3], atol=1e-9)
-            assert sheets.state.sheet in found.of(law.q)
+            if law.following:
+                break
+            np.testing.assert_allclose(found.task.pose(law.q)[:2, 3], rest, atol=1e-3)
+            assert found.task.robot.within(law.q[None]).all()
+        assert law.following
+        np.testing.assert_allclose(found.task.pose(law.q)[:2, 3], target[:2, 3], atol=1e-9)
+        assert sheets.state.sheet in found.of(law.q)
     assert changed >= 1
 
 
@@ -172,3 +172,21 @@ def test_a_job_with_sheets_has_them_in_its_session_and_another_has_none(tmp_path
         until(lambda: one.sheets is not None and "none.npz" in one.sheets.state.searching)
     finally:
         one.close()
+
+
+def test_a_hand_that_leaps_does_not_make_the_joints_leap(session: tuple) -> None:
+    """From any place to any other: the arm goes where the leaf leads straight from its posture, changes, or rests."""
+    one, sheets, found = session
+    one.follow_sheets("pinv")
+    rng, went = np.random.default_rng(1), 0
+    for radius, angle in zip(rng.uniform(0.5, 2.5, 40), rng.uniform(-np.pi, np.pi, 40), strict=True):
+        before, target = one.snapshot().law("pinv").q, at(radius * np.cos(angle), radius * np.sin(angle))
+        one.drag(target)
+        law = one.snapshot().law("pinv")
+        if law.following:
+            went += 1
+            on = found.sheets[sheets.state.sheet].reached(before[None], target[None])[0][0]
+            np.testing.assert_allclose(law.q, on, atol=1e-6)
+        else:
+            np.testing.assert_array_equal(law.q, before)
+    assert 5 < went < 40

@@ -21,7 +21,7 @@ from ..errors import HolokinError
 from ..strategies import HolonomicStrategy, holonomic
 from ..tasks.task import Task
 from .pose_features import nearby, neighbours, turn_length
-from .sheet import Sheet, known
+from .sheet import Sheet, allowed_postures, known
 from .sheet_growth import Go, grown, one_function
 
 LAWS = 6
@@ -205,9 +205,9 @@ class CandidateSheets:
             changed |= not np.array_equal(known(q), self.served[i])
             self.served[i] = known(q)
             if len(others) and i not in self.others:
-                self.others.add(len(self.sheets))
-                law = Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
+                before, law = len(self.sheets), Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
                 self.add(law, others[[len(others) // 2]])
+                self.others.update(range(before, len(self.sheets)))
                 changed = True
         return changed
 
@@ -264,7 +264,8 @@ def _lines_served(
     except HolokinError:  # it is singular at a start
         return np.zeros(shape, dtype=bool), np.zeros((*shape, law.task.n))
     q = ends.q.reshape(-1, law.task.n)
-    return _allowed(law.strategy, q, ends.reached.ravel(), clear, rcond).reshape(shape), ends.q
+    within = ends.reached.ravel() & law.task.robot.within(q)
+    return allowed_postures(law.strategy, q, within, rcond, clear).reshape(shape), ends.q
 
 
 def _side_by_side(strategy: HolonomicStrategy, clear: Clear | None, rcond: float, native: int | None) -> Go:
@@ -272,19 +273,9 @@ def _side_by_side(strategy: HolonomicStrategy, clear: Clear | None, rcond: float
 
     def go(begin: Matrix, poses: Array) -> tuple[Matrix, Flags]:
         q, reached = one_by_one(strategy, begin, poses, native)
-        return q, _allowed(strategy, q, reached, clear, rcond)
+        return q, allowed_postures(strategy, q, reached & strategy.task.robot.within(q), rcond, clear)
 
     return go
-
-
-def _allowed(strategy: HolonomicStrategy, q: Matrix, reached: Flags, clear: Clear | None, rcond: float) -> Flags:
-    """Which of some postures (k, n) that were reached are within the limits, regular enough and clear."""
-    served: Flags = reached & strategy.task.robot.within(q)
-    if rcond and served.any():
-        served[served] = strategy.gain.batch(q[served])[1].ravel() >= rcond
-    if clear is not None and served.any():
-        served[served] = clear(q[served])
-    return served
 
 
 def _best(served: list[Flags], count: int) -> Indices:

@@ -156,11 +156,8 @@ def _search(
             few, met = len(cover.chosen) < len(before.chosen), before.covered >= wanted
             better = few if met else cover.covered > before.covered
             still = 0 if better or not len(before.chosen) else still + 1
-            if (
-                len(cover.chosen) <= 1 <= cover.covered - wanted + 1
-                or still >= len(cover.chosen) > 0
-                or time.monotonic() > end
-            ):
+            enough = len(cover.chosen) == 1 and cover.covered >= wanted
+            if enough or still >= len(cover.chosen) > 0 or time.monotonic() > end:
                 break
             say(f"{len(cover.chosen)} of {pool.tried} leaves serve {cover.covered} of {len(T)} poses")
             left = _left(pool, cover)

@@ -30,9 +30,9 @@ class Sheet(Value):
     robot keeps clear of what was named.
 
     stations: postures (h, n) of the leaf from which poses are reached; none (0, n) for q0 alone. Those of `hk.sheets`
-    are at the sampled poses that the sheet serves; next to each other, each leads to the other, except where the
-    leaf overlaps itself. places: the tool poses (h, 4, 4) of these. keys: what a job says of the strategy, empty where
-    it was given as a value.
+    are at the sampled poses that the sheet serves; next to each other, each leads to the other, except where the leaf
+    ends between them or overlaps itself. places: the tool poses (h, 4, 4) of these. keys: what a job says of the
+    strategy, empty where it was given as a value.
     """
 
     strategy: HolonomicStrategy
@@ -62,13 +62,12 @@ class Sheet(Value):
         """Inverse kinematics on the leaf, within the joint limits."""
         return InverseKinematics(self.strategy, self.q0, limits=True)
 
-    def posture(self, pose: Matrix, clear: Clear | None = None, station: Vector | None = None) -> Vector | None:
-        """The joints (n,) at a tool pose (4, 4); None where it is not served. station: the nearest, where known."""
-        begin = self.nearest_station(pose) if station is None else station
-        q = self._straight(pose, begin, clear)
+    def posture(self, pose: Matrix, clear: Clear | None = None) -> Vector | None:
+        """The joints (n,) at a tool pose (4, 4); None where it is not served."""
+        q = self._straight(pose, self.nearest_station(pose), clear)
         if q is None:
             for i in self._places.few(pose[None], STATIONS)[0, 1:]:
-                if (q := self._straight(pose, self._begin[i], clear)) is not None:
+                if (q := self._straight(pose, self.begin[i], clear)) is not None:
                     break
         return q
 
@@ -78,56 +77,61 @@ class Sheet(Value):
             return None
         return q if clear is None or clear(q[None])[0] else None
 
-    def postures(
-        self, poses: Array, clear: Clear | None = None, threads: int | None = None, nearest: Matrix | None = None
-    ) -> tuple[Matrix, Flags]:
-        """(joints (k, n), which are served (k,)) at tool poses (k, 4, 4); a row of NaN where one is not served.
-
-        nearest: of each pose the nearest station (k, n), NaN where it is not known.
-        """
+    def postures(self, poses: Array, clear: Clear | None = None, threads: int | None = None) -> tuple[Matrix, Flags]:
+        """(joints (k, n), which are served (k,)) at tool poses (k, 4, 4); a row of NaN where one is not served."""
         if not len(poses):
             return np.zeros((0, len(self.q0))), np.zeros(0, dtype=bool)
-        begin = self._begin[self._places.nearest(poses)]
-        if nearest is not None:
-            begin = np.where(known(nearest)[:, None], nearest, begin)
-        q, served = self.reached(begin, poses, clear, threads)
+        q, served = self.reached(self.begin[self._places.nearest(poses)], poses, clear, threads)
         left = np.flatnonzero(~served)
         few = self._places.few(poses[left], STATIONS) if len(left) else np.zeros((0, 1), dtype=int)
         for column in few.T[1:]:
             still = ~served[left]
             at = left[still]
-            q[at], served[at] = self.reached(self._begin[column[still]], poses[at], clear, threads)
+            q[at], served[at] = self.reached(self.begin[column[still]], poses[at], clear, threads)
         return q, served
 
     def reached(
         self, begin: Matrix, poses: Array, clear: Clear | None = None, threads: int | None = None
     ) -> tuple[Matrix, Flags]:
         """The same straight from postures of the leaf (k, n), one for each pose."""
-        q, served = answers(self.ik, poses, begin, threads)
-        if served.any() and self.rcond:
-            served[served] = self.strategy.gain.batch(q[served])[1].ravel() >= self.rcond
-        if served.any() and clear is not None:
-            served[served] = clear(q[served])
+        q, reached = answers(self.ik, poses, begin, threads)
+        served = allowed_postures(self.strategy, q, reached, self.rcond, clear)
         q[~served] = np.nan
         return q, served
 
     def nearest_station(self, pose: Matrix) -> Vector:
         """Its station (n,) whose tool pose is nearest to a pose (4, 4)."""
-        return self._begin[self._places.nearest(pose[None])[0]]
+        return self.begin[self._places.nearest(pose[None])[0]]
 
     @cached_property
-    def _begin(self) -> Matrix:
+    def begin(self) -> Matrix:
+        """The postures (h, n) from which poses are reached: its stations, or q0 alone."""
         return self.stations if len(self.stations) else frozen(self.q0[None])
 
     @cached_property
+    def begin_at(self) -> Array:
+        """The tool poses (h, 4, 4) of these."""
+        return self.places if len(self.stations) else frozen(pose_from(*self.strategy.task.poses(self.q0[None])))
+
+    @cached_property
     def _places(self) -> PosePoints:
-        task = self.strategy.task
-        places = self.places if len(self.stations) else pose_from(*task.poses(self.q0[None]))
-        return PosePoints(places, turn_length(task))
+        return PosePoints(self.begin_at, turn_length(self.strategy.task))
 
     def __str__(self) -> str:
         at = ", ".join(f"{c:.4g}" for c in self.level)
         return f"{self.name}, level {at}" if at else self.name
+
+
+def allowed_postures(
+    strategy: HolonomicStrategy, q: Matrix, reached: Flags, rcond: float, clear: Clear | None
+) -> Flags:
+    """Which of some postures (k, n) that were reached (k,) are regular enough, and clear of what was named."""
+    served = reached.copy()
+    if rcond and served.any():
+        served[served] = strategy.gain.batch(q[served])[1].ravel() >= rcond
+    if clear is not None and served.any():
+        served[served] = clear(q[served])
+    return served
 
 
 def known(q: Array) -> Flags:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.poses import PoseLike, given_pose, pose_numbers, tool_poses
+from ..base.poses import PoseLike, given_pose, pose_from, pose_numbers, tool_poses
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, finite
 from ..checking import Clear
-from ..errors import ArgumentError, NoSheetError
+from ..errors import ArgumentError, BranchError, NoSheetError
 from ..inverse_kinematics.quiet_answers import leads_to
 from ..path import Path
 from ..path.workspaces import PoseRange, Workspace
@@ -29,7 +29,6 @@ from .surroundings import Surroundings
 
 ON_LEAF = 1e-6
 """Difference from the level of a sheet [units of g] below which a posture lies on its leaf."""
-
 
 CELLS = 20_000
 """Cells of a proof that may be examined."""
@@ -55,9 +54,8 @@ class SheetAnswers(NoTruthValue, Value, ask="`.served`"):
 class Sheets(NoTruthValue, Value, ask="`.share`"):
     """The sheets that serve a workspace, and for each pose the one that is taken. Make one with `hk.sheets`.
 
-    `s(pose)` is a function of the pose alone: it takes the sheet of the nearest sampled pose, straight from the posture
-    there; if that does not serve the pose, the first sheet that does, from its own nearest posture. `s.near(pose, q)`
-    stays on the sheet of q while that serves.
+    `s(pose)` is a function of the pose alone: it takes the sheet of the nearest sampled pose; if that does not serve
+    the pose, the first one that does. `s.near(pose, q)` stays on the sheet of q while that serves.
 
     poses: sampled ones (k, 4, 4). q: joints of each sheet at each (S, k, n), NaN where it does not serve. labels: the
     sheet that is taken (k,), -1 for none. rest: a `PoseRest` for each (k,). pairs: neighbours among the poses (e, 2);
@@ -95,34 +93,57 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             NoSheetError: no sheet serves the pose. ShapeError, NotFiniteError, ArgumentError: a bad pose.
         """
         at = self._pose(pose)
-        first, station = self._nearest(at)
-        for s in (first, *(s for s in range(len(self)) if s != first)):
-            q = self.sheets[s].posture(at, self.clear, station if s == first else None) if s >= 0 else None
-            if q is not None:
-                return s, q
-        raise NoSheetError(at[:3, 3], len(self))
+        found = self._answer(at, ())
+        if found is None:
+            raise NoSheetError(at[:3, 3], len(self))
+        return found
 
     def near(self, pose: PoseLike, q: ArrayLike) -> tuple[int, Vector]:
         """The same, but on the sheet that a posture q (n,) lies on, such as the last answer, while that serves.
 
-        So a loop changes its sheet only where it must. The joints of the new sheet are elsewhere: `s.seams()` has the
-        motions that lead there. Between sampled poses, at the edge of a sheet, the joints may jump on one sheet, too:
-        a loop compares them with the last ones before it moves.
+        So a loop changes its sheet only where it must, and it sees a change in the index. The joints of the new sheet
+        are elsewhere: `s.seams()` has the motions that lead there.
 
         Raises:
-            NoSheetError: no sheet serves the pose. ShapeError, NotFiniteError, ArgumentError: a bad pose or posture.
+            NoSheetError: no sheet serves the pose. BranchError: only sheets of the posture's own leaf do, with other
+            joints than those to which the leaf leads from it. ShapeError, NotFiniteError, ArgumentError: a bad pose or
+            posture.
         """
         at, begin = self._pose(pose), self.task.robot.checked(q, "the posture")
-        for s in self.of(begin):
+        own = self.of(begin)
+        for s in own:
             found = self.sheets[s].posture(at, self.clear)
             if found is not None and leads_to(self.sheets[s].ik, at, begin, found):
                 return s, found
-        return self(at)
+        other = self._answer(at, own)
+        if other is None:
+            if self._answer(at, ()) is None:
+                raise NoSheetError(at[:3, 3], len(self))
+            fact = "the pose is served on the leaf of this posture alone, and with joints to which it does not lead"
+            raise BranchError(fact, "go back by the path that was come, or stop and move the joints to s(pose)")
+        return other
+
+    def _answer(self, at: Matrix, but: Sequence[int]) -> tuple[int, Vector] | None:
+        """The first sheet that serves a pose (4, 4), but for some, and its joints: first that of the nearest pose."""
+        places, known_at = self._known
+        first = [int(self.labels[known_at[places.nearest(at[None])[0]]])] if len(known_at) else []
+        for s in dict.fromkeys([*first, *range(len(self))]):
+            q = self.sheets[s].posture(at, self.clear) if s not in but else None
+            if q is not None:
+                return s, q
+        return None
 
     def of(self, q: ArrayLike) -> tuple[int, ...]:
-        """The sheets on whose leaves a posture (n,) lies, to 1e-6 [units of g]. Raises: ShapeError, NotFiniteError."""
+        """The sheets on whose leaves, and branches, a posture (n,) lies, to 1e-6 [units of g], within the limits.
+
+        Raises: ShapeError, NotFiniteError.
+        """
         begin = self.task.robot.checked(q, "the posture")
-        return tuple(s for s, sheet in enumerate(self.sheets) if sheet.off(begin) < ON_LEAF)
+        at = pose_from(*self.task.place(begin))
+        return tuple(
+            s for s, sheet in enumerate(self.sheets)
+            if sheet.off(begin) < ON_LEAF and leads_to(sheet.ik, at, begin, begin)
+        )  # fmt: skip
 
     def batch(self, poses: PoseLike) -> SheetAnswers:
         """The answers of many tool poses (k, 4, 4), each as `s(pose)`. A pose that no sheet serves does not raise.
@@ -132,15 +153,8 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         """
         T = tool_poses("of the batch", poses)
         places, at = self._known
-        first, k, found = np.full(len(T), -1), np.arange(len(T)), []
-        stations = np.full((len(T), self.task.n), np.nan)
-        if len(at):
-            near = at[places.nearest(T)]
-            first, stations = self.labels[near], self.q[self.labels[near], near]
-        for s, sheet in enumerate(self.sheets):
-            nearest = np.where((first == s)[:, None], stations, np.nan)
-            found.append(sheet.postures(T, self.clear, nearest=nearest)[0])
-        every = np.array(found).reshape(len(self), len(T), self.task.n)
+        every, k = self.postures(T), np.arange(len(T))
+        first = self.labels[at[places.nearest(T)]] if len(at) else np.full(len(T), -1)
         served = known(every)
         taken = np.where(served.any(axis=0), np.argmax(served, axis=0), -1)
         taken = np.where((first >= 0) & served[first, k], first, taken)
@@ -311,12 +325,3 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     def _known(self) -> tuple[PosePoints, Indices]:
         """The sampled poses that have a sheet, and their indices."""
         return PosePoints(self.poses[self.served], self.length), np.flatnonzero(self.served)
-
-    def _nearest(self, pose: Matrix) -> tuple[int, Vector | None]:
-        """(sheet of the sampled pose that is nearest to a pose, -1 where there are none; its posture (n,) there)."""
-        places, at = self._known
-        if not len(at):
-            return -1, None
-        i = at[places.nearest(pose[None])[0]]
-        s = int(self.labels[i])
-        return s, self.q[s, i]

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import Array, Indices, Matrix, positive
+from ..base.types import Array, positive
 from ..errors import ArgumentError, ExportError
 from ..export import Exported
 from ..export.c_folder import c_name, c_texts, operations_of, write_texts
 from ..export.c_text import line
 from ..version import __version__
 from .pose_features import features
-from .sheet import STATIONS, known
+from .sheet import STATIONS
 from .sheet_map import Sheets
 
 PIECES = 1000
@@ -69,12 +69,10 @@ def export_sheets(
         source, of = c_texts(sheet.strategy, sheet.q0, dt, f"{short}_{s}", True, VECTORS, origin)
         texts |= {f"sheet_{s}/{file}": content for file, content in of.items()}
         operations |= {f"sheet {s} {key}": count for key, count in operations_of(source).items()}
-    some = known(found.q).any(axis=0)
-    table = features(found.poses[some], found.length), found.labels[some], found.q[:, some]
     head = f"{line(found.sentence)}\n   Written by holokin {__version__} from: {line(origin)}."
     texts |= {
         f"{short}_sheets.h": _header(short, head, found),
-        f"{short}_sheets.c": _library(short, head, found, *table),
+        f"{short}_sheets.c": _library(short, head, found),
         f"{short}_sheets_selftest.c": _selftest(short, head, found),
         "CMakeLists.txt": _build(short, head, len(found)),
     }
@@ -100,7 +98,8 @@ enum {{ {up}_SHEETS = {len(found)}, {up}_SHEETS_N = {n} }};
    then q stays. */
 int {name}_sheets(const double target[16], double q[{n}]);
 
-/* The same for a loop: q is the last answer, on `sheet`, which is kept while it serves the pose. */
+/* The same for a loop: q is the last answer, on `sheet`, which is kept while it serves the pose and leads to it. Then
+   another sheet is taken, with joints elsewhere; -1 where none serves, or only this one with joints elsewhere. */
 int {name}_sheets_near(const double target[16], double q[{n}], int sheet);
 
 /* The joints of one sheet at a tool pose; 0 where it does not serve it: then q stays. */
@@ -114,10 +113,11 @@ int {name}_sheets_of(int sheet, const double target[16], double q[{n}]);
 """
 
 
-def _library(name: str, head: str, found: Sheets, X: Matrix, labels: Indices, q: Array) -> str:
-    n, S, k = found.task.n, len(found), len(X)
-    there = known(q)
-    row = np.where(there, np.cumsum(there.ravel()).reshape(there.shape) - 1, -1)
+def _library(name: str, head: str, found: Sheets) -> str:
+    n, S = found.task.n, len(found)
+    begin, of = [one.begin for one in found.sheets], [one.begin_at for one in found.sheets]
+    X = features(np.concatenate([found.poses[found.served], *of]), found.length)
+    ends = np.cumsum([int(found.served.sum()), *map(len, begin)])
     includes = "\n".join(f'#include "sheet_{s}/{name}_{s}.h"' for s in range(S))
 
     return f"""/* {head} */
@@ -125,21 +125,20 @@ def _library(name: str, head: str, found: Sheets, X: Matrix, labels: Indices, q:
 #include <math.h>
 {includes}
 
-enum {{ SERVED = 1, PIECES = {PIECES}, POSES = {k} }};
+enum {{ SERVED = 1, PIECES = {PIECES}, SAMPLED = {ends[0]} }};
 
-/* Sampled poses: position, and {found.length:g} / sqrt(2) times the rotation by rows; and half the squared length. */
-static const double places[{k}][12] = {{
+/* Sampled poses that have a sheet, then the stations of each sheet: position, and {found.length:g} / sqrt(2) times the
+   rotation by rows; and half the squared length. */
+static const double places[{len(X)}][12] = {{
 {_rows(X)}
 }};
-static const double halves[{k}] = {{{_numbers(0.5 * np.sum(X**2, axis=1))}}};
-static const int labels[{k}] = {{{", ".join(map(str, labels.tolist()))}}};
+static const double halves[{len(X)}] = {{{_numbers(0.5 * np.sum(X**2, axis=1))}}};
 
-/* The joints of the sheets at the poses that they serve; and of each sheet and pose the row, -1 for none. */
-static const double joints[{int(there.sum())}][{n}] = {{
-{_rows(q[there])}
-}};
-static const int rows[{S}][{k}] = {{
-{_rows(row)}
+/* Where the sampled poses end, and the stations of each sheet; the sheets of the poses, the joints of the stations. */
+static const int ends[{S + 1}] = {{{", ".join(map(str, ends.tolist()))}}};
+static const int labels[{ends[0]}] = {{{", ".join(map(str, found.labels[found.served].tolist()))}}};
+static const double joints[{len(X) - ends[0]}][{n}] = {{
+{_rows(np.concatenate(begin))}
 }};
 
 /* A wanted pose as the sheets take it. */
@@ -147,8 +146,8 @@ static void given(const double target[16], double wanted[16]) {{
   for (int i = 0; i < 16; i++) wanted[i] = {_numbered(found)};
 }}
 
-/* The nearest of the poses that a sheet serves, of those that have a sheet for -1, further away than `beyond`, which
-   becomes how far it is. Returns -1 where there is none. */
+/* The nearest of the stations of a sheet, of the sampled poses for -1, further away than `beyond`, which becomes how
+   far it is. Returns -1 where there is none. */
 static int nearest(const double target[16], int sheet, double *beyond) {{
   const double turn = {float(found.length / np.sqrt(2))!r};
   double at[12], least = INFINITY;
@@ -157,9 +156,8 @@ static int nearest(const double target[16], int sheet, double *beyond) {{
     at[i] = target[4 * i + 3];
     for (int j = 0; j < 3; j++) at[3 + 3 * i + j] = turn * target[4 * i + j];
   }}
-  for (int p = 0; p < POSES; p++) {{
+  for (int p = sheet < 0 ? 0 : ends[sheet]; p < ends[sheet + 1]; p++) {{
     double value = halves[p];
-    if ((sheet < 0 ? labels[p] : rows[sheet][p]) < 0) continue;
     for (int i = 0; i < 12; i++) value -= at[i] * places[p][i];
     if (value > *beyond && value < least) least = value, found = p;
   }}
@@ -184,7 +182,7 @@ int {name}_sheets_of(int sheet, const double target[16], double q[{n}]) {{
   for (int k = 0; k < {STATIONS}; k++) {{
     const int p = nearest(target, sheet, &beyond);
     if (p < 0) return 0;
-    for (int i = 0; i < {n}; i++) at[i] = joints[rows[sheet][p]][i];
+    for (int i = 0; i < {n}; i++) at[i] = joints[p - SAMPLED][i];
     if (!go(sheet, target, at)) continue;
     for (int i = 0; i < {n}; i++) q[i] = at[i];
     return 1;
@@ -192,14 +190,16 @@ int {name}_sheets_of(int sheet, const double target[16], double q[{n}]) {{
   return 0;
 }}
 
-int {name}_sheets(const double target[16], double q[{n}]) {{
+static int any_but(int none, const double target[16], double q[{n}]) {{
   double beyond = -INFINITY;
   const int p = nearest(target, -1, &beyond), first = p < 0 ? -1 : labels[p];
-  if (first >= 0 && {name}_sheets_of(first, target, q)) return first;
+  if (first >= 0 && first != none && {name}_sheets_of(first, target, q)) return first;
   for (int sheet = 0; sheet < {S}; sheet++)
-    if (sheet != first && {name}_sheets_of(sheet, target, q)) return sheet;
+    if (sheet != first && sheet != none && {name}_sheets_of(sheet, target, q)) return sheet;
   return -1;
 }}
+
+int {name}_sheets(const double target[16], double q[{n}]) {{ return any_but(-1, target, q); }}
 
 int {name}_sheets_near(const double target[16], double q[{n}], int sheet) {{
   double at[{n}], own[{n}];
@@ -207,7 +207,7 @@ int {name}_sheets_near(const double target[16], double q[{n}], int sheet) {{
   for (int i = 0; i < {n}; i++) at[i] = q[i];
   same = same && go(sheet, target, at);
   for (int i = 0; same && i < {n}; i++) same = fabs(at[i] - own[i]) < 1e-6;
-  if (!same) return {name}_sheets(target, q);
+  if (!same) return any_but(sheet, target, q);
   for (int i = 0; i < {n}; i++) q[i] = own[i];
   return sheet;
 }}

@@ -121,12 +121,14 @@ def _check(file: Path, found: Sheets) -> None:
     """The arrays fit each other, and the postures are on their leaves, at their poses, within the limits."""
     S, k, n, bad = len(found), len(found.poses), found.task.n, None
     shapes = [found.q.shape == (S, k, n), found.labels.shape == (k,), found.rest.shape == (k,)]
+    shapes += [bool(np.isfinite(found.poses).all())]
     whole = all(one.dtype.kind == "i" for one in (found.labels, found.rest, found.pairs, found.cuts))
     if (
         not (all(shapes) and whole)
         or found.labels.min(initial=0) < -1
         or found.labels.max(initial=-1) >= S
         or np.abs(found.pairs).max(initial=0) >= max(k, 1)
+        or not known(found.q[found.labels, np.arange(k)])[found.served].all()
     ):
         bad = "its arrays do not fit each other"
     else:

@@ -170,11 +170,9 @@ class SheetFollower:
             return Move(q, LawStatus.STOPPED, "There is no map of sheets.")
         try:
             wanted, there = found.near(poses[0], q)
-            for sheet in (wanted, *found.of(q)):
-                to = there if sheet == wanted else found.sheets[sheet].posture(poses[0], found.clear)
-                if to is not None and self._stands_on(found, sheet, q):
-                    self._tell(sheet=sheet, sentence=f"Sheet {sheet} serves.", why="")
-                    return Move(to, LawStatus.FOLLOWING)
+            if wanted in found.of(q):  # the arm stands on it, and it leads there
+                self._tell(sheet=wanted, sentence=f"Sheet {wanted} serves.", why="")
+                return Move(there, LawStatus.FOLLOWING)
             return self._begin(found, q, poses, wanted)
         except NoSheetError:
             self._unserved(poses[0])
@@ -182,13 +180,6 @@ class SheetFollower:
         except HolokinError as problem:
             self._tell(sheet=-1, sentence=str(problem), why="")
             return Move(q, LawStatus.STOPPED, str(problem))
-
-    def _stands_on(self, found: Sheets, sheet: int, q: Vector) -> bool:
-        """Whether a posture is that which a sheet has at its pose."""
-        if sheet not in found.of(q):
-            return False
-        here = found.sheets[sheet].posture(found.task.pose(q), found.clear)
-        return here is not None and bool(np.abs(here - q).max() < SAME)
 
     def _begin(self, found: Sheets, q: Vector, poses: Array, wanted: int) -> Move:
         """Begin a self-motion to a sheet that serves the target, at the pose where the arm rests; or say why not."""
@@ -198,6 +189,10 @@ class SheetFollower:
         for second in sorted(serves.tolist(), key=lambda s: s != wanted):
             if not np.isfinite(here[second]).all():
                 reason = reason or f"sheet {second} does not serve the pose where the arm rests"
+                continue
+            on, _ = found.sheets[second].reached(here[[second]], poses, found.clear)
+            if not np.abs(on[0] - there[second]).max() < SAME:  # NaN is not
+                reason = reason or f"sheet {second} does not lead straight from there to the tool"
                 continue
             motion = self._motion(found, q, here[second], second)
             if motion.hindrance is None:
