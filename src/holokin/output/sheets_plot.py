@@ -127,9 +127,7 @@ def _legend(figure: Any, found: Sheets, maps: bool, jump: bool) -> None:
 
     k, width, height = len(found.poses), *figure.get_size_inches()
     patches = [
-        Patch(
-            color=color_of(s), label=f"sheet {s}: {(found.labels == s).sum() / k:.1%}\n{on_figure(one.name, 60)[:36]}"
-        )
+        Patch(color=color_of(s), label=f"sheet {s}: {(found.labels == s).sum() / k:.1%}\n{on_figure(one.name, 30)}")
         for s, one in enumerate(found.sheets)
     ]
     patches += [
