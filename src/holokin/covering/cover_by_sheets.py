@@ -35,9 +35,9 @@ SAMPLES = 1024
 TARGETS = 4
 """Poses in a round of the search through which new leaves are tried."""
 
-ROUNDS = 12
-"""Rounds at most. Once the share is met, as many rounds without a smaller number of sheets as there are sheets end the
-search: the more there are, the more there is to gain."""
+ROUNDS, PATIENCE = 12, 2
+"""Rounds at most. As many rounds without gain as there are sheets end the search, two at least: the more sheets there
+are, the more there is to gain."""
 
 SECONDS, PROGRAM = 280.0, 60.0
 """Seconds for the search, and for an integer program, at most: rounds and nodes end them before, on most machines."""
@@ -155,9 +155,9 @@ def _search(
             before, cover = cover, _cover(pool, wanted)
             few, met = len(cover.chosen) < len(before.chosen), before.covered >= wanted
             better = few if met else cover.covered > before.covered
-            still = 0 if better or not len(before.chosen) else still + 1
+            still = 0 if better else still + 1
             enough = len(cover.chosen) == 1 and cover.covered >= wanted
-            if enough or still >= len(cover.chosen) > 0 or time.monotonic() > end:
+            if enough or still >= max(len(cover.chosen), PATIENCE) or time.monotonic() > end:
                 break
             say(f"{len(cover.chosen)} of {pool.tried} leaves serve {cover.covered} of {len(T)} poses")
             left = _left(pool, cover)

@@ -1,0 +1,149 @@
+"""The search for sheets ends where it should: at its share, at Ctrl-C, at bad numbers, and says why poses are left."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import campaign
+from holokin.covering import PoseRest, candidate_sheets
+from holokin.errors import (
+    ArgumentError,
+    NoSheetError,
+    OutOfReachError,
+)
+
+LIMIT = np.radians(150)
+
+
+def planar_task() -> hk.Task:
+    arm = hk.load("planar-3r")
+    return hk.position(hk.with_limits(arm, lower=-LIMIT, upper=LIMIT))
+
+
+def disc(radius: float = 3.0) -> hk.Workspace:
+    return hk.workspace(cylinder=([0, 0, 0], radius, 0.0))
+
+
+def test_what_is_out_of_reach_is_told_from_what_limits_forbid() -> None:
+    """Behind the base, near the edge, the limits of q1 leave a notch; outside of 3 m nothing reaches."""
+    task = planar_task()
+    s = hk.sheets(task, disc(3.5), [hk.holonomic(task, hk.linear([0, 1, -1]))], samples=80, share=0.5)
+    radius = np.linalg.norm(s.poses[:, :2, 3], axis=1)
+    np.testing.assert_array_equal(s.rest == PoseRest.OUT_OF_REACH, radius > 3)
+    behind = s.rest == PoseRest.LIMITS
+    assert (radius[behind] > 2.7).all()
+    assert (s.poses[behind][:, 0, 3] < 0).all()
+    with pytest.raises(NoSheetError, match="serve"):
+        s([3.4, 0.0])
+
+
+def test_an_arm_of_six_joints_has_its_branches_as_sheets() -> None:
+    """Nothing is redundant: the sheets are branches, and each pose of the box has the joints of one."""
+    arm = hk.load("ur5e")
+    s = hk.sheets(hk.pose(arm), hk.workspace(box=([0.4, 0.1, 0.3], [0.1, 0.2, 0.1]), tilt=0.2), samples=40)
+    assert s.share == 1.0
+    for i in np.flatnonzero(s.served)[:10]:
+        np.testing.assert_allclose(arm.pose(s(s.poses[i])[1]), s.poses[i], atol=1e-9)
+
+
+def test_an_obstacle_takes_poses_away_and_is_named() -> None:
+    task = planar_task()
+    wall = hk.obstacle("wall", hk.robot.Box((0.2, 4.0, 1.0)), (1.6, 0.0, 0.0))
+    law = [hk.holonomic(task, hk.linear([0, 1, -1]))]
+    s = hk.sheets(task, disc(), law, samples=48, share=0.5, clear_of=[wall], self_collision=False, clearance=0.05)
+    beyond = s.poses[:, 0, 3] > 2.2
+    assert (s.rest[beyond] >= PoseRest.NOT_COVERED).all()
+    assert PoseRest.BLOCKED in s.rest
+    everywhere = hk.obstacle("block", hk.robot.Box((9.0, 9.0, 1.0)), (0, 0, 0))
+    with pytest.raises(OutOfReachError, match="obstacle"):
+        hk.sheets(task, disc(), law, samples=20, clear_of=[everywhere])
+
+
+def test_control_c_keeps_what_was_found() -> None:
+    task, said = planar_task(), []
+
+    def say(words: str) -> None:
+        said.append(words)
+        if "leaves serve" in words:
+            raise KeyboardInterrupt
+
+    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=60, say=say)
+    assert s.stopped
+    assert len(s) > 0
+    assert "stopped early" in s.sentence
+
+
+def test_control_c_while_the_sheets_are_asked_keeps_what_was_found() -> None:
+    task = planar_task()
+
+    def say(words: str) -> None:
+        if words == "asking the sheets":
+            raise KeyboardInterrupt
+
+    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=40, share=0.3, say=say)
+    assert s.stopped
+    assert s.served.any()
+    assert s.batch(s.poses[s.served]).served.all()
+
+
+def test_control_c_within_a_candidate_leaves_that_one_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    count, cost = [0], candidate_sheets._cost
+
+    def interrupted(*words: object) -> float:
+        count[0] += 1
+        if count[0] == 4:
+            raise KeyboardInterrupt
+        return cost(*words)
+
+    monkeypatch.setattr(candidate_sheets, "_cost", interrupted)
+    task = planar_task()
+    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=40)
+    assert s.stopped
+    assert s.served.any()
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        ({"share": 0.0}, ArgumentError), ({"share": 1.5}, ArgumentError), ({"samples": 0}, ArgumentError),
+        ({"strategies": []}, ArgumentError), ({"rcond": 1.0}, ArgumentError), ({"floor": 0.0}, ArgumentError),
+        ({"strategies": [hk.holonomic(hk.position(hk.load("planar-3r")), hk.lock(0))]}, ArgumentError),
+    ],
+)  # fmt: skip
+def test_bad_numbers_are_refused(words: dict, error: type[Exception]) -> None:
+    with pytest.raises(error):
+        hk.sheets(planar_task(), disc(), **words)
+
+
+def test_a_workspace_out_of_reach_is_refused_with_the_reason() -> None:
+    with pytest.raises(OutOfReachError, match="out of reach"):
+        hk.sheets(planar_task(), hk.workspace(box=([9, 9, 0], [1, 1, 0])), samples=20)
+
+
+def test_laws_without_a_leaf_that_serves_anything_are_named() -> None:
+    """No posture of this arm is as regular as is asked: nothing is served, and no map is made."""
+    task = planar_task()
+    with pytest.raises(ArgumentError, match="no leaf of them serves"):
+        hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=20, rcond=0.99)
+
+
+def test_control_c_before_anything_was_found_ends_it() -> None:
+    def say(words: str) -> None:
+        if "leaves so far" in words:
+            raise KeyboardInterrupt
+
+    task = planar_task()
+    with pytest.raises(KeyboardInterrupt):
+        hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=20, say=say)
+
+
+@pytest.mark.parametrize("share", [0.6, campaign("share", 0.98)])
+def test_the_same_search_finds_the_same_map(share: float) -> None:
+    task = planar_task()
+    first, second = (
+        hk.sheets(task, disc(), [hk.holonomic(task, hk.linear([0, 1, -1]))], samples=60, share=share) for _ in range(2)
+    )
+    np.testing.assert_array_equal(first.q, second.q)
+    np.testing.assert_array_equal(first.labels, second.labels)
