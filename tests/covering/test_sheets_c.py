@@ -75,6 +75,7 @@ def test_branches_of_an_arm_that_is_not_redundant_are_refused(tmp_path: Path) ->
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(subprocess.run(["sh", "-c", "command -v cc"], check=False).returncode != 0, reason="no C compiler")
 def test_more_sheets_than_a_char_counts_keep_their_numbers(planar: hk.Sheets, tmp_path: Path) -> None:
     count = 130

@@ -12,7 +12,8 @@ import pytest
 
 import holokin as hk
 from conftest import Command, assert_refused, write_job
-from holokin.covering import PoseRest, Sheets
+from handmade_sheets import map_of
+from holokin.covering import PoseRest, Sheet, Sheets
 from holokin.errors import JobError
 from holokin.job import open_job, run_job
 from holokin.job.sheets_over_job import saved_map
@@ -37,11 +38,11 @@ PARTS = {
 
 @pytest.fixture(scope="module")
 def mapped() -> Sheets:
-    """Two sheets with keys, as a search finds them: q2 = q3 with the elbows to one side and to the other."""
+    """Two sheets: q2 = q3 with the elbows to one side and to the other."""
     task = hk.position(hk.with_limits(hk.load("planar-3r"), lower=-LIMIT, upper=LIMIT))
     disc = hk.workspace(cylinder=([0, 0, 0], 3.0, 0.0))
     law = hk.holonomic(task, hk.linear([0, 1, -1]))
-    return hk.sheets(task, disc, [law], samples=60, share=0.9, seconds=5)
+    return map_of(task, disc, [Sheet(law, np.array(q)) for q in ([0.2, 0.9, 0.9], [0.4, -0.9, -0.9])], 60)
 
 
 @pytest.fixture(scope="module")
