@@ -20,6 +20,7 @@ from ..designing.starts import postures_at
 from ..errors import HolokinError
 from ..strategies import HolonomicStrategy, holonomic
 from ..tasks.task import Task
+from .fitted_levels import LevelTable, level_table
 from .pose_features import nearby, neighbours, turn_length
 from .sheet import Sheet, allowed_postures, known
 from .sheet_growth import Go, grown, one_function
@@ -50,6 +51,9 @@ NATIVE, MANY = 64, 300
 """Lines side by side from which on native code runs, and poses from which on building it pays; not for laws that are
 tried once."""
 
+LEVEL_STEP = 0.17
+"""Step between the levels of a table, as a share of the level's spread over postures of the start's pose."""
+
 CLOSEST = 4
 """Neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all."""
 
@@ -64,6 +68,8 @@ class CandidateSheets:
     laws: whose leaves are tried. own: whether laws may be made besides. served: a row of flags (k,) a sheet, found by
     many lines side by side, which may be wrong at a few poses; `exact` asks the sheet itself. costs: of each, see
     `_cost`. asked: the sheets that were; others: those of other postures of a leaf, which bring no more of them.
+    parents: of a sheet that was made next to another one, that one, whose branch it is on; tables: of each, the levels
+    of its law.
     """
 
     task: Task
@@ -78,6 +84,8 @@ class CandidateSheets:
     tried: int = 0
     asked: set[int] = field(default_factory=set)
     others: set[int] = field(default_factory=set)
+    parents: dict[int, int] = field(default_factory=dict)
+    tables: dict[int, LevelTable | None] = field(default_factory=dict)
 
     @property
     def sets(self) -> Flags:
@@ -140,34 +148,60 @@ class CandidateSheets:
                 self.costs.append(cost)
 
     def vary(self, which: Indices, rng: np.random.Generator, round_: int, end: float) -> None:
-        """Adds sheets next to some of them: on other levels of their laws, and of laws with other coefficients."""
+        """Adds sheets next to some of them: on other levels of their laws, and of laws with other coefficients, or with
+        a level that is a polynomial of the pose."""
         for i in which.tolist():
-            sheet = self.sheets[i]
+            sheet, before = self.sheets[i], len(self.sheets)
             if time.monotonic() > end or not len(sheet.level):
                 return
             law = Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
-            self.add(law, self._on_other_levels(sheet, rng, round_))
-            if self.own and (bent := self._bent(sheet, rng, round_)):
-                for one in bent:
+            if self.own and (table := self._table(self.parents.get(i, i))) is not None:
+                for one, q0 in table.fitted(self._weights(i, which, rng)):
+                    self.add(one, q0[None], once=True)
+            else:
+                self.add(law, self._on_other_levels(sheet, rng, round_))
+                for one in self._bent(sheet, rng, round_) if self.own else []:
                     self.add(one, sheet.q0[None], once=True)
             self.tried += LEVELS
+            self.parents.update(dict.fromkeys(range(before, len(self.sheets)), self.parents.get(i, i)))
+
+    def _weights(self, i: int, which: Indices, rng: np.random.Generator) -> Vector:
+        """Of the poses (k,) for a sheet that is to serve what the other chosen ones do not, or one of them alone."""
+        others = [j for j in which.tolist() if j != i]
+        if others:
+            del others[rng.integers(len(others))]
+        return np.where(self.sets[others].any(axis=0), OTHERS, 1.0)
+
+    def _table(self, i: int) -> LevelTable | None:
+        """The levels of a sheet's law at the poses, on its branch; None where there is no number for a level."""
+        if i not in self.tables:
+            sheet, table = self.sheets[i], None
+            if self.task.n - self.task.m == 1 and (spread := self._spread(sheet)) is not None and spread[0] > 0:
+                law = Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
+                go = _side_by_side(sheet.strategy, self.clear, self.rcond, self._native)
+                step = float(spread[0]) * LEVEL_STEP
+                table = level_table(law, sheet.q0, step, self.T, self.near[:, :CLOSEST], go, self._native)
+            self.tables[i] = table
+        return self.tables[i]
 
     def _on_other_levels(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> Matrix:
         """Postures at the pose of a sheet's start, on levels about its own."""
-        at = pose_from(*self.task.poses(sheet.q0[None]))[0]
-        others = postures_at(self.task, at, STARTS)
-        if not len(others):
-            return others
-        levels = sheet.strategy.constraint_value.batch(others).reshape(len(others), -1)
-        gap = sheet.strategy.constraint.nearest(levels - sheet.level)
-        spread = SPREAD * CLOSER**round_ * np.sqrt(np.mean(gap**2, axis=0))
-        found = []
-        for _ in range(LEVELS):
-            level = sheet.level + spread * rng.standard_normal(len(sheet.level))
+        at, spread, found = pose_from(*self.task.poses(sheet.q0[None]))[0], self._spread(sheet), []
+        for _ in range(0 if spread is None else LEVELS):
+            level = sheet.level + SPREAD * CLOSER**round_ * spread * rng.standard_normal(len(sheet.level))
             ends = along_leaf(sheet.strategy, sheet.q0[None], at[None], level)
             if ends.reached.all() and self.task.robot.within(ends.q[0, 0]):
                 found.append(ends.q[0, 0])
         return np.array(found).reshape(-1, self.task.n)
+
+    def _spread(self, sheet: Sheet) -> Vector | None:
+        """How far the levels (r,) of postures at the pose of a sheet's start are off its own; None where none is."""
+        others = postures_at(self.task, pose_from(*self.task.poses(sheet.q0[None]))[0], STARTS)
+        if not len(others):
+            return None
+        levels = sheet.strategy.constraint_value.batch(others).reshape(len(others), -1)
+        gap = sheet.strategy.constraint.nearest(levels - sheet.level)
+        return np.asarray(np.sqrt(np.mean(gap**2, axis=0)))
 
     def _bent(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> list[Candidate]:
         """Linear laws whose coefficients are near those of a sheet's law, if that is linear."""

@@ -173,7 +173,7 @@ class Case:
                 made = self._design(trial, margin=self._room if goal["limits"] else 0.0, **goal)
             except HolokinError:  # no law where there is none: the others stay
                 continue
-            designed = Candidate(name, _keys(law, made), self.task, made.strategy)
+            designed = Candidate(name, made.polynomial.keys_over(law.keys), self.task, made.strategy)
             self.made[name] = made
             found += tried(designed, made.q0[None], self.poses)
             if found[-1].coverage >= trial.coverage - EQUAL:
@@ -301,16 +301,6 @@ def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
         return OutOfReachError(f"{name} is reached by postures beyond the joint limits alone", "move or turn it")
     cure = "move it nearer to the base; lengths are in metres, angles in degrees on the command line and rad in Python"
     return OutOfReachError(f"{name} is out of reach altogether: no posture was found at any of its poses", cure)
-
-
-def _keys(law: Candidate, made: Design) -> dict[str, Any]:
-    """What a job file says of a design over a law."""
-    base, u = {key: value for key, value in law.keys.items() if key != "level"}, made.polynomial.coordinates
-    return {
-        "kind": "designed", "base": base, "reference": u.chart.reference.tolist(), "directions": u.P.tolist(),
-        "middle": u.middle.tolist(), "scale": u.scale.tolist(),
-        "coefficients": made.polynomial.coefficients.tolist(),
-    }  # fmt: skip
 
 
 def _gain(trial: Trial, best: Trial) -> float:

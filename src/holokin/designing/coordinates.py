@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -114,6 +116,15 @@ class Polynomial(Value):
     def __call__(self, x: SX) -> SX:
         """zeta as an expression of the tool pose in the chart."""
         return SX(self.coefficients) @ monomials(self.coordinates.of(x), self.terms)
+
+    def keys_over(self, law: Mapping[str, Any]) -> dict[str, Any]:
+        """What a job file says of a law's constraint less this polynomial, `law` what it says of the law."""
+        u = self.coordinates
+        return {
+            "kind": "designed", "base": {key: value for key, value in law.items() if key != "level"},
+            "reference": u.chart.reference.tolist(), "directions": u.P.tolist(), "middle": u.middle.tolist(),
+            "scale": u.scale.tolist(), "coefficients": self.coefficients.tolist(),
+        }  # fmt: skip
 
 
 def values_and_slopes(u: Matrix, terms: Terms) -> tuple[Matrix, Array]:

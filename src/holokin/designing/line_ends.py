@@ -72,10 +72,12 @@ def along_leaf(
 
 
 def one_by_one(
-    strategy: HolonomicStrategy, starts: Matrix, poses: Array, native_from: int | None = None
-) -> tuple[Matrix, Flags]:
-    """(postures (k, n), which lines led to their poses (k,)): from start i (k, n) to pose i (k, 4, 4), on its leaf."""
-    q, share = _followed(strategy, _Lines(strategy.task, starts, poses), None, native_from)
+    strategy: HolonomicStrategy, starts: Matrix, poses: Array, native_from: int | None = None,
+    levels: Vector | None = None,
+) -> tuple[Matrix, Flags]:  # fmt: skip
+    """(postures (k, n), which lines led to their poses (k,)): from start i (k, n) to pose i (k, 4, 4), on its leaf, or
+    to the leaf of level c (r,)."""
+    q, share = _followed(strategy, _Lines(strategy.task, starts, poses), levels, native_from)
     return q, share >= 1.0
 
 
