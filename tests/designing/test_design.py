@@ -208,7 +208,7 @@ def test_limits_that_bind_are_kept_at_other_poses(arm: str, monkeypatch: pytest.
     assert held.holds and held.impossible == 0
     assert held.costs[-1] > free.costs[-1] + 0.01
     assert held.costs[1] > held.costs[0]  # the base law breaks them, and the answer says so
-    assert f"to begin with (beyond hard limits at {held.broken} of the samples)" in str(held)
+    assert f"alone (beyond hard limits at {held.broken} of the samples)" in str(held)
     assert free.broken == 0
     assert least_margin(held, space.poses(192, seed=9)) > margin - 0.02  # poses that nobody looked at
 

@@ -76,9 +76,9 @@ def test_of_laws_that_serve_alike_one_without_a_cusp_nearby_is_taken(
     assert advice.best.name == order[0 if len(near) == advice_case.MOST else len(near)]
     said = " ".join(advice.reasons)
     if len(near) == advice_case.MOST:
-        assert f"so has {order[1]}, {order[2]}" in said
+        assert f"so has {order[1]!r}, {order[2]!r}" in said
     else:
-        assert f"{order[0]}, which needs" in said and "0.4 m from the workspace" not in said.split("which needs")[0]
+        assert f"{order[0]!r}, which needs" in said and "0.4 m from the workspace" not in said.split("which needs")[0]
     assert advice.summary()["reasons"] == list(advice.reasons)
 
 

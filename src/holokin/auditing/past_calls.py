@@ -22,7 +22,8 @@ RUNS = 5
 """Runs of the same way from the same start, so that a law that alternates between runs is seen to."""
 
 AT_ONCE, MIDWAY, NEW_RUN, BEGUN_THERE, SAME_RUN = (
-    "at once", "midway in a run", "in a new run", "in a run from the posture of the call", "when the run was repeated",
+    "at once", "midway in a run", "in a new run", "in a run that begins at the posture of the call",
+    "in a repetition of the run",
 )  # fmt: skip
 
 
@@ -97,15 +98,17 @@ def ask_history(setup: AuditSetup, path: Path) -> Answer:
         "apart": apart, "could_move": tally.same_start * path.duration,
     }  # fmt: skip
     if not other:
-        return f"no memory seen in {asked} calls that were repeated: {', '.join(tally.asked)}", metrics
-    where = ", ".join(f"{past} {count} of {tally.asked[past]}" for past, count in tally.other.items())
+        said = "each repeated an earlier call and got the same answer"
+        past = ", ".join(f"{count} {past}" for past, count in tally.asked.items())
+        return f"no memory seen in {asked} calls: {said} ({past})", metrics
+    where = ", ".join(f"{count} of {tally.asked[past]} {past}" for past, count in tally.other.items())
     size = f"by up to {tally.rate:.1e} (per s), {tally.share:.1%}; {RUNS} runs end {apart:.2g} apart"
     what = "remembers its past, or is random"
     if set(tally.other) == {BEGUN_THERE}:
         what = "remembers where its run began"
     elif tally.returned:
         what = "alternates between answers"
-    return f"{what}: repeated calls get other answers, {where}, {size}", metrics
+    return f"{what}: repeated calls get other answers ({where}), {size}", metrics
 
 
 def _recorded(law: ControlLaw, calls: list[_Call]) -> ControlLaw:

@@ -332,12 +332,13 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
     if not metrics["drift"]:
         return f"none drifts in {name}: {largest(big):.1e} at the most", metrics
     facts = (
-        f"in {name}: twice the size drifts {metrics['ratio']:.2f} times as far; the reversed loop is off the opposite "
-        f"drift by {metrics['turned']:.0%}, half the speed changes the drift by {metrics['hurried']:.0%}"
+        f"in {name}: a loop of twice the size drifts {metrics['ratio']:.2f} times as far; the drift of the reversed "
+        f"loop and the opposite of the drift differ by {metrics['turned']:.0%}; half the speed changes the drift by "
+        f"{metrics['hurried']:.0%}"
     )
     if metrics["turned"] < TURNED and metrics["hurried"] < HURRIED:
         metrics["stairs"] = _stairs_gap(setup, plane, scale) / size
-        facts += f", fine stairs instead of a straight line by {metrics['stairs']:.0%}"
+        facts += f", fine stairs instead of straight lines change it by {metrics['stairs']:.0%}"
     if not metrics.get("stairs", np.inf) < BENT:
         return f"obey no area law ({facts}): not of the form dq = G(q) x'", metrics
     per = f"{metrics['drift_per_area']:.3g} per {area_unit(setup.task, *plane)}"

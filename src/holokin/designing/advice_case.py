@@ -142,7 +142,7 @@ class Case:
         except HolokinError as problem:  # of several rows
             return None, [f"Levels were not looked for: {problem}."]
         blind = "" if self.apart is None else " Collisions were not looked at for them."
-        return found, [f"Of {law.name}, {found.served}.{blind}"]
+        return found, [f"Of {law.name!r}, {found.served}.{blind}"]
 
     def of_cusps(self, law: Law) -> Sequence[str]:
         """What is said of the cusps of the law that was chosen."""

@@ -86,7 +86,8 @@ class ClosestHolonomic(Value):
             f"  the nearest law of {self.terms} terms: {self.ours}",
             f"  the radial strategy: {other}",
             *([] if self.bound is None else [f"  every smooth law: at least {self.bound:.2%} at some posture"]),
-            f"det dg/dphi is at least {self.least_slope:.2g} at the postures looked at; at 0 the law is singular",
+            "the nearest law keeps g constant, a function of the tool pose and of the base constraint phi:",
+            f"  det dg/dphi is at least {self.least_slope:.2g} at the sampled postures; at 0 the law is singular",
         ]
         return "\n".join(lines)
 

@@ -122,8 +122,8 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
         goal = " + ".join(name.replace("_", " ") for name in self.objective.weights)
         steps = ", ".join(f"{v:.5g}" for v in self.costs[1:])
         return (
-            f"{goal}: {self.costs[0]:.5g} to begin with{self._began}, over {self.base.name!r}\n"
-            f"  with polynomials of degree 0 to {self.degree}: {steps}\n"
+            f"{goal}: {self.costs[0]:.5g} with the base {self.base.name!r} alone{self._began}\n"
+            f"  designed with polynomials of degree 0 to {self.degree}: {steps}\n"
             f"  {self._least}\n"
             f"checked at {self.checked.poses} poses: {self.checked}\n"
             f"the hard limits hold at {self.kept} of those reached{self._cause}\n"
@@ -143,8 +143,8 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
     def _least(self) -> str:
         """What the bounds are."""
         if not self.bound_traced:
-            return f"a search over the postures found there came down to {self.bound:.5g}"
-        said = f"no law with the postures found there can have less than {self.bound:.5g}"
+            return f"a search over the postures found at these poses came down to {self.bound:.5g}"
+        said = f"with the postures found at these poses no law can have less than {self.bound:.5g}"
         apart = self.bound_here > self.bound * (1 + APART)
         return f"{said}, none on these self-motions less than {self.bound_here:.5g}" if apart else said
 

@@ -110,11 +110,11 @@ def said_of(chosen: str, first: str, looked_at: Mapping[str, NearbyCusps], more:
     found = looked_at[chosen]
     if chosen != first:
         return [
-            f"{first}, which needs {more:.1%} less squared joint speed, has a cusp in the workspace, or within "
+            f"{first!r}, which needs {more:.1%} less squared joint speed, has a cusp in the workspace, or within "
             f"{NEAR:g} m of it: round a cusp a closed path of the tool may not bring the joints back.",
             f"Of the law to take {found.sentence}.",
         ]
-    others = [name for name, other in looked_at.items() if name != chosen and other.near]
+    others = [repr(name) for name, other in looked_at.items() if name != chosen and other.near]
     rest = f"; so has {', '.join(others)}, whose coverage and margins are as good" if found.near and others else ""
     return [f"{_capital(found.sentence)}{rest}."]
 

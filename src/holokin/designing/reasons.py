@@ -19,8 +19,8 @@ def reasons(laws: Sequence[Law], found: Coverage, part: Part | None, excess: Exc
     best = laws[0]
     if not best.served.any():
         causes = "; ".join(f"{cause}: {count}" for cause, count in found.causes())
-        return (f"No law that was tried serves any of the {len(found)} poses. With {best.name}, {causes}.",)
-    said = [f"Take {best.name}: {best.sentence}."]
+        return (f"No law that was tried serves any of the {len(found)} poses. With {best.name!r}, {causes}.",)
+    said = [f"Take {best.name!r}: {best.sentence}."]
     if len(laws) > 1:
         said.append(_next(best, laws[1]))
     if not best.served.all():
@@ -32,16 +32,17 @@ def reasons(laws: Sequence[Law], found: Coverage, part: Part | None, excess: Exc
 def _next(best: Law, other: Law) -> str:
     """What speaks against the law after the best."""
     if best.coverage > other.coverage + EQUAL:
-        return f"Next comes {other.name}, which reaches {other.coverage:.1%}."
+        return f"Next comes {other.name!r}, which reaches {other.coverage:.1%}."
     if best.clear > other.clear + EQUAL or best.clear == 1 > other.clear:
         rest = 1 - other.clear / other.coverage
-        return f"Next comes {other.name}, which covers as much, but keeps well clear at {rest:.1%} less of it."
+        return f"Next comes {other.name!r}, which covers as much, but keeps well clear at {rest:.1%} less of it."
     if best.easy > other.easy + EASY:
         share = 1 - other.easy / other.coverage
-        return f"Next comes {other.name}, which covers as much, but {share:.1%} of it near limits or singular postures."
+        where = f"{share:.1%} of it near limits or singular postures"
+        return f"Next comes {other.name!r}, which covers as much, but {where}."
     more = other.squared_speed / best.squared_speed - 1
     needs = f"it needs {more:.1%} more squared joint speed"
-    return f"Next comes {other.name}: its coverage and margins are as good, but {needs}."
+    return f"Next comes {other.name!r}: its coverage and margins are as good, but {needs}."
 
 
 def _not_served(found: Coverage, part: Part | None, best: Law) -> str:
@@ -50,7 +51,7 @@ def _not_served(found: Coverage, part: Part | None, best: Law) -> str:
     said = f"Of {len(found)} poses it does not serve {int((~best.served).sum())} ({'; '.join(rest)})."
     if part is None:
         return f"{said} No box round the centre was found that a law serves from end to end."
-    whose = "it serves" if part.law.name == best.name else f"{part.law.name} serves"
+    whose = "it serves" if part.law.name == best.name else f"{part.law.name!r} serves"
     sizes = f"its sizes {part.share:.0%} of those of the workspace"
     return f"{said} The largest part round the centre that {whose} is {part.workspace}, {sizes}."
 
@@ -60,8 +61,8 @@ def _speed(best: Law, excess: Excess | None) -> list[str]:
     if not np.isfinite(best.speed):
         return ["Its joint speed was not compared."]
     if excess is None:
-        share = f"{1 / best.speed:.1%} of that of {best.name}"
-        return [f"With the postures found in the workspace, no law has a mean squared joint speed below {share}."]
+        least = f"at least {1 / best.speed:.1%} of that of {best.name!r}"
+        return [f"With the postures found in the workspace, every law has a mean squared joint speed of {least}."]
     said = [_limits(best, excess.free)]
     if excess.free is not None and excess.free.speed <= 1 + CLOSE:
         return said
@@ -102,7 +103,7 @@ def _rival(rival: Rival) -> str:
     why = [_beyond(rival.beyond)] if rival.beyond else []
     why += [f"its leaf ends before {rival.ends} poses"] if rival.ends else []
     return (
-        f"Closer to it comes {rival.name}, {rival.speed - 1:.1%} above it where it serves; but it serves only "
+        f"Closer to it comes {rival.name!r}, {rival.speed - 1:.1%} above it where it serves; but it serves only "
         f"{rival.coverage:.1%}: {' and '.join(why) or 'it comes too near to limits or singular postures'}."
     )
 

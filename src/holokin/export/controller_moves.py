@@ -106,12 +106,13 @@ class ToolDeviation(Shown):
         if np.isfinite(self.slowest):
             speeds = f"{1e3 * self.slowest:.4g} to {1e3 * self.fastest:.4g} mm/s"
             said.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed,")
-            said.append(f"compared in {100 * self.compared:.3g} % of the time, without starts and stops of the tool")
+            said.append(f"compared for {100 * self.compared:.3g} % of the time; in the rest the tool starts or stops,")
+            said.append("turns in place, or is on the way to the path")
         else:
             said.append("its speed was not compared: it only gathers speed and loses it, or turns in place")
         if not self.kept:
             said.append("NOT within what was asked for, from one sample to the next: time it with a smaller dt")
-        return [*said, "where a zone passes a target, it rounds the corner: that comes on top"]
+        return [*said, "at a target with a zone the controller rounds the corner; this deviation comes in addition"]
 
     def __or__(self, other: ToolDeviation) -> ToolDeviation:
         """The larger of each of the two; kept if both are."""

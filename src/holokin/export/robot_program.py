@@ -98,7 +98,7 @@ def header(
     if timed.loop is not None:
         a, b = (timed.t[i] for i in timed.loop)
         lines.append(f"three cycles; the one from {a:.3f} s to {b:.3f} s may be repeated")
-    lines += ["The robot moves to the first target on its own way: see that it is free", *more]
+    lines += ["The controller chooses the way to the first target: make sure that this way is free", *more]
     plain = [re.sub(r"[^ -~]", "?", " ".join(line.split())) for line in lines]
     return [part for line in plain for part in textwrap.wrap(line, width, break_on_hyphens=False) or [""]]
 
@@ -107,7 +107,7 @@ def _resolution(timed: TimedTrajectory, found: Targets) -> str:
     """How far apart the instants are at which deviations are measured, and the samples, of which targets are some."""
     fastest, step = float("nan") if found.tool is None else found.tool.fastest, 1e3 * timed.dt
     way = f", at most {fastest * step / FINER:.2g} mm apart on the path" if np.isfinite(fastest) else ""
-    lines = f"lines of on and off are at multiples of {step:g} ms"
+    lines = f"the process lines on and off are at multiples of {step:g} ms"
     return f"deviations are measured every {step / FINER:g} ms{way}; {lines}"
 
 

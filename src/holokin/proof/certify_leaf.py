@@ -178,8 +178,9 @@ def certificate(
     determinant = least_determinant(found.findings)
     title = f"{strategy.name}, {strategy.task.name}"
     pieces = domain.given(np.arange(1 if found.boxes.piece.size == 0 else int(found.boxes.piece.max()) + 1))
+    about = f"{strategy.name!r} for the task {strategy.task.name!r}"
     theorem = _theorem(
-        title, where, domain.equation, extent, place, found, determinant, asked, to_limit, turns, gap, revisit
+        about, where, domain.equation, extent, place, found, determinant, asked, to_limit, turns, gap, revisit
     )
     return Certificate(
         title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,
@@ -204,9 +205,9 @@ def _theorem(
     else:
         what, about = "place", f"every place {'on the path' if all_of_it else 'of the path up to there'}"
     parts = [
-        f"on the leaf of {title} through the start {about} has exactly one posture{with_others} in the tube of its "
-        f"cell, of {len(found)}; it is a smooth function of the {what}, with |det {equation.derivative}| >= "
-        f"{at_least(determinant, 2)}{q}"
+        f"on the leaf of {title} through the start, {about} has exactly one posture{with_others} in the tube of its "
+        f"cell ({len(found)} cells); this posture is a smooth function of the {what}, with |det {equation.derivative}| "
+        f">= {at_least(determinant, 2)}{q}"
     ]
     if asked.limits is not None and np.isfinite(to_limit).any():
         parts.append(f"every joint stays {at_least(float(to_limit.min()), 2)} or more (rad or m) from its limits")

@@ -135,12 +135,12 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         one = "the joints are one function of the tool pose"
         if self.whole:
             return (
-                f"over {self.workspace} {one}, on the leaf of {self.strategy.name} through q0{limits}: every closed "
+                f"over {self.workspace} {one}, on the leaf of {self.strategy.name!r} through q0{limits}: every closed "
                 f"path of the tool inside returns them (proven by {len(found):,} cells)"
             )
         rest = ", ".join(f"{100 * share:.2g} % {name}" for name, share in self.rest.items() if share)
         return (
-            f"over {100 * self.share:.3g} % of {self.workspace} {one}, on the leaf of {self.strategy.name} through q0"
+            f"over {100 * self.share:.3g} % of {self.workspace} {one}, on the leaf of {self.strategy.name!r} through q0"
             f"{limits} (proven by {len(found):,} cells); of {SAMPLED:,} poses of it: {rest or 'none else'}"
         )
 
