@@ -1,61 +1,116 @@
-"""A law whose one leaf serves nearly the whole disc of a planar arm, three links of 1 m within +-150 degrees.
+"""A law whose one leaf serves the whole disc of a planar arm, three links of 1 m within +-150 degrees.
 
-    g(q) = q2 - sum c_ij u^i v^j,     u = q1 / L,  v = q3 / L,  L = 150 deg
+    g(q) = sin(a) (x - px) - cos(a) (y - py),     a = k(x, y) q1 + c(x, y)
 
-On the leaf g = 0 the second joint is a polynomial of the other two. As the base turns from limit to limit, the
-self-motion leads the tool by some 30 degrees each way, so that the leaf goes once round the base and overlaps itself:
-there the cut may lie. The coefficients come from a random search for the leaf whose cut is short and that covers most
-of the disc.
+On the leaf g = 0 the line through the tool (x, y) and a fixed point p has the direction a, which turns with joint 1.
+While the base turns from limit to limit, the tool goes more than once round p, because the self-motion leads it further
+each way. So the leaf overlaps itself, and there the cut may lie. k and c are polynomials in z = (x + i y) / 3,
+
+    sum_i a_i |z|^(2 i)  +  sum_m,i |z|^(2 i) (b_mi Re z^m + d_mi Im z^m),     m = 1, 2, 3,   i = 0, 1
+
+The numbers come from a search (CMA-ES) for a leaf that serves the disc, with a short cut, by the closed-form inverse
+of the arm with q3 >= 0.
 """
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 
 import holokin as hk
 
-LIMIT = np.radians(150)
+REACH = 3.0
+POWERS, TURNS = 8, ((1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1))
+"""Coefficients a_i, and the (m, i) of b_mi and d_mi."""
 
-COEFFICIENTS = {
-    (0, 0): -0.1491,
-    (0, 1): 3.0809,
-    (0, 2): 1.2151,
-    (0, 3): -0.2755,
-    (0, 4): -0.1019,
-    (0, 5): -0.3290,
-    (0, 6): -1.2311,
-    (1, 0): 0.8773,
-    (1, 1): -0.1986,
-    (1, 2): -0.0747,
-    (1, 3): 0.0445,
-    (1, 4): 0.3109,
-    (1, 5): 0.5239,
-    (2, 0): 0.3113,
-    (2, 1): -0.1088,
-    (2, 2): 0.0090,
-    (2, 3): -0.0170,
-    (2, 4): -0.1720,
-    (3, 0): -0.0122,
-    (3, 1): -1.2679,
-    (3, 2): 0.2639,
-    (3, 3): 0.0219,
-    (4, 0): 0.0934,
-    (4, 1): -0.6910,
-    (4, 2): 0.1779,
-}
-"""Powers (i, j) of u and v, and the coefficient [rad]."""
+POINT = (-0.25169, -0.34366)
+"""p [m]"""
+
+FACTOR = (
+    1.68777,
+    -0.48087,
+    0.47540,
+    1.06103,
+    -0.70016,
+    -0.58073,
+    0.45774,
+    -0.19083,
+    -0.20119,
+    1.23191,
+    0.88590,
+    -0.95904,
+    -0.73368,
+    0.44278,
+    0.53891,
+    -0.34214,
+    -0.63877,
+    -0.20774,
+    0.44925,
+    0.20500,
+)
+"""k: a_i, then b_mi and d_mi of each (m, i)."""
+
+OFFSET = (
+    2.43292,
+    -7.15322,
+    5.60714,
+    -0.08913,
+    -0.85520,
+    -0.62023,
+    0.13166,
+    0.32820,
+    1.59589,
+    -0.65390,
+    -1.48981,
+    -0.61353,
+    1.74314,
+    0.82024,
+    -1.54477,
+    -1.21940,
+    -0.11901,
+    0.21218,
+    0.11616,
+    0.00797,
+)
+"""c, likewise [rad]."""
 
 
 def disc_law(task: hk.Task) -> hk.HolonomicStrategy:
     """The strategy that keeps the leaf."""
-    return hk.holonomic(task, hk.custom(lambda q: q[1] - _second(q[0], q[2]), rows=1), name="disc law")
+
+    def g(q: ca.SX) -> ca.SX:
+        x = ca.cos(q[0]) + ca.cos(q[0] + q[1]) + ca.cos(q[0] + q[1] + q[2])
+        y = ca.sin(q[0]) + ca.sin(q[0] + q[1]) + ca.sin(q[0] + q[1] + q[2])
+        a = _polynomial(FACTOR, x, y) * q[0] + _polynomial(OFFSET, x, y)
+        return ca.sin(a) * (x - POINT[0]) - ca.cos(a) * (y - POINT[1])
+
+    return hk.holonomic(task, hk.custom(g, rows=1), name="disc law")
 
 
-def disc_start() -> np.ndarray:
-    """A posture (3,) of the leaf g = 0 in the middle of the disc's sheet."""
-    return np.array([0.0, _second(0.0, -1.0), -1.0])
+def disc_starts() -> np.ndarray:
+    """Postures (3, 3) of the leaf: joint 1 at -120, 0 and 120 degrees, the tool 2 m from p."""
+    return np.array([_posture(np.radians(turn)) for turn in (-120, 0, 120)])
 
 
-def _second(q1, q3):
-    """Joint 2 on the leaf g = 0, of joints 1 and 3."""
-    return sum(c * (q1 / LIMIT) ** i * (q3 / LIMIT) ** j for (i, j), c in COEFFICIENTS.items())
+def _posture(q1: float) -> np.ndarray:
+    """That of the leaf with the tool 2 m from p in the direction a, and q3 > 0: both links of 1 m from the elbow."""
+    tool = np.array(POINT)
+    for _ in range(100):
+        a = _polynomial(FACTOR, *tool) * q1 + _polynomial(OFFSET, *tool)
+        tool = np.array(POINT) + 2 * np.array([np.cos(a), np.sin(a)])
+    w = tool - [np.cos(q1), np.sin(q1)]
+    bend = np.arccos((w @ w - 2) / 2)
+    return np.array([q1, (np.arctan2(w[1], w[0]) - bend / 2 - q1 + np.pi) % (2 * np.pi) - np.pi, bend])
+
+
+def _polynomial(numbers, x, y):
+    """k or c at a tool position, numbers or expressions."""
+    u, v = x / REACH, y / REACH
+    square, powers = u * u + v * v, [(1.0, 0.0)]
+    for _ in range(3):
+        re, im = powers[-1]
+        powers.append((re * u - im * v, re * v + im * u))
+    found = sum(number * square**i for i, number in enumerate(numbers[:POWERS]))
+    for (m, i), (b, d) in zip(TURNS, np.reshape(numbers[POWERS:], (-1, 2)), strict=True):
+        found += square**i * (b * powers[m][0] + d * powers[m][1])
+    return found

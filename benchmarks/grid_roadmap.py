@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .grid_resolution import Limits, forward
+from .grid_resolution import Free, Limits, forward
 
 NEAREST = 5
 """Postures of the neighbour that each posture is tried with."""
@@ -58,8 +58,9 @@ def moved_to(links: Sequence[float], limits: Limits, q: np.ndarray, points: np.n
 
 
 def _samples(
-    links: Sequence[float], limits: Limits, points: np.ndarray, beside: np.ndarray, count: int, rng: np.random.Generator
-) -> np.ndarray:
+    links: Sequence[float], limits: Limits, points: np.ndarray, beside: np.ndarray, count: int,
+    rng: np.random.Generator, free: Free | None,
+) -> np.ndarray:  # fmt: skip
     """(k, count, n) postures, NaN where the search failed: half from random ones, half from those of the neighbours."""
     low, high = np.transpose(limits)
     goal = points[:, None]
@@ -69,23 +70,30 @@ def _samples(
     other = np.where(other >= 0, other, k)
     q[:, half : 2 * half] = moved_to(links, limits, q[other, rng.integers(0, half, other.shape)], goal, 15)
     q[np.abs(forward(links, q) - goal).max(-1) > 1e-6] = np.nan
+    if free is not None:
+        known = np.isfinite(q[..., 0])
+        q[known] = np.where(free(q[known])[:, None], q[known], np.nan)
     return q
 
 
-def _joined(links: Sequence[float], limits: Limits, ends: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _joined(
+    links: Sequence[float], limits: Limits, ends: np.ndarray, points: np.ndarray, free: Free | None
+) -> np.ndarray:
     """(c,) whether straight lines between postures (2, c, n), moved onto those of points (2, c, 2), stay whole."""
     share = np.arange(1, PARTS)[:, None, None] / PARTS
     line = (1 - share) * ends[0] + share * ends[1]
     goal = (1 - share) * points[0] + share * points[1]
     on = moved_to(links, limits, line, goal, 3)
     exact = np.abs(forward(links, on) - goal).max((0, 2)) < 1e-3
+    if free is not None:
+        exact &= free(on.reshape(-1, on.shape[-1])).reshape(on.shape[:2]).all(0)
     steps = np.diff(np.concatenate([ends[:1], on, ends[1:]]), axis=0)
     far = np.linalg.norm(ends[1] - ends[0], axis=-1)
     return exact & (np.linalg.norm(steps, axis=-1).max(0) <= len(links) * far / PARTS + 1e-3)
 
 
 def _network(
-    links: Sequence[float], limits: Limits, points: np.ndarray, pairs: np.ndarray, q: np.ndarray
+    links: Sequence[float], limits: Limits, points: np.ndarray, pairs: np.ndarray, q: np.ndarray, free: Free | None
 ) -> np.ndarray:
     """(e, count, count) which posture of the first node is joined with which of the second."""
     network = np.zeros((len(pairs), q.shape[1], q.shape[1]), bool)
@@ -99,7 +107,7 @@ def _network(
         there = np.isfinite(far[e, a, b])
         e, a, b = e[there], a[there], b[there]
         ends, places = np.stack([q[i[e], a], q[j[e], b]]), np.stack([points[i[e]], points[j[e]]])
-        whole = _joined(links, limits, ends, places)
+        whole = _joined(links, limits, ends, places, free)
         network[part[e[whole]], a[whole], b[whole]] = True
     return network
 
@@ -158,7 +166,9 @@ class _Choice:
         return chosen
 
 
-def grid_roadmap(links: Sequence[float], limits: Limits, cells: int = 50, count: int = 50, seed: int = 0) -> Roadmap:
+def grid_roadmap(
+    links: Sequence[float], limits: Limits, cells: int = 50, count: int = 50, seed: int = 0, free: Free | None = None
+) -> Roadmap:
     """A resolution of the disc of reach of a planar arm by the published method.
 
     Args:
@@ -167,6 +177,7 @@ def grid_roadmap(links: Sequence[float], limits: Limits, cells: int = 50, count:
         cells: nodes along a side of the square round the disc.
         count: postures sampled at each node.
         seed: of the random numbers.
+        free: postures (k, n) -> (k,) True where an obstacle leaves them.
     """
     began, rng = time.process_time(), np.random.default_rng(seed)
     reach = float(sum(links))
@@ -178,13 +189,13 @@ def grid_roadmap(links: Sequence[float], limits: Limits, cells: int = 50, count:
     beside = np.array(
         [[number.get((i + a, j + b), -1) for a, b in ((-1, 0), (1, 0), (0, -1), (0, 1))] for i, j in number]
     )
-    q = _samples(links, limits, points, beside, count, rng)
+    q = _samples(links, limits, points, beside, count, rng, free)
     known: np.ndarray = np.isfinite(q[..., 0])
     some: np.ndarray = np.asarray(known.any(axis=1))
     first = np.repeat(np.arange(len(points)), 4)
     pairs = np.stack([first, beside.ravel()], 1)
     pairs = pairs[(pairs[:, 0] < pairs[:, 1]) & some[pairs].all(1)]
-    choice = _Choice(_network(links, limits, points, pairs, q), pairs, known)
+    choice = _Choice(_network(links, limits, points, pairs, q, free), pairs, known)
     begin = [choice.heuristic()]
     begin += [np.array([rng.choice(np.flatnonzero(row)) if row.any() else -1 for row in known]) for _ in range(GUESSES)]
     answers = [choice.descended(one, rng) for one in begin]

@@ -2,6 +2,7 @@
 
     python -m benchmarks.sheets                                # a planar arm, links of 1 m, +-150 deg
     python -m benchmarks.sheets --limit 114.592                # +-2 rad: the arm of a published example
+    python -m benchmarks.sheets --post 1.2 0.9 0.3             # with an obstacle: a round post
     python -m benchmarks.sheets --answer "their code=FILE"     # and an answer that other code has written
 
 Each method gives the positions of a grid a posture. Two positions beside each other are cut where a joint changes by
@@ -12,6 +13,8 @@ each method is judged by one rule, on the grid that it works on; what it has not
 The paths are straight, 2 m long, and wholly in reach. A grid is asked at the nearest position every 5 mm. The last
 lines have the fewest changes of these sheets, and of any postures (IKLink's problem), by dynamic programming at every
 2 cm: over the sheets that serve, and over some hundred postures of the self-motion, without holokin.
+
+With a post, the links of the arm are lines that keep out of a disc (x, y, radius): each method has the same rule.
 
 FILE is a JSON object: points [[x, y], ...], q [[...] or null, ...], edges [[i, j], ...], connected [true, ...] and
 seconds.
@@ -31,9 +34,9 @@ from scipy.spatial import KDTree
 
 import holokin as hk
 
-from .disc_law import disc_law, disc_start
+from .disc_law import disc_law, disc_starts
 from .grid_bounds import least_cut, single_jump
-from .grid_resolution import cut_pieces, grid_resolution, planar_grid, self_motions
+from .grid_resolution import Free, cut_pieces, grid_resolution, planar_grid, self_motions
 from .grid_roadmap import grid_roadmap
 from .reconfigurations import fewest_changes
 
@@ -90,21 +93,49 @@ def limits_of(limit: float) -> tuple[tuple[float, float], ...]:
     return ((-limit, limit),) * 3
 
 
-def in_reach(points: np.ndarray, limit: float = LIMIT) -> np.ndarray:
+@dataclass(frozen=True)
+class Post:
+    """A round post (x, y, radius) [m] that the links keep out of."""
+
+    x: float
+    y: float
+    radius: float
+
+    def free(self, q: np.ndarray) -> np.ndarray:
+        """(k,) True where the three links, as lines, keep out of it at postures (k, 3)."""
+        turned = np.cumsum(q, -1)
+        ends = np.cumsum(np.stack([np.cos(turned), np.sin(turned)], -1), 1)
+        begin = np.concatenate([np.zeros_like(ends[:, :1]), ends[:, :-1]], 1)
+        along, to = ends - begin, np.array([self.x, self.y]) - begin
+        share = np.clip((to * along).sum(-1) / (along**2).sum(-1), 0, 1)
+        return np.linalg.norm(to - share[..., None] * along, axis=-1).min(1) >= self.radius
+
+    @property
+    def shape(self) -> hk.robot.LinkShape:
+        """The same for holokin: in the plane of the arm a ball is a disc."""
+        return hk.obstacle("post", hk.robot.Ellipsoid((self.radius,) * 3), (self.x, self.y, 0.0))
+
+
+def in_reach(points: np.ndarray, limit: float = LIMIT, free: Free | None = None) -> np.ndarray:
     """(k,) True where some posture has its tool at a point (k, 2)."""
-    parts = np.array_split(points, 1 + len(points) // 4096)
-    limits = limits_of(limit)
-    return np.concatenate([np.isfinite(self_motions(LINKS, limits, part, 60)[0]).any(1) for part in parts])
+    found = []
+    for part in np.array_split(points, 1 + len(points) // 4096):
+        q = np.moveaxis(self_motions(LINKS, limits_of(limit), part, 60), 0, -1)
+        there = np.isfinite(q[..., 0])
+        if free is not None:
+            there[there] = free(q[there])
+        found.append(there.any(1))
+    return np.concatenate(found)
 
 
-def random_paths(count: int, limit: float = LIMIT, seed: int = 0) -> np.ndarray:
+def random_paths(count: int, limit: float = LIMIT, seed: int = 0, free: Free | None = None) -> np.ndarray:
     """Straight paths (count, s, 2) of 2 m, each sample in reach."""
     rng, found = np.random.default_rng(seed), []
     share = np.linspace(0, 1, round(LENGTH / SPACING) + 1)[:, None]
     while len(found) < count:
         begin, turn = rng.uniform(-3, 3, 2), rng.uniform(0, 2 * np.pi)
         path = begin + LENGTH * share * [np.cos(turn), np.sin(turn)]
-        if in_reach(path[::50], limit).all() and in_reach(path, limit).all():
+        if in_reach(path[::50], limit, free).all() and in_reach(path, limit, free).all():
             found.append(path)
     return np.array(found)
 
@@ -121,26 +152,31 @@ def poses_of(points: np.ndarray) -> np.ndarray:
     return poses
 
 
-def sheets_answer(s: hk.Sheets, cells: int, seconds: float, limit: float = LIMIT, name: str = "hk.sheets") -> Answer:
+def sheets_answer(
+    s: hk.Sheets, cells: int, seconds: float, limit: float = LIMIT, name: str = "hk.sheets", free: Free | None = None
+) -> Answer:
     """What the sheets give the positions of the referee's grid."""
-    grid = planar_grid(LINKS, limits_of(limit), cells)
+    grid = planar_grid(LINKS, limits_of(limit), cells, free=free)
     return Answer(f"{name}: {len(s)}", grid.points, s.batch(poses_of(grid.points)).q, grid.pairs, None, seconds)
 
 
-def others(limit: float, cells: int, proposals: int, nodes: int, count: int) -> Iterator[Answer]:
+def others(
+    limit: float, cells: int, proposals: int, nodes: int, count: int, free: Free | None = None
+) -> Iterator[Answer]:
     """The referee's answer, and that of the rerun of the published method."""
-    best = grid_resolution(LINKS, limits_of(limit), cells, proposals)
+    best = grid_resolution(LINKS, limits_of(limit), cells, proposals, free=free)
     cut = best.grid.cut(best.q)
     yield Answer("minimum cuts on a grid", best.grid.points, best.q, best.grid.pairs, ~cut, best.seconds)
-    road = grid_roadmap(LINKS, limits_of(limit), nodes, count)
-    yield _kept("sampled roadmap, our rerun", limit, road.points, road.q, road.pairs, road.joined, road.seconds)
+    road = grid_roadmap(LINKS, limits_of(limit), nodes, count, free=free)
+    kept = in_reach(road.points, limit, free)
+    yield _kept("sampled roadmap, our rerun", kept, road.points, road.q, road.pairs, road.joined, road.seconds)
 
 
 def _kept(
-    name: str, limit: float, points: np.ndarray, q: np.ndarray, pairs: np.ndarray, joined: np.ndarray, seconds: float
-) -> Answer:
-    """The answer at the positions in reach."""
-    kept = in_reach(points, limit)
+    name: str, kept: np.ndarray, points: np.ndarray, q: np.ndarray, pairs: np.ndarray, joined: np.ndarray,
+    seconds: float,
+) -> Answer:  # fmt: skip
+    """The answer at the positions in reach, those `kept` (k,)."""
     number = np.cumsum(kept) - 1
     both = kept[pairs].all(1)
     return Answer(name, points[kept], q[kept], number[pairs[both]], joined[both], seconds)
@@ -153,7 +189,8 @@ def read_answer(name: str, file: str | Path, limit: float = LIMIT) -> Answer:
     points = points[:, np.ptp(points, axis=0) > 0][:, :2]
     q = np.array([row[:3] if row else [np.nan] * 3 for row in found["q"]], float)
     pairs = np.asarray(found["edges"], int)
-    return _kept(name, limit, points, q, pairs, np.asarray(found["connected"], bool), float(found["seconds"]))
+    kept, joined = in_reach(points, limit), np.asarray(found["connected"], bool)
+    return _kept(name, kept, points, q, pairs, joined, float(found["seconds"]))
 
 
 def line(answer: Answer, area: float, paths: np.ndarray) -> str:
@@ -194,13 +231,14 @@ def of_these_sheets(s: hk.Sheets, paths: np.ndarray) -> np.ndarray:
     return np.array(found, int).reshape(-1, 3).T
 
 
-def any_postures(paths: np.ndarray, limit: float = LIMIT, count: int = 48) -> np.ndarray:
+def any_postures(paths: np.ndarray, limit: float = LIMIT, count: int = 48, free: Free | None = None) -> np.ndarray:
     """The fewest changes along each path of a choice among postures some spacing apart."""
     spacing = 2 * limit / (count - 1)
     found = []
     for path in paths[:, ::EVERY]:
         labels = np.moveaxis(self_motions(LINKS, limits_of(limit), path, count), 0, -1)
         layers = [one[np.isfinite(one[:, 0])].astype(float) for one in labels]
+        layers = layers if free is None else [one[free(one)] for one in layers]
         found.append(fewest_changes(layers, np.full(3, SPEED * SPACING * EVERY + spacing)).changes)
     return np.array(found)
 
@@ -211,41 +249,51 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--limit", type=float, default=150.0, help="of each joint, both ways [deg]")
     parser.add_argument("--cells", type=int, default=200, help="positions along a side of the grid")
     parser.add_argument("--paths", type=int, default=1000)
+    parser.add_argument("--post", type=float, nargs=3, metavar=("X", "Y", "RADIUS"), help="an obstacle [m]")
     parser.add_argument("--answer", action="append", default=[], metavar="NAME=FILE", help="an answer of other code")
     parser.add_argument("--quick", action="store_true", help="coarse grids, few paths")
     asked = parser.parse_args(arguments)
     cells, samples, proposals, nodes, count = (40, 64, 2, 16, 20) if asked.quick else (asked.cells, 1024, 60, 50, 100)
     limit = np.radians(asked.limit)
-    paths = random_paths(20 if asked.quick else asked.paths, limit)
-    least, jump = least_cut(LINKS, limits_of(limit)), single_jump(LINKS, limits_of(limit), cells)
-    grid = planar_grid(LINKS, limits_of(limit), cells, 12)
+    post = None if asked.post is None else Post(*asked.post)
+    free = None if post is None else post.free
+    if post is not None and asked.answer:
+        parser.error("an answer of other code is of the arm without a post")
+    paths = random_paths(20 if asked.quick else asked.paths, limit, free=free)
+    grid = planar_grid(LINKS, limits_of(limit), cells, 12 if free is None else 40, free=free)
     area = len(grid.points) * grid.step**2
     print(f"| {HEAD} |\n|---|{'---:|' * HEAD.count('|')}")
-    began, disc = time.process_time(), hk.workspace(cylinder=([0, 0, 0], 3.0, 0.0))
-    s = hk.sheets(planar_task(limit), disc, samples=samples, seconds=5 if asked.quick else 280)
-    print(line(sheets_answer(s, cells, time.process_time() - began, limit), area, paths), flush=True)
-    if limit == LIMIT:
+    disc = hk.workspace(cylinder=([0, 0, 0], 3.0, 0.0))
+    around = {} if post is None else {"clear_of": [post.shape], "self_collision": False, "clearance": 0.0}
+    began = time.process_time()
+    s = hk.sheets(planar_task(limit), disc, samples=samples, seconds=5 if asked.quick else 280, **around)
+    print(line(sheets_answer(s, cells, time.process_time() - began, limit, free=free), area, paths), flush=True)
+    if limit == LIMIT and post is None:
         began = time.process_time()
         one = hk.sheets(
-            planar_task(), disc, [disc_law(planar_task())], q0=disc_start(), share=0.96, samples=4 * samples
+            planar_task(), disc, [disc_law(planar_task())], q0=disc_starts(), share=0.96, samples=4 * samples
         )
         made = sheets_answer(one, cells, time.process_time() - began, limit, "hk.sheets, a law for this disc")
         print(line(made, area, paths), flush=True)
-    for answer in others(limit, cells, proposals, nodes, count):
+    for answer in others(limit, cells, proposals, nodes, count, free):
         print(line(answer, area, paths), flush=True)
     for given in asked.answer:
         name, _, file = given.partition("=")
         print(line(read_answer(name, file, limit), area, paths), flush=True)
     some = paths[:: max(1, len(paths) // 100)]
     loop, followed, fewest = of_these_sheets(s, paths)
+    if post is None:
+        least, jump = least_cut(LINKS, limits_of(limit)), single_jump(LINKS, limits_of(limit), cells)
+        print(
+            f"\nNo function has less than {least.length:.2f} m of cuts; one with a single jump on each circle about "
+            f"the base has {jump.length:.2f} m at least, {jump.pairs:.2f} m in pairs of the {cells} x {cells} grid "
+            f"(inf: one jump is not enough)."
+        )
     print(
-        f"\nNo function has less than {least.length:.2f} m of cuts; one with a single jump on each circle about the "
-        f"base has {jump.length:.2f} m at least, {jump.pairs:.2f} m in pairs of the {cells} x {cells} grid (inf: one "
-        f"jump is not enough).\n"
         f"Changes on each of {len(loop)} paths of {len(paths)} wholly served: {loop.mean():.3f} of a loop that stays "
         f"on its sheet, {followed.mean():.3f} with follow, {fewest.mean():.3f} at least over them (follow has more on "
-        f"{(followed > fewest).sum()}); {any_postures(some, limit).mean():.3f} at least over any postures, on "
-        f"{len(some)} paths.\n\n{s}"
+        f"{(followed > fewest).sum()}); {any_postures(some, limit, free=free).mean():.3f} at least over any postures, "
+        f"on {len(some)} paths.\n\n{s}"
     )
     return 0
 

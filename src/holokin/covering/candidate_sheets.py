@@ -57,6 +57,9 @@ LEVEL_STEP = 0.17
 CLOSEST = 4
 """Neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all."""
 
+OVERLAP = 0.01
+"""Share of a sheet's poses that have two postures of the leaf from which on the map chooses between the two."""
+
 MARGIN = 0.1
 """Share of a joint's range next to a limit that counts as near it."""
 
@@ -69,7 +72,7 @@ class CandidateSheets:
     many lines side by side, which may be wrong at a few poses; `exact` asks the sheet itself. costs: of each, see
     `_cost`. asked: the sheets that were; others: those of other postures of a leaf, which bring no more of them.
     parents: of a sheet that was made next to another one, that one, whose branch it is on; tables: of each, the levels
-    of its law.
+    of its law; twins: of a sheet whose leaf overlaps itself, that of the other postures.
     """
 
     task: Task
@@ -86,6 +89,7 @@ class CandidateSheets:
     others: set[int] = field(default_factory=set)
     parents: dict[int, int] = field(default_factory=dict)
     tables: dict[int, LevelTable | None] = field(default_factory=dict)
+    twins: dict[int, int] = field(default_factory=dict)
 
     @property
     def sets(self) -> Flags:
@@ -126,7 +130,8 @@ class CandidateSheets:
                 return
             say(f"{law.name}, {self.tried} leaves so far")
             some_served, _ = _lines_served(law, starts, self.T[some], self.clear, self.rcond, self._native)
-            found: Vector = some_served.astype(float) @ weights
+            more = (some_served[:, None] & ~self.sets[:, some]).any(axis=2).all(axis=1)  # than each sheet there is
+            found: Vector = more * (some_served.astype(float) @ weights)
             self.tried += len(starts)
             best = [i for i in np.argsort(-found, kind="stable")[:BEST] if found[i] > 0]
             self.add(law, starts[best])
@@ -150,7 +155,7 @@ class CandidateSheets:
     def vary(self, which: Indices, rng: np.random.Generator, round_: int, end: float) -> None:
         """Adds sheets next to some of them: on other levels of their laws, and of laws with other coefficients, or with
         a level that is a polynomial of the pose."""
-        for i in which.tolist():
+        for i in map(int, which):
             sheet, before = self.sheets[i], len(self.sheets)
             if time.monotonic() > end or not len(sheet.level):
                 return
@@ -163,7 +168,8 @@ class CandidateSheets:
                 for one in self._bent(sheet, rng, round_) if self.own else []:
                     self.add(one, sheet.q0[None], once=True)
             self.tried += LEVELS
-            self.parents.update(dict.fromkeys(range(before, len(self.sheets)), self.parents.get(i, i)))
+            for child in range(before, len(self.sheets)):
+                self.parents[child] = self.parents.get(i, i)
 
     def _weights(self, i: int, which: Indices, rng: np.random.Generator) -> Vector:
         """Of the poses (k,) for a sheet that is to serve what the other chosen ones do not, or one of them alone."""
@@ -180,14 +186,18 @@ class CandidateSheets:
                 law = Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
                 go = _side_by_side(sheet.strategy, self.clear, self.rcond, self._native)
                 step = float(spread[0]) * LEVEL_STEP
-                table = level_table(law, sheet.q0, step, self.T, self.near[:, :CLOSEST], go, self._native)
+                table = level_table(
+                    law, sheet.strategy, sheet.q0, step, self.T, self.near[:, :CLOSEST], go, self._native
+                )
             self.tables[i] = table
         return self.tables[i]
 
     def _on_other_levels(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> Matrix:
         """Postures at the pose of a sheet's start, on levels about its own."""
         at, spread, found = pose_from(*self.task.poses(sheet.q0[None]))[0], self._spread(sheet), []
-        for _ in range(0 if spread is None else LEVELS):
+        if spread is None:
+            return np.zeros((0, self.task.n))
+        for _ in range(LEVELS):
             level = sheet.level + SPREAD * CLOSER**round_ * spread * rng.standard_normal(len(sheet.level))
             ends = along_leaf(sheet.strategy, sheet.q0[None], at[None], level)
             if ends.reached.all() and self.task.robot.within(ends.q[0, 0]):
@@ -242,8 +252,17 @@ class CandidateSheets:
                 before, law = len(self.sheets), Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
                 self.add(law, others[[len(others) // 2]])
                 self.others.update(range(before, len(self.sheets)))
+                if len(self.sheets) > before and len(others) >= OVERLAP * known(q).sum():
+                    self.twins[i] = before
                 changed = True
         return changed
+
+    def both_sides(self, which: Indices) -> list[tuple[int, int]]:
+        """(which of some sheets, the sheet that it is part of): each itself, and the other postures of its leaf."""
+        found = [(i, i) for i in which.tolist()]
+        found += [(self.twins[i], i) for i in which.tolist() if i in self.twins and self.twins[i] not in which]
+        self.exact(np.array([i for i, _ in found], dtype=int))
+        return found
 
 
 def _coefficients(task: Task, sheet: Sheet) -> Matrix | None:

@@ -32,17 +32,17 @@ STEPS = 16
 DEGREES = (1, 2, 3)
 """Of the polynomials that are tried."""
 
-POSES_A_TERM = 5
+POSES_A_TERM = 2
 """Poses for each coefficient of a polynomial at least: fewer would be served by chance."""
 
-INSIDE = 1.25
+INSIDE = 2.5
 """Steps of the levels by which a polynomial is to keep within the levels that are allowed, where there is room."""
 
 ROUNDS, NEAR = 5, 0.25
 """Linear programs, each with weights 1 / (excess + NEAR steps) of the one before: so few poses are missed, rather than
 all by little."""
 
-SMALL = 1e-3
+SMALL = 0.03
 """What a coefficient of one step costs against a pose that is missed by one step."""
 
 
@@ -59,17 +59,18 @@ class LevelTable(Value):
     @cached_property
     def coordinates(self) -> Coordinates | None:
         """Those of the polynomials; None where the poses are all alike, or turn too far."""
-        at = int(np.argmin(np.linalg.norm(self.T[:, :3, 3] - self.T[:, :3, 3].mean(axis=0), axis=1)))
-        there = self.allowed
+        middle = int(np.argmin(np.linalg.norm(self.T[:, :3, 3] - self.T[:, :3, 3].mean(axis=0), axis=1)))
+        if not self.allowed.any():
+            return None
         try:
-            return coordinates_of(chart_of(self.law.task, self.T[at, :3, :3]), self._some[there]) if there.any() else None
+            return coordinates_of(chart_of(self.law.task, self.T[middle, :3, :3]), self._some[self.allowed])
         except ArgumentError:
             return None
 
     @cached_property
     def allowed(self) -> Flags:
         """The poses (k,) that have a level."""
-        return known(self.q).any(axis=0)
+        return np.asarray(known(self.q).any(axis=0))
 
     @cached_property
     def _some(self) -> Matrix:
@@ -109,8 +110,11 @@ class LevelTable(Value):
                 found.append(law)
         return found
 
-    def _law(self, c: Coordinates, x: Vector, degree: int, room: Vector, wanted: Vector) -> tuple[Candidate, Vector] | None:
-        """The law of a polynomial's coefficients (t,), and its posture at the pose with most room (k,) to other levels."""
+    def _law(
+        self, c: Coordinates, x: Vector, degree: int, room: Vector, wanted: Vector
+    ) -> tuple[Candidate, Vector] | None:
+        """The law of a polynomial's coefficients (t,), and its posture at the pose with most room (k,) on both sides of
+        the level that it wants there."""
         task, base = self.law.task, self.law.strategy
         if base is None:
             return None
@@ -125,7 +129,10 @@ class LevelTable(Value):
         return Candidate(name, zeta.keys_over(self.law.keys), task, strategy, 0.0), q[0]
 
 
-def level_table(law: Candidate, q0: Vector, step: float, T: Array, near: Indices, go: Go, native: int | None) -> LevelTable:
+def level_table(
+    law: Candidate, strategy: HolonomicStrategy, q0: Vector, step: float, T: Array, near: Indices, go: Go,
+    native: int | None,
+) -> LevelTable:  # fmt: skip
     """The levels of a law at poses T (k, 4, 4), on the branch of a posture q0 (n,) of the law's own.
 
     From q0 the self-motion leads to other levels. On each of them the leaf is followed to all poses, first straight,
@@ -135,7 +142,6 @@ def level_table(law: Candidate, q0: Vector, step: float, T: Array, near: Indices
         step: between levels [units of c]. near: of each pose its neighbours (k, m). go: straight along the leaf, to
             what is allowed.
     """
-    strategy = law.strategy
     at = pose_from(*law.task.poses(q0[None]))
     levels, starts = _along_self_motion(strategy, q0, at, step)
     count, k = len(levels), len(T)
