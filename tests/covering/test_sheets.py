@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.disc_law import disc_law, disc_start
+from benchmarks.disc_law import disc_law, disc_starts
 
 import holokin as hk
 from holokin.covering import Sheet, Sheets
@@ -227,7 +227,7 @@ def test_a_sheet_is_proven_over_a_box_and_has_the_joints_of_the_proof(planar: Sh
 @pytest.fixture(scope="module")
 def one_leaf() -> Sheets:
     task = planar_task()
-    return hk.sheets(task, disc(), [disc_law(task)], q0=disc_start(), share=0.9, samples=400)
+    return hk.sheets(task, disc(), [disc_law(task)], q0=disc_starts()[2], share=0.9, samples=400)
 
 
 def test_a_loop_never_leaps_on_its_sheet(one_leaf: Sheets, planar: Sheets) -> None:
@@ -241,12 +241,12 @@ def test_a_loop_never_leaps_on_its_sheet(one_leaf: Sheets, planar: Sheets) -> No
                 before = q
                 try:
                     _, q = s.near([radius * np.cos(angle), radius * np.sin(angle)], q)
-                except BranchError:
+                except (BranchError, NoSheetError):
                     told += 1
                     break
                 if set(s.of(before)) & set(s.of(q)):
                     assert np.abs(q - before).max() < 0.1
-    assert told == 3  # one leaf alone: it overlaps itself, and the base does not go round
+    assert told == 3  # one leaf alone: it overlaps itself or ends, and the base does not go round
 
 
 def test_a_posture_of_another_branch_is_on_no_sheet_of_this_one(planar: Sheets) -> None:

@@ -57,9 +57,6 @@ LEVEL_STEP = 0.17
 CLOSEST = 4
 """Neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all."""
 
-OVERLAP = 0.01
-"""Share of a sheet's poses that have two postures of the leaf from which on the map chooses between the two."""
-
 MARGIN = 0.1
 """Share of a joint's range next to a limit that counts as near it."""
 
@@ -72,7 +69,7 @@ class CandidateSheets:
     many lines side by side, which may be wrong at a few poses; `exact` asks the sheet itself. costs: of each, see
     `_cost`. asked: the sheets that were; others: those of other postures of a leaf, which bring no more of them.
     parents: of a sheet that was made next to another one, that one, whose branch it is on; tables: of each, the levels
-    of its law; twins: of a sheet whose leaf overlaps itself, that of the other postures.
+    of its law.
     """
 
     task: Task
@@ -89,7 +86,6 @@ class CandidateSheets:
     others: set[int] = field(default_factory=set)
     parents: dict[int, int] = field(default_factory=dict)
     tables: dict[int, LevelTable | None] = field(default_factory=dict)
-    twins: dict[int, int] = field(default_factory=dict)
 
     @property
     def sets(self) -> Flags:
@@ -130,8 +126,8 @@ class CandidateSheets:
                 return
             say(f"{law.name}, {self.tried} leaves so far")
             some_served, _ = _lines_served(law, starts, self.T[some], self.clear, self.rcond, self._native)
-            more = (some_served[:, None] & ~self.sets[:, some]).any(axis=2).all(axis=1)  # than each sheet there is
-            found: Vector = more * (some_served.astype(float) @ weights)
+            known_already = np.array([(one <= self.sets[:, some]).all(axis=1).any() for one in some_served])
+            found: Vector = np.where(known_already, 0.0, some_served.astype(float) @ weights)
             self.tried += len(starts)
             best = [i for i in np.argsort(-found, kind="stable")[:BEST] if found[i] > 0]
             self.add(law, starts[best])
@@ -252,17 +248,8 @@ class CandidateSheets:
                 before, law = len(self.sheets), Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
                 self.add(law, others[[len(others) // 2]])
                 self.others.update(range(before, len(self.sheets)))
-                if len(self.sheets) > before and len(others) >= OVERLAP * known(q).sum():
-                    self.twins[i] = before
                 changed = True
         return changed
-
-    def both_sides(self, which: Indices) -> list[tuple[int, int]]:
-        """(which of some sheets, the sheet that it is part of): each itself, and the other postures of its leaf."""
-        found = [(i, i) for i in which.tolist()]
-        found += [(self.twins[i], i) for i in which.tolist() if i in self.twins and self.twins[i] not in which]
-        self.exact(np.array([i for i, _ in found], dtype=int))
-        return found
 
 
 def _coefficients(task: Task, sheet: Sheet) -> Matrix | None:

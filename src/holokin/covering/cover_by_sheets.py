@@ -209,29 +209,19 @@ def _mapped(
     task: Task, workspace: Workspace, T: Array, rest: Indices, within: Indices, pool: CandidateSheets, cover: Cover,
     around: Surroundings | None, stopped: bool,
 ) -> Sheets:  # fmt: skip
-    """The sheets chosen, that of most poses first, with what each sampled pose gets.
-
-    A leaf that overlaps itself comes to some poses with two postures: where the joints jump, there, is chosen as well.
-    """
-    chosen = cover.chosen[np.argsort(-pool.sets[cover.chosen].sum(axis=1), kind="stable")]
-    sides = pool.both_sides(chosen) if not stopped else [(i, i) for i in chosen.tolist()]
-    q = np.full((len(sides), len(T), task.n), np.nan)
-    for s, (i, _) in enumerate(sides):
-        q[s, within] = pool.sheets[i].postures(T[within], pool.clear)[0]
-    pairs = within[neighbours(T[within], turn_length(task))]
-    goes_on = continued([pool.sheets[i] for i, _ in sides], T, q, pairs)
-    labels = labelled(known(q), pairs, goes_on, same_postures(q))
-    of = np.append([chosen.tolist().index(i) for _, i in sides], -1)
-    for s in range(len(chosen), len(sides)):
-        taken = labels.of == s
-        q[of[s], taken] = q[s, taken]
-    q, taken = q[: len(chosen)], of[labels.of]
+    """The sheets chosen, that of most poses first, with what each sampled pose gets."""
+    chosen = [pool.sheets[i] for i in cover.chosen[np.argsort(-pool.sets[cover.chosen].sum(axis=1), kind="stable")]]
+    q = np.full((len(chosen), len(T), task.n), np.nan)
+    for s, sheet in enumerate(chosen):
+        q[s, within] = sheet.postures(T[within], pool.clear)[0]
     there = known(q)
-    found = [replace(pool.sheets[i], stations=q[s, there[s]], places=T[there[s]]) for s, i in enumerate(chosen)]
-    order = np.argsort([-int((taken == s).sum()) for s in range(len(found))], kind="stable")
+    chosen = [replace(one, stations=q[s, there[s]], places=T[there[s]]) for s, one in enumerate(chosen)]
+    pairs = within[neighbours(T[within], turn_length(task))]
+    labels = labelled(known(q), pairs, continued(chosen, T, q, pairs), same_postures(q))
+    order = np.argsort([-int((labels.of == s).sum()) for s in range(len(chosen))], kind="stable")
     place = np.append(np.argsort(order), -1)
-    rest = np.where(taken >= 0, int(PoseRest.SERVED), rest)
+    rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)
     return Sheets(
-        task, workspace, tuple(found[s] for s in order), T, q[order], place[taken], rest, pairs, labels.cuts,
+        task, workspace, tuple(chosen[s] for s in order), T, q[order], place[labels.of], rest, pairs, labels.cuts,
         labels.least, cover.least, len(pool.sheets), turn_length(task), around, stopped,
     )  # fmt: skip
