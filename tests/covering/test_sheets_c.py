@@ -100,10 +100,10 @@ def test_a_loop_in_c_is_told_where_its_only_sheet_would_leap(tmp_path: Path) -> 
     command = ["cc", "-std=c99", "-O1", "-fPIC", "-shared", "-o", "arm.so", "arm_sheets.c", "sheet_0/arm_0.c", "-lm"]
     subprocess.run(command, cwd=tmp_path / "c", check=True, timeout=120)
     library, numbers = ctypes.CDLL(str(tmp_path / "c" / "arm.so")), ctypes.POINTER(ctypes.c_double)
-    q, ended = one([1.5, 0.0])[1].copy(), False
+    q, ended = one([1.8, 0.0])[1].copy(), False
     for angle in np.arange(0.0, 2 * np.pi, 0.03):
         pose, before = np.eye(4), q.copy()
-        pose[:2, 3] = 1.5 * np.cos(angle), 1.5 * np.sin(angle)
+        pose[:2, 3] = 1.8 * np.cos(angle), 1.8 * np.sin(angle)
         sheet = library.arm_sheets_near(pose.ctypes.data_as(numbers), q.ctypes.data_as(numbers), 0)
         try:
             wanted = one.near(pose, before)[1]
