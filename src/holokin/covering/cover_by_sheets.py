@@ -66,10 +66,11 @@ def sheets(
     """The fewest leaves that together serve a workspace, and for each pose the one to take.
 
     Leaves of the laws that fit the task (or of those given) are tried through postures at poses all over the workspace,
-    first where no leaf serves yet; with one redundant joint, also leaves whose level is a polynomial of the pose, fitted
-    by linear programs to the levels that are allowed at each pose. An integer program chooses the fewest that serve the share wanted, and of equally
-    many those that serve more, with slower joints, further from their limits. A linear program chooses among the sheets
-    of each pose, so that neighbouring poses have one sheet as often as can be. All of it is said of sampled poses.
+    first where no leaf serves yet. With one redundant joint, leaves are tried, too, whose level is a polynomial of the
+    pose, fitted by linear programs to the levels that each pose allows. An integer program chooses the fewest leaves
+    that serve the share wanted, and of equally many those that serve more, with slower joints, further from their
+    limits. A linear program chooses among the sheets of each pose, so that neighbouring poses have one sheet as often
+    as can be. All of it is said of sampled poses.
 
     Args:
         workspace: the tool poses to be served.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -121,13 +122,21 @@ def _cloud(axes: Any, found: Sheets) -> None:
         frame_cloud(axes, p)
 
 
+def _lines(name: str) -> str:
+    """A sheet's name in lines of the legend."""
+    return fill(on_figure(name, 60), 32)
+
+
 def _legend(figure: Any, found: Sheets, maps: bool, jump: bool) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     k, width, height = len(found.poses), *figure.get_size_inches()
     patches = [
-        Patch(color=color_of(s), label=f"sheet {s}: {(found.labels == s).sum() / k:.1%}\n{on_figure(one.name, 30)}")
+        Patch(
+            color=color_of(s),
+            label=f"sheet {s}: {(found.labels == s).sum() / k:.1%}\n{fill(on_figure(one.name, 60), 32)}",
+        )
         for s, one in enumerate(found.sheets)
     ]
     patches += [
