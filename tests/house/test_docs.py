@@ -42,7 +42,7 @@ def test_the_readme_shows_the_first_of_these_tables() -> None:
 
 EXAMPLES = {
     "panda_circle.py": "0.1635, 0.3207, 0.4756",
-    "own_constraint.py": "custom, pose (twist) of iiwa14, is holonomic",
+    "own_constraint.py": "'custom', pose (twist) of iiwa14, is holonomic",
     "papers_form.py": "det H = 1.0",
     "pink_leaf.py": "our leaf: 0.000003 rad off after two circles, two paths 0.000000 rad apart",
     "mink_leaf.py": "our leaf: 0.000003 rad off after two circles, two paths 0.000000 rad apart",

@@ -234,7 +234,7 @@ def test_a_verdict_is_a_sentence_that_a_small_loop_confirms(panda_circle: JobRes
     assert "is NOT holonomic" in told
     assert f"{0.01 * v.defect:.2g} rad" in told
     assert f"{v.relative:.2g} per rad" in shown
-    assert "comes" not in told and held.verdict.sentence.startswith("lock-3, pose (twist) of panda, is holonomic")
+    assert "comes" not in told and held.verdict.sentence.startswith("'lock-3', pose (twist) of panda, is holonomic")
     ppr = shortened(cycles=1)
     strategy = hk.moore_penrose(hk.position(ppr.robot))
     q = ppr.q0

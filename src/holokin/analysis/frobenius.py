@@ -177,7 +177,7 @@ def _subject(strategy: Strategy) -> _Subject:
         [curvature_unit(strategy, i, j) for i, j in planes],
         list(zip(task.row_names, task.units, strict=True)),
     )
-    name = f"{strategy.name}, {task.name}"
+    name = f"{strategy.name!r}, {task.name}"
     return _Subject(
         name, task.n, values, planes, units, rows, refusal, *evidence,
         lambda Q, region: jumps_of(strategy, Q, region.lower, region.upper), may_jump(strategy),

@@ -78,7 +78,7 @@ def numeric_verdict(strategy: NumericStrategy, Q: Matrix, region: Region, tolera
         undecided=len(seen) - len(judged),
         region=region,
         evidence=Evidence.DIFFERENCES,
-        subject=f"{strategy.name}, {task.name}",
+        subject=f"{strategy.name!r}, {task.name}",
         curved=not holonomic,
         rows=(names[i], names[j]),
         accuracy=Accuracy(

@@ -187,7 +187,8 @@ def _of_any_law(field: FreeField, over: Directions) -> Obstruction:
     """Whether every law over a sphere makes a field of tangent directions: by the self-motions over it."""
     sphere, task = field.sphere, field.task
     known, directions, clearance = spread(field, field.start, sphere.direction, over.fineness)
-    about = f"any law of {task.robot.name} over all {_directions(sphere)}"
+    where = _directions(sphere)
+    about = f"any law of {task.robot.name} over all {where}"
     total, largest = None, 0.0
     if len(known) < directions:
         said = f"{about}: undecided, since not all could be reached from the start; take another start"
@@ -198,11 +199,11 @@ def _of_any_law(field: FreeField, over: Directions) -> Obstruction:
             said = f"{about}: undecided, since not every self-motion there is a closed curve with one turn of the elbow"
         else:
             total = 2
-            which = "none" if sphere.fixed else "none on the self-motions traced"
+            which = "" if sphere.fixed else "on the self-motions traced, "
             said = (
-                f"{about}: {which} covers them without a jump. On each self-motion the elbow goes once round the line "
-                f"from shoulder to wrist, {clearance:.2g} m from it or more. So a law is a field of tangent directions "
-                "on a sphere, whose indices add up to 2"
+                f"{which}no law of {task.robot.name} covers all {where} without a jump. On each self-motion the elbow "
+                f"goes once round the line from shoulder to wrist, {clearance:.2g} m from it or more. So a law is a "
+                "field of tangent directions on a sphere, whose indices add up to 2"
             )
     details = f"self-motions were traced at {len(known)} of {directions} directions; {LIMITS}"
     return Obstruction(total, (), directions, len(known), largest, clearance, said, details)

@@ -288,15 +288,17 @@ def _of_late(audit: LogAudit) -> str:
         alike = audit.visits[(audit.cycles.direction == audit.cycles.direction[-1])]
         gap = np.abs(alike[-1] - alike[-2]) if len(alike) > 1 else np.abs(audit.drift[-1:])
         at, joint = np.unravel_index(int(np.argmax(gap)), gap.shape)
-        return (
-            f"; the last two cycles by {gap[at, joint]:.3g} ({names[joint]}, at {100 * phase[at]:.0f} % of the cycle)"
-        )
+        where = f"{names[joint]}, at {100 * phase[at]:.0f} % of the cycle"
+        return f"; in the last two cycles they are {gap[at, joint]:.3g} apart ({where})"
     joint = int(np.argmax(np.abs(t.rate)))
     rate, error = abs(float(t.rate[joint])), float(t.rate_error[joint])
     if rate <= error:
-        return f", in the last third by less than {rate + error:.2g} a cycle ({_SURE} confidence)"
+        return (
+            f"; in the last third of the cycles they move by less than {rate + error:.2g} a cycle ({_SURE} confidence)"
+        )
     where = f"{names[joint]}, at {100 * phase[t.phase]:.0f} % of the cycle"
-    return f", in the last third by {rate:.3g} +- {error:.1g} a cycle ({where}; {_SURE} confidence)"
+    move = f"{rate:.3g} +- {error:.1g} a cycle ({where}; {_SURE} confidence)"
+    return f"; in the last third of the cycles they move by {move}"
 
 
 def _undecided(audit: LogAudit) -> str:
@@ -315,7 +317,7 @@ def _trend_said(audit: LogAudit) -> str:
     t, kind = audit.leading, audit.trend
     low, high = t.ratio_range
     last = f"the last {t.latest} differences of successive cycles"
-    factor = f"(by the factor {t.ratio:.3g} from one to the next, {low:.3g} to {high:.3g}; {_SURE} confidence)"
+    factor = f"(each is about {t.ratio:.3g} times the one before, {low:.3g} to {high:.3g}; {_SURE} confidence)"
     if kind is Trend.NONE or (kind is Trend.CANNOT_TELL and audit.verdict is LogVerdict.UNDECIDED):
         return ""
     if t.trend is not kind:  # of single cycles, or scatter
@@ -338,7 +340,7 @@ def _trend_said(audit: LogAudit) -> str:
     if t.latest == 0 or not np.isfinite(t.ratio):
         why = f"{len(audit.cycles)} cycles do not show whether the change goes on, fades, alternates or is scatter"
     else:
-        why = f"{last} change {factor}, which neither goes on nor surely fades"
+        why = f"{last} change {factor}: this neither goes on nor surely fades"
     return f"Trend: cannot tell: {why}; log about {t.cycles_needed} cycles"
 
 
@@ -350,5 +352,6 @@ def _ahead(audit: LogAudit) -> str:
         text += f"{audit.tolerance / float(np.abs(t.rate).max()):.0f} cycles"
     if audit.limit is not None and audit.limit_range is not None:
         (joint, cycles), (few, most) = audit.limit, audit.limit_range
-        text += f"; at this rate {joint} is at its limit after {cycles:.0f} more ({few:.0f} to {most:.0f})"
+        more = f"{cycles:.0f} more cycle{'' if round(cycles) == 1 else 's'}"
+        text += f"; at this rate {joint} is at its limit after {more} ({few:.0f} to {most:.0f})"
     return text

@@ -22,7 +22,8 @@ RUNS = 5
 """Runs of the same way from the same start, so that a law that alternates between runs is seen to."""
 
 AT_ONCE, MIDWAY, NEW_RUN, BEGUN_THERE, SAME_RUN = (
-    "at once", "midway in a run", "in a new run", "in a run that begins at the posture of the call",
+    "immediately after the earlier call", "midway in a run", "in a new run",
+    "in a run that begins at the posture of the call",
     "in a repetition of the run",
 )  # fmt: skip
 

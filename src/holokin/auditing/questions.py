@@ -333,8 +333,8 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
         return f"none drifts in {name}: {largest(big):.1e} at the most", metrics
     facts = (
         f"in {name}: a loop of twice the size drifts {metrics['ratio']:.2f} times as far; the drift of the reversed "
-        f"loop and the opposite of the drift differ by {metrics['turned']:.0%}; half the speed changes the drift by "
-        f"{metrics['hurried']:.0%}"
+        f"loop differs by {metrics['turned']:.0%} from the opposite of the forward drift; half the speed changes the "
+        f"drift by {metrics['hurried']:.0%}"
     )
     if metrics["turned"] < TURNED and metrics["hurried"] < HURRIED:
         metrics["stairs"] = _stairs_gap(setup, plane, scale) / size

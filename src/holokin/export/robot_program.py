@@ -107,7 +107,7 @@ def _resolution(timed: TimedTrajectory, found: Targets) -> str:
     """How far apart the instants are at which deviations are measured, and the samples, of which targets are some."""
     fastest, step = float("nan") if found.tool is None else found.tool.fastest, 1e3 * timed.dt
     way = f", at most {fastest * step / FINER:.2g} mm apart on the path" if np.isfinite(fastest) else ""
-    lines = f"the process lines on and off are at multiples of {step:g} ms"
+    lines = f"the lines that switch the process on and off are at multiples of {step:g} ms"
     return f"deviations are measured every {step / FINER:g} ms{way}; {lines}"
 
 

@@ -100,10 +100,10 @@ def _in_the_way(task: Task, position: Vector, rotation: Matrix, q: Vector, limit
     """By which joint's limit a target is missed, or that no posture at all was found."""
     robot = task.robot
     if not limits:
-        return ", with any posture"
+        return ", without joint limits"
     free = nearest_postures(task, position[None], rotation[None], q[None], limits=False)
     if not free.reached[0]:
-        return ", with any posture: joint limits are not in the way"
+        return ", even without joint limits"
     past = robot.beyond(free.q[0])
     k = int(np.argmax(past))
     name, unit = robot.joint_names[k], robot.coordinates[k].unit
