@@ -231,7 +231,7 @@ def test_two_postures_far_apart_are_joined_by_a_closed_tool_path() -> None:
     walk = hk.follow(strategy, one.path, first, samples=2000)
     assert np.abs(walk.q[-1] - second).max() < 1e-9
     other = found[(apart > 0.1) & (np.abs(apart - 2.705) > 1e-3)]
-    assert len(other) and witness_between(strategy, first, other[0], via=200) is None
+    assert len(other) and witness_between(strategy, first, other[0], via=60) is None
     with pytest.raises(ArgumentError, match="another posture of the same tool pose"):
         witness_between(strategy, first, first)
     with pytest.raises(ArgumentError, match="same leaf"):

@@ -36,9 +36,10 @@ def disc(radius: float = 3.0) -> hk.Workspace:
 
 @pytest.fixture(scope="module")
 def planar() -> Sheets:
-    task = planar_task()
+    """Two leaves that a search of five seconds finds; here they are given, and no time is left for a search."""
+    task, q0 = planar_task(), [[0.0717, -1.9433, -2.0609], [1.7217, 0.9144, 0.474]]
     laws = [hk.holonomic(task, hk.linear([0, 1, -1]))]
-    return hk.sheets(task, disc(), laws, samples=100, share=0.98)
+    return hk.sheets(task, disc(), laws, q0=q0, samples=100, share=0.98, seconds=1e-3)
 
 
 def tool_of(q: np.ndarray) -> np.ndarray:
@@ -55,10 +56,12 @@ def test_each_posture_has_its_tool_at_the_pose_and_is_within_the_limits(planar: 
     assert (np.abs(found.q[served]) <= LIMIT + 1e-9).all()
 
 
-def test_the_arm_has_no_single_leaf_for_the_disc_and_the_program_says_so(planar: Sheets) -> None:
+def test_the_arm_has_no_single_leaf_for_the_disc_and_the_program_says_so() -> None:
     """No posture of q2 = q3 + c within +-150 degrees serves the whole disc: the base would have to go round."""
-    assert len(planar) == planar.least == 2
-    assert planar.candidates > 10
+    task = planar_task()
+    found = hk.sheets(task, disc(), [hk.holonomic(task, hk.linear([0, 1, -1]))], samples=50, share=0.98)
+    assert len(found) == found.least == 2
+    assert found.candidates > 10
 
 
 def test_the_same_pose_has_the_same_joints_whatever_was_asked_before(planar: Sheets) -> None:
@@ -76,13 +79,13 @@ def test_the_same_pose_has_the_same_joints_whatever_was_asked_before(planar: She
 
 def test_a_pose_midway_between_sampled_poses_has_the_same_joints_alone_and_in_company() -> None:
     """On a grid the middles are equally near to two or four sampled poses: rounding must not choose another one."""
-    task, at = planar_task(), np.linspace(-2.8, 2.8, 15)
+    task, at = planar_task(), np.linspace(-2.4, 2.4, 9)
     grid = np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)
     grid = grid[np.linalg.norm(grid, axis=1) < 2.9]
     given, asked = np.tile(np.eye(4), (len(grid), 1, 1)), np.tile(np.eye(4), (2 * len(grid), 1, 1))
     given[:, :2, 3] = grid
-    asked[:, :2, 3] = np.concatenate([grid + [0.2, 0.0], grid + [0.0, 0.2]])
-    s = hk.sheets(task, pose_cloud(given), [hk.holonomic(task, hk.linear([0, 1, -1]))], share=0.85)
+    asked[:, :2, 3] = np.concatenate([grid + [0.3, 0.0], grid + [0.0, 0.3]])
+    s = hk.sheets(task, pose_cloud(given), [hk.holonomic(task, hk.linear([0, 1, -1]))], share=0.6)
     found = s.batch(asked)
     for pose, sheet, q in zip(asked[found.served], found.sheet[found.served], found.q[found.served], strict=True):
         alone = s(pose)
@@ -227,7 +230,7 @@ def test_a_sheet_is_proven_over_a_box_and_has_the_joints_of_the_proof(planar: Sh
 @pytest.fixture(scope="module")
 def one_leaf() -> Sheets:
     task = planar_task()
-    return hk.sheets(task, disc(), [disc_law(task)], q0=disc_starts()[2], share=0.9, samples=400)
+    return hk.sheets(task, disc(), [disc_law(task)], q0=disc_starts()[2], share=0.9, samples=400, seconds=1e-3)
 
 
 def test_a_loop_never_leaps_on_its_sheet(one_leaf: Sheets, planar: Sheets) -> None:

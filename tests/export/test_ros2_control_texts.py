@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, campaign
 from control_plugins import BuiltController, Outcome, posed, update_all
 from holokin.commands.main import app
 from holokin.errors import ArgumentError, ExportError
@@ -122,7 +122,7 @@ def package_test(
 
 
 @needs_cpp
-@pytest.mark.parametrize("control", ["control", pytest.param("control2", marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("control", [campaign("control", one) for one in ("control", "control2")])
 def test_the_test_of_the_controller_passes(plain: Ros2ControlPackage, tmp_path: Path, control: str) -> None:
     """With the interface of ros2_control 4 to 6, and with that of ros2_control 2; a task of positions."""
     done = package_test(
