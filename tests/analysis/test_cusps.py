@@ -217,6 +217,7 @@ def test_where_no_two_postures_part_there_is_no_motion() -> None:
         assert len(motions.first) == 0 and measures.shape == (0, 3)
 
 
+@pytest.mark.campaign
 def test_two_postures_far_apart_are_joined_by_a_closed_tool_path() -> None:
     """A posture of a Panda with q1 - q3 held, whose pose has another one 2.705 rad away (theory 7.3). Not every pair
     is joined: across the singular postures there is no path."""

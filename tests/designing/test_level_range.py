@@ -40,6 +40,7 @@ def test_a_panda_s_elbow_may_go_so_far_while_its_tool_works_in_a_box() -> None:
         assert reached.all() == all_of_it
 
 
+@pytest.mark.campaign
 def test_an_advice_tells_the_levels_of_its_best_law_if_it_is_asked() -> None:
     """Referee: inverse kinematics of that law, within the limits, begun on leaves inside and outside the interval."""
     bars = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
