@@ -118,7 +118,7 @@ class Sheet(Value):
         return PosePoints(self.begin_at, turn_length(self.strategy.task))
 
     def __str__(self) -> str:
-        at = ", ".join(f"{c:.4g}" for c in self.level)
+        at = ", ".join(f"{c:.4g}" for c in self.level.round(9) + 0.0)  # -0 is 0
         return f"{self.name}, level {at}" if at else self.name
 
 
