@@ -142,7 +142,7 @@ def test_the_header_says_how_far_the_tool_and_its_speed_are_off(welder: hk.Task,
     program = to_rapid(corner, tolerance=ToolTolerance(welder, 2e-4, 0.02, 0.02, 0.02, True))
     said = " ".join(read(program, "rapid").comments)
     assert "linear moves" in said and "mm/s" in said and "no other joint moves" in said
-    assert "deviations are measured every 2 ms, at most 0.016 mm apart on the path; the lines" in said
+    assert "deviations are measured every 2 ms; in this time the tool moves at most 0.016 mm along the path" in said
     assert "the lines that switch the process on and off are at multiples of 8 ms" in said
 
 

@@ -125,8 +125,8 @@ class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
         sides = " by ".join(f"0.1 {unit}" for _, unit in self.rows)
         joint = self.unit.partition("/")[0].replace("joint unit", "m or rad")
         return (
-            f"{self.subject}, is NOT holonomic: by its curvature at one posture, the witness, a small loop of the "
-            f"tool in {self._plane}, of {sides}, leaves the joints about {0.01 * self.defect:.2g} {joint} away from "
+            f"{self.subject}, is NOT holonomic: at one posture (the witness) the curvature says that a small loop of "
+            f"the tool of {sides} in {self._plane} leaves the joints about {0.01 * self.defect:.2g} {joint} away from "
             "their start"
         )
 

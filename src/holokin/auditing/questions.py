@@ -340,7 +340,9 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
         metrics["stairs"] = _stairs_gap(setup, plane, scale) / size
         facts += f", fine stairs instead of straight lines change it by {metrics['stairs']:.0%}"
     if not metrics.get("stairs", np.inf) < BENT:
-        return f"obey no area law ({facts}): not of the form dq = G(q) x'", metrics
+        law = "With an area law, a loop of twice the size drifts about 4 times as far if the curvature is even, "
+        law += "the reversed loop drifts by the opposite, and neither the speed nor fine stairs change the drift"
+        return f"not of the form dq = G(q) x', because they obey no area law ({facts}). {law}", metrics
     per = f"{metrics['drift_per_area']:.3g} per {area_unit(setup.task, *plane)}"
     curved = ""
     if metrics["ratio"] >= AREA[1]:

@@ -66,8 +66,9 @@ class Finding(Shown):
 
     def __str__(self) -> str:
         when = f"{self.start:.3f} to {self.stop:.3f} s" if self.stop > self.start else f"{self.start:.3f} s"
-        worst = f"{'least' if self.is_least else 'worst'} {self.value:.4g} {self.unit}".rstrip()
-        wanted = f"{'at least' if self.is_least else 'limit'} {self.limit:.4g} {self.unit}".rstrip()
+        least = "least rcond" if self.kind is FindingKind.SINGULARITY else "least distance"
+        worst = f"{least if self.is_least else 'worst'} {self.value:.4g} {self.unit}".rstrip()
+        wanted = f"{'required:' if self.is_least else 'limit'} {self.limit:.4g} {self.unit}".rstrip()
         return f"{self.kind.value}: {' and '.join(self.what)}, {when}, {worst} at {self.time:.3f} s ({wanted})"
 
 

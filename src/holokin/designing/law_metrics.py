@@ -50,14 +50,17 @@ class SectionMetrics(Value):
     closest: tuple[str, str] | None = None
 
     def __str__(self) -> str:
-        own = "".join(f", {name} {value:.5g}" for name, value in self.own.items())
+        own = "".join(f"; {name} {value:.5g}" for name, value in self.own.items())
         if self.closest is not None:
-            own += f", {' and '.join(self.closest)} {self.clearance:.3g} m apart"
+            own += f"; the least distance is {self.clearance:.3g} m, between {' and '.join(self.closest)}"
         return (
-            f"the leaf reaches {self.reached} of {self.poses} poses, {self.within_limits} within the joint limits; "
-            f"mean squared joint speed {self.squared_speed:.5g} rad^2/m^2, worst joint speed {self.worst_speed:.3g} of "
-            f"its limit at 1 m/s, {self.worst_joint} at {self.joint_limits:.0%} of its half range, rcond at least "
-            f"{self.rcond:.2g}, joints {np.sqrt(self.travel):.3g} rad (rms) apart between two poses{own}"
+            f"the leaf reaches {self.reached} of {self.poses} poses, {self.within_limits} within the joint limits\n"
+            f"  the mean squared joint speed is {self.squared_speed:.5g} rad^2/m^2; at a tool speed of 1 m/s the "
+            f"fastest joint has {self.worst_speed:.3g} times its speed limit\n"
+            f"  nearest to a limit: {self.worst_joint}, at {self.joint_limits:.0%} of the way from the middle of its "
+            "range to a limit\n"
+            f"  between two poses the joints move by {np.sqrt(self.travel):.3g} rad (rms); rcond is at least "
+            f"{self.rcond:.2g}{own}"
         )
 
 

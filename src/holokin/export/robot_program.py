@@ -84,7 +84,7 @@ def header(
         lines += [
             f"{len(found.t)} joint targets, {_counted(found)}",
             *found.tool.sentences(),
-            _resolution(timed, found),
+            *_resolution(timed, found),
         ]
     elif found is not None and len(found.t) == len(timed):
         lines.append(f"{len(found.t)} joint targets, one for each step")
@@ -103,12 +103,13 @@ def header(
     return [part for line in plain for part in textwrap.wrap(line, width, break_on_hyphens=False) or [""]]
 
 
-def _resolution(timed: TimedTrajectory, found: Targets) -> str:
+def _resolution(timed: TimedTrajectory, found: Targets) -> list[str]:
     """How far apart the instants are at which deviations are measured, and the samples, of which targets are some."""
     fastest, step = float("nan") if found.tool is None else found.tool.fastest, 1e3 * timed.dt
-    way = f", at most {fastest * step / FINER:.2g} mm apart on the path" if np.isfinite(fastest) else ""
+    moved = f"in this time the tool moves at most {fastest * step / FINER:.2g} mm along the path"
+    way = f"; {moved}" if np.isfinite(fastest) else ""
     lines = f"the lines that switch the process on and off are at multiples of {step:g} ms"
-    return f"deviations are measured every {step / FINER:g} ms{way}; {lines}"
+    return [f"deviations are measured every {step / FINER:g} ms{way}", lines]
 
 
 def _counted(found: Targets) -> str:
