@@ -1,4 +1,4 @@
-"""A law whose one leaf serves the whole disc of a planar arm, three links of 1 m within +-150 degrees.
+"""A law whose one leaf serves nearly the whole disc of a planar arm, three links of 1 m within +-150 degrees.
 
     g(q) = sin(a) (x - px) - cos(a) (y - py),     a = k(x, y) q1 + c(x, y)
 

@@ -122,3 +122,11 @@ def test_poses_that_all_are_one_have_no_polynomial() -> None:
     go = candidate_sheets._side_by_side(strategy, None, 0.0, None)
     found = level_table(law, strategy, START, STEP, T, nearby(T, 0.0), go, None)
     assert found.fitted(np.ones(5)) == []
+
+
+def test_over_a_fitted_law_no_other_one_is_fitted(table: LevelTable) -> None:
+    """A job has no polynomial over a polynomial: the file of such a sheet could not be read."""
+    law, q0 = table.fitted(np.ones(len(table.T)))[0]
+    pool = pool_of(table.T)
+    pool.add(law, q0[None])
+    assert pool._table(0) is None

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+from benchmarks.disc_law import disc_law, disc_starts
 
 import holokin as hk
 from conftest import campaign
@@ -147,3 +150,22 @@ def test_the_same_search_finds_the_same_map(share: float) -> None:
     )
     np.testing.assert_array_equal(first.q, second.q)
     np.testing.assert_array_equal(first.labels, second.labels)
+
+
+def test_control_c_while_a_sheet_is_asked_within_the_search_counts_no_pose_twice(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The sheet that was being asked is asked again, so that what the map promises is what its sheets serve."""
+    count, honest = [0], candidate_sheets.one_function
+
+    def interrupted(*words: Any) -> Any:
+        count[0] += 1
+        if count[0] == 1:
+            raise KeyboardInterrupt
+        return honest(*words)
+
+    monkeypatch.setattr(candidate_sheets, "one_function", interrupted)
+    law, q0 = [disc_law(planar_task())], disc_starts()[2]
+    s = hk.sheets(planar_task(), disc(), law, q0=q0, samples=150, share=0.9, seconds=1e-3)
+    assert s.stopped and count[0] > 1
+    assert s.share >= 0.9

@@ -54,6 +54,9 @@ tried once."""
 LEVEL_STEP = 0.17
 """Step between the levels of a table, as a share of the level's spread over postures of the start's pose."""
 
+SAME = 1e-6
+"""Spread of levels [units of g] up to which they are one."""
+
 CLOSEST = 4
 """Neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all."""
 
@@ -69,7 +72,7 @@ class CandidateSheets:
     many lines side by side, which may be wrong at a few poses; `exact` asks the sheet itself. costs: of each, see
     `_cost`. asked: the sheets that were; others: those of other postures of a leaf, which bring no more of them.
     parents: of a sheet that was made next to another one, that one, whose branch it is on; tables: of each, the levels
-    of its law.
+    of its law; fits: to which tables and weights polynomials were fitted.
     """
 
     task: Task
@@ -86,6 +89,7 @@ class CandidateSheets:
     others: set[int] = field(default_factory=set)
     parents: dict[int, int] = field(default_factory=dict)
     tables: dict[int, LevelTable | None] = field(default_factory=dict)
+    fits: set[tuple[int, bytes]] = field(default_factory=set)
 
     @property
     def sets(self) -> Flags:
@@ -156,16 +160,26 @@ class CandidateSheets:
             if time.monotonic() > end or not len(sheet.level):
                 return
             law = Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
-            if self.own and (table := self._table(self.parents.get(i, i))) is not None:
-                for one, q0 in table.fitted(self._weights(i, which, rng)):
-                    self.add(one, q0[None], once=True)
-            else:
+            fitted = self._fitted(i, self._weights(i, which, rng)) if self.own else []
+            for one, q0 in fitted:
+                self.add(one, q0[None], once=True)
+            if not fitted:
                 self.add(law, self._on_other_levels(sheet, rng, round_))
                 for one in self._bent(sheet, rng, round_) if self.own else []:
                     self.add(one, sheet.q0[None], once=True)
             self.tried += LEVELS
             for child in range(before, len(self.sheets)):
                 self.parents[child] = self.parents.get(i, i)
+
+    def _fitted(self, i: int, weights: Vector) -> list[tuple[Candidate, Vector]]:
+        """Laws whose level is a polynomial of the pose, on the branch of a sheet, each with a posture (n,); none where
+        there is no number for a level, or where the same fit was made before."""
+        parent = self.parents.get(i, i)
+        fit = parent, weights.tobytes()
+        if fit in self.fits or (table := self._table(parent)) is None:
+            return []
+        self.fits.add(fit)
+        return table.fitted(weights)
 
     def _weights(self, i: int, which: Indices, rng: np.random.Generator) -> Vector:
         """Of the poses (k,) for a sheet that is to serve what the other chosen ones do not, or one of them alone."""
@@ -178,7 +192,9 @@ class CandidateSheets:
         """The levels of a sheet's law at the poses, on its branch; None where there is no number for a level."""
         if i not in self.tables:
             sheet, table = self.sheets[i], None
-            if self.task.n - self.task.m == 1 and (spread := self._spread(sheet)) is not None and spread[0] > 0:
+            designed = sheet.keys.get("kind") == "designed"  # a job has no design over another one
+            one_level = self.task.n - self.task.m == 1 and not designed
+            if one_level and (spread := self._spread(sheet)) is not None and spread[0] > SAME:
                 law = Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
                 go = _side_by_side(sheet.strategy, self.clear, self.rcond, self._native)
                 step = float(spread[0]) * LEVEL_STEP
@@ -233,7 +249,6 @@ class CandidateSheets:
         for i in which.tolist():
             if i in self.asked:
                 continue
-            self.asked.add(i)
             sheet, clear = self.sheets[i], self.clear
 
             def go(begin: Matrix, poses: Array, sheet: Sheet = sheet) -> tuple[Matrix, Flags]:
@@ -241,9 +256,11 @@ class CandidateSheets:
 
             q, wave = grown(sheet.reached(np.tile(sheet.q0, (len(self.T), 1)), self.T, clear)[0], self.near, self.T, go)
             q, others = one_function(q, wave, self.pairs, self.T, go)
-            self.sheets[i] = replace(sheet, stations=q[known(q)], places=self.T[known(q)])
-            changed |= not np.array_equal(known(q), self.served[i])
-            self.served[i] = known(q)
+            there = known(q)
+            asked, flags = replace(sheet, stations=q[there], places=self.T[there]), self.served[i]
+            self.sheets[i], self.served[i] = asked, there
+            self.asked.add(i)  # not before: Ctrl-C leaves it to be asked again
+            changed |= not np.array_equal(there, flags)
             if len(others) and i not in self.others:
                 before, law = len(self.sheets), Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
                 self.add(law, others[[len(others) // 2]])

@@ -4,7 +4,7 @@
 
 At a pose x the self-motion leads through many levels of a law c(q), and the limits allow some of them. A polynomial
 zeta that is an allowed level at each pose gives a law that serves them all on one leaf, g = 0. The levels that are
-allowed are looked at once for each branch; each polynomial then is a linear program.
+allowed are looked at once for each sheet that a search began with; each polynomial then is a linear program.
 """
 
 from __future__ import annotations
@@ -58,8 +58,9 @@ class LevelTable(Value):
 
     @cached_property
     def coordinates(self) -> Coordinates | None:
-        """Those of the polynomials; None where the poses are all alike, or turn too far."""
-        middle = int(np.argmin(np.linalg.norm(self.T[:, :3, 3] - self.T[:, :3, 3].mean(axis=0), axis=1)))
+        """Those of the polynomials; None where the poses are all alike, or full orientations turn too far."""
+        R = self.T[:, :3, :3]
+        middle = int(np.argmax(np.einsum("aij,bij->ab", R, R).min(axis=1).round(9)))  # least turn to the farthest
         if not self.allowed.any():
             return None
         try:
