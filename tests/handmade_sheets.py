@@ -18,6 +18,10 @@ def planar_task() -> hk.Task:
     return hk.position(hk.with_limits(hk.load("planar-3r"), lower=-LIMIT, upper=LIMIT))
 
 
+def disc(radius: float = 3.0) -> hk.Workspace:
+    return hk.workspace(cylinder=([0, 0, 0], radius, 0.0))
+
+
 def map_of(task: hk.Task, space: hk.Workspace, sheets: Sequence[Sheet], samples: int, around: object = None) -> Sheets:
     """The map of some sheets: each pose has the first one that serves it."""
     T = space.poses(samples)

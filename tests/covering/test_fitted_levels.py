@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from handmade_sheets import LIMIT, planar_task
 from holokin.covering import candidate_sheets
 from holokin.covering.candidate_sheets import CandidateSheets
 from holokin.covering.fitted_levels import LevelTable, level_table
@@ -14,12 +15,8 @@ from holokin.covering.sheet import known
 from holokin.designing.candidates import Candidate
 from holokin.job.saved_sheets import _strategy
 
-LIMIT, STEP = np.radians(150), 0.25
+STEP = 0.25
 START = np.array([0.0, 0.9, 0.8])
-
-
-def planar_task() -> hk.Task:
-    return hk.position(hk.with_limits(hk.load("planar-3r"), lower=-LIMIT, upper=LIMIT))
 
 
 def positions(count: int = 80, radius: float = 2.6) -> np.ndarray:

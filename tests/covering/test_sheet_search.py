@@ -10,23 +10,13 @@ from benchmarks.disc_law import disc_law, disc_starts
 
 import holokin as hk
 from conftest import campaign
+from handmade_sheets import disc, planar_task
 from holokin.covering import PoseRest, candidate_sheets
 from holokin.errors import (
     ArgumentError,
     NoSheetError,
     OutOfReachError,
 )
-
-LIMIT = np.radians(150)
-
-
-def planar_task() -> hk.Task:
-    arm = hk.load("planar-3r")
-    return hk.position(hk.with_limits(arm, lower=-LIMIT, upper=LIMIT))
-
-
-def disc(radius: float = 3.0) -> hk.Workspace:
-    return hk.workspace(cylinder=([0, 0, 0], radius, 0.0))
 
 
 def test_what_is_out_of_reach_is_told_from_what_limits_forbid() -> None:

@@ -10,6 +10,7 @@ import pytest
 from benchmarks.disc_law import disc_law, disc_starts
 
 import holokin as hk
+from handmade_sheets import LIMIT, disc, planar_task
 from holokin.covering import Sheet, Sheets
 from holokin.errors import (
     ArgumentError,
@@ -21,17 +22,6 @@ from holokin.errors import (
     SheetsFileError,
 )
 from holokin.path.workspaces import pose_cloud
-
-LIMIT = np.radians(150)
-
-
-def planar_task() -> hk.Task:
-    arm = hk.load("planar-3r")
-    return hk.position(hk.with_limits(arm, lower=-LIMIT, upper=LIMIT))
-
-
-def disc(radius: float = 3.0) -> hk.Workspace:
-    return hk.workspace(cylinder=([0, 0, 0], radius, 0.0))
 
 
 @pytest.fixture(scope="module")

@@ -18,11 +18,11 @@ from ..base.poses import pose_from
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..constraints import tilted
 from ..designing.candidates import Candidate
-from ..designing.coordinates import Coordinates, Polynomial, chart_of, coordinates_of
+from ..designing.coordinates import Coordinates, Polynomial, chart_of, coordinates_of, values_and_slopes
 from ..designing.line_ends import along_leaf, one_by_one
 from ..errors import ArgumentError
 from ..strategies import HolonomicStrategy, holonomic
-from ..strategies.polynomial import Terms, monomials_up_to
+from ..strategies.polynomial import monomials_up_to
 from .sheet import known
 from .sheet_growth import Go, grown
 
@@ -100,7 +100,7 @@ class LevelTable(Value):
             terms = monomials_up_to(c.d, degree)
             if POSES_A_TERM * len(terms) > len(at):
                 break
-            A = _monomials(u, terms)
+            A, _ = values_and_slopes(u, terms)
             x = _least_excess(A, low, high, self.step, weights[at])
             if x is None:
                 continue
@@ -208,8 +208,3 @@ def _least_excess(A: Matrix, low: Vector, high: Vector, step: float, weights: Ve
         x = step * (found.x[:t] - found.x[t : 2 * t])
         weigh = weights / (found.x[2 * t :] + NEAR)
     return x
-
-
-def _monomials(u: Matrix, terms: Terms) -> Matrix:
-    """Their values (k, t) at points u (k, d)."""
-    return np.stack([np.prod(u[:, list(one)], axis=1) for one in terms], axis=1)
