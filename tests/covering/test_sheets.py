@@ -75,7 +75,7 @@ def test_a_pose_midway_between_sampled_poses_has_the_same_joints_alone_and_in_co
     given, asked = np.tile(np.eye(4), (len(grid), 1, 1)), np.tile(np.eye(4), (2 * len(grid), 1, 1))
     given[:, :2, 3] = grid
     asked[:, :2, 3] = np.concatenate([grid + [0.2, 0.0], grid + [0.0, 0.2]])
-    s = hk.sheets(task, pose_cloud(given), [hk.holonomic(task, hk.linear([0, 1, -1]))], share=0.6)
+    s = hk.sheets(task, pose_cloud(given), [hk.holonomic(task, hk.linear([0, 1, -1]))], share=0.95)
     found = s.batch(asked)
     for pose, sheet, q in zip(asked[found.served], found.sheet[found.served], found.q[found.served], strict=True):
         alone = s(pose)
