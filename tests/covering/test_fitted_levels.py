@@ -7,10 +7,11 @@ import pytest
 
 import holokin as hk
 from handmade_sheets import LIMIT, planar_task
-from holokin.covering import candidate_sheets
 from holokin.covering.candidate_sheets import CandidateSheets
 from holokin.covering.fitted_levels import LevelTable, level_table
+from holokin.covering.leaf_estimates import side_by_side
 from holokin.covering.pose_features import nearby
+from holokin.covering.searched_poses import SearchedPoses
 from holokin.covering.sheet import known
 from holokin.designing.candidates import Candidate
 from holokin.job.saved_sheets import _strategy
@@ -29,7 +30,7 @@ def positions(count: int = 80, radius: float = 2.6) -> np.ndarray:
 
 
 def pool_of(T: np.ndarray) -> CandidateSheets:
-    return CandidateSheets(planar_task(), T, [], None, 0.0, True)
+    return CandidateSheets(planar_task(), SearchedPoses.of(T, 0.0), [], None, 0.0, True)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,7 @@ def table() -> LevelTable:
     task, T = planar_task(), positions()
     strategy = hk.holonomic(task, hk.lock(0), name="lock q1")
     law = Candidate("lock q1", {"kind": "lock", "joints": ["q1"]}, task, strategy)
-    go = candidate_sheets._side_by_side(strategy, None, 0.0, None)
+    go = side_by_side(strategy, T, None, 0.0, None)
     return level_table(law, strategy, START, STEP, T, nearby(T, 0.0), go, None)
 
 
@@ -78,10 +79,11 @@ def test_a_fitted_leaf_serves_more_than_each_leaf_of_one_level(table: LevelTable
     assert len(laws) == 3
     best = known(table.q).sum(axis=1).max()
     counts = []
-    for law, q0 in laws:
+    for law, q0, _ in laws:
         pool = pool_of(table.T)
         pool.add(law, q0[None])
-        counts.append(int(pool.served[0].sum()))
+        pool.exact(np.array([0]))
+        counts.append(int(pool.found[0].served.sum()))
     assert max(counts) > best
     assert max(counts) >= 0.95 * table.allowed.sum()
 
@@ -91,17 +93,17 @@ def test_a_fit_goes_where_the_weights_are(table: LevelTable) -> None:
     left = table.T[:, 1, 3] > 0
     counts = []
     for weights in (np.where(left, 1.0, 1e-3), np.where(left, 1e-3, 1.0)):
-        law, q0 = table.fitted(weights)[0]
+        law, q0, _ = table.fitted(weights)[0]
         pool = pool_of(table.T)
         pool.add(law, q0[None])
-        counts.append((int(pool.served[0][left].sum()), int(pool.served[0][~left].sum())))
+        counts.append((int(pool.found[0].served[left].sum()), int(pool.found[0].served[~left].sum())))
     assert counts[0][0] > counts[1][0]
     assert counts[1][1] > counts[0][1]
 
 
 def test_what_a_job_says_of_a_fitted_law_is_that_law(table: LevelTable) -> None:
     """The keys of the law, read as a job reads them, give the same g, within the digits that are kept."""
-    for law, q0 in table.fitted(np.ones(len(table.T))):
+    for law, q0, _ in table.fitted(np.ones(len(table.T))):
         assert law.strategy is not None
         again = _strategy(law.keys, law.task, q0, law.name)
         Q = q0 + np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
@@ -116,14 +118,44 @@ def test_poses_that_all_are_one_have_no_polynomial() -> None:
     task = planar_task()
     strategy = hk.holonomic(task, hk.lock(0), name="lock q1")
     law = Candidate("lock q1", {"kind": "lock", "joints": ["q1"]}, task, strategy)
-    go = candidate_sheets._side_by_side(strategy, None, 0.0, None)
+    go = side_by_side(strategy, T, None, 0.0, None)
     found = level_table(law, strategy, START, STEP, T, nearby(T, 0.0), go, None)
     assert found.fitted(np.ones(5)) == []
 
 
 def test_over_a_fitted_law_no_other_one_is_fitted(table: LevelTable) -> None:
     """A job has no polynomial over a polynomial: the file of such a sheet could not be read."""
-    law, q0 = table.fitted(np.ones(len(table.T)))[0]
+    law, q0, _ = table.fitted(np.ones(len(table.T)))[0]
     pool = pool_of(table.T)
     pool.add(law, q0[None])
-    assert pool._table(0) is None
+    assert pool._table(pool.found[0]) is None
+
+
+def test_the_levels_of_a_fitted_law_serve_the_poses_that_it_serves(table: LevelTable) -> None:
+    """A search follows the shorter law from level to level, in place of the polynomial: at most one pose in twenty is
+    served by one of them alone."""
+    task = planar_task()
+    strategy = hk.holonomic(task, hk.lock(0), name="lock q1")
+    parent = Candidate("lock q1", {"kind": "lock", "joints": ["q1"]}, task, strategy)
+    pool = pool_of(table.T)
+    pool.add(parent, START[None])
+    for law, q0, levels in table.fitted(np.ones(len(table.T))):
+        pool.add(law, q0[None])
+        pool.add(law, q0[None], True, pool.found[0], levels)
+        own, by_levels = pool.found[-2].served, pool.found[-1].served
+        assert by_levels.sum() > 0.75 * table.allowed.sum()
+        assert (own != by_levels).mean() <= 0.05
+
+
+def test_poses_that_are_left_out_are_searched_more_closely_and_counted_as_often_as_they_are() -> None:
+    """Whatever is searched, the weights of the poses sum up to the share that a leaf serves of all poses."""
+    T = positions(3000)
+    served = T[:, 0, 3] > -1.5
+    poses = SearchedPoses.of(T, 0.0)
+    assert len(poses.T) == 400 and not poses.complete
+    closer = poses.without(served)
+    left = (~served)[closer.which]
+    assert left.sum() == min(400, (~served).sum())
+    assert closer.weights[left].sum() == pytest.approx((~served).sum())
+    assert closer.weights[~left].sum() == pytest.approx(served.sum())
+    assert closer.all.complete and (closer.all.weights == 1).all()

@@ -82,7 +82,7 @@ def test_control_c_while_the_sheets_are_asked_keeps_what_was_found() -> None:
 
 
 def test_control_c_within_a_candidate_leaves_that_one_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    count, cost = [0], candidate_sheets._cost
+    count, cost = [0], candidate_sheets.cost_of
 
     def interrupted(*words: object) -> float:
         count[0] += 1
@@ -90,7 +90,7 @@ def test_control_c_within_a_candidate_leaves_that_one_out(monkeypatch: pytest.Mo
             raise KeyboardInterrupt
         return cost(*words)
 
-    monkeypatch.setattr(candidate_sheets, "_cost", interrupted)
+    monkeypatch.setattr(candidate_sheets, "cost_of", interrupted)
     task = planar_task()
     s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=40)
     assert s.stopped

@@ -29,7 +29,7 @@ def planar() -> Sheets:
     """Two leaves that a search of five seconds finds; here they are given, and no time is left for a search."""
     task, q0 = planar_task(), [[0.0717, -1.9433, -2.0609], [1.7217, 0.9144, 0.474]]
     laws = [hk.holonomic(task, hk.linear([0, 1, -1]))]
-    return hk.sheets(task, disc(), laws, q0=q0, samples=100, share=0.98, seconds=1e-3)
+    return hk.sheets(task, disc(), laws, q0=q0, samples=100, share=0.98, search=False)
 
 
 def tool_of(q: np.ndarray) -> np.ndarray:
@@ -220,7 +220,7 @@ def test_a_sheet_is_proven_over_a_box_and_has_the_joints_of_the_proof(planar: Sh
 @pytest.fixture(scope="module")
 def one_leaf() -> Sheets:
     task = planar_task()
-    return hk.sheets(task, disc(), [disc_law(task)], q0=disc_starts()[2], share=0.9, samples=400, seconds=1e-3)
+    return hk.sheets(task, disc(), [disc_law(task)], q0=disc_starts()[2], share=0.9, samples=400, search=False)
 
 
 def test_a_loop_never_leaps_on_its_sheet(one_leaf: Sheets, planar: Sheets) -> None:

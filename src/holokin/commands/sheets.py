@@ -27,7 +27,7 @@ def sheets(
         float | None, typer.Option(help="Share to serve of the poses that the arm reaches; 0.995 by default.")
     ] = None,
     samples: Annotated[
-        int | None, typer.Option(help="Poses of the workspace that are looked at; 1024 by default.")
+        int | None, typer.Option(help="Poses of the workspace that are looked at; 4096 by default.")
     ] = None,
     seconds: Annotated[
         float | None, typer.Option(help="Seconds after which the search for leaves ends; 280 by default.")

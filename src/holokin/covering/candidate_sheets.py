@@ -3,36 +3,31 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
 from ..base.poses import pose_from
 from ..base.types import Array, Flags, Indices, Matrix, Vector
 from ..checking import Clear
-from ..constraints import custom, linear
-from ..designing import regular_starts
-from ..designing.candidates import Candidate, candidates
-from ..designing.line_ends import along_leaf, one_by_one
+from ..constraints import linear
+from ..designing.candidates import Candidate
+from ..designing.line_ends import along_leaf
 from ..designing.starts import postures_at
-from ..errors import HolokinError
-from ..strategies import HolonomicStrategy, holonomic
+from ..strategies import holonomic
 from ..tasks.task import Task
 from .fitted_levels import LevelTable, level_table
-from .pose_features import nearby, neighbours, turn_length
-from .sheet import Sheet, allowed_postures, known
-from .sheet_growth import Go, grown, one_function
+from .leaf_estimates import ROUGH, STARTS, cost_of, fitting_laws, lines_served, side_by_side
+from .pose_features import spread_out
+from .searched_poses import SearchedPoses
+from .set_cover import not_within_another
+from .sheet import Sheet, known
+from .sheet_growth import grown, one_function
 
-LAWS = 6
-"""Laws of which leaves are looked at all over the workspace. On a Panda the first three made up the cover."""
-
-ROUGH = 64
-"""Poses by which laws are put in order."""
-
-STARTS, BEST = 8, 2
-"""Postures at one pose through which leaves of each law are tried on few poses, and those that are tried on all."""
+BEST = 2
+"""Of the postures at one pose through which leaves of a law are tried on few poses, those that are tried on all."""
 
 OTHERS = 0.05
 """Weight of a pose anywhere, beside one that the widest sheet does not serve, where leaves are tried on few poses."""
@@ -54,62 +49,79 @@ tried once."""
 LEVEL_STEP = 0.17
 """Step between the levels of a table, as a share of the level's spread over postures of the start's pose."""
 
+VARIED = 4
+"""Sheets of a choice next to which others are looked for in a round, the widest one among them."""
+
 SAME = 1e-6
 """Spread of levels [units of g] up to which they are one."""
 
 CLOSEST = 4
 """Neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all."""
 
-MARGIN = 0.1
-"""Share of a joint's range next to a limit that counts as near it."""
+
+@dataclass(eq=False)
+class CandidateSheet:
+    """A sheet that a cover may have, and what is known of it.
+
+    served: which of the poses that are searched it serves (k,), found by many lines side by side, which may be wrong
+    at a few poses, until it was asked. cost: see `cost_of`. once: whether its law was made for it alone. parent: the
+    sheet from which a search came to it, on the same branch. other: whether it is another posture of a leaf, which
+    brings no more of them. table: the levels of its law, None where there are none; False where not looked at yet.
+    """
+
+    sheet: Sheet
+    served: Flags
+    cost: float
+    once: bool = False
+    parent: CandidateSheet | None = None
+    asked: bool = False
+    other: bool = False
+    table: LevelTable | Literal[False] | None = False
+
+    @property
+    def law(self) -> Candidate:
+        """The law of the sheet."""
+        return Candidate(self.sheet.name, self.sheet.keys, self.sheet.strategy.task, self.sheet.strategy)
 
 
 @dataclass(eq=False)
 class CandidateSheets:
-    """Sheets, with the poses T (k, 4, 4) that each serves; they grow while a cover is looked for.
+    """Sheets, with the poses that each serves; they grow while a cover is looked for.
 
-    laws: whose leaves are tried. own: whether laws may be made besides. served: a row of flags (k,) a sheet, found by
-    many lines side by side, which may be wrong at a few poses; `exact` asks the sheet itself. costs: of each, see
-    `_cost`. asked: the sheets that were; others: those of other postures of a leaf, which bring no more of them.
-    parents: of a sheet that was made next to another one, that one, whose branch it is on; tables: of each, the levels
-    of its law; fits: to which tables and weights polynomials were fitted.
+    poses: that are searched. laws: whose leaves are tried. own: whether laws may be made besides. fits: to which tables
+    and weights polynomials were fitted.
     """
 
     task: Task
-    T: Array
+    poses: SearchedPoses
     laws: Sequence[Candidate]
     clear: Clear | None
     rcond: float
     own: bool
-    sheets: list[Sheet] = field(default_factory=list)
-    served: list[Flags] = field(default_factory=list)
-    costs: list[float] = field(default_factory=list)
+    found: list[CandidateSheet] = field(default_factory=list)
     tried: int = 0
-    asked: set[int] = field(default_factory=set)
-    others: set[int] = field(default_factory=set)
-    parents: dict[int, int] = field(default_factory=dict)
-    tables: dict[int, LevelTable | None] = field(default_factory=dict)
     fits: set[tuple[int, bytes]] = field(default_factory=set)
+
+    @property
+    def T(self) -> Array:
+        """The poses (k, 4, 4) that are searched."""
+        return self.poses.T
+
+    @property
+    def costs(self) -> Vector:
+        """Of each sheet (c,), from 0 for the cheapest one to 1."""
+        costs = np.array([one.cost for one in self.found])
+        return np.asarray(1.0 - costs.min(initial=np.inf) / costs)
 
     @property
     def sets(self) -> Flags:
         """Which sheet serves which pose (c, k)."""
-        return np.array(self.served, dtype=bool).reshape(-1, len(self.T))
+        return np.array([one.served for one in self.found], dtype=bool).reshape(-1, len(self.T))
 
     @property
     def _native(self) -> int | None:
         """Lines from which on native code runs; None for as many as is usual."""
         return NATIVE if len(self.T) >= MANY else None
-
-    @cached_property
-    def near(self) -> Indices:
-        """Of each pose its neighbours (k, m)."""
-        return nearby(self.T, turn_length(self.task))
-
-    @cached_property
-    def pairs(self) -> Indices:
-        """Pairs (e, 2) of neighbours."""
-        return neighbours(self.T, turn_length(self.task))
 
     def grow(self, at: Matrix, wanted: Indices, end: float, say: Callable[[str], None]) -> None:
         """Adds leaves of all laws through postures at a tool pose (4, 4): of each law those that serve most.
@@ -123,59 +135,108 @@ class CandidateSheets:
         if not len(starts):
             return
         every = np.arange(0, len(self.T), max(1, len(self.T) // ROUGH))
-        first = wanted[:ROUGH]
-        some, weights = np.concatenate([first, every]), np.repeat([1.0, OTHERS], [len(first), len(every)])
+        first = wanted[:: max(1, len(wanted) // ROUGH)]
+        some = np.concatenate([first, every])
+        weights = np.repeat([1.0, OTHERS], [len(first), len(every)]) * self.poses.weights[some]
         for law in self.laws:
-            if time.monotonic() > end and self.sheets:
+            if time.monotonic() > end and self.found:
                 return
             say(f"{law.name}, {self.tried} leaves so far")
-            some_served, _ = _lines_served(law, starts, self.T[some], self.clear, self.rcond, self._native)
+            some_served, _ = lines_served(law, starts, self.T[some], self.clear, self.rcond, self._native)
             known_already = np.array([(one <= self.sets[:, some]).all(axis=1).any() for one in some_served])
             found: Vector = np.where(known_already, 0.0, some_served.astype(float) @ weights)
             self.tried += len(starts)
             best = [i for i in np.argsort(-found, kind="stable")[:BEST] if found[i] > 0]
             self.add(law, starts[best])
 
-    def add(self, law: Candidate, starts: Matrix, once: bool = False) -> None:
-        """The sheets of a law through postures (s, n); once: the law is new, and may not be looked at again."""
+    def add(
+        self, law: Candidate, starts: Matrix, once: bool = False, parent: CandidateSheet | None = None,
+        levels: Vector | None = None,
+    ) -> None:  # fmt: skip
+        """The sheets of a law through postures (s, n).
+
+        once: the law is new, and may not be looked at again. levels: of the parent's law at the poses (k,), where the
+        law is that law with a level that depends on the pose.
+        """
         if law.strategy is None or not len(starts):
             return
-        native = None if once else self._native
-        go = _side_by_side(law.strategy, self.clear, self.rcond, native)
-        served, straight = _lines_served(law, starts, self.T, self.clear, self.rcond, native)
+        keys = {key: value for key, value in law.keys.items() if key != "level"}
+        for q0, served, cost in self._grown(law, starts, once, parent, levels):
+            if served.any():
+                self.found.append(CandidateSheet(Sheet(law.strategy, q0, self.rcond, keys), served, cost, once, parent))
+
+    def _grown(
+        self, law: Candidate, starts: Matrix, once: bool, parent: CandidateSheet | None = None,
+        levels: Vector | None = None,
+    ) -> Iterator[tuple[Vector, Flags, float]]:  # fmt: skip
+        """(posture, which poses its leaf serves (k,), cost) for each of some postures (s, n) of a law."""
+        if (strategy := law.strategy) is None:
+            return
+        by, native, c = law, None if once else self._native, None
+        if parent is not None and levels is not None:  # the parent's law is shorter, and has its native code
+            by, native, c = parent.law, None if parent.once else self._native, levels[:, None]
+        go = side_by_side(by.strategy or strategy, self.T, self.clear, self.rcond, native, c)
+        served, straight = lines_served(by, starts, self.T, self.clear, self.rcond, native, c)
         for q0, flags, postures in zip(starts, served, straight, strict=True):
+            q, cost = np.full(postures.shape, np.nan), np.inf
             if flags.any():
-                q, _ = grown(np.where(flags[:, None], postures, np.nan), self.near[:, :CLOSEST], self.T, go)
-                keys = {key: value for key, value in law.keys.items() if key != "level"}
-                cost = _cost(law.strategy, q[known(q)])  # before the three lists: Ctrl-C leaves them of one length
-                self.sheets.append(Sheet(law.strategy, q0, self.rcond, keys))
-                self.served.append(known(q))
-                self.costs.append(cost)
+                q, _ = grown(np.where(flags[:, None], postures, np.nan), self.poses.near[:, :CLOSEST], go)
+                cost = cost_of(strategy, q, self.poses)
+            yield q0, known(q), cost
+
+    def worth(self, chosen: Indices) -> Indices:
+        """Sheets chosen, and those that are not within another one."""
+        return np.union1d(not_within_another(self.sets, self.costs), chosen)
+
+    def look_at(self, poses: SearchedPoses, which: Indices) -> None:
+        """Searches other poses from now on: what some of the sheets serve of them is found again; the others are left.
+
+        The sheets on whose branches they are stay, too.
+        """
+        kept = [self.found[i] for i in which]
+        parents = [one.parent for one in kept if one.parent is not None]
+        before, self.poses, found = self.poses, poses, []
+        try:
+            for one in dict.fromkeys([*kept, *parents]):
+                ((_, served, cost),) = self._grown(one.law, one.sheet.q0[None], one.once)
+                found.append((one, served, cost))
+        except KeyboardInterrupt:
+            self.poses = before
+            raise
+        for one, served, cost in found:
+            one.served, one.cost, one.asked, one.table = served, cost, False, False
+        self.found, self.fits = [one for one, _, _ in found], set()
+
+    def add_laws(self, left: Indices) -> None:
+        """The laws that fit some of the poses best are tried, too."""
+        if self.own and len(left):
+            T, known_already = self.T[left], {law.name for law in self.laws}
+            center = T[spread_out(T, np.arange(len(T)), 1, self.poses.length)[0]]
+            more = fitting_laws(self.task, T, center, None, self.clear)
+            self.laws = [*self.laws, *(law for law in more if law.name not in known_already)]
 
     def vary(self, which: Indices, rng: np.random.Generator, round_: int, end: float) -> None:
         """Adds sheets next to some of them: on other levels of their laws, and of laws with other coefficients, or with
         a level that is a polynomial of the pose."""
-        for i in map(int, which):
-            sheet, before = self.sheets[i], len(self.sheets)
-            if time.monotonic() > end or not len(sheet.level):
+        some = which[1:][rng.permutation(len(which) - 1)[: VARIED - 1]] if len(which) > VARIED else which[1:]
+        for i in [*which[:1].tolist(), *some.tolist()]:
+            one = self.found[i]
+            if time.monotonic() > end or not len(one.sheet.level):
                 return
-            law = Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
-            fitted = self._fitted(i, self._weights(i, which, rng)) if self.own else []
-            for one, q0 in fitted:
-                self.add(one, q0[None], once=True)
+            parent = one.parent or one
+            fitted = self._fitted(parent, self._weights(i, which, rng)) if self.own else []
+            for law, q0, levels in fitted:
+                self.add(law, q0[None], True, parent, levels)
             if not fitted:
-                self.add(law, self._on_other_levels(sheet, rng, round_))
-                for one in self._bent(sheet, rng, round_) if self.own else []:
-                    self.add(one, sheet.q0[None], once=True)
+                self.add(one.law, self._on_other_levels(one.sheet, rng, round_), parent=parent)
+                for law in self._bent(one.sheet, rng, round_) if self.own else []:
+                    self.add(law, one.sheet.q0[None], once=True, parent=parent)
             self.tried += LEVELS
-            for child in range(before, len(self.sheets)):
-                self.parents[child] = self.parents.get(i, i)
 
-    def _fitted(self, i: int, weights: Vector) -> list[tuple[Candidate, Vector]]:
-        """Laws whose level is a polynomial of the pose, on the branch of a sheet, each with a posture (n,); none where
-        there is no number for a level, or where the same fit was made before."""
-        parent = self.parents.get(i, i)
-        fit = parent, weights.tobytes()
+    def _fitted(self, parent: CandidateSheet, weights: Vector) -> list[tuple[Candidate, Vector, Vector]]:
+        """Laws whose level is a polynomial of the pose, on the branch of a sheet, each as of `LevelTable.fitted`; none
+        where there is no number for a level, or where the same fit was made before."""
+        fit = id(parent), weights.tobytes()
         if fit in self.fits or (table := self._table(parent)) is None:
             return []
         self.fits.add(fit)
@@ -186,23 +247,21 @@ class CandidateSheets:
         others = [j for j in which.tolist() if j != i]
         if others:
             del others[rng.integers(len(others))]
-        return np.where(self.sets[others].any(axis=0), OTHERS, 1.0)
+        return self.poses.weights * np.where(self.sets[others].any(axis=0), OTHERS, 1.0)
 
-    def _table(self, i: int) -> LevelTable | None:
+    def _table(self, one: CandidateSheet) -> LevelTable | None:
         """The levels of a sheet's law at the poses, on its branch; None where there is no number for a level."""
-        if i not in self.tables:
-            sheet, table = self.sheets[i], None
+        if one.table is False:
+            sheet, table = one.sheet, None
             designed = sheet.keys.get("kind") == "designed"  # a job has no design over another one
             one_level = self.task.n - self.task.m == 1 and not designed
             if one_level and (spread := self._spread(sheet)) is not None and spread[0] > SAME:
-                law = Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
-                go = _side_by_side(sheet.strategy, self.clear, self.rcond, self._native)
+                go = side_by_side(sheet.strategy, self.T, self.clear, self.rcond, self._native)
                 step = float(spread[0]) * LEVEL_STEP
-                table = level_table(
-                    law, sheet.strategy, sheet.q0, step, self.T, self.near[:, :CLOSEST], go, self._native
-                )
-            self.tables[i] = table
-        return self.tables[i]
+                near = self.poses.near[:, :CLOSEST]
+                table = level_table(one.law, sheet.strategy, sheet.q0, step, self.T, near, go, self._native)
+            one.table = table
+        return one.table
 
     def _on_other_levels(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> Matrix:
         """Postures at the pose of a sheet's start, on levels about its own."""
@@ -246,25 +305,26 @@ class CandidateSheets:
         Where a leaf comes to one pose with two postures, the sheet of the other one becomes a candidate.
         """
         changed = False
-        for i in which.tolist():
-            if i in self.asked:
+        for one in [self.found[i] for i in which]:
+            if one.asked:
                 continue
-            sheet, clear = self.sheets[i], self.clear
+            sheet, clear = one.sheet, self.clear
 
-            def go(begin: Matrix, poses: Array, sheet: Sheet = sheet) -> tuple[Matrix, Flags]:
-                return sheet.reached(begin, poses, clear)
+            def go(begin: Matrix, at: Indices, sheet: Sheet = sheet) -> tuple[Matrix, Flags]:
+                return sheet.reached(begin, self.T[at], clear)
 
-            q, wave = grown(sheet.reached(np.tile(sheet.q0, (len(self.T), 1)), self.T, clear)[0], self.near, self.T, go)
-            q, others = one_function(q, wave, self.pairs, self.T, go)
+            straight = sheet.reached(np.tile(sheet.q0, (len(self.T), 1)), self.T, clear)[0]
+            q, wave = grown(straight, self.poses.near, go)
+            q, others = one_function(q, wave, self.poses.pairs, go)
             there = known(q)
-            asked, flags = replace(sheet, stations=q[there], places=self.T[there]), self.served[i]
-            self.sheets[i], self.served[i] = asked, there
-            self.asked.add(i)  # not before: Ctrl-C leaves it to be asked again
-            changed |= not np.array_equal(there, flags)
-            if len(others) and i not in self.others:
-                before, law = len(self.sheets), Candidate(sheet.name, sheet.keys, self.task, sheet.strategy)
-                self.add(law, others[[len(others) // 2]])
-                self.others.update(range(before, len(self.sheets)))
+            changed |= not np.array_equal(there, one.served)
+            one.sheet, one.served = replace(sheet, stations=q[there], places=self.T[there]), there
+            one.asked = True  # not before: Ctrl-C leaves it to be asked again
+            if len(others) and not one.other:
+                before = len(self.found)
+                self.add(one.law, others[[len(others) // 2]])
+                for other in self.found[before:]:
+                    other.other = True
                 changed = True
         return changed
 
@@ -276,68 +336,3 @@ def _coefficients(task: Task, sheet: Sheet) -> Matrix | None:
     if sheet.keys.get("kind") == "lock":
         return np.eye(task.n)[[task.robot.joint_index(joint) for joint in sheet.keys["joints"]]]
     return None
-
-
-def _cost(strategy: HolonomicStrategy, Q: Matrix) -> float:
-    """Of postures (k, n): the mean of |G|, over what it is at the least, and of the share of joints near a limit."""
-    G = strategy.gain.batch(Q)[0]
-    robot = strategy.task.robot
-    span = robot.upper - robot.lower
-    room = np.minimum(Q - robot.lower, robot.upper - Q)
-    near = float(np.mean(room < MARGIN * np.where(np.isfinite(span), span, 0.0)))
-    return float(np.sqrt(np.mean(np.sum(G**2, axis=(1, 2)))) * (1 + near))
-
-
-def fitting_laws(
-    task: Task, T: Array, center: Matrix, strategies: Sequence[HolonomicStrategy] | None, clear: Clear | None
-) -> list[Candidate]:
-    """The laws whose leaves are tried: those given; else of all that fit, those whose leaves serve most at the centre.
-
-    Where nothing is redundant there is one: its leaves are the branches of the arm.
-    """
-    if strategies is not None:
-        return [Candidate(one.name, {}, task, one) for one in strategies]
-    if task.n == task.m:
-        only = holonomic(task, custom(lambda _q: [], rows=0), name="branch")
-        return [Candidate("branch", {}, task, only)]
-    starts = postures_at(task, center, STARTS)
-    starts = starts if len(starts) else regular_starts(task)[:STARTS]
-    found = [one for one in candidates(task, starts) if one.strategy is not None]
-    some = T[:: max(1, len(T) // ROUGH)]
-    sizes = [_lines_served(one, starts, some, clear, 0.0)[0] for one in found]
-    return [found[i] for i in _best(sizes, len(found))]
-
-
-def _lines_served(
-    law: Candidate, starts: Matrix, T: Array, clear: Clear | None, rcond: float, native: int | None = None
-) -> tuple[Flags, Array]:
-    """(which poses of T (k, 4, 4) the leaves of a law through postures (s, n) serve (s, k), postures (s, k, n)), along
-    the straight path from each."""
-    shape = len(starts), len(T)
-    if law.strategy is None:
-        return np.zeros(shape, dtype=bool), np.zeros((*shape, law.task.n))
-    try:
-        ends = along_leaf(law.strategy, starts, T, native_from=native)
-    except HolokinError:  # it is singular at a start
-        return np.zeros(shape, dtype=bool), np.zeros((*shape, law.task.n))
-    q = ends.q.reshape(-1, law.task.n)
-    within = ends.reached.ravel() & law.task.robot.within(q)
-    return allowed_postures(law.strategy, q, within, rcond, clear).reshape(shape), ends.q
-
-
-def _side_by_side(strategy: HolonomicStrategy, clear: Clear | None, rcond: float, native: int | None) -> Go:
-    """The straight paths of a leaf, many side by side."""
-
-    def go(begin: Matrix, poses: Array) -> tuple[Matrix, Flags]:
-        q, reached = one_by_one(strategy, begin, poses, native)
-        return q, allowed_postures(strategy, q, reached & strategy.task.robot.within(q), rcond, clear)
-
-    return go
-
-
-def _best(served: list[Flags], count: int) -> Indices:
-    """The laws with the widest leaf, and those that add most to what is served: the first LAWS of them."""
-    widest = np.array([flags.mean(axis=1).max(initial=0.0) for flags in served])
-    together = np.array([flags.any(axis=0).mean() for flags in served])
-    order = np.argsort(-(widest + 0.5 * together), kind="stable")
-    return np.asarray(order[: min(LAWS, count)], dtype=int)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import Array, ArrayLike, Indices, Matrix, finite, not_negative, positive, whole
+from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, finite, not_negative, positive, whole
 from ..checking import Clear
 from ..designing.starts import check_that_joints_move
 from ..errors import ArgumentError, OutOfReachError
@@ -20,6 +20,7 @@ from ..tasks.task import Task, of_one_tool
 from .candidate_sheets import CandidateSheets, fitting_laws
 from .pose_features import neighbours, spread_out, turn_length
 from .pose_rest import PoseRest, rests_of
+from .searched_poses import SearchedPoses
 from .set_cover import Cover, fewest
 from .sheet import known
 from .sheet_labels import continued, labelled, same_postures
@@ -29,11 +30,13 @@ from .surroundings import CLEARANCE, Surroundings, surroundings
 SHARE = 0.995
 """Share that is to be served of the poses that the arm reaches: the rest lies next to limits and the edge of reach."""
 
-SAMPLES = 1024
+SAMPLES = 4096
 """Poses of the workspace."""
 
 TARGETS = 4
 """Poses in a round of the search through which new leaves are tried."""
+
+NOTHING = Cover(np.zeros(0, dtype=int), 0, 0.0)
 
 ROUNDS, PATIENCE = 12, 2
 """Rounds at most. As many rounds without gain as there are sheets end the search, two at least: the more sheets there
@@ -60,6 +63,7 @@ def sheets(
     ignore: Sequence[tuple[str, str]] = (),
     shapes_of: Robot | None = None,
     rcond: float = 0.0,
+    search: bool = True,
     seconds: float = SECONDS,
     say: Callable[[str], None] = lambda _text: None,
 ) -> Sheets:
@@ -82,6 +86,7 @@ def sheets(
         clear_of, floor, clearance, self_collision, ignore, shapes_of: what postures are to keep clear of, as of
             `hk.certify`; it is looked at at the poses; by default nothing is.
         rcond: the least rcond of [J; J_g] at a posture, from 0 to 1.
+        search: whether leaves are searched for; if not, those through q0 alone are compared.
         seconds: after which the search for leaves ends. Ctrl-C ends it, too: what was found is kept.
         say: hears what is going on.
 
@@ -96,6 +101,8 @@ def sheets(
     of_one_tool(task, "sheets")
     check_that_joints_move(task.robot)
     _check(task, strategies, share, rcond)
+    if not search and q0 is None:
+        raise ArgumentError("search", search, "give postures q0, whose leaves are compared, or let it search")
     count, limit = whole("samples", samples), positive("seconds", seconds)
     around = surroundings(clear_of, floor, clearance, self_collision, ignore, shapes_of)
     clear = None if around is None else around.clear(task.robot)
@@ -107,7 +114,7 @@ def sheets(
     if not len(within):
         raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest)}", "move or turn it")
     given = _given(task, q0)
-    pool, cover, stopped = _search(task, T[within], strategies, given, share, rcond, clear, limit, say)
+    pool, cover, stopped = _search(task, T[within], strategies, given, share, rcond, clear, search, limit, say)
     return _mapped(task, workspace, T, rest, within, pool, cover, around, stopped)
 
 
@@ -141,57 +148,94 @@ def _why(rest: Indices) -> str:
 
 def _search(
     task: Task, T: Array, strategies: Sequence[HolonomicStrategy] | None, q0: Matrix, share: float, rcond: float,
-    clear: Clear | None, seconds: float, say: Callable[[str], None],
+    clear: Clear | None, search: bool, seconds: float, say: Callable[[str], None],
 ) -> tuple[CandidateSheets, Cover, bool]:  # fmt: skip
-    """Leaves through postures at poses all over, until the fewest that serve the share get no fewer."""
-    end, wanted, rng = time.monotonic() + seconds, int(np.ceil(share * len(T))), np.random.default_rng(0)
+    """Leaves through postures at poses all over, until the fewest that serve the share get no fewer.
+
+    A part of the poses is searched. When the choice gets no better, it is asked about all of them: if it serves too few
+    of them, those that it leaves out are searched, too. In the end the choice is made by all the poses.
+    """
+    end, wanted, poses = time.monotonic() + seconds, share * len(T), SearchedPoses.of(T, turn_length(task))
     center = T[spread_out(T, np.arange(len(T)), 1, turn_length(task))[0]]
     say("which laws fit")
-    pool = CandidateSheets(task, T, fitting_laws(task, T, center, strategies, clear), clear, rcond, strategies is None)
-    cover, still = Cover(np.zeros(0, dtype=int), 0, 0), 0
+    laws, own = fitting_laws(task, poses.T, center, strategies, clear), strategies is None
+    pool = CandidateSheets(task, poses if search else poses.all, laws, clear, rcond, own)
     try:
-        for law in pool.laws:
+        for law in laws:
             pool.add(law, q0)
-        pool.grow(center, np.arange(0), end, say)
-        for round_ in range(ROUNDS):
-            before, cover = cover, _cover(pool, wanted)
-            while cover.covered >= wanted and pool.exact(cover.chosen):
-                cover = _cover(pool, wanted)
-            few, met = len(cover.chosen) < len(before.chosen), before.covered >= wanted
-            better = few if met else cover.covered > before.covered
-            still = 0 if better else still + 1
-            enough = len(cover.chosen) == 1 and cover.covered >= wanted
-            if enough or still >= max(len(cover.chosen), PATIENCE) or time.monotonic() > end:
-                break
-            say(f"{len(cover.chosen)} of {pool.tried} leaves serve {cover.covered} of {len(T)} poses")
-            left = _left(pool, cover)
-            pool.vary(cover.chosen, rng, round_, end)
-            for i in _targets(left, len(T), rng):
-                pool.grow(T[i], left, end, say)
+        if search:
+            pool.grow(center, np.arange(0), end, say)
+            _try_rounds(pool, wanted, end, say)
         stopped = time.monotonic() > end
     except KeyboardInterrupt:
-        if not pool.sheets:
+        if not pool.found:
             raise
         stopped = True
-    if not pool.sheets:
+    if not pool.found:
         cure = "give other strategies, a smaller rcond, or a workspace nearer to the arm's middle"
         raise ArgumentError("the strategies", [law.name for law in pool.laws], f"no leaf of them serves a pose: {cure}")
-    cover = _cover(pool, wanted)
     try:
         say("asking the sheets")
-        while pool.exact(cover.chosen):
-            cover = _cover(pool, wanted)
+        cover = _asked(pool, wanted)
     except KeyboardInterrupt:  # sheets that were not asked serve what is straight from their q0
-        stopped = True
+        cover, stopped = _cover(pool, wanted), True
     return pool, cover, stopped
+
+
+def _try_rounds(pool: CandidateSheets, wanted: float, end: float, say: Callable[[str], None]) -> None:
+    """Adds leaves, round after round, as long as the choice gets better."""
+    rng, still, count = np.random.default_rng(0), 0, len(pool.poses.reach)
+    cover = _asked(pool, wanted)
+    if not pool.poses.complete:
+        cover = _looked_closer(pool, cover, wanted, cover.chosen[:1])
+        pool.add_laws(_left(pool, cover))
+    for round_ in range(ROUNDS):
+        enough = len(cover.chosen) == 1 and cover.covered >= wanted
+        if enough or still >= max(len(cover.chosen), PATIENCE):
+            if pool.poses.complete or _served(pool, cover.chosen).sum() >= wanted:
+                return
+            cover, still = _looked_closer(pool, cover, wanted, cover.chosen), 0
+        if time.monotonic() > end:
+            return
+        say(f"{len(cover.chosen)} of {pool.tried} leaves serve {cover.covered / count:.1%} of {count} poses")
+        left = _left(pool, cover)
+        pool.vary(cover.chosen, rng, round_, end)
+        for i in _targets(left, len(pool.T), rng):
+            pool.grow(pool.T[i], left, end, say)
+        before, cover = cover, _asked(pool, wanted)
+        fewer, more = len(cover.chosen) < len(before.chosen), cover.covered > before.covered + 0.5
+        still = 0 if (fewer if before.covered >= wanted else more) else still + 1
+
+
+def _looked_closer(pool: CandidateSheets, cover: Cover, wanted: float, of: Indices) -> Cover:
+    """The choice after those poses that some of its sheets leave out have joined those that are searched."""
+    pool.look_at(pool.poses.without(_served(pool, of)), pool.worth(cover.chosen))
+    return _asked(pool, wanted)
+
+
+def _served(pool: CandidateSheets, which: Indices) -> Flags:
+    """Which of all the poses in reach (K,) some sheets serve."""
+    T = pool.poses.reach
+    served = np.zeros(len(T), dtype=bool)
+    for i in which:
+        left = np.flatnonzero(~served)
+        served[left] = pool.found[i].sheet.postures(T[left], pool.clear)[1]
+    return served
+
+
+def _asked(pool: CandidateSheets, wanted: float) -> Cover:
+    """The cover of sheets that were asked themselves, the widest first."""
+    cover = _cover(pool, wanted)
+    while pool.exact(cover.chosen):
+        cover = _cover(pool, wanted)
+    return cover
 
 
 def _left(pool: CandidateSheets, cover: Cover) -> Indices:
     """The poses that the widest sheet of a cover does not serve: those that the others are for."""
     if not len(cover.chosen):
         return np.arange(len(pool.T))
-    sets = pool.sets[cover.chosen]
-    return np.flatnonzero(~sets[int(np.argmax(sets.sum(axis=1)))])
+    return np.flatnonzero(~pool.found[cover.chosen[0]].served)
 
 
 def _targets(left: Indices, count: int, rng: np.random.Generator) -> list[int]:
@@ -200,11 +244,14 @@ def _targets(left: Indices, count: int, rng: np.random.Generator) -> list[int]:
     return [*some.tolist(), *rng.choice(count, TARGETS - len(some)).tolist()]
 
 
-def _cover(pool: CandidateSheets, wanted: int) -> Cover:
-    if not pool.sheets:
-        return Cover(np.zeros(0, dtype=int), 0, 0)
-    costs = np.array(pool.costs)
-    return fewest(pool.sets, wanted, costs / costs.max(), PROGRAM)
+def _cover(pool: CandidateSheets, wanted: float) -> Cover:
+    """The fewest sheets, the widest first."""
+    if not pool.found:
+        return NOTHING
+    weights = pool.poses.weights
+    found = fewest(pool.sets, wanted, pool.costs, PROGRAM, weights)
+    widest = np.argsort(-(pool.sets[found.chosen] @ weights), kind="stable")
+    return replace(found, chosen=found.chosen[widest])
 
 
 def _mapped(
@@ -212,7 +259,7 @@ def _mapped(
     around: Surroundings | None, stopped: bool,
 ) -> Sheets:  # fmt: skip
     """The sheets chosen, that of most poses first, with what each sampled pose gets."""
-    chosen = [pool.sheets[i] for i in cover.chosen[np.argsort(-pool.sets[cover.chosen].sum(axis=1), kind="stable")]]
+    chosen = [pool.found[i].sheet for i in cover.chosen]
     q = np.full((len(chosen), len(T), task.n), np.nan)
     for s, sheet in enumerate(chosen):
         q[s, within] = sheet.postures(T[within], pool.clear)[0]
@@ -225,5 +272,5 @@ def _mapped(
     rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)
     return Sheets(
         task, workspace, tuple(chosen[s] for s in order), T, q[order], place[labels.of], rest, pairs, labels.cuts,
-        labels.least, cover.least, len(pool.sheets), turn_length(task), around, stopped,
+        labels.least, cover.least, len(pool.found), turn_length(task), around, stopped,
     )  # fmt: skip

@@ -9,6 +9,7 @@ allowed are looked at once for each sheet that a search began with; each polynom
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -89,8 +90,9 @@ class LevelTable(Value):
         low, high = self.levels[last - np.maximum(best - 1, 0)], self.levels[last]
         return np.where(best > 0, low, np.nan), np.where(best > 0, high, np.nan)
 
-    def fitted(self, weights: Vector) -> list[tuple[Candidate, Vector]]:
-        """Laws fitted to the poses, by their weights (k,), and a posture (n,) of each."""
+    def fitted(self, weights: Vector) -> list[tuple[Candidate, Vector, Vector]]:
+        """Laws fitted to the poses, by their weights (k,); of each a posture (n,), and the levels of this law that it
+        wants at the poses (k,), NaN where none is known."""
         c, found = self.coordinates, []
         if c is None:
             return []
@@ -104,11 +106,11 @@ class LevelTable(Value):
             x = _least_excess(A, low, high, self.step, weights[at])
             if x is None:
                 continue
-            wanted, room = np.zeros(len(self.T)), np.full(len(self.T), -np.inf)
-            wanted[at] = A @ (x := np.round(x, 6))
+            wanted, room = np.full(len(self.T), np.nan), np.full(len(self.T), -np.inf)
+            wanted[at] = A @ (x := _short(x, self.step))
             room[at] = np.minimum(wanted[at] - low, high - wanted[at])
             if (law := self._law(c, x, degree, room, wanted)) is not None:
-                found.append(law)
+                found.append((*law, wanted))
         return found
 
     def _law(
@@ -130,6 +132,11 @@ class LevelTable(Value):
         return Candidate(name, zeta.keys_over(self.law.keys), task, strategy, 0.0), q[0]
 
 
+def _short(x: Vector, step: float) -> Vector:
+    """Numbers that a job can be read with: to a millionth of the step between levels, or a little better."""
+    return np.asarray(np.round(x, 6 - math.floor(math.log10(step))))
+
+
 def level_table(
     law: Candidate, strategy: HolonomicStrategy, q0: Vector, step: float, T: Array, near: Indices, go: Go,
     native: int | None,
@@ -148,12 +155,12 @@ def level_table(
     count, k = len(levels), len(T)
     q = along_leaf(strategy, starts, T, native_from=native)
     rows, poses = np.where(q.reached[..., None], q.q, np.nan).reshape(count * k, -1), np.tile(T, (count, 1, 1))
-    rows = _allowed(go, rows, poses)
+    rows = _allowed(go, rows, np.arange(count * k) % k)
     beside = (np.tile(near, (count, 1)) + k * np.repeat(np.arange(count), k)[:, None]).astype(int)
     before = -1
     while (now := int(known(rows).sum())) > before:
         before = now
-        rows = grown(rows, beside, poses, go)[0]
+        rows = grown(rows, beside, lambda begin, at: go(begin, at % k))[0]
         for shift in (k, -k):
             at = np.arange(count * k)[:-k] + (k if shift > 0 else 0)
             at = at[known(rows[at - shift]) & ~known(rows[at])]
@@ -161,7 +168,7 @@ def level_table(
                 continue
             there, reached = one_by_one(strategy, rows[at - shift], poses[at], native, levels[at // k, None])
             there[~reached] = np.nan
-            rows[at] = _allowed(go, there, poses[at])
+            rows[at] = _allowed(go, there, at % k)
     return LevelTable(law, T, levels, step, rows.reshape(count, k, -1))
 
 
@@ -180,12 +187,12 @@ def _along_self_motion(strategy: HolonomicStrategy, q0: Vector, at: Array, step:
     return np.array([one[0] for one in found]), np.array([one[1] for one in found])
 
 
-def _allowed(go: Go, q: Matrix, T: Array) -> Matrix:
-    """Postures (k, n) at their poses; NaN where they are not there, or not allowed."""
+def _allowed(go: Go, q: Matrix, poses: Indices) -> Matrix:
+    """Postures (k, n) at their poses, by their numbers (k,); NaN where they are not there, or not allowed."""
     at = np.flatnonzero(known(q))
     if not len(at):
         return q
-    there, served = go(q[at], T[at])
+    there, served = go(q[at], poses[at])
     q[at] = np.where(served[:, None], there, np.nan)
     return q
 

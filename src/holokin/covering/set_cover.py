@@ -22,12 +22,12 @@ class Cover(Value):
     """Sets that cover.
 
     chosen: their indices. least: no fewer of the sets given cover as much: proven where it equals the number chosen.
-    covered: how many elements they cover.
+    covered: what they cover, by weight.
     """
 
     chosen: Indices
     least: int
-    covered: int
+    covered: float
 
     @property
     def proven(self) -> bool:
@@ -35,38 +35,39 @@ class Cover(Value):
         return self.least == len(self.chosen)
 
 
-def fewest(sets: Flags, wanted: int, costs: Vector, seconds: float) -> Cover:
-    """The fewest of some sets (c, k) that cover `wanted` of the elements; of equally many, those that cover more and
-    cost less.
+def fewest(sets: Flags, wanted: float, costs: Vector, seconds: float, weights: Vector | None = None) -> Cover:
+    """The fewest of some sets (c, k) that cover `wanted` of the elements, by weight; of equally many, those that cover
+    more and cost less.
 
     min sum x   with   y_p <= sum_{c covers p} x_c,   sum w_p y_p >= wanted,   x in {0, 1}, 0 <= y <= 1;
     elements that the same sets cover are one, with weight w.
 
     Args:
-        costs: of each set (c,), from 0 to 1. seconds: for each of the two programs.
+        costs: of each set (c,), from 0 to 1. seconds: for each of the two programs. weights: of the elements (k,);
+            by default 1.
     """
-    alive = _not_within_another(sets, costs)
-    patterns, weights = np.unique(sets[alive], axis=1, return_counts=True)
+    alive = not_within_another(sets, costs)
+    each = np.ones(sets.shape[1]) if weights is None else weights
+    patterns, which = np.unique(sets[alive], axis=1, return_inverse=True)
     kept = patterns.any(axis=0)
-    patterns, weights = patterns[:, kept], weights[kept]
-    goal = min(wanted, int(weights.sum()))
+    many = np.asarray(np.bincount(which.ravel(), each, patterns.shape[1])[kept], dtype=float)
+    patterns = patterns[:, kept]
+    goal = min(wanted, float(many.sum())) - ROUND
     if goal <= 0:
         return Cover(np.zeros(0, dtype=int), 0, 0)
-    ones, none = np.ones(len(alive)), np.zeros(len(weights))
-    first = _solved(patterns, weights, ones, none, (goal, None), seconds)
-    x = _greedy(patterns, weights, goal) if first.x is None else first.x
+    ones, none = np.ones(len(alive)), np.zeros(len(many))
+    first = _solved(patterns, many, ones, none, (goal, None), seconds)
+    x = _greedy(patterns, many, goal) if first.x is None else first.x
     bound = max(1, int(np.ceil(first.bound - ROUND))) if np.isfinite(first.bound) else 1
     size = int(x.sum())
-    second = _solved(
-        patterns, weights, costs[alive] * (PREFERENCE / size), weights / weights.sum(), (goal, size), seconds
-    )
+    second = _solved(patterns, many, costs[alive] * (PREFERENCE / size), many / many.sum(), (goal, size), seconds)
     best = x if second.x is None else second.x
     chosen = alive[best.astype(bool)]
-    return Cover(chosen, min(bound, size), int(sets[chosen].any(axis=0).sum()))
+    return Cover(chosen, min(bound, size), float(each[sets[chosen].any(axis=0)].sum()))
 
 
 def _solved(
-    patterns: Flags, weights: Indices, costs: Vector, gains: Vector, demands: tuple[int, int | None], seconds: float
+    patterns: Flags, weights: Vector, costs: Vector, gains: Vector, demands: tuple[float, int | None], seconds: float
 ) -> Optimum:
     """min costs x - gains y; demands: weight that is to be covered, and the number of sets, or None."""
     from scipy.sparse import csr_matrix, eye, hstack, vstack
@@ -83,7 +84,7 @@ def _solved(
     return found if found.x is None else Optimum(np.round(found.x[:c]), found.bound)
 
 
-def _greedy(patterns: Flags, weights: Indices, goal: int) -> Vector:
+def _greedy(patterns: Flags, weights: Vector, goal: float) -> Vector:
     """Always the set that covers most of what is left."""
     x, left = np.zeros(len(patterns)), weights.astype(float)
     while weights.sum() - left.sum() < goal:
@@ -92,7 +93,7 @@ def _greedy(patterns: Flags, weights: Indices, goal: int) -> Vector:
     return x
 
 
-def _not_within_another(sets: Flags, costs: Vector) -> Indices:
+def not_within_another(sets: Flags, costs: Vector) -> Indices:
     """The sets that are not within another one that costs no more."""
     sizes = sets.sum(axis=1)
     kept: list[int] = []

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..base.types import Array, Flags, Indices, Matrix
+from ..base.types import Flags, Indices, Matrix
 from ..inverse_kinematics.inverse_function import AGREE
 from .sheet import known
 
@@ -14,12 +14,12 @@ FAILING = 0.25
 """Share of its neighbours that need not lead to a pose that is grown: at a hollow edge of a sheet a straight path to a
 neighbour leaves it. Where a leaf ends between two sides of a sheet, half of them do not lead across."""
 
-Go = Callable[[Matrix, Array], tuple[Matrix, Flags]]
-"""(postures (k, n) to begin from, poses (k, 4, 4)) -> (postures there (k, n), which are served (k,))."""
+Go = Callable[[Matrix, Indices], tuple[Matrix, Flags]]
+"""(postures (k, n) to begin from, numbers of poses (k,)) -> (postures there (k, n), which is served (k,))."""
 
 
-def grown(q: Matrix, near: Indices, T: Array, go: Go) -> tuple[Matrix, Indices]:
-    """A sheet's postures at poses T (k, 4, 4), grown from those it has.
+def grown(q: Matrix, near: Indices, go: Go) -> tuple[Matrix, Indices]:
+    """A sheet's postures at k poses, grown from those it has.
 
     Wave after wave the poses next to it are reached straight from a neighbour. So poses behind a hole or a corner of
     the leaf are reached, too, which no straight path from its start does. A pose is taken only if no neighbour
@@ -42,12 +42,12 @@ def grown(q: Matrix, near: Indices, T: Array, go: Go) -> tuple[Matrix, Indices]:
             return q, wave
         column = np.argmax(can[at], axis=1)
         tried[at, column] = True
-        found, served = go(q[near[at, column]], T[at])
+        found, served = go(q[near[at, column]], at)
         asked, failed = np.ones(len(at)), np.zeros(len(at))
         for other in range(near.shape[1]):
             ask = np.flatnonzero(served & (wave[near[at, other]] >= 0) & (column != other))
             if len(ask):
-                there, reached = go(q[near[at[ask], other]], T[at[ask]])
+                there, reached = go(q[near[at[ask], other]], at[ask])
                 differs = reached & ~(np.abs(there - found[ask]).max(axis=1) <= AGREE)
                 asked[ask] += 1
                 failed[ask] += ~reached
@@ -57,7 +57,7 @@ def grown(q: Matrix, near: Indices, T: Array, go: Go) -> tuple[Matrix, Indices]:
         q[at[served]], wave[at[served]] = found[served], count
 
 
-def one_function(q: Matrix, wave: Indices, pairs: Indices, T: Array, go: Go) -> tuple[Matrix, Matrix]:
+def one_function(q: Matrix, wave: Indices, pairs: Indices, go: Go) -> tuple[Matrix, Matrix]:
     """A sheet's postures without those that contradict their neighbours, so that it is one function of the pose.
 
     Where a leaf overlaps itself, as after a turn round the base, it comes to one pose with two postures. Of two
@@ -72,7 +72,7 @@ def one_function(q: Matrix, wave: Indices, pairs: Indices, T: Array, go: Go) -> 
     both = pairs[known(q[pairs]).all(axis=1)]
     if not len(both):
         return q, q[:0]
-    found, served = go(q[both[:, 0]], T[both[:, 1]])
+    found, served = go(q[both[:, 0]], both[:, 1])
     differs = ~(np.abs(found - q[both[:, 1]]).max(axis=1) <= AGREE)
     clash, apart = both[served & differs], both[~served]
     kept, out = known(q), []
@@ -86,7 +86,7 @@ def one_function(q: Matrix, wave: Indices, pairs: Indices, T: Array, go: Go) -> 
     others = []
     for i in out:
         begin = [j for j in _others(clash, i) if kept[j]][:1]
-        there, reached = go(q[begin], T[[i] * len(begin)])
+        there, reached = go(q[begin], np.full(len(begin), i))
         others += list(there[reached])
     q[out] = np.nan
     return q, np.array(others).reshape(-1, q.shape[1])

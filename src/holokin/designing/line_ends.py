@@ -29,6 +29,9 @@ SHORTEST = 1 / 256
 ROUNDS = 400
 """Rounds of steps at most: lines of regular leaves take ten."""
 
+NEAR = 1 / 16
+"""The same for lines between neighbours, which are tried in one step first."""
+
 NEWTONS = 5
 """Corrections of a step: from 0.35 rad, each at most an eighth of the last one; they are quadratic long before."""
 
@@ -60,14 +63,15 @@ class LineEnds(Value):
 
 def along_leaf(
     strategy: HolonomicStrategy, starts: Matrix, poses: Array, levels: Vector | None = None,
-    native_from: int | None = None,
+    native_from: int | None = None, shortest: float = SHORTEST,
 ) -> LineEnds:  # fmt: skip
     """From each start (s, n) to each pose (k, 4, 4), on the start's own leaf, or from it to that of level c (r,).
 
     native_from: lines side by side from which on native code runs, which takes a second to build; see `Function.batch`.
+    shortest: share of a line below which a step is given up.
     """
     lines = _Lines.each_to_each(strategy.task, starts, poses)
-    q, share = _followed(strategy, lines, levels, native_from)
+    q, share = _followed(strategy, lines, levels, native_from, 0.125, shortest)
     return LineEnds(q.reshape(len(starts), len(poses), -1), share.reshape(len(starts), len(poses)))
 
 
@@ -75,16 +79,17 @@ def one_by_one(
     strategy: HolonomicStrategy, starts: Matrix, poses: Array, native_from: int | None = None,
     levels: Vector | None = None,
 ) -> tuple[Matrix, Flags]:  # fmt: skip
-    """(postures (k, n), which lines led to their poses (k,)): from start i (k, n) to pose i (k, 4, 4), on its leaf, or
-    to the leaf of level c (r,)."""
-    q, share = _followed(strategy, _Lines(strategy.task, starts, poses), levels, native_from)
+    """(postures (k, n), which lines led to their poses (k,)): from start i (k, n) to pose i (k, 4, 4) nearby, on its
+    leaf, or to the leaf of level c (r,)."""
+    q, share = _followed(strategy, _Lines(strategy.task, starts, poses), levels, native_from, 1.0, NEAR)
     return q, share >= 1.0
 
 
 def _followed(
-    strategy: HolonomicStrategy, lines: _Lines, levels: Vector | None, native_from: int | None
-) -> tuple[Matrix, Vector]:
-    """(postures (k, n) to which lines were gone, the share of each that was gone)."""
+    strategy: HolonomicStrategy, lines: _Lines, levels: Vector | None, native_from: int | None, first: float,
+    shortest: float,
+) -> tuple[Matrix, Vector]:  # fmt: skip
+    """(postures (k, n) to which lines were gone, the share of each that was gone); steps as shares of the lines."""
     correct, count = leaf_step(strategy), len(lines.q)
     from_level = np.reshape(strategy.constraint_value.batch(lines.q), (count, -1))
     gap = np.zeros_like(from_level)
@@ -92,7 +97,7 @@ def _followed(
         gap = strategy.constraint.nearest(np.broadcast_to(levels, from_level.shape) - from_level)
     p, R = lines.at(np.arange(count), np.zeros(count))
     side = correct.batch(lines.q, p, R, from_level)[3]
-    q, share, width = lines.q.copy(), np.zeros(count), np.full(count, 0.125)
+    q, share, width = lines.q.copy(), np.zeros(count), np.full(count, first)
     live = np.arange(count)
     for _ in range(ROUNDS):
         if not len(live):
@@ -104,7 +109,7 @@ def _followed(
         moved = live[good]
         q[moved], share[moved] = at[good], goal[good]
         width[live] = np.where(good, np.minimum(1.0, 2 * width[live]), 0.4 * width[live])
-        live = live[(share[live] < 1.0) & (width[live] > SHORTEST)]
+        live = live[(share[live] < 1.0) & (width[live] > shortest)]
     return q, share
 
 

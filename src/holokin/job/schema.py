@@ -143,7 +143,7 @@ class SheetsTable(Table):
 
     file: Annotated[str | None, Field(min_length=1)] = None
     share: Annotated[float, Field(gt=0, le=1)] = 0.995
-    samples: Annotated[int, Field(ge=1, le=MOST_POSES)] = 1024
+    samples: Annotated[int, Field(ge=1, le=MOST_POSES)] = 4096
     seed: Annotated[int, Field(ge=0)] = 0
     rcond: Annotated[float, Field(ge=0, lt=1)] = 0.0
     seconds: Positive = 280.0
