@@ -97,11 +97,21 @@ def test_control_c_within_a_candidate_leaves_that_one_out(monkeypatch: pytest.Mo
     assert s.served.any()
 
 
+def test_without_a_search_the_leaves_of_the_given_postures_alone_are_compared() -> None:
+    task = planar_task()
+    laws = [hk.holonomic(task, hk.lock(0)), hk.holonomic(task, hk.linear([0, 1, -1]))]
+    q0 = [[0.3, 0.8, 0.5], [0.3, -0.8, -0.5]]
+    s = hk.sheets(task, disc(), laws, q0=q0, samples=60, share=0.5, search=False)
+    assert not s.stopped and s.candidates <= 4
+    assert all(min(np.abs(one.q0 - q).max() for q in np.array(q0)) == 0.0 for one in s.sheets)
+
+
 @pytest.mark.parametrize(
     ("words", "error"),
     [
         ({"share": 0.0}, ArgumentError), ({"share": 1.5}, ArgumentError), ({"samples": 0}, ArgumentError),
-        ({"strategies": []}, ArgumentError), ({"rcond": 1.0}, ArgumentError), ({"floor": 0.0}, ArgumentError),
+        ({"search": False}, ArgumentError), ({"strategies": []}, ArgumentError), ({"rcond": 1.0}, ArgumentError),
+        ({"floor": 0.0}, ArgumentError),
         ({"strategies": [hk.holonomic(hk.position(hk.load("planar-3r")), hk.lock(0))]}, ArgumentError),
     ],
 )  # fmt: skip

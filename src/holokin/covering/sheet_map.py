@@ -60,9 +60,9 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     poses: sampled ones (k, 4, 4). q: joints of each sheet at each (S, k, n), NaN where it does not serve. labels: the
     sheet that is taken (k,), -1 for none. rest: a `PoseRest` for each (k,). pairs: neighbours among the poses (e, 2);
     cuts: those between which the joints do not continue (c, 2); least_cuts: no choice among these sheets has fewer.
-    least: no fewer of the candidates serve as much, by the poses that the search looked at; candidates: how many there were. length: what a turn of 1 rad
-    counts where poses are compared [m]. around: what postures keep clear of, None for nothing. stopped: whether the
-    search was stopped early.
+    least: no fewer of the candidates serve as much, by the poses that the search looked at; candidates: how many there
+    were. length: what a turn of 1 rad counts where poses are compared [m]. around: what postures keep clear of, None
+    for nothing. stopped: whether the search was stopped early.
     """
 
     task: Task
