@@ -277,7 +277,7 @@ def main(arguments: list[str] | None = None) -> int:
     s = hk.sheets(planar_task(limit), disc, samples=samples, seconds=5 if asked.quick else 280, **around)
     print(line(sheets_answer(s, cells, time.process_time() - began, limit, free=free), area, paths), flush=True)
     if limit == LIMIT and post is None:
-        began = time.process_time()  # no time for a search: the leaf through q0 alone, from both sides
+        began = time.process_time()  # the leaf through q0 alone, from both sides
         one = hk.sheets(
             planar_task(), _grid(cells // 2), [disc_law(planar_task())], q0=disc_starts()[[0, 2]], share=0.9975,
             samples=cells**2, search=False,
