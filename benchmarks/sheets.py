@@ -233,8 +233,12 @@ def of_these_sheets(s: hk.Sheets, paths: np.ndarray) -> np.ndarray:
         loop = 0
         for pose in poses[1:]:
             before = sheet
-            sheet, here = s.near(pose, here)
-            loop += sheet != before
+            try:
+                sheet, here = s.near(pose, here)
+                loop += sheet != before
+            except hk.errors.BranchError:  # it would have to stop, and go to s(pose)
+                sheet, here = s(pose)
+                loop += 1
         found.append((loop, motion.changes + len(motion.divisions), fewest.changes))
     return np.array(found, int).reshape(-1, 3).T
 
