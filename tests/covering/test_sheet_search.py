@@ -12,6 +12,8 @@ import holokin as hk
 from conftest import campaign
 from handmade_sheets import disc, planar_task
 from holokin.covering import PoseRest, candidate_sheets
+from holokin.covering.searched_poses import SearchedPoses
+from holokin.designing.candidates import Candidate
 from holokin.errors import (
     ArgumentError,
     NoSheetError,
@@ -81,16 +83,56 @@ def test_control_c_while_the_sheets_are_asked_keeps_what_was_found() -> None:
     assert s.batch(s.poses[s.served]).served.all()
 
 
-def test_control_c_within_a_candidate_leaves_that_one_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    count, cost = [0], candidate_sheets.cost_of
+def interrupted_in(monkeypatch: pytest.MonkeyPatch, name: str, at: int) -> list[int]:
+    """Ctrl-C in a call of a function of the search, the `at`-th one; the count of its calls."""
+    count, honest = [0], getattr(candidate_sheets, name)
 
-    def interrupted(*words: object) -> float:
+    def interrupted(*words: Any) -> Any:
         count[0] += 1
-        if count[0] == 4:
+        if count[0] == at:
             raise KeyboardInterrupt
-        return cost(*words)
+        return honest(*words)
 
-    monkeypatch.setattr(candidate_sheets, "cost_of", interrupted)
+    monkeypatch.setattr(candidate_sheets, name, interrupted)
+    return count
+
+
+def test_of_many_poses_a_part_is_searched_and_the_map_says_what_all_of_them_get() -> None:
+    """500 poses are more than are searched: the share is that of all of them, by the sheets asked at each."""
+    task = planar_task()
+    laws = [hk.holonomic(task, hk.linear([0, 1, -1]))]
+    s = hk.sheets(task, disc(), laws, samples=500, share=0.5)
+    assert not s.stopped and s.share >= 0.5
+    assert s.reachable.sum() > 450
+    np.testing.assert_array_equal(s.batch(s.poses[s.reachable]).served, s.served[s.reachable])
+    for i in np.flatnonzero(s.served)[::60]:
+        sheet, q = s(s.poses[i])
+        np.testing.assert_allclose(task.robot.pose(q)[:2, 3], s.poses[i][:2, 3], atol=1e-9)
+        assert (np.abs(q) <= np.radians(150) + 1e-9).all() and sheet == s.labels[i]
+
+
+def test_control_c_while_other_poses_are_looked_at_leaves_the_candidates_as_they_were(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    task = planar_task()
+    T = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], q0=[0.2, 0.9, 0.8], samples=60, share=0.1,
+                  search=False).poses  # fmt: skip
+    law = Candidate("lock q1", {}, task, hk.holonomic(task, hk.lock(0)))
+    pool = candidate_sheets.CandidateSheets(task, SearchedPoses.of(T, 0.0), [law], None, 0.0, False)
+    pool.add(law, np.array([[0.2, 0.9, 0.8]]))
+    before = pool.sets.copy()
+    interrupted_in(monkeypatch, "cost_of", 1)
+    with pytest.raises(KeyboardInterrupt):
+        pool.look_at(SearchedPoses.of(T[:30], 0.0), np.array([0]))
+    assert len(pool.T) == 60
+    np.testing.assert_array_equal(pool.sets, before)
+    pool.look_at(SearchedPoses.of(T[:30], 0.0), np.array([0]))
+    assert pool.sets.shape == (1, 30)
+    assert (pool.sets[0] <= before[0, :30]).all()  # fewer poses are fewer stepping stones
+
+
+def test_control_c_within_a_candidate_leaves_that_one_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    interrupted_in(monkeypatch, "cost_of", 4)
     task = planar_task()
     s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=40)
     assert s.stopped
@@ -156,15 +198,7 @@ def test_control_c_while_a_sheet_is_asked_within_the_search_counts_no_pose_twice
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The sheet that was being asked is asked again, so that what the map promises is what its sheets serve."""
-    count, honest = [0], candidate_sheets.one_function
-
-    def interrupted(*words: Any) -> Any:
-        count[0] += 1
-        if count[0] == 1:
-            raise KeyboardInterrupt
-        return honest(*words)
-
-    monkeypatch.setattr(candidate_sheets, "one_function", interrupted)
+    count = interrupted_in(monkeypatch, "one_function", 1)
     law, q0 = [disc_law(planar_task())], disc_starts()[2]
     s = hk.sheets(planar_task(), disc(), law, q0=q0, samples=150, share=0.9, seconds=1e-3)
     assert s.stopped and count[0] > 1

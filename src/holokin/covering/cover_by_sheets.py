@@ -21,7 +21,7 @@ from .candidate_sheets import CandidateSheets, fitting_laws
 from .pose_features import neighbours, spread_out, turn_length
 from .pose_rest import PoseRest, rests_of
 from .searched_poses import SearchedPoses
-from .set_cover import Cover, fewest
+from .set_cover import ROUND, Cover, fewest
 from .sheet import known
 from .sheet_labels import continued, labelled, same_postures
 from .sheet_map import Sheets
@@ -153,9 +153,9 @@ def _search(
     """Leaves through postures at poses all over, until the fewest that serve the share get no fewer.
 
     A part of the poses is searched. When the choice gets no better, it is asked about all of them: if it serves too few
-    of them, those that it leaves out are searched, too. In the end the choice is made by all the poses.
+    of them, those that it leaves out are searched, too.
     """
-    end, wanted, poses = time.monotonic() + seconds, share * len(T), SearchedPoses.of(T, turn_length(task))
+    end, wanted, poses = time.monotonic() + seconds, share * len(T) - ROUND, SearchedPoses.of(T, turn_length(task))
     center = T[spread_out(T, np.arange(len(T)), 1, turn_length(task))[0]]
     say("which laws fit")
     laws, own = fitting_laws(task, poses.T, center, strategies, clear), strategies is None
