@@ -142,7 +142,7 @@ def test_a_price_says_of_what_set_and_norm_it_speaks(panda_given: hk.Strategy) -
     text = str(hk.analysis.distance_to_repeatable(panda_given, hk.analysis.ball(PANDA_START, 0.1), lock, samples=20))
     for said in (
         "at least 3.9",
-        "some posture",
+        "one or more postures",
         "by a theorem",
         "120 sampled points",
         "20 sampled postures",

@@ -67,7 +67,7 @@ def test_a_posture_task_settles_but_its_joints_depend_on_way_and_speed(panda: hk
     assert found.verdict is hk.auditing.Repeatability.CONVERGES
     assert "depends on speed" in found["speed"].sentence
     assert "forgets" in found["start"].sentence
-    assert "obey no area law" in found["small loops"].sentence
+    assert "the drifts do not fit it" in found["small loops"].sentence
     assert found["paths"].metrics["apart"] > 1e-2
 
 

@@ -222,5 +222,5 @@ def test_no_memory_is_said_of_the_calls_that_were_asked(panda: hk.Robot) -> None
     point = panda.pose(PANDA_START)[:3, 3]
     found = hk.audit(law, panda, loops=[hk.circle(point, point - [0.05, 0, 0])], q0=PANDA_START, dt=0.05, cycles=3)
     asked = found["history"].metrics["calls"]
-    assert found["history"].sentence.startswith(f"no memory seen in {asked:.0f} calls")
+    assert found["history"].sentence.startswith(f"no memory found: {asked:.0f} calls were repeated")
     assert 100 < asked < calls

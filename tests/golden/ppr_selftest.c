@@ -150,7 +150,7 @@ int main(void) {
     odd.dt = -parameters.dt;
     expect("step with a negative dt", ppr_step(q, target, twist, &odd, dq, &scale), PPR_BAD_PARAMETERS, dq, 3);
   }
-  printf("ppr, %s: %d vectors, largest differences pose %.1e, gain %.1e, rate %.1e, step %.1e, constraint %.1e, leaf step %.1e, inverse %.1e; %s\n",
+  printf("ppr, %s: %d test cases, largest differences: pose %.1e, gain %.1e, rate %.1e, step %.1e, constraint %.1e, leaf step %.1e, inverse %.1e; %s\n",
          PRECISION, tested, worst[0], worst[1], worst[2], worst[3], worst[4], worst[5], worst[6], failures ? "FAILED" : "passed");
   return failures ? 1 : 0;
 }

@@ -91,7 +91,7 @@ def test_ramps_do_not_depend_on_the_samples_and_a_limit_binds_in_each(seed: int,
 def test_where_the_shape_of_a_profile_takes_the_time_no_limit_is_blamed(ppr: hk.Robot) -> None:
     timed = hk.retime(slide(ppr, 0.5, 20), ppr, velocity=10.0, acceleration=1e4, speed=1.0, profile="quintic")
     assert [(s.joint, s.limit) for s in timed.slowdowns] == [("", "quintic profile")] * 2
-    assert "by the shape of the quintic profile" in timed.table()
+    assert "the reason is the shape of the quintic profile" in timed.table()
 
 
 def test_ramps_and_the_even_part_between_have_their_own_reasons(ppr: hk.Robot) -> None:

@@ -203,7 +203,7 @@ def _of_any_law(field: FreeField, over: Directions) -> Obstruction:
             said = (
                 f"{which}no law of {task.robot.name} covers all {where} without a jump. On each self-motion the elbow "
                 f"goes once round the line from shoulder to wrist, {clearance:.2g} m from it or more. So a law is a "
-                "field of tangent directions on a sphere, whose indices add up to 2"
+                "field of tangent directions on a sphere, and the indices of such a field add up to 2"
             )
     details = f"self-motions were traced at {len(known)} of {directions} directions; {LIMITS}"
     return Obstruction(total, (), directions, len(known), largest, clearance, said, details)
@@ -252,9 +252,11 @@ def _round(strategy: HolonomicStrategy, path: Path, q0: ArrayLike, samples: int)
     else:
         total = round(ahead)
         means = (
-            "So any law that agrees with it on the path has a jump on the disc of straight paths from its start"
+            "So any law with the same postures on the path has a jump somewhere on the disc of straight lines from the "
+            "start of the path to its points"
             if total
-            else "So on the path nothing forbids a law over the disc of straight paths from its start"
+            else "So nothing on the path forbids a law without a jump on the disc of straight lines from the start of "
+            "the path to its points"
         )
         often = f"{total:+d} turn{'' if abs(total) == 1 else 's'}" if total else "no turn"
         said = f"{about} makes {often} along the self-motion. {means}"

@@ -82,11 +82,13 @@ class RepeatableDistance(Value):
     def __str__(self) -> str:
         lines = [
             "difference from the joint rates of the given law, |G' - G| / |G|:",
-            f"  every law g = const, g smooth, regular and single-valued on the circle about the start: at least "
-            f"{self.bound:.2%} at some posture of it (by a theorem; the least of {self.points} sampled points)",
+            f"  any law g = const with a g that is smooth, regular and single-valued on a circle around the start: at "
+            f"least {self.bound:.2%} at one or more postures of the circle (by a theorem; the least of {self.points} "
+            "sampled points)",
             f"  the radial strategy: {self.radial}",
             *([] if self.ours is None else [f"  yours: {self.ours}"]),
-            f"rms and speed are over {self.samples} sampled postures of the ball, 'at most' over these and the circle",
+            f"rms and speed are those of {self.samples} sampled postures of the ball; 'at most' is the largest value "
+            "at these postures and on the circle",
         ]
         return "\n".join(lines)
 

@@ -257,7 +257,7 @@ def _same(audit: LogAudit) -> str:
     below = f"; below the tolerance a change of {shown:.2g} over the log did show" if shown > 0 else ""
     return (
         f"repeats: the joints were the same at equal tool poses in all {count} cycles{among}, within "
-        f"{max(values):.2g} rad or m{below}; a drift of {rate_words(audit.detectable)} would have shown ({_SURE} "
+        f"{max(values):.2g} rad or m{below}; a drift of {rate_words(audit.detectable)} would have been found ({_SURE} "
         "confidence)"
     )
 
@@ -316,7 +316,7 @@ def _trend_said(audit: LogAudit) -> str:
     """How the change goes on, and by what; nothing where there is none to speak of."""
     t, kind = audit.leading, audit.trend
     low, high = t.ratio_range
-    last = f"the last {t.latest} differences of successive cycles"
+    last = f"the last {t.latest} changes from one cycle to the next"
     factor = f"(each is about {t.ratio:.3g} times the one before, {low:.3g} to {high:.3g}; {_SURE} confidence)"
     if kind is Trend.NONE or (kind is Trend.CANNOT_TELL and audit.verdict is LogVerdict.UNDECIDED):
         return ""

@@ -21,7 +21,7 @@ def trend_words(trend: DriftTrend, phase: Vector) -> str:
         return trend.trend.value
     low, high = trend.ratio_range
     return (
-        f"{trend.trend.value}: each of the last {trend.latest} differences of successive cycles is about "
+        f"{trend.trend.value}: each of the last {trend.latest} changes from one cycle to the next is about "
         f"{trend.ratio:.3g} times ({low:.3g} to {high:.3g}) the one before; at {100 * phase[trend.phase]:.0f} % of the "
         "cycle the change stands out most from the noise"
     )

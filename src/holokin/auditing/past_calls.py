@@ -99,9 +99,9 @@ def ask_history(setup: AuditSetup, path: Path) -> Answer:
         "apart": apart, "could_move": tally.same_start * path.duration,
     }  # fmt: skip
     if not other:
-        said = "each repeated an earlier call and got the same answer"
+        said = "all got the same answer as before"
         past = ", ".join(f"{count} {past}" for past, count in tally.asked.items())
-        return f"no memory seen in {asked} calls: {said} ({past})", metrics
+        return f"no memory found: {asked} calls were repeated, and {said} ({past})", metrics
     where = ", ".join(f"{count} of {tally.asked[past]} {past}" for past, count in tally.other.items())
     size = f"by up to {tally.rate:.1e} (per s), {tally.share:.1%}; {RUNS} runs end {apart:.2g} apart"
     what = "remembers its past, or is random"

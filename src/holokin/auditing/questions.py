@@ -302,7 +302,8 @@ def ask_start(setup: AuditSetup, path: Path) -> Answer:
     after = largest(ends[1] - ends[0])
     metrics = {"before": before, "after": after}
     said = "forgets" if after < 0.5 * before else "keeps"
-    return f"{said} its start: {before:.2g} apart at first, {after:.2g} after {setup.cycles} cycles", metrics
+    two = f"two runs, from different postures, are {before:.2g} apart at first and {after:.2g} apart"
+    return f"{said} its start: {two} after {setup.cycles} cycles", metrics
 
 
 def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
@@ -332,17 +333,18 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
     if not metrics["drift"]:
         return f"none drifts in {name}: {largest(big):.1e} at the most", metrics
     facts = (
-        f"in {name}: a loop of twice the size drifts {metrics['ratio']:.2f} times as far; the drift of the reversed "
-        f"loop differs by {metrics['turned']:.0%} from the opposite of the forward drift; half the speed changes the "
-        f"drift by {metrics['hurried']:.0%}"
+        f"in {name}: a loop of twice the size drifts {metrics['ratio']:.2f} times as far; the loop forward and "
+        f"backward drifts in sum by {metrics['turned']:.0%} of the forward drift; half the speed changes the drift by "
+        f"{metrics['hurried']:.0%}"
     )
     if metrics["turned"] < TURNED and metrics["hurried"] < HURRIED:
         metrics["stairs"] = _stairs_gap(setup, plane, scale) / size
-        facts += f", fine stairs instead of straight lines change it by {metrics['stairs']:.0%}"
+        facts += f", a staircase of small steps instead of straight lines changes it by {metrics['stairs']:.0%}"
     if not metrics.get("stairs", np.inf) < BENT:
-        law = "With an area law, a loop of twice the size drifts about 4 times as far if the curvature is even, "
-        law += "the reversed loop drifts by the opposite, and neither the speed nor fine stairs change the drift"
-        return f"not of the form dq = G(q) x', because they obey no area law ({facts}). {law}", metrics
+        law = "With this form, a loop of twice the size drifts about 4 times as far where the curvature is about "
+        law += "constant, the drifts forward and backward cancel, and neither the speed nor a staircase of small steps "
+        law += "changes the drift"
+        return f"not of the form dq = G(q) x', because the drifts do not fit it ({facts}). {law}", metrics
     per = f"{metrics['drift_per_area']:.3g} per {area_unit(setup.task, *plane)}"
     curved = ""
     if metrics["ratio"] >= AREA[1]:

@@ -38,8 +38,8 @@ DEGREE, DESIGNED = 2, 128
 """Degree of the polynomials of laws that are designed, and poses that they are made for."""
 
 FASTER = 0.95
-"""Mean squared joint speed, over that of the law designed over the best, of one from another leaf, where both serve,
-from which on a law is designed over that one, too: designs over two laws from one start came out alike to 0.1 %."""
+"""Mean squared joint speed, over that of the law designed from the best, of one from another leaf, where both serve,
+from which on a law is designed from that one, too: designs over two laws from one start came out alike to 0.1 %."""
 
 GOALS = {
     "": {"objective": Objective(squared_speed=1.0), "limits": True},
@@ -150,7 +150,7 @@ class Case:
         return said_of(law.name, first.name, self.cusps, law.squared_speed / first.squared_speed - 1)
 
     def _designed(self, trials: list[Trial]) -> list[Trial]:
-        """Laws designed over the best of the others, and over the one that is faster from elsewhere."""
+        """Laws designed from the best of the others, and over the one that is faster from elsewhere."""
         # derivatives of a cost's gradient make designs over stationary laws three times as slow
         plain = [t for t in trials if t.candidate.strategy is not None and t.candidate.kind != "stationary"]
         plain = [t for t in plain if t.coverage > PARTLY] or plain[:1]
@@ -164,10 +164,10 @@ class Case:
         return found
 
     def _designed_over(self, trial: Trial) -> list[Trial]:
-        """Laws designed over one, on its leaf, until one covers as much."""
+        """Laws designed from one, on its leaf, until one covers as much."""
         law, found = trial.candidate, []
         for words, goal in GOALS.items():
-            name = f"designed over {law.name}{words}"
+            name = f"designed from {law.name}{words}"
             self.say(name)
             try:
                 made = self._design(trial, margin=self._room if goal["limits"] else 0.0, **goal)

@@ -47,7 +47,7 @@ def advise(
     """The laws that fit a robot, each on its best leaf, compared on a workspace, and a sentence on why the best is.
 
     Locked joints, differences of parallel joints, arm angles, the elbow's height, stationary costs, `radial` of the
-    pseudo-inverse, and laws designed over the best of these: each from several postures at the workspace's centre.
+    pseudo-inverse, and laws designed from the best of these: each from several postures at the workspace's centre.
     They are ranked by the share of the workspace that they reach within the joint limits, and with the clearance where
     one is asked for; of laws that cover alike those are first that keep well clear, by 0.01 m more than asked for; of
     these those that keep away from limits and singular postures; of these the one with the least joint speed. A law

@@ -126,7 +126,7 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
             f"  designed with polynomials of degree 0 to {self.degree}: {steps}\n"
             f"  {self._least}\n"
             f"checked at {self.checked.poses} poses: {self.checked}\n"
-            f"the hard limits hold at {self.kept} of those reached{self._cause}\n"
+            f"the hard limits are kept at {self.kept} of the poses that it reaches{self._cause}\n"
             f"{said_of_degrees(self.degree, self.looked_at, self.cusps)}"
         )
 

@@ -59,7 +59,7 @@ class SectionMetrics(Value):
             f"fastest joint has {self.worst_speed:.3g} times its speed limit\n"
             f"  nearest to a limit: {self.worst_joint}, at {self.joint_limits:.0%} of the way from the middle of its "
             "range to a limit\n"
-            f"  between two poses the joints move by {np.sqrt(self.travel):.3g} rad (rms); rcond is at least "
+            f"  from one pose to another the joints differ by {np.sqrt(self.travel):.3g} rad (rms); rcond is at least "
             f"{self.rcond:.2g}{own}"
         )
 

@@ -77,7 +77,7 @@ class NearbyCusps(Value):
         turns = f" and turns by {least.turn:.2g} rad" if least.turn else ""
         return (
             f"the smallest tool loop found on its leaf that does not bring the joints back is {least.length:.2g} m long"
-            f"{turns}; the joints end {least.apart:.2g} apart"
+            f"{turns}; after it a joint is {least.apart:.2g} (rad or m) from where it was"
         )
 
 

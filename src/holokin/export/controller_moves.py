@@ -106,7 +106,7 @@ class ToolDeviation(Shown):
         if np.isfinite(self.slowest):
             speeds = f"{1e3 * self.slowest:.4g} to {1e3 * self.fastest:.4g} mm/s"
             said.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed")
-            said.append(f"the speed was compared for {100 * self.compared:.3g} % of the time; in the rest the tool")
+            said.append(f"the speed was compared for {100 * self.compared:.3g} % of the time; at other times the tool")
             said.append("starts or stops, turns in place, or is on the way to the path")
         else:
             said.append("its speed was not compared: it only gathers speed and loses it, or turns in place")

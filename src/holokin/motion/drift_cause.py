@@ -85,7 +85,7 @@ class Winding(NoTruthValue, Value, ask="`.cause`"):
         if self.cause is not Cause.WINDING:
             return said
         above, below = self.between
-        return f"{said}, of which {_told(self.jump, self)} between {above:.3g} and {below:.3g} of its size"
+        return f"{said}; from {above:.3g} to {below:.3g} times its size the drift changes by {_told(self.jump, self)}"
 
     def __str__(self) -> str:
         return self.sentence
@@ -188,7 +188,8 @@ def _told(difference: Vector, of: Winding) -> str:
     """A joint difference in words: the largest joint's, and whole turns by name."""
     k = int(np.abs(difference).argmax())
     turns = whole_turns(difference, of.joint_units)
-    whole = ", ".join(f"{of.joint_names[i]} by {turns[i]:+d} turns" for i in np.flatnonzero(turns))
+    told = ((of.joint_names[i], turns[i], "s" * (abs(turns[i]) > 1)) for i in np.flatnonzero(turns))
+    whole = ", ".join(f"{name} by {count:+d} turn{many}" for name, count, many in told)
     return f"{difference[k]:.4g} {of.joint_units[k]} ({whole or of.joint_names[k]})"
 
 

@@ -37,5 +37,6 @@ def _sentence(name: str, found: NearbyCusps) -> str:
     if least is None:
         return f"{said} No tool loop round a cusp was found."
     return (
-        f"{said} After the smallest tool loop found, {least.length:.2g} m long, the joints end {least.apart:.2g} apart."
+        f"{said} The smallest tool loop found is {least.length:.2g} m long; after it a joint is {least.apart:.2g} (rad "
+        "or m) from where it was."
     )

@@ -134,7 +134,7 @@ $bad_leaf      target[i] = good;
     odd.dt = -parameters.dt;
     expect("step with a negative dt", ${name}_step(q, target, twist, &odd, dq, &scale), ${NAME}_BAD_PARAMETERS, dq, $n);
   }
-$singular_test  printf("$name, %s: %d vectors, largest differences pose %.1e, gain %.1e, rate %.1e, step %.1e$leaf_words; %s\n",
+$singular_test  printf("$name, %s: %d test cases, largest differences: pose %.1e, gain %.1e, rate %.1e, step %.1e$leaf_words; %s\n",
          PRECISION, tested, worst[0], worst[1], worst[2], worst[3]$leaf_worst, failures ? "FAILED" : "passed");
   return failures ? 1 : 0;
 }
