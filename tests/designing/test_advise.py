@@ -85,7 +85,7 @@ def test_every_law_that_fits_is_in_the_table_and_the_order_is_the_ranking(advice
     expected = {"lock q1", "lock q2", "lock q3", "radial", "stationary centring", "stationary manipulability"}
     assert expected <= names
     assert any(" - " in name or " + " in name for name in names)
-    assert any(name.startswith("designed over") for name in names)
+    assert any(name.startswith("designed from") for name in names)
     assert [law.name for law in ranked(advice.laws)] == [law.name for law in advice.laws]
     shares = [law.easy for law in advice.laws]
     assert all(b <= a + EASY + EQUAL for a, b in pairwise(shares))
