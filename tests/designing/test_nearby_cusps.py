@@ -35,7 +35,9 @@ def test_a_workspace_about_a_cusp_is_near_it_and_one_about_the_start_is_as_far_a
     assert said.found is not None
     least = said.found.witness
     assert (
-        least is not None and f"is {least.length:.2g} m long" in said.loop and f"a joint is {least.apart:.2g} " in said.loop
+        least is not None
+        and f"is {least.length:.2g} m long" in said.loop
+        and f"a joint is {least.apart:.2g} " in said.loop
     )
     for bad in (np.eye(4), [[1, 2, 3]], [np.eye(4).T + np.eye(4)[3]]):
         with pytest.raises(HolokinError):
