@@ -27,7 +27,7 @@ from holokin.job.strategy_tables import Fitted
 from holokin.job.workspace_words import parse_workspace
 from holokin.path.workspaces import pose_cloud
 from holokin.robot import doubtful_unit
-from holokin.robot.units import longest_reach
+from holokin.robot.longest_span import longest_reach
 
 BETWEEN = np.array([0.3, 0.9, 0.0])
 

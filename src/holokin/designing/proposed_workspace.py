@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.types import Array, Matrix, Vector
-from ..inverse_kinematics.reach import nearest_postures
+from ..inverse_kinematics.reach import nearest_postures, surely_beyond
 from ..path.workspaces import PoseRange
 from ..path.workspaces import workspace as pose_range
 from ..tasks.task import Task
@@ -51,12 +51,13 @@ def reached(task: Task, T: Array, start: Vector | None) -> tuple[Matrix, Reach]:
     """Postures (k, n) at poses (k, 4, 4), within the limits if there are such, NaN where there are none."""
     p, R = np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
     near = np.tile(regular_starts(task)[0] if start is None else start, (len(T), 1))
-    Q, within = np.full_like(near, np.nan), nearest_postures(task, p, R, near, limits=True)
-    Q[within.reached] = within.q[within.reached]
-    anyhow = within.reached.copy()
-    rest = np.flatnonzero(~within.reached)
-    if len(rest):
-        found = nearest_postures(task, p[rest], R[rest], near[rest], limits=False)
-        Q[rest[found.reached]] = found.q[found.reached]
-        anyhow[rest] = found.reached
-    return Q, Reach(anyhow, within.reached)
+    Q, found_with = np.full_like(near, np.nan), {}
+    rest = np.flatnonzero(~surely_beyond(task, p, R))
+    for limits in (True, False):
+        found_with[limits] = np.isfinite(Q).all(axis=1)
+        if len(rest):
+            found = nearest_postures(task, p[rest], R[rest], near[rest], limits=limits)
+            Q[rest[found.reached]] = found.q[found.reached]
+            found_with[limits][rest] = found.reached
+            rest = rest[~found.reached]
+    return Q, Reach(found_with[False], found_with[True])

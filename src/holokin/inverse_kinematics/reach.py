@@ -11,7 +11,10 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..errors import posture_text
 from ..path.plan import Plan
+from ..robot.longest_span import longest_span
+from ..tasks.frames import TipFrame
 from ..tasks.task import Task
+from ..tasks.task_kinds import FrameTask
 
 TARGETS = 24
 """Targets of the rest of the path that are tried."""
@@ -119,6 +122,16 @@ def pose_out_of_reach(task: Task, position: Vector, rotation: Matrix, q: Vector,
     """
     found = nearest_postures(task, position[None], rotation[None], q[None], limits=limits)
     return float(found.missing[0]) if found.ended[0] and not found.reached[0] else None
+
+
+def surely_beyond(task: Task, position: Matrix, rotation: Array) -> Flags:
+    """Which targets (k, 3), (k, 3, 3) no posture reaches, since they are further away than the links are long.
+
+    A bound, at once; of the others only a search can tell. It needs all three positions of a tip.
+    """
+    if not (isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) >= {0, 1, 2}):
+        return np.zeros(len(position), dtype=bool)
+    return longest_span(task.robot, task.tip, turned=bool(task.rotations)).beyond(position, rotation)
 
 
 def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix, *, limits: bool) -> NearestPostures:

@@ -6,7 +6,8 @@ import numpy as np
 
 from ..base.types import Array, ArrayLike, Matrix, Vector
 from ..errors import ArgumentError
-from .joints import WOUND, joints_above
+from .joints import WOUND
+from .longest_span import longest_reach
 from .model import Robot
 
 FAR = 100.0
@@ -36,21 +37,6 @@ def start_posture(robot: Robot, q: ArrayLike) -> Vector:
     if robot.beyond(start).max() > WOUND:
         robot.check_limits(start)
     return start
-
-
-def longest_reach(robot: Robot, tip: str | None = None) -> float:
-    """A distance [m] from the base beyond which no posture brings a tip: links in a line, slides at their ends.
-
-    Infinite with a slide without limits.
-    """
-    chosen = next((t for t in robot.tips if t.name == tip), robot.tips[0])
-    total = float(np.linalg.norm(chosen.placement[:3, 3]))
-    for joint in (robot.joints[at] for at in joints_above(robot.joints, chosen.joint)):
-        total += float(np.linalg.norm(joint.placement[:3, 3]))
-        if joint.kind == "prismatic":
-            slide = robot.coordinates[joint.coordinate]
-            total += abs(joint.multiplier) * max(-slide.lower, slide.upper) + abs(joint.offset)
-    return total
 
 
 def doubtful_unit(robot: Robot, places: Matrix, tip: str | None = None) -> str:

@@ -39,7 +39,7 @@ from ..motion.least_speed import over_least_speed
 from ..motion.trajectory import Status, Trajectory
 from ..path import Path
 from ..robot import Robot, beside
-from ..robot.units import longest_reach
+from ..robot.longest_span import longest_reach
 from ..strategies import Strategy
 from ..tasks.task import Task
 from .cases import Case, Cases, robot_table
