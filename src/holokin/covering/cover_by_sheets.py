@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,8 +34,25 @@ SHARE = 0.995
 SAMPLES = 4096
 """Poses of the workspace."""
 
+SPARE = 1.0
+"""Standard errors of a sampled share by which it is to exceed what is wanted, where no more sheets are needed for it:
+else of other poses about every second choice serves less."""
+
 TARGETS = 4
 """Poses in a round of the search through which new leaves are tried."""
+
+
+class Wanted(NamedTuple):
+    """Numbers of poses: that are to be served at least, and that are preferred where no more sheets are needed."""
+
+    least: float
+    preferred: float
+
+    @staticmethod
+    def of(share: float, count: int) -> Wanted:
+        """For a share of `count` poses."""
+        return Wanted(share * count - ROUND, share * count + SPARE * np.sqrt(share * (1 - share) * count))
+
 
 NOTHING = Cover(np.zeros(0, dtype=int), 0, 0.0)
 
@@ -155,7 +173,7 @@ def _search(
     A part of the poses is searched. When the choice gets no better, it is asked about all of them: if it serves too few
     of them, those that it leaves out are searched, too.
     """
-    end, wanted, poses = time.monotonic() + seconds, share * len(T) - ROUND, SearchedPoses.of(T, turn_length(task))
+    end, wanted, poses = time.monotonic() + seconds, Wanted.of(share, len(T)), SearchedPoses.of(T, turn_length(task))
     center = T[spread_out(T, np.arange(len(T)), 1, turn_length(task))[0]]
     say("which laws fit")
     laws, own = fitting_laws(task, poses.T, center, strategies, clear), strategies is None
@@ -182,7 +200,7 @@ def _search(
     return pool, cover, stopped
 
 
-def _try_rounds(pool: CandidateSheets, wanted: float, end: float, say: Callable[[str], None]) -> None:
+def _try_rounds(pool: CandidateSheets, wanted: Wanted, end: float, say: Callable[[str], None]) -> None:
     """Adds leaves, round after round, as long as the choice gets better."""
     rng, still, count = np.random.default_rng(0), 0, len(pool.poses.reach)
     cover = _asked(pool, wanted)
@@ -190,9 +208,9 @@ def _try_rounds(pool: CandidateSheets, wanted: float, end: float, say: Callable[
         cover = _looked_closer(pool, cover, wanted, cover.chosen[:1])
         pool.add_laws(_left(pool, cover))
     for round_ in range(ROUNDS):
-        enough = len(cover.chosen) == 1 and cover.covered >= wanted
+        enough = len(cover.chosen) == 1 and cover.covered >= wanted.least
         if enough or still >= max(len(cover.chosen), PATIENCE):
-            if pool.poses.complete or _served(pool, cover.chosen).sum() >= wanted:
+            if pool.poses.complete or _served(pool, cover.chosen).sum() >= wanted.least:
                 return
             cover, still = _looked_closer(pool, cover, wanted, cover.chosen), 0
         if time.monotonic() > end:
@@ -203,11 +221,12 @@ def _try_rounds(pool: CandidateSheets, wanted: float, end: float, say: Callable[
         for i in _targets(left, len(pool.T), rng):
             pool.grow(pool.T[i], left, end, say)
         before, cover = cover, _asked(pool, wanted)
-        fewer, more = len(cover.chosen) < len(before.chosen), cover.covered > before.covered + 0.5
-        still = 0 if (fewer if before.covered >= wanted else more) else still + 1
+        fewer = before.covered >= wanted.least and len(cover.chosen) < len(before.chosen)
+        more = before.covered < min(wanted.preferred, cover.covered - 0.5)
+        still = 0 if fewer or more else still + 1
 
 
-def _looked_closer(pool: CandidateSheets, cover: Cover, wanted: float, of: Indices) -> Cover:
+def _looked_closer(pool: CandidateSheets, cover: Cover, wanted: Wanted, of: Indices) -> Cover:
     """The choice after those poses that some of its sheets leave out have joined those that are searched."""
     pool.look_at(pool.poses.without(_served(pool, of)), pool.worth(cover.chosen))
     return _asked(pool, wanted)
@@ -223,7 +242,7 @@ def _served(pool: CandidateSheets, which: Indices) -> Flags:
     return served
 
 
-def _asked(pool: CandidateSheets, wanted: float) -> Cover:
+def _asked(pool: CandidateSheets, wanted: Wanted) -> Cover:
     """The cover of sheets that were asked themselves, the widest first."""
     cover = _cover(pool, wanted)
     while pool.exact(cover.chosen):
@@ -244,12 +263,12 @@ def _targets(left: Indices, count: int, rng: np.random.Generator) -> list[int]:
     return [*some.tolist(), *rng.choice(count, TARGETS - len(some)).tolist()]
 
 
-def _cover(pool: CandidateSheets, wanted: float) -> Cover:
+def _cover(pool: CandidateSheets, wanted: Wanted) -> Cover:
     """The fewest sheets, the widest first."""
     if not pool.found:
         return NOTHING
     weights = pool.poses.weights
-    found = fewest(pool.sets, wanted, pool.costs, PROGRAM, weights)
+    found = fewest(pool.sets, wanted.least, pool.costs, PROGRAM, weights, wanted.preferred)
     widest = np.argsort(-(pool.sets[found.chosen] @ weights), kind="stable")
     return replace(found, chosen=found.chosen[widest])
 

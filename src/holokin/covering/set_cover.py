@@ -13,6 +13,9 @@ PREFERENCE = 0.2
 """Weight of the costs of sets against what they cover, once their number is decided: a set that costs the most is given
 up for one that costs nothing and covers a fifth of all elements less."""
 
+SHORT = 10.0
+"""Weight of what is covered less than was preferred: it counts before all costs."""
+
 ROUND = 1e-6
 """What a bound may be off."""
 
@@ -35,7 +38,9 @@ class Cover(Value):
         return self.least == len(self.chosen)
 
 
-def fewest(sets: Flags, wanted: float, costs: Vector, seconds: float, weights: Vector | None = None) -> Cover:
+def fewest(
+    sets: Flags, wanted: float, costs: Vector, seconds: float, weights: Vector | None = None, preferred: float = 0.0
+) -> Cover:
     """The fewest of some sets (c, k) that cover `wanted` of the elements, by weight; of equally many, those that cover
     more and cost less.
 
@@ -44,7 +49,7 @@ def fewest(sets: Flags, wanted: float, costs: Vector, seconds: float, weights: V
 
     Args:
         costs: of each set (c,), from 0 to 1. seconds: for each of the two programs. weights: of the elements (k,);
-            by default 1.
+            by default 1. preferred: weight up to which covering more comes before all costs.
     """
     alive = not_within_another(sets, costs)
     each = np.ones(sets.shape[1]) if weights is None else weights
@@ -56,31 +61,39 @@ def fewest(sets: Flags, wanted: float, costs: Vector, seconds: float, weights: V
     if goal <= 0:
         return Cover(np.zeros(0, dtype=int), 0, 0)
     ones, none = np.ones(len(alive)), np.zeros(len(many))
-    first = _solved(patterns, many, ones, none, (goal, None), seconds)
+    first = _solved(patterns, many, ones, none, (goal, None), seconds, goal)
     x = _greedy(patterns, many, goal) if first.x is None else first.x
     bound = max(1, int(np.ceil(first.bound - ROUND))) if np.isfinite(first.bound) else 1
     size = int(x.sum())
-    second = _solved(patterns, many, costs[alive] * (PREFERENCE / size), many / many.sum(), (goal, size), seconds)
+    preferred = min(preferred, float(many.sum()) - ROUND)
+    priced = costs[alive] * (PREFERENCE / size)
+    second = _solved(patterns, many, priced, many / many.sum(), (goal, size), seconds, preferred)
     best = x if second.x is None else second.x
     chosen = alive[best.astype(bool)]
     return Cover(chosen, min(bound, size), float(each[sets[chosen].any(axis=0)].sum()))
 
 
 def _solved(
-    patterns: Flags, weights: Vector, costs: Vector, gains: Vector, demands: tuple[float, int | None], seconds: float
-) -> Optimum:
-    """min costs x - gains y; demands: weight that is to be covered, and the number of sets, or None."""
+    patterns: Flags, weights: Vector, costs: Vector, gains: Vector, demands: tuple[float, int | None], seconds: float,
+    preferred: float,
+) -> Optimum:  # fmt: skip
+    """min costs x - gains y + SHORT z; demands: weight that is to be covered, and the number of sets, or None.
+
+    z, from 0 to 1: by which share of all weights less is covered than is preferred.
+    """
     from scipy.sparse import csr_matrix, eye, hstack, vstack
 
     c, k = patterns.shape
     goal, size = demands
-    covers = hstack([csr_matrix(patterns.T.astype(float)), -eye(k)])
-    total = csr_matrix(np.concatenate([np.zeros(c), weights])[None])
-    count = csr_matrix(np.concatenate([np.ones(c), np.zeros(k)])[None])
-    low = np.concatenate([np.zeros(k), [goal, size or 0]])
-    high = np.concatenate([np.full(k + 1, np.inf), [size or np.inf]])
-    whole = np.arange(c + k) < c
-    found = least(np.concatenate([costs, -gains]), vstack([covers, total, count]).tocsr(), low, high, whole, seconds)
+    covers = hstack([csr_matrix(patterns.T.astype(float)), -eye(k), csr_matrix((k, 1))])
+    total = np.concatenate([np.zeros(c), weights, [0.0]])
+    short = np.concatenate([np.zeros(c), weights, [weights.sum()]])
+    count = np.concatenate([np.ones(c), np.zeros(k + 1)])
+    low = np.concatenate([np.zeros(k), [goal, preferred, size or 0]])
+    high = np.concatenate([np.full(k + 2, np.inf), [size or np.inf]])
+    rows = vstack([covers, csr_matrix(np.array([total, short, count]))]).tocsr()
+    price = np.concatenate([costs, -gains, [SHORT]])
+    found = least(price, rows, low, high, np.arange(c + k + 1) < c, seconds)
     return found if found.x is None else Optimum(np.round(found.x[:c]), found.bound)
 
 

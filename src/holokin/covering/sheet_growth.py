@@ -43,15 +43,13 @@ def grown(q: Matrix, near: Indices, go: Go) -> tuple[Matrix, Indices]:
         column = np.argmax(can[at], axis=1)
         tried[at, column] = True
         found, served = go(q[near[at, column]], at)
-        asked, failed = np.ones(len(at)), np.zeros(len(at))
-        for other in range(near.shape[1]):
-            ask = np.flatnonzero(served & (wave[near[at, other]] >= 0) & (column != other))
-            if len(ask):
-                there, reached = go(q[near[at[ask], other]], at[ask])
-                differs = reached & ~(np.abs(there - found[ask]).max(axis=1) <= AGREE)
-                asked[ask] += 1
-                failed[ask] += ~reached
-                served[ask] = ~differs
+        ask, other = np.nonzero(served[:, None] & (wave >= 0)[near[at]] & (column[:, None] != np.arange(near.shape[1])))
+        asked, failed = 1 + np.bincount(ask, minlength=len(at)), np.zeros(len(at))
+        if len(ask):
+            there, reached = go(q[near[at[ask], other]], at[ask])
+            differs = reached & ~(np.abs(there - found[ask]).max(axis=1) <= AGREE)
+            failed = np.bincount(ask, ~reached, len(at))
+            served[ask[differs]] = False
         served &= failed <= FAILING * asked
         tried[at[~served & (asked > 1)]] = True
         q[at[served]], wave[at[served]] = found[served], count
