@@ -16,6 +16,9 @@ up for one that costs nothing and covers a fifth of all elements less."""
 SHORT = 10.0
 """Weight of what is covered less than was preferred: it counts before all costs."""
 
+NEARLY = 1e-3
+"""Share of its value that the second program may miss."""
+
 ROUND = 1e-6
 """What a bound may be off."""
 
@@ -66,8 +69,8 @@ def fewest(
     bound = max(1, int(np.ceil(first.bound - ROUND))) if np.isfinite(first.bound) else 1
     size = int(x.sum())
     preferred = min(preferred, float(many.sum()) - ROUND)
-    priced = costs[alive] * (PREFERENCE / size)
-    second = _solved(patterns, many, priced, many / many.sum(), (goal, size), seconds, preferred)
+    lesser = costs[alive] * (PREFERENCE / size)
+    second = _solved(patterns, many, lesser, many / many.sum(), (goal, size), seconds, preferred)
     best = x if second.x is None else second.x
     chosen = alive[best.astype(bool)]
     return Cover(chosen, min(bound, size), float(each[sets[chosen].any(axis=0)].sum()))
@@ -92,8 +95,9 @@ def _solved(
     low = np.concatenate([np.zeros(k), [goal, preferred, size or 0]])
     high = np.concatenate([np.full(k + 2, np.inf), [size or np.inf]])
     rows = vstack([covers, csr_matrix(np.array([total, short, count]))]).tocsr()
-    price = np.concatenate([costs, -gains, [SHORT]])
-    found = least(price, rows, low, high, np.arange(c + k + 1) < c, seconds)
+    cost = np.concatenate([costs, -gains, [SHORT]])
+    whole = np.arange(c + k + 1) < c
+    found = least(cost, rows, low, high, whole, seconds, 0.0 if size is None else NEARLY)
     return found if found.x is None else Optimum(np.round(found.x[:c]), found.bound)
 
 
