@@ -77,10 +77,9 @@ class BatchKernel:
         count = len(results[0])
         most = (os.cpu_count() or 1) if threads is None else whole("threads", threads)
         workers = max(1, min(most, count // 4096))
-        edges = np.linspace(0, count, workers + 1).astype(int)
 
         def part(k: int) -> None:
-            start, stop = int(edges[k]), int(edges[k + 1])
+            start, stop = k * count // workers, (k + 1) * count // workers
             X = (ctypes.c_void_p * len(arguments))(*(a.ctypes.data + start * a.strides[0] for a in arguments))
             strides = (ctypes.c_longlong * len(arguments))(*(a.strides[0] // 8 for a in arguments))
             Y = (ctypes.c_void_p * len(results))(*(r.ctypes.data + start * r.strides[0] for r in results))

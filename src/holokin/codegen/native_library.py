@@ -41,9 +41,14 @@ _told: set[str] = set()
 _telling = threading.Lock()
 
 
+def allowed() -> bool:
+    """Whether HOLOKIN_NATIVE is not 0: what is loaded already needs no more."""
+    return os.environ.get("HOLOKIN_NATIVE", "1") != "0"
+
+
 def enabled() -> bool:
     """True when native code may be used: HOLOKIN_NATIVE is not 0, and a compiler and a cache are there that work."""
-    if os.environ.get("HOLOKIN_NATIVE", "1") == "0" or compiler() is None:
+    if not allowed() or compiler() is None:
         return False
     problem = trouble()
     if problem is not None:
@@ -53,7 +58,7 @@ def enabled() -> bool:
 
 def engine() -> str:
     """One line that says what runs: native code and by which compiler, or the virtual machine and why."""
-    if os.environ.get("HOLOKIN_NATIVE", "1") == "0":
+    if not allowed():
         return "CasADi's virtual machine (HOLOKIN_NATIVE=0)"
     found = compiler()
     if found is None:

@@ -42,7 +42,7 @@ the coefficients of the other laws, as a share of the largest one."""
 CLOSER = 0.6
 """Both shrink so in each round."""
 
-NATIVE, MANY = 64, 300
+NATIVE, MANY = 16, 300
 """Lines side by side from which on native code runs, and poses from which on building it pays; not for laws that are
 tried once."""
 

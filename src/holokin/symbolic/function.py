@@ -17,7 +17,7 @@ from ..base.types import Array, ArrayLike, numbers
 from ..codegen.evaluator import Doubt, Evaluator, weak
 from ..codegen.inverse_kernel import InverseKernel
 from ..codegen.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel, follow_code
-from ..codegen.native_library import enabled, tell
+from ..codegen.native_library import allowed, enabled, tell
 from ..codegen.program import Port, program
 from ..codegen.source import body
 from ..codegen.transport import Transport
@@ -140,7 +140,7 @@ class Function:
         if kernel is not None:
             kernel([_rows(v) for v in stacked], results, threads)
             return self._unwrapped(results, count)
-        whole = count - count % CHUNK if count % CHUNK < CHUNK // 4 else count
+        whole = count - count % CHUNK if count % CHUNK < CHUNK // 2 else count
         for start in range(0, whole, CHUNK):
             here = slice(start, min(start + CHUNK, count))
             self._evaluate_chunk([v[here] for v in stacked], [r[here] for r in results])
@@ -158,6 +158,8 @@ class Function:
 
     def _native(self) -> BatchKernel | None:
         """The batch as native code, built when first wanted; None where it cannot be."""
+        if "batch" in self._natives and allowed():
+            return self._natives["batch"]
         if not enabled() or self.program.longest > LARGEST_VECTOR:
             return None
         if "batch" not in self._natives:
