@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from .fitted_levels import LevelTable, level_table
 from .leaf_estimates import ROUGH, STARTS, cost_of, fitting_laws, lines_served, side_by_side
 from .pose_features import spread_out
 from .searched_poses import SearchedPoses
-from .set_cover import not_within_another
+from .set_cover import ROUND, not_within_another
 from .sheet import Sheet, known
 from .sheet_growth import grown, one_function
 
@@ -55,8 +55,24 @@ VARIED = 4
 SAME = 1e-6
 """Spread of levels [units of g] up to which they are one."""
 
+SPARE = 1.0
+"""Standard errors of a sampled share by which it is to exceed what is wanted, where no more sheets are needed for it:
+else of other poses about every second choice serves less."""
+
 CLOSEST = 4
 """Neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all."""
+
+
+class Wanted(NamedTuple):
+    """Numbers of poses: that are to be served at least, and that are preferred where no more sheets are needed."""
+
+    least: float
+    preferred: float
+
+    @staticmethod
+    def of(share: float, count: int) -> Wanted:
+        """For a share of `count` poses."""
+        return Wanted(share * count - ROUND, share * count + SPARE * np.sqrt(share * (1 - share) * count))
 
 
 @dataclass(eq=False)
@@ -88,8 +104,8 @@ class CandidateSheet:
 class CandidateSheets:
     """Sheets, with the poses that each serves; they grow while a cover is looked for.
 
-    poses: that are searched. laws: whose leaves are tried. own: whether laws may be made besides. fits: to which tables
-    and weights polynomials were fitted.
+    poses: that are searched. laws: whose leaves are tried. own: whether laws may be made besides. share: of the poses,
+    that is wanted. fits: to which tables and weights polynomials were fitted.
     """
 
     task: Task
@@ -98,6 +114,7 @@ class CandidateSheets:
     clear: Clear | None
     rcond: float
     own: bool
+    share: float = 1.0
     found: list[CandidateSheet] = field(default_factory=list)
     tried: int = 0
     fits: set[tuple[int, bytes]] = field(default_factory=set)
@@ -106,6 +123,11 @@ class CandidateSheets:
     def T(self) -> Array:
         """The poses (k, 4, 4) that are searched."""
         return self.poses.T
+
+    @property
+    def wanted(self) -> Wanted:
+        """How many of the poses in question are wanted."""
+        return Wanted.of(self.share, len(self.poses.reach))
 
     @property
     def costs(self) -> Vector:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from .candidate_sheets import CandidateSheets, fitting_laws
 from .pose_features import neighbours, spread_out, turn_length
 from .pose_rest import PoseRest, rests_of
 from .searched_poses import SearchedPoses
-from .set_cover import ROUND, Cover, fewest
+from .set_cover import Cover, fewest
 from .sheet import known
 from .sheet_labels import continued, labelled, same_postures
 from .sheet_map import Sheets
@@ -34,25 +33,11 @@ SHARE = 0.995
 SAMPLES = 4096
 """Poses of the workspace."""
 
-SPARE = 1.0
-"""Standard errors of a sampled share by which it is to exceed what is wanted, where no more sheets are needed for it:
-else of other poses about every second choice serves less."""
+FIRST = 1600
+"""Poses in reach for which a choice is looked for first; then it is looked at what it leaves out of all."""
 
 TARGETS = 4
 """Poses in a round of the search through which new leaves are tried."""
-
-
-class Wanted(NamedTuple):
-    """Numbers of poses: that are to be served at least, and that are preferred where no more sheets are needed."""
-
-    least: float
-    preferred: float
-
-    @staticmethod
-    def of(share: float, count: int) -> Wanted:
-        """For a share of `count` poses."""
-        return Wanted(share * count - ROUND, share * count + SPARE * np.sqrt(share * (1 - share) * count))
-
 
 NOTHING = Cover(np.zeros(0, dtype=int), 0, 0.0)
 
@@ -170,20 +155,20 @@ def _search(
 ) -> tuple[CandidateSheets, Cover, bool]:  # fmt: skip
     """Leaves through postures at poses all over, until the fewest that serve the share get no fewer.
 
-    A part of the poses is searched. When the choice gets no better, it is asked about all of them: if it serves too few
-    of them, those that it leaves out are searched, too.
+    A part of the poses is searched. When the choice gets no better, it is asked about more of them, at last about all:
+    those that it leaves out are searched, too.
     """
-    end, wanted, poses = time.monotonic() + seconds, Wanted.of(share, len(T)), SearchedPoses.of(T, turn_length(task))
+    end, poses = time.monotonic() + seconds, SearchedPoses.of(T, turn_length(task), FIRST)
     center = T[spread_out(T, np.arange(len(T)), 1, turn_length(task))[0]]
     say("which laws fit")
     laws, own = fitting_laws(task, poses.T, center, strategies, clear), strategies is None
-    pool = CandidateSheets(task, poses if search else poses.all, laws, clear, rcond, own)
+    pool = CandidateSheets(task, poses if search else poses.all, laws, clear, rcond, own, share)
     try:
         for law in laws:
             pool.add(law, q0)
         if search:
             pool.grow(center, np.arange(0), end, say)
-            _try_rounds(pool, wanted, end, say)
+            _try_rounds(pool, end, say)
         stopped = time.monotonic() > end
     except KeyboardInterrupt:
         if not pool.found:
@@ -194,47 +179,48 @@ def _search(
         raise ArgumentError("the strategies", [law.name for law in pool.laws], f"no leaf of them serves a pose: {cure}")
     try:
         say("asking the sheets")
-        cover = _asked(pool, wanted)
+        cover = _asked(pool)
     except KeyboardInterrupt:  # sheets that were not asked serve what is straight from their q0
-        cover, stopped = _cover(pool, wanted), True
+        cover, stopped = _cover(pool), True
     return pool, cover, stopped
 
 
-def _try_rounds(pool: CandidateSheets, wanted: Wanted, end: float, say: Callable[[str], None]) -> None:
+def _try_rounds(pool: CandidateSheets, end: float, say: Callable[[str], None]) -> None:
     """Adds leaves, round after round, as long as the choice gets better."""
-    rng, still, count = np.random.default_rng(0), 0, len(pool.poses.reach)
-    cover = _asked(pool, wanted)
+    rng, still, cover = np.random.default_rng(0), 0, _asked(pool)
     if not pool.poses.complete:
-        cover = _looked_closer(pool, cover, wanted, cover.chosen[:1])
+        cover = _looked_closer(pool, pool.poses, cover, cover.chosen[:1])
         pool.add_laws(_left(pool, cover))
     for round_ in range(ROUNDS):
-        enough = len(cover.chosen) == 1 and cover.covered >= wanted.least
+        enough = len(cover.chosen) == 1 and cover.covered >= pool.wanted.least
         if enough or still >= max(len(cover.chosen), PATIENCE):
-            if pool.poses.complete or _served(pool, cover.chosen).sum() >= wanted.least:
+            more = pool.poses.more()
+            if more is pool.poses and (more.complete or _served(pool, more, cover.chosen).sum() >= pool.wanted.least):
                 return
-            cover, still = _looked_closer(pool, cover, wanted, cover.chosen), 0
+            cover, still = _looked_closer(pool, more, cover, cover.chosen), 0
         if time.monotonic() > end:
             return
+        count = len(pool.poses.reach)
         say(f"{len(cover.chosen)} of {pool.tried} leaves serve {cover.covered / count:.1%} of {count} poses")
         left = _left(pool, cover)
         pool.vary(cover.chosen, rng, round_, end)
         for i in _targets(left, len(pool.T), rng):
             pool.grow(pool.T[i], left, end, say)
-        before, cover = cover, _asked(pool, wanted)
-        fewer = before.covered >= wanted.least and len(cover.chosen) < len(before.chosen)
-        more = before.covered < min(wanted.preferred, cover.covered - 0.5)
-        still = 0 if fewer or more else still + 1
+        before, cover = cover, _asked(pool)
+        fewer = before.covered >= pool.wanted.least and len(cover.chosen) < len(before.chosen)
+        wider = before.covered < min(pool.wanted.preferred, cover.covered - 0.5)
+        still = 0 if fewer or wider else still + 1
 
 
-def _looked_closer(pool: CandidateSheets, cover: Cover, wanted: Wanted, of: Indices) -> Cover:
+def _looked_closer(pool: CandidateSheets, poses: SearchedPoses, cover: Cover, of: Indices) -> Cover:
     """The choice after those poses that some of its sheets leave out have joined those that are searched."""
-    pool.look_at(pool.poses.without(_served(pool, of)), pool.worth(cover.chosen))
-    return _asked(pool, wanted)
+    pool.look_at(poses.without(_served(pool, poses, of)), pool.worth(cover.chosen))
+    return _asked(pool)
 
 
-def _served(pool: CandidateSheets, which: Indices) -> Flags:
+def _served(pool: CandidateSheets, poses: SearchedPoses, which: Indices) -> Flags:
     """Which of all the poses in reach (K,) some sheets serve."""
-    T = pool.poses.reach
+    T = poses.reach
     served = np.zeros(len(T), dtype=bool)
     for i in which:
         left = np.flatnonzero(~served)
@@ -242,11 +228,11 @@ def _served(pool: CandidateSheets, which: Indices) -> Flags:
     return served
 
 
-def _asked(pool: CandidateSheets, wanted: Wanted) -> Cover:
+def _asked(pool: CandidateSheets) -> Cover:
     """The cover of sheets that were asked themselves, the widest first."""
-    cover = _cover(pool, wanted)
+    cover = _cover(pool)
     while pool.exact(cover.chosen):
-        cover = _cover(pool, wanted)
+        cover = _cover(pool)
     return cover
 
 
@@ -263,12 +249,12 @@ def _targets(left: Indices, count: int, rng: np.random.Generator) -> list[int]:
     return [*some.tolist(), *rng.choice(count, TARGETS - len(some)).tolist()]
 
 
-def _cover(pool: CandidateSheets, wanted: Wanted) -> Cover:
+def _cover(pool: CandidateSheets) -> Cover:
     """The fewest sheets, the widest first."""
     if not pool.found:
         return NOTHING
     weights = pool.poses.weights
-    found = fewest(pool.sets, wanted.least, pool.costs, PROGRAM, weights, wanted.preferred)
+    found = fewest(pool.sets, pool.wanted.least, pool.costs, PROGRAM, weights, pool.wanted.preferred)
     widest = np.argsort(-(pool.sets[found.chosen] @ weights), kind="stable")
     return replace(found, chosen=found.chosen[widest])
 

@@ -21,11 +21,12 @@ class SearchedPoses(Value):
     Most poses are easy: nearly any leaf serves them. So a few of these stand for all, and the search looks closely at
     the others. What a leaf serves is estimated without bias: each pose has the weight of those that it stands for.
 
-    order: a random order of the poses (K,). left_out: by a choice of sheets so far (K,). length: what a turn of 1 rad
-    counts where poses are compared [m]. some, most: how many are searched of those served, and of those left out.
+    every: all poses (E, 4, 4), of which the first K are in question so far. order: a random order of these (K,).
+    left_out: by a choice of sheets so far (K,). length: what a turn of 1 rad counts where poses are compared [m]. some,
+    most: how many are searched of those served, and of those left out.
     """
 
-    reach: Array
+    every: Array
     order: Indices
     left_out: Flags
     length: float
@@ -33,10 +34,24 @@ class SearchedPoses(Value):
     most: int = MOST
 
     @staticmethod
-    def of(reach: Array, length: float) -> SearchedPoses:
-        """A random part of some poses (K, 4, 4), the same for the same poses."""
-        order = np.random.default_rng(0).permutation(len(reach))
-        return SearchedPoses(reach, order, np.zeros(len(reach), dtype=bool), length)
+    def of(every: Array, length: float, first: int | None = None) -> SearchedPoses:
+        """A random part of some poses (E, 4, 4), or of the `first` of them; the same for the same poses."""
+        count = len(every) if first is None else min(first, len(every))
+        order = np.random.default_rng(0).permutation(count)
+        return SearchedPoses(every, order, np.zeros(count, dtype=bool), length)
+
+    @property
+    def reach(self) -> Array:
+        """The poses (K, 4, 4) that are in question."""
+        return self.every[: len(self.order)]
+
+    def more(self) -> SearchedPoses:
+        """The same with all poses in question; itself where they are."""
+        if len(self.order) == len(self.every):
+            return self
+        wider = SearchedPoses.of(self.every, self.length)
+        wider.left_out[: len(self.left_out)] = self.left_out
+        return wider
 
     def without(self, served: Flags) -> SearchedPoses:
         """The same, with the poses that a choice does not serve (K,) among those left out."""
@@ -45,11 +60,12 @@ class SearchedPoses(Value):
     @property
     def all(self) -> SearchedPoses:
         """All the poses."""
-        return replace(self, some=len(self.reach), most=len(self.reach))
+        wider = self.more()
+        return replace(wider, some=len(self.every), most=len(self.every))
 
     @property
     def complete(self) -> bool:
-        """Whether all the poses are searched."""
+        """Whether all the poses in question are searched."""
         return len(self.which) == len(self.reach)
 
     @cached_property
