@@ -31,6 +31,21 @@ def test_no_choice_of_fewer_sets_covers_as_much(c: int, k: int, fill: float, sha
         assert not (more and costs[list(some)].sum() < costs[cover.chosen].sum() - 1e-9)
 
 
+@given(st.integers(2, 7), st.integers(1, 9), st.floats(0.1, 0.7), st.floats(0.3, 0.8), st.integers(0, 10**6))
+def test_what_is_preferred_is_covered_where_no_more_sets_are_needed_for_it(
+    c: int, k: int, fill: float, share: float, seed: int
+) -> None:
+    """However much dearer the sets are; and where it is out of reach, as much as so many sets can cover."""
+    rng = np.random.default_rng(seed)
+    sets, costs, weights = rng.random((c, k)) < fill, rng.random(c), rng.integers(1, 9, k).astype(float)
+    wanted, preferred = share * weights.sum(), min(1.0, share + 0.2) * weights.sum()
+    plain, cover = fewest(sets, wanted, costs, 10.0, weights), fewest(sets, wanted, costs, 10.0, weights, preferred)
+    size = len(plain.chosen)
+    assert len(cover.chosen) == size
+    can = max(weights[sets[list(some)].any(axis=0)].sum() for some in combinations(range(c), size))
+    assert cover.covered >= min(preferred, can) - 1e-5
+
+
 @given(st.integers(1, 3), st.integers(2, 6), st.floats(0.2, 0.9), st.integers(0, 10**6))
 def test_no_choice_of_sheets_has_fewer_cuts_than_is_said(S: int, k: int, fill: float, seed: int) -> None:
     """The cuts are those of the labels; of two sheets the choice is the best there is, of more the bound holds."""

@@ -131,6 +131,21 @@ def test_control_c_while_other_poses_are_looked_at_leaves_the_candidates_as_they
     assert (pool.sets[0] <= before[0, :30]).all()  # fewer poses are fewer stepping stones
 
 
+def test_of_many_poses_a_first_part_is_in_question_and_then_all() -> None:
+    """What was left out of the first part stays so; of the rest nothing is known yet. Each pose counts once."""
+    T = np.tile(np.eye(4), (3000, 1, 1))
+    T[:, 0, 3] = np.linspace(0, 1, 3000)
+    first = SearchedPoses.of(T, 0.0, 1000).without(np.arange(1000) >= 10)
+    assert len(first.reach) == 1000 and set(range(10)) <= set(first.which.tolist())
+    assert first.weights.sum() == pytest.approx(1000)
+    wider = first.more()
+    assert wider.left_out.sum() == 10 and wider.left_out[:10].all() and wider.more() is wider
+    assert len(wider.reach) == len(wider.all.which) == len(first.all.which) == 3000
+    assert wider.without(np.arange(3000) < 2900).weights.sum() == pytest.approx(3000)
+    few = SearchedPoses.of(T[:30], 0.0, 1000)
+    assert few.complete and few.more() is few
+
+
 def test_control_c_within_a_candidate_leaves_that_one_out(monkeypatch: pytest.MonkeyPatch) -> None:
     interrupted_in(monkeypatch, "cost_of", 4)
     task = planar_task()

@@ -41,11 +41,11 @@ TARGETS = 4
 
 NOTHING = Cover(np.zeros(0, dtype=int), 0, 0.0)
 
-ROUNDS, PATIENCE = 12, 2
+ROUNDS, PATIENCE = 30, 2
 """Rounds at most. As many rounds without gain as there are sheets end the search, two at least: the more sheets there
 are, the more there is to gain."""
 
-SECONDS, PROGRAM = 280.0, 60.0
+SECONDS, PROGRAM = 250.0, 60.0
 """Seconds for the search, and for an integer program, at most: rounds and nodes end them before, on most machines."""
 
 

@@ -49,9 +49,9 @@ class SearchedPoses(Value):
         """The same with all poses in question; itself where they are."""
         if len(self.order) == len(self.every):
             return self
-        wider = SearchedPoses.of(self.every, self.length)
-        wider.left_out[: len(self.left_out)] = self.left_out
-        return wider
+        left_out = np.zeros(len(self.every), dtype=bool)
+        left_out[: len(self.left_out)] = self.left_out
+        return replace(SearchedPoses.of(self.every, self.length), left_out=left_out)
 
     def without(self, served: Flags) -> SearchedPoses:
         """The same, with the poses that a choice does not serve (K,) among those left out."""

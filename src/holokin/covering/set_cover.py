@@ -13,11 +13,8 @@ PREFERENCE = 0.2
 """Weight of the costs of sets against what they cover, once their number is decided: a set that costs the most is given
 up for one that costs nothing and covers a fifth of all elements less."""
 
-SHORT = 10.0
-"""Weight of what is covered less than was preferred: it counts before all costs."""
-
 NEARLY = 1e-3
-"""Share of its value that the second program may miss."""
+"""Share of its value that a program about sets of a known number may miss."""
 
 ROUND = 1e-6
 """What a bound may be off."""
@@ -64,40 +61,38 @@ def fewest(
     if goal <= 0:
         return Cover(np.zeros(0, dtype=int), 0, 0)
     ones, none = np.ones(len(alive)), np.zeros(len(many))
-    first = _solved(patterns, many, ones, none, (goal, None), seconds, goal)
+    first = _solved(patterns, many, ones, none, (goal, None), seconds)
     x = _greedy(patterns, many, goal) if first.x is None else first.x
     bound = max(1, int(np.ceil(first.bound - ROUND))) if np.isfinite(first.bound) else 1
     size = int(x.sum())
-    preferred = min(preferred, float(many.sum()) - ROUND)
-    lesser = costs[alive] * (PREFERENCE / size)
-    second = _solved(patterns, many, lesser, many / many.sum(), (goal, size), seconds, preferred)
+    gains = many / many.sum()
+    if preferred > goal:
+        widest = _solved(patterns, many, 0 * ones, gains, (goal, size), seconds).x
+        reached = goal if widest is None else float(many[patterns[widest.astype(bool)].any(axis=0)].sum())
+        goal = max(goal, min(preferred, reached) - ROUND)
+    second = _solved(patterns, many, costs[alive] * (PREFERENCE / size), gains, (goal, size), seconds)
     best = x if second.x is None else second.x
     chosen = alive[best.astype(bool)]
     return Cover(chosen, min(bound, size), float(each[sets[chosen].any(axis=0)].sum()))
 
 
 def _solved(
-    patterns: Flags, weights: Vector, costs: Vector, gains: Vector, demands: tuple[float, int | None], seconds: float,
-    preferred: float,
-) -> Optimum:  # fmt: skip
-    """min costs x - gains y + SHORT z; demands: weight that is to be covered, and the number of sets, or None.
-
-    z, from 0 to 1: by which share of all weights less is covered than is preferred.
-    """
+    patterns: Flags, weights: Vector, costs: Vector, gains: Vector, demands: tuple[float, int | None], seconds: float
+) -> Optimum:
+    """min costs x - gains y; demands: weight that is to be covered, and the number of sets, or None."""
     from scipy.sparse import csr_matrix, eye, hstack, vstack
 
     c, k = patterns.shape
     goal, size = demands
-    covers = hstack([csr_matrix(patterns.T.astype(float)), -eye(k), csr_matrix((k, 1))])
-    total = np.concatenate([np.zeros(c), weights, [0.0]])
-    short = np.concatenate([np.zeros(c), weights, [weights.sum()]])
-    count = np.concatenate([np.ones(c), np.zeros(k + 1)])
-    low = np.concatenate([np.zeros(k), [goal, preferred, size or 0]])
-    high = np.concatenate([np.full(k + 2, np.inf), [size or np.inf]])
-    rows = vstack([covers, csr_matrix(np.array([total, short, count]))]).tocsr()
-    cost = np.concatenate([costs, -gains, [SHORT]])
-    whole = np.arange(c + k + 1) < c
-    found = least(cost, rows, low, high, whole, seconds, 0.0 if size is None else NEARLY)
+    covers = hstack([csr_matrix(patterns.T.astype(float)), -eye(k)])
+    total = csr_matrix(np.concatenate([np.zeros(c), weights])[None])
+    count = csr_matrix(np.concatenate([np.ones(c), np.zeros(k)])[None])
+    low = np.concatenate([np.zeros(k), [goal, size or 0]])
+    high = np.concatenate([np.full(k + 1, np.inf), [size or np.inf]])
+    whole, gap = np.arange(c + k) < c, 0.0 if size is None else NEARLY
+    found = least(
+        np.concatenate([costs, -gains]), vstack([covers, total, count]).tocsr(), low, high, whole, seconds, gap
+    )
     return found if found.x is None else Optimum(np.round(found.x[:c]), found.bound)
 
 
