@@ -33,7 +33,7 @@ SHARE = 0.995
 SAMPLES = 4096
 """Poses of the workspace."""
 
-FIRST = 1600
+FIRST = 2000
 """Poses in reach for which a choice is looked for first; then it is looked at what it leaves out of all."""
 
 TARGETS = 4
