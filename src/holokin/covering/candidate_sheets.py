@@ -59,6 +59,9 @@ SPARE = 1.0
 """Standard errors of a sampled share by which it is to exceed what is wanted, where no more sheets are needed for it:
 else of other poses about every second choice serves less."""
 
+NEAR = "linear, near "
+"""What the name of a law begins with whose coefficients are near those of another: the coefficients are in its keys."""
+
 CLOSEST = 4
 """Neighbours from which a candidate tries to reach a pose; a sheet that is chosen tries all."""
 
@@ -315,8 +318,7 @@ class CandidateSheets:
         for _ in range(LEVELS):
             B = A + BEND * CLOSER**round_ * np.abs(A).max() * rng.standard_normal(A.shape)
             B = np.round(B / np.linalg.norm(B, axis=1, keepdims=True), 4)
-            rows = " ".join(f"[{', '.join(f'{value:.4g}' for value in row)}]" for row in B)
-            name = f"linear {rows}"
+            name = sheet.name if sheet.name.startswith(NEAR) else NEAR + sheet.name
             keys = {"kind": "linear", "matrix": B.tolist()}
             found.append(Candidate(name, keys, self.task, holonomic(self.task, linear(B, name=name), name=name)))
         return found
