@@ -240,7 +240,7 @@ def tell_planes(setup: AuditSetup, planes: Sequence[PlaneDrift]) -> Answer:
         metrics["worst_per_area"] = worst.per_area
         said.append(
             f"{len(metrics) - 1} of {len(planes)} tested, one loop each: the largest drift, {worst.drift:.2g}, is in "
-            f"{worst.name} round {a} by {b}, {worst.per_area:.3g} {worst.unit}"
+            f"{worst.name}, with a loop of {a} by {b} ({worst.per_area:.3g} {worst.unit})"
         )
         if step_alone(worst.as_run, worst.drift, setup.tolerance):
             said[-1] += f" ({worst.as_run:.2g} with the error of the step)"
@@ -333,8 +333,8 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
     if not metrics["drift"]:
         return f"none drifts in {name}: {largest(big):.1e} at the most", metrics
     facts = (
-        f"in {name}: a loop of twice the size drifts {metrics['ratio']:.2f} times as far; the loop forward and "
-        f"backward drifts in sum by {metrics['turned']:.0%} of the forward drift; half the speed changes the drift by "
+        f"in {name}: a loop of twice the size drifts {metrics['ratio']:.2f} times as far; the drift forward plus "
+        f"the drift backward is {metrics['turned']:.0%} of the drift forward; half the speed changes the drift by "
         f"{metrics['hurried']:.0%}"
     )
     if metrics["turned"] < TURNED and metrics["hurried"] < HURRIED:

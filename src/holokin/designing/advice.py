@@ -135,7 +135,7 @@ class Law(Value):
         if not self.served.any():
             return said
         if np.isfinite(self.margin):
-            said += f", {self.joint} comes to {self.margin:.1%} of its range from its limit"
+            said += f", the joint nearest to a limit is {self.joint}, at a distance of {self.margin:.1%} of its range"
         if np.isfinite(self.rcond):
             said += f", rcond is {self.rcond:.2g} at least"
         if np.isfinite(self.clearance):
