@@ -1,10 +1,13 @@
 """A law whose one leaf serves nearly the whole disc of a planar arm, three links of 1 m within +-150 degrees.
 
-    g(q) = sin(a) (x - px) - cos(a) (y - py),     a = k(x, y) q1 + c(x, y)
+    g(q) = sin(a) (x - px) - cos(a) (y - py) - e(q1),     a = k(x, y) q1 + c(x, y),     e(q1) = e0 + e1 q1 + e3 q1^3
 
-On the leaf g = 0 the line through the tool (x, y) and a fixed point p has the direction a, which turns with joint 1.
-While the base turns from limit to limit, the tool goes more than once round p, because the self-motion leads it further
-each way. So the leaf overlaps itself, and there the cut may lie. k and c are polynomials in z = (x + i y) / 3,
+On the leaf g = 0 the tool (x, y) is on a line that passes a fixed point p at the distance e, in the direction a; both
+change with joint 1. While the base turns from limit to limit, the line turns more than once. So the leaf overlaps
+itself, and there the cut may lie. At p, the line through the tool has e = 0, which one value of joint 1 has: there the
+leaf is one function of the tool's position, all round p, and the cut ends before it. (With e = 0 for all q1, every q1
+would do at p, and next to it the joints would turn as fast as the tool comes near.) k and c are polynomials in
+z = (x + i y) / 3,
 
     sum_i a_i |z|^(2 i)  +  sum_m,i |z|^(2 i) (b_mi Re z^m + d_mi Im z^m),     m = 1, 2, 3,   i = 0, 1
 
@@ -23,56 +26,59 @@ REACH = 3.0
 POWERS, TURNS = 8, ((1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1))
 """Coefficients a_i, and the (m, i) of b_mi and d_mi."""
 
-POINT = (-0.16495, -0.27010)
+POINT = (-0.17117, -0.25969)
 """p [m]"""
 
 FACTOR = (
-    2.40875,
-    -1.01111,
-    1.25049,
-    0.83027,
-    -1.17430,
-    -0.06171,
-    -0.03878,
-    0.11406,
-    0.90587,
-    2.80324,
-    0.32941,
-    -0.87241,
-    -0.66277,
-    0.87355,
-    0.52159,
-    0.21842,
-    -0.38520,
-    -0.88834,
-    0.22663,
-    1.09381,
+    2.34593,
+    -0.85209,
+    1.40816,
+    0.77848,
+    -1.19738,
+    0.07184,
+    -0.15175,
+    0.08733,
+    1.11736,
+    2.71524,
+    0.50293,
+    -0.86164,
+    -0.52411,
+    1.01316,
+    0.69463,
+    0.05330,
+    -0.21958,
+    -0.84476,
+    0.14757,
+    1.03943,
 )
 """k: a_i, then b_mi and d_mi of each (m, i)."""
 
 OFFSET = (
-    3.12637,
-    -9.16081,
-    5.85355,
-    1.45734,
-    -0.84493,
-    -2.05121,
-    -0.06046,
-    0.24705,
-    2.99903,
-    -0.42075,
-    -3.21916,
-    -1.59624,
-    2.67931,
-    -0.00925,
-    -1.47229,
-    -0.44621,
-    -0.07481,
-    0.28034,
-    0.43213,
-    -0.07731,
+    3.11419,
+    -9.13708,
+    5.79848,
+    1.38342,
+    -0.76760,
+    -2.06161,
+    0.08975,
+    0.22316,
+    3.17789,
+    -0.40735,
+    -3.38020,
+    -1.65884,
+    2.72322,
+    0.05178,
+    -1.48067,
+    -0.69212,
+    -0.09083,
+    0.25032,
+    0.46394,
+    -0.19446,
 )
 """c, likewise [rad]."""
+
+DISTANCE = (-0.02143, -0.05369, 0.005261)
+"""e0, e1, e3 [m]."""
 
 
 def disc_law(task: hk.Task) -> hk.HolonomicStrategy:
@@ -82,25 +88,32 @@ def disc_law(task: hk.Task) -> hk.HolonomicStrategy:
         x = ca.cos(q[0]) + ca.cos(q[0] + q[1]) + ca.cos(q[0] + q[1] + q[2])
         y = ca.sin(q[0]) + ca.sin(q[0] + q[1]) + ca.sin(q[0] + q[1] + q[2])
         a = _polynomial(FACTOR, x, y) * q[0] + _polynomial(OFFSET, x, y)
-        return ca.sin(a) * (x - POINT[0]) - ca.cos(a) * (y - POINT[1])
+        return ca.sin(a) * (x - POINT[0]) - ca.cos(a) * (y - POINT[1]) - _distance(q[0])
 
     return hk.holonomic(task, hk.custom(g, rows=1), name="disc law")
 
 
 def disc_starts() -> np.ndarray:
-    """Postures (3, 3) of the leaf: joint 1 at -120, 0 and 120 degrees, the tool 2 m from p."""
+    """Postures (3, 3) of the leaf: joint 1 at -120, 0 and 120 degrees, the tool 2 m along its line."""
     return np.array([_posture(np.radians(turn)) for turn in (-120, 0, 120)])
 
 
 def _posture(q1: float) -> np.ndarray:
-    """That of the leaf with the tool 2 m from p in the direction a, and q3 > 0: both links of 1 m from the elbow."""
+    """That of the leaf with the tool 2 m along its line, and q3 > 0: both links of 1 m from the elbow."""
     tool = np.array(POINT)
     for _ in range(100):
         a = _polynomial(FACTOR, *tool) * q1 + _polynomial(OFFSET, *tool)
-        tool = np.array(POINT) + 2 * np.array([np.cos(a), np.sin(a)])
+        along = np.array([np.cos(a), np.sin(a)])
+        there = np.array(POINT) + 2 * along + _distance(q1) * np.array([along[1], -along[0]])
+        tool = (tool + there) / 2
     w = tool - [np.cos(q1), np.sin(q1)]
     bend = np.arccos((w @ w - 2) / 2)
     return np.array([q1, (np.arctan2(w[1], w[0]) - bend / 2 - q1 + np.pi) % (2 * np.pi) - np.pi, bend])
+
+
+def _distance(q1):
+    """e at a value of joint 1, a number or an expression."""
+    return DISTANCE[0] + DISTANCE[1] * q1 + DISTANCE[2] * q1**3
 
 
 def _polynomial(numbers, x, y):
