@@ -17,8 +17,11 @@ of the arm with q3 >= 0.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import casadi as ca
 import numpy as np
+from scipy.optimize import brentq
 
 import holokin as hk
 
@@ -99,16 +102,28 @@ def disc_starts() -> np.ndarray:
 
 
 def _posture(q1: float) -> np.ndarray:
-    """That of the leaf with the tool 2 m along its line, and q3 > 0: both links of 1 m from the elbow."""
-    tool = np.array(POINT)
-    for _ in range(100):
-        a = _polynomial(FACTOR, *tool) * q1 + _polynomial(OFFSET, *tool)
-        along = np.array([np.cos(a), np.sin(a)])
-        there = np.array(POINT) + 2 * along + _distance(q1) * np.array([along[1], -along[0]])
-        tool = (tool + there) / 2
-    w = tool - [np.cos(q1), np.sin(q1)]
-    bend = np.arccos((w @ w - 2) / 2)
-    return np.array([q1, (np.arctan2(w[1], w[0]) - bend / 2 - q1 + np.pi) % (2 * np.pi) - np.pi, bend])
+    """That of the leaf with the tool 2 m along its line, q3 > 0, and the least |q2|."""
+
+    def tool(a: float) -> np.ndarray:
+        return np.array(POINT) + _rotation(a) @ [2.0, -_distance(q1)]
+
+    def missing(a: float) -> float:
+        return float(_polynomial(FACTOR, *tool(a)) * q1 + _polynomial(OFFSET, *tool(a)) - a)
+
+    some, found = np.linspace(-10.0, 10.0, 401), []
+    for low, high in pairwise(some.tolist()):
+        if missing(low) * missing(high) < 0:
+            w = _rotation(-q1) @ (tool(brentq(missing, low, high, xtol=1e-15)) - _rotation(q1)[:, 0])
+            bend = np.arccos(np.clip((w @ w - 2) / 2, -1, 1))
+            q2 = float(np.arctan2(w[1], w[0]) - bend / 2)
+            if w @ w < 4 and max(abs(q2), bend) < np.radians(150):
+                found.append(np.array([q1, q2, bend]))
+    return min(found, key=lambda q: abs(q[1]))
+
+
+def _rotation(a: float) -> np.ndarray:
+    """Of the plane, by an angle."""
+    return np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
 
 
 def _distance(q1):

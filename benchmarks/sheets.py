@@ -283,7 +283,7 @@ def main(arguments: list[str] | None = None) -> int:
     if limit == LIMIT and post is None:
         began = time.process_time()  # the leaf through q0 alone, from both sides
         one = hk.sheets(
-            planar_task(), _grid(cells // 2), [disc_law(planar_task())], q0=disc_starts()[[0, 2]], share=0.9975,
+            planar_task(), _grid(cells), [disc_law(planar_task())], q0=disc_starts()[[0, 2]], share=0.9975,
             samples=cells**2, search=False,
         )  # fmt: skip
         made = sheets_answer(one, cells, time.process_time() - began, limit, "hk.sheets, a law for this disc")
