@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -60,6 +62,14 @@ def test_what_a_span_rules_out_no_search_reaches(task: hk.Task) -> None:
     near = np.zeros((int(ruled.sum()), task.n)) + 0.3
     assert not nearest_postures(task, p[ruled], R[ruled], near, limits=False).reached.any()
     assert ruled.sum() > 0.7 * (~reached(task, T, None)[1].anyhow).sum()
+
+
+def test_a_slide_without_limits_rules_nothing_out() -> None:
+    ppr = hk.load("ppr")
+    free = replace(ppr, coordinates=(replace(ppr.coordinates[0], lower=-np.inf, upper=np.inf), *ppr.coordinates[1:]))
+    span = longest_span(free, turned=False)
+    assert span.length == np.inf and np.isfinite(span.start).all()
+    assert not span.beyond(np.full((1, 3), 1e9), np.eye(3)[None]).any()
 
 
 def test_of_a_task_that_leaves_a_position_free_nothing_is_ruled_out() -> None:

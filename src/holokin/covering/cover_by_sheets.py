@@ -189,15 +189,18 @@ def _try_rounds(pool: CandidateSheets, end: float, say: Callable[[str], None]) -
     """Adds leaves, round after round, as long as the choice gets better."""
     rng, still, cover = np.random.default_rng(0), 0, _asked(pool)
     if not pool.poses.complete:
-        cover = _looked_closer(pool, pool.poses, cover, cover.chosen[:1])
+        cover = _looked_closer(pool, pool.poses, cover, _served(pool, pool.poses, cover.chosen[:1]))
         pool.add_laws(_left(pool, cover))
     for round_ in range(ROUNDS):
         enough = len(cover.chosen) == 1 and cover.covered >= pool.wanted.least
         if enough or still >= max(len(cover.chosen), PATIENCE):
             more = pool.poses.more()
-            if more is pool.poses and (more.complete or _served(pool, more, cover.chosen).sum() >= pool.wanted.least):
+            if more is pool.poses and more.complete:
                 return
-            cover, still = _looked_closer(pool, more, cover, cover.chosen), 0
+            served = _served(pool, more, cover.chosen)
+            if more is pool.poses and served.sum() >= pool.wanted.least:
+                return
+            cover, still = _looked_closer(pool, more, cover, served), 0
         if time.monotonic() > end:
             return
         count = len(pool.poses.reach)
@@ -212,9 +215,9 @@ def _try_rounds(pool: CandidateSheets, end: float, say: Callable[[str], None]) -
         still = 0 if fewer or wider else still + 1
 
 
-def _looked_closer(pool: CandidateSheets, poses: SearchedPoses, cover: Cover, of: Indices) -> Cover:
-    """The choice after those poses that some of its sheets leave out have joined those that are searched."""
-    pool.look_at(poses.without(_served(pool, poses, of)), pool.worth(cover.chosen))
+def _looked_closer(pool: CandidateSheets, poses: SearchedPoses, cover: Cover, served: Flags) -> Cover:
+    """The choice after those poses that are not served have joined those that are searched."""
+    pool.look_at(poses.without(served), pool.worth(cover.chosen))
     return _asked(pool)
 
 

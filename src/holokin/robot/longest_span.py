@@ -49,7 +49,7 @@ def longest_span(robot: Robot, tip: str | None = None, *, turned: bool) -> Span:
     at = np.zeros(len(links.free))
     for corner in CORNERS:
         at = minimize(links.length, at, (corner,), "BFGS", jac=True).x * links.free
-    return Span(links.first(at), links.last(at), links.length(at)[0])
+    return Span(links.first(at), links.last(at), links.length(at)[0] + links.slides)
 
 
 def longest_reach(robot: Robot, tip: str | None = None) -> float:
@@ -60,7 +60,7 @@ def longest_reach(robot: Robot, tip: str | None = None) -> float:
     chosen = next((t for t in robot.tips if t.name == tip), robot.tips[0])
     links = _Links.of(robot, chosen, turned=False)
     origins = np.zeros(len(links.free))
-    return float(np.linalg.norm(links.first(origins))) + links.length(origins)[0]
+    return float(np.linalg.norm(links.first(origins))) + links.length(origins)[0] + links.slides
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +96,8 @@ class _Links:
         )  # fmt: skip
 
     def length(self, t: Vector, corner: float = 0.0) -> tuple[float, Vector]:
-        """The length of the chain [m] and its derivative (k,): not the link before the first point; nor, if turned, the
-        one behind the last."""
+        """The length of the links in a line [m] and its derivative (k,): without the link before the first point and,
+        if turned, without the one behind the last."""
         t = t * self.free
         link = self.offset[1:] - t[:, None] * self.axis
         link[:-1] += t[1:, None] * self.there[1:]
@@ -107,7 +107,7 @@ class _Links:
         slope = np.zeros(len(t))
         slope[: len(unit)] -= np.sum(unit * self.axis[: len(unit)], axis=1)
         slope[1:] += np.sum(unit[: len(t) - 1] * self.there[1:], axis=1)
-        return float(size.sum()) + self.slides, slope * self.free
+        return float(size.sum()), slope * self.free
 
     def first(self, t: Vector) -> Vector:
         """The first point (3,), in the base frame."""
