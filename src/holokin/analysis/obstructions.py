@@ -259,5 +259,8 @@ def _round(strategy: HolonomicStrategy, path: Path, q0: ArrayLike, samples: int)
             "the path to its points"
         )
         often = f"{total:+d} turn{'' if abs(total) == 1 else 's'}" if total else "no turn"
-        said = f"{about} makes {often} along the self-motion. {means}"
+        said = (
+            f"While the tool goes round the path once, the arm with {strategy.name!r} makes {often} along the "
+            f"self-motion. {means}"
+        )
     return Obstruction(total, (), count, len(found.ahead), largest, np.nan, said, details)

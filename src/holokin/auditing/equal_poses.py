@@ -25,7 +25,7 @@ class Distance:
 class LogVerdict(NoTruthValue, Enum, ask="`is LogVerdict.REPEATS`"):
     """Whether the joints repeated in a log; the text says what it means."""
 
-    REPEATS = "repeats: the joints were the same at equal tool poses, in all that the log tests"
+    REPEATS = "repeats: the joints were the same at equal tool poses, in every comparison that the log allows"
     DIFFERS = "differs: the joints were not the same at equal tool poses"
     UNDECIDED = "cannot tell: noise, or a shift of the tool's own path, may hide that the joints differ"
 

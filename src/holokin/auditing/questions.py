@@ -284,7 +284,8 @@ def ask_speed(setup: AuditSetup, path: Path) -> Answer:
     step = 2 * largest(ends[2] - scaled)
     same = apart <= setup.tolerance + step
     metrics = {"apart": apart, "of_the_step": step}
-    return f"{'does not depend' if same else 'depends'} on speed: {apart:.2g} between half and twice", metrics
+    said = f"the joints {'do not depend' if same else 'depend'} on the speed"
+    return f"{said}: at half and at twice the speed they end up to {apart:.2g} away", metrics
 
 
 def ask_start(setup: AuditSetup, path: Path) -> Answer:

@@ -210,4 +210,4 @@ def _beside(axis: _Axis, other: _Axis) -> _Place:
 
 def _next_to(axis: _Axis, shoulder: _Place) -> _Place:
     """The point of an axis next to the shoulder."""
-    return axis.place(axis.foot(shoulder.at), f"on the axis of {axis.name}, next to the shoulder")
+    return axis.place(axis.foot(shoulder.at), f"on the axis of {axis.name}, at the point nearest to the shoulder")

@@ -122,9 +122,8 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
         goal = " + ".join(name.replace("_", " ") for name in self.objective.weights)
         steps = ", ".join(f"{v:.5g}" for v in self.costs[1:])
         return (
-            f"{goal}: {self.costs[0]:.5g} without a polynomial, by the base rule {self.base.name!r} "
-            f"alone{self._began}\n"
-            f"  designed with polynomials of degree 0 to {self.degree}: {steps}\n"
+            f"{goal}: {self.costs[0]:.5g} with the base rule {self.base.name!r} alone{self._began}\n"
+            f"  with a polynomial of the tool pose added, degree 0 to {self.degree}: {steps}\n"
             f"  {self._least}\n"
             f"checked at {self.checked.poses} poses: {self.checked}\n"
             f"the hard limits are kept at {self.kept} of the poses that it reaches{self._cause}\n"

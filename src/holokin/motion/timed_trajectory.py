@@ -51,8 +51,8 @@ class Slowdown(Shown):
     def __str__(self) -> str:
         reason = f"the {self.limit} of {self.joint}" if self.joint else f"the shape of the {self.limit}"
         return (
-            f"{self.start:.3f} to {self.stop:.3f} s: the speed falls to {100 * self.least:.0f} % of the wanted speed; "
-            f"the reason is {reason}"
+            f"{self.start:.3f} to {self.stop:.3f} s: slower than wanted, at the least {100 * self.least:.0f} % of the "
+            f"wanted speed; the reason is {reason}"
         )
 
 
@@ -186,7 +186,8 @@ class TimedTrajectory(Value):
     def sentence(self) -> str:
         """Profile, duration, samples, and the greatest speed over that of the path."""
         times = f"{self.path_speed.max():.3g}"
-        fastest = f"at most {'the' if times == '1' else f'{times} times the'} speed of the path"
+        own = "the path's own speed"
+        fastest = f"never faster than {own}" if times == "1" else f"at most {times} times {own}"
         return f"{self.profile}, {self.duration:.3f} s, {len(self)} samples of {1e3 * self.dt:g} ms, {fastest}"
 
     @typed
