@@ -73,7 +73,8 @@ def audit(
     Of a LeRobot dataset: are the joints the same wherever the tool pose is, in all episodes?
 
     Exits 0 when they are in every comparison that the log allows, 1 when they are not, 2 when the log does not decide,
-    and on bad input. Of several runs the gravest counts; a run without two cycles is named, and counts only if all are so.
+    and on bad input. Of several runs the gravest counts; a run without two cycles is named, and counts only if all are
+    so.
     """
     from ..auditing import audit_recording
     from ..errors import ArgumentError, RecordingError
