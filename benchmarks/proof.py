@@ -105,7 +105,7 @@ def where_the_tool_turns(task: hk.Task, x: np.ndarray) -> Iterator[Case]:
     loop = there + hk.line(x - [0.05, 0, 0], x, turn=-turn)
     chart = hk.pose(task.robot).counted_from(task.pose(PANDA)[:3, :3])
     tilt = C.tilted(hk.lock(2), lambda x: 0.3 * x[3] * x[4] + 0.2 * x[0] * x[5], chart=chart)
-    what = "Panda, rows that depend on the orientation, line of 0.05 m with a turn of 0.08 rad, and back"
+    what = "Panda, joint 3 a function of the tool's pose, line of 0.05 m with a turn of 0.08 rad, and back"
     yield what, hk.holonomic(task, tilt), loop, PANDA
     near, rng = hk.follow(hk.moore_penrose(task), there, PANDA, samples=60).q, np.random.default_rng(0)
     Q = np.vstack([near, *(near[::2] + rng.normal(scale=0.03, size=near[::2].shape) for _ in range(6))])

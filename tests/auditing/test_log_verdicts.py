@@ -354,7 +354,7 @@ def test_a_posture_task_logged_one_way_at_one_speed_is_cleared_of_nothing_else()
     for word in ("whatever", "any way", "any speed", "both ways", "all logged speeds"):
         assert word not in claim
     assert [part.partition(" (")[0] for part in untested.split("; ")] == [
-        "the path back", "other speeds", "other paths to a pose within a cycle", "other paths",
+        "the path back", "other speeds", "other paths to a pose within a cycle", "paths that are not in the log",
     ]  # fmt: skip
     loop = CIRCLE.starting_at(PANDA.pose(q[0])[:3, 3])
     asked = hk.audit(law, PANDA, POSE, [loop], q0=q[0], dt=0.02, cycles=3)

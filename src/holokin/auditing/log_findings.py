@@ -242,7 +242,7 @@ def not_tested(audit: LogAudit) -> list[str]:
         open_.append("other speeds (all cycles at one speed)")
     if audit.at_crossings is None and audit.cycles.mirror is None:
         open_.append("other paths to a pose within a cycle (the path does not cross itself)")
-    return [*open_, "other paths"]
+    return [*open_, "paths that are not in the log"]
 
 
 def _same(audit: LogAudit) -> str:

@@ -144,9 +144,9 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
         """What the bounds are."""
         if not self.bound_traced:
             return f"a search over the postures found at these poses came down to {self.bound:.5g}"
-        said = f"with the postures found at these poses no law can have less than {self.bound:.5g}"
+        said = f"lower bound: a law that uses only the postures that were found has at least {self.bound:.5g}"
         apart = self.bound_here > self.bound * (1 + APART)
-        return f"{said}, none on these self-motions less than {self.bound_here:.5g}" if apart else said
+        return f"{said}, a law on these self-motions at least {self.bound_here:.5g}" if apart else said
 
     @property
     def _cause(self) -> str:

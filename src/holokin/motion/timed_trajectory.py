@@ -51,7 +51,7 @@ class Slowdown(Shown):
     def __str__(self) -> str:
         reason = f"the {self.limit} of {self.joint}" if self.joint else f"the shape of the {self.limit}"
         return (
-            f"{self.start:.3f} to {self.stop:.3f} s: slower than wanted, at the least {100 * self.least:.0f} % of the "
+            f"{self.start:.3f} to {self.stop:.3f} s: slower than wanted, down to {100 * self.least:.0f} % of the "
             f"wanted speed; the reason is {reason}"
         )
 
