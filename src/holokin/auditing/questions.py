@@ -341,11 +341,11 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
     if metrics["turned"] < TURNED and metrics["hurried"] < HURRIED:
         metrics["stairs"] = _stairs_gap(setup, plane, scale) / size
         change = f"change it by {metrics['stairs']:.0%}"
-        facts += f", small steps along one task row at a time, instead of straight lines, {change}"
+        facts += f", many small steps, each along one task row, instead of straight lines {change}"
     if not metrics.get("stairs", np.inf) < BENT:
-        law = "With this form, a loop of twice the size drifts about 4 times as far where the curvature is about "
-        law += "constant, the drifts forward and backward cancel, and the drift is the same at another speed, or when "
-        law += "the tool goes in many small steps along one task row at a time"
+        law = "With this form, (1) a loop of twice the size drifts about 4 times as far where the curvature is about "
+        law += "constant, (2) the drifts forward and backward cancel, (3) another speed gives the same drift, (4) many "
+        law += "small steps, each along one task row, lead to the same joints as straight lines"
         return f"not of the form dq = G(q) x', because the drifts do not fit it ({facts}). {law}", metrics
     per = f"{metrics['drift_per_area']:.3g} per {area_unit(setup.task, *plane)}"
     curved = ""

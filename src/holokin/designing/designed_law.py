@@ -126,7 +126,8 @@ class Design(NoTruthValue, Value, ask="`.holds`"):
             f"  with a polynomial of the tool pose added, degree 0 to {self.degree}: {steps}\n"
             f"  {self._least}\n"
             f"checked at {self.checked.poses} poses: {self.checked}\n"
-            f"the hard limits are kept at {self.kept} of the poses that it reaches{self._cause}\n"
+            f"all hard limits of the design (joint limits, rcond, clearance) are kept at {self.kept} of "
+            f"{self.checked.reached} poses{self._cause}\n"
             f"{said_of_degrees(self.degree, self.looked_at, self.cusps)}"
         )
 

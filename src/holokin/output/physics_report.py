@@ -83,7 +83,7 @@ class PhysicsResult:
         """What the strategies were run on, in a sentence."""
         run, had = self.played[0].run, self.settings
         weight = "additional torques carry the weight" if run.compensated else "the servos carry the weight"
-        said = f"{run.servo} servos of {had['frequency']:g} Hz, {weight}, {run.feedback} joints fed back"
+        said = f"{run.servo} servos of {had['frequency']:g} Hz, {weight}, the strategy reads the {run.feedback} joints"
         said += f"; noise {had['noise']:g}" + (f"; a push of {np.linalg.norm(had['push']):.3g} N" if run.push else "")
         return f"{said}; masses: {self.masses or 'those of the robot'}"
 
