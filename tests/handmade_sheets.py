@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import casadi as ca
 import numpy as np
 
 import holokin as hk
@@ -66,3 +67,18 @@ def panda_map(samples: int = 24) -> Sheets:
     starts = [left, left * [-1, 1, -1, 1, -1, 1, 1]]
     sheets = [Sheet(law, q) for q in starts]
     return map_of(task, hk.workspace(box=([0.45, 0, 0.4], [0.15, 0.3, 0.2]), tilt=0.3), sheets, samples)
+
+
+def overlapping_law() -> hk.HolonomicStrategy:
+    """The tool on a line through the base that turns 1.3 times as fast as joint 1: its leaf overlaps itself."""
+
+    def g(q: ca.SX) -> ca.SX:
+        x = ca.cos(q[0]) + ca.cos(q[0] + q[1]) + ca.cos(q[0] + q[1] + q[2])
+        y = ca.sin(q[0]) + ca.sin(q[0] + q[1]) + ca.sin(q[0] + q[1] + q[2])
+        return ca.sin(1.3 * q[0]) * x - ca.cos(1.3 * q[0]) * y
+
+    return hk.holonomic(planar_task(), hk.custom(g, rows=1))
+
+
+OVERLAPPING_START = np.array([0.0, -np.arccos(0.5), 2 * np.arccos(0.5)])
+"""A posture of this leaf, with the tool at (2, 0)."""

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.disc_law import disc_law, disc_starts
 
 import holokin as hk
-from handmade_sheets import planar_map, planar_task
+from handmade_sheets import OVERLAPPING_START, overlapping_law, planar_map, planar_task
 from holokin.covering import export_sheets
 from holokin.covering.surroundings import Surroundings
 from holokin.errors import ArgumentError, BranchError, ExportError
@@ -94,7 +93,7 @@ def test_a_loop_in_c_is_told_where_its_only_sheet_would_leap(tmp_path: Path) -> 
     """One leaf overlaps itself on the disc: round the base C goes with the map, and ends where that does."""
     task = planar_task()
     disc = hk.workspace(cylinder=([0, 0, 0], 3.0, 0.0))
-    one = hk.sheets(task, disc, [disc_law(task)], q0=disc_starts()[2], share=0.7, samples=80, search=False)
+    one = hk.sheets(task, disc, [overlapping_law()], q0=OVERLAPPING_START, share=0.7, samples=80, search=False)
     assert len(one) == 1
     export_sheets(one, tmp_path / "c", name="arm")
     command = ["cc", "-std=c99", "-O1", "-fPIC", "-shared", "-o", "arm.so", "arm_sheets.c", "sheet_0/arm_0.c", "-lm"]

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import holokin as hk
 from conftest import Command, assert_refused, write_job
 from handmade_sheets import LIMIT, map_of, planar_task
 from holokin.covering import Sheet
-from holokin.job import open_job, program_of_sheets
 
 PARTS = {
     "robot": f'[robot]\nname = "planar-3r"\nlower = {-LIMIT}\nupper = {LIMIT}\n',
@@ -37,27 +37,27 @@ def job(folder: Path, starts: Sequence[Sequence[float]], **changed: str) -> Path
 BOTH = ([-0.6, 0.9, 0.3], [-0.6, 0.9, 1.8])
 
 
-def test_the_program_goes_along_the_path_and_changes_its_sheet_with_the_tool_at_rest(tmp_path: Path) -> None:
-    program, timed, _ = program_of_sheets(*open_job(str(job(tmp_path, BOTH))), "ros")
-    assert "1 change" in " ".join(program.notes)
-    robot = planar_task().robot
-    x, y = np.array([robot.pose(q)[:2, 3] for q in timed.q]).T
-    np.testing.assert_allclose(y, 0, atol=1e-5)
-    assert x[0] == pytest.approx(2.7, abs=1e-9) and x[-1] == pytest.approx(0.5, abs=1e-9)
-    assert timed.q[0, 2] == pytest.approx(0.3) and timed.q[-1, 2] == pytest.approx(1.8)
-    between = (timed.q[:, 2] > 0.35) & (timed.q[:, 2] < 1.75)
-    assert between.sum() > 5
-    assert np.ptp(x[between]) < 1e-5  # q3 turns while the tool rests
-    assert robot.within(timed.q).all()
-    rates = np.abs(np.diff(timed.q, axis=0)) / timed.dt
-    assert (rates <= robot.max_velocity * (1 + 1e-6)).all()
-
-
-def test_the_command_writes_the_program_and_says_what_it_does(tmp_path: Path, holokin: Command) -> None:
+def test_the_program_goes_along_the_path_and_changes_its_sheet_with_the_tool_at_rest(
+    tmp_path: Path, holokin: Command
+) -> None:
     run = holokin("export", "ros", job(tmp_path, BOTH), "--sheets", "--out", tmp_path / "program")
     assert run.code == 0, run.err
     assert "2 sheets, 1 change, 0 divisions" in run.out and "the motion begins at" in run.out
-    assert (tmp_path / "program" / "joint_trajectory.yaml").is_file()
+    message = yaml.safe_load((tmp_path / "program" / "joint_trajectory.yaml").read_text("utf-8"))
+    points = message["points"]
+    Q = np.array([point["positions"] for point in points])
+    t = np.array([point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in points])
+    robot = planar_task().robot
+    x, y = np.array([robot.pose(q)[:2, 3] for q in Q]).T
+    np.testing.assert_allclose(y, 0, atol=1e-5)
+    assert x[0] == pytest.approx(2.7, abs=1e-6) and x[-1] == pytest.approx(0.5, abs=1e-6)
+    assert Q[0, 2] == pytest.approx(0.3) and Q[-1, 2] == pytest.approx(1.8)
+    between = (Q[:, 2] > 0.35) & (Q[:, 2] < 1.75)
+    assert between.sum() > 5
+    assert np.ptp(x[between]) < 1e-5  # q3 turns while the tool rests
+    assert robot.within(Q).all()
+    rates = np.abs(np.diff(Q, axis=0)) / np.diff(t)[:, None]
+    assert (rates <= robot.max_velocity * (1 + 1e-5)).all()
 
 
 def test_a_divided_path_has_no_program_and_the_reason_is_said(tmp_path: Path, holokin: Command) -> None:

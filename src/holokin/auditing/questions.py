@@ -285,7 +285,8 @@ def ask_speed(setup: AuditSetup, path: Path) -> Answer:
     same = apart <= setup.tolerance + step
     metrics = {"apart": apart, "of_the_step": step}
     said = f"the joints {'do not depend' if same else 'depend'} on the speed"
-    return f"{said}: at half and at twice the speed they end up to {apart:.2g} away", metrics
+    ends = f"at half and at twice the speed they end at most {apart:.2g} from where they end at the normal speed"
+    return f"{said}: {ends}", metrics
 
 
 def ask_start(setup: AuditSetup, path: Path) -> Answer:

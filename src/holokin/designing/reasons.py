@@ -61,8 +61,8 @@ def _speed(best: Law, excess: Excess | None) -> list[str]:
     if not np.isfinite(best.speed):
         return ["Its joint speed was not compared."]
     if excess is None:
-        least = f"the mean squared joint speed of no law is below {1 / best.speed:.1%} of that of {best.name!r}"
-        return [f"Lower bound: by the best of the postures that were found at each pose, {least}."]
+        least = f"at least {1 / best.speed:.1%} of the mean squared joint speed of {best.name!r}"
+        return [f"Lower bound: even a law that took the best of the postures found at each pose would have {least}."]
     said = [_limits(best, excess.free)]
     if excess.free is not None and excess.free.speed <= 1 + CLOSE:
         return said

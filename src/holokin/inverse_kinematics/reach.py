@@ -77,8 +77,9 @@ class Beyond(NamedTuple):
     def fact(self) -> str:
         """All of it in words."""
         at = posture_text(np.round(self.position, 9))
-        where = f"at {100 * self.share:.3g} % of it, {at} m"
-        return f"the path is out of reach: {where}, no search came closer than {self.missing:.3g} (m or rad){self.why}"
+        where = f"{100 * self.share:.3g} % along it, at the point {at} m"
+        off = f"no search came closer to the tool pose than {self.missing:.3g} (m or rad)"
+        return f"the path is out of reach: {where}, {off}{self.why}"
 
 
 def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> Beyond | None:
