@@ -1,18 +1,21 @@
-"""A law whose one leaf serves nearly the whole disc of a planar arm, three links of 1 m within +-150 degrees.
+"""A law whose one leaf serves the whole disc of a planar arm, three links of 1 m within +-150 degrees.
 
-    g(q) = sin(a) (x - px) - cos(a) (y - py) - e(q1),     a = k(x, y) q1 + c(x, y),     e(q1) = e0 + e1 q1 + e3 q1^3
+    g(q) = sin(a) (x - px) - cos(a) (y - py) - e(q1),     a = k(x, y) q1 + c(x, y)
 
-On the leaf g = 0 the tool (x, y) is on a line that passes a fixed point p at the distance e, in the direction a; both
-change with joint 1. While the base turns from limit to limit, the line turns more than once. So the leaf overlaps
-itself, and there the cut may lie. At p, the line through the tool has e = 0, which one value of joint 1 has: there the
-leaf is one function of the tool's position, all round p, and the cut ends before it. (With e = 0 for all q1, every q1
-would do at p, and next to it the joints would turn as fast as the tool comes near.) k and c are polynomials in
-z = (x + i y) / 3,
+On the leaf g = 0 the tool (x, y) is on a line near a fixed point p: a is the line's direction, e its distance from p, a
+polynomial. Both change with joint 1. While joint 1 turns from limit to limit, the line turns more than once. So the
+leaf overlaps itself, and there the cut may lie. At p, the line through the tool has e = 0, which one value of joint 1
+has: there the leaf is one function of the tool's position, all round p, and the cut ends before it. (With e = 0 for all
+q1, every q1 would do at p, and next to it the joints would turn as fast as the tool comes near.) With
+z = (x + i y) / 3, k and c are
 
-    sum_i a_i |z|^(2 i)  +  sum_m,i |z|^(2 i) (b_mi Re z^m + d_mi Im z^m),     m = 1, 2, 3,   i = 0, 1
+    sum_m,i |z|^(2 i) (b_mi Re z^m + d_mi Im z^m)  +  two bumps w^32 (polynomial of u, v),     m + 2 i <= 6,
 
-The numbers come from a search (CMA-ES) for a leaf that serves the disc, with a short cut, by the closed-form inverse
-of the arm with q3 >= 0.
+    (u, v) = ((x, y) - CENTRE) / WIDTH,     w = 1 / (1 + (u^2 + v^2) / 64)
+
+The numbers come from linear programs. Where the shortest cut of the grid (`grid_resolution`) is given, each position
+has an interval of joint 1 within the limits, and that g has its zero in there is linear in k and c. From this start,
+more programs, of the first derivatives, shorten the cut.
 """
 
 from __future__ import annotations
@@ -26,62 +29,59 @@ from scipy.optimize import brentq
 import holokin as hk
 
 REACH = 3.0
-POWERS, TURNS = 8, ((1, 0), (1, 1), (2, 0), (2, 1), (3, 0), (3, 1))
-"""Coefficients a_i, and the (m, i) of b_mi and d_mi."""
-
-POINT = (-0.17117, -0.25969)
+POINT = (-0.31983, -0.33355)
 """p [m]"""
 
+DISTANCE = (-0.012231382, -0.027161940, 0.029072339, 0.022369100, -0.001111844, -0.000921617)
+"""e [m]: coefficients of 1, q1, q1^2, ..."""
+
+CENTRE, WIDTHS = (-0.3, -0.33), (0.15, 0.4)
+"""Of the bumps [m]."""
+
 FACTOR = (
-    2.34593,
-    -0.85209,
-    1.40816,
-    0.77848,
-    -1.19738,
-    0.07184,
-    -0.15175,
-    0.08733,
-    1.11736,
-    2.71524,
-    0.50293,
-    -0.86164,
-    -0.52411,
-    1.01316,
-    0.69463,
-    0.05330,
-    -0.21958,
-    -0.84476,
-    0.14757,
-    1.03943,
+    (2.958065, -0.959936, 6.368194, 1.123627),
+    (3.490162, 4.084669, -3.314068),
+    (-3.276022, 11.680989, -6.441056),
+    (5.619402, -5.878808, -9.453551),
+    (-7.575054, 23.543329, -11.608485),
+    (2.397383, -6.541456),
+    (-2.966927, 4.586549),
+    (-0.178641, 3.175102),
+    (-4.955915, 1.851026),
+    (1.542222,),
+    (-2.688419,),
+    (0.042496,),
+    (-0.538764,),
 )
-"""k: a_i, then b_mi and d_mi of each (m, i)."""
+"""k: for Re z^0, Re z^1, Im z^1, Re z^2, ..., the coefficients of 1, |z|^2, |z|^4, ..."""
+
+FACTOR_BUMPS = (
+    (-3.246555, -1.092290, 0.964957, -0.781027, -0.414659, -1.011214),
+    (1.464109, -0.081438, 3.006784, -0.299228, 0.424810, -0.104584),
+)
+"""k: for each width the coefficients of 1, u, v, u^2 - v^2, u v, u^2 + v^2 - 2."""
 
 OFFSET = (
-    3.11419,
-    -9.13708,
-    5.79848,
-    1.38342,
-    -0.76760,
-    -2.06161,
-    0.08975,
-    0.22316,
-    3.17789,
-    -0.40735,
-    -3.38020,
-    -1.65884,
-    2.72322,
-    0.05178,
-    -1.48067,
-    -0.69212,
-    -0.09083,
-    0.25032,
-    0.46394,
-    -0.19446,
+    (6.987491, -25.650939, 37.758554, -19.771106),
+    (9.320771, -23.239020, 11.119398),
+    (-5.106159, 14.127607, -29.070639),
+    (3.807700, -19.710158, 15.486344),
+    (-6.626754, 14.236054, -11.328640),
+    (-4.662392, 10.068161),
+    (-5.486163, 16.011227),
+    (-3.537175, 5.908658),
+    (-1.468302, 3.388027),
+    (-2.421809,),
+    (-2.664083,),
+    (-1.239173,),
+    (-0.413826,),
 )
 """c, likewise [rad]."""
 
-DISTANCE = (-0.024216, -0.060670, 0.0059453)
-"""e0, e1, e3 [m]."""
+OFFSET_BUMPS = (
+    (-6.452501, -1.183463, 0.706630, -1.029345, 1.346769, -2.099230),
+    (-1.677721, 3.034784, 2.848822, -0.158238, 2.731786, -1.155752),
+)
 
 
 def disc_law(task: hk.Task) -> hk.HolonomicStrategy:
@@ -90,8 +90,8 @@ def disc_law(task: hk.Task) -> hk.HolonomicStrategy:
     def g(q: ca.SX) -> ca.SX:
         x = ca.cos(q[0]) + ca.cos(q[0] + q[1]) + ca.cos(q[0] + q[1] + q[2])
         y = ca.sin(q[0]) + ca.sin(q[0] + q[1]) + ca.sin(q[0] + q[1] + q[2])
-        a = _polynomial(FACTOR, x, y) * q[0] + _polynomial(OFFSET, x, y)
-        return ca.sin(a) * (x - POINT[0]) - ca.cos(a) * (y - POINT[1]) - _distance(q[0])
+        a = _sum(FACTOR, FACTOR_BUMPS, x, y) * q[0] + _sum(OFFSET, OFFSET_BUMPS, x, y)
+        return ca.sin(a) * (x - POINT[0]) - ca.cos(a) * (y - POINT[1]) - _horner(DISTANCE, q[0])
 
     return hk.holonomic(task, hk.custom(g, rows=1), name="disc law")
 
@@ -105,10 +105,10 @@ def _posture(q1: float) -> np.ndarray:
     """That of the leaf with the tool 2 m along its line, q3 > 0, and the least |q2|."""
 
     def tool(a: float) -> np.ndarray:
-        return np.array(POINT) + _rotation(a) @ [2.0, -_distance(q1)]
+        return np.array(POINT) + _rotation(a) @ [2.0, -_horner(DISTANCE, q1)]
 
     def missing(a: float) -> float:
-        return float(_polynomial(FACTOR, *tool(a)) * q1 + _polynomial(OFFSET, *tool(a)) - a)
+        return float(_sum(FACTOR, FACTOR_BUMPS, *tool(a)) * q1 + _sum(OFFSET, OFFSET_BUMPS, *tool(a)) - a)
 
     some, found = np.linspace(-10.0, 10.0, 401), []
     for low, high in pairwise(some.tolist()):
@@ -126,19 +126,26 @@ def _rotation(a: float) -> np.ndarray:
     return np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
 
 
-def _distance(q1):
-    """e at a value of joint 1, a number or an expression."""
-    return DISTANCE[0] + DISTANCE[1] * q1 + DISTANCE[2] * q1**3
+def _horner(numbers, x):
+    """A polynomial, of its coefficients from the constant on."""
+    found = 0.0
+    for number in reversed(numbers):
+        found = found * x + number
+    return found
 
 
-def _polynomial(numbers, x, y):
+def _sum(numbers, bumps, x, y):
     """k or c at a tool position, numbers or expressions."""
-    u, v = x / REACH, y / REACH
-    square, powers = u * u + v * v, [(1.0, 0.0)]
-    for _ in range(3):
-        re, im = powers[-1]
-        powers.append((re * u - im * v, re * v + im * u))
-    found = sum(number * square**i for i, number in enumerate(numbers[:POWERS]))
-    for (m, i), (b, d) in zip(TURNS, np.reshape(numbers[POWERS:], (-1, 2)), strict=True):
-        found += square**i * (b * powers[m][0] + d * powers[m][1])
+    re, im = x / REACH, y / REACH
+    square, power = re * re + im * im, (1.0, 0.0)
+    found = _horner(numbers[0], square)
+    for even, odd in zip(numbers[1::2], numbers[2::2], strict=True):
+        power = (power[0] * re - power[1] * im, power[0] * im + power[1] * re)
+        found += _horner(even, square) * power[0] + _horner(odd, square) * power[1]
+    for width, (one, a, b, c, d, r) in zip(WIDTHS, bumps, strict=True):
+        u, v = (x - CENTRE[0]) / width, (y - CENTRE[1]) / width
+        w = 1 / (1 + (u * u + v * v) / 64)
+        for _ in range(5):
+            w = w * w
+        found += w * (one + a * u + b * v + c * (u * u - v * v) + d * u * v + r * (u * u + v * v - 2))
     return found

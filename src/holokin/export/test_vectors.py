@@ -74,7 +74,10 @@ def vectors(source: Source, count: int) -> list[TestVector]:
             if best is not None and (best.precise or attempt >= tries):
                 break
         if best is None:
-            cure = "nothing near it is regular and within the limits: choose another start"
+            cure = (
+                f"near it, no test was found: nothing is regular and within the limits, or the leaf is not followed in "
+                f"{PIECES // 2} pieces; choose another start, or a rule that is less curved"
+            )
             raise ArgumentError("the start posture", source.q0.tolist(), cure)
         tries = TRIES if best.precise else 0  # where none is precise it is not asked for again
         found.append(best)
