@@ -51,7 +51,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if not thorough:
         _build_quickly()
     settings.register_profile("campaign", max_examples=200, deadline=None)
-    settings.register_profile("suite", max_examples=10, deadline=None)
+    settings.register_profile("suite", max_examples=8, deadline=None)
     settings.load_profile("campaign" if thorough else "suite")
 
 

@@ -43,7 +43,7 @@ def test_the_program_goes_along_the_path_and_changes_its_sheet_with_the_tool_at_
     run = holokin("export", "ros", job(tmp_path, BOTH), "--sheets", "--out", tmp_path / "program")
     assert run.code == 0, run.err
     assert "2 sheets, 1 change, 0 divisions" in run.out and "the motion begins at" in run.out
-    message = yaml.safe_load((tmp_path / "program" / "joint_trajectory.yaml").read_text("utf-8"))
+    message = yaml.load((tmp_path / "program" / "joint_trajectory.yaml").read_text("utf-8"), yaml.CSafeLoader)
     points = message["points"]
     Q = np.array([point["positions"] for point in points])
     t = np.array([point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in points])
