@@ -4,9 +4,9 @@
 
 On the leaf g = 0 the tool (x, y) is on a line near a fixed point p: a is the line's direction, e its distance from p, a
 polynomial. Both change with joint 1. While joint 1 turns from limit to limit, the line turns more than once. So the
-leaf overlaps itself, and there the cut may lie. At p, the line through the tool has e = 0, which one value of joint 1
-has: there the leaf is one function of the tool's position, all round p, and the cut ends before it. (With e = 0 for all
-q1, every q1 would do at p, and next to it the joints would turn as fast as the tool comes near.) With
+leaf overlaps itself, and there the cut may lie. The cut ends near p: inside it, round the base at 0.3 m, the leaf comes
+home. (With e = 0 for all q1, every q1 would do at p, and next to it the joints would turn as fast as the tool comes
+near.) With
 z = (x + i y) / 3, k and c are
 
     sum_m,i |z|^(2 i) (b_mi Re z^m + d_mi Im z^m)  +  two bumps w^32 (polynomial of u, v),     m + 2 i <= 6,
