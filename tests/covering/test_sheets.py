@@ -244,9 +244,10 @@ def test_a_loop_never_leaps_on_its_sheet(one_leaf: Sheets, planar: Sheets) -> No
 
 def test_inside_the_end_of_its_cut_the_leaf_comes_home(one_leaf: Sheets) -> None:
     """Round the base at 0.3 m: the cut of this leaf ends farther out. At 1.8 m it is crossed, and no law comes home."""
-    walk = [one_leaf([0.3, 0.0])[1]]
+    ik = one_leaf.sheets[0].ik
+    walk = [ik([0.3, 0.0])]
     for angle in np.linspace(0.0, 2 * np.pi, 200):
-        walk.append(one_leaf.near([0.3 * np.cos(angle), 0.3 * np.sin(angle)], walk[-1])[1])
+        walk.append(ik.near([0.3 * np.cos(angle), 0.3 * np.sin(angle)], walk[-1]))
     np.testing.assert_allclose(walk[-1], walk[0], atol=1e-9)
     assert np.ptp(walk, axis=0).max() > 0.5  # and the joints did move
     assert np.abs(np.diff(walk, axis=0)).max() < 0.2  # without a leap
