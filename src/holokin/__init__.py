@@ -97,9 +97,9 @@ from .robot import (
     with_tool,
 )
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
-from .tasks.frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
+from .tasks.frame_task import stacked
 from .tasks.task import Task
-from .tasks.task_kinds import stacked
+from .tasks.task_kinds import custom_task, line_of_sight, pose, position, relative_pose
 from .version import __version__ as __version__
 
 if TYPE_CHECKING:

@@ -33,7 +33,7 @@ from holokin.errors import (
 )
 from holokin.path.workspaces import Box, Cylinder, Sphere
 from holokin.symbolic import SX
-from holokin.tasks.task_kinds import FrameTask
+from holokin.tasks.frame_task import FrameTask
 
 PLANAR = {
     "robot": '[robot]\nname = "planar-3r"\n',

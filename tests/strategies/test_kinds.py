@@ -17,7 +17,7 @@ from holokin.base.types import kept
 from holokin.errors import ArgumentError
 from holokin.inverse_kinematics.branch import extended_jacobian
 from holokin.inverse_kinematics.leaf import leaf_step
-from holokin.motion.velocity_steps import path_rate
+from holokin.motion.integrate_velocity import path_rate
 from holokin.strategies import FrameStrategy, HolonomicStrategy, KernelStrategy, RowStrategy, fitted, pfaffian
 
 LINE = hk.line([0.0, 0.0], [0.1, 0.0])

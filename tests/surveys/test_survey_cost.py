@@ -34,7 +34,7 @@ def cases(**changes: Any) -> Cases:
 def calls(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     """How often functions were made, and Newton's method was begun in Python."""
     count: Counter[str] = Counter()
-    made, newton = Function.__init__, leaf.newton
+    made, newton = Function.__init__, leaf.newton_on_leaf
 
     def making(self: Function, name: str, *arguments: Any) -> None:
         count["made"] += 1
@@ -45,7 +45,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
         return newton(*arguments)
 
     monkeypatch.setattr(Function, "__init__", making)
-    monkeypatch.setattr(leaf, "newton", solving)
+    monkeypatch.setattr(leaf, "newton_on_leaf", solving)
     return count
 
 

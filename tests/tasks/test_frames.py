@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import IRB_START, PANDA_START
 from holokin.robot import Joint, Robot, Tip
-from holokin.tasks.task_kinds import FrameTask
+from holokin.tasks.frame_task import FrameTask
 
 
 @pytest.fixture(scope="module")

@@ -23,8 +23,8 @@ from ..motion.trajectory import Trajectory
 from ..path import Path, circle, polyline
 from ..robot import Robot
 from ..strategies import Strategy
-from ..tasks.frame_tasks import pose
 from ..tasks.task import Task, of_one_tool
+from ..tasks.task_kinds import pose
 from .equal_poses import Repeatability
 from .past_calls import ask_history
 from .planes import looked_at, plane_name

@@ -9,9 +9,9 @@ from ..base.types import ArrayLike, Indices, Matrix, Vector
 from ..errors import ArgumentError, ShapeError
 from ..recording import Recording
 from ..robot import Robot
-from ..tasks.frame_tasks import pose, position
+from ..tasks.frame_task import parts_of
 from ..tasks.task import Task
-from ..tasks.task_kinds import parts_of
+from ..tasks.task_kinds import pose, position
 from .arcs import FREE, WHOLE, encoder_levels
 from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles

@@ -1,4 +1,4 @@
-"""C from expressions: what is generated, compiled, kept and called.
+"""C from lists of operations: what is generated, compiled, kept and called. The expressions of `symbolic` build on it.
 
 Uses `base`. Read first: `evaluator.py`, `program.py`, `emit.py`.
 

@@ -53,8 +53,8 @@ def check(
     from ..errors import ArgumentError
     from ..recording import read_recording
     from ..robot import is_model, load, with_capsules
-    from ..tasks.frame_tasks import pose
-    from ..tasks.frame_tasks import position as position_of
+    from ..tasks.task_kinds import pose
+    from ..tasks.task_kinds import position as position_of
 
     pairs = [tuple(part.strip() for part in text.split(",")) for text in ignore or []]
     for pair, text in zip(pairs, ignore or [], strict=True):

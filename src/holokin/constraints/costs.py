@@ -14,9 +14,9 @@ from ..errors import ArgumentError, ShapeError
 from ..robot import Kinematics, link_jacobian, potential_expression
 from ..symbolic import SX, Formula, directional, factorise, jacobian, log, norm_2, solve, sumsqr, vertcat, written
 from ..symbolic.null_space import every_minor, minors_expression, null_vector, null_vector_expression
+from ..tasks.frame_task import FrameTask
 from ..tasks.frames import TipFrame
 from ..tasks.task import Task
-from ..tasks.task_kinds import FrameTask
 from .constraint import Constraint
 from .implicit import Implicit
 

@@ -13,8 +13,8 @@ from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..errors import ArgumentError
 from ..strategies.polynomial import Terms, monomials, monomials_up_to
 from ..symbolic import SX, Function, jacobian, symbol
+from ..tasks.frame_task import FrameTask, parts_of
 from ..tasks.task import Task
-from ..tasks.task_kinds import FrameTask, parts_of
 
 MOVES = 1e-6
 """Half width [m or rad] of poses along a direction from which on the workspace reaches in it: well over round-off."""

@@ -9,8 +9,8 @@ from ..errors import ArgumentError
 from ..inverse_kinematics.reach import nearest_postures
 from ..robot import Robot
 from ..strategies.self_motions import least_motion
-from ..tasks.frame_tasks import pose, position
 from ..tasks.task import Task
+from ..tasks.task_kinds import pose, position
 
 POSTURES = 2000
 """Postures looked at for a start: among so many random ones of seven joints some are far from singular."""

@@ -15,8 +15,8 @@ from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, positive
 from ..errors import ArgumentError
 from ..motion import TimedTrajectory
 from ..path.straight_path import rotation_matrix, rotation_vector, straight
-from ..tasks.frame_tasks import pose
 from ..tasks.task import Task, of_one_tool
+from ..tasks.task_kinds import pose
 from .finer_motion import FINER, finer
 
 Kind = Literal["joint", "linear", "circular"]

@@ -21,7 +21,7 @@ from ..path.straight_path import StraightPath, rotation_vector
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, dot, gradient, substitute, sumsqr, symbol, vertcat
 from .branch import turning
-from .leaf import LeafPath, PathEnd, Pose, leaf_step, leaf_value, leaf_walk, newton, straight_path
+from .leaf import LeafPath, PathEnd, Pose, leaf_step, leaf_value, leaf_walk, newton_on_leaf, straight_path
 from .rays import on_ray
 
 Goal = Pose
@@ -269,5 +269,5 @@ class Edge(Value):
 
     def solved(self, q: Vector, p: Vector, R: Matrix, c: Vector) -> Vector | None:
         """The posture at a tool pose on a leaf to which Newton contracts from q."""
-        found = newton(leaf_step(self.strategy), q, p, R, c, self.side)
+        found = newton_on_leaf(leaf_step(self.strategy), q, p, R, c, self.side)
         return None if found is None else found[0]

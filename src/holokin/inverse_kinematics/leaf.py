@@ -114,7 +114,9 @@ def leaf_step(strategy: HolonomicStrategy) -> Function:
     return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system, strategy.transport)
 
 
-def newton(correct: Function, q: Vector, p: Vector, R: Matrix, c: Vector, side: float) -> tuple[Vector, float] | None:
+def newton_on_leaf(
+    correct: Function, q: Vector, p: Vector, R: Matrix, c: Vector, side: float
+) -> tuple[Vector, float] | None:
     """(posture, margin) at the tool pose (p, R) on the leaf c, to which the steps of `leaf_step` contract from q.
 
     None where they do not, or where something is singular or det [J; J_g] has another sign than `side`.
@@ -230,7 +232,7 @@ def leaf_walk(
         for _ in range(tries):
             goal = min(1.0, share + width)
             begun = q + (goal - share) * rate
-            found, fits = newton(correct, begun, *path.at(goal), side), 0.5
+            found, fits = newton_on_leaf(correct, begun, *path.at(goal), side), 0.5
             if found is not None and ray:
                 fits = 2.0 if keeps_turns(q, begun, found[0]) else 0.5
             elif found is not None:

@@ -1,4 +1,4 @@
-"""Newton's method from many postures at once."""
+"""Newton's method from many postures at once; on one leaf, from one posture: `newton_on_leaf` of `leaf`."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ from ..designing import Advice
 from ..designing.compare_laws import advise_chain
 from ..errors import ArgumentError, HolokinError
 from ..path.workspaces import Box, PoseRange, Workspace
+from ..tasks.frame_task import FrameTask
 from ..tasks.task import Task
-from ..tasks.task_kinds import FrameTask
 from .advice_over_job import write_over
 from .advice_question import Question, Typed, question
 from .runner import run_job

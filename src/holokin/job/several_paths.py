@@ -7,8 +7,8 @@ from pathlib import Path as FilePath
 from ..base.types import Vector
 from ..errors import ArgumentError, JobError
 from ..path.synchronized_paths import AnyPath, synchronized
+from ..tasks.frame_task import parts_of
 from ..tasks.task import Task
-from ..tasks.task_kinds import parts_of
 from .path_building import build_path
 from .path_tables import PathTable
 

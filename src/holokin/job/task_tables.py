@@ -8,9 +8,9 @@ from pydantic import Field, model_validator
 
 from ..base.types import Vector
 from ..robot import Robot
-from ..tasks.frame_tasks import custom_task, line_of_sight, pose, position, relative_pose
+from ..tasks.frame_task import stacked
 from ..tasks.task import Task
-from ..tasks.task_kinds import stacked
+from ..tasks.task_kinds import custom_task, line_of_sight, pose, position, relative_pose
 from .robot_tables import MOST_PARTS, Three
 from .table_values import MOST_JOINTS, Formula, KindTable, column, needed_by, of
 

@@ -1,12 +1,12 @@
 """Control laws that are not dq = G dx: textbook laws, laws with memory, pink, mink and placo.
 
-Uses `motion`. Read first: `textbook.py`, `libraries.py`.
+Uses `motion`. Read first: `feedback_laws.py`, `libraries.py`.
 """
 
+from .feedback_laws import asymptotically_cyclic, closed_loop, damped, gradient_projection, repetitive_motion
 from .leaf_tasks import mink_task, pink_task
 from .libraries import PostureTask, mink_law, pink_law, placo_law
 from .memory import impedance_with_memory
-from .textbook import asymptotically_cyclic, closed_loop, damped, gradient_projection, repetitive_motion
 
 __all__ = [
     "PostureTask",

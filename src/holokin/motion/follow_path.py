@@ -33,9 +33,9 @@ from ..inverse_kinematics.reach import out_of_reach
 from ..path.plan import Plan, check_start, make_plan
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy, Strategy, first_jump, jump_near, may_jump
+from .integrate_velocity import native_velocity, path_rate, velocity_stepper
 from .recorded_trajectory import record
 from .trajectory import Status, Trajectory
-from .velocity_steps import native_velocity, path_rate, velocity_stepper
 
 Following = Literal["velocity", "leaf"]
 """How a path is followed: by integrating dq = G x', or on a leaf."""

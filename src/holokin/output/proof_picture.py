@@ -12,8 +12,8 @@ from ..path import Path
 from ..path.synchronized_paths import paths_of
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..proof import Certificate
+from ..tasks.frame_task import FrameTask, parts_of
 from ..tasks.frames import TipFrame
-from ..tasks.task_kinds import FrameTask, parts_of
 from .palette import GREY, HOLONOMIC, LOOP, VERMILLION
 from .proof_words import proven_time
 from .robot_panels import Actor, Curve, draw_panel, stage_of

@@ -16,8 +16,8 @@ from ..errors import HolokinError
 from ..robot import Robot
 from ..symbolic import symbol, vertcat
 from ..symbolic.interval_function import operation_list
+from ..tasks.frame_task import FrameTask
 from ..tasks.frames import TipFrame
-from ..tasks.task_kinds import FrameTask
 from .equation import Equation
 from .lowering import lowered
 from .shape_binding import other_shapes

@@ -12,7 +12,7 @@ from ..base.poses import pose_from
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
 from ..errors import ArgumentError, HolokinError
 from ..inverse_kinematics import inverse
-from ..inverse_kinematics.leaf import leaf_follower, leaf_step, newton, straight_path
+from ..inverse_kinematics.leaf import leaf_follower, leaf_step, newton_on_leaf, straight_path
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
@@ -205,7 +205,7 @@ class PoseRegion(Value, Domain):
         for i in missing[np.argsort(np.linalg.norm(middles[missing] - self.u0, axis=1), kind="stable")].tolist():
             nearest = int(np.argmin(np.linalg.norm(np.array(known) - middles[i], axis=1)))
             q, pose = postures[nearest], (T[i, :3, 3], T[i, :3, :3])
-            near = newton(correct, q, *pose, leaf, side)
+            near = newton_on_leaf(correct, q, *pose, leaf, side)
             try:
                 q = go(q, straight_path(task.place(q), pose, (leaf, leaf))) if near is None else near[0]
                 known.append(middles[i])

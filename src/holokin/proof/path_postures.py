@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.types import Matrix, Vector
 from ..errors import BranchError, SingularityError, TrackingError
-from ..inverse_kinematics.leaf import LeafPath, leaf_follower, leaf_step, leaf_value, newton
+from ..inverse_kinematics.leaf import LeafPath, leaf_follower, leaf_step, leaf_value, newton_on_leaf
 from ..path.plan import Plan, check_start, make_plan
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy
@@ -34,7 +34,7 @@ def walked(strategy: HolonomicStrategy, path: AnyPath, q0: Vector, samples: int)
     found = [q0]
     for step in range(plan.steps):
         try:  # a posture on another branch would leave cells that do not join
-            near = newton(correct, found[-1], *plan.target(step, 1.0), c, side)
+            near = newton_on_leaf(correct, found[-1], *plan.target(step, 1.0), c, side)
             found.append(go(found[-1], _way(plan, step, c)) if near is None else near[0])
         except (SingularityError, BranchError, TrackingError) as problem:
             if not step:

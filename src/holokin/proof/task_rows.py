@@ -7,9 +7,9 @@ from dataclasses import replace
 from ..errors import ArgumentError
 from ..symbolic import SX, vertcat
 from ..symbolic.rotations import frame_about
+from ..tasks.frame_task import FrameTask, parts_of
 from ..tasks.orientation_rows import AxisDirection
 from ..tasks.task import Task
-from ..tasks.task_kinds import FrameTask, parts_of
 
 
 def parts(task: Task) -> list[tuple[int, FrameTask]]:

@@ -1,6 +1,6 @@
 """What files hold: joint motion in CSV, rosbag2 folders and MCAP; LeRobot datasets; poses in CSV; outlines in SVG.
 
-Uses `path` and `robot`. Read first: `log.py`, `joint_files.py`, `dataset_folder.py`.
+Uses `path` and `robot`. Read first: `log.py`, `log_formats.py`, `dataset_folder.py`.
 """
 
 from .dataset_columns import (
@@ -15,8 +15,8 @@ from .dataset_columns import (
 )
 from .dataset_folder import Dataset, Episode, is_dataset, read_dataset
 from .joint_columns import TIMES
-from .joint_files import SLACK, read_recording
 from .log import GAP, Recording
+from .log_formats import SLACK, read_recording
 from .log_runs import read_runs
 from .pose_table import read_waypoints, read_workspace
 from .svg_outlines import read_svg

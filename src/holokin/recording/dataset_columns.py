@@ -15,8 +15,8 @@ from ..errors import ArgumentError, RecordingError, UnknownNameError
 from ..robot import Robot
 from .dataset_folder import INFO, Dataset
 from .joint_columns import Columns, columns_named, joint_columns
-from .joint_files import SLACK
 from .log import listed, shown
+from .log_formats import SLACK
 from .pose_columns import PoseColumns, Units, columns_of_poses, poses_of
 
 STATE = "observation.state"

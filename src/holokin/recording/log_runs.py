@@ -14,8 +14,8 @@ from ..base.types import Matrix, Vector, positive
 from ..errors import ArgumentError, RecordingError
 from ..robot import Robot
 from .joint_columns import Columns
-from .joint_files import recorded, samples_of, unwrap
 from .log import GAP, Recording, Samples
+from .log_formats import recorded, samples_of, unwrap
 
 IDLE = 5.0
 """Rest [s] from which on a log is cut there: longer than the dwells of a process, shorter than most pauses between

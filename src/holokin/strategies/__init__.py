@@ -4,6 +4,10 @@ Uses `constraints`. Read first: `strategy.py`, `strategy_kinds.py`, `right_inver
 """
 
 from .family import from_transport
+from .gain_expressions import Brackets as Brackets
+from .gain_expressions import Expressions as Expressions
+from .gain_expressions import FrameExpressions as FrameExpressions
+from .gain_expressions import RowExpressions as RowExpressions
 from .jumps import Jump
 from .jumps import first_jump as first_jump
 from .jumps import jump_near as jump_near
@@ -12,10 +16,6 @@ from .jumps import may_jump as may_jump
 from .numeric_strategy import NumericStrategy, numeric
 from .physical import check_exact as check_exact
 from .physical import geometric_stiffness, gradient_and_stiffness, impedance, inertia_weighted
-from .plane_expressions import Brackets as Brackets
-from .plane_expressions import Expressions as Expressions
-from .plane_expressions import FrameExpressions as FrameExpressions
-from .plane_expressions import RowExpressions as RowExpressions
 from .polynomial import fitted
 from .radial_strategy import radial
 from .right_inverses import coupled_twist, holonomic, moore_penrose, null_basis, pfaffian, right_inverse, weighted

@@ -13,7 +13,7 @@ from ..base.arguments import made
 from ..base.types import Array, ArrayLike, Matrix, Vector, number, numbers
 from ..errors import ArgumentError, FunctionError, HolokinError, NotFiniteError, ShapeError, SingularityError
 from ..tasks.task import Task
-from .plane_expressions import Expressions
+from .gain_expressions import Expressions
 from .right_inverses import check_postures
 from .strategy import Strategy
 

@@ -22,7 +22,7 @@ from ..errors import NotFiniteError, ShapeError, SingularityError, SingularityKi
 from ..robot import Kinematics
 from ..symbolic import SX, Evaluator, Function, Transport, as_expression, symbol
 from ..tasks.task import Task
-from .plane_expressions import Expressions
+from .gain_expressions import Expressions
 
 Field = Callable[[Task, Kinematics, SX], SX]
 """An expression of the posture: (task, kinematics, q) -> matrix."""

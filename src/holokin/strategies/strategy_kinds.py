@@ -15,7 +15,7 @@ from ..base.types import ArrayLike, Matrix, Vector
 from ..constraints import Constraint
 from ..errors import NotFiniteError, SingularityError, SingularityKind
 from ..symbolic import SX, Evaluator, Function, Transport, fmin, vertcat
-from .plane_expressions import FrameExpressions, RowExpressions
+from .gain_expressions import FrameExpressions, RowExpressions
 from .strategy import FORMULA, Field, Strategy
 
 

@@ -15,8 +15,8 @@ from ..inverse_kinematics.leaf import LeafPath, leaf_follower, leaf_value, nativ
 from ..inverse_kinematics.native_follower import NativeFollower
 from ..motion import ControlLaw, approach
 from ..motion.follow_path import build_native
+from ..motion.integrate_velocity import native_velocity, velocity_stepper
 from ..motion.simulation import step_targets
-from ..motion.velocity_steps import native_velocity, velocity_stepper
 from ..path import Path
 from ..path.plan import Plan, check_start, make_plan
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose

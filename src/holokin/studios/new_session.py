@@ -23,9 +23,9 @@ from ..path import Path
 from ..path.synchronized_paths import AnyPath
 from ..robot import Robot, is_model, joints_above
 from ..strategies import moore_penrose
-from ..tasks.frame_tasks import pose
+from ..tasks.frame_task import stacked
 from ..tasks.task import Task
-from ..tasks.task_kinds import stacked
+from ..tasks.task_kinds import pose
 from .loop_follower import loop_start
 from .session import Session
 from .session_laws import Law, default_laws, redundant

@@ -23,7 +23,7 @@ from ..errors import ExportError, MissingExtraError, NativeError
 from ..inverse_kinematics.branch import branch_code
 from ..inverse_kinematics.leaf import leaf_rules, leaf_step, leaf_value
 from ..motion.follow_path import by_leaf
-from ..motion.velocity_steps import path_rate, velocity_rules
+from ..motion.integrate_velocity import path_rate, velocity_rules
 from ..strategies import Strategy, may_jump
 from .drawn_arm import DrawnArm
 

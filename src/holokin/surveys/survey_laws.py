@@ -25,8 +25,8 @@ from ..laws import (
     gradient_projection,
     repetitive_motion,
 )
+from ..laws.feedback_laws import GAIN
 from ..laws.libraries import LIBRARIES
-from ..laws.textbook import GAIN
 from ..motion import ControlLaw, as_control_law
 from ..strategies import Strategy
 from ..tasks.task import Task

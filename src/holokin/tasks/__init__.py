@@ -1,4 +1,4 @@
 """What the tool must do, x = f(q): one frame or several, position, orientation, or an expression of your own.
 
-Uses `robot`. Read first: `task.py`, `frame_tasks.py`.
+Uses `robot`. Read first: `task.py`, `task_kinds.py`.
 """

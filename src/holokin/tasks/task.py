@@ -1,6 +1,6 @@
 """`Task`: what the tool must do, x = f(q), with its Jacobian, its error and the unit of each row.
 
-A task is about one frame or several: the poses of F frames, six rows each. Its kinds are in `task_kinds`. A target is
+A task is about one frame or several: the poses of F frames, six rows each. Its kinds are in `frame_task`. A target is
 the positions p (3F,) and the rotations R (3F, 3) of all frames, one below the other: p (3,) and R (3, 3) of one frame.
 """
 
@@ -39,7 +39,7 @@ class Task(ByValue, ABC):
     """Which rows of the frames it has, six each: 6 f to 6 f + 2 the position of frame f, then its orientation."""
 
     def __init_subclass__(cls) -> None:
-        if cls.__module__ != f"{__package__}.task_kinds":
+        if cls.__module__ != f"{__package__}.frame_task":
             cure = "tasks are final: use hk.pose, hk.custom_task, ..., and a constraint for a quantity of your own"
             raise ArgumentError("a subclass of Task", cls.__name__, cure)
         type_methods(cls)
