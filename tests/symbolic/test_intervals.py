@@ -140,6 +140,7 @@ def test_an_interval_of_a_function_holds_its_true_values(
 @example(a=[0.0, 0.0], b=[-2.0, 3.0], share=0.5, other=0.1)
 @example(a=[1e300, 1.7e308], b=[1e300, 1.7e308], share=1.0, other=1.0)
 @example(a=[-5e-324, 5e-324], b=[0.5, 0.5], share=1.0, other=0.0)
+@example(a=[523062.2889975556, 1e6], b=[0.0, 2.22e-16], share=0.3630242484776381, other=0.22301642749642575)
 def test_an_interval_of_two_numbers_holds_the_true_result(
     name: str, a: list[float], b: list[float], share: float, other: float
 ) -> None:

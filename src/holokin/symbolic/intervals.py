@@ -303,14 +303,16 @@ arctan = _rising(_arctan_at)
 
 
 def arctan2(y: Interval, x: Interval) -> Interval:
-    """atan2(y, x): from atan(y / x) or atan(x / y), whichever divisor keeps its sign; [-pi, pi] across the cut."""
+    """atan2(y, x): within atan(y / x) and atan(x / y), where the divisor keeps its sign; [-pi, pi] across the cut."""
     pi, quarter = _around(PI), _QUARTER
     right, over = arctan(divide(y, x)), arctan(divide(x, y))
     found = [right, subtract(quarter, over), subtract(negate(quarter), over), add(right, pi)]
     cases = [x.low > 0, y.low > 0, y.high < 0, (x.high < 0) & (y.low >= 0)]
-    low = np.select(cases, [f.low for f in found], -PI[1])
-    high = np.select(cases, [f.high for f in found], PI[1])
-    return within(Interval(low, high), -PI[1], PI[1])
+    low, high = np.full_like(right.low, -PI[1]), np.full_like(right.high, PI[1])
+    for case, one in zip(cases, found, strict=True):  # each holds the angle: far from its axis atan is less exact
+        low = np.where(case, np.maximum(low, one.low), low)
+        high = np.where(case, np.minimum(high, one.high), high)
+    return Interval(low, high)
 
 
 _EXP = 18
