@@ -1,6 +1,6 @@
 """Constraints g(q) that complete a task to r + m = n rows.
 
-Uses `tasks`. Read first: `constraint.py`, `arm.py`, `costs.py`.
+Uses `tasks`. Read first: `constraint.py`, `arm.py`, `costs.py`. CONTRIBUTING.md says what else a new one touches.
 """
 
 from .arm import arm_angle, height

@@ -50,7 +50,7 @@ _TEXTS = {
     PoseStatus.ALGORITHMIC: "the leaf ends before: the law is singular there, the arm is not",
     PoseStatus.KINEMATIC: "the leaf ends before: the arm is singular there",
     PoseStatus.REPRESENTATION: "the leaf ends before: a representation, the task's or the rule's, ends there",
-    PoseStatus.STOPPED: "no way could be shown to keep to the leaf",
+    PoseStatus.STOPPED: "no path could be shown to keep to the leaf",
     PoseStatus.BEYOND_LIMITS: "every posture found is beyond the joint limits",
     PoseStatus.OUT_OF_REACH: "out of reach: no posture was found",
     PoseStatus.BLOCKED: "a link is too near to an obstacle, the floor or another link on this leaf",

@@ -69,7 +69,7 @@ class Solutions(NoTruthValue, Value, ask="`.reached`"):
 
     q: joints (k, n), a row of NaN where a pose was not reached.
     status: an `InverseStatus` for each pose (k,).
-    last: the posture (k, n) to which its path was gone; q where it was reached, NaN where there was no way.
+    last: the posture (k, n) to which its path was followed; q where it was reached, NaN where there was no path.
     """
 
     q: Matrix

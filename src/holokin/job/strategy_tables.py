@@ -5,6 +5,7 @@ A new kind is one more class here: `kind` and its keys, each with a default unle
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
@@ -52,9 +53,9 @@ class StrategyTable(Table):
     method: Literal["velocity", "leaf"] | None = None
     invariant: Formulas = Field(default=[])
 
+    @abstractmethod
     def build(self, task: Task, q0: Vector, name: str) -> Strategy:
         """The strategy of a task, called `name`; `q0` (n,) is the start posture. Raises: HolokinError."""
-        raise NotImplementedError
 
     def invariants(self, task: Task) -> Function | None:
         """q -> the invariants (k,) that the strategy's joint paths must keep, if the job names any."""
@@ -69,9 +70,9 @@ class ConstraintTable(StrategyTable):
 
     level: Number | Numbers | None = None
 
+    @abstractmethod
     def constraint(self, task: Task) -> Constraint:
         """The constraint. Raises: HolokinError."""
-        raise NotImplementedError
 
     def build(self, task: Task, q0: Vector, name: str) -> Strategy:
         """The extended Jacobian of the constraint."""

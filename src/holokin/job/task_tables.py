@@ -1,4 +1,7 @@
-"""[task] of a job file: what the tool, or two of them, shall do; and the tasks of it."""
+"""[task] of a job file: what the tool, or two of them, shall do; and the tasks of it.
+
+A new kind of task is one more value of `kind` here, its keys, each with the kinds that use it, and its case in `tasks`.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,12 @@ from pydantic import Field, model_validator
 from ..base.types import Vector
 from ..robot import Robot
 from ..tasks.frame_task import stacked
+from ..tasks.orientation_rows import Orientation
 from ..tasks.task import Task
 from ..tasks.task_kinds import custom_task, line_of_sight, pose, position, relative_pose
 from .robot_tables import MOST_PARTS, Three
 from .table_values import MOST_JOINTS, Formula, KindTable, column, needed_by, of
 
-Orientation = Literal["twist", "zyz", "rpy", "rotation-vector", "axis"]
 Orientations = Annotated[list[Orientation], Field(min_length=1)]
 Axis = Literal["x", "y", "z"] | Three
 Rows = Field(min_length=1, max_length=MOST_JOINTS)

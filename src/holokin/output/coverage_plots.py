@@ -19,7 +19,7 @@ CAUSES = {
     PoseStatus.ALGORITHMIC: (VERMILLION, "leaf ends: law singular"),
     PoseStatus.KINEMATIC: (PURPLE, "leaf ends: arm singular"),
     PoseStatus.REPRESENTATION: (YELLOW, "leaf ends: representation"),
-    PoseStatus.STOPPED: (BLACK, "no way on the leaf shown"),
+    PoseStatus.STOPPED: (BLACK, "no path on the leaf shown"),
     PoseStatus.BEYOND_LIMITS: ("#6b7480", "no posture within limits"),
     PoseStatus.OUT_OF_REACH: ("#b4bcc8", "out of reach"),
 }

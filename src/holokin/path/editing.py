@@ -205,7 +205,7 @@ def passes(
 
 
 def _link(start: Vector, end: Vector, turn: Vector, lift: Vector) -> list[Segment]:
-    """Up, across and down; straight on without a lift; nothing where there is no way to go."""
+    """Up, across and down; straight on without a lift; nothing where the tool is there already."""
     if float(np.linalg.norm(end - start)) <= CLOSED and float(np.linalg.norm(turn)) <= CLOSED and not lift.any():
         return []
     zero = np.zeros(3)

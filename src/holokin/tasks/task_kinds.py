@@ -1,4 +1,7 @@
-"""Tasks of a robot: where its tool is, how it is turned, what of it is free; in another tool; an expression."""
+"""Tasks of a robot: where its tool is, how it is turned, what of it is free; in another tool; an expression.
+
+CONTRIBUTING.md says what else a new kind touches.
+"""
 
 from __future__ import annotations
 
