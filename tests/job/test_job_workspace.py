@@ -154,7 +154,7 @@ def test_pictures_draw_into_the_axes_that_they_are_given_and_name_every_cause() 
     assert coverage_cloud(figure.add_subplot(projection="3d"), covers).name == "3d"
     whole = coverage_figure(covers, slices)
     labels = [text.get_text() for legend in whole.legends for text in legend.get_texts()]
-    assert labels.pop() == "tool at the start"
+    assert labels.pop() == "tool at the start (projected)"
     assert [label.rpartition(":")[0] for label in labels] == [
         name for cause, (_, name) in CAUSES.items() if covers.count(cause) or slices[0].coverage.count(cause)
     ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -98,3 +100,11 @@ def test_ramps_and_the_even_part_between_have_their_own_reasons(ppr: hk.Robot) -
     timed = hk.retime(slide(ppr, 2.0, 20), ppr, velocity=0.5, acceleration=1.0, speed=1.0, profile="trapezoidal")
     assert [s.limit for s in timed.slowdowns] == ["acceleration", "velocity", "acceleration"]
     assert timed.slowdowns[1].least == pytest.approx(0.5, rel=1e-3)
+    said = [str(s).split("slower than wanted, ")[1] for s in timed.slowdowns]
+    assert [one.split(";")[0] for one in said] == [
+        "down to a stop",
+        "down to 50 % of the wanted speed",
+        "down to a stop",
+    ]
+    almost = replace(timed.slowdowns[1], least=0.997)
+    assert "down to 99.7 % of the wanted speed" in str(almost), "100 % is not slower"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -270,6 +271,11 @@ def test_simulate_refuses_what_makes_no_sense_and_folders_of_others(done: Path, 
         assert outcome.code == 2
         assert words in outcome.err
     assert holokin("simulate", "paper", "--out", done / "bad").code == 2
+    with pytest.MonkeyPatch.context() as without:
+        without.setitem(sys.modules, "mujoco", None)
+        outcome = holokin("simulate", done / "laws.toml", "--out", done / "bad")
+    assert (outcome.code, "[strategies" in outcome.err) == (2, False)
+    assert "pip install 'holokin[mujoco]'" in " ".join(outcome.err.split())
     (out / "laws-physics").mkdir()
     (out / "laws-physics" / "mine.txt").write_text("keep me")
     outcome = holokin("simulate", done / "laws.toml", "--out", out)

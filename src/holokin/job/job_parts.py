@@ -16,6 +16,7 @@ from ..errors import (
     HolokinError,
     JobError,
     JointLimitError,
+    MissingExtraError,
     PathError,
     SingularityError,
     posture_text,
@@ -42,10 +43,10 @@ def build_robot(job: Job, file: FilePath) -> Robot:
 
 @contextmanager
 def naming(file: FilePath, *key: str) -> Iterator[None]:
-    """Errors of what a job asks for name its file and key. What happens on the way along a path keeps its own type."""
+    """Errors of what a job asks for name its file and key. Along a path, or without an extra, they keep theirs."""
     try:
         yield
-    except (JobError, PathError):
+    except (JobError, PathError, MissingExtraError):
         raise
     except HolokinError as problem:
         fact, _, cure = str(problem).rpartition("; ")

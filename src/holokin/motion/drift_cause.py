@@ -188,8 +188,8 @@ def _told(difference: Vector, of: Winding) -> str:
     """A joint difference in words: the largest joint's, and whole turns by name."""
     k = int(np.abs(difference).argmax())
     turns = whole_turns(difference, of.joint_units)
-    told = ((of.joint_names[i], turns[i], "s" * (abs(turns[i]) > 1)) for i in np.flatnonzero(turns))
-    whole = ", ".join(f"{name} by {count:+d} turn{many}" for name, count, many in told)
+    told = ((of.joint_names[i], int(turns[i])) for i in np.flatnonzero(turns))
+    whole = ", ".join(f"{name} by {count:+d} turn{'s' if abs(count) > 1 else ''}" for name, count in told)
     return f"{difference[k]:.4g} {of.joint_units[k]} ({whole or of.joint_names[k]})"
 
 

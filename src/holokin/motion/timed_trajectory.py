@@ -50,10 +50,9 @@ class Slowdown(Shown):
 
     def __str__(self) -> str:
         reason = f"the {self.limit} of {self.joint}" if self.joint else f"the shape of the {self.limit}"
-        return (
-            f"{self.start:.3f} to {self.stop:.3f} s: slower than wanted, down to {100 * self.least:.0f} % of the "
-            f"wanted speed; the reason is {reason}"
-        )
+        share = f"{100 * self.least:.{1 if 0.99 < self.least < 1.0 else 0}f} % of the wanted speed"
+        least = share if self.least >= 5e-3 else "a stop"
+        return f"{self.start:.3f} to {self.stop:.3f} s: slower than wanted, down to {least}; the reason is {reason}"
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ def slice_map(axes: Any, part: Slice, most: float | None = None) -> Any:
         most: rcond of the darkest shade; by default the greatest of the slice.
     """
     from matplotlib.colors import to_rgb
+    from matplotlib.patheffects import withStroke
 
     status, rcond = part.grid(part.coverage.status), part.grid(part.coverage.rcond)
     image = np.ones((*status.shape, 3))
@@ -55,7 +56,8 @@ def slice_map(axes: Any, part: Slice, most: float | None = None) -> Any:
     extent = plane_map(axes, part, image, part.coverage.poses[part.cuts][:, :, [i, j], 3])
     tool = part.coverage.tool[:3, 3]
     if extent[0] <= tool[i] <= extent[1] and extent[2] <= tool[j] <= extent[3]:
-        axes.plot(tool[i], tool[j], "+", color=INK, markersize=9, markeredgewidth=1.6)
+        around = [withStroke(linewidth=4, foreground="white")]  # it has to be seen on dark cells, too
+        axes.plot(tool[i], tool[j], "+", color=INK, markersize=9, markeredgewidth=1.6, path_effects=around)
     axes.set_title(f"{_AXES[3 - i - j]} = {part.at:.3g} m: {part.coverage.share:.0%}", loc="left", fontsize=10)
     return axes
 
@@ -132,7 +134,7 @@ def coverage_figure(coverage: Coverage, slices: Sequence[Slice] = ()) -> Any:
     head = f"{on_figure(coverage.name)} reaches {coverage.share:.1%} of the workspace {within}"
     figure.suptitle(head, x=0.2 / size[0], y=1 - 0.15 / size[1], ha="left", va="top", fontsize=12, color=INK)
     cut = any(len(part.cuts) for part in slices)
-    _explain(figure, coverage, every, most, 1 - (right - 0.35) / size[0], cut)
+    _explain(figure, coverage, every, most, 1 - (right - 0.75) / size[0], cut)
     return figure
 
 
@@ -145,7 +147,7 @@ def views(points: Matrix, planes: Sequence[Slice | Plane]) -> tuple[Any, list[An
     flat = bool(np.ptp(points[:, 2]) < 1e-9)
     scale = min(4.6 / sum(widths), 4.8 / sum(heights))
     wide, tall = scale * sum(widths), max(scale * sum(heights), 2.4)
-    left, right, bottom, top, gap = 0.75, 2.75, 0.6, 0.95, 0.75
+    left, right, bottom, top, gap = 0.75, 3.3, 0.6, 0.95, 0.75
     size = (wide + left + right + gap * (len(widths) - 1), tall + bottom + top + gap * (len(heights) - 1))
     figure = Figure(figsize=size)
     grid = figure.add_gridspec(
@@ -185,7 +187,7 @@ def _explain(figure: Any, coverage: Coverage, every: Sequence[Coverage], most: f
         if any(c.count(cause) for c in every)
     ]
     cross = {"color": INK, "marker": "+", "linestyle": "", "markersize": 9, "markeredgewidth": 1.6}
-    start = [Line2D([], [], label="tool at the start", **cross)] if len(every) > 1 else []
+    start = [Line2D([], [], label="tool at the start (projected)", **cross)] if len(every) > 1 else []
     lines = [Line2D([], [], color=CUT, linewidth=1.8, label="ik(pose) jumps")] if cut else []
     corner = (left - 0.1 / width, 1 - 0.8 / height)
     figure.legend(handles=[*patches, *lines, *start], loc="upper left", bbox_to_anchor=corner, fontsize=9)

@@ -156,7 +156,7 @@ def two_paths_figure(strategy: StrategyResult, result: JobResult | None = None) 
     top = 0.45 + 0.2 * (1 + title.count("\n"))
     bottom = 0.85 if n == rows * columns else 0.55
     figure = Figure(figsize=(max(4.4 * columns, 6.4), (2.6 if rows == 1 else 1.6) * rows + bottom + top))
-    margins(figure, left=0.7, right=0.85, bottom=bottom, top=top, width_gap=1.3, height_gap=0.42, grid=(rows, columns))
+    margins(figure, left=0.85, right=0.85, bottom=bottom, top=top, width_gap=1.5, height_gap=0.42, grid=(rows, columns))
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
     for joint in range(n):
         joint_histories(grid.flat[joint], clockwise, counter, joint, result.robot if result else None)

@@ -17,21 +17,22 @@ from .coverage_plots import CUT, frame_cloud, plane_map, views
 from .palette import BLACK, INK, ORANGE, PURPLE, SKY, VERMILLION, YELLOW
 from .words import on_figure
 
-SHEETS = ("#1f7a6b", SKY, ORANGE, PURPLE, YELLOW, VERMILLION, BLACK)
+SHEETS = ("#1f7a6b", SKY, ORANGE, "#3b4ba0", YELLOW, VERMILLION, PURPLE)
 """Colours of the sheets, the first one's first; of more they come again."""
 
 NONE = "#d5dae1"
 """Colour of cells that no sheet serves."""
 
 REST = {
-    PoseRest.NOT_COVERED: (CUT, "reached, by no sheet"), PoseRest.BLOCKED: ("#4b5563", "too near to something"),
+    PoseRest.NOT_COVERED: (BLACK, "reached, by no sheet"), PoseRest.BLOCKED: ("#4b5563", "too near to something"),
     PoseRest.LIMITS: ("#8a93a0", "beyond joint limits"), PoseRest.OUT_OF_REACH: ("#c5ccd6", "out of reach"),
 }  # fmt: skip
 """Colour and short name of what becomes of a pose without a sheet."""
 
 MAPPED = (
     "The sheets of the workspace: the planes through its centre, the tool in its middle orientation, and all poses "
-    "that were sampled. Each has the colour of the sheet that serves it."
+    "that were sampled. Each has the colour of the sheet that serves it. Shares are of the poses that the arm reaches, "
+    "unless it says `of all`."
 )
 """What a figure of sheets shows."""
 
@@ -127,23 +128,31 @@ def _lines(name: str) -> str:
     return fill(on_figure(name, 60), 32)
 
 
+def _share(found: Sheets, rest: PoseRest) -> str:
+    """How many poses have no sheet for a reason: of those in reach, or of all."""
+    count, every = int((found.rest == rest).sum()), len(found.poses)
+    within = int(found.reachable.sum())
+    return f"{count / within:.1%}" if rest is PoseRest.NOT_COVERED else f"{count / every:.1%} of all"
+
+
 def _legend(figure: Any, found: Sheets, maps: bool, jump: bool) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    k, width, height = len(found.poses), *figure.get_size_inches()
+    within = max(1, int(found.reachable.sum()))
+    width, height = figure.get_size_inches()
     patches = [
         Patch(
             color=color_of(s),
-            label=f"sheet {s}: {(found.labels == s).sum() / k:.1%}\n{fill(on_figure(one.name, 60), 32)}",
+            label=f"sheet {s}: {(found.labels == s).sum() / within:.1%}\n{_lines(one.name)}",
         )
         for s, one in enumerate(found.sheets)
     ]
     patches += [
-        Patch(color=color, label=f"{name}: {(found.rest == rest).sum() / k:.1%}")
+        Patch(color=color, label=f"{name}: {_share(found, rest)}")
         for rest, (color, name) in REST.items() if (found.rest == rest).any()
     ]  # fmt: skip
     patches += [Patch(color=NONE, label="no sheet (maps)")] if maps else []
     lines = [Line2D([], [], color=CUT, linewidth=1.8, label="the joints jump here")] if jump else []
-    corner = (1 - 2.38 / width, 1 - 0.8 / height)
+    corner = (1 - 2.6 / width, 1 - 0.8 / height)
     figure.legend(handles=[*patches, *lines], loc="upper left", bbox_to_anchor=corner, fontsize=8.5, frameon=False)
