@@ -10,11 +10,13 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
+from holokin.designing import PoseStatus, coverage_slices
 from holokin.job import open_job, run_job
 from holokin.job.check_tables import ChecksTable
 from holokin.output import animate as films
 from holokin.output import film, palette
 from holokin.output.bodies import pieces_of, posed, solids_at
+from holokin.output.coverage_plots import coverage_figure
 from holokin.output.job_figures import cycles_figure, figures, two_paths_figure
 from holokin.output.job_report import write_report
 from holokin.output.job_result import JobResult
@@ -314,3 +316,20 @@ def test_a_film_of_noise_is_made_smaller_until_it_is_small(tmp_path: Path, monke
     assert (tmp_path / "noise.gif").stat().st_size <= 200_000
     with Image.open(tmp_path / "noise.gif") as picture:
         assert picture.n_frames >= 3 and picture.size[0] < 300
+
+
+def test_nothing_of_a_map_is_cut_off_at_the_edge_of_the_picture() -> None:
+    """Every cause that a pose may have is in the legend, with its share; beside it stands the cloud, in space."""
+    robot = hk.load("panda")
+    law, q0 = hk.holonomic(hk.pose(robot), hk.lock(3)), PANDA_START
+    box = hk.workspace(box=([0.3, -0.2, 0.2], [0.7, 0.2, 0.6]))
+    found, slices = hk.coverage(law, box, q0, samples=32), coverage_slices(law, box, q0, steps=3)
+    every = replace(found, status=np.resize(list(PoseStatus), 32))
+    figure = legible(coverage_figure(every, slices))
+    figure.canvas.draw()
+    size, edge = figure.get_size_inches(), 0.01  # inches
+    for part in (*figure.legends, *figure.axes):
+        (x0, y0), (x1, y1) = part.get_tightbbox().get_points() / figure.dpi
+        assert min(x0, y0) > -edge and x1 < size[0] + edge and y1 < size[1] + edge, part
+    legend = figure.legends[0].get_window_extent()
+    assert not any(axes.get_tightbbox().overlaps(legend) for axes in figure.axes)

@@ -19,7 +19,7 @@ CAUSES = {
     PoseStatus.ALGORITHMIC: (VERMILLION, "leaf ends: law singular"),
     PoseStatus.KINEMATIC: (PURPLE, "leaf ends: arm singular"),
     PoseStatus.REPRESENTATION: (YELLOW, "leaf ends: representation"),
-    PoseStatus.STOPPED: (BLACK, "no path on the leaf shown"),
+    PoseStatus.STOPPED: (BLACK, "no path shown"),
     PoseStatus.BEYOND_LIMITS: ("#6b7480", "no posture within limits"),
     PoseStatus.OUT_OF_REACH: ("#b4bcc8", "out of reach"),
 }
@@ -147,7 +147,7 @@ def views(points: Matrix, planes: Sequence[Slice | Plane]) -> tuple[Any, list[An
     flat = bool(np.ptp(points[:, 2]) < 1e-9)
     scale = min(4.6 / sum(widths), 4.8 / sum(heights))
     wide, tall = scale * sum(widths), max(scale * sum(heights), 2.4)
-    left, right, bottom, top, gap = 0.75, 3.3, 0.6, 0.95, 0.75
+    left, right, bottom, top, gap = 0.9, 3.7, 0.6, 0.95, 0.8
     size = (wide + left + right + gap * (len(widths) - 1), tall + bottom + top + gap * (len(heights) - 1))
     figure = Figure(figsize=size)
     grid = figure.add_gridspec(

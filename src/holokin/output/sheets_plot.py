@@ -125,7 +125,7 @@ def _cloud(axes: Any, found: Sheets) -> None:
 
 def _lines(name: str) -> str:
     """A sheet's name in lines of the legend."""
-    return fill(on_figure(name, 60), 32)
+    return fill(on_figure(name, 60), 28)
 
 
 def _share(found: Sheets, rest: PoseRest) -> str:
@@ -154,5 +154,5 @@ def _legend(figure: Any, found: Sheets, maps: bool, jump: bool) -> None:
     ]  # fmt: skip
     patches += [Patch(color=NONE, label="no sheet (maps)")] if maps else []
     lines = [Line2D([], [], color=CUT, linewidth=1.8, label="the joints jump here")] if jump else []
-    corner = (1 - 2.6 / width, 1 - 0.8 / height)
+    corner = (1 - 2.95 / width, 1 - 0.8 / height)
     figure.legend(handles=[*patches, *lines], loc="upper left", bbox_to_anchor=corner, fontsize=8.5, frameon=False)
