@@ -161,7 +161,7 @@ def test_a_law_that_is_closer_to_the_least_but_serves_less_is_named_with_its_lim
     assert rival is not None
     assert (rival.name, rival.coverage, rival.beyond, rival.ends) == ("rival", 0.6, (("q2", "upper", 4),), 0)
     said = reasons([replace(advice.best, speed=2.0)], advice.coverage, None, Excess(1.9, True, None, rival))
-    assert "Closer to it comes 'rival', 1.0% above it where it serves" in said[-2]
+    assert "Closer to the least comes 'rival', 1.0% above it where it serves" in said[-2]
     assert "only 60.0%: q2 is beyond its upper limit at 4 poses" in said[-2]
     assert rival_of(trials[0], trials[2:], np.ones(count), every) is None
 

@@ -48,7 +48,7 @@ def _next(best: Law, other: Law) -> str:
 def _not_served(found: Coverage, part: Part | None, best: Law) -> str:
     """Why the rest is not served, and what is."""
     rest = [f"{cause}: {count}" for cause, count in found.causes() if cause != "reached"]
-    said = f"Of {len(found)} poses it does not serve {int((~best.served).sum())} ({'; '.join(rest)})."
+    said = f"Of {len(found)} poses {best.name!r} does not serve {int((~best.served).sum())} ({'; '.join(rest)})."
     if part is None:
         return f"{said} No box round the centre was found that a law serves from end to end."
     whose = "it serves" if part.law.name == best.name else f"{part.law.name!r} serves"
@@ -81,21 +81,22 @@ def _speed(best: Law, excess: Excess | None) -> list[str]:
 def _near(excess: Excess) -> str:
     """How close to the least a law near the postures of the best may come."""
     which = f"this one's postures ({NEAR:g} rad of self-motion)"
+    least = f"to the least than {excess.near - 1:.1%}"
     if excess.traced:
-        return f"no law within the joint limits that stays near {which} comes closer to it than {excess.near - 1:.1%}"
-    return f"a search within the joint limits near {which} came no closer to it than {excess.near - 1:.1%}"
+        return f"no law within the joint limits that stays near {which} comes closer {least}"
+    return f"a search within the joint limits near {which} came no closer {least}"
 
 
 def _limits(best: Law, free: Free | None) -> str:
     """What the joint limits near its postures cost."""
     if free is None:
         return "Joint limits near its postures are not the reason: it keeps away from them."
-    above, beyond = f"{free.speed - 1:.1%} above it", _beyond(free.beyond, f" of {free.poses}")
+    above, beyond = f"{free.speed - 1:.1%} above the least", _beyond(free.beyond, f" of {free.poses}")
     if free.speed <= 1 + CLOSE:
-        return f"Joint limits keep it from the least: designed without them it is {above}, but {beyond}."
+        return f"Joint limits keep it from the least: the same law designed without limits is {above}, but {beyond}."
     if free.speed < best.speed - CLOSE / 2 and free.beyond:
-        return f"Joint limits have a part in this: designed without them it is {above}, but {beyond}."
-    return f"Joint limits near its postures are not the reason: designed without them it is {above}."
+        return f"Joint limits are part of the reason: the same law designed without limits is {above}, but {beyond}."
+    return f"Joint limits near its postures are not the reason: the same law designed without limits is {above}."
 
 
 def _rival(rival: Rival) -> str:
@@ -103,7 +104,7 @@ def _rival(rival: Rival) -> str:
     why = [_beyond(rival.beyond)] if rival.beyond else []
     why += [f"its leaf ends before {rival.ends} poses"] if rival.ends else []
     return (
-        f"Closer to it comes {rival.name!r}, {rival.speed - 1:.1%} above it where it serves; but it serves only "
+        f"Closer to the least comes {rival.name!r}, {rival.speed - 1:.1%} above it where it serves; but it serves only "
         f"{rival.coverage:.1%}: {' and '.join(why) or 'it comes too near to limits or singular postures'}."
     )
 

@@ -109,7 +109,7 @@ class ArgumentError(HolokinError):
 
     def __init__(self, what: str, value: object, cure: str) -> None:
         self.what, self.value, self.cure = what, value, cure
-        super().__init__(f"{brief(what)} is {shown(value)}; {brief(cure, LONGEST)}")
+        super().__init__(f"{brief(what)} is {'not given' if value is None else shown(value)}; {brief(cure, LONGEST)}")
 
 
 class NoProofError(ArgumentError):

@@ -53,9 +53,9 @@ class StrategyTable(Table):
     method: Literal["velocity", "leaf"] | None = None
     invariant: Formulas = Field(default=[])
 
-    @abstractmethod
     def build(self, task: Task, q0: Vector, name: str) -> Strategy:
         """The strategy of a task, called `name`; `q0` (n,) is the start posture. Raises: HolokinError."""
+        raise NotImplementedError  # by `Fitted` alone, which is made of another strategy: `fit`
 
     def invariants(self, task: Task) -> Function | None:
         """q -> the invariants (k,) that the strategy's joint paths must keep, if the job names any."""

@@ -170,7 +170,7 @@ def _rows(result: JobResult) -> list[list[str]]:
 def _tolerance(result: JobResult) -> str:
     """What is meant by "returns"."""
     unit, factor = result.joint_unit
-    return f"returns: every joint is back at its start within {factor * ALIKE:.1g} {unit}, which nobody could measure."
+    return f"returns: every joint is back at its start within {factor * ALIKE:.1g} {unit}, too little to measure."
 
 
 def _terms() -> list[str]:
