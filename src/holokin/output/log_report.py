@@ -14,7 +14,7 @@ from .job_figures import margins
 from .palette import BAD, GOOD, INK, PALE, WARNING, color_of
 from .plots import thin
 from .robot_panels import Actor, Curve, draw_panel, stage_of
-from .words import on_figure
+from .words import joint_unit, on_figure
 
 MOST_JOINTS = 4
 """Joints in the figure: those that move most."""
@@ -78,8 +78,9 @@ def _joints_at_start(axes: Any, audit: LogAudit) -> Any:
     axes.set_ylim(-1.15 * most, 1.15 * most)
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_xlabel("cycles done")
-    axes.set_ylabel("less its start value [rad or m]")
-    axes.set_title("Joints at the start pose", loc="left", color=INK, fontsize=10)
+    axes.set_ylabel(f"less its start value [{joint_unit(audit.robot)}]")
+    which = "Joints" if len(order) == audit.robot.n else f"The {len(order)} joints that move most,"
+    axes.set_title(f"{which} at the start pose", loc="left", color=INK, fontsize=10)
     axes.legend(fontsize=8, loc="best")
     return axes
 

@@ -163,6 +163,7 @@ def joint_cycles(axes: Any, walk: Trajectory, named: Sequence[int] | None = None
             walk.t[keep], shift[keep, joint], color=color_of(place), linewidth=1.7, label=name,
             linestyle="-" if place < len(COLORS) else (0, (4, 1.5)),
         )  # fmt: skip
+    axes.grid(axis="x", visible=False)  # the ends of the cycles are lines enough
     for mark in walk.marks[1:]:
         axes.axvline(walk.t[mark], color=PALE, linewidth=0.8, zorder=0)
     axes.axhline(0, color=GREY, linewidth=0.8, zorder=1)
