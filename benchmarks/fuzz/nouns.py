@@ -45,4 +45,5 @@ def kit() -> dict[str, Any]:
         "timed": hk.retime(walk, robot, acceleration=1.0, velocity=1.0, profile="trapezoidal", dt=0.01),
         "wiring": hk.export.Wiring(axes=(*robot.joint_names, 0.0, 0.0, 0.0)),
         "space": space, "covered": hk.coverage(held, space, q, samples=4),
+        "sheets": hk.sheets(task, space, q0=[q], samples=8, share=0.5, search=False),
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Bad calls of paths: shapes, splines, what is made of paths, and how to get to them."""
+"""Bad calls of paths, and of maps of sheets: shapes, splines, what is made of paths, and how to get to them."""
 
 from __future__ import annotations
 
@@ -40,4 +40,8 @@ def path_calls() -> dict[str, tuple[Callable[..., Any], tuple[Any, ...], dict[st
         "read_waypoints": (hk.read_waypoints, ("no.csv",), {"units": "mm", "angles": "deg", "order": "xyzw"}),
         "read_svg": (hk.read_svg, ("no.svg",), {"pixel": 0.001, "tolerance": 1e-5, "speed": 0.1}),
         "Path.in_frame": (square.in_frame, (k["pose"],), {}),
+        "sheets": (hk.sheets, (held.task, k["space"]), {
+            "strategies": [held], "samples": 8, "seconds": 5.0, "share": 0.5, "q0": [q], "search": False}),
+        "read_sheets": (hk.read_sheets, ("no.npz", held.task), {}),
+        "write_sheets": (hk.write_sheets, (k["sheets"], "sheets.npz"), {}),
     }  # fmt: skip

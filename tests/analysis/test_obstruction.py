@@ -225,10 +225,10 @@ def test_round_a_pole_the_redundant_joint_makes_as_many_turns_as_its_index(
     assert abs(found.total) == turns
     assert bool(found.total) == (turns > 0)
     assert found.largest < np.pi / 2
-    assert ("any law that agrees with it on the path has a jump" in found.sentence) == (turns > 0)
+    assert ("any law with the same postures on the path has a jump" in found.sentence) == (turns > 0)
     sign = "+" if found.total > 0 else "-"
     often = {0: "no turn", 1: f"{sign}1 turn", 2: f"{sign}2 turns"}[turns]
-    assert f"round the path makes {often} along the self-motion. " in found.sentence
+    assert f" makes {often} along the self-motion" in found.sentence
 
 
 @pytest.mark.campaign

@@ -109,8 +109,8 @@ def test_what_single_precision_finds_hard_is_tested_still(n: int, tmp_path: Path
         strategy = hk.holonomic(hk.position(chain(n)), hk.linear(rows))
         assert np.float32(np.linalg.det(np.vstack([strategy.task.jacobian(start), rows]))) == 0
     double, single = check(export_c(strategy, tmp_path, q0=start, name="law", vectors_count=16))
-    assert "16 vectors" in double
-    assert " 0 vectors" not in single
+    assert "16 test cases" in double
+    assert " 0 test cases" not in single
 
 
 @pytest.mark.campaign

@@ -30,7 +30,8 @@ STARTING = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "k
 """These start processes or compilers; the others run in this one."""
 FORKED = STARTING if hasattr(os, "fork") else ()
 OF_ITS_OWN = (
-    tuple(f"benchmarks.{name}" for name in ("league", "random_cusps", "startup", "surveys")) + STARTING[len(FORKED) :]
+    tuple(f"benchmarks.{name}" for name in ("league", "random_cusps", "sheets", "startup", "surveys"))
+    + STARTING[len(FORKED) :]
 )
 """These measure what a process imports and keeps, or need native code: they are begun as a user begins them."""
 QUICK = ("benchmarks.growth", "benchmarks.selftests")

@@ -91,7 +91,8 @@ def test_each_kind_of_fault_is_seen() -> None:
     tight = replace(
         problem.arm, lower=np.full(problem.arm.n, start - 1e-6).ravel()[: problem.arm.n], upper=start + 1e-6
     )
-    bounded = replace(proof, limits=hk.symbolic.intervals.Interval(tight.lower, tight.upper))
+    limits = hk.symbolic.intervals.Interval(tight.lower, tight.upper)
+    bounded = replace(proof, demands=replace(proof.demands, limits=limits))
     assert "beyond a joint limit" in said(bounded, replace(problem, arm=tight))
     assert "ends" in said(replace(proof, turns=proof.turns + 1.0))
 

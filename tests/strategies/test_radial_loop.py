@@ -254,7 +254,7 @@ def test_exported_c_equals_python_in_both_precisions(name: str, tmp_path: Path) 
     code = (tmp_path / "law.c").read_text()
     assert code.count("static void hk_transport(") == 1
     double, single = check(made)
-    assert "8 vectors" in double
+    assert "8 test cases" in double
     assert "passed" in single
 
 

@@ -350,7 +350,8 @@ def test_a_page_lets_go_of_what_is_taken_away_and_plots_a_long_run_in_few_points
 
     def plot() -> None:
         snap = session.snapshot()
-        laws = tuple(replace(law, drift=np.arange(5000.0)) for law in snap.laws)
+        drift = np.tile(np.arange(5000.0)[:, None], (1, 7))
+        laws = tuple(replace(law, drift=drift[:, 0], drift_joints=drift) for law in snap.laws)
         page.charts.draw(replace(snap, number=-2, laws=laws))
         plotted.append(np.array(page.charts.drift.data))
 

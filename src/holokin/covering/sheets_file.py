@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arguments import typed
 from ..base.files import replacing
 from ..base.types import Array, Matrix, Vector
 from ..errors import ArgumentError, SheetsFileError
@@ -38,6 +39,7 @@ Build = Callable[[Mapping[str, Any], Task, Vector, str], HolonomicStrategy]
 """The strategy of the keys of a job, and of its name."""
 
 
+@typed
 def write_sheets(found: Sheets, path: str | Path) -> None:
     """Write a map of sheets, complete or not at all.
 
