@@ -26,6 +26,7 @@ import numpy as np
 
 import holokin as hk
 from holokin import analysis, strategies
+from holokin.base.printed_units import PrintedUnits
 from holokin.errors import HolokinError, MissingExtraError
 from holokin.path.workspaces import Box, Cylinder, Sphere, pose_cloud
 from holokin.symbolic import SX, factorise, symbol
@@ -123,7 +124,17 @@ def _special() -> dict[str, dict[str, Any]]:
         "strategies.from_transport": {
             "task": hk.position(hk.load("ppr")), "K": lambda x, z: [x[0] - np.cos(z), x[1] - np.sin(z), z],
             "Phi": lambda x, z: z, "z": lambda q: q[2], "around": [0.1, 0.2, 0.3]},
-        "export.write_mcap": {"folder": "bag"},
+        "export.write_mcap": {"folder": "bag"}, "export.export_moveit": {"folder": "moveit"},
+        "export.export_ros2_control": {"folder": "ros2_control"},
+        "covering.export_sheets": {"found": k["sheets"], "folder": "sheets"},
+        "covering.self_motion_between": {"qa": k["q"], "qb": k["q"]},
+        "designing.level_range": {"workspace": k["space"]},
+        "proof.joint_rates": {"certificate": things()["certificate"]},
+        "proof.region_of": {"certificate": hk.certify(k["held"], k["space"], k["q"], budget=60)},
+        "Sheets.certified": {"sheet": 0, "workspace": k["space"]},
+        "Mesh.outward": {"faces": np.zeros((1, 3), dtype=int)},
+        "Trajectory.printed": {"units": PrintedUnits()},
+        "analysis.witness_between": {"first": k["q"], "second": np.array([0.3, 0.2, 0.5])},
         "strategies.right_inverse": {"G": _pseudo_inverse},
     }  # fmt: skip
 
@@ -233,9 +244,11 @@ HEAVY = {
 ABSENT = {
     "audit_recording", "from_mjcf", "from_pinocchio", "from_roboticstoolbox", "from_urdf", "from_yourdfpy",
     "read_recording", "read_svg", "read_waypoints", "read_workspace", "robot.model_links",
-    "robot.model_tips", "strategies.inertia_weighted",
+    "robot.model_tips", "strategies.inertia_weighted", "read_sheets", "interop.retarget", "auditing.audit_dataset",
+    "recording.chosen_episodes", "recording.has_joints", "recording.is_dataset", "recording.joint_feature",
+    "recording.pose_feature", "recording.read_dataset", "recording.read_runs",
 }  # fmt: skip
-"""Those whose good arguments would be files, models of other packages, or logs: other fuzzers have them."""
+"""Those whose good arguments would be files, models of other packages, logs or datasets: other fuzzers have them."""
 
 
 def good_arguments(name: str, function: Callable[..., Any]) -> dict[str, Any]:
@@ -273,8 +286,10 @@ def bad_calls() -> Iterator[tuple[str, Callable[[], Any]]]:
     for name, function in callables():
         if name in HEAVY:
             continue
-        good = good_arguments(name, function)
-        for p in inspect.signature(function).parameters.values():
+        good, known = good_arguments(name, function), inspect.signature(function)
+        if name in ABSENT and any(p.default is p.empty and p.name not in good for p in known.parameters.values()):
+            continue
+        for p in known.parameters.values():
             for kind, value in bad.items():
                 spoilt = (*good.get(p.name, ()), value) if p.kind is p.VAR_POSITIONAL else value
                 yield f"{name}({p.name}={kind})", lambda f=function, a={**good, p.name: spoilt}: call_with(f, a)

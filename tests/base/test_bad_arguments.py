@@ -368,3 +368,18 @@ def test_parts_of_a_workspace_are_asked_about_positions(planar_3r: hk.Robot) -> 
         for bad in NO_NUMBERS:
             with pytest.raises(hk.HolokinError):
                 solid.contains(bad)
+
+
+def test_a_number_that_is_none_is_refused_where_a_method_takes_one() -> None:
+    """The last three raw errors that 13,078 bad calls met."""
+    robot = hk.load("planar-3r")
+    task, q = hk.position(robot), np.array([0.3, 0.7, -0.5])
+    with pytest.raises(ShapeError):
+        robot.ranges(np.zeros(2))
+    curve = hk.strategies.self_motion(task, q, step=0.2, length=1.0)
+    for bad in ("x", {"a": 1}, [0.0, 1.0]):
+        with pytest.raises((ArgumentError, ShapeError)):
+            curve.at(bad)  # type: ignore[arg-type]
+    s = hk.sheets(task, hk.workspace(box=([1.5, 0.5], [0.2, 0.1])), q0=[q], samples=8, share=0.5, search=False)
+    with pytest.raises((ArgumentError, ShapeError)):
+        s.seams(at=-1)  # type: ignore[arg-type]

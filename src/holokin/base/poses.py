@@ -114,7 +114,7 @@ def pose_cure(given: Array) -> str:
 
 def tool_poses(whose: str, poses: PoseLike) -> Array:
     """Tool poses (k, 4, 4), or none. Raises: ShapeError, NotFiniteError; ArgumentError: one is no pose."""
-    empty = isinstance(poses, np.ndarray | list | tuple) and len(poses) == 0
+    empty = poses.size == 0 if isinstance(poses, np.ndarray) else isinstance(poses, list | tuple) and not poses
     given = np.zeros((0, 4, 4)) if empty else given_pose(f"the poses {whose}", poses, ("k", 4, 4))
     for i, pose in enumerate(given):
         tool_pose(f"pose {i} {whose}", pose)

@@ -13,7 +13,7 @@ import numpy as np
 from ..base.arguments import check, typed
 from ..base.by_value import ByValue
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Flags, Matrix, Vector, finite, frozen, kept, numbers
+from ..base.types import Array, ArrayLike, Flags, Matrix, Vector, finite, frozen, kept, numbers, one_or_each
 from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError, shown
 from ..symbolic import (
     SX,
@@ -230,8 +230,8 @@ class Robot(ByValue):
 
     def ranges(self, free: float | Vector) -> tuple[Vector, Vector]:
         """The joint limits (n,); a joint without them has `free` [joint units] on either side of zero, one with a
-        single limit 2 `free` from there. Raises: ArgumentError."""
-        free = finite("free", free)
+        single limit 2 `free` from there. Raises: ArgumentError, ShapeError, NotFiniteError."""
+        free = finite("free", one_or_each("free", free, self.n))
         lower = np.where(np.isfinite(self.lower), self.lower, np.minimum(-free, self.upper - 2 * free))
         upper = np.where(np.isfinite(self.upper), self.upper, np.maximum(free, self.lower + 2 * free))
         return lower, upper

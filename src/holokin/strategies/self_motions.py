@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, frozen
+from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, frozen
 from ..errors import ArgumentError, SingularityError, SingularityKind
 from ..robot import Robot
 from ..symbolic import wrapped
@@ -66,7 +66,11 @@ class SelfMotion(Value):
         return self.endings[0] is CurveEnd.CLOSED
 
     def at(self, s: float) -> Vector:
-        """The posture (n,) at an arc length s [joint units] of it, with the tool exactly still."""
+        """The posture (n,) at an arc length s [joint units] of it, with the tool exactly still.
+
+        Raises: ArgumentError, ShapeError, NotFiniteError.
+        """
+        s = float(finite("s", s, ()))
         q = np.array([np.interp(s, self.s, joint) for joint in self.q.T])
         for _ in range(BETWEEN):
             q = q + correction(self.task, q, *self._target)
