@@ -118,6 +118,7 @@ def test_of_designs_that_cost_alike_one_without_a_cusp_nearby_is_taken(
     assert hk.design(task, FLAT, [-0.6, 1.0, 0.8], avoid_cusps=True, **words).degree == 2 and len(seen) == 1
 
 
+@pytest.mark.campaign
 def test_a_design_says_what_was_found_of_its_cusps_and_why_none_were_looked_for() -> None:
     """Referee of the cusps: the least singular value of [J; J_g], g by differences, at the postures that are told."""
     box = hk.workspace(box=([0.5, 0.05, 0.35], [0.05, 0.05, 0.05]))

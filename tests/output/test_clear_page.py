@@ -196,6 +196,7 @@ def test_the_command_tells_the_part_that_is_proven_and_the_posture_that_refutes_
     assert not list((tmp_path / "out").glob("*.cells"))
 
 
+@pytest.mark.campaign
 def test_a_page_says_that_a_sample_alone_was_checked(tmp_path: Path) -> None:
     pytest.importorskip("flint")
     found = proof(False)

@@ -172,6 +172,7 @@ def test_what_is_no_file_of_cells_is_refused_and_left_alone(tmp_path: Path) -> N
         assert not name or (tmp_path / name).read_bytes() == before
 
 
+@pytest.mark.campaign
 def test_the_command_goes_on_where_it_was_stopped_and_leaves_certificates_alone(
     holokin: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -182,6 +182,7 @@ def test_a_robot_without_joints_to_spare_is_refused() -> None:
         session_of_robot(arm, task=hk.pose(arm))
 
 
+@pytest.mark.campaign
 def test_a_session_finds_the_cusps_of_a_leaf_while_its_tool_is_dragged() -> None:
     """The loop that is drawn is that of `hk.cusps` of the same leaf, and closed; dragged laws follow meanwhile."""
     session, drags = panda(), 0
