@@ -44,6 +44,7 @@ def clear() -> Advice:
     return hk.advise(arm(), PLANE, **ASKED)
 
 
+@pytest.mark.campaign
 def test_what_is_advised_keeps_clear_where_the_law_without_the_post_does_not(plain: Advice, clear: Advice) -> None:
     poses = PLANE.poses(500, seed=3)
     near, far = (hk.inverse(one.best.strategy, one.q0).batch(poses) for one in (plain, clear))
@@ -58,6 +59,7 @@ def test_what_is_advised_keeps_clear_where_the_law_without_the_post_does_not(pla
     assert clear.summary()["laws"][0]["clearance"] == clear.best.clearance
 
 
+@pytest.mark.campaign
 def test_the_call_that_is_named_proves_it_and_refuses_the_law_without_the_post(plain: Advice, clear: Advice) -> None:
     said = str(clear).splitlines()[-1]
     assert said.startswith("Certify it by: hk.certify(")

@@ -60,6 +60,7 @@ def test_the_program_goes_along_the_path_and_changes_its_sheet_with_the_tool_at_
     assert (rates <= robot.max_velocity * (1 + 1e-5)).all()
 
 
+@pytest.mark.campaign
 def test_a_divided_path_has_no_program_and_the_reason_is_said(tmp_path: Path, holokin: Command) -> None:
     round_base = '[path]\nkind = "circle"\ncenter = [0, 0]\nsamples = 40\n'  # q1 cannot go on
     file = job(tmp_path, ([0.9, 0.9, 0.3], [-0.9, -0.9, -0.3]), path=round_base, start="[start]\nq = [0.0, 0.9, 0.9]\n")
