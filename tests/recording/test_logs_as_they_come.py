@@ -223,6 +223,7 @@ def _torch_log(strategy: hk.Strategy, count: int = 3) -> Recording:
     return Recording(UR5E.joint_names, walk.t, walk.q, "torch")
 
 
+@pytest.mark.campaign
 def test_a_torch_that_spins_is_judged_by_its_point_and_its_axis() -> None:
     """The pseudo-inverse of the free axis spins the torch on from cycle to cycle: the pose repeats no path, the
     position leaves three joints free; by the axis the drift is that of the simulation. A rule repeats.
