@@ -28,8 +28,8 @@ from benchmarks.growth import START, Growth, environment, growth, growth_page
 from benchmarks.pose_rivals import poses_page
 from benchmarks.rivals import rivals
 from holokin.analysis.curvature_of_planes import curvature_function
-from holokin.codegen.native_library import engine
 from holokin.motion import simulate
+from holokin.native_code.native_library import engine
 
 DT = 0.001
 ROOT = Path(__file__).resolve().parents[1]

@@ -24,8 +24,8 @@ import pytest
 from hypothesis import settings
 
 import holokin as hk
-from holokin.codegen.toolchain import compiler
 from holokin.commands import main as cli
+from holokin.native_code.toolchain import compiler
 from sketches import sketches
 
 sys.path.append(str(Path(__file__).parents[1]))  # the benchmarks, of which some tests run a little

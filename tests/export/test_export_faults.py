@@ -12,9 +12,9 @@ from benchmarks.kills import deadly, hidden
 
 import holokin as hk
 from conftest import PPR_START, sampled
-from holokin.codegen import compiler
 from holokin.errors import WriteError
 from holokin.export import export_c
+from holokin.native_code import compiler
 
 STRATEGY = hk.moore_penrose(hk.position(hk.load("ppr")))
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")

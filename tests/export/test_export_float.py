@@ -11,8 +11,8 @@ import pytest
 
 import holokin as hk
 from conftest import sampled
-from holokin.codegen import compiler
 from holokin.export import check
+from holokin.native_code import compiler
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
 

@@ -21,7 +21,7 @@ ROOT = Path(hk.__file__).parent
 LAYERS = [
     {"errors", "version"},
     {"base"},
-    {"codegen"},
+    {"native_code"},
     {"symbolic"},
     {"robot"},
     {"tasks"},
@@ -87,7 +87,7 @@ def test_imports_run_downhill_and_files_are_short(module: Path) -> None:
     layer = layer_of(module)
     for name, _ in imports(module):
         if name.split(".")[0] == "casadi":
-            assert layer in ("codegen", "symbolic"), "only codegen/ and symbolic/ may import CasADi"
+            assert layer in ("native_code", "symbolic"), "only native_code/ and symbolic/ may import CasADi"
         if not name.startswith("holokin.") or layer == "__init__":
             continue
         other = name.split(".")[1]

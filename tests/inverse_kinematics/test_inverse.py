@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START, sampled
-from holokin.codegen import evaluator, inverse_kernel
 from holokin.errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError
 from holokin.inverse_kinematics import InverseStatus
+from holokin.native_code import evaluator, inverse_kernel
 from holokin.path.workspaces import pose_cloud
 
 DOWN = np.diag([1.0, -1.0, -1.0])

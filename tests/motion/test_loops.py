@@ -13,7 +13,6 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, campaign, sampled
-from holokin.codegen import native_library as native
 from holokin.errors import (
     LimitReachedError,
     OutOfReachError,
@@ -25,6 +24,7 @@ from holokin.errors import (
 from holokin.inverse_kinematics.leaf import leaf_step
 from holokin.inverse_kinematics.native_follower import NativeFollower
 from holokin.motion import follow_path as following
+from holokin.native_code import native_library as native
 from holokin.symbolic import function as function_module
 
 Patch = pytest.MonkeyPatch

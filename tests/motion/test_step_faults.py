@@ -18,10 +18,10 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, campaign, sampled
-from holokin.codegen import kernel
-from holokin.codegen import native_library as native
 from holokin.errors import ArgumentError, HolokinError, ShapeError
 from holokin.motion.step_expression import StepStatus
+from holokin.native_code import kernel
+from holokin.native_code import native_library as native
 from holokin.symbolic import Function, symbol
 
 Patch = pytest.MonkeyPatch

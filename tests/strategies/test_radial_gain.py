@@ -8,8 +8,8 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, sampled
 from holokin.base.types import Array
-from holokin.codegen import native_library as native
 from holokin.errors import SingularityError, SingularityKind
+from holokin.native_code import native_library as native
 
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 

@@ -17,9 +17,6 @@ from chains import chain
 from conftest import IIWA_START, IRB_START, PANDA_START, PPR_START, SOUND, campaign, sampled
 from exported import LEAF, ON_ANYTHING, SANITIZE, STRICT, program
 from holokin.base.types import Array
-from holokin.codegen import inverse_kernel, transport
-from holokin.codegen import native_library as native
-from holokin.codegen.kernel import BatchKernel
 from holokin.errors import JobError, SingularityError
 from holokin.export.self_test import check
 from holokin.inverse_kinematics.branch import extended_jacobian
@@ -27,6 +24,9 @@ from holokin.inverse_kinematics.leaf import leaf_step
 from holokin.inverse_kinematics.rays import rays_from
 from holokin.job import open_job, run_job
 from holokin.motion import control_step
+from holokin.native_code import inverse_kernel, transport
+from holokin.native_code import native_library as native
+from holokin.native_code.kernel import BatchKernel
 from holokin.strategies import pfaffian
 
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")

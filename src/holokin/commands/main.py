@@ -65,7 +65,7 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from ..codegen import engine
+        from ..native_code import engine
 
         show(f"holokin {build()}, {engine()}")
         raise typer.Exit

@@ -15,7 +15,6 @@ import numpy as np
 
 from ..base.tolerances import TOLERANCES
 from ..base.types import ROTATION, Vector
-from ..codegen import LARGEST, code_file
 from ..errors import ArgumentError, ExportError, NativeError
 from ..inverse_kinematics import leaf_value
 from ..inverse_kinematics.branch import branch_code, extended_jacobian
@@ -24,6 +23,7 @@ from ..inverse_kinematics.rays import rays_code
 from ..motion import has_leaf, step_function
 from ..motion.control_step import LEAST_RCOND, MOST_ERROR
 from ..motion.step_expression import AT_LIMIT
+from ..native_code import LARGEST, code_file
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function
 from ..tasks.frames import poses_expression

@@ -8,8 +8,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from ..codegen import compiler
 from ..errors import ExportError
+from ..native_code import compiler
 from .c_folder import Exported
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")

@@ -12,8 +12,8 @@ import numpy as np
 from ..base.arguments import check, typed
 from ..base.poses import PoseLike, pose_numbers
 from ..base.types import ArrayLike, Matrix, Value, Vector, frozen, positive, whole
-from ..codegen import engine, weak
 from ..errors import ArgumentError, BranchError, OutsideRegionError
+from ..native_code import engine, weak
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy, may_jump
 from .edge import Edge

@@ -17,9 +17,9 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector, finite, kept
-from ..codegen import LeafRules
 from ..constraints import custom
 from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
+from ..native_code import LeafRules
 from ..path.plan import Plan
 from ..path.straight_path import straight
 from ..robot import start_posture

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
-from ..codegen import FollowKernel
+from ..native_code import FollowKernel
 from ..path.plan import Plan
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
-from ..codegen import InverseKernel
 from ..errors import BranchError, OutOfReachError
+from ..native_code import InverseKernel
 from ..path.plan import doubtful_target
 from ..strategies import HolonomicStrategy, Jump, may_jump
 from .leaf import (

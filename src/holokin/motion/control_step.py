@@ -23,9 +23,9 @@ from ..base.arguments import made
 from ..base.poses import PoseLike, pose_cure, with_matrices
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Matrix, Vector, frozen, number, right_last_row
-from ..codegen import LARGEST, StepKernel, StepMemory, enabled, engine, tell
 from ..errors import ArgumentError, LostToolError, NativeError, NotFiniteError, ShapeError
 from ..inverse_kinematics.leaf import leaf_value
+from ..native_code import LARGEST, StepKernel, StepMemory, enabled, engine, tell
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy, check_solved
 from ..symbolic import Function

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..base.tolerances import TOLERANCES
 from ..base.types import Vector, kept
-from ..codegen import VelocityRules
 from ..errors import TrackingError
 from ..inverse_kinematics.native_follower import NativeFollower
+from ..native_code import VelocityRules
 from ..path.plan import Plan
 from ..strategies import NumericStrategy, Strategy, checked_rate
 from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol

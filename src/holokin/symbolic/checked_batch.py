@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..base.types import Array, ArrayLike, Flags, Matrix, numbers, whole
-from ..codegen.evaluator import Doubt
-from ..codegen.program import Shapes
 from ..errors import ShapeError
+from ..native_code.evaluator import Doubt
+from ..native_code.program import Shapes
 
 PIECE = 100_000
 """Samples that are checked at once, so that only the results grow with their number."""

@@ -16,8 +16,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..codegen.emit import emit
 from ..errors import NativeError
+from ..native_code.emit import emit
 from .function import Function
 
 Pair = tuple[ca.SX, ca.SX]

@@ -14,14 +14,14 @@ import casadi as ca
 import numpy as np
 
 from ..base.types import Array, ArrayLike, numbers
-from ..codegen.evaluator import Doubt, Evaluator, weak
-from ..codegen.inverse_kernel import InverseKernel
-from ..codegen.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel, follow_code
-from ..codegen.native_library import allowed, enabled, tell
-from ..codegen.program import Port, program
-from ..codegen.source import body
-from ..codegen.transport import Transport
 from ..errors import ExpressionError, NativeError, ShapeError
+from ..native_code.evaluator import Doubt, Evaluator, weak
+from ..native_code.inverse_kernel import InverseKernel
+from ..native_code.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel, follow_code
+from ..native_code.native_library import allowed, enabled, tell
+from ..native_code.program import Port, program
+from ..native_code.source import body
+from ..native_code.transport import Transport
 from .checked_batch import CheckedBatch
 from .linear import System
 

@@ -11,9 +11,9 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, sampled
-from holokin.codegen import evaluator
-from holokin.codegen import native_library as native
 from holokin.errors import ArgumentError, NotFiniteError, ShapeError, SingularityError
+from holokin.native_code import evaluator
+from holokin.native_code import native_library as native
 from holokin.symbolic import Evaluator, Function, symbol
 
 Patch = pytest.MonkeyPatch
