@@ -8,9 +8,9 @@ import casadi as ca
 import numpy as np
 
 import holokin as hk
-from holokin.covering import PoseRest, Sheet, Sheets
-from holokin.covering.pose_features import turn_length
-from holokin.covering.sheet import known
+from holokin.sheet_maps import PoseRest, Sheet, Sheets
+from holokin.sheet_maps.pose_features import turn_length
+from holokin.sheet_maps.sheet import known
 
 LIMIT = np.radians(150)
 

@@ -17,7 +17,6 @@ from . import (
     auditing,
     checking,
     constraints,
-    covering,
     designing,
     export,
     interop,
@@ -28,6 +27,7 @@ from . import (
     proof,
     recording,
     robot,
+    sheet_maps,
     strategies,
 )
 from .analysis import Verdict, around, curvature, cusps, involutivity, obstruction
@@ -35,7 +35,6 @@ from .auditing import audit, audit_recording
 from .base.poses import pose_of
 from .checking import CheckReport, check
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
-from .covering import Sheets, sheets, write_sheets
 from .designing import (
     Advice,
     ClosestHolonomic,
@@ -96,6 +95,7 @@ from .robot import (
     with_shape,
     with_tool,
 )
+from .sheet_maps import Sheets, sheets, write_sheets
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
 from .tasks.frame_task import stacked
 from .tasks.task import Task
@@ -153,7 +153,6 @@ __all__ = [
     "coordinates",
     "coupled",
     "coverage",
-    "covering",
     "curvature",
     "cusps",
     "custom",
@@ -211,6 +210,7 @@ __all__ = [
     "relative_pose",
     "retime",
     "robot",
+    "sheet_maps",
     "sheets",
     "simulate",
     "spiral",

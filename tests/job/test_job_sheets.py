@@ -13,7 +13,6 @@ import pytest
 import holokin as hk
 from conftest import Command, assert_refused, write_job
 from handmade_sheets import map_of
-from holokin.covering import PoseRest, Sheet, Sheets
 from holokin.errors import JobError
 from holokin.job import open_job, run_job
 from holokin.job.sheets_over_job import saved_map
@@ -21,6 +20,7 @@ from holokin.output.job_result import JobResult
 from holokin.output.job_verdict import whole_verdict
 from holokin.output.sheet_motion_plot import sheet_motion_figure
 from holokin.recording import read_recording
+from holokin.sheet_maps import PoseRest, Sheet, Sheets
 
 LIMIT = np.radians(150)
 

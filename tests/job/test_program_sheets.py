@@ -12,7 +12,7 @@ import yaml
 import holokin as hk
 from conftest import Command, assert_refused, write_job
 from handmade_sheets import LIMIT, map_of, planar_task
-from holokin.covering import Sheet
+from holokin.sheet_maps import Sheet
 
 PARTS = {
     "robot": f'[robot]\nname = "planar-3r"\nlower = {-LIMIT}\nupper = {LIMIT}\n',

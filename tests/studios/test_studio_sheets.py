@@ -13,8 +13,8 @@ import pytest
 import holokin as hk
 from conftest import write_job
 from handmade_sheets import planar_map
-from holokin.covering import PoseRest, Sheets
 from holokin.errors import ArgumentError
+from holokin.sheet_maps import PoseRest, Sheets
 from holokin.studios import Session, open_session
 from holokin.studios.session_laws import Law
 from holokin.studios.sheet_follower import SheetFollower

@@ -1,6 +1,7 @@
-"""What leaves for a controller: a strategy as plain C with a self-test, and timed motion as robot programs.
+"""What leaves for a controller: strategies and maps of sheets as plain C with a self-test, and timed motion as robot
+programs.
 
-Uses `motion`. Read first: `c_folder.py`, `robot_program.py`.
+Uses `motion` and `sheet_maps`. Read first: `c_folder.py`, `robot_program.py`.
 """
 
 from .c_folder import Exported, export_c
@@ -19,6 +20,7 @@ from .robot_program import Program
 from .ros import to_ros, write_mcap
 from .ros2_control_package import Ros2ControlPackage, export_ros2_control
 from .self_test import check as check
+from .sheets_c import export_sheets
 from .urscript import to_urscript
 from .val3 import to_val3
 
@@ -34,6 +36,7 @@ __all__ = [
     "export_c",
     "export_moveit",
     "export_ros2_control",
+    "export_sheets",
     "to_fanuc",
     "to_gcode",
     "to_inform",

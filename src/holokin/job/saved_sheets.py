@@ -9,11 +9,11 @@ from typing import Any
 from ..base.arguments import typed
 from ..base.types import Vector
 from ..constraints import custom
-from ..covering import Sheets
-from ..covering.sheets_file import sheets_of_file
-from ..covering.surroundings import CLEARANCE, surroundings
 from ..errors import ArgumentError, UnknownNameError
 from ..robot import LinkShape, Robot
+from ..sheet_maps import Sheets
+from ..sheet_maps.sheets_file import sheets_of_file
+from ..sheet_maps.surroundings import CLEARANCE, surroundings
 from ..strategies import HolonomicStrategy, holonomic
 from ..tasks.task import Task
 from .strategy_tables import KINDS, Fitted

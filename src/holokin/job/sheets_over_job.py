@@ -8,12 +8,12 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from ..base.types import Vector
-from ..covering import SheetMotion, Sheets, sheets
 from ..errors import JobError
 from ..output.sheets_result import SheetsResult
 from ..path import Path
 from ..path.synchronized_paths import AnyPath
 from ..robot import Robot
+from ..sheet_maps import SheetMotion, Sheets, sheets
 from ..tasks.task import Task
 from .check_tables import ChecksTable
 from .cover_strategies import workspace_of_job

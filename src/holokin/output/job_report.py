@@ -12,9 +12,9 @@ import numpy as np
 
 from ..base.files import write_text, writing
 from ..base.printed_units import PrintedUnits
-from ..covering import write_sheets
 from ..errors import posture_text
 from ..motion import TimedTrajectory
+from ..sheet_maps import write_sheets
 from .check_section import check_section
 from .html_page import html_table, page, svg_figure
 from .job_figures import figures

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..covering import SheetMotion
 from ..robot import Robot
+from ..sheet_maps import SheetMotion
 from .palette import COLORS, GREY, INK, LIMIT, color_of
 from .plots import movers, thin
 from .sheets_plot import NONE

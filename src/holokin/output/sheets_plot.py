@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from ..base.types import Array, Indices
-from ..covering import PoseRest, Sheets
 from ..designing.proposed_workspace import reached
 from ..designing.slices import Plane, grid_planes, neighbouring_cells
 from ..inverse_kinematics.quiet_answers import leads_to
 from ..path.workspaces import PoseRange
+from ..sheet_maps import PoseRest, Sheets
 from .coverage_plots import CUT, frame_cloud, plane_map, views
 from .palette import BLACK, INK, ORANGE, PURPLE, SKY, VERMILLION, YELLOW
 from .words import on_figure

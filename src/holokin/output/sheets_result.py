@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..base.types import NoTruthValue, Value
-from ..covering import SheetMotion, Sheets
 from ..motion.trajectory import Trajectory
+from ..sheet_maps import SheetMotion, Sheets
 
 
 @dataclass(frozen=True, eq=False)

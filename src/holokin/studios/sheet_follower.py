@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..base.types import Array, Matrix, Value, Vector
-from ..covering import Sheets, StillMotion, self_motion_between
 from ..errors import HolokinError, NoSheetError
+from ..sheet_maps import Sheets, StillMotion, self_motion_between
 from .background_work import Shared, Worker, failure
 from .drag_follower import Move, follower
 from .runs import Run, put_on_leaf

@@ -9,7 +9,6 @@ from .seams import NoSeam, Seam, Seams
 from .sheet import Sheet
 from .sheet_map import SheetAnswers, Sheets
 from .sheet_motion import Division, SheetMotion, SheetPiece, UnservedPart
-from .sheets_c import export_sheets
 from .sheets_file import write_sheets
 from .still_motion import Hindrance, StillMotion, self_motion_between
 
@@ -27,7 +26,6 @@ __all__ = [
     "Sheets",
     "StillMotion",
     "UnservedPart",
-    "export_sheets",
     "self_motion_between",
     "sheets",
     "write_sheets",

@@ -10,8 +10,8 @@ import pytest
 
 import holokin as hk
 from handmade_sheets import LIMIT, map_of, panda_map, planar_map, planar_task
-from holokin.covering import Sheet, Sheets, self_motion_between
 from holokin.errors import ArgumentError, DividedPathError, HolokinError, StartError
+from holokin.sheet_maps import Sheet, Sheets, self_motion_between
 
 
 @pytest.fixture(scope="module")

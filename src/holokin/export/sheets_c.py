@@ -9,13 +9,12 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import Array, positive
 from ..errors import ArgumentError, ExportError
-from ..export import Exported
-from ..export.c_folder import c_name, c_texts, operations_of, write_texts
-from ..export.c_text import line
+from ..sheet_maps import Sheets
+from ..sheet_maps.pose_features import features
+from ..sheet_maps.sheet import STATIONS
 from ..version import __version__
-from .pose_features import features
-from .sheet import STATIONS
-from .sheet_map import Sheets
+from .c_folder import Exported, c_name, c_texts, operations_of, write_texts
+from .c_text import line
 
 PIECES = 1000
 """Pieces of a straight path on one sheet, at most."""

@@ -12,10 +12,10 @@ from scipy.sparse.csgraph import connected_components
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.covering import Hindrance, self_motion_between
-from holokin.covering.joined_motion import still_trajectory
-from holokin.covering.still_motion import held, still_motions
 from holokin.errors import ArgumentError, JointLimitError, NotFiniteError
+from holokin.sheet_maps import Hindrance, self_motion_between
+from holokin.sheet_maps.joined_motion import still_trajectory
+from holokin.sheet_maps.still_motion import held, still_motions
 
 STILL = 1e-9
 """What the tool may move [m, rad]."""
@@ -24,7 +24,7 @@ GRID = 2001
 """Angles of the first joint."""
 
 
-def at_each_millisecond(task: hk.Task, motion: hk.covering.StillMotion) -> np.ndarray:
+def at_each_millisecond(task: hk.Task, motion: hk.sheet_maps.StillMotion) -> np.ndarray:
     """The joints (k, n) of the motion, timed from rest to rest at 1 kHz."""
     pose = task.robot.pose(motion.q[0])
     timed = hk.retime(still_trajectory(task, pose, motion), task.robot, profile="quintic", dt=0.001)

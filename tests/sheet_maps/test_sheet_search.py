@@ -11,14 +11,14 @@ from benchmarks.disc_law import disc_law, disc_starts
 import holokin as hk
 from conftest import campaign
 from handmade_sheets import disc, planar_task
-from holokin.covering import PoseRest, candidate_sheets
-from holokin.covering.searched_poses import SearchedPoses
 from holokin.designing.candidates import Candidate
 from holokin.errors import (
     ArgumentError,
     NoSheetError,
     OutOfReachError,
 )
+from holokin.sheet_maps import PoseRest, candidate_sheets
+from holokin.sheet_maps.searched_poses import SearchedPoses
 
 
 def test_what_is_out_of_reach_is_told_from_what_limits_forbid() -> None:

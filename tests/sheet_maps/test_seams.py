@@ -9,9 +9,9 @@ import pytest
 
 import holokin as hk
 from handmade_sheets import map_of, panda_map, planar_map, planar_task
-from holokin.covering import Hindrance, Sheet, Sheets, self_motion_between
-from holokin.covering.surroundings import surroundings
 from holokin.errors import ArgumentError, NoSeamError, NotFiniteError, ShapeError
+from holokin.sheet_maps import Hindrance, Sheet, Sheets, self_motion_between
+from holokin.sheet_maps.surroundings import surroundings
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,6 @@ from benchmarks.disc_law import disc_law, disc_starts
 
 import holokin as hk
 from handmade_sheets import LIMIT, disc, planar_task
-from holokin.covering import Sheet, Sheets
 from holokin.errors import (
     ArgumentError,
     BranchError,
@@ -22,6 +21,7 @@ from holokin.errors import (
     SheetsFileError,
 )
 from holokin.path.workspaces import pose_cloud
+from holokin.sheet_maps import Sheet, Sheets
 
 
 @pytest.fixture(scope="module")
