@@ -62,13 +62,13 @@ class Motion:
     cycles: int
     truth: Trend
 
-    def log(self, rate: float, noise: float, seed: int) -> hk.recording.Recording:
+    def log(self, rate: float, noise: float, seed: int) -> hk.robot_logs.Recording:
         """As it is logged at a rate [Hz], with noise."""
         count = round(self.cycles * SECONDS * rate) + 1
         at = np.linspace(0, len(self.q) - 1, count)
         q = CubicSpline(np.arange(len(self.q)), self.q)(at)
         q = q + noise * np.random.default_rng(seed).normal(size=q.shape)
-        return hk.recording.Recording(self.setup.robot.joint_names, np.arange(count) / rate, q, self.law)
+        return hk.robot_logs.Recording(self.setup.robot.joint_names, np.arange(count) / rate, q, self.law)
 
 
 def random_arm(rng: np.random.Generator) -> hk.Robot:

@@ -27,8 +27,8 @@ from benchmarks.drift import versions
 from benchmarks.growth import START, Growth, environment, growth, growth_page
 from benchmarks.pose_rivals import poses_page
 from benchmarks.rivals import rivals
-from holokin.analysis.curvature_of_planes import curvature_function
 from holokin.motion import simulate
+from holokin.motion_analysis.curvature_of_planes import curvature_function
 from holokin.native_code.native_library import engine
 
 DT = 0.001

@@ -17,9 +17,9 @@ import numpy as np
 from PIL import Image
 
 import holokin as hk
-from holokin.analysis.elbow_field import LeafField, sphere_of
-from holokin.analysis.sphere_index import spread
 from holokin.job import open_job, run_job
+from holokin.motion_analysis.elbow_field import LeafField, sphere_of
+from holokin.motion_analysis.sphere_index import spread
 from holokin.output.animate import cycles_frames, shown_laws
 from holokin.output.clear_picture import box_figure
 from holokin.output.coverage_plots import coverage_figure
@@ -205,7 +205,7 @@ def swivel() -> None:
     ):
         law = hk.holonomic(task, hk.arm_angle(definition=definition))
         start = on_sphere(law, level, (0.55, -0.62, 0.56))
-        found = hk.obstruction(law, hk.analysis.Directions(), start)
+        found = hk.obstruction(law, hk.motion_analysis.Directions(), start)
         field = LeafField(law, start, sphere_of(task, start, arm), arm)
         states, *_ = spread(field, field.start, field.sphere.direction, 2)
         globe(axes, np.array(view))

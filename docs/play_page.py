@@ -44,7 +44,7 @@ def laws() -> dict[str, hk.Strategy]:
 
 def cusp() -> PageLoop:
     """The loop round a cusp."""
-    witness = hk.analysis.witness_between(laws()["q1 - q3 held"], *CUSP)
+    witness = hk.motion_analysis.witness_between(laws()["q1 - q3 held"], *CUSP)
     if witness is None:
         raise SystemExit("no loop leads from one posture to the other")
     return cusp_loop(witness, "q1 - q3")

@@ -69,7 +69,7 @@ if __name__ == "__main__":
     (GOLDEN / "episodes.npz").unlink()
     robot = hk.load("panda")
     from holokin.interop import retarget
-    from holokin.recording import joint_feature, read_dataset
+    from holokin.robot_logs import joint_feature, read_dataset
 
     data = read_dataset(place)
     ik = hk.inverse(hk.holonomic(hk.pose(robot), hk.lock("panda_joint3")), Q0, limits=True)

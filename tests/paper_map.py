@@ -147,7 +147,7 @@ THEOREMS = {
         "a null-space basis of an exact J is involutive",
         [
             "strategies/test_theorems.py::test_a_null_space_basis_is_involutive_lemma_III_1_36",
-            "analysis/test_verdicts.py::test_a_verdict_says_on_which_grounds_it_reaches_beyond_its_postures",
+            "motion_analysis/test_verdicts.py::test_a_verdict_says_on_which_grounds_it_reaches_beyond_its_postures",
         ],
     ),
     "Theorem III.2": (

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
-from holokin import analysis, constraints, designing, laws, motion, recording, strategies
+from holokin import constraints, designing, laws, motion, motion_analysis, robot_logs, strategies
 
 from .nouns import MineError, kit
 from .path_calls import path_calls
@@ -201,7 +201,7 @@ def calls() -> dict[str, Call]:
         "interop.torch.inverse": (hk.interop.torch.inverse, (k["ik"],), {}),
         "interop.jax.inverse": (hk.interop.jax.inverse, (k["ik"],), {}),
         "numeric": (strategies.numeric, (task, law), {"q0": q, "name": "n", "accuracy": 1e-6}),
-        "measured_curvature": (analysis.measured_curvature, (strategies.numeric(task, law), q), {}),
+        "measured_curvature": (motion_analysis.measured_curvature, (strategies.numeric(task, law), q), {}),
         "move_to_leaf": (hk.move_to_leaf, (held, q), {"level": [0.31]}),
         "controller": (hk.controller, (held,), {
             "dt": 0.01, "q0": q, "gain": 1.0, "constraint_gain": 1.0, "limits": True}),
@@ -223,26 +223,26 @@ def calls() -> dict[str, Call]:
             "q0": q, "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0,
             "metrics": {"length": len}}),
         "around": (hk.around, (q, 0.1), {}),
-        "box": (analysis.box, (q - 0.1, q + 0.1), {}),
-        "ball": (analysis.ball, (q, 0.1), {"along": 0.0}),
-        "ball_postures": (analysis.ball_postures, (law, k["ball"], 2), {"seed": 0}),
+        "box": (motion_analysis.box, (q - 0.1, q + 0.1), {}),
+        "ball": (motion_analysis.ball, (q, 0.1), {"along": 0.0}),
+        "ball_postures": (motion_analysis.ball_postures, (law, k["ball"], 2), {"seed": 0}),
         "involutivity": (hk.involutivity, (law, region), {
             "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
-        "involutivity_of": (analysis.involutivity_of, (lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], 3), {
+        "involutivity_of": (motion_analysis.involutivity_of, (lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], 3), {
             "region": region, "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
         "curvature": (hk.curvature, (law, q), {"method": "auto"}),
         "unique_region": (hk.unique_region, (held, q), {"limits": False, "budget": 40, "say": str}),
-        "witness_between": (hk.analysis.witness_between, (held, q, q), {"via": 8, "limits": False}),
-        "why_elsewhere": (hk.analysis.why_elsewhere, (held, hk.follow(held, loop, q)), {}),
+        "witness_between": (hk.motion_analysis.witness_between, (held, q, q), {"via": 8, "limits": False}),
+        "why_elsewhere": (hk.motion_analysis.why_elsewhere, (held, hk.follow(held, loop, q)), {}),
         "cusps": (hk.cusps, (held, q), {"starts": 8, "limits": False}),
-        "filtration": (analysis.filtration, (held, q), {"most": 2}),
-        "predicted_drift": (analysis.predicted_drift, (law, loop, q), {}),
-        "drift_free": (analysis.drift_free, (law, q), {"plane": (0, 1), "step": 0.3, "limits": False}),
-        "deviation": (analysis.deviation, (law, held, Q), {"columns": 2}),
-        "distance_to_repeatable": (analysis.distance_to_repeatable, (law, k["ball"]), {
+        "filtration": (motion_analysis.filtration, (held, q), {"most": 2}),
+        "predicted_drift": (motion_analysis.predicted_drift, (law, loop, q), {}),
+        "drift_free": (motion_analysis.drift_free, (law, q), {"plane": (0, 1), "step": 0.3, "limits": False}),
+        "deviation": (motion_analysis.deviation, (law, held, Q), {"columns": 2}),
+        "distance_to_repeatable": (motion_analysis.distance_to_repeatable, (law, k["ball"]), {
             "ours": held, "samples": 2, "seed": 0}),
-        "leaf_function": (analysis.leaf_function, (held, q), {"radius": 0.01, "samples": 1, "seed": 0}),
-        "general_form": (analysis.general_form, (law, q), {"reference": q}),
+        "leaf_function": (motion_analysis.leaf_function, (held, q), {"radius": 0.01, "samples": 1, "seed": 0}),
+        "general_form": (motion_analysis.general_form, (law, q), {"reference": q}),
         "export_c": (hk.export_c, (law, "out"), {
             "q0": q, "dt": 0.01, "name": "law", "limits": True, "vectors_count": 1, "origin": "fuzz"}),
         "export_moveit": (hk.export.export_moveit, (held, "out"), {
@@ -250,11 +250,11 @@ def calls() -> dict[str, Call]:
             "origin": "fuzz"}),
         "export_ros2_control": (hk.export.export_ros2_control, (held, "out"), {
             "q0": q, "package": "law_controller", "name": "law", "vectors_count": 1, "origin": "fuzz"}),
-        "Recording": (recording.Recording, (("a", "b", "c"), t, np.zeros((3, 3)), "here"), {"notes": ()}),
-        "audit_recording": (hk.audit_recording, (recording.Recording(tuple(robot.joint_names), t, np.zeros((3,
+        "Recording": (robot_logs.Recording, (("a", "b", "c"), t, np.zeros((3, 3)), "here"), {"notes": ()}),
+        "audit_recording": (hk.audit_recording, (robot_logs.Recording(tuple(robot.joint_names), t, np.zeros((3,
             3)), "here"),
             robot), {"tip": None, "orientation": None, "tolerance": 1e-3, "length_scale": 0.1}),
-        "read_dataset": (recording.read_dataset, (Path("no folder"),), {}),
+        "read_dataset": (robot_logs.read_dataset, (Path("no folder"),), {}),
         "lerobot_step": (hk.interop.lerobot_step, (k["ik"],), {
             "degrees": True, "step": 0.1, "prefix": "ee", "motors": None}),
         "read_recording": (hk.read_recording, ("no.csv", robot), {

@@ -25,7 +25,7 @@ import mujoco
 import numpy as np
 
 import holokin as hk
-from holokin import analysis, strategies
+from holokin import motion_analysis, strategies
 from holokin.base.printed_units import PrintedUnits
 from holokin.errors import HolokinError, MissingExtraError
 from holokin.path.workspaces import Box, Cylinder, Sphere, pose_cloud
@@ -107,7 +107,8 @@ def _special() -> dict[str, dict[str, Any]]:
     arm = {"task": panda, "k": panda.kinematics(q7), "q": q7}
     return {
         "constraints.find_arm": {"task": panda}, "Arm.places": {"task": panda}, "Arm.expressions": arm,
-        "strategies.inertia_weighted": {"task": panda}, "analysis.general_form": {"strategy": k["held"], "q": k["q"]},
+        "strategies.inertia_weighted": {"task": panda}, "motion_analysis.general_form": {"strategy": k["held"],
+        "q": k["q"]},
         **{f"StackedTask.{name}": own for name, own in both.items()}, "StackedTask.margin_expression": wide,
         "Solid.points": cube, "Solid.contains": cube,
         "Slice.grid": {"values": np.zeros(int(things()["slices"].inside.sum()))},
@@ -134,7 +135,7 @@ def _special() -> dict[str, dict[str, Any]]:
         "Sheets.certified": {"sheet": 0, "workspace": k["space"]},
         "Mesh.outward": {"faces": np.zeros((1, 3), dtype=int)},
         "Trajectory.printed": {"units": PrintedUnits()},
-        "analysis.witness_between": {"first": k["q"], "second": np.array([0.3, 0.2, 0.5])},
+        "motion_analysis.witness_between": {"first": k["q"], "second": np.array([0.3, 0.2, 0.5])},
         "strategies.right_inverse": {"G": _pseudo_inverse},
     }  # fmt: skip
 
@@ -164,7 +165,7 @@ def things() -> dict[str, Any]:
     two, walk, law, space = k["two"], k["walk"], k["law"], k["space"]
     pair = hk.stacked(hk.position(two, tip=two.tips[0].name, rows=[0]), hk.position(two, tip="elbow", rows=[1]))
     around = hk.follow(held, k["loop"], q, samples=40, cycles=4)
-    log = hk.recording.Recording(tuple(robot.joint_names), around.t, around.q, "here")
+    log = hk.robot_logs.Recording(tuple(robot.joint_names), around.t, around.q, "here")
     made: dict[str, Callable[[], Any]] = {
         "ik": lambda: hk.inverse(held, q), "verdict": lambda: hk.involutivity(held, k["region"], samples=4),
         "controller": lambda: hk.controller(held, dt=0.02, q0=q), "constraint": lambda: hk.lock(2),
@@ -187,9 +188,10 @@ def things() -> dict[str, Any]:
         "obstruction": lambda: hk.obstruction(held, k["loop"], q, samples=8),
         "program": lambda: hk.export.to_rapid(k["timed"], wiring=k["wiring"]),
         "self-motion": lambda: strategies.self_motion(task, q, step=0.2, length=1.0),
-        "filtration": lambda: analysis.filtration(held, q), "deviation": lambda: analysis.deviation(law, held, k["Q"]),
-        "predicted": lambda: analysis.predicted_drift(law, k["loop"], q),
-        "drift free": lambda: analysis.drift_free(law, q), "objective": lambda: hk.Objective(squared_speed=1.0),
+        "filtration": lambda: motion_analysis.filtration(held, q),
+        "deviation": lambda: motion_analysis.deviation(law, held, k["Q"]),
+        "predicted": lambda: motion_analysis.predicted_drift(law, k["loop"], q),
+        "drift free": lambda: motion_analysis.drift_free(law, q), "objective": lambda: hk.Objective(squared_speed=1.0),
         "waypoints": lambda: hk.Waypoints(np.eye(3), None, None, "s", ()),
         "metrics": lambda: hk.designing.section_metrics(held, space, q),
         "slices": lambda: hk.designing.coverage_slices(held, space, q, steps=3)[0],
@@ -234,8 +236,9 @@ def callables() -> Iterator[tuple[str, Callable[..., Any]]]:
 
 
 HEAVY = {
-    "studio", "audit", "advise", "design", "closest_holonomic", "coverage", "survey", "analysis.distance_to_repeatable",
-    "analysis.winding", "motion.winding", "designing.coverage_slices", "designing.section_metrics", "certify",
+    "studio", "audit", "advise", "design", "closest_holonomic", "coverage", "survey",
+    "motion_analysis.distance_to_repeatable",
+    "motion_analysis.winding", "motion.winding", "designing.coverage_slices", "designing.section_metrics", "certify",
     "proof.follow_certified", "catalogue", "designing.choose_tip", "designing.posture_reach",
 }  # fmt: skip
 """Calls that take long, or open pages, where a bad argument is none; `calls` has them."""
@@ -245,8 +248,8 @@ ABSENT = {
     "audit_recording", "from_mjcf", "from_pinocchio", "from_roboticstoolbox", "from_urdf", "from_yourdfpy",
     "read_recording", "read_svg", "read_waypoints", "read_workspace", "robot.model_links",
     "robot.model_tips", "strategies.inertia_weighted", "read_sheets", "interop.retarget", "auditing.audit_dataset",
-    "recording.chosen_episodes", "recording.has_joints", "recording.is_dataset", "recording.joint_feature",
-    "recording.pose_feature", "recording.read_dataset", "recording.read_runs",
+    "robot_logs.chosen_episodes", "robot_logs.has_joints", "robot_logs.is_dataset", "robot_logs.joint_feature",
+    "robot_logs.pose_feature", "robot_logs.read_dataset", "robot_logs.read_runs",
 }  # fmt: skip
 """Those whose good arguments would be files, models of other packages, logs or datasets: other fuzzers have them."""
 

@@ -13,7 +13,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from . import (
-    analysis,
     auditing,
     checking,
     constraints,
@@ -23,14 +22,14 @@ from . import (
     inverse_kinematics,
     laws,
     motion,
+    motion_analysis,
     physics,
     proof,
-    recording,
     robot,
+    robot_logs,
     sheet_maps,
     strategies,
 )
-from .analysis import Verdict, around, curvature, cusps, involutivity, obstruction
 from .auditing import audit, audit_recording
 from .base.poses import pose_of
 from .checking import CheckReport, check
@@ -52,6 +51,7 @@ from .inverse_kinematics import all_postures, inverse, move_to_leaf
 from .laws import mink_task, pink_task
 from .motion import ControlLaw, TimedTrajectory, approach, controller, drift, path_spread, retime, simulate
 from .motion.trajectory import Status, Trajectory
+from .motion_analysis import Verdict, around, curvature, cusps, involutivity, obstruction
 from .path import (
     Path,
     Waypoints,
@@ -65,6 +65,9 @@ from .path import (
     path_of,
     polyline,
     raster,
+    read_svg,
+    read_waypoints,
+    read_workspace,
     spiral,
     spline,
     with_leads,
@@ -72,7 +75,6 @@ from .path import (
 from .path.synchronized_paths import synchronized, through
 from .path.workspaces import Workspace, workspace
 from .proof import Certificate, certify, follow, unique_region
-from .recording import read_recording, read_svg, read_waypoints, read_workspace
 from .robot import (
     Part,
     Robot,
@@ -95,6 +97,7 @@ from .robot import (
     with_shape,
     with_tool,
 )
+from .robot_logs import read_recording
 from .sheet_maps import Sheets, sheets, write_sheets
 from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
 from .tasks.frame_task import stacked
@@ -132,7 +135,6 @@ __all__ = [
     "Workspace",
     "advise",
     "all_postures",
-    "analysis",
     "approach",
     "arc",
     "arm_angle",
@@ -185,6 +187,7 @@ __all__ = [
     "mink_task",
     "moore_penrose",
     "motion",
+    "motion_analysis",
     "move_to_leaf",
     "null_basis",
     "obstacle",
@@ -206,10 +209,10 @@ __all__ = [
     "read_svg",
     "read_waypoints",
     "read_workspace",
-    "recording",
     "relative_pose",
     "retime",
     "robot",
+    "robot_logs",
     "sheet_maps",
     "sheets",
     "simulate",

@@ -14,7 +14,7 @@ import holokin as hk
 from conftest import Command
 from holokin.auditing import DatasetAudit, LogVerdict, audit_dataset
 from holokin.output.dataset_report import dataset_figure
-from holokin.recording import joint_feature, pose_feature, read_dataset
+from holokin.robot_logs import joint_feature, pose_feature, read_dataset
 from small_datasets import write_dataset
 
 ARM = hk.load("planar-3r")

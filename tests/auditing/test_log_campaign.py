@@ -93,7 +93,7 @@ def test_the_tool_path_repeats_to_what_its_samples_leave_open(corners: bool) -> 
         log = np.array([np.interp(at, np.arange(len(q)), column) for column in q.T])
         whole = setup.task.orientation is not None
         names = setup.robot.joint_names
-        recording = hk.recording.Recording(names, np.asarray(0.008 * np.arange(len(share)), dtype=float), log.T, "log")
+        recording = hk.robot_logs.Recording(names, np.asarray(0.008 * np.arange(len(share)), dtype=float), log.T, "log")
         cycles = hk.audit_recording(recording, setup.robot, orientation=whole).cycles
         assert cycles.residual.max() < max(1e-5, 2 * cycles.sampling)
         assert cycles.sampling == pytest.approx(0.002 * np.sqrt(2) / 4, rel=0.3) if corners else cycles.sampling < 2e-4

@@ -16,7 +16,7 @@ import pytest
 import holokin as hk
 from bags import JOINTS, write_bag
 from conftest import sampled
-from holokin import auditing, recording
+from holokin import auditing, robot_logs
 from holokin.auditing.arcs import FREE
 from holokin.auditing.cycles import find_cycles
 from holokin.errors import ArgumentError, RecordingError
@@ -195,8 +195,8 @@ def phase(rows: int, loops: int, kind: str) -> np.ndarray:
     return (angle - angle[0]) / (angle[-1] - angle[0]) * 2 * np.pi * loops
 
 
-def recorded(q: np.ndarray, robot: hk.Robot = PPR) -> recording.Recording:
-    return recording.Recording(robot.joint_names, 0.001 * np.arange(len(q)), q, "memory")
+def recorded(q: np.ndarray, robot: hk.Robot = PPR) -> robot_logs.Recording:
+    return robot_logs.Recording(robot.joint_names, 0.001 * np.arange(len(q)), q, "memory")
 
 
 @pytest.mark.campaign
@@ -282,7 +282,7 @@ def test_a_long_csv_is_read_and_judged_in_little_memory(tmp_path: Path) -> None:
         robot = hk.load("panda")
         make(100_000)
         sines = 0.1 * np.sin(np.arange(300.))[:, None] * np.ones(7) + [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
-        hk.audit_recording(hk.recording.Recording(robot.joint_names, np.arange(300.), sines, "warm"), robot)
+        hk.audit_recording(hk.robot_logs.Recording(robot.joint_names, np.arange(300.), sines, "warm"), robot)
         base = peak()
         log = hk.read_recording({str(tmp_path / "log.csv")!r}, robot)
         read = peak()

@@ -48,9 +48,9 @@ def motion(shift: Callable[[np.ndarray], np.ndarray], cycles: int, creep: float)
     return q
 
 
-def logged(q: np.ndarray, noise: float = 0.0, seed: int = 0) -> hk.recording.Recording:
+def logged(q: np.ndarray, noise: float = 0.0, seed: int = 0) -> hk.robot_logs.Recording:
     q = q + noise * np.random.default_rng(seed).normal(size=q.shape)
-    return hk.recording.Recording(PANDA.joint_names, 0.01 * np.arange(len(q)), q, "memory")
+    return hk.robot_logs.Recording(PANDA.joint_names, 0.01 * np.arange(len(q)), q, "memory")
 
 
 @cache

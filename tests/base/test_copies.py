@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin import analysis, constraints, inverse_kinematics, laws, motion, recording, surveys
+from holokin import constraints, inverse_kinematics, laws, motion, motion_analysis, robot_logs, surveys
 from holokin.errors import HolokinError
 
 Q = np.array([0.3, 0.7, -0.5])
@@ -24,25 +24,25 @@ def values(robot: hk.Robot) -> dict[str, Any]:
     task, start = hk.pose(robot, rows=[0, 1]), robot.pose(Q)[:3, 3]
     law, held = hk.moore_penrose(task), hk.holonomic(task, hk.lock(0))
     loop = hk.circle(start, start + [0.02, 0, 0])
-    ik, leaf = hk.inverse(held, Q), analysis.leaf_function(held, Q, samples=1)
+    ik, leaf = hk.inverse(held, Q), motion_analysis.leaf_function(held, Q, samples=1)
     found = {
         "robot": robot, "task": task, "pseudo-inverse": law, "held": held, "circle": loop,
         "polyline": hk.polyline([[0, 0], [1, 0], [1, 1]], turns=[[0, 0, 0.1]] * 2), "region": hk.around(Q, 0.1),
-        "ball": analysis.ball(Q, 0.1), "weighted": hk.weighted(task, np.diag([1.0, 2.0, 3.0])),
+        "ball": motion_analysis.ball(Q, 0.1), "weighted": hk.weighted(task, np.diag([1.0, 2.0, 3.0])),
         "self-motion": hk.strategies.self_motion(task, Q, length=0.2), "verdict": hk.involutivity(law,
         hk.around(Q, 0.1)),
         "inverse": ik, "leaf function": leaf, "servo": hk.controller(held, dt=0.01, q0=Q),
         "walk": hk.follow(law, loop, Q, samples=8), "drift": hk.drift(held, loop, Q, samples=8),
         "spread": hk.path_spread(law, loop, loop.reversed(), Q, samples=8),
-        "predicted drift": analysis.predicted_drift(law, loop, Q),
-        "winding": motion.winding(law, loop, Q, samples=8), "general form": analysis.general_form(held, Q),
+        "predicted drift": motion_analysis.predicted_drift(law, loop, Q),
+        "winding": motion.winding(law, loop, Q, samples=8), "general form": motion_analysis.general_form(held, Q),
         "simulate": hk.simulate(laws.closed_loop(law), task, loop, Q, dt=0.1), "controller": laws.closed_loop(law),
-        "distance_to_repeatable": analysis.distance_to_repeatable(law, analysis.ball(Q, 0.02), samples=2),
-        "deviation": analysis.deviation(law,
+        "distance_to_repeatable": motion_analysis.distance_to_repeatable(law, motion_analysis.ball(Q, 0.02), samples=2),
+        "deviation": motion_analysis.deviation(law,
         held, [Q]),
-        "filtration": analysis.filtration(law, Q),
+        "filtration": motion_analysis.filtration(law, Q),
         "audit": hk.audit(laws.closed_loop(law), robot, task, [loop], q0=Q, dt=0.2),
-        "recording": recording.Recording(tuple(robot.joint_names), np.arange(3.0), np.zeros((3, 3)), "here"),
+        "recording": robot_logs.Recording(tuple(robot.joint_names), np.arange(3.0), np.zeros((3, 3)), "here"),
         "radial": hk.radial(law, Q), "stack": constraints.stack(hk.lock(0), hk.linear([1, 0, 0])),
         "stationary": hk.stationary(constraints.posture_cost(Q)), "impedance": hk.strategies.impedance(task,
         constraints.posture_cost(Q)),
@@ -98,10 +98,10 @@ def test_no_array_that_a_value_keeps_can_be_written_to(planar_3r: hk.Robot) -> N
         (np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]]), lambda task, P: hk.polyline(P)),
         (np.array([0.0, 0.0, 1.0]), lambda task, p: hk.line(p, p + 1)),
         (Q.copy(), lambda task, q: hk.inverse(hk.holonomic(task, hk.lock(0)), q)),
-        (Q.copy(), lambda task, q: analysis.leaf_function(hk.holonomic(task, hk.lock(0)), q, samples=1)),
-        (Q.copy(), lambda task, q: analysis.ball(q, 0.1)),
+        (Q.copy(), lambda task, q: motion_analysis.leaf_function(hk.holonomic(task, hk.lock(0)), q, samples=1)),
+        (Q.copy(), lambda task, q: motion_analysis.ball(q, 0.1)),
         (np.eye(3), lambda task, R: hk.pose(task.robot, "rotation-vector", reference=R, rows=[0, 1, 2])),
-        (np.zeros((3, 3)), lambda task, q: recording.Recording(("a", "b", "c"), np.arange(3.0), q, "here")),
+        (np.zeros((3, 3)), lambda task, q: robot_logs.Recording(("a", "b", "c"), np.arange(3.0), q, "here")),
     ],
 )
 def test_a_value_does_not_change_with_the_array_that_it_was_made_from(
@@ -126,7 +126,7 @@ def answer(task: hk.Task, value: Any) -> Any:
         return value.at(np.linspace(0, value.duration, 5)).position.tolist()
     if isinstance(value, inverse_kinematics.InverseKinematics):
         return value(task.robot.pose(Q + 0.02)).tolist()
-    if isinstance(value, analysis.LeafFunction):
+    if isinstance(value, motion_analysis.LeafFunction):
         return value(Q + 0.02).tolist()
     return [np.asarray(getattr(value, f.name)).tolist() for f in dataclasses.fields(value)]
 
@@ -138,7 +138,9 @@ def test_public_values_are_pickled_and_copied_and_answer_as_before(planar_3r: hk
         for other in (there, twin, same):
             assert type(other) is type(value), name
             assert all(not array.flags.writeable for _, array in kept(other, name, set())), name
-        asked = hk.Strategy | hk.Constraint | inverse_kinematics.InverseKinematics | analysis.LeafFunction | hk.Path
+        asked = (
+            hk.Strategy | hk.Constraint | inverse_kinematics.InverseKinematics | motion_analysis.LeafFunction | hk.Path
+        )
         if isinstance(value, asked):
             if isinstance(value, hk.Constraint) and value.rows != 1:
                 continue

@@ -41,7 +41,7 @@ def test_a_count_is_a_whole_number_of_at_least_one(ppr: hk.Robot, count: object)
     path = hk.circle(strategy.task(PPR_START), [1.2, 0.4])
     for call in (
         lambda: hk.involutivity(strategy, hk.around(PPR_START, 0.1), samples=count),
-        lambda: hk.analysis.involutivity_of(lambda q: [[1], [0], [q[1]]], 3, samples=count),
+        lambda: hk.motion_analysis.involutivity_of(lambda q: [[1], [0], [q[1]]], 3, samples=count),
         lambda: hk.follow(strategy, path, PPR_START, samples=count),
         lambda: hk.follow(strategy, path, PPR_START, cycles=count),
     ):

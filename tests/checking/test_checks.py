@@ -13,8 +13,8 @@ import holokin as hk
 from conftest import PANDA_START, R3_START, Command, assert_refused, urdf, write_job
 from holokin.checking import FindingKind
 from holokin.errors import ArgumentError, MissingExtraError, ShapeError, UnknownNameError
-from holokin.recording import Recording
 from holokin.robot import Box, Capsule, LinkShape
+from holokin.robot_logs import Recording
 
 pytestmark = pytest.mark.usefixtures("sketched")  # what is written when is the statement, not what is drawn
 

@@ -7,10 +7,10 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_RADIUS, sampled
-from holokin.analysis import ball, box
 from holokin.designing.coordinates import chart_of, coordinates_of
 from holokin.designing.leaf_series import SampledSeries, series_over
 from holokin.errors import ArgumentError
+from holokin.motion_analysis import ball, box
 from holokin.symbolic import SX, sin
 
 OPTIMUM = 0.035229
@@ -47,7 +47,7 @@ def test_the_deviation_is_that_of_the_strategy_itself(ppr: hk.Robot) -> None:
     x = PPR_RADIUS * np.sqrt(rho)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     center = hk.position(ppr)([0.9, -0.3, 0.8])
     Q = np.column_stack([center + x - np.column_stack([np.cos(q3), np.sin(q3)]), q3])
-    assert hk.analysis.deviation(mp, found.strategy, Q).rms == pytest.approx(found.ours.rms, rel=0.03)
+    assert hk.motion_analysis.deviation(mp, found.strategy, Q).rms == pytest.approx(found.ours.rms, rel=0.03)
     assert found.strategy.batch(Q + [0, 0, 2 * np.pi]) == pytest.approx(found.strategy.batch(Q), abs=1e-12)
 
 
@@ -100,7 +100,7 @@ def test_its_derivatives_are_those_of_differences(panda: hk.Robot, rows: tuple[i
 
 def test_bad_regions_are_told_with_their_cure(ppr: hk.Robot, irb140: hk.Robot) -> None:
     mp = hk.moore_penrose(hk.position(ppr))
-    with pytest.raises(ArgumentError, match=r"`along` of the ball is 0.0; give hk.analysis.ball"):
+    with pytest.raises(ArgumentError, match=r"`along` of the ball is 0.0; give hk.motion_analysis.ball"):
         hk.closest_holonomic(mp, ball((0.9, -0.3, 0.8), 0.1))
     with pytest.raises(ArgumentError, match="redundant joints is 0"):
         hk.closest_holonomic(hk.moore_penrose(hk.pose(irb140)), hk.around(np.full(6, 0.3), 0.1))

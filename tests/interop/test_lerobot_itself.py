@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from golden_lerobot import Q0, episodes, facts, in_lerobot
 from holokin.interop import retarget
-from holokin.recording import joint_feature, read_dataset
+from holokin.robot_logs import joint_feature, read_dataset
 
 PLACE = os.environ.get("HOLOKIN_LEROBOT")
 VERSIONS = {"v2.1": "0.3.3", "v3.0": "0.4.4"}

@@ -14,8 +14,8 @@ import holokin as hk
 from conftest import Command, assert_refused, sampled
 from holokin.errors import ArgumentError, RecordingError
 from holokin.interop import Retargeted, retarget
-from holokin.recording import joint_feature, pose_feature, read_dataset
-from holokin.recording.dataset_folder import rows
+from holokin.robot_logs import joint_feature, pose_feature, read_dataset
+from holokin.robot_logs.dataset_folder import rows
 from small_datasets import stats, write_dataset
 
 GOLDEN = Path(__file__).parents[1] / "golden"

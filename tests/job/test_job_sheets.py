@@ -19,7 +19,7 @@ from holokin.job.sheets_over_job import saved_map
 from holokin.output.job_result import JobResult
 from holokin.output.job_verdict import whole_verdict
 from holokin.output.sheet_motion_plot import sheet_motion_figure
-from holokin.recording import read_recording
+from holokin.robot_logs import read_recording
 from holokin.sheet_maps import PoseRest, Sheet, Sheets
 
 LIMIT = np.radians(150)

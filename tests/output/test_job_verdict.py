@@ -21,7 +21,7 @@ from holokin.output.job_result import Check, JobResult
 from holokin.output.job_table import columns, rows
 from holokin.output.job_verdict import not_tested, strategy_verdicts, what_was_run, whole_verdict
 from holokin.output.words import alike, away
-from holokin.recording import read_recording
+from holokin.robot_logs import read_recording
 from short_jobs import shortened
 
 DEGREES = PrintedUnits("deg", "mm")

@@ -13,11 +13,11 @@ from matplotlib.text import Text
 
 import holokin as hk
 from conftest import campaign, sampled
-from holokin.analysis import curvature
 from holokin.job import open_job, run_job
 from holokin.job.schema import ExpectTable, Job
 from holokin.job.strategy_tables import MoorePenrose
 from holokin.motion.trajectory import Status
+from holokin.motion_analysis import curvature
 from holokin.output.animate import two_path_frames
 from holokin.output.job_figures import figures, robot_figure
 from holokin.output.job_report import write_report

@@ -60,7 +60,7 @@ def test_what_is_built_of_a_strategy_is_built_once_and_goes_with_it(ppr_task: hk
     held = hk.holonomic(ppr_task, hk.linear([-0.5, -0.5, 1]))
     for verb in (leaf_step, path_rate, extended_jacobian):
         assert verb(held) is verb(held)
-    hk.curvature(held, PPR_START), hk.analysis.filtration(held, PPR_START)
+    hk.curvature(held, PPR_START), hk.motion_analysis.filtration(held, PPR_START)
     hk.follow(held, hk.line(*(held.task.robot.pose(PPR_START)[:3, 3] + s for s in (0.0, 0.01))), PPR_START, samples=3)
     gone = weakref.ref(held)
     del held

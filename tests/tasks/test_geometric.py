@@ -103,7 +103,7 @@ def test_the_packaged_irb140_job_is_27_with_28_and_29() -> None:
         G = W @ J[:3].T @ np.linalg.inv(J[:3] @ W @ J[:3].T)  # (27)
         assert strategy(q) == pytest.approx(G, abs=1e-10)
         assert np.abs((J[:3] + J[3:]) @ strategy(q)).max() < 1e-12  # (28)
-        J_A = hk.analysis.general_form(strategy, q).J_A
+        J_A = hk.motion_analysis.general_form(strategy, q).J_A
         one = np.eye(3)
         assert pytest.approx(np.block([[one, 0 * one], [one, one]]) @ J, abs=1e-13) == J_A  # (29)
         assert abs(np.linalg.det(J_A)) == pytest.approx(abs(np.linalg.det(J)))
@@ -150,7 +150,7 @@ def test_a_jacobian_of_sub_rows_of_angular_velocity_breaks_lemma_III_1_E2(irb140
 
     def involutive(rows: ca.SX) -> bool:
         function = ca.Function("k", [x], [kernel(rows)])
-        return hk.analysis.involutivity_of(lambda q: function(q), 6, hk.around(IRB_START, 0.2)).holonomic
+        return hk.motion_analysis.involutivity_of(lambda q: function(q), 6, hk.around(IRB_START, 0.2)).holonomic
 
     assert involutive(J_w)  # constant orientation: leaves R = const
     assert involutive(J_w[:2, :])

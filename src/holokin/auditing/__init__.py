@@ -1,6 +1,6 @@
 """Black boxes and logs: do the joints return with the tool?
 
-Uses `analysis` and `recording`. Read first: `black_box.py`, `log_audit.py`.
+Uses `motion_analysis` and `robot_logs`. Read first: `black_box.py`, `log_audit.py`.
 """
 
 from .black_box import Audit, Finding, audit

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.curvature_of_planes import pairs
 from ..base.arguments import typed
 from ..base.own_number import own_number
 from ..base.types import ArrayLike, NoTruthValue
@@ -20,6 +19,7 @@ from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError
 from ..inverse_kinematics.posture_search import spread
 from ..motion import as_control_law
 from ..motion.trajectory import Trajectory
+from ..motion_analysis.curvature_of_planes import pairs
 from ..path import Path, circle, polyline
 from ..robot import Robot
 from ..strategies import Strategy

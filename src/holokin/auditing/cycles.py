@@ -8,8 +8,8 @@ import numpy as np
 
 from ..base.types import Array, Indices, Matrix, Vector
 from ..errors import RecordingError
-from ..recording import Recording
 from ..robot import Robot
+from ..robot_logs import Recording
 from .arcs import BLOCK, FREE, NOISE_STEPS, WHOLE, ToolMotion, ToolPath, tool_path
 from .period import Period, find_period, repeating
 

@@ -10,9 +10,9 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Flags, Matrix, Vector
 from ..errors import ArgumentError
-from ..recording.dataset_columns import JointFeature, PoseFeature, postures_of, tool_poses_of
-from ..recording.dataset_folder import Dataset, rows
 from ..robot import Robot
+from ..robot_logs.dataset_columns import JointFeature, PoseFeature, postures_of, tool_poses_of
+from ..robot_logs.dataset_folder import Dataset, rows
 from ..tasks.task import Task
 from .arcs import WHOLE, ToolMotion, tool_points
 from .cycles import LENGTH_SCALE

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.types import Flags, Indices, NoTruthValue, Value, Vector
-from ..recording import Dataset
 from ..robot import Robot
+from ..robot_logs import Dataset
 from ..tasks.task import Task
 from .arcs import ToolMotion
 from .equal_poses import LogVerdict

@@ -7,8 +7,8 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Indices, Matrix, Vector
 from ..errors import ArgumentError, ShapeError
-from ..recording import Recording
 from ..robot import Robot
+from ..robot_logs import Recording
 from ..tasks.frame_task import parts_of
 from ..tasks.task import Task
 from ..tasks.task_kinds import pose, position

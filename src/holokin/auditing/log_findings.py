@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..base.types import Array, Matrix, NoTruthValue, Value, Vector
-from ..recording import Recording
 from ..robot import Robot
+from ..robot_logs import Recording
 from ..tasks.task import Task
 from .cycles import Cycles
 from .equal_poses import Distance, LogVerdict, first_limit

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..analysis.curvature_of_planes import pairs
 from ..base.types import Array, Matrix, Vector
+from ..motion_analysis.curvature_of_planes import pairs
 from ..path import Path, polyline
 from ..path.straight_path import rotation_vector
 from ..tasks.task import Task, check_representation

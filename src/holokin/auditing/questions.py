@@ -11,12 +11,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ..analysis.curvature_of_planes import pairs
-from ..analysis.drift_free_sets import self_motion
 from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, ControllerError, HolokinError
 from ..motion import ControlLaw, simulate
 from ..motion.trajectory import Trajectory, whole_turns
+from ..motion_analysis.curvature_of_planes import pairs
+from ..motion_analysis.drift_free_sets import self_motion
 from ..path import Path
 from ..path.straight_path import rotation_vector
 from ..tasks.task import Task

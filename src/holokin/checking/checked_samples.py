@@ -11,8 +11,8 @@ from ..base.types import Matrix, Value, Vector
 from ..errors import ArgumentError, NotFiniteError
 from ..motion import TimedTrajectory
 from ..motion.trajectory import Trajectory
-from ..recording import Recording
 from ..robot import Robot
+from ..robot_logs import Recording
 from .check_report import FindingKind
 
 RATES = (FindingKind.VELOCITY, FindingKind.ACCELERATION, FindingKind.JERK)

@@ -78,8 +78,8 @@ def audit(
     """
     from ..auditing import audit_recording
     from ..errors import ArgumentError, RecordingError
-    from ..recording import is_dataset, read_runs
     from ..robot import is_model, load
+    from ..robot_logs import is_dataset, read_runs
 
     if position and axis is not None:
         raise ArgumentError("--position beside --axis", axis, "give one of them")

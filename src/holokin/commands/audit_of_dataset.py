@@ -32,7 +32,7 @@ def audit_of_dataset(
     from ..base.files import write_json
     from ..output.dataset_report import dataset_figure
     from ..output.log_report import print_audit
-    from ..recording import STATE, chosen_episodes, joint_feature, pose_feature, read_dataset
+    from ..robot_logs import STATE, chosen_episodes, joint_feature, pose_feature, read_dataset
 
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # pyarrow's own keeps 20 MB that it needs no more
     dataset = read_dataset(folder)

@@ -51,8 +51,8 @@ def check(
     """
     from .. import checking
     from ..errors import ArgumentError
-    from ..recording import read_recording
     from ..robot import is_model, load, with_capsules
+    from ..robot_logs import read_recording
     from ..tasks.task_kinds import pose
     from ..tasks.task_kinds import position as position_of
 

@@ -13,8 +13,8 @@ from .outcome import ending, show
 
 if TYPE_CHECKING:
     from ..base.types import Vector
-    from ..recording import Dataset
     from ..robot import Robot
+    from ..robot_logs import Dataset
 
 
 def retarget(
@@ -67,8 +67,8 @@ def retarget(
     from ..inverse_kinematics import inverse
     from ..job import axis_of
     from ..job.strategy_words import leaf_of_words
-    from ..recording import ACTION, STATE, read_dataset
     from ..robot import is_model, load
+    from ..robot_logs import ACTION, STATE, read_dataset
 
     if skip_bad and nearest:
         raise ArgumentError("--nearest beside --skip-bad", True, "give one of them")
@@ -99,7 +99,7 @@ def _sources(
     """The columns that get joints. Raises: HolokinError."""
     from ..errors import ArgumentError
     from ..interop.joint_targets import check_targets
-    from ..recording import ACTION, STATE, has_joints, joint_feature, pose_feature
+    from ..robot_logs import ACTION, STATE, has_joints, joint_feature, pose_feature
 
     usual = [name for name in (STATE, ACTION) if name in dataset.features]
     named = [name for name in usual if columns is not None or has_joints(dataset, arm, name)]
@@ -119,9 +119,9 @@ def _start(dataset: Dataset, arm: Robot, sources: list[Any], q0: str | None, deg
 
     from ..errors import ArgumentError
     from ..job.advice_words import posture_of
-    from ..recording import JointFeature
-    from ..recording.dataset_columns import postures_of
-    from ..recording.dataset_folder import rows
+    from ..robot_logs import JointFeature
+    from ..robot_logs.dataset_columns import postures_of
+    from ..robot_logs.dataset_folder import rows
 
     if q0 is not None:
         return arm.checked(np.array(posture_of(q0, arm, degrees)), "--q0")

@@ -1,6 +1,6 @@
 """Which law: how much of a workspace a leaf covers, the best leaf of a workspace, advice for a robot and its work.
 
-Uses `analysis`. Read first: `cover_workspace.py`, `designed_law.py`, `compare_laws.py`.
+Uses `motion_analysis`. Read first: `cover_workspace.py`, `designed_law.py`, `compare_laws.py`.
 """
 
 from .advice import Advice, Law, Part

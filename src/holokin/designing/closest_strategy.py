@@ -21,14 +21,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..analysis import Ball, Deviation, Region
-from ..analysis.repeatable_distance import distance_to_repeatable
 from ..base.arguments import typed
 from ..base.poses import pose_from
 from ..base.types import Matrix, Value, Vector, frozen, whole
 from ..constraints import Constraint, linear, lock
 from ..errors import ArgumentError, SingularityError
 from ..inverse_kinematics import inverse
+from ..motion_analysis import Ball, Deviation, Region
+from ..motion_analysis.repeatable_distance import distance_to_repeatable
 from ..path.workspaces import Cylinder, Sphere, sobol
 from ..strategies import HolonomicStrategy, SelfMotions, Strategy, holonomic, radial, self_motion
 from ..symbolic.null_space import null_space
@@ -185,7 +185,7 @@ def _postures(law: HolonomicStrategy, region: Region | Ball, q0: Vector, count: 
         return region.sample(count, seed)
     task = law.task
     if not region.along > 0:
-        cure = "give hk.analysis.ball(start, radius, along=...): a repeatable law has leaves side by side"
+        cure = "give hk.motion_analysis.ball(start, radius, along=...): a repeatable law has leaves side by side"
         raise ArgumentError("`along` of the ball", region.along, cure)
     u, pose = sobol(4, count, seed), task.pose(q0)
     poses = pose_from(_positions(pose[:3, 3], region.radius, u, task.robot.planar), pose[:3, :3])

@@ -11,11 +11,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ..analysis import Deviation
 from ..base.arguments import made
 from ..base.types import Array, Matrix, Value, Vector
 from ..constraints import Constraint, formulas_of
 from ..errors import ArgumentError, posture_text
+from ..motion_analysis import Deviation
 from ..robot import Kinematics
 from ..strategies import HolonomicStrategy, Strategy, holonomic
 from ..strategies.polynomial import monomials, monomials_up_to

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..analysis import Cusps, cusps
-from ..analysis.cuspidal_leaf import cusps_from, tool_away
 from ..base.shown import Shown
 from ..base.types import Matrix, Value, Vector
 from ..errors import HolokinError
 from ..inverse_kinematics import inverse
+from ..motion_analysis import Cusps, cusps
+from ..motion_analysis.cuspidal_leaf import cusps_from, tool_away
 from ..path.workspaces import Workspace
 from ..strategies import Strategy
 

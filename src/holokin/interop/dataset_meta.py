@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import RecordingError
-from ..recording import Dataset, Episode
-from ..recording.dataset_folder import episode_files, read_json, read_lines, read_parquet
+from ..robot_logs import Dataset, Episode
+from ..robot_logs.dataset_folder import episode_files, read_json, read_lines, read_parquet
 from .dataset_stats import Stats, as_arrays, as_lists, episode_stats, joined_stats, usual_names
 
 EPISODES, STATS, SUMMARY = "meta/episodes.jsonl", "meta/episodes_stats.jsonl", "meta/stats.json"

@@ -14,8 +14,8 @@ import numpy as np
 
 from ..base.types import Matrix
 from ..errors import RecordingError
-from ..recording import Dataset, Episode, JointFeature, PoseFeature
-from ..recording.dataset_folder import batches, check_inside, numeric, reading
+from ..robot_logs import Dataset, Episode, JointFeature, PoseFeature
+from ..robot_logs.dataset_folder import batches, check_inside, numeric, reading
 from ..tasks.task import Task
 from .dataset_meta import write_meta
 from .dataset_stats import Stats, episode_stats, usual_names

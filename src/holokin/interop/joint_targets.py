@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import RecordingError
-from ..recording import STATE, Dataset, JointFeature
-from ..recording.dataset_columns import postures_of
-from ..recording.dataset_folder import INFO, rows
 from ..robot import Robot
+from ..robot_logs import STATE, Dataset, JointFeature
+from ..robot_logs.dataset_columns import postures_of
+from ..robot_logs.dataset_folder import INFO, rows
 
 FAR = 0.5
 """Median distance [rad or m] of an action from the state beyond which it is doubted to be a position."""

@@ -11,9 +11,9 @@ import numpy as np
 from ..base.poses import pose_from
 from ..base.types import Indices, Matrix, Value
 from ..inverse_kinematics import InverseKinematics, InverseStatus
-from ..recording import Dataset, JointFeature, PoseFeature
-from ..recording.dataset_columns import postures_of, tool_poses_of
-from ..recording.dataset_folder import Rows, rows
+from ..robot_logs import Dataset, JointFeature, PoseFeature
+from ..robot_logs.dataset_columns import postures_of, tool_poses_of
+from ..robot_logs.dataset_folder import Rows, rows
 
 JUMPED = -1
 """The status of a frame at which the joints jump, beside those of `InverseStatus`."""

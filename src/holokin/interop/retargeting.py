@@ -16,7 +16,7 @@ from ..base.shown import Shown
 from ..base.types import NoTruthValue, Value
 from ..errors import ArgumentError
 from ..inverse_kinematics import InverseKinematics, InverseStatus
-from ..recording import Dataset, JointFeature
+from ..robot_logs import Dataset, JointFeature
 from .dataset_meta import check_meta
 from .dataset_writer import Change, write_changed
 from .new_joints import JUMPED, NewJoints, Source, new_joints

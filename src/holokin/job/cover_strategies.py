@@ -12,9 +12,8 @@ from ..base.types import Matrix, Value, Vector
 from ..designing import Reach, coverage, coverage_slices, posture_reach
 from ..errors import ArgumentError, JobError
 from ..output.job_result import StrategyResult
-from ..path import Path
+from ..path import Path, read_workspace
 from ..path.workspaces import PoseRange, Workspace, pose_cloud, workspace
-from ..recording import read_workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
 from .job_parts import naming

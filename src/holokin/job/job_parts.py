@@ -9,7 +9,6 @@ from typing import cast
 
 import numpy as np
 
-from ..analysis import MOST_JOINTS
 from ..base.types import Vector
 from ..errors import (
     BranchError,
@@ -22,6 +21,7 @@ from ..errors import (
     posture_text,
 )
 from ..inverse_kinematics import move_to_leaf
+from ..motion_analysis import MOST_JOINTS
 from ..robot import Robot
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import Task

@@ -20,12 +20,13 @@ from ..path import (
     passes,
     polyline,
     raster,
+    read_svg,
+    read_waypoints,
     spiral,
     spline,
     with_leads,
 )
 from ..path.straight_path import rotation_vector
-from ..recording import read_svg, read_waypoints
 from ..symbolic import Function, parse, symbol
 from ..tasks.task import Task
 from .path_tables import PathTable

@@ -12,7 +12,6 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from ..analysis import around, involutivity, why_elsewhere
 from ..base.types import Vector
 from ..errors import (
     ArgumentError,
@@ -30,6 +29,7 @@ from ..errors.motion_errors import KEPT
 from ..motion import follow
 from ..motion.follow_path import Following, by_leaf
 from ..motion.trajectory import Status, Trajectory
+from ..motion_analysis import around, involutivity, why_elsewhere
 from ..output.job_result import Check, JobResult, NotRun, StrategyResult
 from ..path.synchronized_paths import AnyPath
 from ..robot import Robot, catalogue, load

@@ -12,11 +12,11 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from .. import constraints, strategies
-from ..analysis import ball, ball_postures
 from ..base.types import Vector, finite
 from ..constraints import Constraint
 from ..designing import Coordinates, Polynomial, chart_of
 from ..errors import ArgumentError, BranchError, SingularityError, posture_text
+from ..motion_analysis import ball, ball_postures
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function, symbol
 from ..tasks.task import Task

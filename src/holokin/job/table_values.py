@@ -8,8 +8,8 @@ from typing import Annotated, Any, Self, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from ..analysis import MOST_JOINTS
 from ..errors import ArgumentError, brief, closest
+from ..motion_analysis import MOST_JOINTS
 from ..robot import FARTHEST, Robot
 from ..symbolic import SX, horzcat, parse, vertcat
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..base.types import Matrix
 from ..errors import ArgumentError, HolokinError
+from ..path import read_workspace
 from ..path.workspaces import Workspace, workspace
-from ..recording import read_workspace
 from ..symbolic.rotations import rotation_from_rpy
 from .cover_strategies import build_workspace
 from .job_file import read_workspace_table

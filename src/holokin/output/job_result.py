@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from ..analysis import Verdict
 from ..base.printed_units import SI, PrintedUnits
 from ..base.types import NoTruthValue, Vector, number_or_none
 from ..checking import CheckReport
 from ..designing import Coverage, Slice
 from ..motion import TimedTrajectory
 from ..motion.trajectory import Status, Trajectory
+from ..motion_analysis import Verdict
 from ..path.synchronized_paths import AnyPath
 from ..robot import LinkShape, Robot
 from .sheets_result import SheetsResult

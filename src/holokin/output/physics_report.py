@@ -15,8 +15,8 @@ from ..base.types import Matrix, number_or_none
 from ..errors import HolokinError, brief
 from ..motion import has_leaf
 from ..physics import PhysicalRun
-from ..recording import read_recording
 from ..robot import Robot, servo, to_mjcf
+from ..robot_logs import read_recording
 from .job_result import file_stems
 from .job_table import number
 from .palette import BAD, GOOD, WARNING

@@ -1,4 +1,4 @@
-"""Paths of the tool and sets of its poses: lines, arcs, splines, what is made of them, and workspaces.
+"""Paths of the tool, sets of its poses, and files of them: lines, arcs, splines, CSV, SVG; and what is made of paths.
 
 Uses `tasks`. Read first: `path.py`, `segments.py`, `plan.py`.
 """
@@ -8,9 +8,11 @@ from .editing import blended, passes, with_leads
 from .lines_and_arcs import arc, circle, line, polyline
 from .path import Path, Samples, as_point, corners_of, frame_pose, join
 from .path import locate as locate
+from .pose_table import read_waypoints, read_workspace
 from .segments import Segment, arc_segment, line_segment
 from .splines import path_of, spline
 from .surfaces import figure_eight, raster, spiral
+from .svg_outlines import read_svg
 from .waypoints import Waypoints
 
 __all__ = [
@@ -34,6 +36,9 @@ __all__ = [
     "path_of",
     "polyline",
     "raster",
+    "read_svg",
+    "read_waypoints",
+    "read_workspace",
     "spiral",
     "spline",
     "with_leads",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..analysis import around, curvature, involutivity
 from ..base.types import Vector
+from ..motion_analysis import around, curvature, involutivity
 from ..strategies import Strategy
 from .states import Judgement
 

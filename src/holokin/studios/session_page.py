@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from ..analysis import cusps
 from ..base.arguments import typed
 from ..base.types import Value, Vector
 from ..checking import CheckReport
@@ -14,6 +13,7 @@ from ..inverse_kinematics.leaf import with_leaves
 from ..job import Job
 from ..motion import follow
 from ..motion.trajectory import Trajectory
+from ..motion_analysis import cusps
 from ..path import Path
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
 from .loop_follower import leaf_start, loop_start

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis import CuspWitness
 from ..base.arguments import typed
 from ..base.files import write_text
 from ..base.types import ArrayLike, Matrix, Value, Vector
 from ..errors import ArgumentError, OpenPathError, PathError
 from ..motion import follow
 from ..motion.follow_path import by_leaf
+from ..motion_analysis import CuspWitness
 from ..output.palette import law_colors
 from ..path import Path, circle
 from ..path.plan import check_start, make_plan

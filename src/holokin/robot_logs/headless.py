@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..base.csv_table import number_in
+from ..base.given_files import listed
 from ..errors import RecordingError
 from ..robot import Robot
-from .csv_table import number_in
-from .log import listed
 
 STAMPS = ("secs", "nsecs")
 """Columns of a stamp in two parts."""

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ..base.csv_table import read_table
 from ..base.types import Matrix, Vector
 from ..errors import RecordingError
 from ..robot import Robot
-from .csv_table import read_table
 from .headless import guessed, numbered
 from .joint_columns import Columns, column_named, columns_named, joint_columns, plain_name, scale_of, time_column
 from .log import Samples

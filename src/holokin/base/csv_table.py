@@ -11,9 +11,9 @@ from typing import TextIO
 
 import numpy as np
 
-from ..base.types import Matrix
 from ..errors import RecordingError
-from .log import shown
+from .given_files import shown
+from .types import Matrix
 
 PIECE = 10_000
 """Rows that are text at one time: some megabytes."""

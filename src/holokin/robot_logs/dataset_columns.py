@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.given_files import listed, shown
+from ..base.pose_columns import PoseColumns, Units, columns_of_poses, poses_of
 from ..base.types import Array, Indices, Matrix, Value, Vector
 from ..errors import ArgumentError, RecordingError, UnknownNameError
 from ..robot import Robot
 from .dataset_folder import INFO, Dataset
 from .joint_columns import Columns, columns_named, joint_columns
-from .log import listed, shown
 from .log_formats import SLACK
-from .pose_columns import PoseColumns, Units, columns_of_poses, poses_of
 
 STATE = "observation.state"
 """The name that LeRobot gives to what the robot measures."""

@@ -9,8 +9,8 @@ from scipy.linalg import subspace_angles
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START, sampled
-from holokin.analysis.straight_transport import transport
 from holokin.errors import ArgumentError, NotHolonomicError, OpenPathError
+from holokin.motion_analysis.straight_transport import transport
 from holokin.robot import hessian_expression
 from holokin.symbolic import Function, symbol
 from papers_arm import de_luca_frame, paper_frame
@@ -137,7 +137,7 @@ def test_a_forecast_is_near_the_drift_of_a_small_loop_on_a_real_arm(
         loop = hk.polyline(corners, turns=turns if turning else None)
         assert loop.closed
         found = hk.drift(panda_given, loop, PANDA_START, samples=200).since_start[0]
-        told = hk.analysis.predicted_drift(panda_given, loop, PANDA_START)
+        told = hk.motion_analysis.predicted_drift(panda_given, loop, PANDA_START)
         errors.append(np.abs(told.drift - found).max() / np.abs(found).max())
         assert told.largest == np.abs(told.drift).max()
     assert errors[1] < 0.1
@@ -148,20 +148,22 @@ def test_a_forecast_knows_area_direction_and_its_limits(ppr: hk.Robot) -> None:
     given = hk.moore_penrose(hk.position(ppr))
     point = ppr.pose(PPR_START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
-    told = hk.analysis.predicted_drift(given, loop, PPR_START)
+    told = hk.motion_analysis.predicted_drift(given, loop, PPR_START)
     assert told.area[0, 1] == pytest.approx(np.pi * 0.01, rel=1e-7)
     assert told.curvature[2, 0, 1] * told.area[0, 1] == pytest.approx(
         np.pi * 0.01 / 4, rel=1e-6
     )  # theory 4: area / l^2
-    assert hk.analysis.predicted_drift(given, loop.reversed(), PPR_START).drift == pytest.approx(-told.drift, rel=1e-6)
-    assert hk.analysis.predicted_drift(hk.null_basis(given.task, paper_frame), loop, PPR_START).largest < 1e-12
+    assert hk.motion_analysis.predicted_drift(given, loop.reversed(), PPR_START).drift == pytest.approx(
+        -told.drift, rel=1e-6
+    )
+    assert hk.motion_analysis.predicted_drift(hk.null_basis(given.task, paper_frame), loop, PPR_START).largest < 1e-12
     with pytest.raises(OpenPathError):
-        hk.analysis.predicted_drift(given, loop.part(0, 0.5), PPR_START)
+        hk.motion_analysis.predicted_drift(given, loop.part(0, 0.5), PPR_START)
 
 
 def test_loops_drift_towards_the_posture_that_attracts_their_direction(r3: hk.Strategy, planar_3r: hk.Robot) -> None:
     """Klein and Kee's stable posture; clockwise and counter-clockwise loops have different ones."""
-    free = hk.analysis.drift_free(r3, R3_START)
+    free = hk.motion_analysis.drift_free(r3, R3_START)
     assert {f.attracts for f in free} == {"counter-clockwise", "clockwise"}
     target = planar_3r.pose(R3_START)
     center = target[:3, 3]
@@ -191,7 +193,7 @@ def test_a_self_motion_holds_the_tool_and_is_closed_or_says_why_not(r3: hk.Strat
     with pytest.raises(ArgumentError, match="redundant"):
         hk.strategies.self_motion(hk.position(panda), PANDA_START)
     with pytest.raises(ArgumentError, match="plane"):
-        hk.analysis.drift_free(r3, R3_START, plane=(0, 2))
+        hk.motion_analysis.drift_free(r3, R3_START, plane=(0, 2))
 
 
 def test_the_filtration_tells_holonomic_partly_and_completely_nonholonomic(
@@ -199,18 +201,21 @@ def test_the_filtration_tells_holonomic_partly_and_completely_nonholonomic(
 ) -> None:
     task = hk.position(ppr)
     assert (
-        hk.analysis.filtration(hk.moore_penrose(task), PPR_START).integrability is hk.analysis.Integrability.COMPLETELY
+        hk.motion_analysis.filtration(hk.moore_penrose(task), PPR_START).integrability
+        is hk.motion_analysis.Integrability.COMPLETELY
     )
-    assert hk.analysis.filtration(hk.null_basis(task, paper_frame), PPR_START).dimensions == (2,)
-    assert hk.analysis.filtration(panda_given, PANDA_START).dimensions == (6, 7)
+    assert hk.motion_analysis.filtration(hk.null_basis(task, paper_frame), PPR_START).dimensions == (2,)
+    assert hk.motion_analysis.filtration(panda_given, PANDA_START).dimensions == (6, 7)
     locked = hk.holonomic(panda_given.task, hk.lock(2))
-    assert hk.analysis.filtration(locked, PANDA_START).integrability is hk.analysis.Integrability.HOLONOMIC
+    assert (
+        hk.motion_analysis.filtration(locked, PANDA_START).integrability is hk.motion_analysis.Integrability.HOLONOMIC
+    )
     four = hk.position(hk.from_dh([{"a": 1.0}] * 4))
     # joint 4 held, joints 1 to 3 by a form that is not integrable: loops move q inside q4 = const only
     partly = hk.strategies.pfaffian(four, lambda q: [[ca.sin(q[1]), 1, q[0], 0], [0, 0, 0, 1]])
-    found = hk.analysis.filtration(partly, [0.3, 0.7, 0.5, 0.4])
+    found = hk.motion_analysis.filtration(partly, [0.3, 0.7, 0.5, 0.4])
     assert found.dimensions == (2, 3)
-    assert found.integrability is hk.analysis.Integrability.PARTLY
+    assert found.integrability is hk.motion_analysis.Integrability.PARTLY
     assert "partly" in str(found)
 
 
@@ -226,7 +231,7 @@ def test_leaf_functions_of_the_papers_strategies_have_their_closed_forms(ppr: hk
         de_luca_frame: lambda q, x: q[2] - x.sum() + x0.sum(),
     }
     for frame, angle in forms.items():
-        g = hk.analysis.leaf_function(hk.null_basis(task, frame), PPR_START)
+        g = hk.motion_analysis.leaf_function(hk.null_basis(task, frame), PPR_START)
         Z = task.null_space(PPR_START)[:, 0] / np.linalg.norm(task.null_space(PPR_START))
         for q in PPR_START + np.random.default_rng(4).uniform(-0.3, 0.3, (5, 3)):
             back = angle(q, task(q))
@@ -236,7 +241,7 @@ def test_leaf_functions_of_the_papers_strategies_have_their_closed_forms(ppr: hk
 
 def test_a_leaf_functions_gradient_annuls_G_and_meets_finite_differences(panda: hk.Robot) -> None:
     strategy = hk.holonomic(hk.pose(panda), hk.arm_angle())
-    g = hk.analysis.leaf_function(strategy, PANDA_START)
+    g = hk.motion_analysis.leaf_function(strategy, PANDA_START)
     q, h = PANDA_START + np.array([0.05, -0.04, 0.03, 0.06, -0.02, 0.05, -0.03]), 1e-5
     gradient = g.gradient(q)
     slopes = [(g(q + e) - g(q - e)) / (2 * h) for e in np.eye(7) * h]
@@ -251,7 +256,7 @@ def test_a_leaf_functions_gradient_annuls_G_and_meets_finite_differences(panda: 
 def test_what_has_no_leaves_is_told_with_a_witness(panda_given: hk.Strategy, r3: hk.Strategy) -> None:
     for strategy, start in ((panda_given, PANDA_START), (r3, R3_START)):
         with pytest.raises(NotHolonomicError, match="two paths") as caught:
-            hk.analysis.leaf_function(strategy, start)
+            hk.motion_analysis.leaf_function(strategy, start)
         assert caught.value.gap > 1e-5
         assert len(caught.value.witness) == len(start)
 
@@ -266,7 +271,7 @@ def test_theorem_III_2_gives_the_general_form_of_any_holonomic_strategy(
         "arm angle": lambda: (hk.holonomic(hk.pose(panda), hk.arm_angle()), PANDA_START, None),
         "radial": lambda: (hk.radial(panda_given, PANDA_START), PANDA_START + 0.03, None),
     }[case]()
-    form = hk.analysis.general_form(strategy, q, reference)
+    form = hk.motion_analysis.general_form(strategy, q, reference)
     residuals = form.residuals()
     assert max(residuals[key] for key in ("(7)", "(8)", "(10)", "(13)", "(14)")) < 1e-9
     assert min(residuals[key] for key in ("(9)", "(11)", "(12)", "H")) > 1e-3
@@ -276,17 +281,17 @@ def test_theorem_III_2_gives_the_general_form_of_any_holonomic_strategy(
 
 def test_theorem_III_2_is_refused_to_a_strategy_that_has_none(r3: hk.Strategy) -> None:
     with pytest.raises(NotHolonomicError):
-        hk.analysis.general_form(r3, R3_START, R3_START)
+        hk.motion_analysis.general_form(r3, R3_START, R3_START)
 
 
 def test_twelve_is_the_angle_between_the_kernels_and_not_the_size_of_H(planar_3r: hk.Robot) -> None:
     """Near an algorithmic singularity of q1 = const both fade; where links are long H grows, and the angle does not."""
     near, far = (
-        hk.analysis.general_form(hk.holonomic(hk.position(planar_3r), hk.lock("q1")), [0.4, 0.9, q3]).residuals()
+        hk.motion_analysis.general_form(hk.holonomic(hk.position(planar_3r), hk.lock("q1")), [0.4, 0.9, q3]).residuals()
         for q3 in (1e-4, 1.2)
     )
     assert near["(12)"] < 1e-3 < 0.1 < far["(12)"]
     long = hk.from_dh([{"a": 10.0}] * 3)
-    grown = hk.analysis.general_form(hk.holonomic(hk.position(long), hk.lock("q1")), [0.4, 0.9, 1.2]).residuals()
+    grown = hk.motion_analysis.general_form(hk.holonomic(hk.position(long), hk.lock("q1")), [0.4, 0.9, 1.2]).residuals()
     assert grown["(12)"] == pytest.approx(far["(12)"], rel=1e-9)
     assert grown["H"] != pytest.approx(far["H"], rel=1e-2)

@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import Command, assert_refused, sampled
 from holokin.errors import ArgumentError, RecordingError
-from holokin.recording import chosen_episodes, joint_feature, pose_feature, read_dataset
-from holokin.recording.dataset_columns import postures_of, tool_poses_of
-from holokin.recording.dataset_folder import rows
+from holokin.robot_logs import chosen_episodes, joint_feature, pose_feature, read_dataset
+from holokin.robot_logs.dataset_columns import postures_of, tool_poses_of
+from holokin.robot_logs.dataset_folder import rows
 from small_datasets import write_dataset
 
 ARM = hk.load("planar-3r")

@@ -9,13 +9,13 @@ from typing import Literal
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.pose_columns import Units, pose_rows
 from ..base.poses import pose_from
 from ..base.types import Array, ArrayLike, Indices, Matrix, Vector, check_rotation, finite
 from ..errors import ArgumentError, RecordingError
-from ..path import Waypoints
-from ..path.segments import turn_between
-from ..path.workspaces import TOOL_DOWN, PoseCloud, pose_cloud
-from .pose_columns import Units, pose_rows
+from .segments import turn_between
+from .waypoints import Waypoints
+from .workspaces import TOOL_DOWN, PoseCloud, pose_cloud
 
 WIDE = np.deg2rad(170)
 """Turns [rad] from one waypoint to the next beyond which the shorter way round may not be the one that was meant."""

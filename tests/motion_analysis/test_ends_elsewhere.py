@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 import holokin as hk
-from holokin.analysis import why_elsewhere
 from holokin.job import open_job, run_job
+from holokin.motion_analysis import why_elsewhere
 
 PANDA = np.array([0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8])
 

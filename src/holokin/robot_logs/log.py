@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.arguments import check
+from ..base.given_files import listed, shown
 from ..base.types import Indices, Matrix, Value, Vector, frozen, numbers
 from ..errors import ArgumentError, NotFiniteError, RecordingError, ShapeError
 from ..robot import Robot
@@ -90,18 +91,6 @@ class Samples:
     def where(self, i: int) -> str:
         """The place of sample i in the file, in words."""
         return f"{self.place} {self.numbers[i]}"
-
-
-def shown(text: str, most: int = 60) -> str:
-    """Text from a file for a message: in one line, without control characters, and not longer than `most`."""
-    plain = "".join(c if c.isprintable() else " " for c in text[: most + 1])
-    return plain if len(plain) <= most else plain[: most - 3] + "..."
-
-
-def listed(names: Sequence[str], most: int = 24) -> str:
-    """Names for a message; of many only the first."""
-    tail = f", ... ({len(names)} in all)" if len(names) > most else ""
-    return ", ".join(shown(name) for name in names[:most]) + tail
 
 
 def joints_missing(file: Path, missing: Sequence[str], there: Sequence[str], what: str, robot: Robot) -> RecordingError:

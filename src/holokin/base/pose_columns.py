@@ -11,12 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..base.poses import ORDERS, UNIT
-from ..base.types import ROTATION, Array, Indices, Matrix, Vector, rotation_cure, rotation_gap
 from ..errors import ArgumentError, RecordingError
 from .csv_table import read_table
-from .log import listed, shown
-from .log_formats import is_folder
+from .given_files import is_folder, listed, shown
+from .poses import ORDERS, UNIT
+from .types import ROTATION, Array, Indices, Matrix, Vector, rotation_cure, rotation_gap
 
 POSITION = ("x", "y", "z")
 MATRIX = tuple(f"t{row}{column}" for row in range(3) for column in range(4))

@@ -8,16 +8,16 @@ import pytest
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START, sampled
-from holokin.analysis import Evidence
-from holokin.analysis.curvature_of_planes import curvature_function
-from holokin.analysis.roundoff import is_shown, measured, noise
 from holokin.errors import ArgumentError, NotHolonomicError, RoundOffError, SingularityError
+from holokin.motion_analysis import Evidence
+from holokin.motion_analysis.curvature_of_planes import curvature_function
+from holokin.motion_analysis.roundoff import is_shown, measured, noise
 
 R3_START = np.array([0.3, 0.9, 0.7])
 
 
-def whole_range(robot: hk.Robot) -> hk.analysis.Region:
-    return hk.analysis.box(np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi))
+def whole_range(robot: hk.Robot) -> hk.motion_analysis.Region:
+    return hk.motion_analysis.box(np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi))
 
 
 def anywhere(robot: hk.Robot, count: int) -> np.ndarray:
@@ -82,7 +82,7 @@ def test_measured_round_off_covers_the_error_against_the_closed_form_T7(planar_3
 def test_postures_where_round_off_hides_the_curvature_are_left_out_and_counted(iiwa14: hk.Robot) -> None:
     strategy = hk.holonomic(hk.pose(iiwa14), hk.stationary(hk.constraints.centring_cost()))
     stretched = np.array([0.1, 0.6, 0.2, 0.0, 0.1, 0.6, 0.1])
-    region = hk.analysis.box(stretched - 1e-9, stretched + [1e-9, 1e-9, 1e-9, 0.02, 1e-9, 1e-9, 1e-9])
+    region = hk.motion_analysis.box(stretched - 1e-9, stretched + [1e-9, 1e-9, 1e-9, 0.02, 1e-9, 1e-9, 1e-9])
     verdict = hk.involutivity(strategy, region, samples=256)
     assert verdict.holonomic
     assert verdict.undecided > 0 and verdict.samples > 0
@@ -99,12 +99,12 @@ def test_the_scale_of_a_constraint_does_not_change_its_verdict(iiwa14: hk.Robot,
 
 def test_the_scale_of_a_distributions_fields_does_not_change_its_verdict() -> None:
     for scale in (1e-9, 1.0, 1e9):
-        flat = hk.analysis.involutivity_of(lambda q, s=scale: [[s, 0], [0, 1], [s * ca.cos(q[0]), 0]], 3)
-        contact = hk.analysis.involutivity_of(lambda q, s=scale: [[s, 0], [0, 1], [s * q[1], 0]], 3)
+        flat = hk.motion_analysis.involutivity_of(lambda q, s=scale: [[s, 0], [0, 1], [s * ca.cos(q[0]), 0]], 3)
+        contact = hk.motion_analysis.involutivity_of(lambda q, s=scale: [[s, 0], [0, 1], [s * q[1], 0]], 3)
         assert flat.holonomic and flat.samples == 64
         assert not contact.holonomic
         assert contact.relative == pytest.approx(
-            hk.analysis.involutivity_of(lambda q: [[1, 0], [0, 1], [q[1], 0]], 3).relative
+            hk.motion_analysis.involutivity_of(lambda q: [[1, 0], [0, 1], [q[1], 0]], 3).relative
         )
 
 
@@ -127,7 +127,9 @@ def test_filtration_never_calls_a_holonomic_law_nonholonomic(
                 strategy(q)
             except SingularityError:  # a radial twin ends where its transport does
                 continue
-            assert hk.analysis.filtration(strategy, q).integrability is hk.analysis.Integrability.HOLONOMIC
+            assert (
+                hk.motion_analysis.filtration(strategy, q).integrability is hk.motion_analysis.Integrability.HOLONOMIC
+            )
             looked += 1
         assert looked > count / 3
 
@@ -140,19 +142,24 @@ def test_filtration_never_calls_a_nonholonomic_law_holonomic(
     laws = [(hk.moore_penrose(hk.pose(panda)), 15), (hk.moore_penrose(hk.position(planar_3r)), 60), (weak, 60)]
     for strategy, count in laws:
         for q in anywhere(strategy.task.robot, count):
-            assert hk.analysis.filtration(strategy, q).integrability is hk.analysis.Integrability.COMPLETELY
+            assert (
+                hk.motion_analysis.filtration(strategy, q).integrability is hk.motion_analysis.Integrability.COMPLETELY
+            )
 
 
 def test_filtration_is_not_deceived_by_a_posture_where_small_loops_do_not_drift(planar_3r: hk.Robot) -> None:
     pseudo_inverse = hk.moore_penrose(hk.position(planar_3r))
-    for free in hk.analysis.drift_free(pseudo_inverse, R3_START):
-        assert hk.analysis.filtration(pseudo_inverse, free.q).integrability is hk.analysis.Integrability.COMPLETELY
+    for free in hk.motion_analysis.drift_free(pseudo_inverse, R3_START):
+        assert (
+            hk.motion_analysis.filtration(pseudo_inverse, free.q).integrability
+            is hk.motion_analysis.Integrability.COMPLETELY
+        )
 
 
 def test_filtration_says_when_round_off_hides_the_answer(iiwa14: hk.Robot) -> None:
     strategy = hk.holonomic(hk.pose(iiwa14), hk.arm_angle())
     with pytest.raises(RoundOffError, match="farther from singularities") as caught:
-        hk.analysis.filtration(strategy, [0.1, 0.6, 0.2, 5e-6, 0.1, 0.6, 0.1])
+        hk.motion_analysis.filtration(strategy, [0.1, 0.6, 0.2, 5e-6, 0.1, 0.6, 0.1])
     assert caught.value.noise > 1e-6
 
 
@@ -216,7 +223,7 @@ def test_a_verdict_says_on_which_grounds_it_reaches_beyond_its_postures(ppr: hk.
         verdict = judged(entry)
         assert verdict.holonomic and verdict.evidence is Evidence.SAMPLED
         assert verdict.others == (name,)
-    bare = hk.analysis.involutivity_of(lambda q: [[1, 0], [0, ca.exp(q[1])], [0, 0]], 3)
+    bare = hk.motion_analysis.involutivity_of(lambda q: [[1, 0], [0, ca.exp(q[1])], [0, 0]], 3)
     assert bare.others == ("exp",) and "exp" in bare.details
 
 
@@ -250,15 +257,15 @@ def test_what_has_curvature_has_no_leaf_function_however_weak(ppr: hk.Robot, siz
     law = hk.strategies.pfaffian(hk.position(ppr), lambda q: [[size * q[1], 0, 1]])
     assert not hk.involutivity(law, hk.around(PPR_START, 0.1)).holonomic
     with pytest.raises(NotHolonomicError, match="not holonomic"):
-        hk.analysis.leaf_function(law, PPR_START)
+        hk.motion_analysis.leaf_function(law, PPR_START)
     with pytest.raises(NotHolonomicError, match="not holonomic"):
-        hk.analysis.general_form(law, PPR_START)
+        hk.motion_analysis.general_form(law, PPR_START)
 
 
 def test_a_small_radius_does_not_make_leaves(irb140: hk.Robot) -> None:
     law = hk.strategies.coupled_twist(hk.position(irb140), 0.1)
     with pytest.raises(NotHolonomicError, match="it has a curvature of") as caught:
-        hk.analysis.leaf_function(law, IRB_START, radius=1e-4)
+        hk.motion_analysis.leaf_function(law, IRB_START, radius=1e-4)
     assert caught.value.gap is None and caught.value.curvature > 1e-9
 
 
@@ -266,8 +273,8 @@ def test_the_general_form_is_refused_where_curvature_lies_on_the_way_to_the_refe
     """Flat near the reference, curved where the posture is."""
     place = PPR_START + np.array([0.6, 0.5, 0.1])
     law = hk.strategies.pfaffian(hk.position(ppr), lambda q: [[ca.exp(-ca.sumsqr(q - place) / 0.05**2), 0, 1]])
-    hk.analysis.leaf_function(law, PPR_START)
+    hk.motion_analysis.leaf_function(law, PPR_START)
     with pytest.raises(NotHolonomicError, match="it has a curvature of"):
-        hk.analysis.general_form(law, place + np.array([0.0, 0.02, 0.0]), PPR_START)
-    form = hk.analysis.general_form(law, PPR_START + 0.05, PPR_START)
+        hk.motion_analysis.general_form(law, place + np.array([0.0, 0.02, 0.0]), PPR_START)
+    form = hk.motion_analysis.general_form(law, PPR_START + 0.05, PPR_START)
     assert form.residuals()["(10)"] < 1e-9

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import stat
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.given_files import is_folder
 from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, RecordingError
 from ..robot import Robot
@@ -87,20 +87,6 @@ def recorded(file: Path, samples: Samples, robot: Robot, degrees: bool | None) -
         longest = float(np.diff(t).max())
         notes.append(f"{len(log.gaps)} gaps in time, the longest {longest:.3g} s (median step {1 / log.rate:.3g} s)")
     return replace(log, notes=tuple(notes))
-
-
-def is_folder(file: Path) -> bool:
-    """True for a folder, False for a regular file. Raises: RecordingError for what may never end, and for nothing."""
-    try:
-        mode = file.stat().st_mode
-    except (FileNotFoundError, NotADirectoryError, ValueError):
-        raise RecordingError(file, "there is no such file", "check the path") from None
-    except OSError as problem:
-        raise RecordingError(file, f"cannot be looked at ({problem.strerror})", "check the path") from None
-    if not (stat.S_ISDIR(mode) or stat.S_ISREG(mode)):
-        kind = "a pipe" if stat.S_ISFIFO(mode) else "a device or socket"
-        raise RecordingError(file, f"it is {kind}, which may never end", "save the log as a file first")
-    return stat.S_ISDIR(mode)
 
 
 def _in_order(file: Path, samples: Samples, notes: list[str]) -> tuple[Vector, Matrix]:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from ..base.given_files import shown
 from ..errors import RecordingError
-from .log import shown
 
 MOST_CHUNK = 256 * 2**20
 """Bytes that one chunk may unpack to; recorders write chunks of 1 to 16 MB."""

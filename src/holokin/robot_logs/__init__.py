@@ -1,6 +1,6 @@
-"""What files hold: joint motion in CSV, rosbag2 folders and MCAP; LeRobot datasets; poses in CSV; outlines in SVG.
+"""Logs of robots: joint motion in CSV, rosbag2 folders and MCAP; LeRobot datasets.
 
-Uses `path` and `robot`. Read first: `log.py`, `log_formats.py`, `dataset_folder.py`.
+Uses `robot`. Read first: `log.py`, `log_formats.py`, `dataset_folder.py`.
 """
 
 from .dataset_columns import (
@@ -18,8 +18,6 @@ from .joint_columns import TIMES
 from .log import GAP, Recording
 from .log_formats import SLACK, read_recording
 from .log_runs import read_runs
-from .pose_table import read_waypoints, read_workspace
-from .svg_outlines import read_svg
 
 __all__ = [
     "ACTION",
@@ -40,7 +38,4 @@ __all__ = [
     "read_dataset",
     "read_recording",
     "read_runs",
-    "read_svg",
-    "read_waypoints",
-    "read_workspace",
 ]

@@ -173,7 +173,7 @@ def test_repeated_rows_are_dropped_and_conflicts_refused_with_their_line(
     refused(log(lambda _h, rows: rows[8].__setitem__(0, rows[7][0])), "line 10", "with other joints")
     refused(log(lambda _h, rows: rows[8].__setitem__(0, -1.0)), "backward at line 10")
     with pytest.raises(ArgumentError, match="rising times"):
-        hk.recording.Recording(JOINTS, T[::-1].copy(), Q, "memory")
+        hk.robot_logs.Recording(JOINTS, T[::-1].copy(), Q, "memory")
 
 
 def test_gaps_are_noted_not_refused(panda: hk.Robot, log: Callable[..., Path]) -> None:
@@ -242,7 +242,7 @@ def test_small_drifts_there_and_back_are_a_way_dependence_and_no_drift() -> None
     loop = hk.circle(point, point - [0.1, 0, 0])
     law = hk.laws.gradient_projection(task, hk.constraints.posture_cost(start), 5.0, 40.0)
     walk = hk.simulate(law, task, loop + loop.reversed(), start, dt=0.02, cycles=4)
-    found = hk.audit_recording(hk.recording.Recording(robot.joint_names, walk.t, walk.q, "a loop"), robot)
+    found = hk.audit_recording(hk.robot_logs.Recording(robot.joint_names, walk.t, walk.q, "a loop"), robot)
     assert found.verdict is hk.auditing.LogVerdict.DIFFERS and found.trend is hk.auditing.Trend.NONE
     assert np.abs(found.drift).max() < 1e-3
     assert found.by_way is not None

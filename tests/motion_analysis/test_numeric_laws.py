@@ -12,9 +12,6 @@ from hypothesis import strategies as st
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.analysis import Evidence, measured_curvature
-from holokin.analysis.differences import noise_of, slope
-from holokin.analysis.numeric_verdict import SURE
 from holokin.errors import (
     ArgumentError,
     EmptyRegionError,
@@ -24,6 +21,9 @@ from holokin.errors import (
     ShapeError,
     SingularityError,
 )
+from holokin.motion_analysis import Evidence, measured_curvature
+from holokin.motion_analysis.differences import noise_of, slope
+from holokin.motion_analysis.numeric_verdict import SURE
 from holokin.strategies import NumericStrategy, numeric
 
 PLANAR_START = np.array([0.3, 0.8, -0.4])
@@ -155,7 +155,7 @@ def test_follow_drift_and_audit_take_a_function_and_find_what_they_find_of_its_f
         lambda G: hk.follow(G, loop, PLANAR_START, samples=60).dq,
         lambda G: hk.path_spread(G, *loop.halves(), PLANAR_START, samples=40).difference,
         lambda G: hk.simulate(G, task, loop, PLANAR_START, dt=0.05).q,
-        lambda G: hk.analysis.predicted_drift(G, loop, PLANAR_START).drift,
+        lambda G: hk.motion_analysis.predicted_drift(G, loop, PLANAR_START).drift,
         lambda G: G.batch(np.array([PLANAR_START, PLANAR_START + 0.1])),
     ):
         np.testing.assert_allclose(verb(given), verb(by_formula), atol=1e-9)
@@ -241,7 +241,7 @@ def test_what_needs_a_formula_says_so() -> None:
     for asked in (
         lambda: hk.controller(given, dt=0.01, q0=PLANAR_START), lambda: hk.radial(given, PLANAR_START),
         lambda: hk.curvature(given, PLANAR_START, method="ad"), lambda: given.expressions,
-        lambda: hk.analysis.filtration(given, PLANAR_START),
+        lambda: hk.motion_analysis.filtration(given, PLANAR_START),
         lambda: hk.export_c(given, "folder", q0=PLANAR_START),
     ):  # fmt: skip
         with pytest.raises(ArgumentError, match="a Python function"):

@@ -15,10 +15,10 @@ import pytest
 
 import holokin as hk
 from conftest import campaign, sampled
-from holokin.analysis import cuspidal_leaf, witness_between
-from holokin.analysis.cusp_search import CuspPoints, cusp_functions
-from holokin.analysis.cusp_witness import candidates
 from holokin.errors import ArgumentError, SingularityError
+from holokin.motion_analysis import cuspidal_leaf, witness_between
+from holokin.motion_analysis.cusp_search import CuspPoints, cusp_functions
+from holokin.motion_analysis.cusp_witness import candidates
 from holokin.strategies import HolonomicStrategy
 
 PANDA = np.array([0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8])
@@ -46,7 +46,7 @@ LAWS = {"q1 - q3": hk.linear(Q1_Q3), "lock 3": hk.lock(2), "arm angle": hk.arm_a
 
 
 @cache
-def found(name: str) -> hk.analysis.Cusps:
+def found(name: str) -> hk.motion_analysis.Cusps:
     """Those of a Panda, searched once."""
     return hk.cusps(law("panda", LAWS[name]), PANDA, starts=200)
 
@@ -71,7 +71,7 @@ def test_round_a_cusp_the_joints_of_a_panda_do_not_come_back(name: str) -> None:
 
 
 def continued(
-    model: Any, frame: int, strategy: HolonomicStrategy, one: hk.analysis.CuspWitness, steps: int
+    model: Any, frame: int, strategy: HolonomicStrategy, one: hk.motion_analysis.CuspWitness, steps: int
 ) -> tuple[np.ndarray, set[float]]:
     """(the posture at the end of the path, the signs of det [J; J_g] on it) by Pinocchio and small steps."""
     data, q, signs = model.createData(), one.first.copy(), set()

@@ -32,8 +32,8 @@ def test_the_bound_on_ppr_has_its_closed_form_T11(ppr_given: hk.Strategy) -> Non
 
     First order: kappa R / (2 sqrt 2) = 0.035567; the twin's rms over all angles 0.035674 (rad/m).
     """
-    found = hk.analysis.distance_to_repeatable(
-        ppr_given, hk.analysis.ball(CENTER_START, PPR_RADIUS, along=np.pi * np.sqrt(2)), samples=600
+    found = hk.motion_analysis.distance_to_repeatable(
+        ppr_given, hk.motion_analysis.ball(CENTER_START, PPR_RADIUS, along=np.pi * np.sqrt(2)), samples=600
     )
     assert found.bound * UNIT == pytest.approx(0.5 - (1 - np.exp(-PPR_RADIUS / 2)) / PPR_RADIUS, rel=1e-4)
     assert found.bound * UNIT == pytest.approx(0.0471, abs=1e-4)
@@ -66,11 +66,13 @@ def test_no_regular_law_beats_the_bound_and_the_twin_is_within_a_third_of_it(nam
     robot = hk.load(name)
     start, radius = (CENTER_START, PPR_RADIUS) if name == "ppr" else (PANDA_START, 0.1)
     given = hk.moore_penrose(hk.position(robot) if name == "ppr" else hk.pose(robot))
-    found = hk.analysis.distance_to_repeatable(given, hk.analysis.ball(start, radius), samples=40)
+    found = hk.motion_analysis.distance_to_repeatable(given, hk.motion_analysis.ball(start, radius), samples=40)
     assert found.circle.shape == (found.points, robot.n)
     assert found.bound < found.radial.largest < 4 / 3 * found.bound
     for law in near_radial_laws(given, start):
-        assert hk.analysis.deviation(given, law, found.circle, columns=min(3, given.task.m)).largest >= found.bound
+        assert (
+            hk.motion_analysis.deviation(given, law, found.circle, columns=min(3, given.task.m)).largest >= found.bound
+        )
 
 
 def cut_law(given: hk.Strategy, sharpness: float) -> hk.Strategy:
@@ -100,8 +102,8 @@ def test_a_law_with_a_cut_has_less_rms_than_the_twin_but_not_less_at_most(ppr_gi
     before = np.inf
     for sharpness in (0.9, 0.99, 0.999):
         law = cut_law(ppr_given, sharpness)
-        found = hk.analysis.distance_to_repeatable(
-            ppr_given, hk.analysis.ball(CENTER_START, PPR_RADIUS), law, samples=300
+        found = hk.motion_analysis.distance_to_repeatable(
+            ppr_given, hk.motion_analysis.ball(CENTER_START, PPR_RADIUS), law, samples=300
         )
         assert found.ours is not None
         assert found.ours.rms < before
@@ -117,7 +119,7 @@ def test_the_bound_is_what_a_direct_search_along_the_circle_finds() -> None:
 
     robot = hk.load("iiwa14")
     given = hk.moore_penrose(hk.pose(robot))
-    found = hk.analysis.distance_to_repeatable(given, hk.analysis.ball(IIWA_START, 0.1), samples=10)
+    found = hk.motion_analysis.distance_to_repeatable(given, hk.motion_analysis.ball(IIWA_START, 0.1), samples=10)
     center = robot.pose(IIWA_START)[:3, 3]
     spokes = np.array([robot.pose(q)[:3, 3] - center for q in found.circle])
     assert np.linalg.norm(spokes, axis=1) == pytest.approx(0.1, abs=1e-7)
@@ -139,7 +141,11 @@ def test_the_bound_is_what_a_direct_search_along_the_circle_finds() -> None:
 
 def test_a_price_says_of_what_set_and_norm_it_speaks(panda_given: hk.Strategy) -> None:
     lock = hk.holonomic(panda_given.task, hk.lock(2))
-    text = str(hk.analysis.distance_to_repeatable(panda_given, hk.analysis.ball(PANDA_START, 0.1), lock, samples=20))
+    text = str(
+        hk.motion_analysis.distance_to_repeatable(
+            panda_given, hk.motion_analysis.ball(PANDA_START, 0.1), lock, samples=20
+        )
+    )
     for said in (
         "at least 3.9",
         "one or more postures",
@@ -155,17 +161,17 @@ def test_a_price_says_of_what_set_and_norm_it_speaks(panda_given: hk.Strategy) -
 
 def test_what_costs_nothing_is_free_and_what_has_no_price_is_refused(ppr: hk.Robot, panda: hk.Robot) -> None:
     task = hk.position(ppr)
-    free = hk.analysis.distance_to_repeatable(
-        hk.null_basis(task, paper_frame), hk.analysis.ball(CENTER_START, 0.2), samples=30
+    free = hk.motion_analysis.distance_to_repeatable(
+        hk.null_basis(task, paper_frame), hk.motion_analysis.ball(CENTER_START, 0.2), samples=30
     )
     assert free.bound < 1e-6
     assert free.first_order < 1e-9
     for strategy, region in (
-        (hk.moore_penrose(hk.position(panda)), hk.analysis.ball(PANDA_START, 0.1)),
-        (hk.moore_penrose(hk.position(ppr, rows=[0])), hk.analysis.ball(PPR_START, 0.1)),
+        (hk.moore_penrose(hk.position(panda)), hk.motion_analysis.ball(PANDA_START, 0.1)),
+        (hk.moore_penrose(hk.position(ppr, rows=[0])), hk.motion_analysis.ball(PPR_START, 0.1)),
     ):
         with pytest.raises(ArgumentError, match="redundant joints"):
-            hk.analysis.distance_to_repeatable(strategy, region)
+            hk.motion_analysis.distance_to_repeatable(strategy, region)
     for radius in (0.0, np.inf):
         with pytest.raises(ArgumentError, match="radius"):
-            hk.analysis.ball(PPR_START, radius)
+            hk.motion_analysis.ball(PPR_START, radius)

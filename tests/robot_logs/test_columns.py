@@ -29,7 +29,7 @@ def rtde(file: Path, delimiter: str = " ", first: int = 0) -> Path:
     return file
 
 
-def same(log: hk.recording.Recording) -> bool:
+def same(log: hk.robot_logs.Recording) -> bool:
     return np.array_equal(log.q, Q) and np.allclose(log.t - log.t[0], T, atol=1e-9)
 
 

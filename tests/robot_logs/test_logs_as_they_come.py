@@ -12,7 +12,7 @@ import holokin as hk
 from conftest import Command, assert_refused
 from holokin.auditing import LogVerdict
 from holokin.errors import ArgumentError, RecordingError
-from holokin.recording import Recording, read_recording, read_runs
+from holokin.robot_logs import Recording, read_recording, read_runs
 
 ARM = hk.load("planar-3r")
 NAMES = ARM.joint_names

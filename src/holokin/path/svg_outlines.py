@@ -13,11 +13,12 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.extra_module import extra_module
+from ..base.given_files import is_folder, shown
 from ..base.types import Matrix, Vector, positive
 from ..errors import ArgumentError, HolokinError, RecordingError
-from ..path import Path, Segment, arc_segment, even_curve, line_segment
-from .log import shown
-from .log_formats import is_folder
+from .curves import even_curve
+from .path import Path
+from .segments import Segment, arc_segment, line_segment
 
 LENGTHS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6, "q": 2.5e-4}
 """Units of length of a drawing's size -> metres."""

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START, sampled
-from holokin.analysis import Directions, obstruction
-from holokin.analysis.sphere_index import TangentField, area, icosphere, poles, turn
 from holokin.errors import ArgumentError, OpenPathError
+from holokin.motion_analysis import Directions, obstruction
+from holokin.motion_analysis.sphere_index import TangentField, area, icosphere, poles, turn
 
 IIWA = np.array([0.1, 0.6, 0.3, -1.4, 0.2, 1.1, 0.0])
 SHOULDER = np.array([0.0, 0.0, 0.36])
@@ -100,7 +100,7 @@ def test_the_triangles_cover_the_sphere_and_turning_round_one_is_its_area() -> N
 # --- arms ---
 
 
-def places(found: hk.analysis.Obstruction) -> list[tuple[list[float], int]]:
+def places(found: hk.motion_analysis.Obstruction) -> list[tuple[list[float], int]]:
     return [(w.direction.round(2).tolist(), w.index) for w in found.witnesses]
 
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.extra_module import extra_module
+from ..base.given_files import listed, shown
 from ..base.shown import Shown
 from ..base.types import Indices, Matrix, Value
 from ..errors import RecordingError
-from .log import listed, shown
 
 INFO = "meta/info.json"
 VERSIONS = ("v2.1", "v3.0")

@@ -16,7 +16,7 @@ def shares(given: hk.Strategy, start: np.ndarray, loops: list[hk.Path]) -> tuple
     out = []
     for loop in loops:
         drift = hk.drift(given, loop, start, samples=300).since_start[0]
-        told = hk.analysis.predicted_drift(given, loop, start)
+        told = hk.motion_analysis.predicted_drift(given, loop, start)
         plain = np.einsum("ij,aij->a", told.area, told.curvature) / 2
         out.append([np.abs(one - drift).max() / np.abs(drift).max() for one in (told.drift, plain)])
     return np.array(out).T
@@ -44,7 +44,7 @@ def test_the_error_falls_with_the_second_power_whatever_the_plane_loop(panda: hk
     carried, plain = shares(given, PANDA_START, [hk.polyline(point + size * corners) for size in SIZES[:3]])
     assert carried[:-1] / carried[1:] == pytest.approx(4 * np.ones(2), rel=0.4)
     assert plain[:-1] / plain[1:] == pytest.approx(2 * np.ones(2), rel=0.3)
-    told = hk.analysis.predicted_drift(given, hk.polyline(point + 0.01 * corners), PANDA_START)
+    told = hk.motion_analysis.predicted_drift(given, hk.polyline(point + 0.01 * corners), PANDA_START)
     middle = panda.pose(told.center)[:3, 3] - point
     assert middle == pytest.approx(0.01 * corners[:3].mean(axis=0), abs=1e-8)
 
@@ -80,7 +80,7 @@ def test_the_forecast_on_ppr_nears_the_planimeters_closed_form() -> None:
         for phase in np.arange(12) * np.pi / 6:
             point = PPR_CENTER + radius * np.array([np.cos(phase), np.sin(phase), 0])
             start = np.array([point[0] - np.cos(0.5), point[1] - np.sin(0.5), 0.5])
-            told = hk.analysis.predicted_drift(given, hk.circle(point, PPR_CENTER), start).drift[2]
+            told = hk.motion_analysis.predicted_drift(given, hk.circle(point, PPR_CENTER), start).drift[2]
             worst = max(worst, abs(told / turned_on_ppr(radius, phase, 0.5) - 1))
         errors.append(worst)
     assert errors[0] < 1e-3
