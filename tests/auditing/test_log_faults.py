@@ -45,7 +45,7 @@ def test_pipes_and_devices_are_refused_at_once(tmp_path: Path, suffix: str) -> N
     code = f"import holokin as hk; hk.read_recording({str(pipe)!r}, hk.load('ppr'))"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=20, check=False)
     assert "is a pipe" in ran.stderr
-    assert "save the log as a file" in ran.stderr
+    assert "save it as a file" in ran.stderr
     (tmp_path / f"endless.{suffix}").symlink_to("/dev/zero")
     refused(tmp_path / f"endless.{suffix}", "a device")
 
