@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
-from holokin.designing.starts import regular_starts
 from holokin.errors import HolokinError
+from holokin.workspace_coverage.starts import regular_starts
 
 STARTS = 1000
 """Starts of each search."""

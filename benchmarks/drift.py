@@ -22,9 +22,9 @@ import numpy as np
 import holokin as hk
 from benchmarks.drift_figure import drift_picture
 from benchmarks.trackers import tracker_page
+from holokin.control_laws import PostureTask, mink_law, pink_law, placo_law
 from holokin.errors import ControllerError, MissingExtraError, PathError
-from holokin.laws import PostureTask, mink_law, pink_law, placo_law
-from holokin.output.plots import write_figure
+from holokin.reports.plots import write_figure
 
 DT = 0.01
 GAIN = 50.0
@@ -61,7 +61,7 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
 
     def held(g: hk.Constraint) -> Callable[[], object]:
         leaf = hk.holonomic(task, g).constraint_value(start)  # feedback to the leaf, as to the path
-        return lambda: hk.laws.asymptotically_cyclic(task, g, leaf, GAIN, GAIN)
+        return lambda: hk.control_laws.asymptotically_cyclic(task, g, leaf, GAIN, GAIN)
 
     twin = hk.radial(given, start).constraint
     turned = hk.pose(robot, "rpy")  # impedance needs coordinates
@@ -71,16 +71,16 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
     apart, swivel = hk.linear([1, 0, -1, 0, 0, 0, 0]), hk.arm_angle(pole=(0, -1, 0))
     rest = hk.constraints.posture_cost(start)
     return [
-        ("Moore-Penrose", "no rule", lambda: hk.laws.closed_loop(given, GAIN)),
-        ("damped, 0.05", "no rule", lambda: hk.laws.damped(task, 0.05, GAIN)),
-        ("weighted", "no rule", lambda: hk.laws.closed_loop(hk.weighted(task, weights), GAIN)),
+        ("Moore-Penrose", "no rule", lambda: hk.control_laws.closed_loop(given, GAIN)),
+        ("damped, 0.05", "no rule", lambda: hk.control_laws.damped(task, 0.05, GAIN)),
+        ("weighted", "no rule", lambda: hk.control_laws.closed_loop(hk.weighted(task, weights), GAIN)),
         ("pink", "no rule", lambda: pink_law(robot)),
         ("mink", "no rule", lambda: mink_law(robot)),
         ("placo", "no rule", lambda: placo_law(robot)),
-        ("gradient projection, 1/s", "posture", lambda: hk.laws.gradient_projection(task, rest, 1.0, GAIN)),
-        ("gradient projection, 10/s", "posture", lambda: hk.laws.gradient_projection(task, rest, 10.0, GAIN)),
+        ("gradient projection, 1/s", "posture", lambda: hk.control_laws.gradient_projection(task, rest, 1.0, GAIN)),
+        ("gradient projection, 10/s", "posture", lambda: hk.control_laws.gradient_projection(task, rest, 10.0, GAIN)),
         ("cyclic in the end, 1/s", "to a leaf", lambda: to_the_leaf(task, start)),
-        ("repetitive motion, 4/s", "posture", lambda: hk.laws.repetitive_motion(task, 4.0, GAIN)),
+        ("repetitive motion, 4/s", "posture", lambda: hk.control_laws.repetitive_motion(task, 4.0, GAIN)),
         ("pink, cost 1e-3, gain 0.05", "posture", lambda: pink_law(robot, PostureTask(1e-3, 0.05))),
         ("pink, cost 1e-3, gain 1", "posture", lambda: pink_law(robot, PostureTask(1e-3))),
         ("pink, cost 0.1, gain 1", "posture", lambda: pink_law(robot, PostureTask(0.1))),
@@ -103,12 +103,14 @@ def laws(robot: hk.Robot, start: np.ndarray) -> list[tuple[str, str, Callable[[]
         (
             "impedance",
             "no feedback",
-            lambda: hk.laws.closed_loop(hk.strategies.impedance(turned, hk.constraints.posture_cost(bent)), GAIN),
+            lambda: hk.control_laws.closed_loop(
+                hk.strategies.impedance(turned, hk.constraints.posture_cost(bent)), GAIN
+            ),
         ),
         (
             "impedance with memory",
             "no feedback",
-            lambda: hk.laws.impedance_with_memory(turned, hk.constraints.posture_cost(bent)),
+            lambda: hk.control_laws.impedance_with_memory(turned, hk.constraints.posture_cost(bent)),
         ),
         ("radial strategy", "holonomic", held(twin)),
         *with_masses(robot),
@@ -128,14 +130,22 @@ def with_masses(robot: hk.Robot) -> list[tuple[str, str, Callable[[], object]]]:
     carried = hk.stationary(hk.constraints.gravity_cost())
     leaf = hk.holonomic(task, carried).constraint_value(STARTS[robot.name])
     return [
-        ("inertia-weighted", "no rule", lambda: hk.laws.closed_loop(hk.strategies.inertia_weighted(task), GAIN)),
-        ("stationary gravity", "holonomic", lambda: hk.laws.asymptotically_cyclic(task, carried, leaf, GAIN, GAIN)),
+        (
+            "inertia-weighted",
+            "no rule",
+            lambda: hk.control_laws.closed_loop(hk.strategies.inertia_weighted(task), GAIN),
+        ),
+        (
+            "stationary gravity",
+            "holonomic",
+            lambda: hk.control_laws.asymptotically_cyclic(task, carried, leaf, GAIN, GAIN),
+        ),
     ]
 
 
 def to_the_leaf(task: hk.Task, start: np.ndarray) -> object:
     """De Luca's law, begun 0.1 rad off its leaf."""
-    return hk.laws.asymptotically_cyclic(task, hk.lock(2), start[2] + 0.1, 1.0, GAIN)
+    return hk.control_laws.asymptotically_cyclic(task, hk.lock(2), start[2] + 0.1, 1.0, GAIN)
 
 
 def paths(point: np.ndarray) -> dict[str, hk.Path]:

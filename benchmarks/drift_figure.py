@@ -7,8 +7,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from holokin.output.palette import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
-from holokin.output.plots import beside
+from holokin.reports.palette import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
+from holokin.reports.plots import beside
 
 COLORS = {"no rule": VERMILLION, "posture": ORANGE, "to a leaf": PURPLE, "no feedback": GREEN, "holonomic": BLUE}
 MEANINGS = {

@@ -23,7 +23,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from holokin.output.result_folder import check_folder
+from holokin.reports.result_folder import check_folder
 
 JOB = """title = "{title}"
 [robot]

@@ -21,11 +21,11 @@ from unittest.mock import patch
 import numpy as np
 
 import holokin as hk
-from holokin.designing import locked_joints
 from holokin.surveys import survey_of
 from holokin.surveys.cases import Case, Cases
 from holokin.surveys.objects import keep
 from holokin.surveys.one_case import prepare, run_case
+from holokin.workspace_coverage import locked_joints
 
 ROBOTS = ("panda", "iiwa14", "ur5e")
 CIRCLES = {"circle": {"kind": "circle", "size": [0.05, 0.3], "count": 100}}

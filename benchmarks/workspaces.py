@@ -13,8 +13,8 @@ import argparse
 import numpy as np
 
 import holokin as hk
-from holokin.designing import PoseStatus, posture_reach
 from holokin.strategies import HolonomicStrategy
+from holokin.workspace_coverage import PoseStatus, posture_reach
 
 from .advice import located
 

@@ -20,16 +20,16 @@ import holokin as hk
 from holokin.job import open_job, run_job
 from holokin.motion_analysis.elbow_field import LeafField, sphere_of
 from holokin.motion_analysis.sphere_index import spread
-from holokin.output.animate import cycles_frames, shown_laws
-from holokin.output.clear_picture import box_figure
-from holokin.output.coverage_plots import coverage_figure
-from holokin.output.film import write_film
-from holokin.output.job_figures import cycles_figure, robot_figure, two_paths_figure
-from holokin.output.palette import BLUE, SKY, law_colors
-from holokin.output.palette import VERMILLION as RED
-from holokin.output.plots import legible, style
-from holokin.output.region_plot import region_figure
-from holokin.output.sheets_plot import sheets_figure
+from holokin.reports.animate import cycles_frames, shown_laws
+from holokin.reports.clear_picture import box_figure
+from holokin.reports.coverage_plots import coverage_figure
+from holokin.reports.film import write_film
+from holokin.reports.job_figures import cycles_figure, robot_figure, two_paths_figure
+from holokin.reports.palette import BLUE, SKY, law_colors
+from holokin.reports.palette import VERMILLION as RED
+from holokin.reports.plots import legible, style
+from holokin.reports.region_plot import region_figure
+from holokin.reports.sheets_plot import sheets_figure
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent))
@@ -388,7 +388,7 @@ def coverage_of_a_box() -> None:
     law = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle(), name="the arm angle")
     ready = [0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4]
     box = hk.workspace(box=([0.5, 0, 0.3], [0.25, 0.4, 0.3]), tilt=np.radians(40), spin=np.radians(90))
-    slices = hk.designing.coverage_slices(law, box, ready, steps=60)
+    slices = hk.workspace_coverage.coverage_slices(law, box, ready, steps=60)
     save(coverage_figure(hk.coverage(law, box, ready, samples=512), slices), "coverage-arm-angle")
 
 
@@ -485,7 +485,7 @@ def physics() -> None:
     laws = {"pseudo-inverse": hk.moore_penrose(task), "q1 - q3 kept": hk.holonomic(task, kept)}
     motions = {}
     for name, law in laws.items():
-        run = hk.physics.play(law, circle, PANDA, cycles=20, noise=5e-5)
+        run = hk.physics_simulation.play(law, circle, PANDA, cycles=20, noise=5e-5)
         rests = np.searchsorted(run.clock, np.arange(21) - 1e-9)
         motions[name] = hk.studios.Motion(run.t, run.q, tuple(int(i) for i in rests))
     text = (

@@ -24,7 +24,7 @@ from typing import Any
 HERE = Path(__file__).parent
 MADE = HERE.parent / "build" / "recordings"
 MAKERS = tuple(
-    f"src/holokin/{file}.py" for file in ("studios/playback", "studios/page_scene", "studios/meshes", "output/bodies")
+    f"src/holokin/{file}.py" for file in ("studios/playback", "studios/page_scene", "studios/meshes", "reports/bodies")
 )
 """What a recording depends on, beside its page and its example."""
 

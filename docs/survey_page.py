@@ -20,7 +20,7 @@ matplotlib.use("Agg")
 import numpy as np
 from PIL import Image
 
-from holokin.output.plots import legible, style
+from holokin.reports.plots import legible, style
 from holokin.surveys import Findings, Store, SurveyTable
 from holokin.surveys.cases import Cases
 from holokin.surveys.findings import ON_PATH, RETURNS

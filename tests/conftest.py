@@ -25,7 +25,7 @@ from hypothesis import settings
 
 import holokin as hk
 from holokin.commands import main as cli
-from holokin.native_code.toolchain import compiler
+from holokin.native_backend.toolchain import compiler
 from sketches import sketches
 
 sys.path.append(str(Path(__file__).parents[1]))  # the benchmarks, of which some tests run a little
@@ -227,7 +227,7 @@ def out(tmp_path: Path) -> Path:
 @pytest.fixture
 def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports of this process have sketches for figures."""
-    monkeypatch.setattr("holokin.output.job_report.figures", sketches)
+    monkeypatch.setattr("holokin.reports.job_report.figures", sketches)
 
 
 def shell(*arguments: object) -> Outcome:

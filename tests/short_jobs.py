@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from holokin.job import open_job, run_job
-from holokin.output.job_result import JobResult
+from holokin.reports.job_result import JobResult
 
 
 def shortened(name: str = "ppr-cycle", *, strategies: dict | None = None, **path: object) -> JobResult:

@@ -13,14 +13,14 @@ class Sketch:
 
 
 def sketches(_result: object) -> list[tuple[str, str, Sketch]]:
-    """Instead of `holokin.output.job_figures.figures`."""
+    """Instead of `holokin.reports.job_figures.figures`."""
     return [("sketch", "a sketch", Sketch())]
 
 
 SKETCHED = f"""
 import sys
 sys.path.append({str(Path(__file__).parent)!r})
-import holokin.output.job_report, sketches
-holokin.output.job_report.figures = sketches.sketches
+import holokin.reports.job_report, sketches
+holokin.reports.job_report.figures = sketches.sketches
 """
 """Python for a process of its own, whose reports then have sketches."""

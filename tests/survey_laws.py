@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
-from holokin.motion import ControlLaw
+from holokin.control_laws import ControlLaw
 from holokin.surveys import Store, SurveyTable, survey_of
 
 

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
-from holokin import constraints, designing, laws, motion, motion_analysis, robot_logs, strategies
+from holokin import constraints, control_laws, designing, motion, motion_analysis, robot_logs, strategies
+from holokin import physics_simulation as physics
 
 from .nouns import MineError, kit
 from .path_calls import path_calls
@@ -73,10 +74,10 @@ def calls() -> dict[str, Call]:
                                            "effort": [9.0, 9.0, 9.0]}),
         "servo": (hk.robot.servo, (robot, "position", q), {
             "frequency": 10.0, "damping_ratio": 1.0, "compensated": True}),
-        "play": (hk.physics.play, (held, loop, q), {
+        "play": (physics.play, (held, loop, q), {
             "servo": "velocity", "feedback": "measured", "cycles": 1, "dt": 0.02, "gain": 5.0, "noise": 1e-5,
-            "push": hk.physics.Push([1.0, 0.0, 0.0], 0.1), "density": 1000.0, "seed": 0}),
-        "Push": (lambda *a, **n: hk.physics.play(held, loop, q, dt=0.02, push=hk.physics.Push(*a, **n)),
+            "push": physics.Push([1.0, 0.0, 0.0], 0.1), "density": 1000.0, "seed": 0}),
+        "Push": (lambda *a, **n: physics.play(held, loop, q, dt=0.02, push=physics.Push(*a, **n)),
             ([1.0, 0.0, 0.0], 0.1), {"duration": 0.1, "joint": None}),
         "with_capsules": (hk.with_capsules, (robot, {robot.joint_names[0]: 0.1}), {}),
         "with_shape": (hk.with_shape, (robot, "pin", hk.robot.Capsule(0.1, 0.2), [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {
@@ -205,15 +206,15 @@ def calls() -> dict[str, Call]:
         "move_to_leaf": (hk.move_to_leaf, (held, q), {"level": [0.31]}),
         "controller": (hk.controller, (held,), {
             "dt": 0.01, "q0": q, "gain": 1.0, "constraint_gain": 1.0, "limits": True}),
-        "closed_loop": (_begun(laws.closed_loop), (law, 10.0), {}),
-        "damped": (_begun(laws.damped), (task,), {"damping": 0.05, "gain": 1.0, "name": "n"}),
-        "gradient_projection": (_begun(laws.gradient_projection), (task, k["cost"]), {
+        "closed_loop": (_begun(control_laws.closed_loop), (law, 10.0), {}),
+        "damped": (_begun(control_laws.damped), (task,), {"damping": 0.05, "gain": 1.0, "name": "n"}),
+        "gradient_projection": (_begun(control_laws.gradient_projection), (task, k["cost"]), {
             "weight": 1.0, "gain": 1.0, "name": "n"}),
-        "repetitive_motion": (_begun(laws.repetitive_motion), (task,), {
+        "repetitive_motion": (_begun(control_laws.repetitive_motion), (task,), {
             "rate": 1.0, "gain": 1.0, "limits": False, "name": "n"}),
-        "asymptotically_cyclic": (_begun(laws.asymptotically_cyclic), (task, k["g"], [0.3]), {
+        "asymptotically_cyclic": (_begun(control_laws.asymptotically_cyclic), (task, k["g"], [0.3]), {
             "constraint_gain": 1.0, "gain": 1.0, "exact": False, "name": "n"}),
-        "impedance_with_memory": (_begun(laws.impedance_with_memory), (task, k["cost"]), {
+        "impedance_with_memory": (_begun(control_laws.impedance_with_memory), (task, k["cost"]), {
             "force": [0.0, 0.0], "name": "n"}),
         **{name: (getattr(hk, name), (held, q), {
             "cost": 1.0, "gain": 0.5, "lm_damping": 0.0, "prefix": "", "joints": list(robot.joint_names)})
@@ -277,8 +278,8 @@ def calls() -> dict[str, Call]:
         "advise": (hk.advise, (robot, k["space"]), {
             "tip": None, "base": None, "task": "position", "q0": q, "say": lambda _: None, **shapes}),
         "section_metrics": (designing.section_metrics, (held, k["space"], q), shapes),
-        "coverage_slices": (designing.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
-        "posture_reach": (designing.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),
+        "coverage_slices": (hk.workspace_coverage.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
+        "posture_reach": (hk.workspace_coverage.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),
         "Workspace.poses": (k["space"].poses, (5,), {"seed": 0}),
         "Coverage.save": (k["covered"].save, ("covered.csv",), {}),
         "Robot.pose": (robot.pose, (q,), {"tip": "tool"}),

@@ -115,11 +115,11 @@ def _special() -> dict[str, dict[str, Any]]:
         "SynchronizedPaths.table": {"start_rotation": np.tile(np.eye(3), (2, 1))},
         "SynchronizedPaths.part": {"start": 0.1}, "Path.cut": {"start": 0.0, "stop": 1.0},
         "Robot.kinematics_at": {"joint": 0}, "PhysicalRun.save": {"path": "played.csv"},
-        "physics.make_plant": {"servo": hk.robot.servo(k["robot"], "velocity", k["q"])},
+        "physics_simulation.make_plant": {"servo": hk.robot.servo(k["robot"], "velocity", k["q"])},
         "lock": {"joints": (0,)}, "constraints.height": {"joints": ("q2",)},
         "constraints.stack": {"constraints": (k["g"],)},
         "constraints.total": {"constraints": (k["g"], k["g"]), "weights": (1.0, 2.0)},
-        "Coverage.count": {"status": hk.designing.PoseStatus.REACHED}, "robot.model_tips": {"path": "no.urdf"},
+        "Coverage.count": {"status": hk.workspace_coverage.PoseStatus.REACHED}, "robot.model_tips": {"path": "no.urdf"},
         "Solutions.count": {"status": hk.inverse_kinematics.InverseStatus.REACHED},
         "robot.model_links": {"path": "no.urdf"},
         "strategies.from_transport": {
@@ -182,7 +182,7 @@ def things() -> dict[str, Any]:
         "box": lambda: Box(np.zeros(3), np.ones(3)), "cloud": lambda: pose_cloud(np.array([k["pose"]])),
         "audit": lambda: hk.audit(k["closed"], robot, task, [k["loop"]], q0=q, dt=0.5, cycles=3),
         "log": lambda: log, "log audit": lambda: hk.audit_recording(log, robot),
-        "played": lambda: hk.physics.play(held, k["loop"], q, servo="velocity", dt=0.02),
+        "played": lambda: hk.physics_simulation.play(held, k["loop"], q, servo="velocity", dt=0.02),
         "certificate": lambda: hk.certify(held, k["loop"], q, budget=60),
         "nearest pose": lambda: k["ik"].nearest(k["pose"]),
         "obstruction": lambda: hk.obstruction(held, k["loop"], q, samples=8),
@@ -194,10 +194,10 @@ def things() -> dict[str, Any]:
         "drift free": lambda: motion_analysis.drift_free(law, q), "objective": lambda: hk.Objective(squared_speed=1.0),
         "waypoints": lambda: hk.Waypoints(np.eye(3), None, None, "s", ()),
         "metrics": lambda: hk.designing.section_metrics(held, space, q),
-        "slices": lambda: hk.designing.coverage_slices(held, space, q, steps=3)[0],
+        "slices": lambda: hk.workspace_coverage.coverage_slices(held, space, q, steps=3)[0],
         "hand": lambda: hk.motion.hand_follower(k["ik"], dt=0.01, max_acceleration=1.0),
         "spread": lambda: hk.path_spread(held, k["line"], k["line"], q), "excess": lambda: k["timed"].limits,
-        "plant": lambda: hk.physics.make_plant(robot, hk.robot.servo(robot, "velocity", q)),
+        "plant": lambda: hk.physics_simulation.make_plant(robot, hk.robot.servo(robot, "velocity", q)),
         "link shape": lambda: hk.obstacle("ball", hk.robot.Capsule(0.1)),
         **{kind.__name__: lambda kind=kind, sizes=sizes: kind(*sizes) for kind, sizes in SHAPES.items()},
     }  # fmt: skip
@@ -236,10 +236,10 @@ def callables() -> Iterator[tuple[str, Callable[..., Any]]]:
 
 
 HEAVY = {
-    "studio", "audit", "advise", "design", "closest_holonomic", "coverage", "survey",
-    "motion_analysis.distance_to_repeatable",
-    "motion_analysis.winding", "motion.winding", "designing.coverage_slices", "designing.section_metrics", "certify",
-    "proof.follow_certified", "catalogue", "designing.choose_tip", "designing.posture_reach",
+    "studio", "audit", "advise", "design", "closest_holonomic", "coverage", "survey", "designing.section_metrics",
+    "motion_analysis.distance_to_repeatable", "motion_analysis.winding", "motion.winding", "catalogue", "certify",
+    "workspace_coverage.coverage_slices", "workspace_coverage.choose_tip", "workspace_coverage.posture_reach",
+    "proof.follow_certified",
 }  # fmt: skip
 """Calls that take long, or open pages, where a bad argument is none; `calls` has them."""
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
-from holokin import constraints, laws, motion_analysis
+from holokin import constraints, control_laws, motion_analysis
 
 
 class MineError(Exception):
@@ -40,7 +40,7 @@ def kit() -> dict[str, Any]:
         "Q": q + 0.01 * rng.normal(size=(40, 3)), "pose": robot.pose(q), "start": start,
         "turn": hk.pose(robot), "region": hk.around(q, 0.1), "ball": motion_analysis.ball(q, 0.05), "g": hk.lock(0),
         "cost": constraints.posture_cost(q), "weight": np.diag([1.0, 2.0, 3.0]), "ik": hk.inverse(held, q),
-        "servo": hk.controller(held, dt=0.01, q0=q), "closed": laws.closed_loop(law),
+        "servo": hk.controller(held, dt=0.01, q0=q), "closed": control_laws.closed_loop(law),
         "leaf": motion_analysis.leaf_function(held, q, samples=1), "line": hk.line(start, start + [0.02, 0, 0]),
         "timed": hk.retime(walk, robot, acceleration=1.0, velocity=1.0, profile="trapezoidal", dt=0.01),
         "wiring": hk.export.Wiring(axes=(*robot.joint_names, 0.0, 0.0, 0.0)),

@@ -21,7 +21,7 @@ from benchmarks.league.league_figure import league_figure
 from benchmarks.league.league_page import league_text
 from benchmarks.league.played import Played, play
 from holokin.errors import HolokinError
-from holokin.output.plots import write_figure
+from holokin.reports.plots import write_figure
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -14,44 +14,43 @@ from typing import TYPE_CHECKING, Any
 
 from . import (
     auditing,
-    checking,
     constraints,
+    control_laws,
     designing,
     export,
     interop,
     inverse_kinematics,
-    laws,
     motion,
     motion_analysis,
-    physics,
+    motion_checking,
+    physics_simulation,
     proof,
     robot,
     robot_logs,
     sheet_maps,
     strategies,
+    workspace_coverage,
 )
 from .auditing import audit, audit_recording
 from .base.poses import pose_of
-from .checking import CheckReport, check
 from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
+from .control_laws import ControlLaw, mink_task, pink_task
 from .designing import (
     Advice,
     ClosestHolonomic,
-    Coverage,
     Design,
     Objective,
     advise,
     closest_holonomic,
-    coverage,
     design,
 )
 from .errors import HolokinError
 from .export import export_c
 from .inverse_kinematics import all_postures, inverse, move_to_leaf
-from .laws import mink_task, pink_task
-from .motion import ControlLaw, TimedTrajectory, approach, controller, drift, path_spread, retime, simulate
+from .motion import TimedTrajectory, approach, controller, drift, path_spread, retime, simulate
 from .motion.trajectory import Status, Trajectory
 from .motion_analysis import Verdict, around, curvature, cusps, involutivity, obstruction
+from .motion_checking import CheckReport, check
 from .path import (
     Path,
     Waypoints,
@@ -104,6 +103,7 @@ from .tasks.frame_task import stacked
 from .tasks.task import Task
 from .tasks.task_kinds import custom_task, line_of_sight, pose, position, relative_pose
 from .version import __version__ as __version__
+from .workspace_coverage import Coverage, coverage
 
 if TYPE_CHECKING:
     from .job.saved_sheets import read_sheets
@@ -146,11 +146,11 @@ __all__ = [
     "catalogue",
     "certify",
     "check",
-    "checking",
     "circle",
     "closest_holonomic",
     "compose",
     "constraints",
+    "control_laws",
     "controller",
     "coordinates",
     "coupled",
@@ -178,7 +178,6 @@ __all__ = [
     "inverse_kinematics",
     "involutivity",
     "join",
-    "laws",
     "line",
     "line_of_sight",
     "linear",
@@ -188,6 +187,7 @@ __all__ = [
     "moore_penrose",
     "motion",
     "motion_analysis",
+    "motion_checking",
     "move_to_leaf",
     "null_basis",
     "obstacle",
@@ -195,7 +195,7 @@ __all__ = [
     "passes",
     "path_of",
     "path_spread",
-    "physics",
+    "physics_simulation",
     "pink_task",
     "polyline",
     "pose",
@@ -236,6 +236,7 @@ __all__ = [
     "with_shape",
     "with_tool",
     "workspace",
+    "workspace_coverage",
     "write_sheets",
 ]
 

@@ -89,7 +89,7 @@ def test_a_law_with_a_state_is_seen_to_remember(panda: hk.Robot) -> None:
 
 @pytest.mark.campaign
 def test_a_holonomic_law_in_coarse_steps_is_told_from_one_that_drifts(panda: hk.Robot) -> None:
-    law = hk.laws.closed_loop(hk.holonomic(hk.pose(panda), hk.arm_angle()))
+    law = hk.control_laws.closed_loop(hk.holonomic(hk.pose(panda), hk.arm_angle()))
     coarse = hk.audit(law, panda, **FINER)
     assert coarse.verdict is hk.auditing.Repeatability.BUT_FOR_THE_STEP
     assert coarse.exit_code == 1
@@ -102,10 +102,10 @@ def test_a_position_task_of_many_redundant_joints_can_be_audited(planar_3r: hk.R
     task = hk.position(planar_3r)
     point = planar_3r.pose(R3_START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
-    found = hk.audit(hk.laws.closed_loop(hk.moore_penrose(task)), planar_3r, task, [loop], q0=R3_START)
+    found = hk.audit(hk.control_laws.closed_loop(hk.moore_penrose(task)), planar_3r, task, [loop], q0=R3_START)
     assert found["cycles"].metrics["first"] > 1e-4
     free = hk.audit(
-        hk.laws.closed_loop(hk.moore_penrose(hk.position(panda))), panda, hk.position(panda), q0=PANDA_START
+        hk.control_laws.closed_loop(hk.moore_penrose(hk.position(panda))), panda, hk.position(panda), q0=PANDA_START
     )
     assert "not asked" in free["start"].sentence
     assert free.verdict is hk.auditing.Repeatability.DRIFTS

@@ -8,8 +8,8 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, sampled
 from holokin.auditing.questions import AuditSetup, ask_small_loops
-from holokin.motion import as_control_law
-from holokin.motion.control_law import Step
+from holokin.control_laws import as_control_law
+from holokin.control_laws.control_law import Step
 
 
 def rowed(robot: hk.Robot, joint: int, row) -> Step:

@@ -12,7 +12,7 @@ from black_boxes import locked, pull, turn
 from conftest import PANDA_START, sampled
 from holokin.auditing.planes import enclosed, plane_loop
 from holokin.auditing.questions import AuditSetup, ask_plane, worst_plane
-from holokin.motion import as_control_law
+from holokin.control_laws import as_control_law
 
 QUICK = {"q0": PANDA_START, "dt": 0.06, "cycles": 3}
 ROWS = ("x", "y", "z", "wx", "wy", "wz")
@@ -137,7 +137,7 @@ def test_every_plane_of_every_task_is_gone_round(robot: str, make, start) -> Non
         areas[i, j] = areas[j, i] = 0.0
         assert areas.max() < 0.4
     pseudo_inverse = hk.moore_penrose(task)
-    law = hk.laws.closed_loop(pseudo_inverse)
+    law = hk.control_laws.closed_loop(pseudo_inverse)
     found = hk.audit(law, task.robot, task, q0=start, dt=0.06, cycles=3)
     assert found.untested == ()
     assert len(found.planes) == task.m * (task.m - 1) // 2
@@ -193,7 +193,7 @@ def test_a_law_that_alternates_between_leaves_is_seen_to(panda: hk.Robot, make, 
 
 
 def test_a_law_tied_to_the_start_of_its_run_is_told_from_one_that_remembers(panda: hk.Robot) -> None:
-    found = hk.audit(hk.laws.repetitive_motion(hk.pose(panda), 4.0), panda, **QUICK)
+    found = hk.audit(hk.control_laws.repetitive_motion(hk.pose(panda), 4.0), panda, **QUICK)
     assert found["history"].sentence.startswith("remembers where its run began")
     assert found["history"].metrics["apart"] == 0
 

@@ -13,7 +13,7 @@ import pytest
 import holokin as hk
 from conftest import Command
 from holokin.auditing import DatasetAudit, LogVerdict, audit_dataset
-from holokin.output.dataset_report import dataset_figure
+from holokin.reports.dataset_report import dataset_figure
 from holokin.robot_logs import joint_feature, pose_feature, read_dataset
 from small_datasets import write_dataset
 

@@ -187,7 +187,7 @@ def test_a_limit_is_foretold_while_the_drift_goes_on_and_no_more_when_it_falls()
 
 def test_a_law_logged_one_way_is_not_called_independent_of_the_way() -> None:
     """A posture task that has settled repeats; the path back has other joints (the log there and back shows it)."""
-    law = hk.laws.gradient_projection(POSE, hk.constraints.posture_cost(PANDA_START), 5.0, 40.0)
+    law = hk.control_laws.gradient_projection(POSE, hk.constraints.posture_cost(PANDA_START), 5.0, 40.0)
     one = hk.simulate(law, POSE, CIRCLE, PANDA_START, dt=0.02, cycles=6)
     audit = hk.audit_recording(logged(one.q[len(one.q) // 3 :]), PANDA)
     both = hk.simulate(law, POSE, CIRCLE + CIRCLE.reversed(), PANDA_START, dt=0.02, cycles=4)
@@ -344,7 +344,7 @@ def test_the_command_exits_two_where_the_log_does_not_decide(tmp_path: Path, mon
 
 def test_a_posture_task_logged_one_way_at_one_speed_is_cleared_of_nothing_else() -> None:
     """Its cycles repeat once it has settled; by way and by speed the joints differ, which this log does not show."""
-    law = hk.laws.gradient_projection(POSE, hk.constraints.posture_cost(PANDA_START + 0.4 * np.eye(7)[2]), 1.0)
+    law = hk.control_laws.gradient_projection(POSE, hk.constraints.posture_cost(PANDA_START + 0.4 * np.eye(7)[2]), 1.0)
     run = hk.simulate(law, POSE, CIRCLE, PANDA_START, dt=0.02, cycles=7)
     q = run.q[run.marks[-5] :]
     found = hk.audit_recording(logged(q), PANDA)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin import constraints, inverse_kinematics, laws, motion, motion_analysis, robot_logs, surveys
+from holokin import constraints, control_laws, inverse_kinematics, motion, motion_analysis, robot_logs, surveys
 from holokin.errors import HolokinError
 
 Q = np.array([0.3, 0.7, -0.5])
@@ -36,12 +36,13 @@ def values(robot: hk.Robot) -> dict[str, Any]:
         "spread": hk.path_spread(law, loop, loop.reversed(), Q, samples=8),
         "predicted drift": motion_analysis.predicted_drift(law, loop, Q),
         "winding": motion.winding(law, loop, Q, samples=8), "general form": motion_analysis.general_form(held, Q),
-        "simulate": hk.simulate(laws.closed_loop(law), task, loop, Q, dt=0.1), "controller": laws.closed_loop(law),
+        "simulate": hk.simulate(control_laws.closed_loop(law), task, loop, Q, dt=0.1),
+        "controller": control_laws.closed_loop(law),
         "distance_to_repeatable": motion_analysis.distance_to_repeatable(law, motion_analysis.ball(Q, 0.02), samples=2),
         "deviation": motion_analysis.deviation(law,
         held, [Q]),
         "filtration": motion_analysis.filtration(law, Q),
-        "audit": hk.audit(laws.closed_loop(law), robot, task, [loop], q0=Q, dt=0.2),
+        "audit": hk.audit(control_laws.closed_loop(law), robot, task, [loop], q0=Q, dt=0.2),
         "recording": robot_logs.Recording(tuple(robot.joint_names), np.arange(3.0), np.zeros((3, 3)), "here"),
         "radial": hk.radial(law, Q), "stack": constraints.stack(hk.lock(0), hk.linear([1, 0, 0])),
         "stationary": hk.stationary(constraints.posture_cost(Q)), "impedance": hk.strategies.impedance(task,

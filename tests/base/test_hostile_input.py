@@ -13,10 +13,10 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, SOUND, Command, assert_refused, assert_untouched, write_job
 from holokin.errors import ArgumentError, BranchError, ExpressionError, JobError, RobotFileError
+from holokin.inverse_kinematics.plan import make_plan
 from holokin.inverse_kinematics.reach import out_of_reach
 from holokin.job import open_job, read_job
 from holokin.motion_analysis import MOST_JOINTS
-from holokin.path.plan import make_plan
 from holokin.symbolic import parse, symbol
 
 POINTS = ", ".join(["[0, 0]"] * 10_001)

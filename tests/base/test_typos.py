@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin import designing, export, motion, physics
+from holokin import designing, export, motion, physics_simulation
 from holokin import robot as robots
 
 ROBOT = hk.load("planar-3r")
@@ -54,7 +54,7 @@ TYPOS: dict[str, Callable[[], object]] = {
     "by of approach": lambda: hk.approach(LAW, LINE, Q0, by="hand"),  # pyright: ignore[reportArgumentType]
     "format": lambda: export.to_ros(timed(), format="yml"),  # pyright: ignore[reportArgumentType]
     "servo": lambda: robots.servo(ROBOT, "torques", Q0),  # pyright: ignore[reportArgumentType]
-    "feedback": lambda: physics.play(LAW, LINE, Q0, feedback="mesured"),  # pyright: ignore[reportArgumentType]
+    "feedback": lambda: physics_simulation.play(LAW, LINE, Q0, feedback="mesured"),  # pyright: ignore[reportArgumentType]
 }
 
 

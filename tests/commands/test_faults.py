@@ -22,7 +22,7 @@ from conftest import PPR_CENTER, PPR_START, Command, assert_refused, assert_unto
 from forked import forked, start
 from holokin.base.files import aside, replacing
 from holokin.errors import WriteError
-from holokin.output.result_folder import check_folder, renewed
+from holokin.reports.result_folder import check_folder, renewed
 from sketches import SKETCHED
 
 pytestmark = pytest.mark.usefixtures("sketched")
@@ -290,7 +290,7 @@ def test_a_run_in_the_gap_of_another_keeps_what_is_the_users(
 def test_an_unexpected_error_has_its_own_exit_code_and_one_sentence(
     holokin: Command, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import holokin.output.job_report as report
+    import holokin.reports.job_report as report
 
     page, calls = report._page, []
 
@@ -346,7 +346,7 @@ def test_ctrl_c_that_a_library_loses_stops_the_run_all_the_same(
     lost: str,
 ) -> None:  # fmt: skip
     """A library may drop the KeyboardInterrupt, or make another error of it."""
-    import holokin.output.job_report as report
+    import holokin.reports.job_report as report
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # tests in the background ignore it
     request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
@@ -379,7 +379,7 @@ def test_ctrl_c_that_a_library_loses_stops_the_run_all_the_same(
 def test_ctrl_c_is_one_line_whatever_a_library_makes_of_it(tmp_path: Path, lost: str) -> None:
     """At the end of an object Python prints what it cannot raise; some libraries warn that something is missing."""
     setup = (
-        "import signal, sys, warnings\nimport holokin.output.job_report as report\nfill = report._fill\n"
+        "import signal, sys, warnings\nimport holokin.reports.job_report as report\nfill = report._fill\n"
         f"def loses(*arguments):\n {lost}\n fill(*arguments)\nreport._fill = loses\n"
     )
     outcome = forked("run", write_job(tmp_path), "--out", tmp_path / "out", before=lambda: exec(setup, {}))

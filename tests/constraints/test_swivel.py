@@ -10,9 +10,9 @@ import pytest
 import holokin as hk
 from conftest import IIWA_START, PANDA_START, urdf
 from holokin.constraints import find_arm
-from holokin.designing import PoseStatus
 from holokin.errors import ArgumentError, ShapeError, SingularityError, SingularityKind, UnknownNameError
 from holokin.symbolic import Function, jacobian, symbol
+from holokin.workspace_coverage import PoseStatus
 
 X, Y, Z = np.eye(3)
 BASE, UPPER, FORE, HAND = 0.36, 0.42, 0.40, 0.126  # of an iiwa 14 [m]

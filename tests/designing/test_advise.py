@@ -13,17 +13,11 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, Command, assert_refused, urdf
-from holokin.designing import Advice, choose_tip, fitting_task, locked_joints, regular_starts
+from holokin.designing import Advice
 from holokin.designing.advice import EASY, EQUAL, ranked
-from holokin.designing.candidates import Candidate, candidates
-from holokin.designing.coordinates import chart_of, coordinates_of
 from holokin.designing.excess import NEAR, Excess, least_near, rival_of
-from holokin.designing.line_ends import along_leaf, along_radial
 from holokin.designing.objectives import costs_of
 from holokin.designing.reasons import reasons
-from holokin.designing.served_part import largest_part
-from holokin.designing.starts import postures_at, unwound
-from holokin.designing.tips import chain_to_tool
 from holokin.designing.trials import Trial
 from holokin.errors import (
     ArgumentError,
@@ -35,8 +29,15 @@ from holokin.errors import (
 )
 from holokin.job import open_job, run_job
 from holokin.job.workspace_words import parse_workspace
-from holokin.output.advice_report import bars_height, coverage_bars
 from holokin.path.workspaces import pose_cloud
+from holokin.reports.advice_report import bars_height, coverage_bars
+from holokin.workspace_coverage import choose_tip, fitting_task, locked_joints, regular_starts
+from holokin.workspace_coverage.candidates import Candidate, candidates
+from holokin.workspace_coverage.coordinates import chart_of, coordinates_of
+from holokin.workspace_coverage.line_ends import along_leaf, along_radial
+from holokin.workspace_coverage.served_part import largest_part
+from holokin.workspace_coverage.starts import postures_at, unwound
+from holokin.workspace_coverage.tips import chain_to_tool
 
 PLANE = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
 
@@ -377,8 +378,8 @@ def test_the_names_of_laws_do_not_overlap_in_the_picture() -> None:
 def test_the_picture_of_advice_can_be_read_on_a_page_and_nothing_of_it_is_cut_off(advice: Advice) -> None:
     from matplotlib.text import Text
 
-    from holokin.output.advice_report import advice_figure
-    from holokin.output.plots import legible
+    from holokin.reports.advice_report import advice_figure
+    from holokin.reports.plots import legible
 
     figure = legible(advice_figure(advice))
     figure.canvas.draw()

@@ -13,18 +13,18 @@ import pytest
 
 import holokin as hk
 from conftest import Command, assert_refused
-from holokin.checking import clear_postures
 from holokin.designing.advice import PROVABLE
-from holokin.designing.candidates import candidates
-from holokin.designing.coordinates import chart_of
 from holokin.designing.same_laws import distinct
-from holokin.designing.starts import kinds_that_fit, postures_at, task_of_kind
 from holokin.designing.trials import Poses, Trial, tried
 from holokin.errors import ArgumentError, UnknownNameError
 from holokin.job import open_job, run_job
 from holokin.job.advice_over_job import write_over
 from holokin.job.advice_question import Typed, question
+from holokin.motion_checking import clear_postures
 from holokin.robot import Capsule
+from holokin.workspace_coverage.candidates import candidates
+from holokin.workspace_coverage.coordinates import chart_of
+from holokin.workspace_coverage.starts import kinds_that_fit, postures_at, task_of_kind
 
 TORCH = """
 title = "A bead"

@@ -16,13 +16,13 @@ from exported import rates
 from holokin.constraints import centring_cost
 from holokin.designing.best_section import Limits, Search
 from holokin.designing.bfgs import descend
-from holokin.designing.coordinates import chart_of, coordinates_of
 from holokin.designing.objectives import Objective, costs_of
 from holokin.designing.section import SectionSamples, TiltedLeaves
 from holokin.errors import ArgumentError, OutOfReachError, UnknownNameError
 from holokin.path.workspaces import PoseCloud
 from holokin.strategies import HolonomicStrategy
 from holokin.strategies.polynomial import monomials_up_to
+from holokin.workspace_coverage.coordinates import chart_of, coordinates_of
 
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 CENTER, HALF = np.array([0.5, 0.1, 0.35]), np.array([0.15, 0.25, 0.15])

@@ -7,10 +7,10 @@ import pytest
 
 import holokin as hk
 from holokin.base.types import Array, Flags, Matrix
-from holokin.designing.coordinates import chart_of, coordinates_of
 from holokin.designing.lower_bound import Floor
 from holokin.designing.objectives import Objective, costs_of
 from holokin.inverse_kinematics.reach import nearest_postures
+from holokin.workspace_coverage.coordinates import chart_of, coordinates_of
 
 ELBOW_UP = np.array((-1.8445, -1.1136, 2.0248, -0.7794, -1.0769, 1.1356, 1.9234))
 ELBOW_DOWN = np.array((0.919, 1.392, -2.255, -0.083, 0.039, 1.029, 1.597))

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.checking.keeping_clear import posture_clearances
 from holokin.designing import section_metrics
 from holokin.designing.best_section import Limits, Search
-from holokin.designing.coordinates import chart_of, coordinates_of
 from holokin.designing.objectives import Objective, costs_of
 from holokin.designing.section import SectionSamples, TiltedLeaves
 from holokin.errors import ArgumentError
+from holokin.motion_checking.keeping_clear import posture_clearances
 from holokin.robot import Box, Capsule, with_capsules
 from holokin.strategies.polynomial import monomials_up_to
+from holokin.workspace_coverage.coordinates import chart_of, coordinates_of
 
 coal, pin = pytest.importorskip("coal"), pytest.importorskip("pinocchio")
 

@@ -7,11 +7,11 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_RADIUS, sampled
-from holokin.designing.coordinates import chart_of, coordinates_of
 from holokin.designing.leaf_series import SampledSeries, series_over
 from holokin.errors import ArgumentError
 from holokin.motion_analysis import ball, box
 from holokin.symbolic import SX, sin
+from holokin.workspace_coverage.coordinates import chart_of, coordinates_of
 
 OPTIMUM = 0.035229
 """rms of |A - A'| over the disc and all leaves, A = dq3/dx along the pseudo-inverse of the PPR arm (theory 5.4)."""

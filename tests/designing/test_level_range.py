@@ -8,7 +8,7 @@ import pytest
 import holokin as hk
 from holokin.designing import level_range
 from holokin.errors import ArgumentError
-from holokin.output.level_plot import level_figure
+from holokin.reports.level_plot import level_figure
 
 
 def test_the_last_links_of_a_planar_arm_must_reach_the_farthest_corner() -> None:

@@ -21,20 +21,20 @@ ROOT = Path(hk.__file__).parent
 LAYERS = [
     {"errors", "version"},
     {"base"},
-    {"native_code"},
+    {"native_backend"},
     {"symbolic"},
-    {"robot"},
-    {"tasks"},
-    {"path", "constraints"},
-    {"strategies", "robot_logs"},
+    {"path", "robot"},
+    {"tasks", "robot_logs"},
+    {"constraints"},
+    {"strategies"},
     {"inverse_kinematics"},
+    {"control_laws"},
     {"motion"},
-    {"checking"},
-    {"motion_analysis", "laws", "physics", "proof"},
-    {"auditing", "designing", "interop"},
-    {"sheet_maps"},
+    {"motion_checking"},
+    {"motion_analysis", "physics_simulation", "proof", "workspace_coverage"},
+    {"auditing", "designing", "interop", "sheet_maps"},
     {"export"},
-    {"output"},
+    {"reports"},
     {"job"},
     {"studios", "surveys"},
     {"commands"},
@@ -88,7 +88,7 @@ def test_imports_run_downhill_and_files_are_short(module: Path) -> None:
     layer = layer_of(module)
     for name, _ in imports(module):
         if name.split(".")[0] == "casadi":
-            assert layer in ("native_code", "symbolic"), "only native_code/ and symbolic/ may import CasADi"
+            assert layer in ("native_backend", "symbolic"), "only native_backend/ and symbolic/ may import CasADi"
         if not name.startswith("holokin.") or layer == "__init__":
             continue
         other = name.split(".")[1]

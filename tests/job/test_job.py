@@ -16,12 +16,12 @@ from conftest import campaign, urdf
 from holokin.job import PAPER, expand, new_job, open_job, packaged_jobs, run_job
 from holokin.job.metrics import METRICS
 from holokin.job.schema import Bound, Job
-from holokin.output import animate as films
-from holokin.output.animate import animate
-from holokin.output.job_figures import figures
-from holokin.output.job_report import write_report
-from holokin.output.job_result import JobResult
-from holokin.output.job_table import number, print_result, rows
+from holokin.reports import animate as films
+from holokin.reports.animate import animate
+from holokin.reports.job_figures import figures
+from holokin.reports.job_report import write_report
+from holokin.reports.job_result import JobResult
+from holokin.reports.job_table import number, print_result, rows
 from sketches import sketches
 
 RESULTS = (Path(__file__).parents[2] / "docs" / "paper.md").read_text("utf-8")
@@ -85,7 +85,7 @@ def test_a_report_is_one_folder_written_whole(tmp_path: Path, monkeypatch: pytes
     assert page.count("<img") == len(list(folder.glob("*.png")))
     for strategy in result.strategies:
         assert strategy.name in page
-    monkeypatch.setattr("holokin.output.job_report.figures", sketches)
+    monkeypatch.setattr("holokin.reports.job_report.figures", sketches)
     again = write_report(result, tmp_path / "out", "0")  # its own folder may be written again
     assert again == folder
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["ppr-half-circle"]

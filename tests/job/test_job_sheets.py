@@ -16,9 +16,9 @@ from handmade_sheets import map_of
 from holokin.errors import JobError
 from holokin.job import open_job, run_job
 from holokin.job.sheets_over_job import saved_map
-from holokin.output.job_result import JobResult
-from holokin.output.job_verdict import whole_verdict
-from holokin.output.sheet_motion_plot import sheet_motion_figure
+from holokin.reports.job_result import JobResult
+from holokin.reports.job_verdict import whole_verdict
+from holokin.reports.sheet_motion_plot import sheet_motion_figure
 from holokin.robot_logs import read_recording
 from holokin.sheet_maps import PoseRest, Sheet, Sheets
 

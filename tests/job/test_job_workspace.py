@@ -10,11 +10,11 @@ import pytest
 
 import holokin as hk
 from conftest import Command, assert_refused, write_job
-from holokin.designing import PoseStatus, coverage_slices
 from holokin.job import open_job, run_job
-from holokin.output.coverage_plots import CAUSES, coverage_cloud, coverage_figure, slice_map
-from holokin.output.job_result import JobResult
-from holokin.output.job_table import columns, rows
+from holokin.reports.coverage_plots import CAUSES, coverage_cloud, coverage_figure, slice_map
+from holokin.reports.job_result import JobResult
+from holokin.reports.job_table import columns, rows
+from holokin.workspace_coverage import PoseStatus, coverage_slices
 
 PARTS = {
     "robot": '[robot]\nname = "planar-3r"\n',

@@ -11,7 +11,7 @@ import pytest
 import holokin as hk
 from conftest import Command, assert_refused, campaign, urdf
 from holokin.job import open_job, run_job
-from holokin.output.job_result import JobResult
+from holokin.reports.job_result import JobResult
 
 
 def done(file: Path) -> JobResult:

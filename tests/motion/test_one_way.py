@@ -13,9 +13,9 @@ from rich.console import Console
 from conftest import sampled
 from holokin.job import open_job, run_job
 from holokin.motion.trajectory import Status
-from holokin.output.job_report import write_report
-from holokin.output.job_result import JobResult
-from holokin.output.job_table import print_result, rows
+from holokin.reports.job_report import write_report
+from holokin.reports.job_result import JobResult
+from holokin.reports.job_table import print_result, rows
 
 JOB = """
 title = "a path"

@@ -121,7 +121,7 @@ def test_only_what_can_be_followed_is_judged(ppr: hk.Robot, half_the_polar_angle
 @pytest.mark.campaign
 def test_an_audit_round_the_base_tells_turns_from_curvature(planar_3r: hk.Robot) -> None:
     task = hk.position(planar_3r)
-    law = hk.laws.closed_loop(hk.holonomic(task, hk.lock(2)))
+    law = hk.control_laws.closed_loop(hk.holonomic(task, hk.lock(2)))
     loop = hk.circle(planar_3r.pose(R3_START)[:3, 3], [0, 0, 0], speed=4.0)
     found = hk.audit(law, planar_3r, task, [loop], q0=R3_START, dt=0.01, cycles=3)
     assert found.verdict is hk.auditing.Repeatability.DRIFTS

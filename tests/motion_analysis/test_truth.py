@@ -31,7 +31,7 @@ NO_QUESTION = {
     "LeftOut", "ClosestHolonomic", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
     "Slice", "Slowdown", "TimedTrajectory", "Unseen", "Witness",
     # a fault that was found, and kinds: none is a no
-    "checking.Finding", "Evidence", "FindingKind",
+    "motion_checking.Finding", "Evidence", "FindingKind",
 }  # fmt: skip
 """Public classes whose truth value nobody takes for the answer to a question."""
 

@@ -14,8 +14,8 @@ from conftest import campaign, sampled, urdf
 from holokin.errors import ArgumentError, BranchError, HolokinError, NoProofError, OutsideRegionError
 from holokin.inverse_kinematics import InverseStatus
 from holokin.motion.trajectory import Status
-from holokin.output.region_plot import region_figure
 from holokin.proof import UniqueRegion, checker
+from holokin.reports.region_plot import region_figure
 
 PANDA = np.array([0.0, -0.6, 0.0, -2.2, 0.0, 1.6, 0.8])
 LAWS = {

@@ -240,7 +240,7 @@ def test_small_drifts_there_and_back_are_a_way_dependence_and_no_drift() -> None
     start = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
     task, point = hk.pose(robot), robot.pose(start)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
-    law = hk.laws.gradient_projection(task, hk.constraints.posture_cost(start), 5.0, 40.0)
+    law = hk.control_laws.gradient_projection(task, hk.constraints.posture_cost(start), 5.0, 40.0)
     walk = hk.simulate(law, task, loop + loop.reversed(), start, dt=0.02, cycles=4)
     found = hk.audit_recording(hk.robot_logs.Recording(robot.joint_names, walk.t, walk.q, "a loop"), robot)
     assert found.verdict is hk.auditing.LogVerdict.DIFFERS and found.trend is hk.auditing.Trend.NONE

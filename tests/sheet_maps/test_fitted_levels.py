@@ -7,7 +7,6 @@ import pytest
 
 import holokin as hk
 from handmade_sheets import LIMIT, planar_task
-from holokin.designing.candidates import Candidate
 from holokin.job.saved_sheets import _strategy
 from holokin.sheet_maps.candidate_sheets import CandidateSheets
 from holokin.sheet_maps.fitted_levels import LevelTable, level_table
@@ -15,6 +14,7 @@ from holokin.sheet_maps.leaf_estimates import side_by_side
 from holokin.sheet_maps.pose_features import nearby
 from holokin.sheet_maps.searched_poses import SearchedPoses
 from holokin.sheet_maps.sheet import known
+from holokin.workspace_coverage.candidates import Candidate
 
 STEP = 0.25
 START = np.array([0.0, 0.9, 0.8])

@@ -11,7 +11,6 @@ from benchmarks.disc_law import disc_law, disc_starts
 import holokin as hk
 from conftest import campaign
 from handmade_sheets import disc, planar_task
-from holokin.designing.candidates import Candidate
 from holokin.errors import (
     ArgumentError,
     NoSheetError,
@@ -19,6 +18,7 @@ from holokin.errors import (
 )
 from holokin.sheet_maps import PoseRest, candidate_sheets
 from holokin.sheet_maps.searched_poses import SearchedPoses
+from holokin.workspace_coverage.candidates import Candidate
 
 
 def test_what_is_out_of_reach_is_told_from_what_limits_forbid() -> None:

@@ -14,7 +14,7 @@ import pytest
 import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
 from holokin.job import open_job, run_job
-from holokin.output.palette import NONHOLONOMIC, rgb
+from holokin.reports.palette import NONHOLONOMIC, rgb
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
 

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 import holokin as hk
 from conftest import urdf
 from holokin.errors import ArgumentError, MissingExtraError, UnknownNameError
-from holokin.output.bodies import pieces_of
+from holokin.reports.bodies import pieces_of
 from holokin.robot import Box, Capsule, Cylinder, Surface, chain_length
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")

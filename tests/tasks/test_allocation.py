@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import IIWA_START
 from holokin.job import open_job, run_job
-from holokin.output.job_figures import figures
+from holokin.reports.job_figures import figures
 from holokin.robot import Capsule, Robot, servo, to_mjcf, to_urdf, with_capsules, with_shape
 
 K = np.array([3.0, 3.0, 4.2, 6.55])
@@ -139,7 +139,7 @@ def test_coordinates_have_no_pose_and_say_so(ship: Robot, force: hk.Task) -> Non
 
 def test_a_check_of_thrusts_looks_at_their_limits_and_says_that_it_knows_no_distances(ship: Robot) -> None:
     report = hk.check(np.array([U0, U0 + [9.0, 0, 0, 0, 0, 0]]), ship)
-    assert [finding.kind for finding in report.findings] == [hk.checking.FindingKind.POSITION]
+    assert [finding.kind for finding in report.findings] == [hk.motion_checking.FindingKind.POSITION]
     assert "distances were not looked at" in report.table()
 
 

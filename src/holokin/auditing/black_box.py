@@ -15,9 +15,9 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.own_number import own_number
 from ..base.types import ArrayLike, NoTruthValue
+from ..control_laws import as_control_law
 from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError, SingularityError, StartError
 from ..inverse_kinematics.posture_search import spread
-from ..motion import as_control_law
 from ..motion.trajectory import Trajectory
 from ..motion_analysis.curvature_of_planes import pairs
 from ..path import Path, circle, polyline
@@ -145,7 +145,7 @@ def audit(
     loop in every plane of two task rows, of 0.1 m or 0.2 rad a side; the worst of them, if it drifts, for all cycles.
 
     Args:
-        law: a function (q, pose, twist, dt) -> dq, see `motion.Step`; a `ControlLaw`, such as
+        law: a function (q, pose, twist, dt) -> dq, see `control_laws.Step`; a `ControlLaw`, such as
             a compiled `controller`; or a `Strategy`.
         task: what the tool must do; its full pose by default.
         loops: closed paths that begin at the tool pose of `q0`; a circle and a square of 0.1 m, and a loop in every

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..base.types import Matrix, Vector
-from ..motion import ControlLaw, Step
+from ..control_laws import ControlLaw, Step
 from ..path import Path
 from .questions import ALIKE, Answer, AuditSetup, largest
 

@@ -12,8 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from ..base.types import Matrix, Vector
+from ..control_laws import ControlLaw
 from ..errors import ArgumentError, ControllerError, HolokinError
-from ..motion import ControlLaw, simulate
+from ..motion import simulate
 from ..motion.trajectory import Trajectory, whole_turns
 from ..motion_analysis.curvature_of_planes import pairs
 from ..motion_analysis.drift_free_sets import self_motion

@@ -61,8 +61,8 @@ def advise(
     from ..errors import ArgumentError
     from ..job.advice_job import advise_command, proof_command
     from ..job.advice_question import Typed
-    from ..output.advice_report import advice_figure, print_advice
-    from ..output.plots import write_figure
+    from ..reports.advice_report import advice_figure, print_advice
+    from ..reports.plots import write_figure
 
     if position and task not in (None, TaskKind.POSITION):
         raise ArgumentError("--position beside --task", task.value, "give one of them")

@@ -97,8 +97,8 @@ def audit(
         tool = {"tip": tip, "orientation": False if position else None, "axis": about}
         audit_of_dataset(log[0], arm, tool, of_dataset, degrees, columns, tolerance, json, plot)
     refuse_options("a LeRobot dataset, which has meta/info.json", **of_dataset)
-    from ..output.log_report import log_figure, print_audit, save_log_audits
-    from ..output.plots import write_figure
+    from ..reports.log_report import log_figure, print_audit, save_log_audits
+    from ..reports.plots import write_figure
 
     runs = read_runs(
         log, arm, split=split, idle=idle, degrees=degrees, topic=topic, columns=columns, time=time, skip_bad=skip_bad

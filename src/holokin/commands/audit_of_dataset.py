@@ -30,8 +30,8 @@ def audit_of_dataset(
     """Audit a dataset, and end the command. Raises: HolokinError."""
     from ..auditing import audit_dataset
     from ..base.files import write_json
-    from ..output.dataset_report import dataset_figure
-    from ..output.log_report import print_audit
+    from ..reports.dataset_report import dataset_figure
+    from ..reports.log_report import print_audit
     from ..robot_logs import STATE, chosen_episodes, joint_feature, pose_feature, read_dataset
 
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # pyarrow's own keeps 20 MB that it needs no more
@@ -49,7 +49,7 @@ def audit_of_dataset(
     if json is not None:
         write_json(json, found.summary())
     if plot is not None:
-        from ..output.plots import write_figure
+        from ..reports.plots import write_figure
 
         write_figure(lambda: dataset_figure(found), plot)
     show_rich(lambda console: print_audit(found, console))

@@ -62,10 +62,10 @@ def certify(
     every strategy with leaves, 1 when not, or when the checker rejects a certificate, 2 on bad input.
     """
     from ..job import certify_job, open_one_job
-    from ..output.cells_files import CellsFiles
-    from ..output.proof_report import print_certificates, write_certificates
-    from ..output.result_folder import check_folder
     from ..proof.checker_word import Outcome, ask_checker
+    from ..reports.cells_files import CellsFiles
+    from ..reports.proof_report import print_certificates, write_certificates
+    from ..reports.result_folder import check_folder
 
     for option, given in (("--part", part), ("--resume", resume)):
         if given and not workspace:

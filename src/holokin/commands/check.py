@@ -49,7 +49,7 @@ def check(
 
     Exits 0 when nothing is found, 1 when something is, 2 on bad input.
     """
-    from .. import checking
+    from .. import motion_checking
     from ..errors import ArgumentError
     from ..robot import is_model, load, with_capsules
     from ..robot_logs import read_recording
@@ -63,7 +63,7 @@ def check(
     arm = load(robot, tip=tip if is_model(robot) else None)
     motion = read_recording(log, arm, degrees=degrees, topic=topic, columns=columns, time=time)
     free = position or arm.n < 6
-    found = checking.check(
+    found = motion_checking.check(
         motion, arm if radius is None else with_capsules(arm, radius), task=position_of(arm) if free else pose(arm),
         floor=floor, clearance=clearance, ignore=[(a, b) for a, b in pairs], margin=margin,
     )  # fmt: skip

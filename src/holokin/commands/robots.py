@@ -27,7 +27,7 @@ def robots(
     """
     from ..errors import ArgumentError
     from ..job import robot_of_file
-    from ..output.robot_facts import robot_facts
+    from ..reports.robot_facts import robot_facts
     from ..robot import catalogue, is_model, load, model_tips, reach
 
     if robot is None:

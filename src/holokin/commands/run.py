@@ -34,10 +34,10 @@ def run(
     """
     from ..base.printed_units import printed_units
     from ..job import run_job
-    from ..output.animate import animate as draw
-    from ..output.job_report import write_report
-    from ..output.job_table import print_result
-    from ..output.result_folder import check_folder
+    from ..reports.animate import animate as draw
+    from ..reports.job_report import write_report
+    from ..reports.job_table import print_result
+    from ..reports.result_folder import check_folder
 
     wanted = None if units is None else printed_units(units)
     code = 0

@@ -45,8 +45,8 @@ def sheets(
     """
     from ..job.advice_question import Typed
     from ..job.sheets_job import sheets_command
-    from ..output.plots import write_figure
-    from ..output.sheets_plot import sheets_figure
+    from ..reports.plots import write_figure
+    from ..reports.sheets_plot import sheets_figure
 
     typed = Typed(
         workspace, tip, base, task.value if task else None, None, None, degrees, tool, base_pose, tuple(limit or ()),

@@ -32,8 +32,8 @@ def simulate(
     strategy with leaves repeats, 1 when one does not, 2 on bad input.
     """
     from ..job import open_one_job, simulate_job
-    from ..output.physics_report import FOLDER, print_physics, write_physics
-    from ..output.result_folder import check_folder
+    from ..reports.physics_report import FOLDER, print_physics, write_physics
+    from ..reports.result_folder import check_folder
 
     name, opened, file = open_one_job(job)
     check_folder(out, FOLDER.format(name))

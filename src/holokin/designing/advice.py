@@ -12,11 +12,11 @@ from ..base.types import Flags, NoTruthValue, Value, Vector, number_or_none
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
-from .coverage_result import Coverage
+from ..workspace_coverage.coverage_result import Coverage
+from ..workspace_coverage.starts import kinds_that_fit
+from ..workspace_coverage.tips import Chain
 from .nearby_cusps import NearbyCusps
 from .serving_levels import LevelRange
-from .starts import kinds_that_fit
-from .tips import Chain
 
 EQUAL = 0.02
 """Difference of coverage up to which two laws cover alike: five of 256 poses, which other poses would decide

@@ -9,26 +9,26 @@ from typing import Any
 import numpy as np
 
 from ..base.types import Array, Flags, Matrix, Vector
-from ..checking.keeping_clear import Clearances
 from ..errors import ArgumentError, HolokinError, OutOfReachError
+from ..motion_checking.keeping_clear import Clearances
 from ..path.workspaces import PoseRange, Workspace, pose_cloud
 from ..robot import check_metres
 from ..tasks.task import Task
+from ..workspace_coverage.candidates import Candidate, candidates
+from ..workspace_coverage.coordinates import chart_of, coordinates_of
+from ..workspace_coverage.cover_workspace import coverage
+from ..workspace_coverage.coverage_result import Coverage, Reach
+from ..workspace_coverage.proposed_workspace import reached
+from ..workspace_coverage.served_part import largest_part
+from ..workspace_coverage.starts import postures_at
 from .advice import CLOSE, EQUAL, PROVABLE, ROOM, Law, Part, alike, ranked
-from .candidates import Candidate, candidates
-from .coordinates import chart_of, coordinates_of
-from .cover_workspace import coverage
-from .coverage_result import Coverage, Reach
 from .designed_law import Design, design
 from .excess import PARTLY, Excess, Free, beyond_limits, least_near, ratio, rival_of
 from .lower_bound import least_costs
 from .nearby_cusps import MORE_SPEED, NearbyCusps, cusps_near, said_of
 from .objectives import Objective, costs_of
-from .proposed_workspace import reached
 from .same_laws import distinct, strategy_of
-from .served_part import largest_part
 from .serving_levels import LevelRange, level_range
-from .starts import postures_at
 from .trials import Poses, Trial, clear_share, posed, tried
 
 POSES, SCREENED = 256, 4

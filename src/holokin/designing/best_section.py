@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..base.types import Array, Matrix, Value, Vector
-from ..checking.keeping_clear import Clearances
+from ..motion_checking.keeping_clear import Clearances
 from ..strategies.polynomial import monomials_up_to
 from .bfgs import Cost, descend
 from .objectives import Costs, Slopes

@@ -33,7 +33,7 @@ from ..path.workspaces import Cylinder, Sphere, sobol
 from ..strategies import HolonomicStrategy, SelfMotions, Strategy, holonomic, radial, self_motion
 from ..symbolic.null_space import null_space
 from ..tasks.task import Task, of_one_tool
-from .coordinates import chart_of, coordinates_of
+from ..workspace_coverage.coordinates import chart_of, coordinates_of
 from .leaf_series import SampledSeries, along_leaves, series_over
 from .objectives import Objective, length_of
 

@@ -9,18 +9,18 @@ from typing import Any, Literal
 
 from ..base.arguments import typed
 from ..base.types import ArrayLike
-from ..checking.keeping_clear import Clearances
 from ..errors import ArgumentError
+from ..motion_checking.keeping_clear import Clearances
 from ..path.workspaces import Workspace
 from ..proof.kept_apart import CLEARANCE, clearances_of
 from ..robot import LinkShape, Robot
 from ..tasks.task import Task, of_one_tool
+from ..workspace_coverage.proposed_workspace import first_start, proposed_workspace
+from ..workspace_coverage.starts import check_that_joints_move, task_of_kind
+from ..workspace_coverage.tips import Chain, chain_to_tool
 from .advice import Advice
 from .advice_case import Case
-from .proposed_workspace import first_start, proposed_workspace
 from .reasons import reasons
-from .starts import check_that_joints_move, task_of_kind
-from .tips import Chain, chain_to_tool
 
 ASKED = ("clear_of", "floor", "clearance", "self_collision", "ignore", "shapes_of")
 """What `certify` is asked of shapes, by name."""

@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..base.types import Array, Flags, Matrix, Value, Vector
-from ..checking.keeping_clear import Clearances
 from ..constraints import Constraint, linear, tilted
 from ..errors import ArgumentError, OutOfReachError, PathError
 from ..inverse_kinematics import inverse
+from ..motion_checking.keeping_clear import Clearances
 from ..path.workspaces import Workspace
 from ..strategies import HolonomicStrategy, holonomic
 from ..strategies.polynomial import monomials_up_to
 from ..symbolic.null_space import null_space
 from ..tasks.task import Task
+from ..workspace_coverage.coordinates import Coordinates, Polynomial
 from .best_section import Limits, Search
-from .coordinates import Coordinates, Polynomial
 from .law_metrics import SectionMetrics, measured, reached
 from .lower_bound import Floor
 from .objectives import Costs, Objective

@@ -17,7 +17,7 @@ from ..proof.kept_apart import CLEARANCE, clearances_of
 from ..robot import LinkShape, Robot, check_metres, start_posture
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
-from .coordinates import Polynomial, chart_of, coordinates_of
+from ..workspace_coverage.coordinates import Polynomial, chart_of, coordinates_of
 from .design_problem import Problem, based, hard_limits
 from .law_metrics import SectionMetrics, reached
 from .lower_bound import Floor

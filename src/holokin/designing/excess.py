@@ -9,11 +9,11 @@ import numpy as np
 
 from ..base.types import Array, Flags, Matrix, Value, Vector
 from ..strategies.self_motions import SelfMotions
+from ..workspace_coverage.coordinates import Coordinates
+from ..workspace_coverage.pose_postures import best_of, line_through
 from .advice import CLOSE, EASY, EQUAL
-from .coordinates import Coordinates
 from .lower_bound import least_slopes
 from .objectives import Costs
-from .pose_postures import best_of, line_through
 from .trials import Trial
 
 NEAR = 1.0

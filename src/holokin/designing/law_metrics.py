@@ -9,15 +9,15 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Matrix, Value, Vector, whole
-from ..checking.keeping_clear import Clearances
 from ..errors import OutOfReachError
 from ..inverse_kinematics import inverse
 from ..inverse_kinematics.solutions import InverseStatus
+from ..motion_checking.keeping_clear import Clearances
 from ..path.workspaces import Workspace
 from ..proof.kept_apart import CLEARANCE, clearances_of
 from ..robot import LinkShape, Robot
 from ..strategies import HolonomicStrategy
-from .coordinates import Coordinates, chart_of, coordinates_of
+from ..workspace_coverage.coordinates import Coordinates, chart_of, coordinates_of
 from .objectives import Cost, Costs, Objective, as_objective, costs_of
 from .own_cost import OwnCost
 from .section import TiltedLeaves

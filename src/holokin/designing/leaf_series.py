@@ -21,8 +21,8 @@ from ..strategies import HolonomicStrategy, Strategy, holonomic
 from ..strategies.polynomial import monomials, monomials_up_to
 from ..symbolic import SX, Function, cos, jacobian, sin, symbol, vertcat
 from ..tasks.task import Task
+from ..workspace_coverage.coordinates import Coordinates
 from .bfgs import Cost, descend
-from .coordinates import Coordinates
 from .section import TiltedLeaves
 
 BARRIER = 1e-4

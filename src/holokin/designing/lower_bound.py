@@ -16,10 +16,10 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Matrix, Value, Vector
 from ..strategies.self_motions import least_motion
 from ..symbolic import wrapped
-from .coordinates import Coordinates
+from ..workspace_coverage.coordinates import Coordinates
+from ..workspace_coverage.pose_postures import STARTS, Cost, PosePostures, postures_at_poses
 from .objectives import POWER, Costs
 from .own_cost import OwnCost
-from .pose_postures import STARTS, Cost, PosePostures, postures_at_poses
 
 LAWSON = 12
 """Changes of the joints' weights that balance their greatest speeds: every one gives a lower bound, the last ones agree

@@ -16,8 +16,8 @@ import numpy as np
 
 from ..base.arguments import check
 from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, not_negative, positive
-from ..checking.keeping_clear import Clearances
 from ..errors import ArgumentError, UnknownNameError
+from ..motion_checking.keeping_clear import Clearances
 from ..robot import Robot
 from .own_cost import OwnCost
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..workspace_coverage.coverage_result import Coverage
 from .advice import CLOSE, EASY, EQUAL, Law, Part
-from .coverage_result import Coverage
 from .excess import NEAR, Beyond, Excess, Free, Rival
 
 MOST = 3

@@ -23,7 +23,7 @@ from ..inverse_kinematics.newton import newton
 from ..strategies import HolonomicStrategy
 from ..strategies.polynomial import Terms
 from ..symbolic import Function, dot, gradient, symbol, vec
-from .coordinates import Coordinates, values_and_slopes
+from ..workspace_coverage.coordinates import Coordinates, values_and_slopes
 from .objectives import Slopes
 
 NEWTONS = 8

@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
-from ..checking.keeping_clear import Clearances
+from ..motion_checking.keeping_clear import Clearances
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
+from ..workspace_coverage.candidates import Candidate
+from ..workspace_coverage.coordinates import Coordinates
+from ..workspace_coverage.line_ends import LineEnds, along_leaf, along_radial
 from .advice import PROVABLE, REGULAR, ROOM
-from .candidates import Candidate
-from .coordinates import Coordinates
-from .line_ends import LineEnds, along_leaf, along_radial
 from .lower_bound import least_slopes
 from .objectives import Costs
 

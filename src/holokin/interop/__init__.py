@@ -1,6 +1,6 @@
 """holokin inside other libraries: torch and JAX with exact derivatives, datasets and pipelines of LeRobot.
 
-Uses `inverse_kinematics`, `laws` and `robot_logs`. Read first: `joint_map.py`, `torch.py`, `retargeting.py`.
+Uses `inverse_kinematics`, `control_laws` and `robot_logs`. Read first: `joint_map.py`, `torch.py`, `retargeting.py`.
 """
 
 from . import jax as jax

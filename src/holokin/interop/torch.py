@@ -7,9 +7,9 @@ from typing import Any
 
 from ..base.arguments import typed
 from ..base.types import Value
+from ..control_laws.extra_library import extra
 from ..errors import ArgumentError
 from ..inverse_kinematics import InverseKinematics
-from ..laws.extra_library import extra
 from .joint_map import JointMap
 from .pose_tensors import JointTensors, read_tensors
 

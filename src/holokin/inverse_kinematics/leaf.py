@@ -19,8 +19,7 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector, finite, kept
 from ..constraints import custom
 from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
-from ..native_code import LeafRules
-from ..path.plan import Plan
+from ..native_backend import LeafRules
 from ..path.straight_path import straight
 from ..robot import start_posture
 from ..robot.joints import WOUND
@@ -29,6 +28,7 @@ from ..strategies.jumps import states
 from ..symbolic import Function, symbol
 from .branch import Branch, branch_code
 from .native_follower import NativeFollower
+from .plan import Plan
 from .rays import SHORTEST, keeps_turns
 
 ALMOST = 1e-7

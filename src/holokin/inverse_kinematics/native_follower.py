@@ -9,8 +9,8 @@ import numpy as np
 
 from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
-from ..native_code import FollowKernel
-from ..path.plan import Plan
+from ..native_backend import FollowKernel
+from .plan import Plan
 
 
 class NativeFollower:

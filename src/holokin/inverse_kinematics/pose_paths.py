@@ -10,8 +10,7 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ..errors import BranchError, OutOfReachError
-from ..native_code import InverseKernel
-from ..path.plan import doubtful_target
+from ..native_backend import InverseKernel
 from ..strategies import HolonomicStrategy, Jump, may_jump
 from .leaf import (
     REGULAR,
@@ -25,6 +24,7 @@ from .leaf import (
     leaf_walk,
     straight_path,
 )
+from .plan import doubtful_target
 from .rays import on_ray
 from .reach import pose_out_of_reach
 from .solutions import InverseStatus, beyond_limits, in_rows

@@ -10,11 +10,11 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..errors import posture_text
-from ..path.plan import Plan
 from ..robot.longest_span import longest_span
 from ..tasks.frame_task import FrameTask
 from ..tasks.frames import TipFrame
 from ..tasks.task import Task
+from .plan import Plan
 
 TARGETS = 24
 """Targets of the rest of the path that are tried."""

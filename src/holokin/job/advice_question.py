@@ -9,13 +9,13 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from ..base.types import Value, Vector
-from ..checking.keeping_clear import Clearances
-from ..designing.starts import task_of_kind
-from ..designing.tips import Chain, chain_to_tool
 from ..errors import ArgumentError
+from ..motion_checking.keeping_clear import Clearances
 from ..path.workspaces import Workspace
 from ..robot import LinkShape, Robot
 from ..tasks.task import Task
+from ..workspace_coverage.starts import task_of_kind
+from ..workspace_coverage.tips import Chain, chain_to_tool
 from .advice_words import axis_of, frame_words, limits_of, obstacle_words, posture_of
 from .check_tables import ChecksTable
 from .cover_strategies import workspace_of_job

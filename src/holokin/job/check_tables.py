@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from ..checking import CheckReport, check
-from ..checking.keeping_clear import Clearances, posture_clearances
 from ..motion import TimedTrajectory
 from ..motion.trajectory import Trajectory
+from ..motion_checking import CheckReport, check
+from ..motion_checking.keeping_clear import Clearances, posture_clearances
 from ..robot import Box, Capsule, Cylinder, LinkShape, Robot, Shape, obstacle, with_capsules, with_shape
 from ..tasks.task import Task
 from .robot_tables import FrameTable

@@ -9,13 +9,13 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from ..base.types import Matrix, Value, Vector
-from ..designing import Reach, coverage, coverage_slices, posture_reach
 from ..errors import ArgumentError, JobError
-from ..output.job_result import StrategyResult
 from ..path import Path, read_workspace
 from ..path.workspaces import PoseRange, Workspace, pose_cloud, workspace
+from ..reports.job_result import StrategyResult
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
+from ..workspace_coverage import Reach, coverage, coverage_slices, posture_reach
 from .job_parts import naming
 from .schema import Job, WorkspaceTable
 from .several_paths import build_paths

@@ -8,10 +8,10 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from ..designing import fitting_task, locked_joints, regular_starts
 from ..errors import ArgumentError, HolokinError, UnknownNameError
 from ..robot import load
 from ..tasks.task import Task
+from ..workspace_coverage import fitting_task, locked_joints, regular_starts
 from .runner import packaged_jobs, run_job
 from .schema import Job
 from .toml_text import check_new, robot_name, toml, write_new

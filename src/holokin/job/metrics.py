@@ -13,8 +13,8 @@ import numpy as np
 from ..base.types import Vector
 from ..motion.least_speed import over_least_speed
 from ..motion.trajectory import Status, Trajectory
-from ..output.job_result import StrategyResult
 from ..path.synchronized_paths import AnyPath
+from ..reports.job_result import StrategyResult
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function
 

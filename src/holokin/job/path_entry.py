@@ -8,11 +8,11 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from ..base.types import Value, Vector
-from ..checking import CheckReport
 from ..errors import ArgumentError, BranchError, PathError, SingularityError, posture_text
 from ..motion import TimedTrajectory, approach, retime
 from ..motion.timed_trajectory import with_entry
 from ..motion.trajectory import Trajectory
+from ..motion_checking import CheckReport
 from ..path import Path
 from ..path.synchronized_paths import AnyPath
 from ..robot import Robot

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ..path import Path
-from ..physics import Push, cycle_time
+from ..physics_simulation import Push, cycle_time
 from ..robot import DENSITY, Robot, weighed
 from .table_values import Length, Positive, Table, filled
 

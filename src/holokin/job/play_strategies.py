@@ -8,9 +8,9 @@ from typing import Any
 
 from ..errors import HolokinError
 from ..motion import drift
-from ..output.physics_report import PhysicsResult, Played
 from ..path.synchronized_paths import paths_of
-from ..physics import play
+from ..physics_simulation import play
+from ..reports.physics_report import PhysicsResult, Played
 from ..robot import knows_masses, servo, weighed
 from ..tasks.task import of_one_tool
 from .job_parts import build_begin, build_strategy, build_tasks, naming

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..checking import CheckReport
 from ..errors import ArgumentError, posture_text
 from ..export import Program
 from ..motion import TimedTrajectory
+from ..motion_checking import CheckReport
 from .job_parts import build_tasks, naming
 from .program_strategy import checked, timing_of, window, written
 from .schema import Job

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..checking import CheckReport
 from ..errors import ArgumentError
 from ..export import LANGUAGES, Program
 from ..motion import TimedTrajectory, follow
+from ..motion_checking import CheckReport
 from ..path import Path
 from ..path.synchronized_paths import AnyPath
 from ..tasks.task import Task

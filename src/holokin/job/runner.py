@@ -30,8 +30,8 @@ from ..motion import follow
 from ..motion.follow_path import Following, by_leaf
 from ..motion.trajectory import Status, Trajectory
 from ..motion_analysis import around, involutivity, why_elsewhere
-from ..output.job_result import Check, JobResult, NotRun, StrategyResult
 from ..path.synchronized_paths import AnyPath
+from ..reports.job_result import Check, JobResult, NotRun, StrategyResult
 from ..robot import Robot, catalogue, load
 from ..strategies import HolonomicStrategy, Strategy
 from .cover_strategies import build_covering

@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
-from ..designing.proposed_workspace import first_start, proposed_workspace
 from ..errors import ArgumentError, JobError
-from ..output.sheets_result import SheetsResult
+from ..reports.sheets_result import SheetsResult
 from ..sheet_maps import sheets, write_sheets
+from ..workspace_coverage.proposed_workspace import first_start, proposed_workspace
 from .advice_question import Question, Typed, question
 from .check_tables import ChecksTable
 from .job_file import job_of

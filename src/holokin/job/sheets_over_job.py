@@ -9,9 +9,9 @@ from typing import Any
 
 from ..base.types import Vector
 from ..errors import JobError
-from ..output.sheets_result import SheetsResult
 from ..path import Path
 from ..path.synchronized_paths import AnyPath
+from ..reports.sheets_result import SheetsResult
 from ..robot import Robot
 from ..sheet_maps import SheetMotion, Sheets, sheets
 from ..tasks.task import Task

@@ -14,12 +14,12 @@ from pydantic import AfterValidator, Field, model_validator
 from .. import constraints, strategies
 from ..base.types import Vector, finite
 from ..constraints import Constraint
-from ..designing import Coordinates, Polynomial, chart_of
 from ..errors import ArgumentError, BranchError, SingularityError, posture_text
 from ..motion_analysis import ball, ball_postures
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import Function, symbol
 from ..tasks.task import Task
+from ..workspace_coverage import Coordinates, Polynomial, chart_of
 from .table_values import Few, Formulas, Joints, Length, Number, Numbers, Positive, Table, column, kinds, matrix
 
 MOST_RADIAL_STEPS = 100

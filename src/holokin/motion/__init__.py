@@ -4,7 +4,6 @@ Uses strategies, paths and inverse kinematics. Read first: `follow_path.py`, `co
 """
 
 from .approach_path import approach
-from .control_law import ControlLaw, Step, as_control_law, open_loop
 from .control_step import Controller, controller
 from .drift_and_spread import Drift, Spread, drift, path_spread
 from .drift_cause import Cause, Winding, winding
@@ -19,7 +18,6 @@ from .timed_trajectory import JointLoad, Limits, Slowdown, TimedTrajectory
 
 __all__ = [
     "Cause",
-    "ControlLaw",
     "Controller",
     "Drift",
     "Followed",
@@ -29,18 +27,15 @@ __all__ = [
     "LoopWatch",
     "Slowdown",
     "Spread",
-    "Step",
     "StepStatus",
     "TimedTrajectory",
     "Winding",
     "approach",
-    "as_control_law",
     "controller",
     "drift",
     "follow",
     "hand_follower",
     "has_leaf",
-    "open_loop",
     "path_spread",
     "retime",
     "simulate",

@@ -23,13 +23,13 @@ from ..base.arguments import made
 from ..base.poses import PoseLike, pose_cure, with_matrices
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Matrix, Vector, frozen, number, right_last_row
+from ..control_laws.control_law import ControlLaw, Step
 from ..errors import ArgumentError, LostToolError, NativeError, NotFiniteError, ShapeError
 from ..inverse_kinematics.leaf import leaf_value
-from ..native_code import LARGEST, StepKernel, StepMemory, enabled, engine, tell
+from ..native_backend import LARGEST, StepKernel, StepMemory, enabled, engine, tell
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy, check_solved
 from ..symbolic import Function
-from .control_law import ControlLaw, Step
 from .machine_step import machine_step
 from .step_expression import AT_LIMIT, Rates, StepStatus, has_leaf, step_function
 

@@ -29,8 +29,8 @@ from ..errors.motion_errors import KEPT
 from ..inverse_kinematics.branch import branch_code
 from ..inverse_kinematics.leaf import jump_problem, leaf_step, leaf_stepper, native_leaf
 from ..inverse_kinematics.native_follower import NativeFollower
+from ..inverse_kinematics.plan import Plan, check_start, make_plan
 from ..inverse_kinematics.reach import out_of_reach
-from ..path.plan import Plan, check_start, make_plan
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy, Strategy, first_jump, jump_near, may_jump
 from .integrate_velocity import native_velocity, path_rate, velocity_stepper

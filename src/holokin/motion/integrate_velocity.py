@@ -10,8 +10,8 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Vector, kept
 from ..errors import TrackingError
 from ..inverse_kinematics.native_follower import NativeFollower
-from ..native_code import VelocityRules
-from ..path.plan import Plan
+from ..inverse_kinematics.plan import Plan
+from ..native_backend import VelocityRules
 from ..strategies import NumericStrategy, Strategy, checked_rate
 from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..base.types import Matrix, Vector
-from ..path.plan import BLOCK, Plan
+from ..inverse_kinematics.plan import BLOCK, Plan
 from ..tasks.task import Task
 from .trajectory import Measures, Status, Trajectory
 

@@ -14,8 +14,8 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Matrix, Value, Vector
 from ..errors import OpenPathError
+from ..inverse_kinematics.plan import make_plan
 from ..path import Path
-from ..path.plan import make_plan
 from ..strategies import Strategy
 from .curvature_of_planes import curvature
 from .straight_transport import transport

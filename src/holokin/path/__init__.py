@@ -1,6 +1,6 @@
 """Paths of the tool, sets of its poses, and files of them: lines, arcs, splines, CSV, SVG; and what is made of paths.
 
-Uses `tasks`. Read first: `path.py`, `segments.py`, `plan.py`.
+Uses `symbolic`. Read first: `path.py`, `segments.py`.
 """
 
 from .curves import even_curve

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.poses import PoseLike, pose_cure, pose_numbers
+from ..base.poses import PoseLike, pose_cure, pose_from, pose_numbers
 from ..base.types import (
     Array,
     ArrayLike,
@@ -31,7 +31,7 @@ from ..base.types import (
     whole,
 )
 from ..errors import ArgumentError, OpenPathError, ShapeError
-from ..robot.composition import pose_matrix
+from ..symbolic.rotations import rotation_from_rpy
 from .segments import Segment, derivatives, positions
 from .straight_path import rotation_matrix
 
@@ -373,7 +373,7 @@ def frame_pose(what: str, frame: PoseLike) -> Matrix:
     given = pose_numbers(what, frame)
     if given.shape == (6,):
         six = finite(what, given, (6,))
-        return pose_matrix(six[:3], six[3:])
+        return pose_from(six[:3], rotation_from_rpy(six[3:].tolist()))
     cure = pose_cure(given) or "or x, y, z, roll, pitch, yaw (6,)"
     return tool_pose(what, finite(what, given, (4, 4), cure))
 

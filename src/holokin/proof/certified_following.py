@@ -7,10 +7,10 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Indices, Matrix, Vector, some, whole
 from ..errors import NotCertifiedError, OpenPathError
+from ..inverse_kinematics.plan import make_plan
 from ..motion.follow_path import joint_rates
 from ..motion.recorded_trajectory import record
 from ..motion.trajectory import Status, Trajectory
-from ..path.plan import make_plan
 from ..path.synchronized_paths import AnyPath
 from ..strategies import Strategy
 from .certificate import Certificate, Extent

@@ -26,9 +26,9 @@ import numpy as np
 
 from ..base.sure_digits import at_least
 from ..base.types import Array, Indices, Matrix, Value, Vector, some
-from ..checking.gaps import FloorGap, Gap, LinkGap, segment_step
-from ..checking.pairs import POSTURES, Pairs
 from ..errors import brief
+from ..motion_checking.gaps import FloorGap, Gap, LinkGap, segment_step
+from ..motion_checking.pairs import POSTURES, Pairs
 from ..robot import LinkShape, Robot, joints_above
 from ..symbolic import symbol, vertcat
 from ..symbolic.interval_function import IntervalFunction

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..base.types import Matrix, Vector, number
-from ..checking.gaps import FLOOR
-from ..checking.keeping_clear import Clearances, posture_clearances
 from ..errors import ArgumentError
+from ..motion_checking.gaps import FLOOR
+from ..motion_checking.keeping_clear import Clearances, posture_clearances
 from ..robot import LinkShape, Mesh, Robot, chain_length
 from ..strategies import HolonomicStrategy
 from .clear_cells import ClearCells, joints_of, shape_pairs

@@ -7,7 +7,7 @@ import numpy as np
 from ..base.types import Matrix, Vector
 from ..errors import BranchError, SingularityError, TrackingError
 from ..inverse_kinematics.leaf import LeafPath, leaf_follower, leaf_step, leaf_value, newton_on_leaf
-from ..path.plan import Plan, check_start, make_plan
+from ..inverse_kinematics.plan import Plan, check_start, make_plan
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy
 from .certificate import Extent

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, joined, kept
-from ..path.plan import make_plan
+from ..inverse_kinematics.plan import make_plan
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy
 from ..symbolic.intervals import Interval

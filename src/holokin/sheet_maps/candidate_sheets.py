@@ -11,13 +11,13 @@ import numpy as np
 
 from ..base.poses import pose_from
 from ..base.types import Array, Flags, Indices, Matrix, Vector
-from ..checking import Clear
 from ..constraints import linear
-from ..designing.candidates import Candidate
-from ..designing.line_ends import along_leaf
-from ..designing.starts import postures_at
+from ..motion_checking import Clear
 from ..strategies import holonomic
 from ..tasks.task import Task
+from ..workspace_coverage.candidates import Candidate
+from ..workspace_coverage.line_ends import along_leaf
+from ..workspace_coverage.starts import postures_at
 from .fitted_levels import LevelTable, level_table
 from .leaf_estimates import ROUGH, STARTS, cost_of, fitting_laws, lines_served, side_by_side
 from .pose_features import spread_out

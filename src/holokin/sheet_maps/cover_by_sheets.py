@@ -10,13 +10,13 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, finite, not_negative, positive, whole
-from ..checking import Clear
-from ..designing.starts import check_that_joints_move
 from ..errors import ArgumentError, OutOfReachError
+from ..motion_checking import Clear
 from ..path.workspaces import Workspace
 from ..robot import LinkShape, Robot, check_metres
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
+from ..workspace_coverage.starts import check_that_joints_move
 from .candidate_sheets import CandidateSheets, fitting_laws
 from .pose_features import neighbours, spread_out, turn_length
 from .pose_rest import PoseRest, rests_of

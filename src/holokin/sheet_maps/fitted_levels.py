@@ -18,12 +18,12 @@ import numpy as np
 from ..base.poses import pose_from
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
 from ..constraints import tilted
-from ..designing.candidates import Candidate
-from ..designing.coordinates import Coordinates, Polynomial, chart_of, coordinates_of, values_and_slopes
-from ..designing.line_ends import along_leaf, one_by_one
 from ..errors import ArgumentError
 from ..strategies import HolonomicStrategy, holonomic
 from ..strategies.polynomial import monomials_up_to
+from ..workspace_coverage.candidates import Candidate
+from ..workspace_coverage.coordinates import Coordinates, Polynomial, chart_of, coordinates_of, values_and_slopes
+from ..workspace_coverage.line_ends import along_leaf, one_by_one
 from .sheet import known
 from .sheet_growth import Go, grown
 

@@ -9,12 +9,12 @@ from itertools import pairwise
 import numpy as np
 
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, whole
-from ..checking import Clear
 from ..errors import ArgumentError
 from ..inverse_kinematics.inverse_function import AGREE
+from ..inverse_kinematics.plan import check_start
 from ..inverse_kinematics.quiet_answers import answers
+from ..motion_checking import Clear
 from ..path import Path
-from ..path.plan import check_start
 from ..tasks.task import Task
 from .joined_motion import Stage, joined
 from .seams import Seam, allowed

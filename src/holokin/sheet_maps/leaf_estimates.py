@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix
-from ..checking import Clear
 from ..constraints import custom
-from ..designing import regular_starts
-from ..designing.candidates import Candidate, candidates
-from ..designing.line_ends import along_leaf, one_by_one
-from ..designing.starts import postures_at
 from ..errors import HolokinError
+from ..motion_checking import Clear
 from ..strategies import HolonomicStrategy, holonomic
 from ..tasks.task import Task
+from ..workspace_coverage import regular_starts
+from ..workspace_coverage.candidates import Candidate, candidates
+from ..workspace_coverage.line_ends import along_leaf, one_by_one
+from ..workspace_coverage.starts import postures_at
 from .searched_poses import SearchedPoses
 from .sheet import allowed_postures, known
 from .sheet_growth import Go

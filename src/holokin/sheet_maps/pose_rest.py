@@ -7,10 +7,10 @@ from enum import IntEnum
 import numpy as np
 
 from ..base.types import Array, Indices, NoTruthValue
-from ..checking import Clear
-from ..designing.proposed_workspace import reached
-from ..designing.starts import postures_at
+from ..motion_checking import Clear
 from ..tasks.task import Task
+from ..workspace_coverage.proposed_workspace import reached
+from ..workspace_coverage.starts import postures_at
 
 BLOCKED_LOOKS = 200
 """Poses for which clear postures are searched for at most, to tell why they are not served."""

@@ -11,9 +11,9 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.poses import PoseLike, given_pose, pose_numbers, tool_poses
 from ..base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value
-from ..checking import Clear
 from ..errors import ArgumentError, NoSeamError
 from ..motion.trajectory import Trajectory
+from ..motion_checking import Clear
 from ..path.workspaces import Workspace
 from ..tasks.task import Task
 from .joined_motion import still_trajectory

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..base.poses import pose_from
 from ..base.types import Array, Flags, Matrix, Value, Vector, frozen
-from ..checking import Clear
 from ..inverse_kinematics import InverseKinematics, leaf_value
 from ..inverse_kinematics.quiet_answers import answer, answers
+from ..motion_checking import Clear
 from ..strategies import HolonomicStrategy
 from .pose_features import PosePoints, turn_length
 

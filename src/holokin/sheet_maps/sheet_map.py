@@ -12,9 +12,9 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.poses import PoseLike, given_pose, pose_from, pose_numbers, tool_poses
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, finite
-from ..checking import Clear
 from ..errors import ArgumentError, BranchError, NoSheetError
 from ..inverse_kinematics.quiet_answers import leads_to
+from ..motion_checking import Clear
 from ..path import Path
 from ..path.workspaces import PoseRange, Workspace
 from ..proof import UniqueRegion, unique_region

@@ -10,9 +10,9 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector
-from ..checking import Clear
 from ..errors import ArgumentError
 from ..motion.joint_curve import Stretch
+from ..motion_checking import Clear
 from ..robot import Robot
 from ..strategies.self_motions import CurveEnd, SelfMotion, SelfMotions, joint_gap, least_motion
 from ..tasks.task import Task

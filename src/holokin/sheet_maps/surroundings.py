@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.types import Value
-from ..checking import Clear, clear_postures
 from ..errors import ArgumentError
+from ..motion_checking import Clear, clear_postures
 from ..proof.kept_apart import CLEARANCE
 from ..robot import LinkShape, Robot
 

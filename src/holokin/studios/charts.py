@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..base.types import Vector
-from ..output.palette import INK, PALE
-from ..output.plots import thin
+from ..reports.palette import INK, PALE
+from ..reports.plots import thin
 from .panel_texts import block, marks, plain, put, quiet, short_names, table
 from .stage import Stage
 from .states import Snapshot

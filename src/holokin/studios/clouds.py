@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from ..base.types import Matrix, Vector
-from ..designing import Coverage, coverage
 from ..errors import HolokinError
 from ..path.workspaces import Workspace, pose_cloud, workspace
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
+from ..workspace_coverage import Coverage, coverage
 from .states import Cloud, CloudStatus
 
 PIECE = 32

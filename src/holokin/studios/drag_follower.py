@@ -10,11 +10,12 @@ import numpy as np
 from ..base.poses import PoseLike, given_pose, pose_from, pose_numbers
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Value, Vector, tool_pose
+from ..control_laws import ControlLaw
 from ..errors import HolokinError
 from ..inverse_kinematics import InverseStatus, inverse
 from ..inverse_kinematics.leaf import PathEnd, leaf_value, leaf_walk, straight_path
 from ..inverse_kinematics.quiet_answers import how_far, is_native
-from ..motion import ControlLaw, StepStatus, controller
+from ..motion import StepStatus, controller
 from ..path.straight_path import StraightPath, straight
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import Task

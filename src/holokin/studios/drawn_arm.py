@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..base.types import Matrix, Vector
-from ..output.bodies import Piece, pieces_of
-from ..output.robot_view import best_view
 from ..path import Path
+from ..reports.bodies import Piece, pieces_of
+from ..reports.robot_view import best_view
 from ..robot import Box, Capsule, Cylinder
 from ..symbolic import SX, Function, symbol, vertcat
 from ..tasks.task import Task

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.poses import pose_from
 from ..base.types import Matrix, Vector
-from ..output.palette import BAD, GOOD, LOOP, rgb
+from ..reports.palette import BAD, GOOD, LOOP, rgb
 from ..robot import reach
 from .page_scene import pose_of, wxyz_of
 from .session_loops import Loop, circle_loop, polygon_loop

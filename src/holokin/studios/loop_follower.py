@@ -9,16 +9,17 @@ import numpy as np
 
 from ..base.poses import pose_from
 from ..base.types import Array, Matrix, Vector
+from ..control_laws import ControlLaw
 from ..errors import HolokinError, JointLimitError
 from ..inverse_kinematics import inverse, move_to_leaf
 from ..inverse_kinematics.leaf import LeafPath, leaf_follower, leaf_value, native_leaf
 from ..inverse_kinematics.native_follower import NativeFollower
-from ..motion import ControlLaw, approach
+from ..inverse_kinematics.plan import Plan, check_start, make_plan
+from ..motion import approach
 from ..motion.follow_path import build_native
 from ..motion.integrate_velocity import native_velocity, velocity_stepper
 from ..motion.simulation import step_targets
 from ..path import Path
-from ..path.plan import Plan, check_start, make_plan
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
 from .drag_follower import limit_sentence, stopped
 from .session_laws import Law

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import HolokinError
-from ..output.palette import CLOCKWISE, COUNTER_CLOCKWISE
+from ..reports.palette import CLOCKWISE, COUNTER_CLOCKWISE
 from .handles import FAR, LEAST, circle_of
 from .session_loops import circle_loop, eight_loop
 from .shown_units import SI, Units

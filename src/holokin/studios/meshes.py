@@ -11,7 +11,7 @@ import numpy as np
 from ..base.extra_module import extra_module
 from ..base.types import Array, Indices, Matrix, Value
 from ..errors import RobotFileError, brief
-from ..output.bodies import pieces_of
+from ..reports.bodies import pieces_of
 from ..robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Robot, Shape, Surface, chain_length
 from ..robot.numeric import Frames, joint_frames
 

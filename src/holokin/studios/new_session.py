@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 
 from ..base.types import ArrayLike, Matrix, Vector
-from ..designing import fitting_task, regular_starts
-from ..designing.tips import chain_to_tool
 from ..errors import ArgumentError, HolokinError
 from ..job import Job, open_one_job, packaged_jobs
 from ..job.job_parts import build_begin, build_strategy, build_tasks, naming
@@ -26,6 +24,8 @@ from ..strategies import moore_penrose
 from ..tasks.frame_task import stacked
 from ..tasks.task import Task
 from ..tasks.task_kinds import pose
+from ..workspace_coverage import fitting_task, regular_starts
+from ..workspace_coverage.tips import chain_to_tool
 from .loop_follower import loop_start
 from .session import Session
 from .session_laws import Law, default_laws, redundant

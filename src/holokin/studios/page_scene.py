@@ -12,7 +12,7 @@ import numpy as np
 from ..base.extra_module import extra_module
 from ..base.poses import pose_from
 from ..base.types import ArrayLike, Indices, Matrix, Vector
-from ..output.palette import GREY, LOOP, color_of, rgb
+from ..reports.palette import GREY, LOOP, color_of, rgb
 from ..robot import LinkShape, Robot, Tip, reach
 from .meshes import GHOST, SOLID, THING, frames_of, looks_of, quaternions, shape_mesh, trimesh_package
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any
 
-from ..output.palette import BAD, GREY, HOLONOMIC, INK, PALE
+from ..reports.palette import BAD, GREY, HOLONOMIC, INK, PALE
 
 Cell = str
 """HTML of a cell: what a user wrote was escaped."""

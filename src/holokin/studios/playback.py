@@ -22,8 +22,8 @@ from ..base.files import write_text
 from ..base.types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, positive
 from ..errors import ArgumentError, ShapeError
 from ..motion.trajectory import Status
-from ..output.palette import law_colors
-from ..output.robot_view import best_view
+from ..reports.palette import law_colors
+from ..reports.robot_view import best_view
 from ..robot import LinkShape, Robot
 from .door import HERE, Door
 from .page_scene import FOV, Scene, silent_viser, viser_package

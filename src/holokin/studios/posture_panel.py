@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import HolokinError
-from ..output.palette import BLUE, GREY, PURPLE, YELLOW, rgb
+from ..reports.palette import BLUE, GREY, PURPLE, YELLOW, rgb
 from .panel_texts import block, line, plain, put, quiet, ramp, swatch, table
 from .sliders import DEGREES, Slider
 from .stage import Stage

@@ -8,12 +8,12 @@ from typing import Any
 
 from ..base.types import Value, Vector
 from ..constraints import arm_angle, find_arm, lock
-from ..designing import locked_joints
+from ..control_laws import ControlLaw
 from ..errors import ArgumentError, HolokinError, NoArmError
 from ..job.strategy_tables import KINDS, Fitted
-from ..motion import ControlLaw
 from ..strategies import HolonomicStrategy, Strategy, holonomic, moore_penrose, radial
 from ..tasks.task import Task
+from ..workspace_coverage import locked_joints
 
 
 @dataclass(frozen=True, eq=False)

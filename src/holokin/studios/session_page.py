@@ -7,13 +7,13 @@ from functools import cached_property
 
 from ..base.arguments import typed
 from ..base.types import Value, Vector
-from ..checking import CheckReport
 from ..errors import ArgumentError, HolokinError, UnknownNameError
 from ..inverse_kinematics.leaf import with_leaves
 from ..job import Job
 from ..motion import follow
 from ..motion.trajectory import Trajectory
 from ..motion_analysis import cusps
+from ..motion_checking import CheckReport
 from ..path import Path
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
 from .loop_follower import leaf_start, loop_start

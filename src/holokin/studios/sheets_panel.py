@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..output.sheets_plot import color_of
+from ..reports.sheets_plot import color_of
 from .panel_texts import block, line, plain, put, quiet, swatch, table, warning
 from .sheet_follower import SheetFollower, SheetState
 from .stage import Stage

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.types import Vector
-from ..designing import locked_joints
 from ..errors import ArgumentError, HolokinError
 from ..inverse_kinematics.leaf import REGULAR, PathEnd, leaf_follower, leaf_value, leaf_walk, straight_path
 from ..strategies import HolonomicStrategy, SelfMotion
 from ..strategies.self_motions import SelfMotions
 from ..tasks.task import Task
+from ..workspace_coverage import locked_joints
 from .session_laws import Law
 
 STEP = 0.02

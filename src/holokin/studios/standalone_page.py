@@ -17,12 +17,12 @@ from ..base.arguments import typed
 from ..base.files import write_text
 from ..base.types import ArrayLike, Matrix, Value, Vector
 from ..errors import ArgumentError, OpenPathError, PathError
+from ..inverse_kinematics.plan import check_start, make_plan
 from ..motion import follow
 from ..motion.follow_path import by_leaf
 from ..motion_analysis import CuspWitness
-from ..output.palette import law_colors
 from ..path import Path, circle
-from ..path.plan import check_start, make_plan
+from ..reports.palette import law_colors
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import Task, of_one_tool
 from .drawn_arm import DrawnArm

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..base.types import Matrix
 from ..errors import HolokinError
-from ..output.palette import BAD, LOOP, law_colors
-from ..output.plots import thin
+from ..reports.palette import BAD, LOOP, law_colors
+from ..reports.plots import thin
 from .cameras import Cameras
 from .charts import Charts
 from .handles import Handles

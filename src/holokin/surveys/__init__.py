@@ -1,6 +1,6 @@
 """Surveys: the same questions asked of many robots, starts, loops and laws; resumable, on one machine or several.
 
-Uses `job` and `laws`. Read first: `survey_tables.py`, `one_case.py`, `resumable_run.py`.
+Uses `job` and `control_laws`. Read first: `survey_tables.py`, `one_case.py`, `resumable_run.py`.
 """
 
 from .findings import Findings

@@ -15,7 +15,7 @@ import numpy as np
 from ..base.extra_module import extra_module
 from ..base.shown import one_line
 from ..base.types import Array, Flags, Indices, Value, Vector
-from ..output.html_page import html_table
+from ..reports.html_page import html_table
 from .one_case import METRICS, CaseStatus
 
 STATUS_ORDER = tuple(CaseStatus)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
+from ..control_laws.libraries import LIBRARIES
 from ..errors import ArgumentError, MissingExtraError
-from ..laws.libraries import LIBRARIES
 from .cases import Cases, Stratum
 from .store import COLUMNS
 from .survey_laws import Library, Own

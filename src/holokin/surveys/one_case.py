@@ -19,7 +19,7 @@ import numpy as np
 
 from ..base.tolerances import TOLERANCES
 from ..base.types import Vector
-from ..designing import regular_starts
+from ..control_laws import ControlLaw
 from ..errors import (
     ArgumentError,
     HolokinError,
@@ -33,7 +33,7 @@ from ..job.robot_tables import RobotTable, robot_of_job
 from ..job.several_paths import build_paths
 from ..job.strategy_tables import StrategyTable
 from ..job.task_tables import TaskTable
-from ..motion import ControlLaw, follow, simulate
+from ..motion import follow, simulate
 from ..motion.follow_path import build_native
 from ..motion.least_speed import over_least_speed
 from ..motion.trajectory import Status, Trajectory
@@ -42,6 +42,7 @@ from ..robot import Robot, beside
 from ..robot.longest_span import longest_reach
 from ..strategies import Strategy
 from ..tasks.task import Task
+from ..workspace_coverage import regular_starts
 from .cases import Case, Cases, robot_table
 from .objects import OBJECT, given, given_path, when_replaced
 from .own_metrics import own_metrics

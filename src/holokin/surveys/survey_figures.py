@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..output.palette import (
+from ..reports.palette import (
     BLUE,
     GREEN,
     GREY,
@@ -23,8 +23,8 @@ from ..output.palette import (
     YELLOW,
     law_colors,
 )
-from ..output.plots import PAGE, TYPE, legible, style
-from ..output.words import on_figure
+from ..reports.plots import PAGE, TYPE, legible, style
+from ..reports.words import on_figure
 from .findings import ON_PATH, RETURNS, STATUS_ORDER, Findings, robot_labels
 
 LEAST = 1e-12

@@ -14,22 +14,23 @@ from pydantic import Field
 
 from .. import constraints
 from ..base.types import Vector
-from ..designing import locked_joints
-from ..errors import ArgumentError
-from ..job.strategy_tables import KINDS, Fitted, Lock, Radial, StrategyTable
-from ..job.table_values import Few, Length, Positive, Table
-from ..laws import (
+from ..control_laws import (
+    ControlLaw,
     PostureTask,
+    as_control_law,
     closed_loop,
     damped,
     gradient_projection,
     repetitive_motion,
 )
-from ..laws.feedback_laws import GAIN
-from ..laws.libraries import LIBRARIES
-from ..motion import ControlLaw, as_control_law
+from ..control_laws.feedback_laws import GAIN
+from ..control_laws.libraries import LIBRARIES
+from ..errors import ArgumentError
+from ..job.strategy_tables import KINDS, Fitted, Lock, Radial, StrategyTable
+from ..job.table_values import Few, Length, Positive, Table
 from ..strategies import Strategy
 from ..tasks.task import Task
+from ..workspace_coverage import locked_joints
 from .objects import given
 from .user_functions import imported
 

@@ -10,7 +10,7 @@ from typing import Any
 from ..base.files import write_text
 from ..errors import HolokinError, SurveyError, brief
 from ..job.toml_text import table, toml
-from ..output.html_page import drawn, page
+from ..reports.html_page import drawn, page
 from ..version import build
 from .cases import Case, Cases
 from .findings import ON_PATH, Findings

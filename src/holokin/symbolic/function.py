@@ -15,13 +15,13 @@ import numpy as np
 
 from ..base.types import Array, ArrayLike, numbers
 from ..errors import ExpressionError, NativeError, ShapeError
-from ..native_code.evaluator import Doubt, Evaluator, weak
-from ..native_code.inverse_kernel import InverseKernel
-from ..native_code.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel, follow_code
-from ..native_code.native_library import allowed, enabled, tell
-from ..native_code.program import Port, program
-from ..native_code.source import body
-from ..native_code.transport import Transport
+from ..native_backend.evaluator import Doubt, Evaluator, weak
+from ..native_backend.inverse_kernel import InverseKernel
+from ..native_backend.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel, follow_code
+from ..native_backend.native_library import allowed, enabled, tell
+from ..native_backend.program import Port, program
+from ..native_backend.source import body
+from ..native_backend.transport import Transport
 from .checked_batch import CheckedBatch
 from .linear import System
 
