@@ -25,8 +25,8 @@ import holokin as hk
 from holokin.errors import BranchError, OutOfReachError, SingularityError
 from holokin.export import export_c
 from holokin.inverse_kinematics.leaf import leaf_step
-from holokin.native_backend import compiler
-from holokin.native_backend import native_library as native
+from holokin.native_kernels import compiler
+from holokin.native_kernels import native_library as native
 
 STEPS = 3000
 PANDA = np.array([0.0, -0.3, 0.2, -2.0, 0.1, 1.8, 0.7])

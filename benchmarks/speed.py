@@ -29,7 +29,7 @@ from benchmarks.pose_rivals import poses_page
 from benchmarks.rivals import rivals
 from holokin.motion import simulate
 from holokin.motion_analysis.curvature_of_planes import curvature_function
-from holokin.native_backend.native_library import engine
+from holokin.native_kernels.native_library import engine
 
 DT = 0.001
 ROOT = Path(__file__).resolve().parents[1]

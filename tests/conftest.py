@@ -25,7 +25,7 @@ from hypothesis import settings
 
 import holokin as hk
 from holokin.commands import main as cli
-from holokin.native_backend.toolchain import compiler
+from holokin.native_kernels.toolchain import compiler
 from sketches import sketches
 
 sys.path.append(str(Path(__file__).parents[1]))  # the benchmarks, of which some tests run a little

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from conftest import Command
-from holokin.native_backend import engine, toolchain
-from holokin.native_backend import native_library as native
+from holokin.native_kernels import engine, toolchain
+from holokin.native_kernels import native_library as native
 from holokin.symbolic import Function, symbol
 from holokin.symbolic import function as function_module
 

@@ -14,7 +14,7 @@ import holokin as hk
 from conftest import PPR_START, sampled
 from holokin.errors import WriteError
 from holokin.export import export_c
-from holokin.native_backend import compiler
+from holokin.native_kernels import compiler
 
 STRATEGY = hk.moore_penrose(hk.position(hk.load("ppr")))
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")

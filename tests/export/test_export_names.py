@@ -12,7 +12,7 @@ import holokin as hk
 from holokin.errors import ArgumentError
 from holokin.export import check
 from holokin.export.self_test import WARNINGS
-from holokin.native_backend import compiler
+from holokin.native_kernels import compiler
 
 NASTY = [
     "??/", "*??/", "ends with ??/", "\\", "*\\", "*/ #error", "/*/", "// x \\", "a\nb", "\u202e } ; \u2066", "\u200f",

@@ -16,9 +16,9 @@ from benchmarks.calls import Floor, in_turns, repeated
 import holokin as hk
 from conftest import PANDA_START, campaign
 from forked import child
-from holokin.native_backend import native_library as native
-from holokin.native_backend.background import idle
-from holokin.native_backend.evaluator import HEAVY
+from holokin.native_kernels import native_library as native
+from holokin.native_kernels.background import idle
+from holokin.native_kernels.evaluator import HEAVY
 
 ROOT = Path(__file__).parents[2]
 FILES = [

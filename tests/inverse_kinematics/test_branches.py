@@ -14,7 +14,7 @@ import holokin as hk
 from conftest import PANDA_START, sampled
 from holokin.errors import BranchError, HolokinError, PathError
 from holokin.inverse_kinematics.branch import lay_tube
-from holokin.native_backend import enabled
+from holokin.native_kernels import enabled
 from holokin.strategies import Strategy
 
 ENGINES = [pytest.param(500, id="machine"), pytest.param(6000, id="native")]

@@ -14,7 +14,7 @@ import holokin as hk
 from conftest import PANDA_START, sampled
 from holokin.errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError
 from holokin.inverse_kinematics import InverseStatus
-from holokin.native_backend import evaluator, inverse_kernel
+from holokin.native_kernels import evaluator, inverse_kernel
 from holokin.path.workspaces import pose_cloud
 
 DOWN = np.diag([1.0, -1.0, -1.0])

@@ -13,8 +13,8 @@ import holokin as hk
 from conftest import PANDA_START
 from holokin.errors import BranchError, SingularityError
 from holokin.inverse_kinematics.stretch import along
-from holokin.native_backend import code_file, enabled
-from holokin.native_backend.native_library import library
+from holokin.native_kernels import code_file, enabled
+from holokin.native_kernels.native_library import library
 from holokin.strategies import HolonomicStrategy
 
 pytestmark = pytest.mark.skipif(not enabled(), reason="no compiler")

@@ -24,7 +24,7 @@ from holokin.errors import (
 from holokin.inverse_kinematics.leaf import leaf_step
 from holokin.inverse_kinematics.native_follower import NativeFollower
 from holokin.motion import follow_path as following
-from holokin.native_backend import native_library as native
+from holokin.native_kernels import native_library as native
 from holokin.symbolic import function as function_module
 
 Patch = pytest.MonkeyPatch

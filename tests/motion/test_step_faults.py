@@ -20,8 +20,8 @@ import holokin as hk
 from conftest import PANDA_START, campaign, sampled
 from holokin.errors import ArgumentError, HolokinError, ShapeError
 from holokin.motion.step_expression import StepStatus
-from holokin.native_backend import kernel
-from holokin.native_backend import native_library as native
+from holokin.native_kernels import kernel
+from holokin.native_kernels import native_library as native
 from holokin.symbolic import Function, symbol
 
 Patch = pytest.MonkeyPatch

@@ -16,8 +16,8 @@ from holokin.errors import SingularityError
 from holokin.inverse_kinematics.leaf import leaf_step
 from holokin.motion import follow_path as following
 from holokin.motion.step_expression import StepStatus
-from holokin.native_backend import LARGEST
-from holokin.native_backend import native_library as native
+from holokin.native_kernels import LARGEST
+from holokin.native_kernels import native_library as native
 from holokin.symbolic import function as function_module
 from holokin.symbolic import linear
 
@@ -118,7 +118,7 @@ def test_a_long_arms_step_tells_its_troubles(flag: str, monkeypatch: Patch) -> N
 
 
 def test_a_system_that_numbers_find_singular_is_not_a_number() -> None:
-    from holokin.native_backend.program import solve_numbers
+    from holokin.native_kernels.program import solve_numbers
 
     for A in (np.zeros((3, 3)), np.diag([1.0, 0.0, 2.0]), np.full((3, 3), np.nan), np.ones((3, 3))):
         X, figures = np.zeros((3, 2)), np.ones(2)

@@ -24,9 +24,9 @@ from holokin.inverse_kinematics.leaf import leaf_step
 from holokin.inverse_kinematics.rays import rays_from
 from holokin.job import open_job, run_job
 from holokin.motion import control_step
-from holokin.native_backend import inverse_kernel, transport
-from holokin.native_backend import native_library as native
-from holokin.native_backend.kernel import BatchKernel
+from holokin.native_kernels import inverse_kernel, transport
+from holokin.native_kernels import native_library as native
+from holokin.native_kernels.kernel import BatchKernel
 from holokin.strategies import pfaffian
 
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")

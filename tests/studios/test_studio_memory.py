@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from holokin.native_backend import native_library as native
+from holokin.native_kernels import native_library as native
 from holokin.studios import Session, open_session
 from sessions import panda, shifted
 

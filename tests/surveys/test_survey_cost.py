@@ -14,8 +14,8 @@ import holokin as hk
 from conftest import sampled
 from holokin.errors import BranchError, JointLimitError, LimitReachedError, OutOfReachError
 from holokin.inverse_kinematics import leaf
-from holokin.native_backend import kernel
-from holokin.native_backend import native_library as native
+from holokin.native_kernels import kernel
+from holokin.native_kernels import native_library as native
 from holokin.surveys import one_case as running
 from holokin.surveys import survey_of
 from holokin.surveys.cases import Cases

@@ -12,7 +12,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, sampled
-from holokin.native_backend import native_library as native
+from holokin.native_kernels import native_library as native
 from holokin.robot.catalog import catalogue
 from holokin.symbolic import function as function_module
 

@@ -65,7 +65,7 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from ..native_backend import engine
+        from ..native_kernels import engine
 
         show(f"holokin {build()}, {engine()}")
         raise typer.Exit

@@ -23,7 +23,7 @@ from ..inverse_kinematics.rays import rays_code
 from ..motion import has_leaf, step_function
 from ..motion.control_step import LEAST_RCOND, MOST_ERROR
 from ..motion.step_expression import AT_LIMIT
-from ..native_backend import LARGEST, code_file
+from ..native_kernels import LARGEST, code_file
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function
 from ..tasks.frames import poses_expression

@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from ..errors import ExportError
-from ..native_backend import compiler
+from ..native_kernels import compiler
 from .c_folder import Exported
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")

@@ -13,7 +13,7 @@ from ..base.arguments import check, typed
 from ..base.poses import PoseLike, pose_numbers
 from ..base.types import ArrayLike, Matrix, Value, Vector, frozen, positive, whole
 from ..errors import ArgumentError, BranchError, OutsideRegionError
-from ..native_backend import engine, weak
+from ..native_kernels import engine, weak
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy, may_jump
 from .edge import Edge

@@ -19,7 +19,7 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector, finite, kept
 from ..constraints import custom
 from ..errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
-from ..native_backend import LeafRules
+from ..native_kernels import LeafRules
 from ..path.straight_path import straight
 from ..robot import start_posture
 from ..robot.joints import WOUND

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
-from ..native_backend import FollowKernel
+from ..native_kernels import FollowKernel
 from .plan import Plan
 
 

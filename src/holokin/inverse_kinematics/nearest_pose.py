@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.types import ArrayLike, Matrix, NoTruthValue, Value, Vector, kept, one_or_each
 from ..errors import ArgumentError, NativeError
-from ..native_backend import LARGEST, EdgeKernel, enabled, tell
+from ..native_kernels import LARGEST, EdgeKernel, enabled, tell
 from ..strategies import HolonomicStrategy
 from .descent import CONSTANTS, WITHIN, descend, inside, least_ratio, part
 from .edge import SAME, Edge, Goal, Look, edge_function

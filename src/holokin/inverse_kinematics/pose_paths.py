@@ -10,7 +10,7 @@ import numpy as np
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ..errors import BranchError, OutOfReachError
-from ..native_backend import InverseKernel
+from ..native_kernels import InverseKernel
 from ..strategies import HolonomicStrategy, Jump, may_jump
 from .leaf import (
     REGULAR,

@@ -26,7 +26,7 @@ from ..base.types import Array, ArrayLike, Matrix, Vector, frozen, number, right
 from ..control_laws.control_law import ControlLaw, Step
 from ..errors import ArgumentError, LostToolError, NativeError, NotFiniteError, ShapeError
 from ..inverse_kinematics.leaf import leaf_value
-from ..native_backend import LARGEST, StepKernel, StepMemory, enabled, engine, tell
+from ..native_kernels import LARGEST, StepKernel, StepMemory, enabled, engine, tell
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy, check_solved
 from ..symbolic import Function

@@ -11,7 +11,7 @@ from ..base.types import Vector, kept
 from ..errors import TrackingError
 from ..inverse_kinematics.native_follower import NativeFollower
 from ..inverse_kinematics.plan import Plan
-from ..native_backend import VelocityRules
+from ..native_kernels import VelocityRules
 from ..strategies import NumericStrategy, Strategy, checked_rate
 from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Vector
-from ..native_backend import Port, StepMemory
+from ..native_kernels import Port, StepMemory
 from ..symbolic import Function
 from .step_expression import AT_LIMIT, Rates, StepStatus
 

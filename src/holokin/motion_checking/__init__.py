@@ -1,6 +1,6 @@
 """Checks of motions: limits, singularities, self-collision, the floor, obstacles.
 
-Uses `motion` and `robot_logs`. Read first: `motion_checks.py`, `gaps.py`.
+Uses `motion`. Read first: `motion_checks.py`, `gaps.py`.
 """
 
 from .check_report import CheckReport, Clearance, Finding, FindingKind, LeftOut, Unseen

@@ -10,9 +10,9 @@ import numpy as np
 from ..base.types import Matrix, Value, Vector
 from ..errors import ArgumentError, NotFiniteError
 from ..motion import TimedTrajectory
+from ..motion.recording import Recording
 from ..motion.trajectory import Trajectory
 from ..robot import Robot
-from ..robot_logs import Recording
 from .check_report import FindingKind
 
 RATES = (FindingKind.VELOCITY, FindingKind.ACCELERATION, FindingKind.JERK)

@@ -1,8 +1,10 @@
 """Logs of robots: joint motion in CSV, rosbag2 folders and MCAP; LeRobot datasets.
 
-Uses `robot`. Read first: `log.py`, `log_formats.py`, `dataset_folder.py`.
+Uses `motion`. Read first: `log_samples.py`, `log_formats.py`, `dataset_folder.py`.
 """
 
+from ..motion.recording import GAP as GAP
+from ..motion.recording import Recording as Recording
 from .dataset_columns import (
     ACTION,
     STATE,
@@ -15,7 +17,6 @@ from .dataset_columns import (
 )
 from .dataset_folder import Dataset, Episode, is_dataset, read_dataset
 from .joint_columns import TIMES
-from .log import GAP, Recording
 from .log_formats import SLACK, read_recording
 from .log_runs import read_runs
 

@@ -13,7 +13,7 @@ import numpy as np
 from ..base.given_files import listed, shown
 from ..errors import HolokinError, MissingExtraError, RecordingError
 from ..robot import Robot
-from .log import Samples, joints_missing
+from .log_samples import Samples, joints_missing
 from .unpacked_size import MOST_MESSAGE, broken, check_folder, check_mcap, check_sqlite, unpacked
 
 JOINT_STATE = "sensor_msgs/msg/JointState"

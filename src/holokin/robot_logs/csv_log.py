@@ -15,7 +15,7 @@ from ..errors import RecordingError
 from ..robot import Robot
 from .headless import guessed, numbered
 from .joint_columns import Columns, column_named, columns_named, joint_columns, plain_name, scale_of, time_column
-from .log import Samples
+from .log_samples import Samples
 
 CURE = "log a header and at least two cycles"
 _WHOLE = re.compile(r"[+-]?\d{1,19}")

@@ -10,7 +10,7 @@ from pathlib import Path
 from ..base.given_files import listed, shown
 from ..errors import ArgumentError, RecordingError, UnknownNameError, closest
 from ..robot import Robot
-from .log import joints_missing
+from .log_samples import joints_missing
 
 TIMES = ("t", "time", "stamp", "secs", "timestamp")
 """Names of a time column; a prefix ('header.stamp') and capitals do not matter."""

@@ -11,11 +11,12 @@ from ..base.arguments import typed
 from ..base.given_files import is_folder
 from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, RecordingError
+from ..motion.recording import Recording
 from ..robot import Robot
 from .bag import read_bag
 from .csv_log import read_csv
 from .joint_columns import Columns
-from .log import Recording, Samples
+from .log_samples import Samples
 
 SLACK = 0.5
 """How far [rad or m] beyond its limits a joint may be logged before the unit is doubted: calibration never errs so."""

@@ -12,10 +12,11 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import Matrix, Vector, positive
 from ..errors import ArgumentError, RecordingError
+from ..motion.recording import GAP, Recording
 from ..robot import Robot
 from .joint_columns import Columns
-from .log import GAP, Recording, Samples
 from .log_formats import recorded, samples_of, unwrap
+from .log_samples import Samples
 
 IDLE = 5.0
 """Rest [s] from which on a log is cut there: longer than the dwells of a process, shorter than most pauses between

@@ -22,8 +22,8 @@ from ..inverse_kinematics.branch import branch_code
 from ..inverse_kinematics.leaf import leaf_rules, leaf_step, leaf_value
 from ..motion.follow_path import by_leaf
 from ..motion.integrate_velocity import path_rate, velocity_rules
-from ..native_backend import LARGEST
-from ..native_backend.toolchain import call
+from ..native_kernels import LARGEST
+from ..native_kernels.toolchain import call
 from ..strategies import Strategy, may_jump
 from .drawn_arm import DrawnArm
 

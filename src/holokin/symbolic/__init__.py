@@ -1,6 +1,6 @@
 """The only door to CasADi: expressions, their derivatives, safe rotations, and `Function`.
 
-Uses `native_backend`. Read first: `function.py`, `calculus.py`, `rotations.py`.
+Uses `native_kernels`. Read first: `function.py`, `calculus.py`, `rotations.py`.
 """
 
 from casadi import (

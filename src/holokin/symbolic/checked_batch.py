@@ -10,8 +10,8 @@ import numpy as np
 
 from ..base.types import Array, ArrayLike, Flags, Matrix, numbers, whole
 from ..errors import ShapeError
-from ..native_backend.evaluator import Doubt
-from ..native_backend.program import Shapes
+from ..native_kernels.evaluator import Doubt
+from ..native_kernels.program import Shapes
 
 PIECE = 100_000
 """Samples that are checked at once, so that only the results grow with their number."""

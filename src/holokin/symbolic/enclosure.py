@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from ..errors import NativeError
-from ..native_backend.emit import emit
+from ..native_kernels.emit import emit
 from .function import Function
 
 Pair = tuple[ca.SX, ca.SX]

@@ -15,13 +15,13 @@ import numpy as np
 
 from ..base.types import Array, ArrayLike, numbers
 from ..errors import ExpressionError, NativeError, ShapeError
-from ..native_backend.evaluator import Doubt, Evaluator, weak
-from ..native_backend.inverse_kernel import InverseKernel
-from ..native_backend.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel, follow_code
-from ..native_backend.native_library import allowed, enabled, tell
-from ..native_backend.program import Port, program
-from ..native_backend.source import body
-from ..native_backend.transport import Transport
+from ..native_kernels.evaluator import Doubt, Evaluator, weak
+from ..native_kernels.inverse_kernel import InverseKernel
+from ..native_kernels.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel, follow_code
+from ..native_kernels.native_library import allowed, enabled, tell
+from ..native_kernels.program import Port, program
+from ..native_kernels.source import body
+from ..native_kernels.transport import Transport
 from .checked_batch import CheckedBatch
 from .linear import System
 

@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 
 from ..base.types import Vector
-from ..native_backend.transport import Pieces, Transport
+from ..native_kernels.transport import Pieces, Transport
 from .calculus import gradient, staged
 
 

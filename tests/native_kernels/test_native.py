@@ -17,9 +17,9 @@ import holokin as hk
 from conftest import PANDA_START, Command
 from holokin.errors import ArgumentError, NativeError, ShapeError
 from holokin.motion.step_expression import StepStatus
-from holokin.native_backend import engine
-from holokin.native_backend import native_library as native
-from holokin.native_backend.kernel import BatchKernel
+from holokin.native_kernels import engine
+from holokin.native_kernels import native_library as native
+from holokin.native_kernels.kernel import BatchKernel
 from holokin.symbolic import Function, symbol
 from holokin.symbolic import function as function_module
 from holokin.version import build
@@ -312,7 +312,7 @@ def test_without_a_compiler_everything_works_and_says_so(tmp_path: Path) -> None
     """A process that finds no compiler: the same numbers, and one line on what ran."""
     code = (
         "import sys; sys.modules['ziglang'] = None;"  # a compiler, too, where it is installed
-        "import numpy as np, holokin as hk; from holokin.native_backend import engine; print(engine());"
+        "import numpy as np, holokin as hk; from holokin.native_kernels import engine; print(engine());"
         "p = hk.load('panda'); q = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5];"
         "s = hk.controller(hk.holonomic(hk.pose(p), hk.lock(2)), dt=1e-3, q0=q);"
         "print(s.engine); print(s.step(np.array(q), p.pose(q), np.ones(6) * 0.01)[0].hex())"

@@ -74,4 +74,4 @@ def emit(function: ca.Function, name: str, x: Callable[[int, int], str], y: Call
 
 def prelude(name: str) -> str:
     """The text of a prelude or of the driver."""
-    return files("holokin.native_backend").joinpath("c", name).read_text("utf-8")
+    return files("holokin.native_kernels").joinpath("c", name).read_text("utf-8")

@@ -12,8 +12,8 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, sampled
 from holokin.errors import ArgumentError, NotFiniteError, ShapeError, SingularityError
-from holokin.native_backend import evaluator
-from holokin.native_backend import native_library as native
+from holokin.native_kernels import evaluator
+from holokin.native_kernels import native_library as native
 from holokin.symbolic import Evaluator, Function, symbol
 
 Patch = pytest.MonkeyPatch

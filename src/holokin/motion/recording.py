@@ -1,19 +1,15 @@
-"""`Recording`: the joints of a robot over time, and the raw samples that a file holds."""
+"""`Recording`: the joints of a robot over time, as they were logged."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
 from ..base.arguments import check
-from ..base.given_files import listed, shown
 from ..base.types import Indices, Matrix, Value, Vector, frozen, numbers
-from ..errors import ArgumentError, NotFiniteError, RecordingError, ShapeError
-from ..robot import Robot
+from ..errors import ArgumentError, NotFiniteError, ShapeError
 
 GAP = 10.0
 """A step longer than this many median steps is a gap: something is missing there."""
@@ -65,36 +61,3 @@ class Recording(Value):
         """Indices i at which the step from sample i to i + 1 is over `GAP` median steps."""
         steps = np.diff(self.t)
         return frozen(np.flatnonzero(steps > GAP * np.median(steps)))
-
-
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """What a file holds, in its own order and units: t (k,) [s] and q (k, n); `place` and `numbers` (k,) name each
-    ('line 7'), for messages. in_si: whether the file named its units, so that q is in rad and m for sure.
-    origin: the stamp [s] from which t counts."""
-
-    t: Vector
-    q: Matrix
-    place: str
-    numbers: Indices
-    notes: list[str] = field(default_factory=list)
-    in_si: bool = False
-    origin: float = 0.0
-
-    def some(self, first: int, last: int) -> Samples:
-        """The samples from one to before another."""
-        return replace(
-            self, t=self.t[first:last], q=self.q[first:last].copy(), numbers=self.numbers[first:last],
-            notes=list(self.notes),
-        )  # fmt: skip
-
-    def where(self, i: int) -> str:
-        """The place of sample i in the file, in words."""
-        return f"{self.place} {self.numbers[i]}"
-
-
-def joints_missing(file: Path, missing: Sequence[str], there: Sequence[str], what: str, robot: Robot) -> RecordingError:
-    """The error that names the joints missing and what is there instead."""
-    fact = f"joints {listed(missing)} of {shown(robot.name)} are not in it"
-    named = ", name them by --columns (columns=...)" if what == "columns" else ""
-    return RecordingError(file, fact, f"rename them{named} or choose another robot; the {what} are {listed(there)}")

@@ -17,9 +17,9 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.native_backend import background as later
-from holokin.native_backend import evaluator, toolchain
-from holokin.native_backend import native_library as native
+from holokin.native_kernels import background as later
+from holokin.native_kernels import evaluator, toolchain
+from holokin.native_kernels import native_library as native
 from holokin.symbolic import Function, symbol
 
 Patch = pytest.MonkeyPatch
@@ -124,7 +124,7 @@ def test_threads_share_a_strategy_while_native_code_takes_over(panda: hk.Robot, 
 def test_a_forked_process_asks_again_for_what_its_parent_was_building(tmp_path: Path) -> None:
     code = (
         "import os, sys, threading, numpy as np\n"
-        "from holokin.native_backend import background as later, evaluator\n"
+        "from holokin.native_kernels import background as later, evaluator\n"
         "from holokin.symbolic import Function, symbol\n"
         "evaluator.HEAVY = 5\n"
         "x = symbol('x', 3); f = Function('forked', {'x': x}, {'y': 11 * x}); v = np.ones(3)\n"
@@ -147,7 +147,7 @@ def test_a_forked_process_asks_again_for_what_its_parent_was_building(tmp_path: 
 @compiled
 def test_processes_share_the_cache(tmp_path: Path) -> None:
     code = (
-        "import numpy as np; from holokin.native_backend import background as later, evaluator\n"
+        "import numpy as np; from holokin.native_kernels import background as later, evaluator\n"
         "from holokin.symbolic import Function, symbol\n"
         "x = symbol('x', 3); f = Function('shared', {'x': x}, {'y': 13 * x})\n"
         "for _ in range(evaluator.HEAVY): f(np.ones(3))\n"
@@ -171,7 +171,7 @@ def test_the_interpreter_ends_at_once_while_a_compiler_runs(tmp_path: Path) -> N
     compiler.chmod(0o755)
     (tmp_path / "tmp").mkdir()
     code = (
-        "import pathlib, time, numpy as np; from holokin.native_backend import evaluator; evaluator.HEAVY = 5\n"
+        "import pathlib, time, numpy as np; from holokin.native_kernels import evaluator; evaluator.HEAVY = 5\n"
         "from holokin.symbolic import Function, symbol\n"
         "x = symbol('x', 3); f = Function('ends', {'x': x}, {'y': 17 * x})\n"
         "for _ in range(9): f(np.ones(3))\n"

@@ -13,8 +13,8 @@ import pytest
 
 from conftest import Command, sampled
 from faults import MACHINE, NATIVE, X, built, check, fresh, needs_compiler
-from holokin.native_backend import native_library as native
-from holokin.native_backend import toolchain
+from holokin.native_kernels import native_library as native
+from holokin.native_kernels import toolchain
 from holokin.symbolic import Function, symbol
 
 __all__ = ["built", "fresh"]
@@ -170,7 +170,7 @@ def test_a_source_that_alone_is_refused_leaves_the_others_native(caplog: Logs, m
     x = symbol("x", 1)
     odd, sound = (Function("odd", {"x": x}, {"y": ca.sin(x) + k}) for k in (0.0, 1.0))
     with monkeypatch.context() as within:
-        within.setitem(sys.modules["holokin.native_backend.emit"]._UNARY, ca.OP_SIN, "no_such_function_({})")
+        within.setitem(sys.modules["holokin.native_kernels.emit"]._UNARY, ca.OP_SIN, "no_such_function_({})")
         assert np.abs(odd.batch(X[:, None]) - np.sin(X)).max() < 1e-15
     assert np.abs(sound.batch(X[:, None]) - np.sin(X) - 1).max() < 1e-15
     assert odd._natives["batch"] is None and sound._natives["batch"] is not None

@@ -18,9 +18,9 @@ import pytest
 
 from conftest import Command, sampled
 from faults import MACHINE, NATIVE, built, check, forget, fresh, needs_compiler, sines
-from holokin.native_backend import cache as cache_module
-from holokin.native_backend import engine
-from holokin.native_backend import native_library as native
+from holokin.native_kernels import cache as cache_module
+from holokin.native_kernels import engine
+from holokin.native_kernels import native_library as native
 
 __all__ = ["built", "fresh"]
 Patch = pytest.MonkeyPatch
@@ -137,7 +137,7 @@ def test_a_cache_that_takes_no_file(
 
 FULL = """
 import numpy as np, casadi as ca
-from holokin.native_backend import engine
+from holokin.native_kernels import engine
 from holokin.symbolic import Function, function, symbol
 function.NATIVE_FROM, x, X = 1, symbol("x", 1), np.linspace(-3, 3, 64)
 for k in (1, 2):
