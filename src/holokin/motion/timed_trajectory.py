@@ -193,7 +193,7 @@ class TimedTrajectory(Value):
     def table(self, units: PrintedUnits = SI) -> str:
         """Lines of text: a joint each with its peaks, shares of limits, and least distance to a position limit."""
         lines = [self.sentence + ("" if units.plain else f", in {units.angle} and {units.length}")]
-        lines.append(f"{'joint':20} {'speed':>15} {'acceleration':>15} {'jerk':>15} {'to a limit':>12} {'at s':>8}")
+        lines.append(f"{'joint':20} {'speed':>15} {'acceleration':>15} {'jerk':>15} {'to a limit':>12} {'at [s]':>8}")
         for load in (one.printed(units) for one in self.loads):
             cells = [
                 f"{peak if peak > NOTHING else 0.0:8.4g} {100 * share:4.0f} %"

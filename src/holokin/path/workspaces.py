@@ -362,4 +362,4 @@ def _directions(cosine: Vector, around: Vector) -> Matrix:
 
 
 def _three(v: Vector) -> str:
-    return f"[{', '.join(f'{x:.4g}' for x in v + 0.0)}]"
+    return f"[{', '.join(f'{x:.4g}' for x in np.round(v, 4) + 0.0)}]"

@@ -29,6 +29,18 @@ class Check(NoTruthValue, ask="`.passed`"):
     found: str
     passed: bool
 
+    @property
+    def unmet(self) -> str:
+        """What is not as expected; unless the job says otherwise, a path must be followed to its end."""
+        if self.metric == "completes":
+            end = (
+                "was not followed to its end"
+                if self.wanted == "true"
+                else "was followed to its end, though not expected"
+            )
+            return f"the path {end} ({self.found})"
+        return f"expected {self.metric} {self.wanted}, found {self.found}"
+
 
 @dataclass(frozen=True, eq=False)
 class StrategyResult:

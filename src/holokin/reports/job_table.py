@@ -120,5 +120,5 @@ def print_result(result: JobResult, console: Any) -> None:
                 console.print(f"    {brief(line)}", markup=False, highlight=False)
         for check in strategy.checks:
             if not check.passed:
-                text = f"  {brief(strategy.name)}: expected {check.metric} {check.wanted}, found {check.found}"
+                text = f"  {brief(strategy.name)}: {check.unmet}"
                 console.print(text, style=BAD, markup=False, highlight=False)

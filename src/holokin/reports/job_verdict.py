@@ -133,8 +133,8 @@ def _clearance(result: JobResult, s: StrategyResult) -> str:
 
 def _failed(s: StrategyResult) -> str:
     """The expectations that do not hold."""
-    failed = [f"{c.metric} {c.wanted}, found {c.found}" for c in s.checks if not c.passed]
-    return f"Expected, and not so: {'; '.join(failed)} (in the units of the job file)." if failed else ""
+    failed = [c.unmet for c in s.checks if not c.passed]
+    return f"Not met: {'; '.join(failed)} (in the units of the job file)." if failed else ""
 
 
 def not_tested(result: JobResult) -> list[str]:

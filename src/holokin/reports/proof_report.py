@@ -18,8 +18,8 @@ from .proof_words import checker_words
 from .result_folder import free_name, renewed, write_facts
 
 COLUMNS: tuple[Column, ...] = (
-    ("strategy", "left"), ("proven", "left"), ("cells", "right"), ("seconds", "right"), ("omega\nmost", "right"),
-    ("radius\nmost", "right"), ("nearest limit\n[rad or m]", "right"), ("|det D_q E|\nleast", "right"),
+    ("strategy", "left"), ("proven", "left"), ("cells", "right"), ("seconds", "right"), ("largest\nomega", "right"),
+    ("largest\nradius", "right"), ("nearest limit\n[rad or m]", "right"), ("least\n|det D_q E|", "right"),
 )  # fmt: skip
 
 
