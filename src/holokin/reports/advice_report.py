@@ -106,7 +106,7 @@ def advice_figure(advice: Advice, obstacles: Sequence[LinkShape] = (), robot: Ro
     first = coverage_bars(place(BARS[0], top + 0.35, BAR, bars), laws)
     _speed_bars(place(BARS[1], top + 0.35, BAR, bars), laws)
     shown = f"the {len(laws)} best of {every} laws" if every > len(laws) else f"{every} laws"
-    first.set_title(f"{shown}, the best first", loc="left", fontsize=10, color=INK)
+    first.set_title(f"{shown}, by coverage, margins, joint speed", loc="left", fontsize=10, color=INK)
     panel = place((PAGE - SCENE) / 2, top + 0.35 + bars + 0.95, SCENE, scene)
     title = f"start posture, and {len(points)} poses of the workspace"
     draw_panel(panel, stage, [Actor(advice.q0, HOLONOMIC)], title=title)
