@@ -274,11 +274,11 @@ def robot_figure(result: JobResult) -> Any:
     gap = (side[0] if result.robot.planar else 0.2, top + (side[2] if result.robot.planar else 0.1))
     size = (
         columns * width + side[0] + side[1] + (columns - 1) * gap[0],
-        rows * height + side[2] + top + (rows - 1) * gap[1],
+        rows * height + side[2] + KEY + top + (rows - 1) * gap[1],
     )
     figure = Figure(figsize=size)
     margins(
-        figure, left=side[0], right=side[1], bottom=side[2], top=top, width_gap=gap[0], height_gap=gap[1],
+        figure, left=side[0], right=side[1], bottom=side[2] + KEY, top=top, width_gap=gap[0], height_gap=gap[1],
         grid=(rows, columns),
     )  # fmt: skip
     grid = figure.subplots(rows, columns, squeeze=False)
@@ -289,7 +289,27 @@ def robot_figure(result: JobResult) -> Any:
         draw_panel(axes, stage, actors, curves, title)
         if result.robot.planar and axes not in grid[:, 0]:
             axes.set_ylabel("")
+    _key(figure, drawn)
     return figure
+
+
+KEY = 0.3
+"""Height of the line that names the colours [inch]."""
+
+
+def _key(figure: Any, drawn: list[StrategyResult]) -> None:
+    """Which posture has which colour."""
+    from matplotlib.lines import Line2D
+
+    marks = [(GREY, "start", "-")]
+    if any(s.two_paths is not None for s in drawn):
+        marks += [(CLOCKWISE, "end, clockwise", "-"), (COUNTER_CLOCKWISE, "end, counter-clockwise", "--")]
+    else:
+        shown = {s.verdict.holonomic for s in drawn}
+        end = {True: (HOLONOMIC, "end, holonomic", "-"), False: (NONHOLONOMIC, "end, not holonomic", "-")}
+        marks += [end[kind] for kind in (True, False) if kind in shown]
+    handles = [Line2D([], [], color=color, linestyle=style, linewidth=4, label=name) for color, name, style in marks]
+    figure.legend(handles=handles, loc="lower center", fontsize=9, ncols=len(handles), frameon=False)
 
 
 def _printed(result: JobResult, drawn: list[StrategyResult]) -> list[StrategyResult]:
