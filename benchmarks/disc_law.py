@@ -3,22 +3,23 @@
     g(q) = sin(a) (x - px) - cos(a) (y - py) - e(q1),     a = l(x, y) q1^2 + k(x, y) q1 + c(x, y)
 
 On the leaf g = 0 the tool (x, y) is on a line near a fixed point p: a is the line's direction, e its distance from p, a
-polynomial. Both change with joint 1. While joint 1 turns from limit to limit, the line turns more than once. So the
-leaf overlaps itself, and there the cut may lie. The cut ends near p: inside it, round the base at 0.3 m, the leaf comes
-home. (With e = 0 for all q1, every q1 would do at p, and next to it the joints would turn as fast as the tool comes
-near.) With
+polynomial. Both change with joint 1. While joint 1 turns from limit to limit, the line turns more than once at most
+positions. So the leaf overlaps itself, and there the cut may lie. The cut ends near p: inside it, round the base at
+0.3 m, the leaf comes home. (With e = 0 for all q1, every q1 would do at p, and next to it the joints would turn as fast
+as the tool comes near.) With
 z = (x + i y) / 3, k and c are
 
-    sum_m,i |z|^(2 i) (b_mi Re z^m + d_mi Im z^m)  +  three bumps w^32 (polynomial of u, v),     m + 2 i <= 6,
+    sum_m,i |z|^(2 i) (b_mi Re z^m + d_mi Im z^m)  +  five bumps w^32 (polynomial of u, v),     m + 2 i <= 6,
 
-    (u, v) = ((x, y) - CENTRE) / WIDTH,     w = 1 / (1 + (u^2 + v^2) / 64),
+    (u, v) = ((x, y) - centre) / width,     w = 1 / (1 + (u^2 + v^2) / 64),
 
 and l has the bumps alone.
 
 The numbers come from linear programs. Where a short cut of the grid (`grid_resolution`, with q3 >= 0 alone) is given,
 each position has an interval of joint 1 within the limits, and that g has its zero in there is linear in k, c and l; so
-is that near the end of the cut joint 1 is that of the grid. From this start, more programs, of the first derivatives,
-shorten the cut.
+is that near the end of the cut joint 1 is that of the grid. Of some fifty such starts, with bumps elsewhere, the one
+with the fewest pairs that are cut went on: more programs, of the first derivatives, also with respect to the bumps'
+places, shorten the cut.
 """
 
 from __future__ import annotations
@@ -32,66 +33,78 @@ from scipy.optimize import brentq
 import holokin as hk
 
 REACH = 3.0
-POINT = (-0.33262, -0.33300)
+POINT = (-0.31164, -0.29131)
 """p [m]"""
 
-DISTANCE = (0.014806501, 0.006331904, 0.000529304, 0.000919845, -0.000238527, 0.000031195)
+DISTANCE = (-0.059831170, -0.076720095, 0.002595048, 0.006256723, -0.002194871, -0.000203872)
 """e [m]: coefficients of 1, q1, q1^2, ..."""
 
-CENTRE, WIDTHS = (-0.33, -0.315), (0.15, 0.4, 0.07)
-"""Of the bumps [m]."""
+BUMPS = (
+    (-0.333338, -0.310922, 0.736519),
+    (-0.366227, -0.304468, 0.156685),
+    (-0.358547, -0.351838, 0.051080),
+    (-0.305923, -0.387713, 0.080855),
+    (-0.332336, -0.311909, 0.086873),
+)
+"""Centre (x, y) and width of each bump [m]."""
 
 FACTOR = (
-    (1.467729, 11.800514, -6.564195, -1.665425),
-    (3.893592, -4.325466, 4.440755),
-    (0.918496, 26.264643, -28.283416),
-    (0.895295, -12.641796, 9.704386),
-    (-2.666761, 8.663923, -6.001260),
-    (11.135050, -14.275772),
-    (-4.926485, 6.692421),
-    (8.471675, -8.758769),
-    (4.076463, -2.009245),
-    (1.012295,),
-    (1.301304,),
-    (0.336802,),
-    (0.324232,),
+    (1.977107, -2.271272, 4.679613, -2.701860),
+    (0.501427, 0.202216, -0.298068),
+    (0.211499, -4.083101, 3.738945),
+    (1.917040, -6.123465, 4.427129),
+    (-2.330990, 3.406184, -1.263504),
+    (-1.371403, 1.658565),
+    (-0.813070, 1.045091),
+    (0.015107, -0.016242),
+    (-0.272260, 0.416102),
+    (0.157233,),
+    (-0.006300,),
+    (0.100693,),
+    (-0.005931,),
 )
 """k: for Re z^0, Re z^1, Im z^1, Re z^2, ..., the coefficients of 1, |z|^2, |z|^4, ..."""
 
 FACTOR_BUMPS = (
-    (0.978026, -0.216847, -0.512843, -0.946721, -0.279637, -0.573862),
-    (0.863848, -0.396827, -0.198740, -0.135227, -0.144368, -0.340043),
-    (0.511341, 0.625749, -0.766637, -0.528199, -0.020012, 0.107623),
+    (-0.706907, -0.134032, -0.120940, -0.031928, 0.255306, 0.163510),
+    (-0.741699, -0.857941, -1.486577, 0.315948, -0.179359, 0.192031),
+    (-5.064357, -1.533088, -0.906203, -1.898970, -1.149830, -1.989094),
+    (-3.059564, -6.956829, 2.832756, 0.205738, -3.191752, 0.911371),
+    (7.137942, 8.262083, -2.878724, 0.225548, -1.856994, 0.974820),
 )
 """k: for each width the coefficients of 1, u, v, u^2, u v, v^2."""
 
 OFFSET = (
-    (4.704271, -17.206068, -2.111140, 15.433429),
-    (8.886128, -6.678725, -1.997073),
-    (3.766021, -55.288824, 44.676577),
-    (13.849144, 11.936294, -27.703856),
-    (10.421029, -12.983109, -1.560782),
-    (-0.655989, -0.412595),
-    (22.983735, -21.251222),
-    (-6.615302, 7.064668),
-    (0.682265, 2.121817),
-    (1.055470,),
-    (-0.103256,),
-    (0.701765,),
-    (-0.648137,),
+    (1.760501, 0.834725, -6.869707, 4.248799),
+    (7.172061, -17.330503, 10.537578),
+    (-6.890353, 11.782590, -6.134880),
+    (-3.548460, 5.355956, -2.181797),
+    (-4.450570, 7.540986, -2.662065),
+    (0.290642, -0.538786),
+    (5.343911, -5.699058),
+    (-0.305558, 0.565573),
+    (3.216317, -3.230923),
+    (0.005826,),
+    (0.124025,),
+    (-0.007724,),
+    (-0.179843,),
 )
 """c, likewise [rad]."""
 
 OFFSET_BUMPS = (
-    (0.492814, -0.483052, 0.474799, -0.162571, -0.018784, 0.367789),
-    (-0.929393, -1.251264, -1.497196, -0.921970, -0.849851, -0.572380),
-    (1.934156, 1.142771, -0.504128, -0.063886, -0.207413, -0.350028),
+    (1.004770, -2.152241, 2.110573, 0.087999, 2.151016, -0.700743),
+    (0.441916, -0.078151, -1.149627, -0.792951, -0.920934, -0.472418),
+    (-3.914456, -0.637127, 1.331770, -0.936417, 0.757598, -0.294698),
+    (-8.573937, -2.568196, 1.955778, -1.768892, -2.758811, 0.799117),
+    (7.556106, 6.416277, -8.088056, 1.975691, -2.122426, 3.112190),
 )
 
 SQUARE_BUMPS = (
-    (0.469789, -0.019351, -0.077727, -0.337799, -0.179939, -0.198804),
-    (0.157865, 0.064238, 0.045228, 0.021185, -0.025336, -0.063631),
-    (-0.343973, 0.054137, -0.385574, -0.129684, -0.122357, 0.017485),
+    (-0.126111, 0.258606, -0.010784, 0.008270, 0.054094, -0.118056),
+    (0.727722, 0.128472, -0.066489, -0.413786, 0.011793, 0.006128),
+    (-2.558046, -0.471269, -1.320299, -0.645690, -0.880228, -1.161768),
+    (0.661990, -2.413988, -0.043446, 0.437148, -0.829194, -0.032805),
+    (1.710062, 1.535749, 0.735486, -0.411077, 0.013513, -1.356432),
 )
 """l, likewise [1/rad]."""
 
@@ -169,8 +182,8 @@ def _sum(numbers, x, y):
 def _bumps(x, y):
     """Of each bump its height and (u, v) at a tool position."""
     found = []
-    for width in WIDTHS:
-        u, v = (x - CENTRE[0]) / width, (y - CENTRE[1]) / width
+    for at_x, at_y, width in BUMPS:
+        u, v = (x - at_x) / width, (y - at_y) / width
         w = 1 / (1 + (u * u + v * v) / 64)
         for _ in range(5):
             w = w * w

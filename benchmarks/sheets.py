@@ -161,7 +161,7 @@ def sheets_answer(
     return Answer(f"{name}: {len(s)}", grid.points, s.batch(poses_of(grid.points)).q, grid.pairs, None, seconds)
 
 
-def _grid(cells: int) -> hk.Workspace:
+def grid_workspace(cells: int) -> hk.Workspace:
     """The disc, by the positions of a grid: a cut then runs between its squares."""
     axis = 6.0 / cells * (np.arange(cells) + 0.5) - 3.0
     points = np.stack(np.meshgrid(axis, axis, indexing="ij"), -1).reshape(-1, 2)
@@ -283,7 +283,7 @@ def main(arguments: list[str] | None = None) -> int:
     if limit == LIMIT and post is None:
         began = time.process_time()  # the leaf through q0 alone, from both sides
         one = hk.sheets(
-            planar_task(), _grid(cells), [disc_law(planar_task())], q0=disc_starts()[[0, 2]], share=0.9975,
+            planar_task(), grid_workspace(cells), [disc_law(planar_task())], q0=disc_starts()[[0, 2]], share=0.9975,
             samples=cells**2, search=False,
         )  # fmt: skip
         made = sheets_answer(one, cells, time.process_time() - began, limit, "hk.sheets, a law for this disc")
