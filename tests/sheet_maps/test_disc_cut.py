@@ -7,6 +7,7 @@ import pytest
 from benchmarks.disc_law import disc_law, disc_starts
 from benchmarks.grid_resolution import cut_pieces, grid_resolution, planar_grid
 from benchmarks.sheets import LIMIT, LINKS, grid_workspace, limits_of, planar_task, poses_of
+from scipy.spatial import KDTree
 
 import holokin as hk
 
@@ -15,8 +16,9 @@ CELLS = 200
 
 @pytest.mark.campaign
 def test_one_leaf_has_a_cut_of_the_disc_as_short_as_the_best_of_the_grid() -> None:
-    """With postures of q3 >= 0 alone the grid's random search finds fewer pairs than with all; seed 12 is the best of
-    14. The leaf leaves out some positions of the rim, and is cut nowhere else than along one line.
+    """With postures of q3 >= 0 alone the grid's random search finds fewer pairs than with all; seed 12 is among the best
+    of 42. The leaf leaves out some positions of the rim, and is cut along one line only. Where they get the posture of
+    their nearest neighbour, too, no pair is added.
     """
     grid = planar_grid(LINKS, limits_of(LIMIT), CELLS, 12)
     s = hk.sheets(
@@ -25,15 +27,15 @@ def test_one_leaf_has_a_cut_of_the_disc_as_short_as_the_best_of_the_grid() -> No
     )  # fmt: skip
     q = s.batch(poses_of(grid.points)).q
     there = np.isfinite(q[:, 0])
-    assert there.mean() > 0.9996
+    assert there.mean() > 0.9997
     assert np.hypot(*grid.points[~there].T).min() > 2.8
     turned = np.cumsum(q[there], axis=1)
     tool = np.stack([np.cos(turned).sum(axis=1), np.sin(turned).sum(axis=1)], axis=1)
     np.testing.assert_allclose(tool, grid.points[there], atol=1e-9)
     assert np.abs(q[there]).max() <= LIMIT + 1e-9
-    pairs = grid.pairs[there[grid.pairs].all(axis=1)]
-    cut = np.abs(q[pairs[:, 0]] - q[pairs[:, 1]]).max(axis=1) > 10.0 * grid.step
-    assert cut_pieces(grid.points[pairs[cut]].mean(axis=1), grid.step) == 1
+    q[~there] = q[there][KDTree(grid.points[there]).query(grid.points[~there])[1]]
+    cut = np.abs(q[grid.pairs[:, 0]] - q[grid.pairs[:, 1]]).max(axis=1) > 10.0 * grid.step
+    assert cut_pieces(grid.points[grid.pairs[cut]].mean(axis=1), grid.step) == 1
     best = grid_resolution(LINKS, limits_of(LIMIT), CELLS, seed=12, free=lambda q: q[:, 2] >= 0)
     assert best.resolved == 1.0
     assert cut.sum() <= best.grid.cut(best.q).sum() == 142
