@@ -16,7 +16,7 @@ CELLS = 200
 
 @pytest.mark.campaign
 def test_one_leaf_has_a_cut_of_the_disc_as_short_as_the_best_of_the_grid() -> None:
-    """With postures of q3 >= 0 alone the grid's random search finds fewer pairs than with all; seed 12 is among the best
+    """With postures of q3 >= 0 alone the random search of the grid finds fewer pairs; seed 12 is among the best
     of 42. The leaf leaves out some positions of the rim, and is cut along one line only. Where they get the posture of
     their nearest neighbour, too, no pair is added.
     """

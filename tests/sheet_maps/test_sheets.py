@@ -238,7 +238,7 @@ def test_a_loop_never_leaps_on_its_sheet(one_leaf: Sheets, planar: Sheets) -> No
                     told += 1
                     break
                 if set(s.of(before)) & set(s.of(q)):
-                    assert np.abs(q - before).max() < 0.1  # steep where the leaf ends
+                    assert np.abs(q - before).max() < 0.15  # steep where the leaf ends
     assert told == 3  # one leaf alone: it overlaps itself, and the base does not go round
 
 
