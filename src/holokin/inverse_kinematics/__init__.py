@@ -1,6 +1,6 @@
 """Pose in, joints out: on a leaf, at the edge of reach, and all postures at a pose.
 
-Uses strategies and paths. Read first: `inverse_function.py`, `leaf.py`, `branch.py`.
+Uses `strategies` and `path`. Read first: `inverse_function.py`, `leaf.py`, `branch.py`.
 """
 
 from .inverse_function import InverseKinematics, inverse

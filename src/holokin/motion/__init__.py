@@ -1,6 +1,6 @@
 """What moves: a strategy along a path, the steps of a controller, the time that a motion takes.
 
-Uses strategies, paths and inverse kinematics. Read first: `follow_path.py`, `control_step.py`, `retiming.py`.
+Uses `control_laws`, `path` and `inverse_kinematics`. Read first: `follow_path.py`, `control_step.py`, `retiming.py`.
 """
 
 from .approach_path import approach

@@ -1,6 +1,6 @@
 """The fewest leaves that together serve a workspace, each with the tool poses that it serves as one function.
 
-Uses `designing` and `motion_checking`. Read first: `sheet.py`, `cover_by_sheets.py`, `sheet_map.py`.
+Uses `workspace_coverage` and `motion_checking`. Read first: `sheet.py`, `cover_by_sheets.py`, `sheet_map.py`.
 """
 
 from .cover_by_sheets import sheets
