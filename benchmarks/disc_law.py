@@ -3,10 +3,10 @@
     g(q) = sin(a) (x - px) - cos(a) (y - py) - e(q1),     a = l(x, y) q1^2 + k(x, y) q1 + c(x, y)
 
 On the leaf g = 0 the tool (x, y) is on a line near a fixed point p: a is the line's direction, e its distance from p, a
-polynomial. Both change with joint 1. While joint 1 turns from limit to limit, the line turns more than once at most
-positions. So the leaf overlaps itself, and there the cut may lie. The cut ends near p: inside it, round the base at
-0.3 m, the leaf comes home. (With e = 0 for all q1, every q1 would do at p, and next to it the joints would turn as fast
-as the tool comes near.) With
+polynomial. Both change with joint 1. While joint 1 turns from limit to limit, the line turns more than once at three
+quarters of the positions. So the leaf overlaps itself, and there the cut may lie. The cut ends near p: inside it, round
+the base at 0.3 m, the leaf comes home. (With e = 0 for all q1, every q1 would do at p, and next to it the joints would
+turn as fast as the tool comes near.) With
 z = (x + i y) / 3, k and c are
 
     sum_m,i |z|^(2 i) (b_mi Re z^m + d_mi Im z^m)  +  five bumps w^32 (polynomial of u, v),     m + 2 i <= 6,
@@ -17,9 +17,10 @@ and l has the bumps alone.
 
 The numbers come from linear programs. Where a short cut of the grid (`grid_resolution`, with q3 >= 0 alone) is given,
 each position has an interval of joint 1 within the limits, and that g has its zero in there is linear in k, c and l; so
-is that near the end of the cut joint 1 is that of the grid. Of some fifty such starts, with bumps elsewhere, the one
-with the fewest pairs that are cut went on: more programs, of the first derivatives, also with respect to the bumps'
-places, shorten the cut.
+is that near the end of the cut joint 1 is that of the grid.
+
+Some fifty such starts were made, with bumps at different places. The one with the fewest pairs that are cut was
+improved by further linear programs, of the first derivatives, those with respect to the places of the bumps included.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ FACTOR_BUMPS = (
     (-3.58114566, -7.16196963, 2.86360220, 0.41112180, -3.13686622, 1.04789416),
     (7.18323498, 8.12289089, -2.85639338, 0.09741941, -1.81688270, 0.98538740),
 )
-"""k: for each width the coefficients of 1, u, v, u^2, u v, v^2."""
+"""k: for each bump the coefficients of 1, u, v, u^2, u v, v^2."""
 
 OFFSET = (
     (1.73778877, 0.43628269, -6.16037486, 4.08229690),

@@ -26,7 +26,7 @@ def data_of(html: str) -> dict[str, Any]:
 def joints(page: Any, rounds: int) -> list[np.ndarray]:
     """Joints (steps, n) of each law on a page in a browser, for so many rounds of its loop."""
     code = (
-        "rounds => holokin.control_laws.map(law => {"
+        "rounds => holokin.laws.map(law => {"
         " law.advance(rounds, 1e9); return [law.n, law.done, Array.from(law.rows)]; })"
     )
     return [np.reshape(rows[: n * (done + 1)], (-1, n)) for n, done, rows in page.evaluate(code, rounds)]

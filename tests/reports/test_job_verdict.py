@@ -140,8 +140,14 @@ def test_an_open_path_and_a_failed_expectation_are_told(circle: JobResult) -> No
     failed = replace(one, checks=(Check("drift_total", "< 1e-09", "0.5", False),))
     result = replace(circle, strategies=(failed, *circle.strategies[1:]))
     assert whole_verdict(result) == "Not all that the job asks for holds: see moore-penrose."
-    said = "Not met: expected drift_total < 1e-09, found 0.5 (in the units of the job file)."
+    said = "This fails the job: expected drift_total < 1e-09, found 0.5 (in the units of the job file)."
     assert said in strategy_verdicts(result)[0][2]
+    stopped = replace(one, checks=(Check("completes", "true", "stopped at a joint limit", False),))
+    said = "This fails the job: the path was not followed to its end (stopped at a joint limit)."
+    assert said in strategy_verdicts(replace(circle, strategies=(stopped,)))[0][2]
+    through = replace(one, checks=(Check("completes", "false", "followed to the end", False),))
+    said = "This fails the job: the path was followed to its end, but the job says completes = false."
+    assert said in strategy_verdicts(replace(circle, strategies=(through,)))[0][2]
     start = circle.robot.pose(circle.q0)[:3, 3]
     line = hk.line(start, start + [0, 0.05, 0])
     opened = replace(circle, path=line)

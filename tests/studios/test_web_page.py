@@ -174,7 +174,7 @@ def test_a_law_stops_where_it_stops_in_python_and_the_page_says_why(shown: Any) 
     for size, why in (([-0.6, 0.0, 0.0], "a joint limit"), ([0.3, 0.0, 0.0], "edge of its reach")):
         shown.page.evaluate(f"holokin.kind = 'circle'; holokin.plane = 2; holokin.drag({size})")
         found = joints(shown.page, 1)
-        ends = shown.page.evaluate("holokin.control_laws.map(law => law.ended)")
+        ends = shown.page.evaluate("holokin.laws.map(law => law.ended)")
         for law, rows, end in zip(SCRIPT.laws().values(), found, ends, strict=True):
             with pytest.raises(PathError) as stopped:
                 hk.follow(law, hk.circle(start, start + np.array(size) / 2), SCRIPT.Q0, samples=240)

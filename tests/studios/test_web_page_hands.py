@@ -127,7 +127,7 @@ def test_the_first_picture_comes_soon_and_eight_rounds_of_both_laws_take_few_fra
         page = opened(browser)
         taken.append(time.perf_counter() - begun)
         spent = page.evaluate(
-            "() => { const a = performance.now(); for (const law of holokin.control_laws) { law.begin(holokin.loop);"
+            "() => { const a = performance.now(); for (const law of holokin.laws) { law.begin(holokin.loop);"
             " law.advance(8, 1e9); } return performance.now() - a; }"
         )
         page.close()

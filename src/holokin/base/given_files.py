@@ -10,7 +10,7 @@ from ..errors import RecordingError
 
 
 def is_folder(file: Path) -> bool:
-    """True for a folder, False for a regular file. Raises: RecordingError for what may never end, and for nothing."""
+    """True for a folder, False for a regular file. Raises: RecordingError for a pipe or device, and for no file."""
     try:
         mode = file.stat().st_mode
     except (FileNotFoundError, NotADirectoryError, ValueError):

@@ -1,4 +1,4 @@
-"""Control laws, of which not all are dq = G dx: textbook laws, laws with memory, pink, mink and placo.
+"""Control laws, also those that are not dq = G dx: textbook laws, laws with memory, pink, mink and placo.
 
 Uses `inverse_kinematics`. Read first: `control_law.py`, `feedback_laws.py`, `libraries.py`.
 """

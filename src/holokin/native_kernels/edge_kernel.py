@@ -16,7 +16,7 @@ from .source import source
 
 
 class EdgeKernel:
-    """hk_nearest_to of nearest.c: the rules of motion/edge.py and motion/nearest_pose.py.
+    """hk_nearest_to of nearest.c: the rules of inverse_kinematics/edge.py and inverse_kinematics/nearest_pose.py.
 
     Args:
         joints, rows: n, m.

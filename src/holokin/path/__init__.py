@@ -1,4 +1,4 @@
-"""Paths of the tool, sets of its poses, and files of them: lines, arcs, splines, CSV, SVG; and what is made of paths.
+"""Paths of the tool and sets of its poses: lines, arcs, splines, what is made of them, and what is read from files.
 
 Uses `symbolic`. Read first: `path.py`, `segments.py`.
 """

@@ -233,7 +233,7 @@ class PoseRange(Workspace):
     def __str__(self) -> str:
         words = [str(self.solid)]
         down = np.array_equal(self.rotation, TOOL_DOWN)
-        z = _three(self.rotation[:, 2])
+        z = _three(np.round(self.rotation[:, 2], 4))
         words.append("tool down" if down else f"tool z along {z}")
         words += [f"tilt to {np.degrees(self.tilt):.3g} deg"] if self.tilt else []
         words += [f"spin +-{np.degrees(self.spin):.3g} deg"] if self.spin else []
@@ -362,4 +362,4 @@ def _directions(cosine: Vector, around: Vector) -> Matrix:
 
 
 def _three(v: Vector) -> str:
-    return f"[{', '.join(f'{x:.4g}' for x in np.round(v, 4) + 0.0)}]"
+    return f"[{', '.join(f'{x:.4g}' for x in v + 0.0)}]"

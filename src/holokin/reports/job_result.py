@@ -32,13 +32,10 @@ class Check(NoTruthValue, ask="`.passed`"):
     @property
     def unmet(self) -> str:
         """What is not as expected; unless the job says otherwise, a path must be followed to its end."""
+        if self.metric == "completes" and self.wanted == "true":
+            return f"the path was not followed to its end ({self.found})"
         if self.metric == "completes":
-            end = (
-                "was not followed to its end"
-                if self.wanted == "true"
-                else "was followed to its end, though not expected"
-            )
-            return f"the path {end} ({self.found})"
+            return "the path was followed to its end, but the job says completes = false"
         return f"expected {self.metric} {self.wanted}, found {self.found}"
 
 

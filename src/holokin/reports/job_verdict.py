@@ -133,8 +133,9 @@ def _clearance(result: JobResult, s: StrategyResult) -> str:
 
 def _failed(s: StrategyResult) -> str:
     """The expectations that do not hold."""
-    failed = [c.unmet for c in s.checks if not c.passed]
-    return f"Not met: {'; '.join(failed)} (in the units of the job file)." if failed else ""
+    failed = [c for c in s.checks if not c.passed]
+    units = " (in the units of the job file)" if any(c.metric not in ("completes", "holonomic") for c in failed) else ""
+    return f"This fails the job: {'; '.join(c.unmet for c in failed)}{units}." if failed else ""
 
 
 def not_tested(result: JobResult) -> list[str]:

@@ -304,9 +304,9 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         for rest in list(PoseRest)[1:]:
             if (self.rest == rest).any():
                 lines.append(f"  {(self.rest == rest).sum()} of {len(self.poses)} poses: {rest.text}")
-        fewer = "no fewer" if self.least_cuts == len(self.cuts) else f"at least {self.least_cuts}"
+        fewest = "the fewest possible" if self.least_cuts == len(self.cuts) else f"at least {self.least_cuts}"
         jumps = f"at {len(self.cuts)} of {len(self.pairs)} pairs of neighbouring poses the joints jump"
-        lines.append(f"  {jumps} ({fewer} with these sheets)")
+        lines.append(f"  {jumps} ({fewest} with these sheets)")
         return "\n".join(lines)
 
     def _served(self, s: int) -> int:

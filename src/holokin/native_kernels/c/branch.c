@@ -1,4 +1,4 @@
-/* Which postures lie on one branch of a leaf: the tubes of motion/branch.py. hk_extended_body takes q and gives A and
+/* Which postures lie on one branch of a leaf: the tubes of inverse_kinematics/branch.py. hk_extended_body takes q and gives A and
    A^-1, (n, n) each by rows; hk_change_body the pairs of dA/dq_k, k slowest, then columns. HK_ROWS: task rows;
    hk_turns: the first of the three angular rows of each rotation among them, HK_TURNS of these; HK_ANGLES: 1 where there
    are angular rows besides. */

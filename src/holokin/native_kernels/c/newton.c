@@ -1,4 +1,4 @@
-/* Newton on [f(q) - x; g(q) - c] in steps that keep to one branch: the rules of motion/leaf.py. hk_leaf_body takes
+/* Newton on [f(q) - x; g(q) - c] in steps that keep to one branch: the rules of inverse_kinematics/leaf.py. hk_leaf_body takes
    (q, p, R, c) and gives (dq, rcond, margin, sign of det). */
 typedef struct {
   hk_t singular, representation, contraction, almost, done, smallest, creep, side;
