@@ -88,6 +88,7 @@ BARS = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in ra
 FLAT = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
 
 
+@pytest.mark.campaign
 @sampled(1, ("near", "taken"), [({2}, 1), ({2, 1}, 0), ({2, 1, 0}, 2), (set(), 2)])
 def test_of_designs_that_cost_alike_one_without_a_cusp_nearby_is_taken(
     near: set[int], taken: int, monkeypatch: pytest.MonkeyPatch

@@ -209,6 +209,7 @@ def test_the_same_search_finds_the_same_map(share: float) -> None:
     np.testing.assert_array_equal(first.labels, second.labels)
 
 
+@pytest.mark.campaign
 def test_control_c_while_a_sheet_is_asked_within_the_search_counts_no_pose_twice(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

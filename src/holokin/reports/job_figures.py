@@ -301,7 +301,7 @@ def _key(figure: Any, drawn: list[StrategyResult]) -> None:
     """Which posture has which colour."""
     from matplotlib.lines import Line2D
 
-    marks = [(GREY, "start", "-")]
+    marks: list[tuple[str, str, Any]] = [(GREY, "start", "-")]
     if any(s.two_paths is not None for s in drawn):
         marks += [(CLOCKWISE, "end, clockwise", "-"), (COUNTER_CLOCKWISE, "end, counter-clockwise", "--")]
     else:
