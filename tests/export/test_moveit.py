@@ -75,6 +75,7 @@ def package_test(test: Path, robot: Path, plugin: Plugin, folder: Path) -> subpr
     return subprocess.run([str(made)], capture_output=True, text=True, timeout=200, check=False)
 
 
+@pytest.mark.campaign
 def test_the_test_in_the_package_passes(package: MoveItPackage, plugin: Plugin, tmp_path: Path) -> None:
     test = package.folder / "test" / "test_plugin.cpp"
     assert "8 tests, 0 failures" in package_test(test, plugin.robot, plugin, tmp_path).stdout

@@ -151,6 +151,7 @@ def test_a_robot_without_limits_and_with_any_names_is_solved(named: Plugin) -> N
 
 
 @needs_cpp
+@pytest.mark.campaign
 def test_from_the_seed_the_posture_may_be_another_one_of_the_leaf(named: Plugin) -> None:
     """Seeds anywhere: each answer is on the leaf and reaches the pose, but not all are the answer from the start."""
     T, seeds = poses(around(100, 0.2)), np.random.default_rng(1).uniform(-np.pi, np.pi, (100, 4))

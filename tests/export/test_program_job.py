@@ -174,11 +174,12 @@ def test_what_a_language_cannot_hold_is_refused_and_named(
 
 
 def test_the_command_says_what_is_kept_and_what_was_left_out(holokin: Command, weld: Path) -> None:
-    weld.write_text(of("urscript").replace("linear = true", "linear = true\nbase = 2"), "utf-8")
+    weld.write_text(from_start(of("urscript")).replace("linear = true", "linear = true\nbase = 2"), "utf-8")
     done = holokin("export", "urscript", "weld.toml", "--out", "ur")
     assert done.code == 0, done.err
     assert "mm/s" in done.out and "urscript takes no base and no pulses of [program]: left out" in done.out
-    few = of("urscript").replace("tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}\nlinear = true\n", "")
+    few = from_start(of("urscript"))
+    few = few.replace("tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}\nlinear = true\n", "")
     weld.write_text(few, "utf-8")
     done = holokin("export", "urscript", "weld.toml", "--out", "ur")
     assert "20 ms is no step of servoj" in done.out
@@ -187,10 +188,11 @@ def test_the_command_says_what_is_kept_and_what_was_left_out(holokin: Command, w
 
 
 def test_inform_asks_for_the_pulses_of_the_axes(weld: Path) -> None:
-    weld.write_text(of("inform").replace("pulses = [1000, 1000, 1000, 1000, 1000, 1000]\n", ""), "utf-8")
+    short = from_start(of("inform"))
+    weld.write_text(short.replace("pulses = [1000, 1000, 1000, 1000, 1000, 1000]\n", ""), "utf-8")
     with pytest.raises(HolokinError, match="pulses of \\[program\\]"):
         program_of_job(*open_job(str(weld)), "inform")
-    weld.write_text(of("inform").replace("1000, 1000]", "1000]"), "utf-8")
+    weld.write_text(short.replace("1000, 1000]", "1000]"), "utf-8")
     with pytest.raises(HolokinError, match="pulses of the axes"):
         program_of_job(*open_job(str(weld)), "inform")
 
@@ -198,7 +200,7 @@ def test_inform_asks_for_the_pulses_of_the_axes(weld: Path) -> None:
 def test_linear_is_kept_at_a_step_of_the_controller(weld: Path) -> None:
     """At 8 ms URScript would send every sample; a job that asks for linear moves gets them."""
     few = (
-        of("urscript")
+        from_start(of("urscript"))
         .replace("dt = 0.02", "dt = 0.008")
         .replace("tool_tolerance = {mm = 0.2, degrees = 1.0, percent = 2}\n", "")
     )
@@ -208,6 +210,7 @@ def test_linear_is_kept_at_a_step_of_the_controller(weld: Path) -> None:
 
 
 def test_ros_says_which_keys_of_the_program_it_leaves_out(holokin: Command, weld: Path) -> None:
+    weld.write_text(from_start(WELD), "utf-8")
     done = holokin("export", "ros", "weld.toml", "--out", "ros")
     assert done.code == 0, done.err
     left = next(line for line in done.out.splitlines() if "left out" in line)

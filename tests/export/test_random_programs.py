@@ -159,6 +159,6 @@ def check_program(seed: int) -> str:
 
 @pytest.mark.parametrize("first", [0, *(campaign("first", k) for k in (4, *range(10, 2 * CASES, 10)))])
 def test_programs_of_random_robots_keep_what_they_state(first: int) -> None:
-    """Ten seeds, of which some have no motion: a singular posture, a limit, a path out of reach."""
-    outcomes = [check_program(seed) for seed in range(first, first + (4 if first == 0 else 10))]
+    """Ten seeds, here two, of which some have no motion: a singular posture, a limit, a path out of reach."""
+    outcomes = [check_program(seed) for seed in range(first, first + (2 if first == 0 else 10))]
     assert outcomes.count("played") >= 1, outcomes

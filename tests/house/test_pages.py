@@ -208,12 +208,15 @@ def test_every_command_on_the_pages_exists_with_its_options(holokin: Command, mo
     blocks = [text for page in pages for text in re.findall(r"^```sh\n(.*?)^```", page.read_text("utf-8"), re.S | re.M)]
     lines = [line for text in blocks for line in re.findall(r"\bholokin [^\n#&|]+", text)]
     assert len(lines) > 10
+    helps: dict[tuple[str, ...], str] = {}
     for line in lines:
         words = line.split()[1:]
         command = words[:2] if words[0] == "export" else words[:1]
         if words[0] == "survey":
             command = words[:2] if words[1] in ("report", "case") else ["survey", "run"]
-        help_text = holokin(*command, "--help").out
+        if (key := tuple(command)) not in helps:
+            helps[key] = holokin(*command, "--help").out
+        help_text = helps[key]
         assert "Usage" in help_text, line
         for option in re.findall(r"(?<= )--[a-z-]+", line):
             assert option in help_text, line

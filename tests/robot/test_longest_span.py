@@ -56,7 +56,7 @@ def test_a_tip_of_several_has_a_span_of_its_own() -> None:
 )
 def test_what_a_span_rules_out_no_search_reaches(task: hk.Task) -> None:
     """And it rules out most of what is out of reach, so that few searches are in vain."""
-    T = hk.workspace(box=([0.6, 0, 0.5], [0.9, 0.9, 0.8]), tilt=0.5).poses(256)
+    T = hk.workspace(box=([0.6, 0, 0.5], [0.9, 0.9, 0.8]), tilt=0.5).poses(96)
     p, R = T[:, :3, 3], T[:, :3, :3]
     ruled = surely_beyond(task, p, R)
     near = np.zeros((int(ruled.sum()), task.n)) + 0.3

@@ -10,6 +10,7 @@ import pytest
 from benchmarks.disc_law import disc_law, disc_starts
 
 import holokin as hk
+from conftest import campaign
 from handmade_sheets import LIMIT, disc, planar_task
 from holokin.errors import (
     ArgumentError,
@@ -24,12 +25,18 @@ from holokin.path.workspaces import pose_cloud
 from holokin.sheet_maps import Sheet, Sheets
 
 
+STARTS = [[0.0717, -1.9433, -2.0609], [1.7217, 0.9144, 0.474]]
+
+
+def planar_laws(task: hk.Task) -> list[hk.strategies.HolonomicStrategy]:
+    return [hk.holonomic(task, hk.linear([0, 1, -1]))]
+
+
 @pytest.fixture(scope="module")
 def planar() -> Sheets:
     """Two leaves that a search of five seconds finds; here they are given, and no time is left for a search."""
-    task, q0 = planar_task(), [[0.0717, -1.9433, -2.0609], [1.7217, 0.9144, 0.474]]
-    laws = [hk.holonomic(task, hk.linear([0, 1, -1]))]
-    return hk.sheets(task, disc(), laws, q0=q0, samples=100, share=0.98, search=False)
+    task = planar_task()
+    return hk.sheets(task, disc(), planar_laws(task), q0=STARTS, samples=100, share=0.98, search=False)
 
 
 def tool_of(q: np.ndarray) -> np.ndarray:
@@ -46,6 +53,7 @@ def test_each_posture_has_its_tool_at_the_pose_and_is_within_the_limits(planar: 
     assert (np.abs(found.q[served]) <= LIMIT + 1e-9).all()
 
 
+@pytest.mark.campaign
 def test_the_arm_has_no_single_leaf_for_the_disc_and_the_program_says_so() -> None:
     """No posture of q2 = q3 + c within +-150 degrees serves the whole disc: the base would have to go round."""
     task = planar_task()
@@ -75,7 +83,7 @@ def test_a_pose_midway_between_sampled_poses_has_the_same_joints_alone_and_in_co
     given, asked = np.tile(np.eye(4), (len(grid), 1, 1)), np.tile(np.eye(4), (2 * len(grid), 1, 1))
     given[:, :2, 3] = grid
     asked[:, :2, 3] = np.concatenate([grid + [0.35, 0.0], grid + [0.0, 0.35]])
-    s = hk.sheets(task, pose_cloud(given), [hk.holonomic(task, hk.linear([0, 1, -1]))], share=0.95)
+    s = hk.sheets(task, pose_cloud(given), planar_laws(task), q0=STARTS, share=0.95, search=False)
     found = s.batch(asked)
     for pose, sheet, q in zip(asked[found.served], found.sheet[found.served], found.q[found.served], strict=True):
         alone = s(pose)
@@ -223,25 +231,26 @@ def one_leaf() -> Sheets:
     return hk.sheets(task, disc(), [disc_law(task)], q0=disc_starts()[2], share=0.9, samples=400, search=False)
 
 
-def test_a_loop_never_leaps_on_its_sheet(one_leaf: Sheets, planar: Sheets) -> None:
+@pytest.mark.parametrize(("name", "told"), [("planar", 0), campaign(("name", "told"), ("one_leaf", 3))])
+def test_a_loop_never_leaps_on_its_sheet(name: str, told: int, request: pytest.FixtureRequest) -> None:
     """Round the base in steps of a centimetre: while the index stays, the joints move as far as the tool asks
-    for; where they cannot, the loop is told."""
-    told = 0
-    for s in (one_leaf, planar):
-        for radius in (0.9, 1.8, 2.1):
-            q = s([radius, 0.0])[1]
-            for angle in np.arange(0.0, 2 * np.pi, 0.01 / radius):
-                before = q
-                try:
-                    _, q = s.near([radius * np.cos(angle), radius * np.sin(angle)], q)
-                except BranchError:
-                    told += 1
-                    break
-                if set(s.of(before)) & set(s.of(q)):
-                    assert np.abs(q - before).max() < 0.15  # steep where the leaf ends
-    assert told == 3  # one leaf alone: it overlaps itself, and the base does not go round
+    for; where they cannot, the loop is told: one leaf alone overlaps itself, and the base does not go round."""
+    s = request.getfixturevalue(name)
+    for radius in (0.9, 1.8, 2.1):
+        q = s([radius, 0.0])[1]
+        for angle in np.arange(0.0, 2 * np.pi, 0.01 / radius):
+            before = q
+            try:
+                _, q = s.near([radius * np.cos(angle), radius * np.sin(angle)], q)
+            except BranchError:
+                told -= 1
+                break
+            if set(s.of(before)) & set(s.of(q)):
+                assert np.abs(q - before).max() < 0.15  # steep where the leaf ends
+    assert told == 0
 
 
+@pytest.mark.campaign
 def test_inside_the_end_of_its_cut_the_leaf_comes_home(one_leaf: Sheets) -> None:
     """Round the base at 0.3 m: the cut of this leaf ends farther out. At 1.8 m it is crossed, and no law comes home."""
     ik = one_leaf.sheets[0].ik
@@ -261,6 +270,7 @@ def test_a_posture_of_another_branch_is_on_no_sheet_of_this_one(planar: Sheets) 
     assert s.of([0.1, 1.0, 1.1]) == ()
 
 
+@pytest.mark.campaign
 def test_one_leaf_serves_nearly_the_whole_disc_and_overlaps_itself(one_leaf: Sheets) -> None:
     """The base cannot go round, but the self-motion leads the tool the rest of the way: a loop round the base comes to
     other joints on the same leaf, and the map says where."""

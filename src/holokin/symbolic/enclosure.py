@@ -10,7 +10,7 @@ expressions must be smooth. Where an `if_else` may fall either way both branches
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
@@ -188,22 +188,7 @@ class Enclosure:
     @cached_property
     def function(self) -> Function:
         """(mid (n,), rad (n,)) of x -> (mid (k,), rad (k,)) of y."""
-        made, zero = self.made, ca.SX(0)
-        mid, rad = ca.SX.sym("mid", made.size1_in(0)), ca.SX.sym("rad", made.size1_in(0))
-        y: list[Any] = [None] * made.size1_out(0)
-        register: dict[int, Pair] = {}
-        for k in range(made.n_instructions()):
-            op, out, into = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
-            if op == ca.OP_OUTPUT:
-                y[out[1]] = register[into[0]]
-            elif op == ca.OP_CONST:
-                register[out[0]] = (ca.SX(made.instruction_constant(k)), zero)
-            elif op == ca.OP_INPUT:
-                register[out[0]] = (mid[into[1]], rad[into[1]])
-            else:
-                register[out[0]] = _OPERATIONS[op](*(register[i] for i in into))
-        outputs = {"mid": ca.vertcat(*(p[0] for p in y)), "rad": ca.vertcat(*(p[1] for p in y))}
-        return Function(self.name, {"mid": mid, "rad": rad}, outputs)
+        return _of_pairs(self.made.serialize())
 
     @cached_property
     def c(self) -> str:
@@ -233,6 +218,27 @@ class Enclosure:
         body = "\n".join(lines)
         start = f"  hk_t w[{2 * made.sz_w()}];\n  for (int i = 0; i < {2 * height}; i++) y[i] = HK_C(0);\n"
         return f"{calls}static void {self.name}(const hk_t *x, hk_t *y) {{\n{start}{body}\n}}\n"
+
+
+@lru_cache(maxsize=32)
+def _of_pairs(made_before: str) -> Function:
+    """(mid, rad) of x -> (mid, rad) of y, of a serialized function. An arm's takes half a second: equal ones share it."""
+    made, zero = ca.Function.deserialize(made_before), ca.SX(0)
+    mid, rad = ca.SX.sym("mid", made.size1_in(0)), ca.SX.sym("rad", made.size1_in(0))
+    y: list[Any] = [None] * made.size1_out(0)
+    register: dict[int, Pair] = {}
+    for k in range(made.n_instructions()):
+        op, out, into = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
+        if op == ca.OP_OUTPUT:
+            y[out[1]] = register[into[0]]
+        elif op == ca.OP_CONST:
+            register[out[0]] = (ca.SX(made.instruction_constant(k)), zero)
+        elif op == ca.OP_INPUT:
+            register[out[0]] = (mid[into[1]], rad[into[1]])
+        else:
+            register[out[0]] = _OPERATIONS[op](*(register[i] for i in into))
+    outputs = {"mid": ca.vertcat(*(p[0] for p in y)), "rad": ca.vertcat(*(p[1] for p in y))}
+    return Function(made.name(), {"mid": mid, "rad": rad}, outputs)
 
 
 @cache
