@@ -72,6 +72,7 @@ def test_a_full_standard_output_costs_the_table_and_not_the_report(tmp_path: Pat
     assert (out / "job" / "result.json").is_file()
 
 
+@pytest.mark.campaign
 def test_a_reader_that_goes_away_is_no_error(tmp_path: Path, out: Path) -> None:
     read, write = os.pipe()
     os.close(read)

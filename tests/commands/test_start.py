@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from conftest import Command, sampled
+from conftest import Command
 from grammars import krl, rapid
 from printed import assert_alike
 
@@ -88,7 +88,8 @@ def test_the_start_page_leads_from_a_urdf_to_a_program_and_its_check(run) -> Non
 SEAMS = (ROOT / "docs" / "seam.md").read_text("utf-8").split("\n## ")[1:]
 
 
-@sampled(1, "part", range(len(SEAMS)))
+@pytest.mark.campaign
+@pytest.mark.parametrize("part", range(len(SEAMS)))
 def test_a_seam_leads_from_a_robot_and_points_to_a_program(part: int, run) -> None:
     """Of the page's arms each: what is shown is what is printed; the program can be read."""
     assert followed(SEAMS[part], run) >= 3

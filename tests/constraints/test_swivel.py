@@ -284,6 +284,7 @@ READY = np.array([0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4])
 BOX = hk.workspace(box=([0.5, 0.0, 0.3], [0.25, 0.4, 0.3]), tilt=np.radians(40), spin=np.radians(90))
 
 
+@pytest.mark.campaign
 def test_an_elbow_kept_above_its_arm_ends_its_leaf_where_it_passes_over_the_shoulder(panda: hk.Robot) -> None:
     """There joints 1 and 3 turn about one line, and the self-motion turns them against each other."""
     law = hk.holonomic(hk.pose(panda), hk.arm_angle(definition="conventional"))

@@ -95,6 +95,7 @@ def pair(task: hk.Task) -> tuple[hk.Design, hk.Design]:
     )
 
 
+@pytest.mark.campaign
 def test_a_distance_that_binds_is_kept_at_other_poses(pair: tuple[hk.Design, hk.Design]) -> None:
     free, held = pair
     poses = SPACE.poses(96, seed=1)  # those of the check

@@ -26,6 +26,7 @@ def test_the_last_links_of_a_planar_arm_must_reach_the_farthest_corner() -> None
     assert low < interval[0] < interval[1] < high
 
 
+@pytest.mark.campaign
 def test_a_panda_s_elbow_may_go_so_far_while_its_tool_works_in_a_box() -> None:
     """Referee: the leaf's own inverse kinematics, begun at postures that self-motion leads to."""
     robot, q0 = hk.load("panda"), np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])

@@ -108,7 +108,7 @@ def weld(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "weld.toml"
 
 
-@sampled(2, "language", READ)
+@sampled(1, "language", READ)
 def test_the_process_begins_and_ends_where_the_seam_does(language: str, weld: Path) -> None:
     """The torch is on from one end of the seam to the other, and off on leads, retracts and on the way there."""
     weld.write_text(of(language), "utf-8")

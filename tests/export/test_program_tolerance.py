@@ -82,7 +82,7 @@ def written(language: str, timed: TimedTrajectory, tolerance: ToolTolerance) -> 
     return program, read(program, language)
 
 
-@pytest.mark.parametrize("linear", [False, True])
+@sampled(1, "linear", [False, True])
 @sampled(1, "language", WRITERS)
 def test_a_seam_of_8_mm_per_s_is_welded_within_0_2_mm_and_2_percent(
     language: str, linear: bool, welder: hk.Task, corner: TimedTrajectory, bow: TimedTrajectory

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, campaign
 from control_plugins import BuiltController, Event, Outcome, Ran, event, posed, update_all
 from holokin.export import export_ros2_control
 from ros_plugins import driver, library
@@ -43,7 +43,7 @@ def recorded(cycles: int) -> tuple[list[np.ndarray], np.ndarray]:
     return poses, hk.simulate(law, TASK, path, PANDA_START, dt=DT, cycles=cycles).q
 
 
-@pytest.mark.parametrize("commands", ["position", "velocity"])
+@pytest.mark.parametrize("commands", ["position", campaign("commands", "velocity")])
 def test_ten_thousand_updates_have_the_joints_of_simulate(arm: BuiltController, commands: str) -> None:
     """A circle at 1 kHz with ideal drives. An update allocates nothing and locks nothing."""
     poses, q = recorded(1)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, sampled
 from control_plugins import BuiltController, Event, Outcome, event, posed, update_all
 from holokin.export import export_ros2_control
 from ros_plugins import driver, library
@@ -32,7 +32,8 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> BuiltController:
     return BuiltController(*built, package, ROBOT.joint_names, PANDA_START)
 
 
-@pytest.mark.parametrize(
+@sampled(
+    8,
     ("parameter", "words"),
     [
         ("joints=list:panda_joint1,elbow", "the joints 'elbow' of `joints`"),

@@ -249,6 +249,8 @@ def test_every_test_file_stands_alone() -> None:
     """None imports another or shares a random generator between tests, whose numbers would depend on their order."""
     for file in Path(__file__).parents[1].rglob("test_*.py"):
         text = file.read_text("utf-8")
-        assert not re.search(r"^ *(from|import) +([\w.]+\.)?test_", text, re.MULTILINE), file.name
-        shared = [node for node in ast.parse(text).body if isinstance(node, ast.Assign) and "default_rng" in ast.unparse(node)]
+        assert not re.search(r"^(from|import) +([\w.]+\.)?test_", text, re.MULTILINE), file.name
+        shared = [
+            node for node in ast.parse(text).body if isinstance(node, ast.Assign) and "default_rng" in ast.unparse(node)
+        ]
         assert not shared, (file.name, shared[0].lineno)

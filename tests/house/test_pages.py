@@ -35,6 +35,7 @@ SLOW = tuple(
         "learning",
         "libraries",
         "paths",
+        "proof",
         "robots",
         "sheets",
         "studio",

@@ -38,7 +38,7 @@ def poses_and_levels(name: str, seed: int, count: int) -> tuple[np.ndarray, np.n
     return poses, np.ravel(strategy.constraint_value(PANDA)) + rng.uniform(-0.4, 0.4, (count, 1))
 
 
-@sampled(2, "name", LAWS)
+@sampled(1, "name", LAWS)
 def test_the_joints_are_those_of_the_pose_and_of_the_level_whatever_was_asked_before(name: str) -> None:
     """Pinocchio says where the tool is; g says which leaf it is; the leaf is reached by self-motion as well."""
     strategy, ik = of_panda(name)

@@ -115,6 +115,7 @@ def test_a_hand_that_rests_within_reach_is_reached_in_a_known_number_of_calls(
     assert 2 < seen < 12
 
 
+@pytest.mark.campaign
 @sampled(1, "start", [[0, 0.5, 0, -1.4, 0, 1.2, 0], [0.3, 0.7, 0.2, -1.5, 0.1, 1.0, 0.4]])
 def test_a_hand_once_round_the_base_ends_at_the_joints_that_it_began_with(iiwa14: hk.Robot, start: list[float]) -> None:
     """Joint 1 has made a full turn by then, or the tool is held on the far side: the joints go back."""

@@ -30,7 +30,7 @@ def seconds_below(timed: TimedTrajectory, speed: float) -> float:
     return timed.duration - float(timed.untimed.t[-1]) / speed
 
 
-@pytest.mark.parametrize("profile", PROFILES)
+@sampled(1, "profile", PROFILES)
 @sampled(1, "seed", SEEDS)
 def test_a_ramp_on_a_straight_curve_takes_the_time_of_the_closed_form(ppr: hk.Robot, seed: int, profile: str) -> None:
     """v/a; under a limit of jerk v/a + a/j, or 2 sqrt(v/j) where the acceleration is not reached."""

@@ -101,6 +101,7 @@ here.proof({file!r}, say=lambda text: "examined" in text and os.kill(os.getpid()
 """
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 def test_one_that_was_killed_ends_with_the_same_certificate(tmp_path: Path) -> None:
     file = tmp_path / "box.cells"

@@ -160,6 +160,7 @@ def test_a_path_round_a_cusp_has_the_certificate_that_it_does_not_return(tmp_pat
     assert any("the joints do NOT return" in line for line in lines)
 
 
+@pytest.mark.campaign
 def test_a_workspace_that_holds_a_path_round_a_cusp_is_never_whole() -> None:
     """Whatever the budget: on the path the leaf is no function of the pose."""
     strategy = hk.holonomic(hk.position(hk.load("planar-3r")), hk.linear([[0.02, 0, 1]]))

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import holokin as hk
+from conftest import sampled
 from holokin.reports.coverage_plots import coverage_figure
 from holokin.reports.html_page import drawn
 from holokin.reports.job_figures import figures
@@ -125,7 +126,7 @@ def test_the_pictures_of_a_workspace_and_of_a_region_can_be_read_on_a_page(
     assert min(saved)[0] > SMALLEST, min(saved)
 
 
-@pytest.mark.parametrize("draw", [drift_figure, survival_figure, map_of_laws, status_figure, boxes_figure])
+@sampled(2, "draw", [drift_figure, survival_figure, map_of_laws, status_figure, boxes_figure])
 def test_the_pictures_of_a_survey_can_be_read_in_a_report_and_in_a_notebook(
     draw: Any, saved: list[tuple[float, str]]
 ) -> None:

@@ -24,7 +24,6 @@ from holokin.errors import (
 from holokin.path.workspaces import pose_cloud
 from holokin.sheet_maps import Sheet, Sheets
 
-
 STARTS = [[0.0717, -1.9433, -2.0609], [1.7217, 0.9144, 0.474]]
 
 

@@ -59,6 +59,7 @@ def choose(page: Any, control: Any, value: Any) -> None:
     page_thread_done(page)
 
 
+@pytest.mark.campaign
 def test_in_degrees_and_mm_all_numbers_of_the_page_say_the_same_and_the_loop_stays_where_it_is() -> None:
     """The planar arm has hinges and a slider: a drift in mixed units is that of the joint that went most in them."""
     studio = hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)

@@ -149,6 +149,7 @@ def test_other_threads_run_while_a_batch_does() -> None:
     assert len(ticks) > 20 * lasted  # a lock that is kept lets it tick twice
 
 
+@pytest.mark.campaign
 @pytest.mark.usefixtures("optimized")
 @compiled
 def test_a_posture_of_many_costs_at_most_one_and_a_half_of_one_of_the_gain() -> None:

@@ -48,3 +48,14 @@ def test_an_enclosure_shrinks_to_the_value_with_its_box() -> None:
     assert sizes[1] < 0.011 * sizes[0]
     assert sizes[2] < 0.011 * sizes[1]
     assert sizes[3] == 0.0
+
+
+def test_equal_expressions_share_their_enclosure_and_others_do_not() -> None:
+    """An arm's takes half a second: a law that is made again has it at once."""
+
+    def made(factor: float) -> Function:
+        x = ca.SX.sym("x")
+        return Enclosure("value", {"x": x}, factor * ca.sin(x)).function
+
+    assert made(2.0) is made(2.0) and made(3.0) is not made(2.0)
+    assert made(3.0)([0.7], [0.1])[0] == pytest.approx(3 * np.sin(0.7))

@@ -221,9 +221,9 @@ class Enclosure:
 
 
 @lru_cache(maxsize=32)
-def _of_pairs(made_before: str) -> Function:
-    """(mid, rad) of x -> (mid, rad) of y, of a serialized function. An arm's takes half a second: equal ones share it."""
-    made, zero = ca.Function.deserialize(made_before), ca.SX(0)
+def _of_pairs(text: str) -> Function:
+    """(mid, rad) of x -> (mid, rad) of y. Of a serialized function, so that equal ones share half a second's work."""
+    made, zero = ca.Function.deserialize(text), ca.SX(0)
     mid, rad = ca.SX.sym("mid", made.size1_in(0)), ca.SX.sym("rad", made.size1_in(0))
     y: list[Any] = [None] * made.size1_out(0)
     register: dict[int, Pair] = {}
