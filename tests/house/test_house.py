@@ -248,9 +248,9 @@ def test_an_error_is_holokins_and_its_message_names_the_cure(kind: type[Exceptio
 def test_every_test_file_stands_alone() -> None:
     """None imports another or shares a random generator between tests, whose numbers would depend on their order."""
     for file in Path(__file__).parents[1].rglob("test_*.py"):
-        text = file.read_text("utf-8")
-        assert not re.search(r"^(from|import) +([\w.]+\.)?test_", text, re.MULTILINE), file.name
-        shared = [
-            node for node in ast.parse(text).body if isinstance(node, ast.Assign) and "default_rng" in ast.unparse(node)
-        ]
+        body = ast.parse(file.read_text("utf-8")).body
+        top = ast.Module([node for node in body if isinstance(node, ast.Import | ast.ImportFrom)], [])
+        names = {name.split(".")[-2 if "." in name else 0] for name, _ in imports_of(top)}
+        assert not {name for name in names if name.startswith("test_")}, file.name
+        shared = [node for node in body if isinstance(node, ast.Assign) and "default_rng" in ast.unparse(node)]
         assert not shared, (file.name, shared[0].lineno)
