@@ -64,8 +64,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """One more than cores: tests of browsers, surveys and commands wait for other processes."""
-    return (os.cpu_count() or 1) + 1
+    """As many as cores: one more costs a third collection of the tests, and waits for the others."""
+    return os.cpu_count() or 1
 
 
 def _build_quickly() -> None:

@@ -174,7 +174,8 @@ def test_derivatives_are_those_of_differences(panda: hk.Robot, name: str, case: 
     assert here[1] @ way == pytest.approx((ahead[0] - behind[0]) / (2 * h), rel=2e-5)
 
 
-@pytest.mark.parametrize("goal", ["one", campaign("goal", "all")])
+@pytest.mark.campaign
+@pytest.mark.parametrize("goal", ["one", "all"])
 def test_no_objective_is_below_its_bound_and_each_is_made_less(task: hk.Task, swift: hk.Design, goal: str) -> None:
     every = Objective(1.0, 1.0, 1.0, 1.0, 1.0)
     found = swift if goal == "one" else hk.design(task, SMALL, READY, objective=every, degree=1, samples=16)

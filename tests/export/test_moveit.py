@@ -20,7 +20,10 @@ from holokin.inverse_kinematics import InverseStatus
 from moveit_plugins import NO_SOLUTION, SUCCESS, TIMED_OUT, Answers, Plugin, ask
 from ros_plugins import STUBS, driver, found_by_pluginlib, includes, library, run
 
-pytestmark = pytest.mark.skipif(not (shutil.which("g++") and shutil.which("cc")), reason="no C++ compiler here")
+pytestmark = [
+    pytest.mark.campaign,
+    pytest.mark.skipif(not (shutil.which("g++") and shutil.which("cc")), reason="no C++ compiler here"),
+]
 
 TIP = "panda_hand_tcp"
 LAW = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))
@@ -75,13 +78,11 @@ def package_test(test: Path, robot: Path, plugin: Plugin, folder: Path) -> subpr
     return subprocess.run([str(made)], capture_output=True, text=True, timeout=200, check=False)
 
 
-@pytest.mark.campaign
 def test_the_test_in_the_package_passes(package: MoveItPackage, plugin: Plugin, tmp_path: Path) -> None:
     test = package.folder / "test" / "test_plugin.cpp"
     assert "8 tests, 0 failures" in package_test(test, plugin.robot, plugin, tmp_path).stdout
 
 
-@pytest.mark.campaign
 def test_the_test_in_the_package_fails_for_other_joints(package: MoveItPackage, plugin: Plugin, tmp_path: Path) -> None:
     """The joints that it expects are moved by 1e-8 rad."""
     source = package.folder / "test"
@@ -99,7 +100,6 @@ def test_threads_share_a_plugin(plugin: Plugin) -> None:
         assert ask(plugin, poses(near(60)), near(60, seed=1), begun, tip=TIP, threads=4).exit == 0
 
 
-@pytest.mark.campaign
 def test_no_thread_writes_what_another_reads(package: MoveItPackage, tmp_path: Path) -> None:
     flags = ("-fsanitize=thread", "-g")
     watched = Plugin(

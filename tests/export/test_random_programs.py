@@ -157,6 +157,7 @@ def check_program(seed: int) -> str:
     return "played"
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("first", [0, *(campaign("first", k) for k in (4, *range(10, 2 * CASES, 10)))])
 def test_programs_of_random_robots_keep_what_they_state(first: int) -> None:
     """Ten seeds, here two, of which some have no motion: a singular posture, a limit, a path out of reach."""

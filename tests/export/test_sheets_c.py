@@ -28,7 +28,7 @@ def test_c_gives_the_sheet_and_the_joints_of_the_map(planar: hk.Sheets, tmp_path
     made = export_sheets(planar, tmp_path / "c", name="arm")
     assert made.name == "arm_sheets"
     sources = ["arm_sheets.c", *(f"sheet_{s}/arm_{s}.c" for s in range(len(planar)))]
-    flags = ["-std=c99", "-O1", "-Wall", "-Werror", "-fPIC"]
+    flags = ["-std=c99", "-O0", "-Wall", "-Werror", "-fPIC"]
     for target in (["-shared", "-o", "arm.so"], ["arm_sheets_selftest.c", "-o", "selftest"]):
         subprocess.run(["cc", *flags, *sources, *target, "-lm"], cwd=tmp_path / "c", check=True, timeout=120)
     said = subprocess.run([tmp_path / "c" / "selftest"], check=True, capture_output=True, text=True, timeout=60)
@@ -96,7 +96,7 @@ def test_a_loop_in_c_is_told_where_its_only_sheet_would_leap(tmp_path: Path) -> 
     one = hk.sheets(task, disc, [overlapping_law()], q0=OVERLAPPING_START, share=0.7, samples=80, search=False)
     assert len(one) == 1
     export_sheets(one, tmp_path / "c", name="arm")
-    command = ["cc", "-std=c99", "-O1", "-fPIC", "-shared", "-o", "arm.so", "arm_sheets.c", "sheet_0/arm_0.c", "-lm"]
+    command = ["cc", "-std=c99", "-O0", "-fPIC", "-shared", "-o", "arm.so", "arm_sheets.c", "sheet_0/arm_0.c", "-lm"]
     subprocess.run(command, cwd=tmp_path / "c", check=True, timeout=120)
     library, numbers = ctypes.CDLL(str(tmp_path / "c" / "arm.so")), ctypes.POINTER(ctypes.c_double)
     q, ended = one([1.8, 0.0])[1].copy(), False

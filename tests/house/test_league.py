@@ -18,6 +18,7 @@ from benchmarks.league.played import play, runs_of
 from benchmarks.league.scores import Score, best_of, score
 
 import holokin as hk
+from conftest import sampled
 
 START = drift.STARTS["iiwa14"]
 ROBOT = hk.load("iiwa14")
@@ -52,6 +53,7 @@ def tied(runs: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     return found
 
 
+@pytest.mark.campaign
 def test_a_leaf_returns_on_every_path_and_tour_and_its_tool_is_where_it_shall_be(
     runs: dict[str, dict[str, np.ndarray]], tied: dict[str, np.ndarray]
 ) -> None:
@@ -123,7 +125,7 @@ serve(settings, ("numpy",))
 """
 
 
-@pytest.mark.parametrize("ends", [False, True])
+@sampled(1, "ends", [False, True])
 def test_a_worker_runs_without_holokin_and_its_faults_are_told(
     ends: bool, course: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

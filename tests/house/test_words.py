@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,7 @@ ALLOWED = {
 FOLDERS = ("src", "docs", "examples", "README.md", "CONTRIBUTING.md", "mkdocs.yml")
 
 
+@cache
 def texts() -> list[tuple[str, int, str]]:
     """(file, line number, line) of what users and readers of the code see."""
     done = subprocess.run(["git", "ls-files", *FOLDERS], cwd=ROOT, capture_output=True, text=True, check=False)

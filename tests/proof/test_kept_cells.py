@@ -133,7 +133,7 @@ OTHERS = {
 }  # fmt: skip
 
 
-@sampled(2, "other", OTHERS)
+@sampled(1, "other", OTHERS)
 def test_a_file_of_another_question_is_refused(tmp_path: Path, other: str) -> None:
     kept = stopped(tmp_path / "box.cells")
     with pytest.raises(ArgumentError, match="of another robot, strategy"):

@@ -79,6 +79,7 @@ def to_ball(q: np.ndarray) -> float:
     return float(least)
 
 
+@pytest.mark.campaign
 def test_a_page_of_a_part_names_the_posture_that_refutes_the_rest(tmp_path: Path) -> None:
     text, rows = page(True, tmp_path)
     worst, region = refuted_by(proof(True)), region_of(proof(True))

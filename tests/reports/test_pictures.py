@@ -318,6 +318,7 @@ def test_a_film_of_noise_is_made_smaller_until_it_is_small(tmp_path: Path, monke
         assert picture.n_frames >= 3 and picture.size[0] < 300
 
 
+@pytest.mark.campaign
 def test_nothing_of_a_map_is_cut_off_at_the_edge_of_the_picture() -> None:
     """Every cause that a pose may have is in the legend, with its share; beside it stands the cloud, in space."""
     robot = hk.load("panda")

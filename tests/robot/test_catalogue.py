@@ -121,6 +121,7 @@ def test_the_reach_is_never_exceeded_and_is_the_known_one_of_straight_arms() -> 
     assert reach(yumi, "left_flange") == pytest.approx(reach(yumi, "right_flange"), abs=1e-4)
 
 
+@pytest.mark.campaign
 def test_the_list_of_robots_has_joints_reach_and_source(holokin: Command) -> None:
     lines = holokin("robots").out.splitlines()
     assert [line.split()[0] for line in lines] == list(hk.catalogue())

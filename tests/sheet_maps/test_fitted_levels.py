@@ -74,6 +74,7 @@ def test_a_table_has_the_levels_that_a_triangle_allows(table: LevelTable) -> Non
     assert share > 0.9 * total
 
 
+@pytest.mark.campaign
 def test_a_fitted_leaf_serves_more_than_each_leaf_of_one_level(table: LevelTable) -> None:
     laws = table.fitted(np.ones(len(table.T)))
     assert len(laws) == 3
