@@ -17,7 +17,7 @@ from holokin.sheet_maps import Sheet
 PARTS = {
     "robot": f'[robot]\nname = "planar-3r"\nlower = {-LIMIT}\nupper = {LIMIT}\n',
     "start": "[start]\nq = [0.0, 0.3, 0.3]\n",
-    "path": '[path]\nkind = "polyline"\npoints = [[2.7, 0], [0.5, 0]]\nspeed = 0.2\nsamples = 60\nentry = "joints"\n',
+    "path": '[path]\nkind = "polyline"\npoints = [[2.7, 0], [0.5, 0]]\nspeed = 0.2\nentry = "joints"\n',
     "timing": "[timing]\nacceleration = 5\ndt = 0.02\n",
     "strategies": '[strategies.lock]\nkind = "lock"\njoints = [2]\n',
     "sheets": '[sheets]\nfile = "map.npz"\n',
