@@ -66,6 +66,7 @@ def test_what_c_does_not_look_at_is_refused(planar: hk.Sheets, tmp_path: Path) -
             export_sheets(other, tmp_path)
 
 
+@pytest.mark.campaign
 def test_branches_of_an_arm_that_is_not_redundant_are_refused(tmp_path: Path) -> None:
     """C has no inverse kinematics of these: what was written did not compile."""
     s = hk.sheets(hk.pose(hk.load("ur5e")), hk.workspace(box=([0.4, 0.1, 0.3], [0.1, 0.2, 0.1])), samples=4)

@@ -63,6 +63,7 @@ def test_a_leaf_returns_on_every_path_and_tour_and_its_tool_is_where_it_shall_be
     assert (found.tours, found.whole, found.again, found.unfair) == (1, 1, 1, "")
 
 
+@pytest.mark.campaign
 def test_what_turns_the_last_joint_in_each_cycle_drifts_by_that_and_turns_the_tool_as_far(
     runs: dict[str, dict[str, np.ndarray]], tied: dict[str, np.ndarray]
 ) -> None:

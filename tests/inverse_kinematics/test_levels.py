@@ -80,6 +80,7 @@ def test_a_loop_of_hand_and_elbow_brings_the_joints_back(name: str) -> None:
     assert np.abs(np.diff(seen, axis=0)).max() < 0.2
 
 
+@pytest.mark.campaign
 @sampled(1, "name", LAWS)
 def test_the_nearest_pose_on_another_level_is_that_of_the_leaf_there(name: str) -> None:
     """Referees: `ik(pose, level)` within reach; beyond it, a start that self-motion leads to, on its own leaf."""

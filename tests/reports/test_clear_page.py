@@ -225,6 +225,7 @@ def test_a_mesh_that_is_not_convex_is_named_as_such(tmp_path: Path) -> None:
         assert size_words(Mesh(tmp_path / f"{name}.stl")).startswith(f"mesh {name}.stl, ")
 
 
+@pytest.mark.campaign
 def test_a_box_of_which_nothing_is_proven_has_a_page(tmp_path: Path) -> None:
     arm, q0 = hk.load("planar-3r"), np.array([0.3, 0.9, 0.7])
     strategy = hk.holonomic(hk.position(arm), hk.linear([[0.3, 0, 1]]))

@@ -47,7 +47,7 @@ def test_an_obstacle_takes_poses_away_and_is_named() -> None:
     task = planar_task()
     wall = hk.obstacle("wall", hk.robot.Box((0.2, 4.0, 1.0)), (1.6, 0.0, 0.0))
     law = [hk.holonomic(task, hk.linear([0, 1, -1]))]
-    s = hk.sheets(task, disc(), law, samples=32, share=0.5, clear_of=[wall], self_collision=False, clearance=0.05)
+    s = hk.sheets(task, disc(), law, samples=24, share=0.5, clear_of=[wall], self_collision=False, clearance=0.05)
     beyond = s.poses[:, 0, 3] > 2.2
     assert (s.rest[beyond] >= PoseRest.NOT_COVERED).all()
     assert PoseRest.BLOCKED in s.rest
