@@ -11,12 +11,15 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, sampled
+from conftest import PANDA_START
 from control_plugins import BuiltController, Event, Outcome, event, posed, update_all
 from holokin.export import export_ros2_control
 from ros_plugins import driver, library
 
-pytestmark = pytest.mark.skipif(not (shutil.which("g++") and shutil.which("cc")), reason="no C++ compiler here")
+pytestmark = [
+    pytest.mark.campaign,
+    pytest.mark.skipif(not (shutil.which("g++") and shutil.which("cc")), reason="no C++ compiler here"),
+]
 
 LAW = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))
 ROBOT = LAW.task.robot
@@ -32,8 +35,7 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> BuiltController:
     return BuiltController(*built, package, ROBOT.joint_names, PANDA_START)
 
 
-@sampled(
-    8,
+@pytest.mark.parametrize(
     ("parameter", "words"),
     [
         ("joints=list:panda_joint1,elbow", "the joints 'elbow' of `joints`"),

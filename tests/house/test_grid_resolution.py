@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from benchmarks import grid_bounds, grid_resolution
 
+pytestmark = pytest.mark.campaign
 LIMIT = np.radians(150)
 LINKS, LIMITS = (1.0, 1.0, 1.0), ((-LIMIT, LIMIT),) * 3
 
 
 @pytest.fixture(scope="module")
 def found() -> grid_resolution.Resolution:
-    return grid_resolution.grid_resolution(LINKS, LIMITS, cells=36, proposals=8)
+    return grid_resolution.grid_resolution(LINKS, LIMITS, cells=72, proposals=8)
 
 
 def test_each_posture_is_within_the_limits_and_has_its_tool_at_its_pose(found: grid_resolution.Resolution) -> None:
@@ -26,7 +27,7 @@ def test_each_posture_is_within_the_limits_and_has_its_tool_at_its_pose(found: g
 
 def test_the_poses_are_those_of_the_disc_without_the_lens_behind_the_base(found: grid_resolution.Resolution) -> None:
     """The limit of joint 1 leaves what the two outer links do not reach from the elbow at +-150 degrees."""
-    axis = -3 + found.grid.step * (np.arange(36) + 0.5)
+    axis = -3 + found.grid.step * (np.arange(72) + 0.5)
     x, y = np.meshgrid(axis, axis, indexing="ij")
     far = np.hypot(x - np.cos(LIMIT), np.abs(y) - np.sin(LIMIT)) > 2
     behind = np.abs(np.arctan2(y, x)) > LIMIT
@@ -44,7 +45,7 @@ def test_the_shortest_possible_cut_is_that_of_the_closed_form() -> None:
 
 def test_what_the_search_finds_is_not_shorter_than_the_bound(found: grid_resolution.Resolution) -> None:
     assert found.cut_length > grid_bounds.least_cut(LINKS, LIMITS).length
-    assert found.cut_length < 2.5 * grid_bounds.single_jump(LINKS, LIMITS, 36).pairs
+    assert found.cut_length < 2.5 * grid_bounds.single_jump(LINKS, LIMITS, 72).pairs
 
 
 def test_an_arm_whose_limits_keep_it_in_front_needs_no_cut() -> None:

@@ -18,8 +18,8 @@ from benchmarks.league.played import play, runs_of
 from benchmarks.league.scores import Score, best_of, score
 
 import holokin as hk
-from conftest import sampled
 
+pytestmark = pytest.mark.campaign
 START = drift.STARTS["iiwa14"]
 ROBOT = hk.load("iiwa14")
 TIED = hk.inverse(hk.holonomic(hk.pose(ROBOT), hk.linear([1, 0, -1, 0, 0, 0, 0])), START)
@@ -53,7 +53,6 @@ def tied(runs: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     return found
 
 
-@pytest.mark.campaign
 def test_a_leaf_returns_on_every_path_and_tour_and_its_tool_is_where_it_shall_be(
     runs: dict[str, dict[str, np.ndarray]], tied: dict[str, np.ndarray]
 ) -> None:
@@ -63,7 +62,6 @@ def test_a_leaf_returns_on_every_path_and_tour_and_its_tool_is_where_it_shall_be
     assert (found.tours, found.whole, found.again, found.unfair) == (1, 1, 1, "")
 
 
-@pytest.mark.campaign
 def test_what_turns_the_last_joint_in_each_cycle_drifts_by_that_and_turns_the_tool_as_far(
     runs: dict[str, dict[str, np.ndarray]], tied: dict[str, np.ndarray]
 ) -> None:
@@ -126,7 +124,7 @@ serve(settings, ("numpy",))
 """
 
 
-@sampled(1, "ends", [False, True])
+@pytest.mark.parametrize("ends", [False, True])
 def test_a_worker_runs_without_holokin_and_its_faults_are_told(
     ends: bool, course: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -187,7 +185,6 @@ def test_the_panda_that_all_get_is_that_of_its_file(tmp_path: Path) -> None:
         assert np.abs(found[0] - found[1]).max() < 1e-9
 
 
-@pytest.mark.campaign
 def test_a_library_in_an_environment_of_its_own_answers(tmp_path: Path) -> None:
     """placo without a posture task drifts, and its joints task leads back; both follow the path."""
     write_course(tmp_path / "course", ("iiwa14",), cycles=2, dt=0.05, tours=0)

@@ -234,6 +234,7 @@ def both(robot: hk.Robot, q0: np.ndarray, s: float) -> tuple[np.ndarray, np.ndar
     return pose, twist, 0.3 * np.sin(2 * a * s), 0.6 * a * np.cos(2 * a * s)
 
 
+@pytest.mark.campaign
 @sampled(1, "constraint", [hk.arm_angle(), hk.lock(2)], ids=["arm angle", "lock 3"])
 def test_hand_and_elbow_are_led_at_once_and_the_joints_come_back(constraint: hk.Constraint, panda: hk.Robot) -> None:
     """At each instant the joints are those of inverse kinematics at the pose and the level that are wanted then."""

@@ -29,6 +29,7 @@ def hand(kind: str, p: np.ndarray, dt: float, rng: np.random.Generator) -> list[
     return list(np.vstack([moved, rest]))
 
 
+@pytest.mark.campaign
 @sampled(1, "kind", ["smooth", "jumps", "noise"])
 @pytest.mark.parametrize(("name", "dt"), [campaign(("name", "dt"), ("panda", 0.002)), ("iiwa14", 0.008)])
 def test_joints_keep_their_limits_and_rest_where_the_hand_does(name: str, dt: float, kind: str) -> None:

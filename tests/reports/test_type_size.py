@@ -96,6 +96,7 @@ def a_drift_benchmark() -> list[drift.Row]:
     ]
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("draw", [lambda: league_figure(a_league()), lambda: drift_picture(a_drift_benchmark())])
 def test_the_pictures_of_the_benchmarks_can_be_read_on_a_page(
     draw: Any, tmp_path: Path, saved: list[tuple[float, str]]

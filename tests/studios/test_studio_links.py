@@ -83,6 +83,7 @@ def test_the_loop_of_a_link_gives_the_drifts_of_the_session(own: Any) -> None:
     assert own.snapshot().law("pseudo-inverse").drift[-1] > 0.1
 
 
+@pytest.mark.campaign
 def test_a_file_is_in_a_link_by_its_digest_and_opens_beside_the_same_bytes_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -143,6 +143,7 @@ def test_a_slice_has_the_same_circles_and_is_empty_outside_the_disc(law: Holonom
     assert np.isnan(cells[~inside]).all()
 
 
+@pytest.mark.campaign
 def test_a_slice_shows_where_inverse_kinematics_jumps() -> None:
     """A Panda with its arm angle kept. Referee: small Newton steps from a posture to the next cell."""
     robot, q0 = hk.load("panda"), np.array([0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8])
