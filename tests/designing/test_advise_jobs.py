@@ -333,3 +333,13 @@ def test_a_pose_at_which_a_link_is_too_near_is_not_served() -> None:
     assert lost[whole.reached].tolist() == (~clear(whole.q[whole.reached])).tolist()
     assert less.causes()[1][0].startswith("a link is too near") or less.causes()[0][0].startswith("a link is too near")
     assert replace(less, status=whole.status).share == whole.share
+
+
+def test_the_command_refuses_before_the_work(holokin: Command, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text("# mine\n", "utf-8")
+    assert_refused(holokin("advise", "planar-3r", "--out", file), "exists already")
+    assert_refused(holokin("advise", "planar-3r", "--out", tmp_path / "x.txt"), ".toml")
+    assert_refused(holokin("advise", "planar-3r", "--out", tmp_path / "none" / "x.toml"), "none", "No such file")
+    assert_refused(holokin("advise", "planar-3r", "--q0", "a b", "--out", tmp_path / "x.toml"), "numbers with blanks")
+    assert_refused(holokin("advise", "planar-3r", "--workspace", "cube 1", "--out", tmp_path / "x.toml"), "'cube'")

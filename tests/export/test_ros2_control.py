@@ -10,12 +10,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, campaign
+from conftest import PANDA_START
 from control_plugins import BuiltController, Event, Outcome, Ran, event, posed, update_all
 from holokin.export import export_ros2_control
 from ros_plugins import driver, library
 
-pytestmark = pytest.mark.skipif(not (shutil.which("g++") and shutil.which("cc")), reason="no C++ compiler here")
+pytestmark = [
+    pytest.mark.campaign,
+    pytest.mark.skipif(not (shutil.which("g++") and shutil.which("cc")), reason="no C++ compiler here"),
+]
 
 LAW = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))
 TASK, ROBOT = LAW.task, LAW.task.robot
@@ -43,7 +46,7 @@ def recorded(cycles: int) -> tuple[list[np.ndarray], np.ndarray]:
     return poses, hk.simulate(law, TASK, path, PANDA_START, dt=DT, cycles=cycles).q
 
 
-@pytest.mark.parametrize("commands", ["position", campaign("commands", "velocity")])
+@pytest.mark.parametrize("commands", ["position", "velocity"])
 def test_ten_thousand_updates_have_the_joints_of_simulate(arm: BuiltController, commands: str) -> None:
     """A circle at 1 kHz with ideal drives. An update allocates nothing and locks nothing."""
     poses, q = recorded(1)

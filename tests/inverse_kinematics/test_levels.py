@@ -99,6 +99,7 @@ def test_the_nearest_pose_on_another_level_is_that_of_the_leaf_there(name: str) 
     assert np.abs(ik.nearest(poses[0]).q - ik(poses[0])).max() < 1e-8  # the level of the start is as it was
 
 
+@pytest.mark.campaign
 def test_a_loop_of_hand_and_elbow_beyond_reach_and_back_brings_the_joints_back_in_steps() -> None:
     strategy, ik = of_panda("lock 3")
     T, c0, q = strategy.task.pose(PANDA), np.ravel(strategy.constraint_value(PANDA)), PANDA

@@ -95,6 +95,7 @@ def test_sliders_with_limits_stop_at_the_corner_and_the_sides_of_their_box(
         assert found.status is (CLAMPED if outside.any() else REACHED)
 
 
+@pytest.mark.campaign
 @sampled(1, "limits", [False, True])
 def test_no_allowed_pose_nearby_is_nearer(ik, panda: hk.Robot, limits: bool) -> None:
     rng = np.random.default_rng(0)

@@ -308,6 +308,7 @@ def test_what_a_compiler_refuses_is_one_sentence(cache: Path) -> None:
         native.library("double answer(void) { return nothing; }")
 
 
+@pytest.mark.campaign
 def test_without_a_compiler_everything_works_and_says_so(tmp_path: Path) -> None:
     """A process that finds no compiler: the same numbers, and one line on what ran."""
     code = (

@@ -52,6 +52,7 @@ def walks(region: UniqueRegion, count: int, seed: int) -> np.ndarray:
     return space.at(space.solid.center + 0.999 * folded * space.solid.half)
 
 
+@pytest.mark.campaign
 @sampled(1, "name", LAWS)
 def test_a_box_is_found_and_random_loops_in_it_bring_the_joints_back(name: str) -> None:
     """Splines through ten poses of it, followed; Pinocchio says that the tool is where it should be."""
