@@ -29,7 +29,8 @@ from holokin.native_kernels.toolchain import compiler
 from sketches import sketches
 
 sys.path.append(str(Path(__file__).parents[1]))  # the benchmarks, of which some tests run a little
-os.environ |= {"MALLOC_TRIM_THRESHOLD_": "1000000000", "MALLOC_MMAP_THRESHOLD_": "1000000000"}  # workers keep memory
+for kept in ("MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_"):
+    os.environ.setdefault(kept, "1000000000")  # glibc: workers keep their memory
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # a hundred tests start Python: with bytecode in half the time
 sys.dont_write_bytecode = False
 os.environ.setdefault("CFLAGS", "-O0")  # what an export's self-test compares takes a compiler a third of the time so

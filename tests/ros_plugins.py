@@ -59,7 +59,7 @@ def library(
     """The plugin as a library, with the strictest warnings."""
     code, made = folder / "law.o", folder / "libplugin.so"
     c, sources = written.folder / "c", sorted((written.folder / "src").glob("*.cpp"))
-    compiled = ("cc", "-std=c99", "-O0", "-fPIC", "-fvisibility=hidden", *flags, "-c", c / f"{written.name}.c")
+    compiled = ("cc", "-std=c99", "-O1", "-fPIC", "-fvisibility=hidden", *flags, "-c", c / f"{written.name}.c")
     built_once(code, [c], *compiled)
     build = ("g++", "-std=c++17", "-O0", *STRICT, "-fPIC", "-shared", *flags, *includes(*places), f"-I{c}")
     built_once(made, [c, *sources, code], *build, *sources, code)

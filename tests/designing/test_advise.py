@@ -13,7 +13,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, Command, urdf
-from holokin.designing import Advice, advice_case
+from holokin.designing import Advice
 from holokin.designing.advice import EASY, EQUAL, ranked
 from holokin.designing.excess import NEAR, Excess, least_near, rival_of
 from holokin.designing.objectives import costs_of
@@ -335,12 +335,7 @@ def test_a_workspace_in_words_is_the_one_in_python() -> None:
 
 
 @pytest.mark.campaign
-def test_the_command_writes_a_job_that_runs_and_a_picture(
-    holokin: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Of fewer poses than users get."""
-    monkeypatch.setattr(advice_case, "POSES", 64)
-    monkeypatch.setattr(advice_case, "DESIGNED", 32)
+def test_the_command_writes_a_job_that_runs_and_a_picture(holokin: Command, tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     post = ("--obstacle", "post sphere 2.5 2.5 0 0.1", "--clearance", "0.03")
     outcome = holokin("advise", "planar-3r", "--workspace", "box 1.2 0.4 0.25 0.25", *post, "--out", file)

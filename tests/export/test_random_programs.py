@@ -11,7 +11,6 @@ import controllers
 import grammars
 import grammars_more
 import holokin as hk
-from conftest import campaign
 from holokin.errors import ExportError, HolokinError
 from holokin.export import ToolTolerance, Wiring, to_fanuc, to_inform, to_krl, to_rapid, to_urscript, to_val3
 from holokin.robot import DHRow
@@ -158,8 +157,8 @@ def check_program(seed: int) -> str:
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("first", [0, *(campaign("first", k) for k in (4, *range(10, 2 * CASES, 10)))])
+@pytest.mark.parametrize("first", range(0, 2 * CASES, 10))
 def test_programs_of_random_robots_keep_what_they_state(first: int) -> None:
-    """Ten seeds, here two, of which some have no motion: a singular posture, a limit, a path out of reach."""
-    outcomes = [check_program(seed) for seed in range(first, first + (2 if first == 0 else 10))]
+    """Ten seeds, of which some have no motion: a singular posture, a limit, a path out of reach."""
+    outcomes = [check_program(seed) for seed in range(first, first + 10)]
     assert outcomes.count("played") >= 1, outcomes
