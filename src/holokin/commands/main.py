@@ -7,10 +7,12 @@ itself, 130 stopped by Ctrl-C.
 from __future__ import annotations
 
 import sys
+from functools import cache
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
+from typer.main import get_command
 
 from ..version import build
 from .advise import advise
@@ -45,7 +47,6 @@ class _Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Run the subcommand; what typer would answer in its own way goes out as `_EscapedError`."""
-        sys.excepthook = ending().printed  # here, since typer sets one of its own when it is called
         try:
             return super().invoke(ctx)
         except (KeyboardInterrupt, EOFError, OSError) as problem:
@@ -103,6 +104,12 @@ app.command()(studio)
 app.command("check-certificate")(check_certificate)
 
 
+@cache
+def _command() -> Any:
+    """What runs the subcommands; reading their options takes longer than a short one, so once in a process."""
+    return get_command(app)
+
+
 def main() -> None:
     """Entry point: runs the command line and ends the process; every error becomes one sentence and an exit code."""
     arguments = sys.argv[1:]
@@ -115,7 +122,7 @@ def main() -> None:
     try:
         ending().listen()
         try:
-            app(args=arguments)
+            _command()(args=arguments)
             code = 0
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else 0 if end.code is None else 1

@@ -47,7 +47,7 @@ class Ending:
         ours = getattr(before, "__func__", before) in (Ending._hear, signal.default_int_handler)
         if ours and threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, self._hear)
-            sys.unraisablehook = self._unraisable
+            sys.unraisablehook, sys.excepthook = self._unraisable, self._printed
             atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # nothing is left that it could stop
 
     def _unraisable(self, lost: Any) -> None:
@@ -55,7 +55,7 @@ class Ending:
         if not (self.heard and isinstance(lost.exc_value, KeyboardInterrupt)):
             self._hooks[0](lost)
 
-    def printed(self, kind: Any, problem: Any, trace: Any) -> None:
+    def _printed(self, kind: Any, problem: Any, trace: Any) -> None:
         """The same, as `sys.excepthook`, where compiled code prints it first, as Cython does."""
         if not (self.heard and isinstance(problem, KeyboardInterrupt)):
             self._hooks[1](kind, problem, trace)
