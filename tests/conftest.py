@@ -21,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: a worker has
 
 import numpy as np
 import pytest
-from hypothesis import settings
+from hypothesis import Phase, settings
 
 import holokin as hk
 from holokin.commands import main as cli
@@ -52,8 +52,9 @@ def pytest_configure(config: pytest.Config) -> None:
     thorough = "not campaign" not in config.option.markexpr
     if not thorough:
         _build_quickly()
-    settings.register_profile("campaign", max_examples=200, deadline=None)
-    settings.register_profile("suite", max_examples=8, deadline=None)
+    phases = [p for p in Phase if p is not Phase.shrink]  # it takes up to five minutes: no test may
+    settings.register_profile("campaign", max_examples=200, deadline=None, phases=phases)
+    settings.register_profile("suite", max_examples=8, deadline=None, phases=phases)
     settings.load_profile("campaign" if thorough else "suite")
 
 

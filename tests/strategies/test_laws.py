@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -247,14 +248,28 @@ def test_a_holonomic_strategy_comes_home_from_any_closed_path(case: Case, c: lis
         try:
             walk = hk.follow(strategy, path, case.start, samples=120, limits=False)
             break
-        except BranchError as problem:  # an elbow's circle has a top: where the leaf ends, [J; J_g] is nearly singular
-            assert strategy.gain(problem.trajectory.q[-1])[1] < 0.1 * strategy.gain(case.start)[1]
+        except BranchError:
+            assert _ends_there(strategy, path, case.start)
     away = np.abs(walk.drift()).max()
     if case.holonomic:
         assert away < 1e-9
-    exact = 1e-8 if isinstance(strategy, HolonomicStrategy) else 1e-5  # a leaf is solved, a velocity integrated
+    # A leaf is solved, a velocity integrated: the worse, the nearer the path comes to a singular posture.
+    margins = [strategy.gain(q)[1] for q in (case.start, *walk.q)]
+    exact = 1e-8 if isinstance(strategy, HolonomicStrategy) else 1e-9 * (margins[0] / min(margins)) ** 4
     assert walk.tracking_error() < exact
     assert walk.tracking_error("rad") < exact
+
+
+def _ends_there(strategy: Any, path: hk.Path, q0: np.ndarray) -> bool:
+    """True for a leaf that ends: [J; J_g] turns singular (an elbow's circle has a top), or J_g grows without bound.
+
+    The latter where the free joints of a stationary posture cannot move in a self-motion.
+    """
+    with pytest.raises(BranchError) as problem:
+        hk.follow(strategy, path, q0, samples=4_000, limits=False)  # so that the last is near the end
+    last = problem.value.trajectory.q[-1]
+    growth = np.linalg.norm(strategy.rows(last)) / np.linalg.norm(strategy.rows(q0))
+    return strategy.gain(last)[1] < 0.1 * strategy.gain(q0)[1] or growth > 1_000
 
 
 @some
