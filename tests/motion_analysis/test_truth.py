@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from enum import Enum
+from importlib import import_module
+from pkgutil import walk_packages
 
 import numpy as np
 import pytest
@@ -50,7 +53,15 @@ def test_every_public_class_is_decided() -> None:
 
 
 def children(one: type) -> set[type]:
-    return {one, *(grown for child in one.__subclasses__() for grown in children(child))}
+    for module in walk_packages(hk.__path__, "holokin."):
+        if not module.name.endswith("__main__"):
+            with suppress(ModuleNotFoundError):  # of an extra
+                import_module(module.name)  # what nobody has opened yet
+    return descendants(one)
+
+
+def descendants(one: type) -> set[type]:
+    return {one, *(grown for child in one.__subclasses__() for grown in descendants(child))}
 
 
 @pytest.mark.parametrize("one", sorted(children(NoTruthValue) - {NoTruthValue}, key=lambda one: one.__name__))

@@ -12,6 +12,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -114,7 +115,15 @@ def program(
 
 def _shared(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
     function = ca.Function(name, inputs, outputs)
-    return ca.Function(name, inputs, ca.cse(outputs)) if function.n_instructions() <= SHARED else function
+    return _with_common_ones(function.serialize()) if function.n_instructions() <= SHARED else function
+
+
+@lru_cache(maxsize=128)
+def _with_common_ones(text: str) -> ca.Function:
+    """The same with each operation done once. Of a serialized function: what is made again has it at once."""
+    function = ca.Function.deserialize(text)
+    inputs = function.sx_in()
+    return ca.Function(function.name(), inputs, ca.cse(function.call(inputs)))
 
 
 def _reads(function: ca.Function, argument: int, first: int, last: int) -> bool:
