@@ -78,8 +78,13 @@ def kept(value: Any, where: str, seen: set[int]) -> Iterator[tuple[str, np.ndarr
                 yield from kept(part, f"{where}.{name}", seen)
 
 
-def test_no_array_that_a_value_keeps_can_be_written_to(planar_3r: hk.Robot) -> None:
-    found = [pair for name, value in values(planar_3r).items() for pair in kept(value, name, set())]
+@pytest.fixture(scope="module")
+def everything(planar_3r: hk.Robot) -> dict[str, Any]:
+    return values(planar_3r)
+
+
+def test_no_array_that_a_value_keeps_can_be_written_to(everything: dict[str, Any]) -> None:
+    found = [pair for name, value in everything.items() for pair in kept(value, name, set())]
     assert len(found) > 100
     assert {where for where, array in found if array.flags.writeable} == set()
 
@@ -132,9 +137,11 @@ def answer(task: hk.Task, value: Any) -> Any:
     return [np.asarray(getattr(value, f.name)).tolist() for f in dataclasses.fields(value)]
 
 
-def test_public_values_are_pickled_and_copied_and_answer_as_before(planar_3r: hk.Robot) -> None:
+def test_public_values_are_pickled_and_copied_and_answer_as_before(
+    planar_3r: hk.Robot, everything: dict[str, Any]
+) -> None:
     task = hk.position(planar_3r)
-    for name, value in values(planar_3r).items():
+    for name, value in everything.items():
         there, twin, same = pickle.loads(pickle.dumps(value)), copy.deepcopy(value), copy.copy(value)
         for other in (there, twin, same):
             assert type(other) is type(value), name

@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 import holokin as hk
-from conftest import PANDA_START, sampled
+from conftest import PANDA_START, campaign, sampled
 from holokin.errors import BranchError, HolokinError, PathError
 from holokin.inverse_kinematics.branch import lay_tube
 from holokin.native_kernels import enabled
@@ -173,7 +173,7 @@ def test_a_start_next_to_a_fold_may_go_the_way_that_is_open(samples: int) -> Non
             walk(strategy, 0.0316 + off, 0.1, samples)
 
 
-@pytest.mark.parametrize("samples", [50, 500, 6000])
+@pytest.mark.parametrize("samples", [50, campaign("samples", 500), 6000])
 def test_a_formula_that_switches_is_no_fold(samples: int) -> None:
     """g = q3 + x/2 + f(q3 - 0.45), regular everywhere; enclosures of f have no bound where it switches."""
     if samples > 5000 and not enabled():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START
+from conftest import PANDA_START, sampled
 from holokin.errors import BranchError, SingularityError
 from holokin.inverse_kinematics.stretch import along
 from holokin.native_kernels import code_file, enabled
@@ -82,8 +82,8 @@ FOLDS = {
 }
 
 
-@pytest.mark.parametrize("width", [0.0316, 1e-3])
 @pytest.mark.parametrize("kind", list(FOLDS))
+@sampled(1, "width", [0.0316, 1e-3])
 def test_a_fold_however_narrow_is_not_passed(kind: str, width: float) -> None:
     """The PPR arm with g = h(q3) + x: h' = 0 where the leaf folds. Poses beyond are refused."""
     h = FOLDS[kind][0](width)

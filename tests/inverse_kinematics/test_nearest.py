@@ -125,7 +125,7 @@ def test_no_allowed_pose_nearby_is_nearer(ik, panda: hk.Robot, limits: bool) -> 
 def test_a_pose_within_reach_has_the_joints_of_inverse_kinematics_whatever_came_before(ik, panda: hk.Robot) -> None:
     rng = np.random.default_rng(1)
     q, seen = PANDA_START, 0
-    for _ in range(40):
+    for _ in range(20):
         pose = shifted(panda, PANDA_START, list(rng.uniform(-0.5, 0.5, 3)), rng.uniform(-0.5, 0.5))
         cold, warm = ik.nearest(pose), ik.nearest(pose, q)
         if cold.status is REACHED:
@@ -135,7 +135,7 @@ def test_a_pose_within_reach_has_the_joints_of_inverse_kinematics_whatever_came_
             assert warm.q == pytest.approx(cold.q, abs=1e-12)
             assert warm.held == ()
         q = warm.q
-    assert 10 < seen < 40
+    assert 5 < seen < 20
 
 
 def test_poses_have_the_same_answers_in_every_order(ik, panda: hk.Robot) -> None:
@@ -150,9 +150,9 @@ def test_poses_have_the_same_answers_in_every_order(ik, panda: hk.Robot) -> None
 def test_joints_move_at_most_as_fast_as_the_margin_allows_when_a_hand_leaves_and_comes_back(
     ik, panda: hk.Robot, limits: bool
 ) -> None:
-    """A line and a circle through the edge at 1 kHz, 0.5 m/s; the posture at each end is where it belongs."""
-    line = np.concatenate([np.linspace(0, 0.5, 1000), np.linspace(0.5, 0, 1000)])[:, None] * [1.0, 0.2, 0.4]
-    angle = np.linspace(0, 2 * np.pi, 3000)[:, None]
+    """A line and a circle through the edge at 500 Hz, 0.5 m/s; the posture at each end is where it belongs."""
+    line = np.concatenate([np.linspace(0, 0.5, 500), np.linspace(0.5, 0, 500)])[:, None] * [1.0, 0.2, 0.4]
+    angle = np.linspace(0, 2 * np.pi, 1500)[:, None]
     circle = 0.25 * np.hstack([np.sin(angle), np.cos(angle) - 1, 0.5 * np.sin(angle)]) + [0.0, 0.25, 0.0]
     for hand in (line, circle):
         q, before, stays = ik.nearest(shifted(panda, PANDA_START, list(hand[0]))).q, hand[0], []

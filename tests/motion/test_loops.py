@@ -212,7 +212,7 @@ def test_following_allocates_its_outputs_and_no_more(method: str, native_from: i
     monkeypatch.setenv("HOLOKIN_NATIVE", str(int(native_from == 1)))
     strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle())
     loop = hk.circle(POINT, POINT - [0.1, 0, 0])
-    short, long = (20_000, 60_000) if native_from == 1 else (3_000, 7_000)
+    short, long = (6_000, 18_000) if native_from == 1 else (3_000, 7_000)
     peaks = []
     hk.follow(strategy, loop, PANDA_START, samples=100, method=method)
     for samples in (short, long):

@@ -84,7 +84,7 @@ def test_native_code_and_the_virtual_machine_follow_alike(
             monkeypatch.setenv("HOLOKIN_NATIVE", "0")
         task = hk.pose(panda)
         pair = hk.holonomic(task, hk.linear([1, 0, -1, 0, 0, 0, 0])), hk.moore_penrose(task)
-        walks.append([hk.follow(law, path, Q0, samples=300).q for law in pair])
+        walks.append([hk.follow(law, path, Q0, samples=100).q for law in pair])
     for a, b in zip(*walks, strict=True):
         assert np.abs(a - b).max() < 1e-12
 

@@ -87,7 +87,7 @@ def test_the_time_is_that_of_toppra_within_two_percent(fastest: TimedTrajectory,
     assert 0.999 * optimum < fastest.duration < 1.005 * optimum  # 2 % are asked for
 
 
-@sampled(4,
+@sampled(2,
     "how",
     [
         {}, {"jerk": JERK}, {"endless": True}, {"jerk": JERK, "endless": True}, {"cycles": 5, "dt": 0.004},

@@ -180,7 +180,7 @@ def test_a_pair_is_as_near_as_pinocchio_finds_or_its_hulls_are_nearer(arm: tuple
     file, robot = arm
     rng = np.random.default_rng(3)
     near = 0
-    for _ in range(6):
+    for _ in range(3):
         q = rng.uniform(np.maximum(robot.lower, -2.5), np.minimum(robot.upper, 2.5))
         report = hk.check(q[None], robot, limits=False, clearance=0.05)
         wanted = pinocchio_least(file, q, robot.joint_names, [one.pair for one in report.pairs])
@@ -189,7 +189,7 @@ def test_a_pair_is_as_near_as_pinocchio_finds_or_its_hulls_are_nearer(arm: tuple
             if one.least < 0.05:
                 near += 1
                 assert one.least == pytest.approx(max(exact, 0.0), abs=1e-6)
-    assert near > 5
+    assert near > 2
 
 
 def test_a_folded_panda_touches_itself_where_pinocchio_says_so() -> None:

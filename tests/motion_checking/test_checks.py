@@ -250,6 +250,7 @@ def test_a_job_tells_what_its_checks_find_and_fails(holokin: Command, tmp_path: 
     assert facts["passed"] is False
 
 
+@pytest.mark.usefixtures("sketched")
 def test_a_job_whose_motion_is_clear_passes(holokin: Command, tmp_path: Path, out: Path) -> None:
     file = write_job(tmp_path, **PANDA, checks="[checks]\nfloor = 0.0\n" + BALL.replace("0.1, 0.3", "0.6, 0.3"))
     outcome = holokin("run", file, "--out", out)

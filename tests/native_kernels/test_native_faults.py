@@ -92,7 +92,7 @@ def script(folder: Path, text: str) -> str:
     return f"'{file}'"
 
 
-@pytest.mark.parametrize("given", NO_COMPILERS.values(), ids=NO_COMPILERS)
+@sampled(6, "given", NO_COMPILERS.values(), ids=NO_COMPILERS)
 def test_a_cc_that_is_no_compiler_is_left_out(
     given: str, built: Path, monkeypatch: Patch, caplog: Logs, holokin: Command
 ) -> None:

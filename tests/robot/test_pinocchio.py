@@ -131,7 +131,7 @@ def compared(path: Path) -> Comparison:
     return Comparison(pose, jacobian, refused, mimics)
 
 
-@sampled(8, "path", urdf_files(), ids=lambda p: f"{p.parent.parent.name}-{p.stem}")
+@sampled(4, "path", urdf_files(), ids=lambda p: f"{p.parent.parent.name}-{p.stem}")
 def test_every_moving_chain_agrees_with_pinocchio(path: Path) -> None:
     chains = moving_chains(path)
     if isinstance(chains, str):

@@ -16,7 +16,7 @@ from holokin.sheet_maps.surroundings import surroundings
 
 @pytest.fixture(scope="module")
 def planar() -> Sheets:
-    return planar_map(12)
+    return planar_map(9)
 
 
 def test_no_other_sampled_pose_has_a_faster_change(planar: Sheets) -> None:

@@ -37,7 +37,7 @@ def test_what_is_out_of_reach_is_told_from_what_limits_forbid() -> None:
 def test_an_arm_of_six_joints_has_its_branches_as_sheets() -> None:
     """Nothing is redundant: the sheets are branches, and each pose of the box has the joints of one."""
     arm = hk.load("ur5e")
-    s = hk.sheets(hk.pose(arm), hk.workspace(box=([0.4, 0.1, 0.3], [0.1, 0.2, 0.1]), tilt=0.2), samples=24)
+    s = hk.sheets(hk.pose(arm), hk.workspace(box=([0.4, 0.1, 0.3], [0.1, 0.2, 0.1]), tilt=0.2), samples=12)
     assert s.share == 1.0
     for i in np.flatnonzero(s.served)[:10]:
         np.testing.assert_allclose(arm.pose(s(s.poses[i])[1]), s.poses[i], atol=1e-9)
@@ -53,7 +53,7 @@ def test_an_obstacle_takes_poses_away_and_is_named() -> None:
     assert PoseRest.BLOCKED in s.rest
     everywhere = hk.obstacle("block", hk.robot.Box((9.0, 9.0, 1.0)), (0, 0, 0))
     with pytest.raises(OutOfReachError, match="obstacle"):
-        hk.sheets(task, disc(), law, samples=20, clear_of=[everywhere])
+        hk.sheets(task, disc(), law, samples=8, clear_of=[everywhere])
 
 
 def test_control_c_keeps_what_was_found() -> None:
@@ -204,7 +204,7 @@ def test_control_c_before_anything_was_found_ends_it() -> None:
 def test_the_same_search_finds_the_same_map(share: float) -> None:
     task = planar_task()
     first, second = (
-        hk.sheets(task, disc(), [hk.holonomic(task, hk.linear([0, 1, -1]))], samples=60, share=share) for _ in range(2)
+        hk.sheets(task, disc(), [hk.holonomic(task, hk.linear([0, 1, -1]))], samples=30, share=share) for _ in range(2)
     )
     np.testing.assert_array_equal(first.q, second.q)
     np.testing.assert_array_equal(first.labels, second.labels)

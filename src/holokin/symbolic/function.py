@@ -28,8 +28,11 @@ from .linear import System
 NATIVE_FROM = 50_000
 """Samples from which a batch is worth a compiler's second, once: about half a second of the virtual machine."""
 
-CHUNK = 256
-"""Samples that one mapped evaluation takes: enough to hide the call, little enough to stay in cache."""
+CHUNKS = {256: 192, 16: 12}
+"""Samples that one mapped evaluation takes, and from how many on it is worth its idle rest.
+
+The many hide the call and still stay in cache; the few are for batches of some dozen.
+"""
 
 
 class Function:
@@ -68,7 +71,7 @@ class Function:
             raise ExpressionError(name, fact, "write it of the arguments of your function alone") from None
         self._shapes = list(self.input_shapes.values()), list(self.output_shapes.values())
         self._port = Port(self.program, *self._shapes)
-        self._map: Port | None = None  # as a Port is each thread's own, it does not matter which thread makes it
+        self._maps: dict[int, Port] = {}  # as a Port is each thread's own, it does not matter which thread makes it
         self._natives: dict[str, Any] = {}  # None where it could not be made, so that it is tried once
         self._absent: set[str] = set()  # of those that the cache did not have
         shown = [() if shape == (1,) else shape for shape in self._shapes[1]]
@@ -140,11 +143,13 @@ class Function:
         if kernel is not None:
             kernel([_rows(v) for v in stacked], results, threads)
             return self._unwrapped(results, count)
-        whole = count - count % CHUNK if count % CHUNK < CHUNK // 2 else count
-        for start in range(0, whole, CHUNK):
-            here = slice(start, min(start + CHUNK, count))
-            self._evaluate_chunk([v[here] for v in stacked], [r[here] for r in results])
-        for i in range(whole, count):  # a short remainder is cheaper one by one
+        done = 0
+        for size, least in CHUNKS.items():
+            while count - done >= least:
+                here = slice(done, min(done + size, count))
+                self._evaluate_chunk(size, [v[here] for v in stacked], [r[here] for r in results])
+                done = here.stop
+        for i in range(done, count):  # a few are cheaper one by one
             for slot, value in zip(self._port.arguments, stacked, strict=True):
                 slot[...] = value[i]
             self._port.trigger()
@@ -243,11 +248,11 @@ class Function:
             out.append(array)
         return out
 
-    def _evaluate_chunk(self, arguments: list[Array], results: list[Array]) -> None:
-        if self._map is None:
+    def _evaluate_chunk(self, size: int, arguments: list[Array], results: list[Array]) -> None:
+        if size not in self._maps:
             # A map lays samples side by side in columns, so the batch axis comes last in its arrays.
-            self._map = Port(self.program, *self._shapes, CHUNK)
-        port = self._map
+            self._maps[size] = Port(self.program, *self._shapes, size)
+        port = self._maps[size]
         k = len(results[0])
         for slot, value in zip(port.arguments, arguments, strict=True):
             slot[..., :k] = np.moveaxis(value, 0, -1)
