@@ -53,7 +53,7 @@ def test_a_law_whose_curvature_is_zero_at_the_start_is_of_the_form_g_of_q(
     ("kind", "changed"),
     [("length", "turned"), ("time", "hurried"), ("odd", "stairs"), ("curved", "stairs"), ("square", "turned")],
 )
-@pytest.mark.parametrize("seed", range(2))
+@sampled(1, "seed", range(2))
 def test_a_law_that_is_not_linear_in_the_twist_is_not_of_that_form(
     panda: hk.Robot, kind: str, changed: str, seed: int
 ) -> None:

@@ -38,7 +38,7 @@ def refused(path: Path | str, *words: str, robot: hk.Robot = PANDA) -> None:
 # --- what is no file, or no log -------------------------------------------------------------------------------
 
 
-@sampled(2, "suffix", ["csv", "mcap", "db3", "bag"])
+@sampled(1, "suffix", ["csv", "mcap", "db3", "bag"])
 def test_pipes_and_devices_are_refused_at_once(tmp_path: Path, suffix: str) -> None:
     pipe = tmp_path / f"log.{suffix}"
     os.mkfifo(pipe)
@@ -159,7 +159,7 @@ def test_aliases_in_metadata_and_views_in_a_database_are_refused(tmp_path: Path)
 
 def test_a_chunk_that_unpacks_to_more_than_it_says_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
     zstd = pytest.importorskip("backports.zstd")
-    packed = zstd.compress(bytes(2 * 10**9))
+    packed = zstd.compress(bytes(3 * 10**8))
     head = b"\x89MCAP0\r\n"
 
     def record(kind: int, body: bytes) -> bytes:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, sampled
+from conftest import PANDA_START, campaign, sampled
 from holokin.auditing import LogAudit, LogVerdict, Repeatability
 from holokin.auditing.trend import DriftTrend, Trend, judge
 from holokin.auditing.visits import Visits, encoder_noise, spare_axes
@@ -136,23 +136,26 @@ def test_a_drift_beside_a_creeping_tool_is_a_drift_and_creep_alone_cannot_tell()
     assert audit.leading.creep > 0.5 * audit.detectable
 
 
-def test_a_posture_that_walks_in_mid_cycle_drifts_though_the_ends_agree() -> None:
-    assert verdicts(walking, 10, 1e-4, 4) == {"DIFFERS GOES_ON": 4}
+@pytest.mark.parametrize("seeds", [1, campaign("seeds", 4)])
+def test_a_posture_that_walks_in_mid_cycle_drifts_though_the_ends_agree(seeds: int) -> None:
+    assert verdicts(walking, 10, 1e-4, seeds) == {"DIFFERS GOES_ON": seeds}
     audit = audited(walking, 10, 1e-4)
     assert np.abs(audit.since_start).max() < 2e-3
     assert 0.4 < audit.cycles.phase[audit.leading.phase] < 0.6
 
 
-def test_an_alternation_is_named_and_its_limit_not_foretold() -> None:
-    assert verdicts(alternating, 7, 1e-4, 4) == {"DIFFERS ALTERNATES": 4}
+@pytest.mark.parametrize("seeds", [1, campaign("seeds", 4)])
+def test_an_alternation_is_named_and_its_limit_not_foretold(seeds: int) -> None:
+    assert verdicts(alternating, 7, 1e-4, seeds) == {"DIFFERS ALTERNATES": seeds}
     audit = audited(alternating, 7, 1e-4)
     assert audit.limit is None and "limit" not in audit.sentence()
     low, high = audit.leading.ratio_range
     assert low == pytest.approx(-1, abs=0.02) and high < -0.95
 
 
-def test_a_motion_of_period_three_is_no_drift_and_does_not_settle() -> None:
-    assert verdicts(period_three, 9, 1e-4, 4) == {"DIFFERS CANNOT_TELL": 4}
+@pytest.mark.parametrize("seeds", [1, campaign("seeds", 4)])
+def test_a_motion_of_period_three_is_no_drift_and_does_not_settle(seeds: int) -> None:
+    assert verdicts(period_three, 9, 1e-4, seeds) == {"DIFFERS CANNOT_TELL": seeds}
 
 
 @pytest.mark.campaign

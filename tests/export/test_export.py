@@ -31,7 +31,7 @@ def sew() -> hk.Strategy:
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Exported:
     """The Panda with its arm angle held."""
-    return export_c(sew(), tmp_path_factory.mktemp("panda"), q0=PANDA_START, name="panda_sew")
+    return export_c(sew(), tmp_path_factory.mktemp("panda"), q0=PANDA_START, name="panda_sew", vectors_count=4)
 
 
 def every_packaged_strategy() -> list[tuple[str, str]]:

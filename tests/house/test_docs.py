@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import runpy
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ README = (ROOT / "README.md").read_text("utf-8")
 RESULTS = (ROOT / "docs" / "paper.md").read_text("utf-8")
 
 
+@cache
 def names_in(file: Path) -> set[str]:
     """Every function and class of a Python file."""
     kinds = (ast.FunctionDef, ast.ClassDef)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
+import gc
 import importlib
 import inspect
 import re
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -44,6 +46,16 @@ HEAVY = ("matplotlib", "scipy", "pydantic", "typer", "rich", "yourdfpy", "PIL", 
 MODULES = sorted(ROOT.rglob("*.py"))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def no_rubbish() -> Iterator[None]:
+    """Among the trees of hundreds of files none is sought, which would take longer than to make them."""
+    gc.disable()
+    yield
+    parsed.cache_clear()
+    imports.cache_clear()
+    gc.enable()
+
+
 @cache
 def parsed(file: Path) -> ast.Module:
     """The tree of a file, which several statements are about."""
@@ -70,7 +82,7 @@ def imports_of(tree: ast.Module, package: list[str] | None = None) -> list[tuple
     """The same of a parsed file, in a package or in none."""
     package = package or []
     found: list[tuple[str, ast.stmt]] = []
-    for node in ast.walk(tree):
+    for node in statements(tree):
         if isinstance(node, ast.Import):
             found += [(alias.name, node) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -78,6 +90,14 @@ def imports_of(tree: ast.Module, package: list[str] | None = None) -> list[tuple
             stem = ".".join([*base, *([node.module] if node.module else [])])
             found += [(f"{stem}.{alias.name}", node) for alias in node.names]
     return found
+
+
+def statements(node: ast.AST) -> Iterator[ast.AST]:
+    """All statements under a node, however deep, without looking into their expressions."""
+    for child in ast.iter_child_nodes(node):
+        if not isinstance(child, ast.expr):
+            yield child
+            yield from statements(child)
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda m: str(m.relative_to(ROOT)))
@@ -135,13 +155,14 @@ def test_a_function_that_only_its_own_file_uses_begins_with_an_underscore() -> N
     others = [f for folder in ("tests", "docs", "benchmarks", "examples") for f in (top / folder).rglob("*")]
     files = [*MODULES, *(f for f in others if f.suffix in (".py", ".md", ".ipynb"))]
     words = {file: set(re.findall(r"\w+", file.read_text("utf-8"))) for file in files}
+    used = Counter(word for found in words.values() for word in found)
     alone = [
         f"{module.relative_to(ROOT)}: {node.name}"
         for module in MODULES
         if layer_of(module) != "commands"
         for node in parsed(module).body
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
-        if not any(node.name in found for file, found in words.items() if file != module)
+        if used[node.name] == 1  # it stands in its own
     ]
     assert alone == []
 

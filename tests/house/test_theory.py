@@ -45,7 +45,10 @@ def files() -> list[Path]:
 def test_every_citation_of_the_theory_is_defined() -> None:
     known, seen = defined(), set()
     for file in files():
-        places = cited(file.read_text("utf-8"))
+        text = file.read_text("utf-8")
+        if not re.search(r"heory|[ET]\d", text):
+            continue  # it refers to nothing
+        places = cited(text)
         assert places <= known, f"{file.relative_to(ROOT)}: {sorted(places - known)}"
         seen |= places
     assert {"1.1", "2a", "2i", "4", "5.3", "7.2", "E13", "T5", "T16"} <= seen

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PPR_CENTER, SOUND, Command, assert_refused, assert_untouched, sampled, shell, urdf, write_job
+from conftest import PPR_CENTER, SOUND, Command, assert_refused, assert_untouched, sampled, urdf, write_job
 from holokin.errors import JobError, JointLimitError, OutOfReachError
 from holokin.job import read_job
 
@@ -25,16 +25,15 @@ def test_the_job_that_the_tests_spoil_is_sound(holokin: Command, tmp_path: Path,
     assert sorted(entry.name for entry in out.iterdir()) == ["job", "mine.txt"]
 
 
-def test_a_missing_job_file_is_named_in_one_sentence(tmp_path: Path, out: Path) -> None:
-    assert_refused(
-        shell("run", tmp_path / "nothing.toml", "--out", out), "nothing.toml", "no such file", "holokin jobs"
-    )
+def test_a_missing_job_file_is_named_in_one_sentence(holokin: Command, tmp_path: Path, out: Path) -> None:
+    run = holokin("run", tmp_path / "nothing.toml", "--out", out)
+    assert_refused(run, "nothing.toml", "no such file", "holokin jobs")
     assert_untouched(out)
 
 
-def test_a_malformed_job_file_is_refused_with_its_line(tmp_path: Path, out: Path) -> None:
+def test_a_malformed_job_file_is_refused_with_its_line(holokin: Command, tmp_path: Path, out: Path) -> None:
     file = write_job(tmp_path, title='title = "a circle\n')
-    assert_refused(shell("run", file, "--out", out), "job.toml", "is not TOML", "line 1")
+    assert_refused(holokin("run", file, "--out", out), "job.toml", "is not TOML", "line 1")
     assert_untouched(out)
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from functools import partialmethod
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,12 +18,14 @@ from handmade_sheets import map_of
 from holokin.errors import JobError
 from holokin.job import open_job, run_job
 from holokin.job.sheets_over_job import saved_map
+from holokin.reports.job_figures import figures
 from holokin.reports.job_report import write_report
 from holokin.reports.job_result import JobResult
 from holokin.reports.job_verdict import whole_verdict
 from holokin.reports.sheet_motion_plot import sheet_motion_figure
 from holokin.robot_logs import read_recording
 from holokin.sheet_maps import PoseRest, Sheet, Sheets
+from sketches import Sketch
 
 LIMIT = np.radians(150)
 
@@ -59,7 +63,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory, mapped: Sheets) -> Path:
 
 @pytest.fixture(scope="module")
 def result(folder: Path) -> JobResult:
-    return run_job(*open_job(str(folder / "job.toml")))
+    """With 80 samples of the path: in all that two sheets have in common a change may be as fast."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Sheets, "follow", partialmethod(Sheets.follow, samples=80))
+        return run_job(*open_job(str(folder / "job.toml")))
 
 
 def test_a_saved_map_answers_in_a_job_as_where_it_was_made(folder: Path, mapped: Sheets) -> None:
@@ -89,7 +96,17 @@ def test_a_circle_round_the_base_is_served_by_sheets_and_divided_where_the_base_
     assert "sheets are to serve" in whole_verdict(result)
 
 
-def test_the_report_says_and_draws_what_the_sheets_do_and_keeps_map_and_motion(out: Path, result: JobResult) -> None:
+def of_sheets(result: JobResult) -> list[tuple[str, str, Any]]:
+    """The figures of a job, the other ones than those of its sheets as sketches."""
+    return [
+        (stem, caption, figure if stem.startswith("sheets") else Sketch()) for stem, caption, figure in figures(result)
+    ]
+
+
+def test_the_report_says_and_draws_what_the_sheets_do_and_keeps_map_and_motion(
+    out: Path, result: JobResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("holokin.reports.job_report.figures", of_sheets)
     place, over = write_report(result, out, "0"), result.sheets
     assert over is not None and over.along is not None
     page = re.sub(r"data:image/svg[^']*", "", (place / "report.html").read_text("utf-8"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partialmethod
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,12 @@ import yaml
 import holokin as hk
 from conftest import Command, assert_refused, write_job
 from handmade_sheets import LIMIT, map_of, planar_task
-from holokin.sheet_maps import Sheet
+from holokin.sheet_maps import Sheet, Sheets
 
 PARTS = {
     "robot": f'[robot]\nname = "planar-3r"\nlower = {-LIMIT}\nupper = {LIMIT}\n',
     "start": "[start]\nq = [0.0, 0.3, 0.3]\n",
-    "path": '[path]\nkind = "polyline"\npoints = [[2.7, 0], [0.5, 0]]\nspeed = 0.2\nentry = "joints"\n',
+    "path": '[path]\nkind = "polyline"\npoints = [[2.7, 0], [0.5, 0]]\nspeed = 0.6\nentry = "joints"\n',
     "timing": "[timing]\nacceleration = 5\ndt = 0.02\n",
     "strategies": '[strategies.lock]\nkind = "lock"\njoints = [2]\n',
     "sheets": '[sheets]\nfile = "map.npz"\n',
@@ -38,8 +39,9 @@ BOTH = ([-0.6, 0.9, 0.3], [-0.6, 0.9, 2.4])
 
 
 def test_the_program_goes_along_the_path_and_changes_its_sheet_with_the_tool_at_rest(
-    tmp_path: Path, holokin: Command
+    tmp_path: Path, holokin: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(Sheets, "follow", partialmethod(Sheets.follow, samples=100))  # of 500: so many are looked at
     run = holokin("export", "ros", job(tmp_path, BOTH), "--sheets", "--out", tmp_path / "program")
     assert run.code == 0, run.err
     assert "2 sheets, 1 change, 0 divisions" in run.out and "the motion begins at" in run.out

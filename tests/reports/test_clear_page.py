@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import holokin as hk
@@ -47,10 +48,18 @@ def proof(part: bool) -> Certificate:
     return hk.unique_region(strategy, Q0, space, clear_of=things, clearance=WANTED, budget=4000, **more).certificate
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the page that several statements are about is written once."""
+    return tmp_path_factory.mktemp("pages")
+
+
 @cache
 def page(part: bool, folder: Path) -> tuple[str, list[list[str]]]:
-    """(the text, the rows of its tables)."""
-    text = save_with_page(proof(part), folder / "box.json", 0).read_text("utf-8")
+    """(the text, the rows of its tables); what the page draws is looked at below."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("holokin.reports.proof_page.box_figure", lambda _found: Figure(figsize=(1, 1)))
+        text = save_with_page(proof(part), folder / "box.json", 0).read_text("utf-8")
 
     def plain(part: str) -> str:
         return html.unescape(re.sub(r"<[^>]*>", "", part))
@@ -65,12 +74,18 @@ def row(rows: list[list[str]], beginning: str) -> list[str]:
     return next(row for row in rows if row and row[0].startswith(beginning))
 
 
+@cache
+def pinocchio_arm() -> tuple[Any, Any, tuple[Any, ...]]:
+    """The model, its data, and the capsules of its links."""
+    model = pin.buildModelFromXML(hk.to_urdf(ARM))
+    return model, model.createData(), tuple(with_capsules(ARM).shapes)
+
+
 def to_ball(q: np.ndarray) -> float:
     """By Pinocchio and a closed form."""
-    model = pin.buildModelFromXML(hk.to_urdf(ARM))
-    data, least = model.createData(), np.inf
+    (model, data, shapes), least = pinocchio_arm(), np.inf
     pin.forwardKinematics(model, data, q)
-    for s in with_capsules(ARM).shapes:
+    for s in shapes:
         if s.joint >= 0:
             T = data.oMi[model.getJointId(ARM.joints[s.joint].name)].homogeneous @ s.placement
             a, b = (T[:3, 3] + sign * T[:3, 2] * s.shape.length / 2 for sign in (-1, 1))
@@ -90,8 +105,8 @@ def test_a_page_of_a_part_names_the_posture_that_refutes_the_rest(tmp_path: Path
     assert sum(shares.values()) + 100 * region.share == pytest.approx(100, abs=0.02)
 
 
-def test_a_page_lists_the_shapes_with_their_places_and_the_pairs_that_are_left_out(tmp_path: Path) -> None:
-    text, rows = page(False, tmp_path)
+def test_a_page_lists_the_shapes_with_their_places_and_the_pairs_that_are_left_out(folder: Path) -> None:
+    text, rows = page(False, folder)
     assert row(rows, "a table (obstacle)")[1:3] == [
         "box, 1 x 0.9 x 0.05 m",
         "[0.6, 0, -0.1] m, in the frame of the base",
@@ -114,8 +129,8 @@ def test_a_page_lists_the_shapes_with_their_places_and_the_pairs_that_are_left_o
         assert word in text, word
 
 
-def test_the_least_distance_of_a_page_is_a_bound_of_that_at_the_posture_it_names(tmp_path: Path) -> None:
-    text, rows = page(False, tmp_path)
+def test_the_least_distance_of_a_page_is_a_bound_of_that_at_the_posture_it_names(folder: Path) -> None:
+    text, rows = page(False, folder)
     near = nearest_of(proof(False))
     assert 0 < near.bound <= near.distance < near.bound + 0.03
     assert f"at which the distance is {near.distance:.4g} m" in text
@@ -125,8 +140,8 @@ def test_the_least_distance_of_a_page_is_a_bound_of_that_at_the_posture_it_names
     assert "PROVEN BUT NOT VERIFIED" in text and "keep apart: the nearest of them" in text
 
 
-def test_joint_speeds_of_a_page_are_no_less_than_those_of_the_strategy(tmp_path: Path) -> None:
-    _, rows = page(False, tmp_path)
+def test_joint_speeds_of_a_page_are_no_less_than_those_of_the_strategy(folder: Path) -> None:
+    _, rows = page(False, folder)
     G = proof(False).equation.strategy.batch(Q0[None])[0]
     for name, speed in zip(ARM.joint_names, np.linalg.norm(G[:, :3], axis=1), strict=True):
         told = next(r for r in rows if r[0] == name and r[1].endswith("rad/s"))

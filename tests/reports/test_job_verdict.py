@@ -16,6 +16,7 @@ from holokin.base.printed_units import SI, PrintedUnits, printed_units
 from holokin.errors import ArgumentError, JobError
 from holokin.job import open_job
 from holokin.job.job_file import job_of
+from holokin.reports.job_figures import figures
 from holokin.reports.job_report import write_report
 from holokin.reports.job_result import Check, JobResult
 from holokin.reports.job_table import columns, rows
@@ -23,6 +24,7 @@ from holokin.reports.job_verdict import not_tested, strategy_verdicts, what_was_
 from holokin.reports.words import alike, away
 from holokin.robot_logs import read_recording
 from short_jobs import shortened
+from sketches import Sketch
 
 DEGREES = PrintedUnits("deg", "mm")
 
@@ -32,11 +34,18 @@ def circle() -> JobResult:
     return shortened("panda-circle", cycles=2, samples=40)
 
 
+def captions(result: JobResult) -> list[tuple[str, str, Sketch]]:
+    """The figures of a job with a sketch for each."""
+    return [(stem, caption, Sketch()) for stem, caption, _ in figures(result)]
+
+
 @pytest.fixture(scope="module")
 def report(circle: JobResult, tmp_path_factory: pytest.TempPathFactory) -> str:
     """The page of two strategies in degrees and mm, without its pictures."""
     two = replace(circle, units=DEGREES, strategies=circle.strategies[:2])
-    text = (write_report(two, tmp_path_factory.mktemp("out"), "0") / "report.html").read_text("utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("holokin.reports.job_report.figures", captions)
+        text = (write_report(two, tmp_path_factory.mktemp("out"), "0") / "report.html").read_text("utf-8")
     return re.sub(r"data:image/svg[^']*", "", text)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import holokin as hk
-from conftest import sampled
+from conftest import campaign, sampled
 from holokin.reports.coverage_plots import coverage_figure
 from holokin.reports.html_page import drawn
 from holokin.reports.job_figures import figures
@@ -106,9 +107,12 @@ def test_the_pictures_of_the_benchmarks_can_be_read_on_a_page(
     assert min(saved)[0] > SMALLEST, min(saved)
 
 
-@pytest.mark.parametrize("job", ["ppr-cycle", pytest.param("panda-circle", marks=pytest.mark.campaign)])
-def test_the_pictures_of_a_job_can_be_read_on_a_page(job: str) -> None:
-    for stem, _, figure in figures(shortened(job, samples=20)):
+@pytest.mark.parametrize(
+    ("job", "laws"), [("ppr-cycle", 1), *(campaign(("job", "laws"), (job, 3)) for job in ("ppr-cycle", "panda-circle"))]
+)
+def test_the_pictures_of_a_job_can_be_read_on_a_page(job: str, laws: int) -> None:
+    whole = shortened(job, samples=20)
+    for stem, _, figure in figures(replace(whole, strategies=whole.strategies[:laws])):
         size, text = smallest(figure)
         assert size > SMALLEST, (stem, text)
 
@@ -127,7 +131,7 @@ def test_the_pictures_of_a_workspace_and_of_a_region_can_be_read_on_a_page(
     assert min(saved)[0] > SMALLEST, min(saved)
 
 
-@sampled(2, "draw", [drift_figure, survival_figure, map_of_laws, status_figure, boxes_figure])
+@sampled(1, "draw", [drift_figure, survival_figure, map_of_laws, status_figure, boxes_figure])
 def test_the_pictures_of_a_survey_can_be_read_in_a_report_and_in_a_notebook(
     draw: Any, saved: list[tuple[float, str]]
 ) -> None:

@@ -155,7 +155,7 @@ def test_a_saved_job_of_a_robot_file_lies_in_any_folder(tmp_path: Path) -> None:
         write_job(session, tmp_path / "saved.toml")
 
 
-@pytest.mark.parametrize("name", [campaign("name", job) if job == "orientation" else job for job in packaged_jobs()])
+@sampled(3, "name", [campaign("name", job) if job == "orientation" else job for job in packaged_jobs()])
 def test_every_packaged_job_opens_or_says_why_not(name: str) -> None:
     session = open_session(name)
     first = session.snapshot()

@@ -135,6 +135,7 @@ def test_robots_are_called_by_their_name_where_it_tells() -> None:
     assert robot_labels(labels) == ["panda", "talos torso-hand", "talos hand", "arm.urdf"]
 
 
+@pytest.mark.usefixtures("sketched")
 def test_the_command_line_runs_reports_and_repeats(
     holokin: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

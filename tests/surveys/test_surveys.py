@@ -81,20 +81,19 @@ def test_loops_are_closed_begin_at_the_tool_and_have_their_size() -> None:
     from holokin.surveys import one_case as running
 
     sizes: dict[str, list[float]] = {}
-    normals = []
+    normals, arm = [], hk.load("panda")
     for case in cases:
         if case.start["kind"] == "random":
             continue
-        arm = hk.load("panda")
-        tool = arm.pose(running.start_of(case, Path()))[:3, 3]
-        task = hk.position(arm)
-        path = running._path(case, task, running.start_of(case, Path()), Path())
-        points = path.at(np.linspace(0, path.duration, 400)).position
+        start = running.start_of(case, Path())
+        tool = arm.pose(start)[:3, 3]
+        path = running._path(case, hk.position(arm), start, Path())
+        points = path.at(np.linspace(0, path.duration, 200)).position
         assert path.closed and np.abs(points[0] - tool).max() < 1e-9
         sizes.setdefault(case.names["loop"], []).append(
             float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
         )
-        normals.append(np.linalg.svd(points - points.mean(axis=0))[2][2])
+        normals.append(np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][2])
     for kind, found in sizes.items():
         assert found == pytest.approx([0.2] * 4, rel=0.12), kind
     assert np.linalg.matrix_rank(np.array(normals), tol=0.2) == 3
