@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, Command, urdf
-from holokin.designing import Advice
+from conftest import PANDA_START, R3_START, Command, campaign, urdf
+from holokin.designing import Advice, advice_case
 from holokin.designing.advice import EASY, EQUAL, ranked
 from holokin.designing.excess import NEAR, Excess, least_near, rival_of
 from holokin.designing.objectives import costs_of
@@ -65,9 +65,12 @@ def least_anywhere(task: hk.Task, space: hk.Workspace) -> float:
     return float(np.min(np.reshape(least, (-1, 2)), axis=1).mean())
 
 
-@pytest.fixture(scope="module")
-def advice() -> Advice:
-    return hk.advise(arm(), PLANE)
+@pytest.fixture(scope="module", params=[64, campaign("poses", 256)])
+def advice(request: pytest.FixtureRequest) -> Advice:
+    """Of poses as many as users have, or a quarter."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(advice_case, "POSES", request.param)
+        return hk.advise(arm(), PLANE)
 
 
 def test_the_best_law_serves_the_workspace_near_the_least_speed(advice: Advice) -> None:
@@ -95,8 +98,8 @@ def test_every_law_that_fits_is_in_the_table_and_the_order_is_the_ranking(advice
 
 
 @pytest.mark.campaign
-def test_the_same_advice_is_given_twice(advice: Advice) -> None:
-    again = hk.advise(arm(), PLANE)
+def test_the_same_advice_is_given_twice() -> None:
+    advice, again = (hk.advise(arm(), PLANE) for _ in range(2))
     assert [law.name for law in again.laws] == [law.name for law in advice.laws]
     assert np.array_equal(again.q0, advice.q0)
     assert again.summary() == advice.summary()
@@ -216,9 +219,17 @@ def test_lines_side_by_side_end_where_inverse_kinematics_ends() -> None:
     assert ends.reached[0].sum() >= 22
     both = ends.reached[0] & closely.reached
     assert np.abs(ends.q[0][both] - closely.q[both]).max() < 1e-7
-    radial = along_radial(task, PANDA_START[None], T[:4])
-    exact = hk.inverse(hk.radial(hk.moore_penrose(task), PANDA_START, steps=16), PANDA_START)
-    assert np.abs(radial.q[0] - [exact(pose) for pose in T[:4]]).max() < 2e-4
+
+
+@pytest.mark.parametrize("name", ["planar", campaign("name", "panda")])
+def test_radial_lines_end_where_the_inverse_of_radial_ends(name: str) -> None:
+    task, q0 = (hk.pose(hk.load("panda")), PANDA_START) if name == "panda" else (hk.position(arm()), R3_START)
+    at = task.robot.pose(q0)
+    whole = hk.workspace(box=(at[:3, 3], [0.1, 0.1, 0.1]), rotation=at[:3, :3], tilt=0.2)
+    T = (whole if name == "panda" else hk.workspace(box=(at[:2, 3], [0.2, 0.2]))).poses(4)
+    radial = along_radial(task, q0[None], T)
+    exact = hk.inverse(hk.radial(hk.moore_penrose(task), q0, steps=16), q0)
+    assert np.abs(radial.q[0] - [exact(pose) for pose in T]).max() < 2e-4
 
 
 @pytest.mark.parametrize(
@@ -288,7 +299,7 @@ def test_an_arm_of_five_joints_is_advised_on_positions_and_on_directions() -> No
         hk.advise("so101", space, task="pose")
 
 
-def test_bad_input_is_refused_with_a_cure(panda: hk.Robot) -> None:
+def test_bad_input_is_refused_with_a_cure() -> None:
     with pytest.raises(OutOfReachError, match="nearer to the base"):
         hk.advise(arm(), hk.workspace(box=([9.0, 0, 0], [0.1, 0.1, 0])))
     with pytest.raises(ArgumentError, match=r"hk\.inverse"):
@@ -302,7 +313,7 @@ def test_bad_input_is_refused_with_a_cure(panda: hk.Robot) -> None:
     with pytest.raises(ArgumentError, match="two, to be redundant"):
         hk.advise(hk.from_dh([{"a": 1.0}]), PLANE)
     with pytest.raises(ArgumentError):
-        hk.advise(panda, pose_cloud([panda.pose(PANDA_START)]))
+        hk.advise(arm(), pose_cloud([arm().pose(R3_START)]))
     with pytest.raises(ArgumentError, match=r"range of joint 'joint1' is \[0\.0, 0\.0\]; give it a range"):
         hk.advise(urdf("double_pendulum.urdf"))  # its exporter left all limits at 0
 

@@ -9,22 +9,31 @@ import pytest
 
 import holokin as hk
 from conftest import campaign, sampled
-from holokin.designing import advice_case, designed_law
+from holokin.designing import advice_case, designed_law, nearby_cusps
 from holokin.designing.advice import ranked
 from holokin.designing.nearby_cusps import NEAR, NearbyCusps, cusps_near, said_of
 from holokin.errors import HolokinError
 
 PANDA = np.array([0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8])
+BARS = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
+FLAT = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
 
 
 def strategy(constraint: hk.Constraint) -> hk.strategies.HolonomicStrategy:
     return hk.holonomic(hk.pose(hk.load("panda")), constraint)
 
 
-@pytest.mark.parametrize("near", [True, campaign("near", False)])
-def test_a_workspace_about_a_cusp_is_near_it_and_one_about_the_start_is_as_far_as_the_cusp(near: bool) -> None:
+@pytest.mark.parametrize(
+    ("near", "starts"), [(True, 100), *(campaign(("near", "starts"), (near, 300)) for near in (True, False))]
+)
+def test_a_workspace_about_a_cusp_is_near_it_and_one_about_the_start_is_as_far_as_the_cusp(
+    near: bool, starts: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     law = strategy(hk.lock(2))
-    found = hk.cusps(law, PANDA, starts=300)
+    found = hk.cusps(law, PANDA, starts=starts)
+    if starts < nearby_cusps.STARTS:  # the search is the same, and not made again
+        monkeypatch.setattr(nearby_cusps, "STARTS", starts)
+        monkeypatch.setattr(nearby_cusps, "cusps", lambda one, _q0, starts: {(law, starts): found}[one, starts])
     pose = found.poses[0] if near else law.task.pose(PANDA)
     space = hk.workspace(box=(pose[:3, 3], [0.05] * 3), rotation=pose[:3, :3], tilt=0.2, spin=0.2)
     said = cusps_near(law, PANDA, space)
@@ -45,12 +54,14 @@ def test_a_workspace_about_a_cusp_is_near_it_and_one_about_the_start_is_as_far_a
             found.tool_away_from(bad)
 
 
-def test_where_none_is_found_or_none_is_looked_for_it_is_said() -> None:
+def test_where_none_is_found_or_none_is_looked_for_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(nearby_cusps, "STARTS", 60)
     law = strategy(hk.lock(6))
     space = hk.workspace(box=(law.task.pose(PANDA)[:3, 3], [0.05] * 3))
     said = cusps_near(law, PANDA, space)
     assert said.clear and said.away == np.inf and "no cusp was found" in said.sentence and not said.loop
-    radial = cusps_near(hk.radial(hk.moore_penrose(law.task), PANDA), PANDA, space)
+    flat, q0 = hk.position(hk.from_dh(BARS, name="planar")), np.array([-0.6, 1.0, 0.8])
+    radial = cusps_near(hk.radial(hk.moore_penrose(flat), q0), q0, FLAT)
     assert radial.found is None and not radial.clear and not radial.near
     assert "were not looked for: its formulas are too long" in said_of("radial", "radial", {"radial": radial}, 0.0)[0]
     beyond = cusps_near(law, PANDA + [0, 0, 0, 2.0, 0, 0, 0], space)
@@ -84,10 +95,6 @@ def test_of_laws_that_serve_alike_one_without_a_cusp_nearby_is_taken(
     else:
         assert f"{order[0]!r}, which needs" in said and "0.4 m from the workspace" not in said.split("which needs")[0]
     assert advice.summary()["reasons"] == list(advice.reasons)
-
-
-BARS = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
-FLAT = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
 
 
 @pytest.mark.campaign

@@ -17,7 +17,7 @@ PANDA = np.array([0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8])
 def test_the_cusp_round_which_a_panda_went_is_named() -> None:
     """The loop is about a cusp by construction; the one that is named lies within its size of it."""
     strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))
-    found = hk.cusps(strategy, PANDA, starts=200).witness
+    found = hk.cusps(strategy, PANDA, starts=60).witness
     assert found is not None
     said = why_elsewhere(strategy, hk.follow(strategy, found.path, found.first, samples=300))
     away, *at = (float(x) for x in re.search(r"lies (\S+) m .* \[(.*)\]", said).expand(r"\1, \2").split(", "))

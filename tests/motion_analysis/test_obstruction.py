@@ -56,7 +56,7 @@ FIELDS = {
 }
 
 
-@pytest.mark.parametrize("name", FIELDS)
+@sampled(3, "name", FIELDS)
 def test_the_poles_of_a_known_field_are_found_with_their_indices(name: str) -> None:
     field, known = FIELDS[name]
     turned = Rotation.from_rotvec([0.3, -0.2, 0.5])
@@ -117,7 +117,8 @@ def test_the_conventional_angle_has_two_poles_of_index_1_above_and_below_the_sho
         assert witness.pose[:3, :3] == pytest.approx(iiwa14.pose(IIWA)[:3, :3])
 
 
-@sampled(1, ("pole", "reference"), [((-1, 0, 0), (0, 0, 1)), ((0.48, 0.6, -0.64), (0.8, 0.0, 0.6))])
+@pytest.mark.campaign
+@pytest.mark.parametrize(("pole", "reference"), [((-1, 0, 0), (0, 0, 1)), ((0.48, 0.6, -0.64), (0.8, 0.0, 0.6))])
 def test_a_stereographic_angle_has_one_pole_of_index_2_along_its_half_line(
     iiwa14: hk.Robot, pole: tuple[float, ...], reference: tuple[float, ...]
 ) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import IRB_START, PANDA_START, PPR_START, sampled
+from conftest import IRB_START, PANDA_START, PPR_START, campaign, sampled
 from holokin.errors import ArgumentError, NotHolonomicError, RoundOffError, SingularityError
 from holokin.motion_analysis import Evidence
 from holokin.motion_analysis.curvature_of_planes import curvature_function
@@ -111,17 +111,21 @@ def test_the_scale_of_a_distributions_fields_does_not_change_its_verdict() -> No
 # --- filtration ---
 
 
+some = pytest.mark.parametrize("share", [0.5, campaign("share", 1.0)])
+
+
+@some
 def test_filtration_never_calls_a_holonomic_law_nonholonomic(
-    panda: hk.Robot, planar_3r: hk.Robot, iiwa14: hk.Robot
+    panda: hk.Robot, planar_3r: hk.Robot, iiwa14: hk.Robot, share: float
 ) -> None:
     laws = [
         (hk.holonomic(hk.pose(panda), hk.constraints.height("panda_joint4")), 30),
         (hk.holonomic(hk.pose(iiwa14), hk.stationary(hk.constraints.centring_cost())), 10),
         (hk.holonomic(hk.position(planar_3r), hk.stationary(hk.constraints.manipulability_cost())), 30),
-        (hk.radial(hk.moore_penrose(hk.position(planar_3r)), R3_START), 30),
+        (hk.radial(hk.moore_penrose(hk.position(planar_3r)), R3_START), 40),
     ]
-    for strategy, count in laws:
-        looked = 0
+    for strategy, most in laws:
+        looked, count = 0, round(share * most)
         for q in anywhere(strategy.task.robot, count):
             try:
                 strategy(q)
@@ -134,14 +138,15 @@ def test_filtration_never_calls_a_holonomic_law_nonholonomic(
         assert looked > count / 3
 
 
+@some
 def test_filtration_never_calls_a_nonholonomic_law_holonomic(
-    panda: hk.Robot, planar_3r: hk.Robot, irb140: hk.Robot
+    panda: hk.Robot, planar_3r: hk.Robot, irb140: hk.Robot, share: float
 ) -> None:
     """The weak one is the paper's coupling with a geometric Jacobian: curvature is the gain squared, 1e-4 (E3)."""
     weak = hk.strategies.coupled_twist(hk.position(irb140), 1e-2)
     laws = [(hk.moore_penrose(hk.pose(panda)), 15), (hk.moore_penrose(hk.position(planar_3r)), 60), (weak, 60)]
-    for strategy, count in laws:
-        for q in anywhere(strategy.task.robot, count):
+    for strategy, most in laws:
+        for q in anywhere(strategy.task.robot, round(share * most)):
             assert (
                 hk.motion_analysis.filtration(strategy, q).integrability is hk.motion_analysis.Integrability.COMPLETELY
             )

@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import holokin as hk
+from conftest import campaign
 from holokin.commands.main import app
 from holokin.errors import ArgumentError, CertificateError, ExpressionError, NotCertifiedError, StartError
 from holokin.proof import Certificate, Extent, follow_certified
@@ -142,7 +143,7 @@ def test_what_cannot_be_proven_is_refused_with_its_cure(lock: Any, panda: hk.Rob
         hk.certify(hk.holonomic(task, hk.custom(lambda q: casadi.erf(q[2]))), triangle, START)
 
 
-JOB = """
+JOBS = {"panda": """
 title = "a line"
 [robot]
 name = "panda"
@@ -164,12 +165,32 @@ kind = "moore-penrose"
 [strategies.lock-3]
 kind = "lock"
 joints = ["panda_joint3"]
-"""
+""", "planar-3r": """
+title = "a line"
+[robot]
+name = "planar-3r"
+[start]
+q = [0.3, 0.9, 0.9]
+[path]
+kind = "polyline"
+relative = true
+points = [[0.0, 0.0], [-1.2, 0.0]]
+[workspace]
+kind = "box"
+center = [0.8, 2.1]
+half = [0.1, 0.1]
+[strategies.plain]
+kind = "moore-penrose"
+[strategies.lock-3]
+kind = "lock"
+joints = [2]
+"""}  # fmt: skip
 
 
-def test_the_command_line_proves_a_job_and_checks_what_it_wrote(tmp_path: Path) -> None:
+@pytest.mark.parametrize("arm", ["planar-3r", campaign("arm", "panda")])
+def test_the_command_line_proves_a_job_and_checks_what_it_wrote(tmp_path: Path, arm: str) -> None:
     job, out = tmp_path / "small.toml", str(tmp_path)
-    job.write_text(JOB, "utf-8")
+    job.write_text(JOBS[arm], "utf-8")
     call = CliRunner().invoke
     for options in ([], ["--workspace"]):
         found = call(app, ["certify", str(job), "--out", out, *options])

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
+from conftest import sampled
 from forged import cells, changed
 from holokin.errors import ArgumentError
 from holokin.proof.certificate import digest
@@ -138,7 +139,7 @@ REJECTED: dict[str, Callable[[Data], Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", REJECTED)
+@sampled(24, "name", REJECTED)
 def test_a_false_certificate_about_shapes_is_rejected(
     name: str, proof: hk.proof.Certificate, arm: hk.Robot, tmp_path: Path
 ) -> None:

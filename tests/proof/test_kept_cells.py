@@ -38,6 +38,11 @@ obstacles = [{ name = "table", kind = "box", sides = [1.0, 1.0, 0.05], xyz = [0.
 """
 
 
+@cache
+def law(joint: int = 2) -> hk.HolonomicStrategy:
+    return hk.holonomic(hk.pose(hk.load("panda")), hk.lock(joint))
+
+
 def proof(
     file: Path | None = None,
     z: float = -0.1,
@@ -47,13 +52,11 @@ def proof(
     **more: object,
 ) -> Certificate:
     """Over a cube above a table: some batches of cells."""
-    panda = hk.load("panda")
-    T = panda.pose(Q0)
+    T = law().task.pose(Q0)
     space = hk.workspace(box=(T[:3, 3], [half] * 3), rotation=T[:3, :3])
     table = hk.obstacle("table", Box(np.array([1.0, 1.0, 0.05])), (0.6, 0.0, z))
-    strategy = hk.holonomic(hk.pose(panda), hk.lock(joint))
     return hk.certify(
-        strategy, space, Q0, clear_of=[table], clearance=clearance, self_collision=False, keep_in=file, **more
+        law(joint), space, Q0, clear_of=[table], clearance=clearance, self_collision=False, keep_in=file, **more
     )
 
 
@@ -112,8 +115,7 @@ def test_one_that_was_killed_ends_with_the_same_certificate(tmp_path: Path) -> N
 
 
 def test_a_region_is_kept_too(tmp_path: Path) -> None:
-    panda = hk.load("panda")
-    strategy, T = hk.holonomic(hk.pose(panda), hk.lock(2)), panda.pose(Q0)
+    strategy, T = law(), law().task.pose(Q0)
     space = hk.workspace(box=(T[:3, 3], [0.02] * 3), rotation=T[:3, :3])
 
     def say(_text: str) -> None:

@@ -29,7 +29,7 @@ def virtual(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 FEW = (4, 27, 36, 700)
-SEEDS = [seed if seed in FEW[:2] else campaign("seed", seed) for seed in sorted({*range(30), *FEW})]
+SEEDS = [seed if seed == FEW[0] else campaign("seed", seed) for seed in sorted({*range(30), *FEW})]
 
 
 @pytest.mark.parametrize("seed", SEEDS)

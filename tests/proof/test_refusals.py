@@ -20,6 +20,12 @@ from holokin.proof import Certificate, Extent
 SLIDING = np.array([0.25, 0.0, 0.7])
 
 
+@pytest.fixture(autouse=True)
+def pictureless(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages of proofs have no picture: what they say is looked at."""
+    monkeypatch.setattr("holokin.reports.proof_page.drawable", lambda _found: False)
+
+
 @pytest.fixture(scope="module")
 def slider() -> hk.strategies.HolonomicStrategy:
     """A PPR arm whose turn is locked, so that q1 = x - cos q3: its first joint ends at 0.5 m."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,15 @@ trimesh = pytest.importorskip("trimesh")
 Q0 = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 
 
+@cache
+def leaf(panda: hk.Robot) -> hk.HolonomicStrategy:
+    return hk.holonomic(hk.pose(panda), hk.lock(2))
+
+
 def asked(panda: hk.Robot, *things: LinkShape, **more: object) -> hk.proof.Certificate:
     T = panda.pose(Q0)
     space = hk.workspace(box=(T[:3, 3], [0.004] * 3), rotation=T[:3, :3])
-    return hk.certify(hk.holonomic(hk.pose(panda), hk.lock(2)), space, Q0, clear_of=list(things), **more)
+    return hk.certify(leaf(panda), space, Q0, clear_of=list(things), **more)
 
 
 def meshed(file: Path, mesh: trimesh.Trimesh) -> Mesh:

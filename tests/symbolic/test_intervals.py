@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from conftest import sampled as some_of
 from holokin.errors import ExpressionError
 from holokin.symbolic import intervals as iv
 from holokin.symbolic.interval_function import _NAMES, _RULES, IntervalFunction, operation_list
@@ -108,7 +109,7 @@ def _precise() -> None:
     flint.ctx.prec = 400
 
 
-@pytest.mark.parametrize("name", ONE)
+@some_of(10, "name", ONE)
 @QUICK
 @given(ends=BOXES, share=SHARE, other=SHARE)
 @example(ends=[1e-200, 1e-200], share=0.0, other=0.0)
