@@ -13,7 +13,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, R3_START, Command, campaign, urdf
-from holokin.designing import Advice, advice_case
+from holokin.designing import Advice, advice_case, nearby_cusps
 from holokin.designing.advice import EASY, EQUAL, ranked
 from holokin.designing.excess import NEAR, Excess, least_near, rival_of
 from holokin.designing.objectives import costs_of
@@ -67,9 +67,12 @@ def least_anywhere(task: hk.Task, space: hk.Workspace) -> float:
 
 @pytest.fixture(scope="module", params=[64, campaign("poses", 256)])
 def advice(request: pytest.FixtureRequest) -> Advice:
-    """Of poses as many as users have, or a quarter."""
+    """Of poses, of those of a design and of starts as many as users have, or about a quarter."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(advice_case, "POSES", request.param)
+        if request.param < 256:
+            patch.setattr(advice_case, "POSES", request.param)
+            patch.setattr(advice_case, "DESIGNED", 32)
+            patch.setattr(nearby_cusps, "STARTS", 60)
         return hk.advise(arm(), PLANE)
 
 
@@ -299,7 +302,8 @@ def test_an_arm_of_five_joints_is_advised_on_positions_and_on_directions() -> No
         hk.advise("so101", space, task="pose")
 
 
-def test_bad_input_is_refused_with_a_cure() -> None:
+def test_bad_input_is_refused_with_a_cure(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(advice_case, "POSES", 16)
     with pytest.raises(OutOfReachError, match="nearer to the base"):
         hk.advise(arm(), hk.workspace(box=([9.0, 0, 0], [0.1, 0.1, 0])))
     with pytest.raises(ArgumentError, match=r"hk\.inverse"):

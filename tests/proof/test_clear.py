@@ -78,7 +78,7 @@ def test_no_posture_inside_is_nearer_than_is_proven(panda: hk.Robot, rule: str) 
     found = hk.certify(strategy, space, Q0, clear_of=[TABLE, POST], clearance=0.02)
     assert found.whole
     pairs = found.demands.clear.pairs
-    seen = coal_distances(panda, pairs, [TABLE, POST], postures(strategy, space, 150))
+    seen = coal_distances(panda, pairs, [TABLE, POST], postures(strategy, space, 60))
     least = found.findings.apart.min(axis=0)
     assert (seen.min(axis=0) >= least).all()
     nearest = int(np.argmin(seen.min(axis=0)))
@@ -108,11 +108,11 @@ def test_distances_at_postures_are_those_of_coal(panda: hk.Robot) -> None:
 
 
 def test_an_obstacle_that_is_one_millimetre_too_near_is_never_proven_away(panda: hk.Robot) -> None:
-    strategy, space = leaf(panda), box(panda, 0.02)
+    strategy, space = leaf(panda), box(panda, 0.01)
     found = hk.certify(strategy, space, Q0, clear_of=[POST], clearance=0.0, self_collision=False)
     corners = np.array([np.ravel(c) for c in np.meshgrid(*[[-1.0, 1.0]] * 3)]).T
     T = np.tile(panda.pose(Q0), (8, 1, 1))
-    T[:, :3, 3] += 0.02 * corners
+    T[:, :3, 3] += 0.01 * corners
     seen = coal_distances(panda, found.demands.clear.pairs, [POST], hk.inverse(strategy, Q0).batch(T).q)
     nearest = float(seen.min())
     asked = hk.certify(strategy, space, Q0, clear_of=[POST], clearance=nearest + 0.001, self_collision=False)

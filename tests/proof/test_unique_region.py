@@ -22,14 +22,17 @@ LAWS = {
     "lock 3": hk.lock(2), "q1 - q3": hk.linear([1, 0, -1, 0, 0, 0, 0]), "arm angle": hk.arm_angle(),
     "tilted": hk.constraints.tilted(hk.lock(2), lambda x: 0.3 * x[0] * x[1]),
 }  # fmt: skip
-FEW, SOME = 200, 800
+FEW, SOME = 100, 800
 """Cells that a proof may examine: of a box, and of a square about the base."""
 
 
 @cache
 def of_panda(name: str, budget: int) -> UniqueRegion:
-    """A box about the start, for a few cells."""
-    return hk.unique_region(hk.holonomic(hk.pose(hk.load("panda")), LAWS[name]), PANDA, budget=budget)
+    """A box about the start, for a few cells: given, or found."""
+    law = hk.holonomic(hk.pose(hk.load("panda")), LAWS[name])
+    T = law.task.pose(PANDA)
+    space = hk.workspace(box=(T[:3, 3], [0.015, 0.03, 0.015]), rotation=T[:3, :3]) if budget == FEW else None
+    return hk.unique_region(law, PANDA, space, budget=budget)
 
 
 @cache

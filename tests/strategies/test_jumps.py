@@ -7,7 +7,7 @@ import pytest
 from casadi import atan2, ceil, fabs, floor, fmin, fmod, if_else, sign
 
 import holokin as hk
-from conftest import PANDA_START, R3_START, sampled
+from conftest import PANDA_START, R3_START, campaign, sampled
 from holokin.errors import JumpError
 from holokin.inverse_kinematics import InverseStatus
 from holokin.strategies import may_jump, pfaffian
@@ -78,7 +78,9 @@ def test_a_jump_of_g_is_told_by_the_verdict_and_ends_follow_and_inverse(name: st
     assert met >= (2 if name == "planar-3r" else 1)
 
 
-@pytest.mark.parametrize(("name", "kind"), [*(("planar-3r", kind) for kind in KINKS), ("panda", "if_else")])
+@pytest.mark.parametrize(
+    ("name", "kind"), [*(("planar-3r", kind) for kind in KINKS), campaign(("name", "kind"), ("panda", "if_else"))]
+)
 def test_a_kink_of_g_stops_nothing_and_the_joints_return(name: str, kind: str) -> None:
     G, q0 = law(hk.load(name), ROBOTS[name], KINKS[kind], 1)
     verdict = hk.involutivity(G, hk.around(q0, 0.2), samples=16)

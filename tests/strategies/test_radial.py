@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import IIWA_START, PANDA_START, PPR_CENTER, PPR_RADIUS, sampled
+from conftest import IIWA_START, PANDA_START, PPR_CENTER, PPR_RADIUS, R3_START, campaign, sampled
 from holokin.errors import ArgumentError, SingularityError
 from papers_arm import paper_frame
 
@@ -67,13 +67,18 @@ def test_the_twin_equals_the_given_strategy_at_the_centre_and_along_rays(panda: 
         assert np.abs(a - b).max() < 1e-6
 
 
-@sampled(1, "steps", [1, 2, 4])
-def test_any_number_of_steps_gives_an_exactly_holonomic_strategy(panda: hk.Robot, steps: int) -> None:
-    twin = hk.radial(hk.moore_penrose(hk.pose(panda)), PANDA_START, steps=steps)
-    verdict = hk.involutivity(twin, hk.around(PANDA_START, 0.05), samples=8)
+@pytest.mark.parametrize(
+    ("arm", "steps"),
+    [*(("planar-3r", k) for k in (1, 2, 4)), *(campaign(("arm", "steps"), ("panda", k)) for k in (1, 2, 4))],
+)
+def test_any_number_of_steps_gives_an_exactly_holonomic_strategy(arm: str, steps: int) -> None:
+    robot = hk.load(arm)
+    task, start = (hk.position(robot), R3_START) if robot.planar else (hk.pose(robot), PANDA_START)
+    twin = hk.radial(hk.moore_penrose(task), start, steps=steps)
+    verdict = hk.involutivity(twin, hk.around(start, 0.05), samples=8)
     assert verdict.relative < 1e-10
-    for q in PANDA_START + np.random.default_rng(steps).uniform(-0.05, 0.05, (3, 7)):
-        assert np.abs(panda.jacobian(q) @ twin(q) - np.eye(6)).max() < 1e-12
+    for q in start + np.random.default_rng(steps).uniform(-0.05, 0.05, (3, task.n)):
+        assert np.abs(task.jacobian(q) @ twin(q) - np.eye(task.m)).max() < 1e-12
 
 
 def ball(robot: hk.Robot, given: hk.Strategy, start: np.ndarray, radius: float, count: int) -> np.ndarray:
