@@ -19,6 +19,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+if "PYTEST_XDIST_WORKER" in os.environ:
+    atexit.register(os._exit, 0)  # registered first, it runs last: to free a worker's memory bit by bit takes seconds
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: a worker has one core, on which threads only wait
 
 import numpy as np
@@ -76,7 +78,6 @@ def pytest_sessionstart() -> None:
     worker, workers = os.environ.get("PYTEST_XDIST_WORKER"), os.environ.get("PYTEST_XDIST_WORKER_COUNT")
     if worker is None or workers is None:
         return
-    atexit.register(os._exit, 0)  # the last of all: to free what is in its memory bit by bit takes seconds
     ours = sorted(HERE.rglob("test_*.py"))[int(worker.removeprefix("gw")) % int(workers) :: int(workers)]
     for file in ours:
         sys.path.insert(0, str(file.parent))  # as pytest does

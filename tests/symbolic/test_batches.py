@@ -14,6 +14,7 @@ import holokin as hk
 from conftest import PANDA_START, sampled
 from holokin.native_kernels import native_library as native
 from holokin.robot.catalog import catalogue
+from holokin.symbolic import Function, symbol
 from holokin.symbolic import function as function_module
 
 Patch = pytest.MonkeyPatch
@@ -45,6 +46,24 @@ every = pytest.mark.parametrize("door", DOORS.values(), ids=DOORS)
 
 def around(q0: np.ndarray, count: int, seed: int = 0) -> np.ndarray:
     return q0 + np.random.default_rng(seed).uniform(-0.2, 0.2, (count, len(q0)))
+
+
+@pytest.mark.parametrize("count", [1, 11, 12, 33, 191, 192, 255, 257, 304, 460])
+def test_a_batch_of_any_size_is_each_posture_alone(count: int) -> None:
+    """On the virtual machine: in large chunks, in small ones, and one by one, to the last bit."""
+    Q = around(PANDA_START, count)
+    for door in (ARM.jacobian, HELD):
+        assert np.array_equal(door(Q), [door(q) for q in Q])
+
+
+def test_equal_functions_share_their_code_and_others_do_not() -> None:
+    """Common operations are sought once: 5 us for each of thousands."""
+
+    def code(factor: float) -> object:
+        x = symbol("x", 2)
+        return Function("f", {"x": x}, {"y": factor * x * x[0] + x[0]}).program.before
+
+    assert code(2.0) is code(2.0) and code(3.0) is not code(2.0)
 
 
 @sampled(6, "name", sorted(catalogue()))
