@@ -28,7 +28,7 @@ from .linear import System
 NATIVE_FROM = 50_000
 """Samples from which a batch is worth a compiler's second, once: about half a second of the virtual machine."""
 
-CHUNKS = {256: 192, 16: 12}
+CHUNKS = {256: 128, 16: 12}
 """Samples that one mapped evaluation takes, and from how many on it is worth its idle rest.
 
 The many hide the call and still stay in cache; the few are for batches of some dozen.
