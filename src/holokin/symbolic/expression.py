@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from ..base.types import number
-from ..errors import ArgumentError, ExpressionError, ShapeError, brief, closest
+from ..errors import ArgumentError, ExpressionError, HolokinError, ShapeError, brief, closest
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: getattr(ca, name)
@@ -60,9 +60,6 @@ def as_expression(value: Any) -> ca.SX:
     return ca.vertcat(*rows)
 
 
-OF_A_FUNCTION = (ArithmeticError, AttributeError, LookupError, NotImplementedError, RuntimeError, TypeError, ValueError)
-"""What a function of a user's raises when it is called with symbols and was not written for them."""
-
 _CURES = {
     "truth value": "write a condition as casadi.if_else(condition, yes, no), and max and min as casadi.fmax and fmin",
     "Matrix product": "the shapes of a matrix product do not fit: q is (n, 1), and q.T @ q a product of two of them",
@@ -77,7 +74,9 @@ def written(what: str, function: Callable[..., Any], *symbols: ca.SX) -> ca.SX:
     """What a user's function writes, of copies of the symbols. Raises: ExpressionError; ArgumentError."""
     try:
         return as_expression(function(*(ca.SX(one) for one in symbols)))
-    except OF_A_FUNCTION as problem:
+    except HolokinError:
+        raise
+    except Exception as problem:  # noqa: BLE001  a function may raise anything; CasADi before 3.8.2 raises a bare Exception
         said = " ".join(str(problem).split())
         _place, _, words = said.rpartition(": ") if said.startswith(".../casadi") else ("", "", said)
         cure = next((cure for key, cure in _CURES.items() if key in said), "")
