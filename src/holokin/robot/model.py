@@ -29,7 +29,19 @@ from ..symbolic import (
     vertcat,
 )
 from ..symbolic.rotations import rotation_about
-from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Kinematics, Tip, joint_rows, joints_above
+from .joints import (
+    FARTHEST,
+    MOST_MOVING,
+    WOUND,
+    Body,
+    Coordinate,
+    Joint,
+    Kinematics,
+    Tip,
+    foot_of,
+    joint_rows,
+    joints_above,
+)
 from .link_shapes import LinkShape
 from .model_joints import ModelJoints, places_in, put_into, taken_from
 from .visuals import Visual
@@ -195,13 +207,14 @@ class Robot(ByValue):
         return self._evaluator(self._jacobians, tip).call(q)
 
     def skeleton(self, q: ArrayLike) -> list[Matrix]:
-        """Points to draw: for each tip the polyline (k, 3) from the base through the joints to it."""
+        """Points to draw: for each tip the polyline (k, 3) from where the robot stands through the joints to it."""
         if not self.tips:
             return []
         origins, lines = self._skeleton(self.checked(q)).reshape(-1, 3), []
         for tip in self.tips:
             above = joints_above(self.joints, tip.joint)[::-1]
-            lines.append(np.array([np.zeros(3), *origins[above], self.pose(q, tip.name)[:3, 3]]))
+            foot = foot_of(self.joints, tip.joint)
+            lines.append(np.array([foot, *origins[above], self.pose(q, tip.name)[:3, 3]]))
         return lines
 
     def checked(self, q: ArrayLike, what: str = "q") -> Vector:
