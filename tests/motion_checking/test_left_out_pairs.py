@@ -60,7 +60,10 @@ def grown(rng: np.random.Generator) -> Grown:
         tree.parent[name], tree.shaped[name] = parent, bool(rng.random() < 0.7)
         tree.kind[name] = str(rng.choice(["revolute", "prismatic", "fixed"], p=[0.6, 0.1, 0.3]))
         xyz, axis = (" ".join(map(str, v)) for v in (rng.uniform(-0.5, 0.5, 3), np.eye(3)[rng.integers(3)]))
-        parts += [link(name, ball if tree.shaped[name] else ""), joint(f"j{i}", parent, name, xyz, axis, tree.kind[name])]
+        parts += [
+            link(name, ball if tree.shaped[name] else ""),
+            joint(f"j{i}", parent, name, xyz, axis, tree.kind[name]),
+        ]
     tree.text = f'<robot name="tree">{"".join(parts)}</robot>'
     return tree
 
@@ -76,7 +79,9 @@ def test_every_pair_of_a_random_tree_is_looked_at_or_parent_and_child(seed: int,
         return
     tip = str(rng.choice(moving))
     chain = {name for name in tree.above(tip) if tree.kind.get(name, "fixed") != "fixed"}
-    declared = {f"j{name[1:]}": float(rng.uniform(-1, 1)) for name in moving if name not in chain and rng.random() < 0.7}
+    declared = {
+        f"j{name[1:]}": float(rng.uniform(-1, 1)) for name in moving if name not in chain and rng.random() < 0.7
+    }
     (tmp_path / "tree.urdf").write_text(tree.text, "utf-8")
     robot = hk.load(tmp_path / "tree.urdf", tip=tip, locked=declared)
     q = rng.uniform(-1, 1, robot.n)
@@ -114,7 +119,11 @@ def two_arms(base: bool = True, kind: str = "revolute") -> str:
     links = [link(name, upright) for name in ("A1", "A2", "A3")]
     links += [link("base", box("0 0 0", "0.02 0.02 0.02") if base else ""), link("B1", upright)]
     links += [link("B2", box("-0.4 0 0", "0.8 0.1 0.1"))]
-    joints = [joint("a1", "base", "A1", "0 0 0"), joint("a2", "A1", "A2", "0 0 0.3"), joint("a3", "A2", "A3", "0 0 0.3")]
+    joints = [
+        joint("a1", "base", "A1", "0 0 0"),
+        joint("a2", "A1", "A2", "0 0 0.3"),
+        joint("a3", "A2", "A3", "0 0 0.3"),
+    ]
     joints += [joint("b1", "base", "B1", "0.5 0 0", kind=kind), joint("b2", "B1", "B2", "0 0 0.2", kind=kind)]
     return f'<robot name="two">{"".join(links + joints)}</robot>'
 
@@ -173,7 +182,10 @@ def test_a_tool_is_no_neighbour_of_the_link_before_the_one_that_carries_it() -> 
 def test_the_floor_and_any_obstacle_may_be_allowed_for_one_link() -> None:
     """A sledge on the floor pushes a box; an arm on it touches neither: each pair alone, misspelt ones are refused."""
     sledge = hk.compose(hk.load("rail"), hk.Part(hk.load("ur5e"), xyz=[0, 0, 0.02]))
-    q, crate = np.array([[0.5, 0, -1.2, 1.3, -1.6, -1.5, 0]]), hk.obstacle("crate", Box([0.05, 0.05, 0.05]), [0.5, 0.07, 0.03])
+    q, crate = (
+        np.array([[0.5, 0, -1.2, 1.3, -1.6, -1.5, 0]]),
+        hk.obstacle("crate", Box([0.05, 0.05, 0.05]), [0.5, 0.07, 0.03]),
+    )
     asked = {"floor": 0.0, "obstacles": [crate]}
     found = {found.what for found in hk.check(q, sledge, **asked).findings}
     assert found == {("rail_joint", "floor"), ("rail_joint", "crate")}

@@ -22,7 +22,8 @@ def arm_of(name: str, rng: np.random.Generator) -> Robot:
         return hk.compose(hk.Part(ur, xyz=[0, -0.5, 0], prefix="a_"), hk.Part(ur, on="base", xyz=[0, 0.6, 0.1]))
     if name == "DH table":
         rows = [
-            dict(zip(("a", "d", "alpha"), [*rng.uniform(0.1, 0.4, 2), rng.choice([0, 1.5, -1.5])])) for _ in range(5)
+            dict(zip(("a", "d", "alpha"), [*rng.uniform(0.1, 0.4, 2), rng.choice([0, 1.5, -1.5])], strict=True))
+            for _ in range(5)
         ]
         return hk.from_dh(rows, base=pose(rng))
     if name == "a leg beside three":
@@ -51,7 +52,7 @@ def apart(robot: Robot, Q: np.ndarray) -> tuple[dict[tuple[str, str], np.ndarray
 @sampled(1, "seed", range(30))
 @pytest.mark.parametrize("name", ARMS)
 def test_wherever_a_robot_is_mounted_its_links_are_as_far_apart(name: str, seed: int) -> None:
-    """At random postures, as `check` finds, and with the same pairs left out; so is the reach, and the chain's length."""
+    """At random postures, as `check` finds, and with the same pairs left out; so is the chain's length."""
     rng = np.random.default_rng(seed)
     robot = arm_of(name, rng)
     there = mounted(robot, rng)
@@ -84,7 +85,9 @@ def test_the_base_of_a_hung_arm_is_as_long_as_on_the_floor_and_a_pedestal_is_an_
 def test_nothing_is_between_two_arms_that_stand_apart() -> None:
     """A ball on the ground between them is free; each has a base of its own, which the other one may hit."""
     ur = hk.load("ur5e")
-    both = hk.compose(hk.Part(ur, xyz=[0, -0.35, 0], prefix="a_"), hk.Part(ur, on="base", xyz=[0, 0.35, 0], prefix="b_"))
+    both = hk.compose(
+        hk.Part(ur, xyz=[0, -0.35, 0], prefix="a_"), hk.Part(ur, on="base", xyz=[0, 0.35, 0], prefix="b_")
+    )
     up = np.tile([0, -np.pi / 2, 0, -np.pi / 2, 0, 0], 2)
     ball = hk.obstacle("ball", Capsule(0.05), [0, 0.1, 0.05])
     assert hk.check(up[None], both, obstacles=[ball]).passed

@@ -33,8 +33,8 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
     The capsule of a link has the name of the joint that moves it, "base" for the one that stands still. Links that
     have shapes already keep them. What is between a slider and the joint before it has no capsule. A base begins where
     the robot is mounted, and a tool where the arm ends: both leave all other capsules as they are. What the robot
-    stands on is no part of it, see `obstacle`. Where several arms stand side by side, each has a base of its own, "base"
-    and "base of JOINT" of the others.
+    stands on is no part of it, see `obstacle`. Where several arms stand side by side, each has a base of its own,
+    "base", and "base of JOINT" of the others.
 
     Args:
         radius: of all capsules [m], or by name, where those left out have the default: a twentieth of `chain_length`.
@@ -105,7 +105,7 @@ def between(start: Vector, end: Vector, radius: float) -> tuple[Matrix, Capsule]
 
 @dataclass(frozen=True, eq=False)
 class Line(Value):
-    """The line along a link, start (3,) to end (3,) in the frame of its joint [m] (-1: the base), and the link's name."""
+    """The line along a link, start (3,) to end (3,) [m] in the frame of its joint (-1: the base)."""
 
     link: str
     joint: int

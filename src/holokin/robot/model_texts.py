@@ -29,7 +29,7 @@ COLOR = "0.90 0.45 0.13 1"
 def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFORT) -> str:
     """The URDF of a robot: links named after their joints, one fixed link for each tip, named as the tip.
 
-    A mounting is a fixed joint between the base and a link "JOINT_foot" without a shape, on which the first joint hangs.
+    A mounting is a fixed joint from the base to a link "JOINT_foot", on which the first joint hangs.
     Joints that follow others are written as <mimic>. No limit of position, speed or both is written as 1e6, which
     `from_urdf` reads as none. The visuals are capsules along the links.
 
