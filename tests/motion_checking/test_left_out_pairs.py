@@ -70,8 +70,9 @@ def grown(rng: np.random.Generator) -> Grown:
 
 @sampled(12, "seed", range(300))
 def test_every_pair_of_a_random_tree_is_looked_at_or_parent_and_child(seed: int, tmp_path: Path) -> None:
-    """The chain leads to any link, on the ground or on a rail; Pinocchio says where all are, the joints beside the chain
-    at declared values."""
+    """The chain leads to any link, on the ground or on a rail; Pinocchio says where all are, what is beside the chain
+    at declared values.
+    """
     rng = np.random.default_rng(seed)
     tree = grown(rng)
     moving = [name for name, kind in tree.kind.items() if kind != "fixed"]

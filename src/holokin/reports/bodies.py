@@ -80,7 +80,7 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
             found.append(_piece(index, between(-half, half, 1.16 * width), "hinge"))
     first = [joint for joint in robot.joints if joint.parent < 0]
     if all(joint.kind != "prismatic" for joint in first) and -1 not in shaped:
-        for foot in np.unique([joint.foot for joint in first], axis=0):
+        for foot in np.unique([joint.start for joint in first], axis=0):
             middle = pose_from(foot + [0.0, 0.0, 0.25 * unit])
             found.append(_piece(-1, (middle, Cylinder(2.4 * unit, 0.5 * unit)), "base"))
     return tuple(found)
@@ -99,12 +99,9 @@ def _lines(robot: Robot, shown: Sequence[LinkShape]) -> list[Line]:
     for part in shown:
         if part.carried:
             tools.setdefault(part.joint, []).append(part.placement[:3, 3])
-    lines = link_lines(robot)
-    found, rest = lines[: len(robot.joints)], lines[len(robot.joints) :]
-    for arm, tool in zip(rest[::2], rest[1::2], strict=True):
-        there = tools.get(arm.joint)
-        found += [arm, tool] if there is None else [replace(arm, end=min(there, key=np.linalg.norm))]
-    return found
+    lines, count = link_lines(robot), len(robot.joints)
+    found = [*lines[:count], *(line for line in lines[count:] if line.joint not in tools)]
+    return found + [Line("", joint, np.zeros(3), min(there, key=np.linalg.norm)) for joint, there in tools.items()]
 
 
 def thickness(robot: Robot, Q: Matrix) -> float:

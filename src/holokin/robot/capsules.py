@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -114,7 +115,8 @@ class Line(Value):
 
 
 def link_lines(robot: Robot) -> list[Line]:
-    """The lines of all links: those to each joint, in their order, to where the arm ends, and from there along a tool.
+    """The lines of all links: those to each joint, in their order, then to where the arm ends and from there along a
+    tool, or in one where the tool goes straight on.
 
     A base begins at its foot. A tip that is fixed to the base is the end of no link.
     """
@@ -123,15 +125,24 @@ def link_lines(robot: Robot) -> list[Line]:
         link = robot.joints[joint.parent].name
         if joint.parent < 0:
             new = BASE if not feet else f"{BASE} of {joint.name}"
-            link = next((name for foot, name in feet if np.linalg.norm(foot - joint.foot) < _SHORTEST), new)
-            feet.append((joint.foot, link))
-        found.append(Line(link, joint.parent, joint.foot, joint.placement[:3, 3]))
+            link = next((name for foot, name in feet if np.linalg.norm(foot - joint.start) < _SHORTEST), new)
+            feet.append((joint.start, link))
+        found.append(Line(link, joint.parent, joint.start, joint.placement[:3, 3]))
     for tip in robot.tips:
         if tip.joint >= 0:
-            link = robot.joints[tip.joint].name
-            found.append(Line(link, tip.joint, np.zeros(3), tip.arm_end))
-            found.append(Line(link, tip.joint, tip.arm_end, tip.placement[:3, 3]))
+            link, points = robot.joints[tip.joint].name, [np.zeros(3), tip.arm_end, tip.placement[:3, 3]]
+            if _on_the_way(points[1], points[2]):
+                del points[1]
+            found += [Line(link, tip.joint, *ends) for ends in pairwise(points)]
     return found
+
+
+def _on_the_way(point: Vector, end: Vector) -> bool:
+    """Whether a point (3,) is on the line from the origin to an end (3,)."""
+    length = float(np.linalg.norm(end))
+    along = float(point @ end) / length if length else 0.0
+    off = point - along * end / length if length else point
+    return bool(np.linalg.norm(off) < _SHORTEST and 0 <= along <= length)
 
 
 @typed

@@ -70,12 +70,13 @@ class _Builder:
         return Robot(tree.name, coordinates, tuple(self.joints), tuple(ends), tree.source, bodies, shapes, visuals)
 
     def _add(self, tip: str, chain: Sequence[Branch]) -> Tip:
-        parent, placement, foot = -1, np.eye(4), None
+        parent, placement, foot, begun = -1, np.eye(4), None, False
         for joint in chain:
             before, placement = placement, placement @ joint.origin
             if joint.kind == "fixed":
                 continue
-            foot = before[:3, 3] if foot is None else foot  # it stands where its first joint's link does
+            foot = foot if begun else before[:3, 3]  # it stands where the link does on which its first joint hangs
+            begun = True
             if joint.kind not in MOVING:
                 cure = "choose base= below it: revolute, continuous, prismatic, fixed and mimic joints are supported"
                 raise self.tree.problem(f"joint {joint.name!r} is of type {joint.kind!r}", cure)
@@ -88,12 +89,13 @@ class _Builder:
             if joint.name not in self.index:
                 self.coordinates.setdefault(master.name, master.coordinate)
                 self._move(joint, parent, placement, axis, (master.name, multiplier, offset), foot)
-            parent, placement, foot = self.index[joint.name], np.eye(4), np.zeros(3)
+            parent, placement, foot = self.index[joint.name], np.eye(4), None
         return Tip(tip, parent, placement)
 
     def _move(
-        self, joint: Branch, parent: int, placement: Matrix, axis: Vector, law: tuple[str, float, float], foot: Vector
-    ) -> None:
+        self, joint: Branch, parent: int, placement: Matrix, axis: Vector, law: tuple[str, float, float],
+        foot: Vector | None,
+    ) -> None:  # fmt: skip
         master, multiplier, offset = law
         number = list(self.coordinates).index(master)
         self.index[joint.name] = len(self.joints)
@@ -133,7 +135,7 @@ class _Builder:
         """(index of the joint that moves a joint's child link, placement there)."""
         if joint.name in self.index:
             return self.index[joint.name], np.eye(4)
-        foot = placement[:3, 3] if parent < 0 else np.zeros(3)
+        foot = placement[:3, 3] if parent < 0 else None
         placement = placement @ joint.origin
         if joint.kind not in MOVING:
             return parent, placement

@@ -92,7 +92,7 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
         for joint in part.robot.joints:
             parent, placement = placed(joint.parent, joint.placement)
             label, coordinate = part.prefix + joint.name, number + joint.coordinate
-            foot = (origin @ pose_from(joint.foot))[:3, 3] if parent < 0 else np.zeros(3)  # what moves carries it
+            foot = origin[:3, :3] @ joint.start + origin[:3, 3] if parent < 0 else None  # what moves carries it
             moved = replace(joint, name=label, parent=parent, placement=placement, coordinate=coordinate, foot=foot)
             joints.append(moved)
         for body in part.robot.bodies:

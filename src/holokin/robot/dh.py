@@ -94,8 +94,7 @@ def from_dh(
         motion = _screw("z", row.theta, row.d)
         # theta and d commute with the joint's own motion about or along z, so they go before it.
         placement = before @ (motion if convention == "standard" else link @ motion)
-        stand = np.zeros(3) if i else foot
-        joints.append(Joint(label, row.kind, i - 1, placement, np.array([0.0, 0.0, 1.0]), i, foot=stand))
+        joints.append(Joint(label, row.kind, i - 1, placement, np.array([0.0, 0.0, 1.0]), i, foot=None if i else foot))
         coordinates.append(Coordinate(label, row.kind, row.lower, row.upper, row.max_velocity))
         before = link if convention == "standard" else np.eye(4)
     hinges = [[c.lower, c.upper] for c in coordinates if c.kind == "revolute"]

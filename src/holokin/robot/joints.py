@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -54,7 +54,7 @@ class Coordinate(Shown):
 class Joint(Value):
     """A joint of the tree: T(parent) placement, then a motion of multiplier q_k + offset along or about its axis.
 
-    `foot` (3,): of a joint on the base, where the robot, or this arm of it, stands there [m]; of all others zero.
+    `foot` (3,): of a joint on the base, where the robot, or this arm of it, is mounted there [m]; None for the origin.
     """
 
     name: str
@@ -65,12 +65,17 @@ class Joint(Value):
     coordinate: int
     multiplier: float = 1.0
     offset: float = 0.0
-    foot: Vector = field(default_factory=lambda: np.zeros(3))
+    foot: Vector | None = None
+
+    @property
+    def start(self) -> Vector:
+        """Where the link begins that leads to it, in the frame before it (3,)."""
+        return np.zeros(3) if self.foot is None else self.foot
 
     @property
     def step(self) -> Vector:
-        """Where its frame is, seen from the frame before it, or from the foot, along the axes of the former (3,)."""
-        return self.placement[:3, 3] - self.foot
+        """From there to its frame (3,)."""
+        return self.placement[:3, 3] - self.start
 
 
 def joints_above(joints: Sequence[Joint], joint: int) -> list[int]:
@@ -85,7 +90,7 @@ def joints_above(joints: Sequence[Joint], joint: int) -> list[int]:
 def foot_of(joints: Sequence[Joint], joint: int) -> Vector:
     """Where the arm stands that has a joint of the tree (3,); zero for the base itself, -1."""
     above = joints_above(joints, joint)
-    return joints[above[-1]].foot if above else np.zeros(3)
+    return joints[above[-1]].start if above else np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,19 +29,7 @@ from ..symbolic import (
     vertcat,
 )
 from ..symbolic.rotations import rotation_about
-from .joints import (
-    FARTHEST,
-    MOST_MOVING,
-    WOUND,
-    Body,
-    Coordinate,
-    Joint,
-    Kinematics,
-    Tip,
-    foot_of,
-    joint_rows,
-    joints_above,
-)
+from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Kinematics, Tip, joint_rows, joints_above
 from .link_shapes import LinkShape
 from .model_joints import ModelJoints, places_in, put_into, taken_from
 from .visuals import Visual
@@ -213,8 +201,8 @@ class Robot(ByValue):
         origins, lines = self._skeleton(self.checked(q)).reshape(-1, 3), []
         for tip in self.tips:
             above = joints_above(self.joints, tip.joint)[::-1]
-            foot = foot_of(self.joints, tip.joint)
-            lines.append(np.array([foot, *origins[above], self.pose(q, tip.name)[:3, 3]]))
+            start = self.joints[above[0]].start if above else np.zeros(3)
+            lines.append(np.array([start, *origins[above], self.pose(q, tip.name)[:3, 3]]))
         return lines
 
     def checked(self, q: ArrayLike, what: str = "q") -> Vector:

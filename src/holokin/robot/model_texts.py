@@ -51,10 +51,10 @@ def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFOR
         inner = [_urdf_inertial(mass)] if mass is not None else []
         inner += [_urdf_visual(shape) for shape in shapes if shape.joint == k]
         lines += [f"  <link name={_quoteattr(link)}>", *inner, "  </link>"]
-    feet = {k: f"{joint.name}_foot" for k, joint in enumerate(robot.joints) if joint.foot.any()}
+    feet = {k: f"{joint.name}_foot" for k, joint in enumerate(robot.joints) if joint.start.any()}
     lines += [f"  <link name={_quoteattr(name)}/>" for name in [*(tip.name for tip in robot.tips), *feet.values()]]
     for k, name in feet.items():
-        place = _origin(pose_from(robot.joints[k].foot))
+        place = _origin(pose_from(robot.joints[k].start))
         ends = f"<parent link={_quoteattr(names[0])}/><child link={_quoteattr(name)}/>"
         lines += [f'  <joint name={_quoteattr(f"{name}_fixed")} type="fixed">{place}{ends}</joint>']
     for k, joint in enumerate(robot.joints):
@@ -130,8 +130,8 @@ def to_mjcf(
                 *inside(k, depth + 1),
                 f"{pad}</body>",
             ]
-            if joint.foot.any():
-                foot = f"<body name={_quoteattr(f'{joint.name}_foot')} {_pose(pose_from(joint.foot))}>"
+            if joint.start.any():
+                foot = f"<body name={_quoteattr(f'{joint.name}_foot')} {_pose(pose_from(joint.start))}>"
                 body = [f"{pad}{foot}", *body, f"{pad}</body>"]
             lines += body
         return lines
@@ -182,7 +182,7 @@ def _zero(joint: Joint, follows: tuple[float, float] | None) -> Matrix:
 
 def _from_foot(joint: Joint, T: Matrix) -> Matrix:
     """The placement (4, 4) of a joint as seen from its foot."""
-    return pose_from(T[:3, 3] - joint.foot, T[:3, :3]) if joint.foot.any() else T
+    return pose_from(T[:3, 3] - joint.start, T[:3, :3])
 
 
 def _range(c: Coordinate, follows: tuple[float, float] | None) -> tuple[float, float]:
