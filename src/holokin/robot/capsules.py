@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from ..base.arguments import typed
 from ..base.poses import pose_from
-from ..base.types import ArrayLike, Matrix, Value, Vector, finite, positive
+from ..base.types import ArrayLike, Matrix, Vector, finite, positive
 from ..errors import ArgumentError, UnknownNameError
 from .composition import pose_matrix
 from .joints import joints_above
@@ -54,19 +55,18 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
     rest = positive("radius", radius) if isinstance(radius, float | int) else chain_length(robot) / SLENDER
     shaped = {shape.joint for shape in robot.shapes if not shape.obstacle}
     bare = [line for line in lines if line.joint not in shaped and np.linalg.norm(line.end - line.start) >= _SHORTEST]
+    clad = {(line.link, line.joint) for line in bare}
     added = []
     for line in bare:
         r = given.get(line.link, rest)
         if not r > 0:
             raise ArgumentError("the length of the chain", 0.0, "give radius=")
-        parent = _parent(robot, line.joint, {(one.link, one.joint) for one in bare}, shaped, lines)
+        parent = _parent(line.joint, lines, clad, shaped)
         added.append(LinkShape(line.link, line.joint, *between(line.start, line.end, r), parent=parent))
     return replace(robot, shapes=(*robot.shapes, *added))
 
 
-def _parent(
-    robot: Robot, joint: int, clad: Set[tuple[str, int]], shaped: Set[int], lines: Sequence[Line]
-) -> str | None:
+def _parent(joint: int, lines: Sequence[Line], clad: Set[tuple[str, int]], shaped: Set[int]) -> str | None:
     """The nearest link with a capsule above a joint's, "" where there is none; None where other shapes are nearer."""
     while joint >= 0:
         line = lines[joint]  # the one that leads to this joint
@@ -104,8 +104,7 @@ def between(start: Vector, end: Vector, radius: float) -> tuple[Matrix, Capsule]
     return pose_from((start + end) / 2, np.column_stack([x, np.cross(z, x), z])), Capsule(radius, length)
 
 
-@dataclass(frozen=True, eq=False)
-class Line(Value):
+class Line(NamedTuple):
     """The line along a link, start (3,) to end (3,) [m] in the frame of its joint (-1: the base)."""
 
     link: str
@@ -125,7 +124,8 @@ def link_lines(robot: Robot) -> list[Line]:
         link = robot.joints[joint.parent].name
         if joint.parent < 0:
             new = BASE if not feet else f"{BASE} of {joint.name}"
-            link = next((name for foot, name in feet if np.linalg.norm(foot - joint.start) < _SHORTEST), new)
+            same = (name for foot, name in feet if np.linalg.norm(foot - joint.start) < _SHORTEST)
+            link = next(same, new)
             feet.append((joint.start, link))
         found.append(Line(link, joint.parent, joint.start, joint.placement[:3, 3]))
     for tip in robot.tips:
