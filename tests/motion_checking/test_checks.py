@@ -133,14 +133,14 @@ def test_a_tool_below_the_floor_is_told_with_its_depth() -> None:
 def test_pairs_that_are_left_out_are_named_with_the_reason(panda: hk.Robot) -> None:
     report = hk.check(PANDA_START[None], panda)
     reasons = {one.pair: one.reason for one in report.left_out}
-    assert "joint joins" in reasons["base", "panda_joint2"]
+    assert "parent and child" in reasons["base", "panda_joint2"]
     assert "random postures" in reasons["panda_joint2", "panda_joint4"]
     assert any("0.071 m" in text for text in report.remarks)
     looked = {one.pair for one in report.pairs}
     assert ("base", "panda_joint7") in looked and not looked & set(reasons)
     less = hk.check(PANDA_START[None], panda, ignore=[("panda_joint7", "base")])
     assert ("base", "panda_joint7") not in {one.pair for one in less.pairs}
-    assert {one.reason for one in less.left_out if one.pair == ("base", "panda_joint7")} == {"asked for"}
+    assert {one.reason for one in less.left_out if one.pair == ("base", "panda_joint7")} == {"allowed to touch"}
     assert hk.check(PANDA_START[None], panda, self_collision=False).pairs == ()
 
 
@@ -295,7 +295,7 @@ def test_the_command_looks_at_a_log(holokin: Command, tmp_path: Path, panda: hk.
     np.savetxt(log, np.column_stack([t, np.repeat(PANDA_START[None], 101, axis=0)]), delimiter=",", header=header,
                comments="")  # fmt: skip
     quiet = holokin("check", log, "--robot", "panda", "--floor", "0", "--ignore", "base,panda_joint7")
-    assert quiet.code == 0 and "nothing found" in quiet.out and "asked for: base and panda_joint7" in quiet.out
+    assert quiet.code == 0 and "nothing found" in quiet.out and "allowed to touch: base and panda_joint7" in quiet.out
     assert_refused(holokin("check", log, "--robot", "panda", "--ignore", "base"), "--ignore", "comma")
     other = log.read_text("utf-8").replace("panda_joint", "actual_q_").replace("t,", "clock,", 1)
     log.write_text(other, "utf-8")

@@ -101,7 +101,7 @@ def new_job_for(path: FilePath, robot: str, tip: str | None = None, base: str | 
     task = fitting_task(arm)
     words, kind = _kind(task)
     name = robot_name(robot, path) if FilePath(robot).suffix else robot
-    scale = arm.n**-0.5 * sum(np.linalg.norm(joint.placement[:3, 3]) for joint in arm.joints) + 0.05
+    scale = arm.n**-0.5 * sum(np.linalg.norm(joint.step) for joint in arm.joints) + 0.05
     for start in regular_starts(task)[:_TRIED]:
         for share in (0.1, 0.03, 0.01):
             radius = float(f"{min(0.1, share * scale):.1g}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
@@ -94,6 +95,14 @@ class LeftOut(Shown):
     reason: str
 
 
+def left_out_words(pairs: Sequence[LeftOut]) -> list[str]:
+    """All pairs that were left out, named, a sentence for each reason."""
+    found: dict[str, list[str]] = {}
+    for one in pairs:
+        found.setdefault(one.reason, []).append(" and ".join(one.pair))
+    return [f"left out, {reason}: {', '.join(names)}" for reason, names in found.items()]
+
+
 @dataclass(frozen=True)
 class Unseen(Shown):
     """A link without a shape that can be looked at, and why."""
@@ -158,11 +167,7 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
                 f"least distance {least}, {' and '.join(near.pair)} at {near.time:.3f} s{told}; {len(self.pairs)} pairs"
             )
         lines += [f"not looked at: {one.link}: {one.reason}" for one in self.unseen]
-        reasons = dict.fromkeys(one.reason for one in self.left_out)
-        for reason in reasons:
-            pairs = [" and ".join(one.pair) for one in self.left_out if one.reason == reason]
-            lines.append(f"left out, {reason}: {', '.join(pairs)}")
-        return [*lines, *self.remarks]
+        return [*lines, *left_out_words(self.left_out), *self.remarks]
 
     def summary(self) -> dict[str, Any]:
         """JSON-ready facts."""

@@ -1,4 +1,4 @@
-"""Which pairs of links are looked at: not those that a joint joins, nor those that touch at many random postures."""
+"""Which pairs of links are looked at: not parent and child, nor those that always touch, nor those that may touch."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..errors import UnknownNameError
 from ..robot import Capsule, LinkShape, Robot, joints_above
 from ..robot.numeric import joint_frames
 from .check_report import LeftOut, Unseen
-from .gaps import Gap, floor_gap, link_gap, links_of
+from .gaps import FLOOR, Gap, Link, floor_gap, link_gap, links_of
 
 POSTURES = 200
 """Random postures within the limits at which pairs are looked at, to find those that always touch."""
 
-ADJACENT = "a joint joins them"
+ADJACENT = "parent and child"
 ALWAYS = f"they touch at each of {POSTURES} random postures"
 NEAR = f"nearer than the clearance at each of {POSTURES} random postures, so only collisions are told"
-ASKED = "asked for"
+ASKED = "allowed to touch"
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,18 +43,22 @@ def pairs_of(
     robot: Robot, obstacles: Sequence[LinkShape], q: Matrix, *, clearance: float, floor: float | None,
     self_collision: bool, ignore: Sequence[tuple[str, str]],
 ) -> Pairs:  # fmt: skip
-    """The pairs of a robot among obstacles, for a motion q (k, n). Raises: UnknownNameError: an unknown link."""
+    """The pairs of a robot among obstacles, for a motion q (k, n). Raises: UnknownNameError: an unknown link.
+
+    Links that do not move against each other are no pair, nor are such links and what stands still.
+    """
     good, unseen = _readable(robot.shapes)
     others, hidden = _readable(obstacles)
     links = links_of([shape for shape in good if not shape.obstacle])
     things = links_of([*(shape for shape in good if shape.obstacle), *others])
     unseen += hidden
-    _known(ignore, [link.name for link in (*links, *things)] + [one.link for one in unseen])
+    there = [link.name for link in (*links, *things)] + [one.link for one in unseen]
+    _known(ignore, there if floor is None else [*there, FLOOR])
     if not all(isinstance(shape.shape, Capsule) for shape in robot.shapes):  # a link without length has no capsule
         bare = sorted({*range(len(robot.joints))} - {shape.joint for shape in robot.shapes})
         unseen += [Unseen(robot.joints[j].name, "no shape moves with this joint") for j in bare]
     travel = _travel(robot, q)
-    joined = _joined(robot, {link.joint for link in links})
+    parents = [_parent(robot, links, link) for link in links]
     left_out, gaps, tested = [], [], []
     skipped = {frozenset(pair) for pair in ignore}
     for i, one in enumerate(links):
@@ -63,13 +67,13 @@ def pairs_of(
                 left_out.append(LeftOut((one.name, thing.name), ASKED))
             else:
                 gaps.append(link_gap(robot, one, thing, travel))
-        for other in links[:i] if self_collision else ():
+        for j, other in enumerate(links[:i] if self_collision else ()):
             pair = (other.name, one.name)
             if one.joint == other.joint:
                 continue  # they never move against each other
             if frozenset(pair) in skipped:
                 left_out.append(LeftOut(pair, ASKED))
-            elif frozenset((one.joint, other.joint)) in joined:
+            elif other is parents[i] or one is parents[j]:
                 left_out.append(LeftOut(pair, ADJACENT))
             else:
                 tested.append(link_gap(robot, other, one, travel))
@@ -82,10 +86,12 @@ def pairs_of(
             left_out.append(LeftOut(gap.names, NEAR))
         gaps.append(gap)
         limits.append(0.0 if values.max() < clearance else clearance)
-    if floor is not None:
-        raised = [floor_gap(robot, link, floor, travel) for link in links if link.joint >= 0]
-        gaps += raised
-        limits += [clearance] * len(raised)
+    for link in links if floor is not None else ():
+        if link.joint >= 0 and frozenset((link.name, FLOOR)) in skipped:
+            left_out.append(LeftOut((link.name, FLOOR), ASKED))
+        elif link.joint >= 0:
+            gaps.append(floor_gap(robot, link, floor, travel))
+            limits.append(clearance)
     return Pairs(tuple(gaps), tuple(limits), tuple(left_out), tuple(unseen))
 
 
@@ -101,13 +107,19 @@ def _travel(robot: Robot, q: Matrix) -> Vector:
     return np.array(values)
 
 
-def _joined(robot: Robot, shaped: set[int]) -> set[frozenset[int]]:
-    """Pairs of joints whose links hang on each other, with none that has a shape between."""
-    found = set()
-    for index in shaped:
-        above = (joint for joint in joints_above(robot.joints, index)[1:] if joint in shaped)
-        found.add(frozenset((index, next(above, -1))))
-    return found
+def _parent(robot: Robot, links: Sequence[Link], link: Link) -> Link | None:
+    """The link with shapes on which one hangs, if only links without shapes are between. See `LinkShape.parent`."""
+    own, rest = link.shapes[0], [one for one in links if not one.shapes[0].carried]
+    if own.carried and any(one.joint == link.joint for one in rest):
+        return None  # it is fixed to that
+    for joint in [*joints_above(robot.joints, link.joint)[1:], -1] if link.joint >= 0 else ():
+        there = [one for one in rest if one.joint == joint]
+        named = [one for one in there if one.name == own.parent]
+        if named:
+            return named[0]
+        if there and (own.parent is None or there[0].shapes[0].parent is None):
+            return there[0] if len(there) == 1 else None
+    return None
 
 
 def _at_random(robot: Robot, gaps: Sequence[Gap], near: float) -> list[Vector]:

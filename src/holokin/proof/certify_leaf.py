@@ -78,7 +78,7 @@ def certify(
         floor: height of the floor z [m] in the frame of the base; None for no floor.
         clearance: the distance to prove [m].
         self_collision: whether links are held against each other.
-        ignore: pairs of names of links, or of a link and an obstacle, that may touch.
+        ignore: pairs of names that may touch: of two links, of a link and an obstacle, or of a link and "floor".
         shapes_of: the same robot with other shapes, as of `with_shape` or `with_capsules`; by default the strategy's.
         budget: cells that may be examined.
         keep_in: a file that keeps the cells as they are examined. Where it is there already, of the same question, the

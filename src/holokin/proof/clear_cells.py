@@ -27,6 +27,7 @@ import numpy as np
 from ..base.sure_digits import at_least
 from ..base.types import Array, Indices, Matrix, Value, Vector, some
 from ..errors import brief
+from ..motion_checking.check_report import left_out_words
 from ..motion_checking.gaps import FloorGap, Gap, LinkGap, segment_step
 from ..motion_checking.pairs import POSTURES, Pairs
 from ..robot import LinkShape, Robot, joints_above
@@ -155,12 +156,12 @@ class ClearCells(Value):
         i, names = int(np.argmin(asked)), dict.fromkeys(pair.names for pair in self.pairs)
         one, other = self.pairs[i].names
         touch = len(dict.fromkeys(pair.names for pair in self.pairs if not pair.wanted)) if wanted.any() else 0
-        out = len([one for one in self.looked_at.left_out if one.pair not in names])
+        out = left_out_words([one for one in self.looked_at.left_out if one.pair not in names])
         far = at_least(float(asked[i]))
         parts = [f"the shapes of {len(names)} pairs keep apart, {one} and {other} as the nearest by {far} m or more"]
         at = f"at each of {POSTURES} random postures"
         parts += [f"{touch} of them, which are near {at}, are only shown not to touch"] if touch else []
-        parts += [f"{out} pairs that a joint joins, that touch {at}, or that may touch are left out"] if out else []
+        parts += ["; ".join(out)] if out else []
         bare = sorted({one.link for one in self.looked_at.unseen})
         parts += [f"nothing is said of {brief(', '.join(bare))}, without a shape to look at"] if bare else []
         return ", ".join(parts)

@@ -10,7 +10,7 @@ from ..base.types import Matrix, Vector, number
 from ..errors import ArgumentError
 from ..motion_checking.gaps import FLOOR
 from ..motion_checking.keeping_clear import Clearances, posture_clearances
-from ..robot import LinkShape, Mesh, Robot, chain_length
+from ..robot import LinkShape, Mesh, Robot, chain_length, foot_of
 from ..strategies import HolonomicStrategy
 from .clear_cells import ClearCells, joints_of, shape_pairs
 from .too_near import apart_words, too_near_at
@@ -69,7 +69,8 @@ def clearances_of(
     level = None if floor is None else number("floor", floor)
     if level is not None and not np.isfinite(level):
         raise ArgumentError("floor", level, "give its height in m, or None")
-    _checked(robot, clear_of, {"floor": level or 0.0, "clearance": number("clearance", clearance)})
+    heights = {} if level is None else {"floor": level}
+    _checked(robot, clear_of, {**heights, "clearance": number("clearance", clearance)})
     found = posture_clearances(robot, clear_of, level, clearance, self_collision, ignore)
     for one in found.pairs.unseen:
         if any(one.link == shape.link for shape in clear_of):
@@ -138,10 +139,10 @@ def _is_rotation(T: Matrix) -> bool:
 
 
 def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str, float]) -> None:
-    size = max(chain_length(robot), 0.1)
+    size, foot = max(chain_length(robot), 0.1), foot_of(robot.joints, robot.tip().joint)
     most = LARGE * size
     for name, length in lengths.items():
-        if abs(length) > most:
+        if abs(length - (foot[2] if name == "floor" else 0.0)) > most:
             raise ArgumentError(name, length, "give metres: it is more than 50 times as far as the arm is long")
     if lengths["clearance"] > size:
         raise ArgumentError("clearance", lengths["clearance"], f"give metres: the arm is {size:.3g} m long")
@@ -156,6 +157,6 @@ def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str,
         if one.shape.fault:
             raise ArgumentError(f"the obstacle {one.link!r}", one.shape.fault, "give a shape that can be read")
         center, size = one.shape.ball
-        if size + np.linalg.norm(one.placement[:3, 3] + one.placement[:3, :3] @ center) > most:
+        if size + np.linalg.norm(one.placement[:3, 3] + one.placement[:3, :3] @ center - foot) > most:
             cure = "give metres: it is more than 50 times as far or as large as the arm is long"
             raise ArgumentError(f"the obstacle {one.link!r}", f"{size:.3g}", cure)

@@ -13,7 +13,7 @@ import numpy as np
 from ..base.poses import pose_from
 from ..base.types import Matrix, Vector
 from ..robot import Box, Capsule, Cylinder, Hull, LinkShape, Mesh, Robot, Shape, chain_length
-from ..robot.capsules import between, link_steps
+from ..robot.capsules import Line, between, link_lines
 from ..robot.numeric import Frames, joint_frames, placed
 from .palette import AXES, GREY, INK
 from .solids import Block, Rod, Solid, tint
@@ -64,22 +64,25 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
     shaped = {part.joint for part in shown if not part.carried}
     found = [Piece(part, _role(part)) for part in shown]
     deep = _depths(robot)
-    for start, end in _steps(robot, shown):
-        if (start >= 0 or start not in shaped) and np.linalg.norm(end) > _SMALL:
-            width = unit * (1 - (1 - TAPER) * (deep[start] if start >= 0 else 0.0))
-            width *= CORE if start in shaped else 1.0
-            foot = end * min(0.5, width / np.linalg.norm(end)) if start < 0 else np.zeros(3)  # it stands on its plate
-            found.append(_piece(start, between(foot, end, width), "link"))
+    for line in _lines(robot, shown):
+        index, step = line.joint, line.end - line.start
+        if (index >= 0 or index not in shaped) and np.linalg.norm(step) > _SMALL:
+            width = unit * (1 - (1 - TAPER) * (deep[index] if index >= 0 else 0.0))
+            width *= CORE if index in shaped else 1.0
+            plate = step * min(0.5, width / np.linalg.norm(step)) if index < 0 else 0.0  # it stands on it
+            found.append(_piece(index, between(line.start + plate, line.end, width), "link"))
     for index, joint in enumerate(robot.joints):
         width = unit * (1 - (1 - TAPER) * deep[index])
         if joint.kind == "prismatic":
             found += _rail(robot, index, Q, 1.25 * width, index in shaped)
-        elif index not in shaped and (joint.parent >= 0 or np.linalg.norm(joint.placement[:3, 3]) > width):
+        elif index not in shaped and (joint.parent >= 0 or np.linalg.norm(joint.step) > width):
             half = 1.2 * width * joint.axis
             found.append(_piece(index, between(-half, half, 1.16 * width), "hinge"))
-    if all(joint.kind != "prismatic" for joint in robot.joints if joint.parent < 0) and -1 not in shaped:
-        middle = pose_from([0.0, 0.0, 0.25 * unit])
-        found.append(_piece(-1, (middle, Cylinder(2.4 * unit, 0.5 * unit)), "base"))
+    first = [joint for joint in robot.joints if joint.parent < 0]
+    if all(joint.kind != "prismatic" for joint in first) and -1 not in shaped:
+        for foot in np.unique([joint.start for joint in first], axis=0):
+            middle = pose_from(foot + [0.0, 0.0, 0.25 * unit])
+            found.append(_piece(-1, (middle, Cylinder(2.4 * unit, 0.5 * unit)), "base"))
     return tuple(found)
 
 
@@ -90,18 +93,15 @@ def _role(part: LinkShape) -> str:
     return ("link", "other")[part.joint % 2] if part.joint >= 0 else "base"
 
 
-def _steps(robot: Robot, shown: Sequence[LinkShape]) -> list[tuple[int, Vector]]:
-    """The rods of a robot: those of `link_steps`, but a link that carries a tool ends in the tool, not at its tip."""
+def _lines(robot: Robot, shown: Sequence[LinkShape]) -> list[Line]:
+    """The rods of a robot: those of `link_lines`, but a link that carries a tool ends in the tool, not at its tip."""
     tools: dict[int, list[Vector]] = {}
     for part in shown:
         if part.carried:
             tools.setdefault(part.joint, []).append(part.placement[:3, 3])
-    steps = link_steps(robot)
-    tips = zip(robot.tips, steps[len(robot.joints) :], strict=True)
-    return [
-        *steps[: len(robot.joints)],
-        *((tip.joint, min(tools.get(tip.joint, [step[1]]), key=np.linalg.norm)) for tip, step in tips),
-    ]
+    lines, count = link_lines(robot), len(robot.joints)
+    found = [*lines[:count], *(line for line in lines[count:] if line.joint not in tools)]
+    return found + [Line("", joint, np.zeros(3), min(there, key=np.linalg.norm)) for joint, there in tools.items()]
 
 
 def thickness(robot: Robot, Q: Matrix) -> float:

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..base.sure_digits import at_least, at_most
 from ..errors import brief
-from ..motion_checking.pairs import POSTURES
 from ..path import Path
 from ..path.synchronized_paths import paths_of
 from ..path.workspaces import Workspace
@@ -298,15 +297,16 @@ def _collisions(found: Certificate) -> str:
     clear = found.demands.clear
     if clear is None:
         return COLLISIONS
-    left = list(dict.fromkeys(one.pair for one in clear.looked_at.left_out))
     known = {pair.names for pair in clear.pairs}
-    out = [one for one in left if one not in known]
+    out: dict[str, list[tuple[str, str]]] = {}
+    for one in clear.looked_at.left_out:
+        if one.pair not in known:
+            out.setdefault(one.reason, []).append(one.pair)
     bare = sorted({one.link for one in clear.looked_at.unseen})
     parts = [
         "Collisions with anything that is not named above, of cables, and of shapes that bend or are held otherwise"
     ]
-    why = f"Pairs that a joint joins, that touch at each of {POSTURES} random postures, or that may touch"
-    parts += [f"{why}: {_pairs(out)}"] if out else []
+    parts += [f"Pairs left out, {reason}: {_pairs(pairs)}" for reason, pairs in out.items()]
     parts += [f"Links without a shape: {brief(', '.join(bare))}"] if bare else []
     parts += [assumed] if (assumed := assumed_words(found)) else []
     return ". ".join(parts) + "."

@@ -14,6 +14,7 @@ from .free_coordinates import coordinates
 from .inertia import mass_matrix_expression as mass_matrix_expression
 from .inertia import potential_expression as potential_expression
 from .joints import FARTHEST, Body, Coordinate, Joint, Kinematics, Tip
+from .joints import foot_of as foot_of
 from .joints import joints_above as joints_above
 from .limits import with_limits
 from .link_frames import link_jacobian as link_jacobian

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +19,7 @@ from .link_shapes import Capsule, LinkShape, Shape
 from .model import Robot
 
 SLENDER = 20.0
-"""Length of an arm over the radius of its capsules: 7 cm for a Panda, 7 cm for a UR5e."""
+"""Length of an arm over the radius of its capsules: 7 cm for a Panda, 6 cm for a UR5e."""
 
 BASE = "base"
 """The name of what stands still, where a robot has no names of links."""
@@ -31,47 +33,64 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
     """The robot with capsules for links, along the lines from each joint's frame to the next ones and to the tips.
 
     The capsule of a link has the name of the joint that moves it, "base" for the one that stands still. Links that
-    have shapes already keep them. What is between a slider and the joint before it has no capsule.
+    have shapes already keep them. What is between a slider and the joint before it has no capsule. A base begins where
+    the robot is mounted, and a tool where the arm ends: both leave all other capsules as they are. What the robot
+    stands on is no part of it, see `obstacle`. Where several arms stand side by side, each has a base of its own,
+    "base", and "base of JOINT" of the others.
 
     Args:
-        radius: of all capsules [m], or by name, where those left out have the default: a twentieth of the length of
-            the chain, the sum of the distances from frame to frame on the way to the first tip.
+        radius: of all capsules [m], or by name, where those left out have the default: a twentieth of `chain_length`.
 
     Raises:
         UnknownNameError: a name that no link has. ArgumentError: a bad radius, or a robot without links.
     """
     robot.check_links()
-    steps = link_steps(robot)
-    names = {-1: BASE} | {i: joint.name for i, joint in enumerate(robot.joints)}
+    lines = link_lines(robot)
+    names = tuple(dict.fromkeys([BASE, *(joint.name for joint in robot.joints), *(line.link for line in lines)]))
     given = dict(radius) if isinstance(radius, Mapping) else {}
     for name, value in given.items():
-        if name not in names.values():
-            raise UnknownNameError("link", name, tuple(names.values()))
+        if name not in names:
+            raise UnknownNameError("link", name, names)
         positive(f"the radius of {name}", value)
     rest = positive("radius", radius) if isinstance(radius, float | int) else chain_length(robot) / SLENDER
     shaped = {shape.joint for shape in robot.shapes if not shape.obstacle}
+    bare = [line for line in lines if line.joint not in shaped and np.linalg.norm(line.end - line.start) >= _SHORTEST]
+    clad = {(line.link, line.joint) for line in bare}
     added = []
-    for index, step in steps:
-        r = given.get(names[index], rest)
-        if index in shaped or np.linalg.norm(step) < _SHORTEST:
-            continue
+    for line in bare:
+        r = given.get(line.link, rest)
         if not r > 0:
             raise ArgumentError("the length of the chain", 0.0, "give radius=")
-        added.append(LinkShape(names[index], index, *between(np.zeros(3), step, r)))
+        parent = _parent(line.joint, lines, clad, shaped)
+        added.append(LinkShape(line.link, line.joint, *between(line.start, line.end, r), parent=parent))
     return replace(robot, shapes=(*robot.shapes, *added))
+
+
+def _parent(joint: int, lines: Sequence[Line], clad: Set[tuple[str, int]], shaped: Set[int]) -> str | None:
+    """The nearest link with a capsule above a joint's, "" where there is none; None where other shapes are nearer."""
+    while joint >= 0:
+        line = lines[joint]  # the one that leads to this joint
+        joint = line.joint
+        if (line.link, joint) in clad:
+            return line.link
+        if joint in shaped:
+            return None
+    return ""
 
 
 @typed
 def chain_length(robot: Robot) -> float:
     """Sum of the distances [m] from frame to frame on the way from the base to the first tip, sliders at zero.
 
+    It counts from where the robot is mounted to where the arm ends, without a tool of `with_tool`.
+
     Raises:
         ArgumentError: a robot without links.
     """
     tip = robot.tip()
-    total = float(np.linalg.norm(tip.placement[:3, 3]))
+    total = float(np.linalg.norm(tip.arm_end))
     for index in joints_above(robot.joints, tip.joint):
-        total += float(np.linalg.norm(robot.joints[index].placement[:3, 3]))
+        total += float(np.linalg.norm(robot.joints[index].step))
     return total
 
 
@@ -85,10 +104,45 @@ def between(start: Vector, end: Vector, radius: float) -> tuple[Matrix, Capsule]
     return pose_from((start + end) / 2, np.column_stack([x, np.cross(z, x), z])), Capsule(radius, length)
 
 
-def link_steps(robot: Robot) -> list[tuple[int, Vector]]:
-    """(joint, step (3,) in its frame) to every frame that hangs on it: of the joints after it, and of tips."""
-    found = [(joint.parent, joint.placement[:3, 3]) for joint in robot.joints]
-    return found + [(tip.joint, tip.placement[:3, 3]) for tip in robot.tips]
+class Line(NamedTuple):
+    """The line along a link, start (3,) to end (3,) [m] in the frame of its joint (-1: the base)."""
+
+    link: str
+    joint: int
+    start: Vector
+    end: Vector
+
+
+def link_lines(robot: Robot) -> list[Line]:
+    """The lines of all links: those to each joint, in their order, then to where the arm ends and from there along a
+    tool, or in one where the tool goes straight on.
+
+    A base begins at its foot. A tip that is fixed to the base is the end of no link.
+    """
+    found, feet = [], list[tuple[Vector, str]]()
+    for joint in robot.joints:
+        link = robot.joints[joint.parent].name
+        if joint.parent < 0:
+            new = BASE if not feet else f"{BASE} of {joint.name}"
+            same = (name for foot, name in feet if np.linalg.norm(foot - joint.start) < _SHORTEST)
+            link = next(same, new)
+            feet.append((joint.start, link))
+        found.append(Line(link, joint.parent, joint.start, joint.placement[:3, 3]))
+    for tip in robot.tips:
+        if tip.joint >= 0:
+            link, points = robot.joints[tip.joint].name, [np.zeros(3), tip.arm_end, tip.placement[:3, 3]]
+            if _on_the_way(points[1], points[2]):
+                del points[1]
+            found += [Line(link, tip.joint, *ends) for ends in pairwise(points)]
+    return found
+
+
+def _on_the_way(point: Vector, end: Vector) -> bool:
+    """Whether a point (3,) is on the line from the origin to an end (3,)."""
+    length = float(np.linalg.norm(end))
+    along = float(point @ end) / length if length else 0.0
+    off = point - along * end / length if length else point
+    return bool(np.linalg.norm(off) < _SHORTEST and 0 <= along <= length)
 
 
 @typed

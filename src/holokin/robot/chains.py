@@ -70,11 +70,13 @@ class _Builder:
         return Robot(tree.name, coordinates, tuple(self.joints), tuple(ends), tree.source, bodies, shapes, visuals)
 
     def _add(self, tip: str, chain: Sequence[Branch]) -> Tip:
-        parent, placement = -1, np.eye(4)
+        parent, placement, foot, begun = -1, np.eye(4), None, False
         for joint in chain:
-            placement = placement @ joint.origin
+            before, placement = placement, placement @ joint.origin
             if joint.kind == "fixed":
                 continue
+            foot = foot if begun else before[:3, 3]  # it stands where the link does on which its first joint hangs
+            begun = True
             if joint.kind not in MOVING:
                 cure = "choose base= below it: revolute, continuous, prismatic, fixed and mimic joints are supported"
                 raise self.tree.problem(f"joint {joint.name!r} is of type {joint.kind!r}", cure)
@@ -86,45 +88,54 @@ class _Builder:
                 continue
             if joint.name not in self.index:
                 self.coordinates.setdefault(master.name, master.coordinate)
-                self._move(joint, parent, placement, axis, (master.name, multiplier, offset))
-            parent, placement = self.index[joint.name], np.eye(4)
+                self._move(joint, parent, placement, axis, (master.name, multiplier, offset), foot)
+            parent, placement, foot = self.index[joint.name], np.eye(4), None
         return Tip(tip, parent, placement)
 
-    def _move(self, joint: Branch, parent: int, placement: Matrix, axis: Vector, law: tuple[str, float, float]) -> None:
+    def _move(
+        self, joint: Branch, parent: int, placement: Matrix, axis: Vector, law: tuple[str, float, float],
+        foot: Vector | None,
+    ) -> None:  # fmt: skip
         master, multiplier, offset = law
         number = list(self.coordinates).index(master)
         self.index[joint.name] = len(self.joints)
-        self.joints.append(Joint(joint.name, joint.kind, parent, placement, axis, number, multiplier, offset))
+        self.joints.append(Joint(joint.name, joint.kind, parent, placement, axis, number, multiplier, offset, foot))
 
     def _carried_things(self) -> tuple[tuple[Body, ...], tuple[LinkShape, ...], tuple[Visual, ...]]:
-        """What is below the root. A joint beside the chains stays at zero, unless it mimics one of theirs."""
+        """What is below the root. A joint beside the chains stays at zero, unless it mimics one of theirs.
+
+        Each shape knows the nearest link above its own that has shapes: the two are neighbours.
+        """
         bodies: list[Body] = []
         shapes: list[LinkShape] = []
         visuals: list[Visual] = []
-        waiting = [(self.root, -1, np.eye(4))]
+        waiting = [(self.root, -1, np.eye(4), "")]
         below: dict[str, list[Branch]] = {}
         for joint in self.by_name.values():
             below.setdefault(joint.parent, []).append(joint)
         while waiting:
-            name, index, placement = waiting.pop()
+            name, index, placement, above = waiting.pop()
             weight = self.tree.links[name]
             if weight is not None and weight.mass:
                 R = placement[:3, :3]
                 with np.errstate(all="ignore"):  # senseless masses are told by what needs them
                     center, inertia = R @ weight.center + placement[:3, 3], R @ weight.inertia @ R.T
                 bodies.append(Body(index, weight.mass, center, inertia))
+            carrier = above
             for shape in self.tree.shapes.get(name, ()):
-                shapes.append(replace(shape, joint=index, placement=placement @ shape.placement))
+                shapes.append(replace(shape, joint=index, placement=placement @ shape.placement, parent=above))
+                carrier = above if shape.obstacle else name
             for visual in self.tree.visuals.get(name, ()):
                 visuals.append(replace(visual, joint=index, placement=placement @ visual.placement))
             for joint in below.get(name, []):
-                waiting.append((joint.child, *self._carried(joint, index, placement)))
+                waiting.append((joint.child, *self._carried(joint, index, placement), carrier))
         return tuple(bodies), tuple(shapes), tuple(visuals)
 
     def _carried(self, joint: Branch, parent: int, placement: Matrix) -> tuple[int, Matrix]:
         """(index of the joint that moves a joint's child link, placement there)."""
         if joint.name in self.index:
             return self.index[joint.name], np.eye(4)
+        foot = placement[:3, 3] if parent < 0 else None
         placement = placement @ joint.origin
         if joint.kind not in MOVING:
             return parent, placement
@@ -134,7 +145,7 @@ class _Builder:
         except RobotFileError:
             return parent, placement  # beside the chains, so it must not hinder them
         if master.name in self.coordinates and master.name not in self.held:
-            self._move(joint, parent, placement, axis, (master.name, multiplier, offset))
+            self._move(joint, parent, placement, axis, (master.name, multiplier, offset), foot)
             return self.index[joint.name], np.eye(4)
         value = self.held.get(master.name, master.zero)
         return parent, placement @ motion(joint.kind, axis, multiplier * value + offset)

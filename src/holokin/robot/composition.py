@@ -92,7 +92,9 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
         for joint in part.robot.joints:
             parent, placement = placed(joint.parent, joint.placement)
             label, coordinate = part.prefix + joint.name, number + joint.coordinate
-            joints.append(replace(joint, name=label, parent=parent, placement=placement, coordinate=coordinate))
+            foot = origin[:3, :3] @ joint.start + origin[:3, 3] if parent < 0 else None  # what moves carries it
+            moved = replace(joint, name=label, parent=parent, placement=placement, coordinate=coordinate, foot=foot)
+            joints.append(moved)
         for body in part.robot.bodies:
             index, T = placed(body.joint, pose_from(body.center))
             R = T[:3, :3]
@@ -101,11 +103,16 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
             index, T = placed(shape.joint, shape.placement)
             stands = shape.obstacle and index < 0  # what was round a robot is carried, where that rides on another
             label = part.prefix + shape.link
-            shapes.append(replace(shape, link=label, joint=index, placement=T, obstacle=stands))
+            on_link = part.prefix + shape.parent if shape.parent else shape.parent
+            shapes.append(replace(shape, link=label, joint=index, placement=T, obstacle=stands, parent=on_link))
         for visual in part.robot.visuals:
             index, T = placed(visual.joint, visual.placement)
             visuals.append(replace(visual, link=part.prefix + visual.link, joint=index, placement=T))
-        ends = [Tip(part.prefix + tip.name, *placed(tip.joint, tip.placement)) for tip in part.robot.tips]
+        ends = []
+        for tip in part.robot.tips:
+            index, T = placed(tip.joint, tip.placement)
+            flange = None if tip.flange is None else placed(tip.joint, pose_from(tip.flange))[1][:3, 3]
+            ends.append(Tip(part.prefix + tip.name, index, T, flange))
         _unlike("joint", joints)
         _unlike("tip", [*tips, *ends])
         tips += ends
@@ -157,7 +164,7 @@ def with_tool(
     check_radians("rpy of a tool", turn)
     check_tool(robot, place, carrier.name)
     T = pose_matrix(place, turn)
-    tips = [Tip(name, t.joint, t.placement @ T) if t is carrier else t for t in robot.tips]
+    tips = [Tip(name, t.joint, t.placement @ T, t.arm_end) if t is carrier else t for t in robot.tips]
     _unlike("tip", tips)
     return replace(robot, tips=tuple(tips))
 

@@ -79,7 +79,7 @@ def from_dh(
     if len(rows) > MOST_MOVING:
         raise ArgumentError(f"the number of joints of {name!r}", len(rows), f"give at most {MOST_MOVING:,}")
     before = np.eye(4) if base is None else _pose("base", base)
-    joints: list[Joint] = []
+    foot, joints = before[:3, 3], list[Joint]()
     coordinates: list[Coordinate] = []
     for i, row in enumerate(_row(r) for r in rows):
         label = row.joint or f"q{i + 1}"
@@ -94,7 +94,7 @@ def from_dh(
         motion = _screw("z", row.theta, row.d)
         # theta and d commute with the joint's own motion about or along z, so they go before it.
         placement = before @ (motion if convention == "standard" else link @ motion)
-        joints.append(Joint(label, row.kind, i - 1, placement, np.array([0.0, 0.0, 1.0]), i))
+        joints.append(Joint(label, row.kind, i - 1, placement, np.array([0.0, 0.0, 1.0]), i, foot=None if i else foot))
         coordinates.append(Coordinate(label, row.kind, row.lower, row.upper, row.max_velocity))
         before = link if convention == "standard" else np.eye(4)
     hinges = [[c.lower, c.upper] for c in coordinates if c.kind == "revolute"]

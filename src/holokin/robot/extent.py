@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import Array, Matrix, Vector
-from .joints import Tip, joints_above
+from .joints import Tip, foot_of, joints_above
 from .model import Robot
 from .numeric import joint_frames, placed
 
@@ -19,7 +19,7 @@ _STARTS = 8
 
 @typed
 def reach(robot: Robot, tip: str | None = None) -> float:
-    """The largest distance [m] of a tip from the origin of the base frame, max |p(q)| within the joint limits.
+    """The largest distance [m] of a tip from where the robot stands, max |p(q) - foot| within the joint limits.
 
     It is the farthest of random postures, the best of which are improved by a truncated Newton method. Infinite for a
     slider without limits; a hinge without limits turns once round.
@@ -34,11 +34,13 @@ def reach(robot: Robot, tip: str | None = None) -> float:
         return float("inf")
     lower, upper = robot.ranges(np.pi)
     Q = np.random.default_rng(0).uniform(lower, upper, (_SAMPLES, robot.n))
-    far = np.linalg.norm(_points(robot, Q, end)[0], axis=1)
+    foot = foot_of(robot.joints, end.joint)
+    far = np.linalg.norm(_points(robot, Q, end)[0] - foot, axis=1)
 
     def cost(q: Vector) -> tuple[float, Vector]:
         p, J = _points(robot, q[None], end)
-        return -float(p[0] @ p[0]) / 2, -J[0].T @ p[0]
+        step = p[0] - foot
+        return -float(step @ step) / 2, -J[0].T @ step
 
     bounds = list(zip(lower, upper, strict=True))
     starts = Q[np.argsort(-far)[:_STARTS]]

@@ -52,7 +52,10 @@ class Coordinate(Shown):
 
 @dataclass(frozen=True, eq=False)
 class Joint(Value):
-    """A joint of the tree: T(parent) placement, then a motion of multiplier q_k + offset along or about its axis."""
+    """A joint of the tree: T(parent) placement, then a motion of multiplier q_k + offset along or about its axis.
+
+    `foot` (3,): of a joint on the base, where the robot, or this arm of it, is mounted there [m]; None for the origin.
+    """
 
     name: str
     kind: str
@@ -62,6 +65,17 @@ class Joint(Value):
     coordinate: int
     multiplier: float = 1.0
     offset: float = 0.0
+    foot: Vector | None = None
+
+    @property
+    def start(self) -> Vector:
+        """Where the link begins that leads to it, in the frame before it (3,)."""
+        return np.zeros(3) if self.foot is None else self.foot
+
+    @property
+    def step(self) -> Vector:
+        """From there to its frame (3,)."""
+        return self.placement[:3, 3] - self.start
 
 
 def joints_above(joints: Sequence[Joint], joint: int) -> list[int]:
@@ -73,13 +87,28 @@ def joints_above(joints: Sequence[Joint], joint: int) -> list[int]:
     return found
 
 
+def foot_of(joints: Sequence[Joint], joint: int) -> Vector:
+    """Where the arm stands that has a joint of the tree (3,); zero for the base itself, -1."""
+    above = joints_above(joints, joint)
+    return joints[above[-1]].start if above else np.zeros(3)
+
+
 @dataclass(frozen=True, eq=False)
 class Tip(Value):
-    """A named frame fixed to a joint's moving side (joint -1: the base)."""
+    """A named frame fixed to a joint's moving side (joint -1: the base).
+
+    `flange` (3,): where the arm ends that carries the tool, on the same joint [m]; None where the tip is its end.
+    """
 
     name: str
     joint: int
     placement: Matrix
+    flange: Vector | None = None
+
+    @property
+    def arm_end(self) -> Vector:
+        """Where the arm ends, without a tool, in the frame of the joint (3,)."""
+        return self.placement[:3, 3] if self.flange is None else self.flange
 
 
 @dataclass(frozen=True)

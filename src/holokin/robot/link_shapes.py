@@ -364,6 +364,8 @@ class LinkShape(Value):
 
     `obstacle`: it stands around the robot and is no part of it, so that even the link next to the base may hit it.
     `carried`: it is of a tool that the link carries, beside the link's own shapes.
+    `parent`: the nearest link with shapes that its link hangs on in the robot's tree; "" where there is none, None
+    where nothing but the joints is known: then it is the link on the nearest joint before that has one, and only one.
     """
 
     link: str
@@ -372,6 +374,7 @@ class LinkShape(Value):
     shape: Shape
     obstacle: bool = False
     carried: bool = False
+    parent: str | None = None
 
 
 def lowest(shape: Shape, positions: Matrix, rotations: Array) -> Matrix:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.types import Array, Flags, Matrix, Value, Vector
-from .joints import Tip, joints_above
+from .joints import Tip, foot_of, joints_above
 from .model import Robot
 
 CORNERS = (0.1, 0.01, 1e-3)
@@ -53,14 +53,15 @@ def longest_span(robot: Robot, tip: str | None = None, *, turned: bool) -> Span:
 
 
 def longest_reach(robot: Robot, tip: str | None = None) -> float:
-    """A distance [m] from the base beyond which no posture brings a tip: links in a line, slides at their ends.
+    """A distance [m] from its foot beyond which no posture brings a tip: links in a line, slides at their ends.
 
     Infinite with a slide without limits.
     """
     chosen = next((t for t in robot.tips if t.name == tip), robot.tips[0])
     links = _Links.of(robot, chosen, turned=False)
     origins = np.zeros(len(links.free))
-    return float(np.linalg.norm(links.first(origins))) + links.length(origins)[0] + links.slides
+    foot = foot_of(robot.joints, chosen.joint)
+    return float(np.linalg.norm(links.first(origins) - foot)) + links.length(origins)[0] + links.slides
 
 
 @dataclass(frozen=True, eq=False)

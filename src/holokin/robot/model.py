@@ -195,13 +195,14 @@ class Robot(ByValue):
         return self._evaluator(self._jacobians, tip).call(q)
 
     def skeleton(self, q: ArrayLike) -> list[Matrix]:
-        """Points to draw: for each tip the polyline (k, 3) from the base through the joints to it."""
+        """Points to draw: for each tip the polyline (k, 3) from where the robot stands through the joints to it."""
         if not self.tips:
             return []
         origins, lines = self._skeleton(self.checked(q)).reshape(-1, 3), []
         for tip in self.tips:
             above = joints_above(self.joints, tip.joint)[::-1]
-            lines.append(np.array([np.zeros(3), *origins[above], self.pose(q, tip.name)[:3, 3]]))
+            start = self.joints[above[0]].start if above else np.zeros(3)
+            lines.append(np.array([start, *origins[above], self.pose(q, tip.name)[:3, 3]]))
         return lines
 
     def checked(self, q: ArrayLike, what: str = "q") -> Vector:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.poses import pose_from
 from ..base.types import ArrayLike, Matrix, numbers, positive
 from ..errors import ArgumentError
 from .drives import Servo
@@ -28,6 +29,7 @@ COLOR = "0.90 0.45 0.13 1"
 def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFORT) -> str:
     """The URDF of a robot: links named after their joints, one fixed link for each tip, named as the tip.
 
+    A mounting is a fixed joint from the base to a link "JOINT_foot", on which the first joint hangs.
     Joints that follow others are written as <mimic>. No limit of position, speed or both is written as 1e6, which
     `from_urdf` reads as none. The visuals are capsules along the links.
 
@@ -49,7 +51,12 @@ def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFOR
         inner = [_urdf_inertial(mass)] if mass is not None else []
         inner += [_urdf_visual(shape) for shape in shapes if shape.joint == k]
         lines += [f"  <link name={_quoteattr(link)}>", *inner, "  </link>"]
-    lines += [f"  <link name={_quoteattr(tip.name)}/>" for tip in robot.tips]
+    feet = {k: f"{joint.name}_foot" for k, joint in enumerate(robot.joints) if joint.start.any()}
+    lines += [f"  <link name={_quoteattr(name)}/>" for name in [*(tip.name for tip in robot.tips), *feet.values()]]
+    for k, name in feet.items():
+        place = _origin(pose_from(robot.joints[k].start))
+        ends = f"<parent link={_quoteattr(names[0])}/><child link={_quoteattr(name)}/>"
+        lines += [f'  <joint name={_quoteattr(f"{name}_fixed")} type="fixed">{place}{ends}</joint>']
     for k, joint in enumerate(robot.joints):
         c, follows = _law(robot, joint)
         kind, span = _urdf_range(joint, c, follows)
@@ -59,8 +66,9 @@ def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFOR
         speed = min(c.max_velocity * abs(follows[0] if follows else 1.0), FARTHEST)
         lines += [
             f'  <joint name={_quoteattr(joint.name)} type="{kind}">',
-            f"    {_origin(_zero(joint, follows))}",
-            f"    <parent link={_quoteattr(names[joint.parent + 1])}/><child link={_quoteattr(names[k + 1])}/>",
+            f"    {_origin(_from_foot(joint, _zero(joint, follows)))}",
+            f"    <parent link={_quoteattr(feet.get(k, names[joint.parent + 1]))}/>"
+            f"<child link={_quoteattr(names[k + 1])}/>",
             f'    <axis xyz="{_numbers(joint.axis)}"/>{mimic}',
             f'    <limit {span}effort="{efforts[joint.coordinate]!r}" velocity="{float(speed)!r}"/>',
             "  </joint>",
@@ -79,6 +87,7 @@ def to_mjcf(
 ) -> str:
     """The MJCF of a robot for MuJoCo: a body for each joint, a site for each tip, named as the tip.
 
+    A mounting is a body "JOINT_foot" without a joint, which carries that of the first joint.
     Joints that follow others are tied by <equality>. MuJoCo has no speed limits. The geoms are capsules along the links
     that touch nothing. With a servo each coordinate has an actuator, named as its joint, in the order of q.
 
@@ -113,13 +122,18 @@ def to_mjcf(
             if follows is not None:
                 law = f'polycoef="{follows[1]!r} {follows[0]!r} 0 0 0"'
                 ties.append(f"    <joint joint1={_quoteattr(joint.name)} joint2={_quoteattr(c.name)} {law}/>")
-            lines += [
-                f"{pad}<body name={_quoteattr(names[k + 1])} {_pose(_zero(joint, follows))}{carried}>",
+            at = _pose(_from_foot(joint, _zero(joint, follows)))
+            body = [
+                f"{pad}<body name={_quoteattr(names[k + 1])} {at}{carried}>",
                 f"{pad}  {_mjcf_inertial(masses.get(k))}",
                 f'{pad}  <joint name={_quoteattr(joint.name)} type="{kind}" axis="{_numbers(joint.axis)}" {span}/>',
                 *inside(k, depth + 1),
                 f"{pad}</body>",
             ]
+            if joint.start.any():
+                foot = f"<body name={_quoteattr(f'{joint.name}_foot')} {_pose(pose_from(joint.start))}>"
+                body = [f"{pad}{foot}", *body, f"{pad}</body>"]
+            lines += body
         return lines
 
     body = [f"    <body name={_quoteattr(names[0])}>", *inside(-1, 3), "    </body>"]
@@ -164,6 +178,11 @@ def _law(robot: Robot, joint: Joint) -> tuple[Coordinate, tuple[float, float] | 
 def _zero(joint: Joint, follows: tuple[float, float] | None) -> Matrix:
     """Where a joint is at 0: a leader's offset goes into its placement, a follower's into its law."""
     return rest(joint) if follows is None else joint.placement
+
+
+def _from_foot(joint: Joint, T: Matrix) -> Matrix:
+    """The placement (4, 4) of a joint as seen from its foot."""
+    return pose_from(T[:3, 3] - joint.start, T[:3, :3])
 
 
 def _range(c: Coordinate, follows: tuple[float, float] | None) -> tuple[float, float]:

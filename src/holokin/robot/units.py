@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.types import Array, ArrayLike, Matrix, Vector
 from ..errors import ArgumentError
-from .joints import WOUND
+from .joints import WOUND, foot_of
 from .longest_span import longest_reach
 from .model import Robot
 
@@ -41,7 +41,8 @@ def start_posture(robot: Robot, q: ArrayLike) -> Vector:
 
 def doubtful_unit(robot: Robot, places: Matrix, tip: str | None = None) -> str:
     """What to say of places (k, 3) that are all too far from the base to be in metres; empty of others."""
-    least, reach = float(np.linalg.norm(places, axis=-1).min()), longest_reach(robot, tip)
+    away = places - foot_of(robot.joints, robot.tip(tip).joint)
+    least, reach = float(np.linalg.norm(away, axis=-1).min()), longest_reach(robot, tip)
     if not FAR * reach < least < np.inf:
         return ""
     return f"at least {least:.4g} m from the base, where {robot.name} reaches {reach:.3g} m: give metres"

@@ -254,7 +254,8 @@ class Scene:
         camera.position, camera.look_at, camera.fov, camera.near = place, at, FOV, 0.02
 
     def _floor(self) -> None:
-        size = 2.0 * float(np.ceil(min(reach(self.robot), 20.0))) if self.robot.tips else 2.0
+        away = max(float(np.linalg.norm(joint.start)) for joint in self.robot.joints) if self.robot.tips else 0.0
+        size = 2.0 * float(np.ceil(min(away + reach(self.robot), 20.0))) if self.robot.tips else 2.0
         self.server.scene.set_up_direction("+z")
         scene = self.server.scene
         scene.configure_default_lights(False)

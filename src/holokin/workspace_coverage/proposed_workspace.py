@@ -34,7 +34,7 @@ def first_start(task: Task) -> Vector:
 def proposed_workspace(task: Task, q0: Vector) -> PoseRange:
     """A box round the tool at a start posture, with turns about its orientation there."""
     robot, at = task.robot, task.pose(q0)
-    length = sum(float(np.linalg.norm(joint.placement[:3, 3])) for joint in robot.joints[1:]) or 1.0
+    length = sum(float(np.linalg.norm(joint.step)) for joint in robot.joints[1:]) or 1.0
     tilt, spin = (0.0, 0.0) if robot.planar or task.orientation is None else (TILT, SPIN)
 
     def box(side: float) -> PoseRange:
