@@ -60,7 +60,7 @@ def check(
         clearance: the least distance wanted [m].
         self_collision: whether links are held against each other.
         obstacles: shapes that stand still, see `obstacle`.
-        ignore: pairs of names of links, or of a link and an obstacle, that may touch.
+        ignore: pairs of names of links, or of a link and an obstacle, that may touch; "*" stands for all others.
         limits: whether limits of the joints are looked at: of position and speed, and of a TimedTrajectory those of
             acceleration and jerk.
         margin: how far joints must keep from limits of their positions [joint units].
@@ -90,7 +90,7 @@ def check(
     else:
         remarks.append("singularities were not looked at: no task was given")
     swept: list[Swept] = []
-    pairs = Pairs((), (), (), ())
+    pairs = Pairs((), (), (), (), wanted)
     if level is not None or obstacles:
         robot.check_links()
     if not robot.tips:
@@ -105,11 +105,11 @@ def check(
         swept = sweep(robot, pairs.gaps, found.q, pairs.limits)
         findings += _distance_findings(found, swept, pairs)
     near = [
-        Clearance(one.gap.names, one.least, _time(found, one.least_at), one.bound)
-        for one in sorted(swept, key=lambda one: one.least)
+        Clearance(one.gap.names, one.least, _time(found, one.least_at), one.bound, limit)
+        for one, limit in sorted(zip(swept, pairs.limits, strict=True), key=lambda pair: pair[0].least)
     ]
     return CheckReport(
-        tuple(sorted(findings, key=lambda f: (f.start, f.time))), len(found.t), float(found.t[-1] - found.t[0]),
+        tuple(sorted(findings, key=lambda f: (f.start, f.time))), len(found.t), float(found.t[-1] - found.t[0]), wanted,
         tuple(near), pairs.left_out, pairs.unseen, tuple(remarks),
     )  # fmt: skip
 

@@ -71,9 +71,6 @@ def clearances_of(
         raise ArgumentError("floor", level, "give its height in m, or None")
     _checked(robot, clear_of, {"floor": level or 0.0, "clearance": number("clearance", clearance)})
     found = posture_clearances(robot, clear_of, level, clearance, self_collision, ignore)
-    for one in found.pairs.unseen:
-        if any(one.link == shape.link for shape in clear_of):
-            raise ArgumentError(f"the obstacle {one.link!r}", one.reason, "give a box, a capsule, a cylinder or a mesh")
     if not found.pairs.gaps:
         raise ArgumentError("clear_of", list(clear_of), "give obstacles or a floor, or let the links be looked at")
     return found

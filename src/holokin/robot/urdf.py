@@ -18,7 +18,7 @@ from .chains import robot_of
 from .link_shapes import LinkShape, Unread
 from .model import Robot
 from .tree import Branch, Follow, Mass, Tree, checked
-from .urdf_shapes import BROKEN, Finder, mesh_finder, shapes_of
+from .urdf_shapes import BROKEN, Finder, mesh_finder, shapes_of, slashed
 from .urdf_xml import essentials, read_model
 from .visuals import urdf_visuals
 
@@ -68,7 +68,7 @@ def from_yourdfpy(
     handler = getattr(urdf, "_filename_handler", None)  # what it finds its own meshes with
 
     def find(name: str) -> Path:
-        return Path(name if handler is None else handler(name))
+        return Path(slashed(name) if handler is None else handler(slashed(name)))
 
     return robot_of(_tree(f"yourdfpy.URDF {urdf.robot.name!r}", urdf.robot, "robot", find), tip, base, locked)
 
