@@ -21,8 +21,8 @@ MOST_TOLD = 20
 """Findings in a table; a cyclic motion may have one in every cycle."""
 
 UNREAD_CURE = (
-    "put the files where the robot's file says, let capsules stand for these links (`with_capsules`, radius), or let "
-    'them touch all other things (ignore, as "NAME, *")'
+    "put the files where the robot's file says, let a capsule stand for such a link (a radius for its joint, by name), "
+    'or ignore the link ("NAME, *")'
 )
 """What helps where shapes could not be read."""
 
@@ -37,6 +37,7 @@ class FindingKind(Enum):
     ACCELERATION = "acceleration"
     JERK = "jerk"
     SINGULARITY = "near singular"
+    JUMP = "jump of posture"
 
 
 @dataclass(frozen=True)
@@ -45,10 +46,11 @@ class Finding(Shown):
 
     Attributes:
         kind: what it is.
-        what: the joint, the two links, or the task that it is about.
+        what: the joint, the two links, or the task that it is about; of a jump the joint that moves most.
         start, stop: when it begins and ends [s].
         time, index: when it is worst [s], and the sample at or just before that.
-        value: the worst value: a distance [m], negative for a depth; a joint's position, speed, ...; or rcond.
+        value: the worst value: a distance [m], negative for a depth; a joint's position, speed, ...; rcond; or how far
+            the tool is off its straight way in the middle of a jump.
         limit: what it is held against, in the same unit.
         unit: of both.
     """
@@ -77,7 +79,8 @@ class Finding(Shown):
     def __str__(self) -> str:
         when = f"{self.start:.3f} to {self.stop:.3f} s" if self.stop > self.start else f"{self.start:.3f} s"
         least = "least rcond" if self.kind is FindingKind.SINGULARITY else "least distance"
-        worst = f"{least if self.is_least else 'worst'} {self.value:.4g} {self.unit}".rstrip()
+        most = "the tool off its way by" if self.kind is FindingKind.JUMP else "worst"
+        worst = f"{least if self.is_least else most} {self.value:.4g} {self.unit}".rstrip()
         wanted = f"{'required:' if self.is_least else 'limit'} {self.limit:.4g} {self.unit}".rstrip()
         return f"{self.kind.value}: {' and '.join(self.what)}, {when}, {worst} at {self.time:.3f} s ({wanted})"
 
@@ -154,6 +157,7 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
         left_out: pairs that were not.
         unseen: links without a shape.
         remarks: what else was not looked at, or was assumed.
+        observations: what the motion does that is no fault: self-motions, and large steps where no task was given.
     """
 
     findings: tuple[Finding, ...]
@@ -164,6 +168,7 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
     left_out: tuple[LeftOut, ...] = ()
     unseen: tuple[Unseen, ...] = ()
     remarks: tuple[str, ...] = field(default=())
+    observations: tuple[str, ...] = field(default=())
 
     @property
     def passed(self) -> bool:
@@ -227,7 +232,7 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
         for reason in reasons:
             pairs = [" and ".join(one.pair) for one in self.left_out if one.reason == reason]
             lines.append(f"left out, {reason}: {', '.join(pairs)}")
-        return [*lines, *self.remarks]
+        return [*self.observations, *lines, *self.remarks]
 
     def summary(self) -> dict[str, Any]:
         """JSON-ready facts."""
@@ -237,6 +242,7 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
             "findings": [vars(one) | {"kind": one.kind.name.lower()} for one in self.findings],
             "pairs": [vars(one) for one in self.pairs], "left_out": [vars(one) for one in self.left_out],
             "unseen": [vars(one) for one in self.unseen], "remarks": list(self.remarks),
+            "observations": list(self.observations),
         }  # fmt: skip
 
     @typed

@@ -17,6 +17,7 @@ from .check_report import CheckReport, Clearance, Finding, FindingKind
 from .checked_samples import Motion, motion_of
 from .joint_findings import limit_findings, singular_findings
 from .pairs import Pairs, pairs_of
+from .posture_jumps import jump_findings, large_steps, self_motions
 from .sweep import Swept, sweep
 
 CLEARANCE = 0.01
@@ -85,10 +86,18 @@ def check(
     findings: list[Finding] = []
     if limits:
         findings += limit_findings(robot, found, edge)
+    seen: list[str] = []
     if task is not None:
-        findings += singular_findings(task, found, not_negative("rcond", rcond))
+        J = task.jacobian_batch(found.q)[0]
+        findings += singular_findings(task, found, J, not_negative("rcond", rcond))
     else:
         remarks.append("singularities were not looked at: no task was given")
+    if task is not None and task.spatial:
+        jumps = list(jump_findings(task, found))
+        findings += jumps
+        seen += [*self_motions(task, found, J), *large_steps(robot, found, jumps)]
+    else:
+        seen += large_steps(robot, found, None)
     swept: list[Swept] = []
     pairs = Pairs((), (), (), (), wanted)
     if level is not None or obstacles:
@@ -110,7 +119,7 @@ def check(
     ]
     return CheckReport(
         tuple(sorted(findings, key=lambda f: (f.start, f.time))), len(found.t), float(found.t[-1] - found.t[0]), wanted,
-        tuple(near), pairs.left_out, pairs.unseen, tuple(remarks),
+        tuple(near), pairs.left_out, pairs.unseen, tuple(remarks), tuple(seen),
     )  # fmt: skip
 
 

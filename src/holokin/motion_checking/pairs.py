@@ -61,17 +61,13 @@ def pairs_of(
     links = links_of([shape for shape in good if not shape.obstacle])
     things = links_of([shape for shape in good if shape.obstacle])
     _known(ignore, [link.name for link in (*links, *things)] + [shape.link for shape, _ in faulty])
-    joined = _joined(robot, {shape.joint for shape in robot.shapes if not shape.obstacle})
-    skipped = _Skipped(ignore)
-    every = [*robot.shapes, *obstacles]
-    unseen = [
-        Unseen(one.link, fault, _asked_about(one, every, joined, skipped, floor, self_collision))
-        for one, fault in faulty
-    ]
+    skipped, every = _Skipped(ignore), [*robot.shapes, *obstacles]
+    unseen = [Unseen(one.link, fault, _asked_about(one, every, skipped, floor, self_collision)) for one, fault in faulty]
     if not all(isinstance(shape.shape, Capsule) for shape in robot.shapes):  # a link without length has no capsule
         bare = sorted({*range(len(robot.joints))} - {shape.joint for shape in robot.shapes})
         unseen += [Unseen(robot.joints[j].name, "no shape moves with this joint") for j in bare]
     travel = _travel(robot, q)
+    joined = _joined(robot, {shape.joint for shape in robot.shapes if not shape.obstacle})
     left_out, gaps, tested = [], [], []
     for i, one in enumerate(links):
         for thing in things if one.joint >= 0 else ():
@@ -116,10 +112,9 @@ class _Skipped:
 
 
 def _asked_about(
-    one: LinkShape, every: Sequence[LinkShape], joined: set[frozenset[int]], skipped: _Skipped,
-    floor: float | None, self_collision: bool,
-) -> bool:  # fmt: skip
-    """Whether a shape is of a pair that is to be looked at: not one whose things are joined, or may touch."""
+    one: LinkShape, every: Sequence[LinkShape], skipped: _Skipped, floor: float | None, self_collision: bool
+) -> bool:
+    """Whether a shape may meet a thing that it may not touch."""
     if isinstance(one.shape, Unread) and one.shape.plane and floor is not None:
         if one.placement[2, 2] > 1 - LEVEL and floor >= one.placement[2, 3] - LEVEL:
             return False  # the floor stands for it
@@ -128,7 +123,7 @@ def _asked_about(
         if one.obstacle or other.obstacle:
             meet = one.obstacle != other.obstacle and max(one.joint, other.joint) >= 0
         else:
-            meet = self_collision and one.joint != other.joint and frozenset((one.joint, other.joint)) not in joined
+            meet = self_collision and one.joint != other.joint
         rivals += [other.link] if meet else []
     return any((one.link, name) not in skipped for name in rivals)
 
@@ -146,7 +141,7 @@ def _travel(robot: Robot, q: Matrix) -> Vector:
 
 
 def _joined(robot: Robot, shaped: set[int]) -> set[frozenset[int]]:
-    """Pairs of joints whose links hang on each other, with none that has a shape between."""
+    """Pairs of joints whose links hang on each other, with none that has a shape between, read or not."""
     found = set()
     for index in shaped:
         above = (joint for joint in joints_above(robot.joints, index)[1:] if joint in shaped)

@@ -31,7 +31,8 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
     """The robot with capsules for links, along the lines from each joint's frame to the next ones and to the tips.
 
     The capsule of a link has the name of the joint that moves it, "base" for the one that stands still. Links that
-    have shapes already keep them. What is between a slider and the joint before it has no capsule.
+    have shapes already keep them, but for those that could not be read where `radius` names the capsule in their place.
+    What is between a slider and the joint before it has no capsule.
 
     Args:
         radius: of all capsules [m], or by name, where those left out have the default: a twentieth of the length of
@@ -49,7 +50,9 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
             raise UnknownNameError("link", name, tuple(names.values()))
         positive(f"the radius of {name}", value)
     rest = positive("radius", radius) if isinstance(radius, float | int) else chain_length(robot) / SLENDER
-    shaped = {shape.joint for shape in robot.shapes if not shape.obstacle}
+    own = [shape for shape in robot.shapes if not shape.obstacle]
+    unread = [s for s in own if given and names[s.joint] in given and s.shape.fault]
+    shaped = {shape.joint for shape in own} - {shape.joint for shape in unread}
     added = []
     for index, step in steps:
         r = given.get(names[index], rest)
@@ -58,7 +61,9 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
         if not r > 0:
             raise ArgumentError("the length of the chain", 0.0, "give radius=")
         added.append(LinkShape(names[index], index, *between(np.zeros(3), step, r)))
-    return replace(robot, shapes=(*robot.shapes, *added))
+    clad = {shape.joint for shape in added}
+    kept = [shape for shape in robot.shapes if not (shape.joint in clad and shape in unread)]
+    return replace(robot, shapes=(*kept, *added))
 
 
 @typed

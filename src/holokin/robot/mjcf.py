@@ -110,7 +110,8 @@ def _compiled_tree(parse: Any, source: str, name: str) -> Tree:
     else:
         raise RobotFileError(source, f"is no MJCF that MuJoCo takes ({problem})", "correct it there")
     tree = _model_tree(model, source, spec.modelname if spec.modelname not in ("", "MuJoCo Model") else name)
-    shapes, unread = dict(tree.shapes), Unread(source, "its meshes are not there")
+    why = "its meshes are not there" if choice is _missing_files else f"MuJoCo does not take its shapes ({problem})"
+    shapes, unread = dict(tree.shapes), Unread(source, why)
     for link in bare:
         shape = LinkShape(link, -1, np.eye(4), unread, obstacle=link == bodies[0])
         shapes[link] = (*shapes.get(link, ()), shape)
