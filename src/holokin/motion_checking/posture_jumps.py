@@ -39,7 +39,7 @@ def jump_findings(task: Task, motion: Motion) -> Iterator[Finding]:
     The middle may be off by `TOLERANCES.tracking` [m, rad] and `SHARE` of the step: of the tool's distance and, over the
     length of the arm, of its turn. Of a joint without limits a step is what is left without whole turns.
     """
-    robot, Q, task = task.robot, motion.samples, task.geometric_twin
+    robot, Q, task = task.robot, motion.samples, task if task.geometric else task.geometric_twin
     step = _steps(robot, Q)
     at = np.flatnonzero(_off_at_most(robot, Q, step) > TOLERANCES.tracking)
     if not len(at):
