@@ -54,7 +54,9 @@ def arm_of(folder: Path, geometries: list[str], visuals: str = "") -> Path:
     for i, geometry in enumerate(geometries):
         at = '<origin xyz="0 0 0.15"/>'
         text += f'<link name="l{i}"><collision>{at}<geometry>{geometry}</geometry></collision>{visuals}</link>'
-        text += f'<joint name="j{i}" type="revolute"><parent link="{f"l{i - 1}" if i else "base"}"/><child link="l{i}"/>'
+        text += (
+            f'<joint name="j{i}" type="revolute"><parent link="{f"l{i - 1}" if i else "base"}"/><child link="l{i}"/>'
+        )
         text += f'<origin xyz="0 0 {0.3 if i else 0.0}"/><axis xyz="{"0 1 0" if i % 2 else "1 0 0"}"/>'
         text += '<limit lower="-2" upper="2" velocity="1" effort="1"/></joint>'
     file = folder / "cell.urdf"
@@ -86,7 +88,10 @@ def test_links_whose_shapes_cannot_be_read_are_all_named_and_no_motion_passes(ce
     for i in lost:
         given[i] = FAULTS[faults[i]](cell, f"l{i}.stl")
     robot, names = hk.load(arm_of(cell, given)), [f"l{i}" for i in lost]
-    Q, more = rng.uniform(-0.2, 0.2, (3, 6)), {"floor": -1.0, "obstacles": [hk.obstacle("ball", Capsule(0.1), (5, 0, 0))]}
+    Q, more = (
+        rng.uniform(-0.2, 0.2, (3, 6)),
+        {"floor": -1.0, "obstacles": [hk.obstacle("ball", Capsule(0.1), (5, 0, 0))]},
+    )
     report = hk.check(Q, robot, **more)
     assert not report.passed and report.unread == f"cannot tell: the shapes of {', '.join(names)} could not be read"
     assert report.unread in report.table() and "nothing found" not in report.table()
@@ -157,7 +162,9 @@ def doors(robot: hk.Robot) -> dict[str, Callable[..., Any]]:
 
 @pytest.mark.parametrize("door", DOORS)
 def test_every_door_that_keeps_clear_refuses_shapes_that_could_not_be_read(cell: Path, door: str) -> None:
-    robot = hk.load(arm_of(cell, [*meshes(READ["slash"])[:4], FAULTS["missing"](cell, "l4.stl"), *meshes(READ["slash"])[5:]]))
+    robot = hk.load(
+        arm_of(cell, [*meshes(READ["slash"])[:4], FAULTS["missing"](cell, "l4.stl"), *meshes(READ["slash"])[5:]])
+    )
     with pytest.raises(HolokinError, match=r"cannot tell: the shapes of l4 could not be read .*there is no such mesh"):
         doors(robot)[door](clear_of=[], clearance=0.005)
 
@@ -181,7 +188,11 @@ def test_of_mjcf_only_the_bodies_whose_meshes_are_missing_are_unread(tmp_path: P
     pytest.importorskip("mujoco")
     trimesh.creation.box((0.2, 0.1, 0.1)).export(tmp_path / "there.stl")
     heavy = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
-    geoms = [f'<geom type="mesh" mesh="lost" {kind}/>', '<geom type="mesh" mesh="there"/>', '<geom type="box" size=".1 .1 .1"/>']
+    geoms = [
+        f'<geom type="mesh" mesh="lost" {kind}/>',
+        '<geom type="mesh" mesh="there"/>',
+        '<geom type="box" size=".1 .1 .1"/>',
+    ]
     bodies = "".join(
         f'<body name="{n}" pos="1 0 0"><joint name="j{n}" axis="0 0 1" range="-2 2"/>{heavy}{g}'
         for n, g in zip("abc", geoms, strict=True)
@@ -232,7 +243,9 @@ def test_no_command_passes_a_motion_whose_shapes_could_not_be_read(holokin: Comm
     page = (out / "job" / "report.html").read_text("utf-8")
     assert f"Of the distances the checks {told}." in page and "Clearances are kept" not in page
     facts = json.loads((out / "job" / "result.json").read_text("utf-8"))["strategies"][0]
-    assert facts["passed"] is False and facts["motion_check"]["unread"] == told and facts["metrics"]["clearance"] is None
+    assert (
+        facts["passed"] is False and facts["motion_check"]["unread"] == told and facts["metrics"]["clearance"] is None
+    )
     written = holokin("export", "urscript", job, "--out", cell / "program")
     assert written.code == 1 and told in written.out and not (cell / "program").exists()
     names = ",".join(["t", *(f"j{i}" for i in range(6))])
@@ -251,5 +264,7 @@ def test_box_shapes_of_the_same_arm_pass(cell: Path) -> None:
     """The referee of these tests: the meshes are boxes, and are as far apart as boxes are."""
     boxes = hk.check(np.full((1, 6), 0.1), hk.load(arm_of(cell, ['<box size="0.06 0.08 0.2"/>'] * 6)))
     read = hk.check(np.full((1, 6), 0.1), hk.load(arm_of(cell, meshes(READ["slash"]))))
-    assert {one.pair: one.least for one in read.pairs} == pytest.approx({p.pair: p.least for p in boxes.pairs}, abs=1e-5)
+    assert {one.pair: one.least for one in read.pairs} == pytest.approx(
+        {p.pair: p.least for p in boxes.pairs}, abs=1e-5
+    )
     assert Box([0.06, 0.08, 0.2]).fault == ""

@@ -62,7 +62,9 @@ def pairs_of(
     things = links_of([shape for shape in good if shape.obstacle])
     _known(ignore, [link.name for link in (*links, *things)] + [shape.link for shape, _ in faulty])
     skipped, every = _Skipped(ignore), [*robot.shapes, *obstacles]
-    unseen = [Unseen(one.link, fault, _asked_about(one, every, skipped, floor, self_collision)) for one, fault in faulty]
+    unseen = [
+        Unseen(one.link, fault, _asked_about(one, every, skipped, floor, self_collision)) for one, fault in faulty
+    ]
     if not all(isinstance(shape.shape, Capsule) for shape in robot.shapes):  # a link without length has no capsule
         bare = sorted({*range(len(robot.joints))} - {shape.joint for shape in robot.shapes})
         unseen += [Unseen(robot.joints[j].name, "no shape moves with this joint") for j in bare]

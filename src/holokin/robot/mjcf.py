@@ -98,7 +98,9 @@ def _compiled_tree(parse: Any, source: str, name: str) -> Tree:
     for choice in (_no_files, _missing_files, _all_files):
         spec = _parsed(parse, source)
         lost = choice(spec)
-        geoms = [[geom for geom in body.geoms if choice is _all_files or _files_of(geom) & lost] for body in spec.bodies]
+        geoms = [
+            [geom for geom in body.geoms if choice is _all_files or _files_of(geom) & lost] for body in spec.bodies
+        ]
         bodies = [body.name or f"body {i}" for i, body in enumerate(spec.bodies)]
         bare = [name for name, of in zip(bodies, geoms, strict=True) if any(map(_touches, of))]
         try:
