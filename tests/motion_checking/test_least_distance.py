@@ -21,15 +21,17 @@ pin = pytest.importorskip("pinocchio")
 def drawn(rng: np.random.Generator) -> tuple[hk.Robot, list[LinkShape], np.ndarray, float]:
     """An arm of capsules with random lengths, turns and radius, things round it, a smooth motion, and a clearance."""
     n = int(rng.integers(4, 8))
+    bounds = {"lower": -2.5, "upper": 2.5, "max_velocity": 2.0}
     rows = [
-        {"joint": f"q{i}", "a": rng.uniform(0, 0.3), "d": rng.uniform(0, 0.4), "alpha": rng.choice([-1, 0, 1]) * np.pi / 2,
-         "lower": -2.5, "upper": 2.5, "max_velocity": 2.0} for i in range(n)
-    ]  # fmt: skip
+        {"joint": f"q{i}", "a": rng.uniform(0, 0.3), "d": rng.uniform(0, 0.4), "alpha": rng.choice([-1.57, 0, 1.57])}
+        | bounds
+        for i in range(n)
+    ]
     robot = hk.with_capsules(hk.from_dh(rows, name="drawn"), rng.uniform(0.01, 0.08))
-    around = [
-        hk.obstacle(f"thing {i}", Capsule(rng.uniform(0.02, 0.2), rng.uniform(0, 0.5)), rng.uniform(-1.2, 1.2, 3), rng.normal(size=3))
-        for i in range(int(rng.integers(0, 3)))
-    ]  # fmt: skip
+    around = []
+    for i in range(int(rng.integers(0, 3))):
+        thing = Capsule(rng.uniform(0.02, 0.2), rng.uniform(0, 0.5))
+        around.append(hk.obstacle(f"thing {i}", thing, rng.uniform(-1.2, 1.2, 3), rng.normal(size=3)))
     ends = rng.uniform(-1.5, 1.5, (2, n))
     Q = ends[0] + np.linspace(0, rng.uniform(0, 0.6), 15)[:, None] * (ends[1] - ends[0])
     return robot, around, Q, float(rng.choice([0.0, 0.01, 0.05, 0.2, 0.4]))
@@ -99,13 +101,12 @@ def test_the_same_of_many_more_arms(seed: int) -> None:
         least_of(hk.check(Q, robot, obstacles=around, clearance=wanted, limits=False), Q, Referee(robot, around))
 
 
+LENGTHS, TWISTS = [0.41, 0, 0.49, 0, 0.42, 0, 0.18], [-90, 90, 90, -90, -90, 90, 0]
+RANGES = [180, 110, 170, 130, 180, 110, 180]
 SIA20 = "".join(
-    f'[[joints]]\njoint = "{n}"\nd = {d}\nalpha_deg = {a}\ndegrees = true\nlower = -{u}\nupper = {u}\nmax_velocity = 130\n'
-    for n, d, a, u in zip(
-        "SLEURBT", [0.41, 0, 0.49, 0, 0.42, 0, 0.18], [-90, 90, 90, -90, -90, 90, 0], [180, 110, 170, 130, 180, 110, 180],
-        strict=True,
-    )
-)  # fmt: skip
+    f'[[joints]]\njoint = "{n}"\nd = {d}\nalpha_deg = {a}\ndegrees = true\nlower = -{u}\nupper = {u}\n'
+    for n, d, a, u in zip("SLEURBT", LENGTHS, TWISTS, RANGES, strict=True)
+)
 CLEAR = {
     "robot": '[robot]\nname = "sia20.toml"\ntool = { xyz = [0, 0, 0.12] }\n',
     "task": '[task]\nkind = "pose"\n',

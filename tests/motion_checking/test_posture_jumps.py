@@ -10,6 +10,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, Command
+from holokin.motion.trajectory import Trajectory
 from holokin.motion_checking import CheckReport, Finding, FindingKind
 from holokin.robot_logs import Recording
 
@@ -42,7 +43,7 @@ class Referee:
 
 
 def self_motion(task: hk.Task, q: np.ndarray, size: float) -> np.ndarray:
-    """Postures (k, n) of one tool pose, 0.01 rad apart, up to a joint that has moved by a size; the last of them fits."""
+    """Postures (k, n) of one tool pose, 0.01 rad apart, until a joint has moved by a size."""
     p, R = task.place(q)
     found = [q]
     while np.abs(found[-1] - q).max() < size and len(found) < 500:
@@ -55,7 +56,7 @@ def self_motion(task: hk.Task, q: np.ndarray, size: float) -> np.ndarray:
     return np.array(found)
 
 
-def walk_of(robot: hk.Robot, task: hk.Task, rng: np.random.Generator, samples: int) -> hk.motion.Trajectory | None:
+def walk_of(robot: hk.Robot, task: hk.Task, rng: np.random.Generator, samples: int) -> Trajectory | None:
     """Round a random circle, or along a line, from a random posture away from singular ones."""
     lower, upper = robot.ranges(np.pi)
     q0 = rng.uniform(0.7 * lower, 0.7 * upper)
@@ -113,25 +114,25 @@ def test_the_same_of_many_more_walks(seed: int) -> None:
     drawn(seed, 12)
 
 
-def circle(panda: hk.Robot, q0: np.ndarray) -> hk.motion.Trajectory:
+def circle(panda: hk.Robot, q0: np.ndarray) -> Trajectory:
     at = panda.pose(PANDA_START)[:3, 3]
     return hk.follow(hk.moore_penrose(hk.pose(panda)), hk.circle(at, at - [0.1, 0, 0]), q0, samples=100)
 
 
 @pytest.fixture(scope="module")
-def walk(panda: hk.Robot) -> hk.motion.Trajectory:
+def walk(panda: hk.Robot) -> Trajectory:
     return circle(panda, PANDA_START)
 
 
 @pytest.fixture(scope="module")
-def jumped(panda: hk.Robot, walk: hk.motion.Trajectory) -> hk.motion.Trajectory:
+def jumped(panda: hk.Robot, walk: Trajectory) -> Trajectory:
     """The same path, with other postures from sample 50 on: about 0.65 rad away, at the same tool poses."""
     other = circle(panda, self_motion(hk.pose(panda), PANDA_START, 0.65)[-1])
     return replace(walk, q=np.vstack([walk.q[:50], other.q[50:]]))
 
 
 def test_a_jump_is_found_in_postures_trajectories_logs_and_slow_timed_motions(
-    panda: hk.Robot, jumped: hk.motion.Trajectory
+    panda: hk.Robot, jumped: Trajectory
 ) -> None:
     """All speeds are within their limits, so that nothing else tells it."""
     task, q = hk.pose(panda), jumped.q
@@ -148,17 +149,19 @@ def test_a_jump_is_found_in_postures_trajectories_logs_and_slow_timed_motions(
     assert hk.check(clean, panda, task=task).passed
 
 
-def test_without_a_task_a_jump_is_a_note(panda: hk.Robot, walk: hk.motion.Trajectory, jumped: hk.motion.Trajectory) -> None:
+def test_without_a_task_a_jump_is_a_note(panda: hk.Robot, walk: Trajectory, jumped: Trajectory) -> None:
     report = hk.check(jumped.q, panda)
     (told,) = report.observations
     step = np.abs(jumped.q[50] - jumped.q[49]).max()
-    assert report.passed and f"{step:.3g} rad" in told and "cannot be told without the task" in told and "49.000 s" in told
+    assert (
+        report.passed and f"{step:.3g} rad" in told and "cannot be told without the task" in told and "49.000 s" in told
+    )
     assert told in report.table() and report.summary()["observations"] == [told]
     assert not hk.check(walk.q, panda).observations
     assert not hk.check(np.array([walk.q[0], walk.q[0] + 1.0]), panda).observations, "a single step has no others"
 
 
-def test_a_self_motion_with_the_tool_at_rest_is_said_as_one(panda: hk.Robot, walk: hk.motion.Trajectory) -> None:
+def test_a_self_motion_with_the_tool_at_rest_is_said_as_one(panda: hk.Robot, walk: Trajectory) -> None:
     """The path, a change of posture at rest at its end, and the path again."""
     task = hk.pose(panda)
     between = self_motion(task, walk.q[-1], 0.65)
@@ -195,7 +198,7 @@ def test_sliders_go_straight_however_far_they_go() -> None:
     assert [one.start for one in jumps(looked(q, robot, task))] == [1.0]
 
 
-def test_a_joint_that_moves_no_tool_may_jump_and_is_noted(panda: hk.Robot, walk: hk.motion.Trajectory) -> None:
+def test_a_joint_that_moves_no_tool_may_jump_and_is_noted(panda: hk.Robot, walk: Trajectory) -> None:
     """The last joint turns the tool about its own axis, through a point that stays."""
     q = walk.q.copy()
     q[60:, 6] += 1.5
@@ -208,7 +211,7 @@ def test_a_joint_that_moves_no_tool_may_jump_and_is_noted(panda: hk.Robot, walk:
 def test_a_table_that_turns_beside_an_arm_is_part_of_the_way() -> None:
     """Of a relative pose the way counts from one tool to the other: both arms may go far, as long as they go along."""
     robot = hk.load("yumi")
-    task = hk.relative_pose(robot, *[tip.name for tip in robot.tips][:2])
+    task = hk.relative_pose(robot, robot.tips[0].name, robot.tips[1].name)
     middle = robot.ranges(1.0)[0] * 0.4 + robot.ranges(1.0)[1] * 0.6
     steps = middle + 0.005 * np.arange(30)[:, None] * np.linspace(-1, 1, robot.n)
     assert not jumps(looked(steps, robot, task))
@@ -217,9 +220,11 @@ def test_a_table_that_turns_beside_an_arm_is_part_of_the_way() -> None:
     assert found.index == 14
 
 
-def test_a_log_with_a_jump_fails_the_command(holokin: Command, tmp_path: Path, jumped: hk.motion.Trajectory) -> None:
+def test_a_log_with_a_jump_fails_the_command(holokin: Command, tmp_path: Path, jumped: Trajectory) -> None:
     log = tmp_path / "log.csv"
     header = ",".join(["t", *jumped.joint_names])
-    np.savetxt(log, np.column_stack([2.0 * np.arange(len(jumped.q)), jumped.q]), delimiter=",", header=header, comments="")
+    np.savetxt(
+        log, np.column_stack([2.0 * np.arange(len(jumped.q)), jumped.q]), delimiter=",", header=header, comments=""
+    )
     ran = holokin("check", log, "--robot", "panda")
     assert ran.code == 1 and "jump of posture: panda_joint" in ran.out and "98.000 to 100.000 s" in ran.out

@@ -171,10 +171,11 @@ def test_every_door_that_keeps_clear_refuses_shapes_that_could_not_be_read(cell:
 
 def test_a_plane_of_mjcf_is_told_by_a_floor_that_is_as_high() -> None:
     pytest.importorskip("mujoco")
+    geom = '<geom type="capsule" fromto="0 0 0 1 0 0" size="0.1"/>'
     text = (
-        '<mujoco><worldbody><geom name="ground" type="plane" size="1 1 1" pos="0 0 -0.5"/><body name="a">'
-        '<joint name="j" axis="0 0 1"/><geom type="capsule" fromto="0 0 0 1 0 0" size="0.1"/><body name="b" pos="1 0 0">'
-        '<joint name="k" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 1 0 0" size="0.1"/></body></body></worldbody></mujoco>'
+        '<mujoco><worldbody><geom name="ground" type="plane" size="1 1 1" pos="0 0 -0.5"/>'
+        f'<body name="a"><joint name="j" axis="0 0 1"/>{geom}'
+        f'<body name="b" pos="1 0 0"><joint name="k" axis="0 1 0"/>{geom}</body></body></worldbody></mujoco>'
     )
     robot, still = hk.from_mjcf(text), np.zeros((1, 2))
     assert "give its height as floor" in hk.check(still, robot).table() and not hk.check(still, robot).passed

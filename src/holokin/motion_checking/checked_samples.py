@@ -25,8 +25,8 @@ Rate = tuple[FindingKind, Matrix, Vector, str]
 class Motion(Value):
     """Joints q (k, n) at times t (k,) [s], and their rates with limits.
 
-    samples (s, n): the postures between whose neighbours a jump may be: those that a timed motion was made from, and the
-    joints themselves of all others.
+    samples (s, n): the postures between whose neighbours a jump may be: those from which a timed motion was made, and
+    q of all others.
     """
 
     t: Vector

@@ -87,17 +87,17 @@ def check(
     if limits:
         findings += limit_findings(robot, found, edge)
     seen: list[str] = []
+    jumps: list[Finding] | None = None
     if task is not None:
         J = task.jacobian_batch(found.q)[0]
         findings += singular_findings(task, found, J, not_negative("rcond", rcond))
+        if task.spatial:
+            jumps = list(jump_findings(task, found))
+            findings += jumps
+            seen += self_motions(task, found, J)
     else:
         remarks.append("singularities were not looked at: no task was given")
-    if task is not None and task.spatial:
-        jumps = list(jump_findings(task, found))
-        findings += jumps
-        seen += [*self_motions(task, found, J), *large_steps(robot, found, jumps)]
-    else:
-        seen += large_steps(robot, found, None)
+    seen += large_steps(robot, found, jumps)
     swept: list[Swept] = []
     pairs = Pairs((), (), (), (), wanted)
     if level is not None or obstacles:

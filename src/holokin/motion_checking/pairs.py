@@ -117,9 +117,10 @@ def _asked_about(
     one: LinkShape, every: Sequence[LinkShape], skipped: _Skipped, floor: float | None, self_collision: bool
 ) -> bool:
     """Whether a shape may meet a thing that it may not touch."""
-    if isinstance(one.shape, Unread) and one.shape.plane and floor is not None:
-        if one.placement[2, 2] > 1 - LEVEL and floor >= one.placement[2, 3] - LEVEL:
-            return False  # the floor stands for it
+    up, height = one.placement[2, 2:]
+    level = isinstance(one.shape, Unread) and one.shape.plane and up > 1 - LEVEL
+    if level and floor is not None and floor >= height - LEVEL:
+        return False  # the floor stands for it
     rivals = [FLOOR] if floor is not None and not one.obstacle and one.joint >= 0 else []
     for other in every:
         if one.obstacle or other.obstacle:

@@ -1,8 +1,8 @@
 """Jumps of posture inside a motion: joint steps in whose middle the tool is off its way; and self-motions.
 
-On a step from q to q + d, the joints going straight, a tool whose posture goes on smoothly is near the middle of its way
-at q + d/2: it is off by (1/8) d^T H d, H the second derivative, which is small of the second order. A step to another
-posture of nearly the same tool pose, as round an elbow, takes the tool off by as much, but leads it nowhere.
+On a step from q to q + d, the joints going straight, the tool is near the middle of its way at q + d/2: it is off by
+(1/8) d^T H d, H the second derivative of the pose, which is of second order in its step. A step to another posture of
+nearly the same tool pose takes the tool off by as much, but leads it nowhere.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Indices, Matrix, Vector
 from ..robot import Robot, chain_length
 from ..tasks.task import Task
-from .check_report import Finding, FindingKind
+from .check_report import MOST_TOLD, Finding, FindingKind
 from .checked_samples import Motion
 from .joint_findings import stretches
 
 SHARE = 0.25
-"""Share of the tool's step by which its middle may be off, beside `TOLERANCES.tracking`: a circle of seven samples is off
-by an eighth, joints that turn by 1 rad to any posture by a ninth as a rule."""
+"""Share of the tool's step by which its middle may be off, beside `TOLERANCES.tracking`: a circle of six samples is off
+by an eighth, joints that go 1 rad in any direction by a ninth as a rule."""
 
 LARGE, MANY = 0.3, 20.0
-"""A step of a joint [rad or m] that is told where no task says what the tool does, if it is so many times the median."""
+"""A joint step [rad or m] that is told in any case, and how many times the median it is then."""
 
 AT_REST = 0.01
 """How far the tool goes, over how far points at the arm's length would go, up to which it is called at rest."""
@@ -36,8 +36,8 @@ LOOKED_AT = 64
 def jump_findings(task: Task, motion: Motion) -> Iterator[Finding]:
     """Where a joint step takes the tool off the straight way between its two poses, by more than is allowed.
 
-    The middle may be off by `TOLERANCES.tracking` [m, rad] and `SHARE` of the step: of the tool's distance and, over the
-    length of the arm, of its turn. Of a joint without limits a step is what is left without whole turns.
+    The middle may be off by `TOLERANCES.tracking` [m, rad] and `SHARE` of how far the step leads the tool, where a turn
+    counts as the arm's length times it. Of a joint without limits a step is what is left without whole turns.
     """
     robot, Q, task = task.robot, motion.samples, task if task.geometric else task.geometric_twin
     step = _steps(robot, Q)
@@ -79,17 +79,17 @@ def large_steps(robot: Robot, motion: Motion, known: Sequence[Finding] | None) -
     size = step.max(axis=1, initial=0.0)
     usual = float(np.median(size[size > 0])) if (size > 0).any() else 0.0
     wrong = (size > LARGE) & (size > MANY * usual)
-    for k in np.flatnonzero(wrong).tolist() if known else ():
-        wrong[k] = not any(one.start <= motion.time(k) < one.stop for one in known)
+    for k in np.flatnonzero(wrong).tolist():
+        wrong[k] = not any(one.start <= motion.time(k) < one.stop for one in known or ())
     if not wrong.any():
         return []
     k = int(np.argmax(np.where(wrong, size, 0.0)))
     joint, more = robot.coordinates[int(np.argmax(step[k]))], int(wrong.sum()) - 1
     untold = "whether it is a jump of posture cannot be told without the task of a tool"
+    often = f"{size[k] / usual:.0f} times the median step{f', and there are {more} more' * (more > 0)}"
     return [
-        f"a large step: {joint.name} goes {size[k]:.3g} {joint.unit} from one sample to the next at {motion.time(k):.3f} "
-        f"s, {size[k] / usual:.0f} times the median step{f', and there are {more} more' * (more > 0)}; "
-        + ("the tool goes straight on" if known is not None else untold)
+        f"a large step: {joint.name} goes {size[k]:.3g} {joint.unit} from one sample to the next at "
+        f"{motion.time(k):.3f} s, {often}; {untold if known is None else 'the tool goes straight on'}"
     ]
 
 
@@ -107,11 +107,9 @@ def self_motions(task: Task, motion: Motion, J: Array) -> list[str]:
         some = np.unique(np.linspace(a, b + 1, LOOKED_AT).astype(int))
         if gone.max() <= LARGE or _strays(task, q, some):
             continue
-        found.append(
-            f"a self-motion: from {motion.t[a]:.3f} to {motion.t[b + 1]:.3f} s the tool rests while {joint.name} moves by "
-            f"{gone.max():.3g} {joint.unit}"
-        )
-    return found
+        when, far_gone = f"{motion.t[a]:.3f} to {motion.t[b + 1]:.3f} s", f"{gone.max():.3g} {joint.unit}"
+        found.append(f"a self-motion: from {when} the tool rests while {joint.name} moves by {far_gone}")
+    return found if len(found) <= MOST_TOLD else [*found[:MOST_TOLD], f"and {len(found) - MOST_TOLD} more self-motions"]
 
 
 def _length(robot: Robot) -> float:

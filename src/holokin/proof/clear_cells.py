@@ -166,7 +166,7 @@ class ClearCells(Value):
         return ", ".join(parts)
 
     def judged(self, apart: Matrix) -> Vector:
-        """(P,) what is proven over cells (k, P) at least [m]; infinite of pairs that are not held against the clearance."""
+        """(P,) what is proven over cells (k, P) at least [m]; infinite of pairs that need not keep the clearance."""
         return counted(apart.min(axis=0), self.wanted, self.looked_at.wanted)
 
     def described(self) -> dict[str, Any]:

@@ -131,7 +131,8 @@ def _clearance(result: JobResult, s: StrategyResult) -> str:
         return "The checks of the motion found nothing; distances were not among them."
     wanted, near = result.units.said(report.wanted, "m", 3), report.nearest
     close = sum(one.wanted < report.wanted for one in report.pairs)
-    touch = f"{close} pair{'s' * (close != 1)} that {'are' if close != 1 else 'is'} always nearer do{'es' * (close == 1)} not touch"
+    touch = f"{close} pairs that are always nearer do not touch"
+    touch = "1 pair that is always nearer does not touch" if close == 1 else touch
     if near is None:
         return f"No pair was held against the clearance of {wanted}: {touch}."
     least = f"the least distance is {result.units.said(near.least, 'm', 3)}, between {' and '.join(near.pair)}"
