@@ -89,7 +89,7 @@ def large_steps(robot: Robot, motion: Motion, known: Sequence[Finding] | None) -
     often = f"{size[k] / usual:.0f} times the median step{f', and there are {more} more' * (more > 0)}"
     return [
         f"a large step: {joint.name} goes {size[k]:.3g} {joint.unit} from one sample to the next at "
-        f"{motion.time(k):.3f} s, {often}; {untold if known is None else 'the tool goes straight on'}"
+        f"{motion.time(k):.3f} s, {often}; {untold if known is None else 'the tool stays near its straight line'}"
     ]
 
 
