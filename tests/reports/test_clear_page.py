@@ -137,7 +137,7 @@ def test_the_least_distance_of_a_page_is_a_bound_of_that_at_the_posture_it_names
     found = [float(r[2]) for r in rows if len(r) == 3 and r[1] in (f"{WANTED:g}", "no contact")]
     assert found == sorted(found) and len(found) == len({pair.names for pair in proof(False).demands.clear.pairs})
     assert near.bound * 0.99 <= found[0] <= near.bound or min(found) <= near.bound
-    assert "PROVEN BUT NOT VERIFIED" in text and "keep apart: the nearest of them" in text
+    assert "PROVEN BUT NOT VERIFIED" in text and "keep apart: of those that are to keep" in text
 
 
 def test_joint_speeds_of_a_page_are_no_less_than_those_of_the_strategy(folder: Path) -> None:

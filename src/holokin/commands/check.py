@@ -34,7 +34,8 @@ def check(
     ] = None,
     margin: Annotated[float, typer.Option(help="How far joints keep from their limits [rad, m].")] = 0.0,
     ignore: Annotated[
-        list[str] | None, typer.Option(help="Two links that may touch, like 'link5,hand'; may be given again.")
+        list[str] | None,
+        typer.Option(help="Two links that may touch, like 'link5,hand' or 'hand,*'; may be given again."),
     ] = None,
     position: Annotated[
         bool, typer.Option("--position", help="The tool's orientation is free: singularities of its position alone.")
@@ -47,7 +48,7 @@ def check(
 ) -> None:
     """Look at a motion for exceeded limits, singularities, self-collision and the floor.
 
-    Exits 0 when nothing is found, 1 when something is, 2 on bad input.
+    Exits 0 when nothing is found, 1 when something is or a shape could not be read, 2 on bad input.
     """
     from .. import motion_checking
     from ..errors import ArgumentError

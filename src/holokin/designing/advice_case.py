@@ -10,6 +10,7 @@ import numpy as np
 
 from ..base.types import Array, Flags, Matrix, Vector
 from ..errors import ArgumentError, HolokinError, OutOfReachError
+from ..motion_checking.check_report import keeps
 from ..motion_checking.keeping_clear import Clearances
 from ..path.workspaces import PoseRange, Workspace, pose_cloud
 from ..robot import check_metres
@@ -224,7 +225,7 @@ class Case:
         if self.apart is not None:
             clearance, wanted = np.full(len(found), np.nan), self.apart.wanted
             clearance[found.reached] = near = self.apart.least(found.q[found.reached], wanted)
-            found = found.blocked(lambda _: near >= wanted)
+            found = found.blocked(lambda _: keeps(near, wanted))
         self.checked[law.name] = found
         served = found.reached
         rcond = float(found.rcond[served].min()) if served.any() else 0.0

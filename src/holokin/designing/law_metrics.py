@@ -12,6 +12,7 @@ from ..base.types import Array, ArrayLike, Matrix, Value, Vector, whole
 from ..errors import OutOfReachError
 from ..inverse_kinematics import inverse
 from ..inverse_kinematics.solutions import InverseStatus
+from ..motion_checking.check_report import counted
 from ..motion_checking.keeping_clear import Clearances
 from ..path.workspaces import Workspace
 from ..proof.kept_apart import CLEARANCE, clearances_of
@@ -121,7 +122,7 @@ def measured(
     at = TiltedLeaves(strategy, coordinates).through(Q, np.zeros((len(Q), strategy.constraint.rows, coordinates.d)))
     off = np.abs(Q - costs.middle) / costs.half
     k, joint = np.unravel_index(int(np.argmax(off)), off.shape)
-    near = np.full((1, 1), np.inf) if apart is None else apart.counted(apart.distances(Q))
+    near = np.full((1, 1), np.inf) if apart is None else counted(apart.distances(Q), apart.limits, apart.wanted)
     closest = int(near.min(axis=0).argmin())
     used = np.sqrt(np.sum((at.G * costs.columns) ** 2, axis=2)) * costs.speeds
     return SectionMetrics(

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector
+from ..motion_checking.check_report import keeps
 from ..motion_checking.keeping_clear import Clearances
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
@@ -154,7 +155,7 @@ def _trial(
     clearance = np.full(len(q), np.nan)
     clearance[served] = apart.least(q[served], apart.wanted)
     return Trial(
-        candidate, q0, q, reached, served & (clearance >= apart.wanted), speed, rcond, (), clearance, apart.wanted
+        candidate, q0, q, reached, served & keeps(clearance, apart.wanted), speed, rcond, (), clearance, apart.wanted
     )
 
 

@@ -104,5 +104,5 @@ def _trouble(text: str, path: FilePath) -> str:
         return ""
     report = found.motion_check
     said = [found.trouble] if found.trouble else []
-    said += [str(one) for one in report.findings[:1]] if report is not None else []
+    said += [report.trouble] if report is not None and report.trouble else []
     return f"on the path of the job the law does not do all that is asked: {'; '.join(said) or found.status.value}"

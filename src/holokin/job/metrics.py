@@ -151,7 +151,7 @@ METRICS: dict[str, Metric] = {
     "clearance": Metric(
         "least distance of two links, or of a link and the floor or an obstacle [m]",
         lambda run: run.found.motion_check.clearance if run.found.motion_check is not None else np.nan,
-        "no distances are looked at in [checks]",
+        "[checks] hold no pair against a clearance, or could not read a shape",
     ),
     "limit_distance": Metric(
         "least distance of a joint to a limit of its position, in the timed motion [joint]",

@@ -78,4 +78,4 @@ def entry_report(job: Job, file: FilePath, strategy: Strategy, entry: Entry) -> 
         found = job.checks.checked(motion, robot, strategy.task)
     if found.passed:
         return f"{told}. [checks] find nothing on the way there.", found
-    return f"{told}. [checks] find on the way there: {found.findings[0]}.", found
+    return f"{told}. [checks] find on the way there: {found.trouble}.", found

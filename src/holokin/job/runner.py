@@ -152,7 +152,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                     told, entered = entry_report(job, file, strategy, entry)
                     found = _run_strategy(job, label, strategy, path, begin, table.method)
                     if entered is not None and not entered.passed:
-                        found = replace(found, trouble=found.trouble or f"the entry: {entered.findings[0]}")
+                        found = replace(found, trouble=found.trouble or f"the entry: {entered.trouble}")
                     if job.timing is not None and found.cycles.status is Status.COMPLETE:
                         found = _timed(found, job.timing, robot)
                     if job.checks is not None:
@@ -189,8 +189,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         name, job.title, about.strip(), shown, task_name, start, path, job.path.cycles, tuple(results), seconds,
         tuple(failed), str(covering.workspace) if covering is not None else "",
         job.checks.standing() if job.checks is not None else (), one_way(path),
-        {key: metric.meaning for key, metric in METRICS.items()}, job.printed_units,
-        job.checks.clearance if job.checks is not None else None, over,
+        {key: metric.meaning for key, metric in METRICS.items()}, job.printed_units, over,
     )  # fmt: skip
 
 

@@ -23,12 +23,30 @@ Rate = tuple[FindingKind, Matrix, Vector, str]
 
 @dataclass(frozen=True, eq=False)
 class Motion(Value):
-    """Joints q (k, n) at times t (k,) [s], and their rates with limits."""
+    """Joints q (k, n) at times t (k,) [s], and their rates with limits.
+
+    samples (s, n): the postures between whose neighbours a jump may be: those from which a timed motion was made, and
+    q of all others.
+    """
 
     t: Vector
     q: Matrix
     rates: tuple[Rate, ...]
     remarks: tuple[str, ...] = ()
+    untimed: Matrix | None = None
+
+    @property
+    def samples(self) -> Matrix:
+        """As above."""
+        return self.q if self.untimed is None else self.untimed
+
+    def index(self, k: int) -> int:
+        """Where the motion is at the k-th of `samples`, or nearest to it."""
+        return k if self.untimed is None else int(np.argmin(np.abs(self.q - self.untimed[k]).max(axis=1)))
+
+    def time(self, k: int) -> float:
+        """When that is [s]."""
+        return float(self.t[self.index(k)])
 
 
 def motion_of(given: Any, robot: Robot) -> Motion:
@@ -40,7 +58,7 @@ def motion_of(given: Any, robot: Robot) -> Motion:
         limits = given.limits
         bounds = limits.velocity, limits.acceleration, limits.jerk
         rates = zip(RATES, (given.dq, given.ddq, given.dddq), bounds, ("/s", "/s^2", "/s^3"), strict=True)
-        return Motion(given.t, given.q, tuple(rates))
+        return Motion(given.t, given.q, tuple(rates), untimed=given.untimed.q)
     if isinstance(given, Trajectory):
         return Motion(given.t, given.q, ((RATES[0], given.dq, robot.max_velocity, "/s"),))
     if isinstance(given, Recording):

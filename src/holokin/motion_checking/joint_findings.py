@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..base.tolerances import TOLERANCES
-from ..base.types import Flags, Vector
+from ..base.types import Array, Flags, Vector
 from ..robot import Robot
 from ..tasks.task import Task
 from .check_report import Finding, FindingKind
@@ -30,9 +30,9 @@ def limit_findings(robot: Robot, motion: Motion, margin: float) -> Iterator[Find
                 yield _found(kind, (c.name,), motion, (a, b, k), float(size[k]), most, c.unit + per)
 
 
-def singular_findings(task: Task, motion: Motion, rcond: float) -> Iterator[Finding]:
-    """Where the smallest singular value of the task Jacobian is less than `rcond` times the largest."""
-    values = np.linalg.svd(task.jacobian_batch(motion.q)[0], compute_uv=False)
+def singular_findings(task: Task, motion: Motion, J: Array, rcond: float) -> Iterator[Finding]:
+    """Where the smallest singular value of the task Jacobian J (k, m, n) is less than `rcond` times the largest."""
+    values = np.linalg.svd(J, compute_uv=False)
     found = values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny)
     for a, b, k in stretches(found < rcond, -found):
         yield _found(FindingKind.SINGULARITY, (task.name,), motion, (a, b, k), float(found[k]), rcond, "")

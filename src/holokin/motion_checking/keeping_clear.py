@@ -10,8 +10,10 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import Array, Flags, Matrix, Value, Vector, not_negative
+from ..errors import RobotFileError
 from ..robot import LinkShape, Robot, joints_above, with_capsules
 from ..robot.numeric import Frames, joint_frames
+from .check_report import UNREAD_CURE, counted, keeps
 from .motion_checks import CLEARANCE
 from .pairs import Pairs, pairs_of
 
@@ -23,13 +25,17 @@ Clear = Callable[[Matrix], Flags]
 class Clearances(Value):
     """What tells at single postures how far apart P pairs are: two links, a link and an obstacle, a link and the floor.
 
-    pairs: as of `check`, of the shapes of the robot. wanted: the distance asked for [m]; of a pair that is always
-    nearer it is only asked that it does not touch.
+    pairs: as of `check`, of the shapes of the robot; of a pair that is always nearer than is wanted it is only asked
+    that it does not touch.
     """
 
     robot: Robot
     pairs: Pairs
-    wanted: float
+
+    @property
+    def wanted(self) -> float:
+        """The distance asked for [m]."""
+        return self.pairs.wanted
 
     @cached_property
     def limits(self) -> Vector:
@@ -59,15 +65,11 @@ class Clearances(Value):
 
     def least(self, Q: Matrix, near: float = -np.inf) -> Vector:
         """The least distance at postures (k, n) -> (k,) [m]; of pairs that are always near only where they touch."""
-        return self.counted(self.distances(Q, near)).min(axis=1, initial=np.inf)
+        return counted(self.distances(Q, near), self.limits, self.wanted).min(axis=1, initial=np.inf)
 
     def clear(self, Q: Matrix) -> Flags:
         """Which postures (k, n) keep all pairs as far apart as is asked of them (k,)."""
-        return np.all(self.distances(Q, self.wanted) >= self.limits, axis=1)
-
-    def counted(self, distances: Matrix) -> Matrix:
-        """The distances (k, P), infinite for pairs that are always near and do not touch."""
-        return np.where((distances >= 0) & (self.limits < self.wanted), np.inf, distances)
+        return np.all(keeps(self.distances(Q, self.wanted), self.limits), axis=1)
 
     def slopes(self, Q: Matrix, near: float) -> tuple[Matrix, Array]:
         """The distances of pairs that are nearer than `near` (k, P), infinite for others, and their slopes (k, P, n).
@@ -127,7 +129,8 @@ def clear_postures(
         obstacles, floor, clearance, self_collision, ignore: as of `check`.
 
     Raises:
-        UnknownNameError: no such link. ArgumentError: a negative clearance; a robot without links.
+        UnknownNameError: no such link. ArgumentError: a negative clearance; a robot without links. RobotFileError:
+        the shape of a link could not be read, and no clearance can be told.
     """
     return posture_clearances(robot, obstacles, floor, clearance, self_collision, ignore).clear
 
@@ -136,11 +139,13 @@ def posture_clearances(
     robot: Robot, obstacles: Sequence[LinkShape], floor: float | None, clearance: float, self_collision: bool,
     ignore: Sequence[tuple[str, str]],
 ) -> Clearances:  # fmt: skip
-    """What tells of postures how far apart they are. Raises: as `clear_postures`."""
+    """What tells of postures how far apart they are. Raises: as `clear_postures`; RobotFileError: unread shapes."""
     robot.check_links()
     wanted, still = not_negative("clearance", clearance), np.zeros((1, robot.n))
     shaped = with_capsules(robot) if all(shape.obstacle for shape in robot.shapes) else robot
     pairs = pairs_of(
         shaped, obstacles, still, clearance=wanted, floor=floor, self_collision=self_collision, ignore=ignore
     )
-    return Clearances(shaped, pairs, wanted)
+    if pairs.unread:
+        raise RobotFileError(robot.name, pairs.unread, UNREAD_CURE)
+    return Clearances(shaped, pairs)

@@ -17,6 +17,7 @@ from .check_report import CheckReport, Clearance, Finding, FindingKind
 from .checked_samples import Motion, motion_of
 from .joint_findings import limit_findings, singular_findings
 from .pairs import Pairs, pairs_of
+from .posture_jumps import jump_findings, large_steps, self_motions
 from .sweep import Swept, sweep
 
 CLEARANCE = 0.01
@@ -63,7 +64,8 @@ def check(
         clearance: the least distance wanted [m].
         self_collision: whether links are held against each other.
         obstacles: shapes that stand still, see `obstacle`.
-        ignore: pairs of names that may touch: of two links, of a link and an obstacle, or of a link and "floor".
+        ignore: pairs of names that may touch: of two links, of a link and an obstacle, or of a link and "floor"; "*"
+            stands for all others.
         limits: whether limits of the joints are looked at: of position and speed, and of a TimedTrajectory those of
             acceleration and jerk.
         margin: how far joints must keep from limits of their positions [joint units].
@@ -88,12 +90,20 @@ def check(
     findings: list[Finding] = []
     if limits:
         findings += limit_findings(robot, found, edge)
+    seen: list[str] = []
+    jumps: list[Finding] | None = None
     if task is not None:
-        findings += singular_findings(task, found, not_negative("rcond", rcond))
+        J = task.jacobian_batch(found.q)[0]
+        findings += singular_findings(task, found, J, not_negative("rcond", rcond))
+        if task.spatial:
+            jumps = list(jump_findings(task, found))
+            findings += jumps
+            seen += self_motions(task, found, J)
     else:
         remarks.append("singularities were not looked at: no task was given")
+    seen += large_steps(robot, found, jumps)
     swept: list[Swept] = []
-    pairs = Pairs((), (), (), ())
+    pairs = Pairs((), (), (), (), wanted)
     if level is not None or obstacles:
         robot.check_links()
     if not robot.tips:
@@ -108,12 +118,12 @@ def check(
         swept = sweep(robot, pairs.gaps, found.q, pairs.limits)
         findings += _distance_findings(found, swept, pairs)
     near = [
-        Clearance(one.gap.names, one.least, _time(found, one.least_at), one.bound)
-        for one in sorted(swept, key=lambda one: one.least)
+        Clearance(one.gap.names, one.least, _time(found, one.least_at), one.bound, limit)
+        for one, limit in sorted(zip(swept, pairs.limits, strict=True), key=lambda pair: pair[0].least)
     ]
     return CheckReport(
-        tuple(sorted(findings, key=lambda f: (f.start, f.time))), len(found.t), float(found.t[-1] - found.t[0]),
-        tuple(near), pairs.left_out, pairs.unseen, tuple(remarks),
+        tuple(sorted(findings, key=lambda f: (f.start, f.time))), len(found.t), float(found.t[-1] - found.t[0]), wanted,
+        tuple(near), pairs.left_out, pairs.unseen, tuple(remarks), tuple(seen),
     )  # fmt: skip
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..base.types import Matrix, Value, Vector
 from ..errors import UnknownNameError
-from ..robot import Capsule, LinkShape, Robot, joints_above
+from ..robot import Capsule, LinkShape, Robot, Unread, joints_above
 from ..robot.numeric import joint_frames
-from .check_report import LeftOut, Unseen
+from .check_report import LeftOut, Unseen, cannot_tell
 from .gaps import FLOOR, Gap, Link, floor_gap, link_gap, links_of
 
 POSTURES = 200
@@ -22,21 +22,34 @@ ALWAYS = f"they touch at each of {POSTURES} random postures"
 NEAR = f"nearer than the clearance at each of {POSTURES} random postures, so only collisions are told"
 ASKED = "allowed to touch"
 
+LEVEL = 1e-9
+"""By how much a plane for which a floor stands may be tilted [-], or be above it [m]: round-off."""
+
+ALL = "*"
+"""In a pair that may touch: all other things."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pairs(Value):
-    """Gaps to look at, the clearance wanted of each [m], and what is not looked at."""
+    """Gaps to look at, the distance asked of each [m], what is not looked at, and the clearance that was wanted [m]."""
 
     gaps: tuple[Gap, ...]
     limits: tuple[float, ...]
     left_out: tuple[LeftOut, ...]
     unseen: tuple[Unseen, ...]
+    wanted: float
+
+    @property
+    def unread(self) -> str:
+        """That nothing can be told of links whose shapes could not be read, and why; empty where all were read."""
+        first = next((one.reason for one in self.unseen if one.unread), "")
+        return f"{cannot_tell(self.unseen)} ({first})" if first else ""
 
 
-def _readable(shapes: Sequence[LinkShape]) -> tuple[list[LinkShape], list[Unseen]]:
-    """The shapes that can be looked at, and the links of the others."""
+def _readable(shapes: Sequence[LinkShape]) -> tuple[list[LinkShape], list[tuple[LinkShape, str]]]:
+    """The shapes that can be looked at, and the others with the reason."""
     faults = [(shape, shape.shape.fault) for shape in shapes]
-    return [s for s, fault in faults if not fault], [Unseen(s.link, fault) for s, fault in faults if fault]
+    return [s for s, fault in faults if not fault], [(s, fault) for s, fault in faults if fault]
 
 
 def pairs_of(
@@ -47,23 +60,24 @@ def pairs_of(
 
     Links that do not move against each other are no pair, nor are such links and what stands still.
     """
-    good, unseen = _readable(robot.shapes)
-    others, hidden = _readable(obstacles)
+    good, faulty = _readable([*robot.shapes, *obstacles])
     links = links_of([shape for shape in good if not shape.obstacle])
-    things = links_of([*(shape for shape in good if shape.obstacle), *others])
-    unseen += hidden
-    there = [link.name for link in (*links, *things)] + [one.link for one in unseen]
-    _known(ignore, there if floor is None else [*there, FLOOR])
+    things = links_of([shape for shape in good if shape.obstacle])
+    names = [link.name for link in (*links, *things)] + [shape.link for shape, _ in faulty]
+    _known(ignore, names if floor is None else [*names, FLOOR])
+    skipped, every = _Skipped(ignore), [*robot.shapes, *obstacles]
+    unseen = [
+        Unseen(one.link, fault, _asked_about(one, every, skipped, floor, self_collision)) for one, fault in faulty
+    ]
     if not all(isinstance(shape.shape, Capsule) for shape in robot.shapes):  # a link without length has no capsule
         bare = sorted({*range(len(robot.joints))} - {shape.joint for shape in robot.shapes})
         unseen += [Unseen(robot.joints[j].name, "no shape moves with this joint") for j in bare]
     travel = _travel(robot, q)
     parents = [_parent(robot, links, link) for link in links]
     left_out, gaps, tested = [], [], []
-    skipped = {frozenset(pair) for pair in ignore}
     for i, one in enumerate(links):
         for thing in things if one.joint >= 0 else ():
-            if frozenset((one.name, thing.name)) in skipped:
+            if (one.name, thing.name) in skipped:
                 left_out.append(LeftOut((one.name, thing.name), ASKED))
             else:
                 gaps.append(link_gap(robot, one, thing, travel))
@@ -71,7 +85,7 @@ def pairs_of(
             pair = (other.name, one.name)
             if one.joint == other.joint:
                 continue  # they never move against each other
-            if frozenset(pair) in skipped:
+            if pair in skipped:
                 left_out.append(LeftOut(pair, ASKED))
             elif other is parents[i] or one is parents[j]:
                 left_out.append(LeftOut(pair, ADJACENT))
@@ -87,17 +101,45 @@ def pairs_of(
         gaps.append(gap)
         limits.append(0.0 if values.max() < clearance else clearance)
     for link in links if floor is not None else ():
-        if link.joint >= 0 and frozenset((link.name, FLOOR)) in skipped:
+        if link.joint >= 0 and (link.name, FLOOR) in skipped:
             left_out.append(LeftOut((link.name, FLOOR), ASKED))
         elif link.joint >= 0:
             gaps.append(floor_gap(robot, link, floor, travel))
             limits.append(clearance)
-    return Pairs(tuple(gaps), tuple(limits), tuple(left_out), tuple(unseen))
+    return Pairs(tuple(gaps), tuple(limits), tuple(left_out), tuple(unseen), clearance)
+
+
+class _Skipped:
+    """The pairs of names that may touch."""
+
+    def __init__(self, pairs: Sequence[tuple[str, str]]) -> None:
+        self.pairs = {frozenset(pair) for pair in pairs}
+
+    def __contains__(self, names: tuple[str, str]) -> bool:
+        return frozenset(names) in self.pairs or any(frozenset((name, ALL)) in self.pairs for name in names)
+
+
+def _asked_about(
+    one: LinkShape, every: Sequence[LinkShape], skipped: _Skipped, floor: float | None, self_collision: bool
+) -> bool:
+    """Whether a shape may meet a thing that it may not touch."""
+    up, height = one.placement[2, 2:]
+    level = isinstance(one.shape, Unread) and one.shape.plane and up > 1 - LEVEL
+    if level and floor is not None and floor >= height - LEVEL:
+        return False  # the floor stands for it
+    rivals = [FLOOR] if floor is not None and not one.obstacle and one.joint >= 0 else []
+    for other in every:
+        if one.obstacle or other.obstacle:
+            meet = one.obstacle != other.obstacle and max(one.joint, other.joint) >= 0
+        else:
+            meet = self_collision and one.joint != other.joint
+        rivals += [other.link] if meet else []
+    return any((one.link, name) not in skipped for name in rivals)
 
 
 def _known(ignore: Sequence[tuple[str, str]], names: Sequence[str]) -> None:
     for name in (name for pair in ignore for name in pair):
-        if name not in names:
+        if name != ALL and name not in names:
             raise UnknownNameError("link", name, tuple(dict.fromkeys(names)))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from ..base.types import Indices, Matrix, Value, Vector
 from ..robot import Robot
 from ..robot.numeric import joint_frames
+from .check_report import keeps
 from .gaps import Gap
 
 ACCURACY = 1e-3
@@ -17,6 +18,9 @@ ACCURACY = 1e-3
 
 FINE = 2e-4
 """Motion [m] below which an interval between two samples is not halved any more: half of it is a tenth of ACCURACY."""
+
+TOUCH = float(np.nextafter(0.0, 1.0))
+"""The least distance [m] of two things that do not touch."""
 
 FIRST = 16
 """Intervals into which a motion is cut to begin with."""
@@ -47,7 +51,7 @@ class Swept(Value):
 
     def stretches(self, limit: float) -> list[tuple[float, float, float, float]]:
         """(first s, last s, least distance there, its s) of each stretch on which the distance is below a limit."""
-        edges = np.diff(np.concatenate([[0], self.d < limit, [0]]).astype(int))
+        edges = np.diff(np.concatenate([[0], ~keeps(self.d, limit), [0]]).astype(int))
         found = []
         for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
             k = a + int(np.argmin(self.d[a:b]))
@@ -60,11 +64,13 @@ def sweep(robot: Robot, gaps: Sequence[Gap], q: Matrix, limits: Sequence[float])
 
     Between two postures whose distances are d and e, and over which points of the two things move by S at most towards
     each other, the distance is at least (d + e - S) / 2. An interval is halved until that is no less than its limit
-    [m] and than the least of all distances less `ACCURACY`.
+    [m] and than the least distance less `ACCURACY`, that of the pairs with the largest limit: those with a smaller one
+    are not held against the clearance, and do not tell it.
     """
     if not gaps:
         return []
-    near = max(limits)
+    near = max(*limits, TOUCH)
+    judged = [i for i, limit in enumerate(limits) if limit == max(limits)]
     walks = [np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q, axis=0)) @ gap.weights)]) for gap in gaps]
     starts = np.unique(np.linspace(0, len(q) - 1, FIRST + 1).astype(int)).astype(float)
     known = [dict.fromkeys(starts.tolist(), 0.0) for _ in gaps]
@@ -74,15 +80,16 @@ def sweep(robot: Robot, gaps: Sequence[Gap], q: Matrix, limits: Sequence[float])
     if len(q) == 1:
         bounds = np.array([distances[0.0] for distances in known])
     while any(len(a) for a, _ in waiting):
-        best = min(min(distances.values()) for distances in known)
+        best = min(min(known[i].values()) for i in judged)
         asked: list[Vector] = []
         for i, (a, b) in enumerate(waiting):
             d, e = (np.array([known[i][s] for s in ends.tolist()]) for ends in (a, b))
             step = _at(walks[i], b) - _at(walks[i], a)
-            bound, limit = (d + e - step) / 2, limits[i]
+            bound, limit = (d + e - step) / 2, max(limits[i], TOUCH)
             inside = (d < limit) & (e < limit) & ((d + e + step) / 2 < limit)
             own = min(known[i].values()) - ACCURACY
-            want = np.where(inside, bound < own, bound < max(limit, best - ACCURACY))
+            least = max(limit, best - ACCURACY) if i in judged else limit
+            want = np.where(inside, bound < own, bound < least)
             split = want & ((b - a > 1) | ((step > FINE) & ((bound < own) | ((d >= limit) & (e >= limit)))))
             bounds[i] = min(bounds[i], float(bound[~split].min(initial=np.inf)))
             middle = (a[split] + b[split]) / 2

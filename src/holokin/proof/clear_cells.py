@@ -27,7 +27,7 @@ import numpy as np
 from ..base.sure_digits import at_least
 from ..base.types import Array, Indices, Matrix, Value, Vector, some
 from ..errors import brief
-from ..motion_checking.check_report import left_out_words
+from ..motion_checking.check_report import counted, left_out_words
 from ..motion_checking.gaps import FloorGap, Gap, LinkGap, segment_step
 from ..motion_checking.pairs import POSTURES, Pairs
 from ..robot import LinkShape, Robot, joints_above
@@ -151,20 +151,23 @@ class ClearCells(Value):
 
     def told(self, apart: Matrix) -> str:
         """The least distance that is proven over cells, in words."""
-        least, wanted = apart.min(axis=0), self.wanted
-        asked = least if not wanted.any() else np.where(wanted > 0, least, np.inf)
-        i, names = int(np.argmin(asked)), dict.fromkeys(pair.names for pair in self.pairs)
-        one, other = self.pairs[i].names
-        touch = len(dict.fromkeys(pair.names for pair in self.pairs if not pair.wanted)) if wanted.any() else 0
+        least, names = self.judged(apart), dict.fromkeys(pair.names for pair in self.pairs)
+        touch = len({pair.names for pair in self.pairs if pair.wanted < self.looked_at.wanted})
         out = left_out_words([one for one in self.looked_at.left_out if one.pair not in names])
-        far = at_least(float(asked[i]))
-        parts = [f"the shapes of {len(names)} pairs keep apart, {one} and {other} as the nearest by {far} m or more"]
-        at = f"at each of {POSTURES} random postures"
+        parts, at = [f"the shapes of {len(names)} pairs keep apart"], f"at each of {POSTURES} random postures"
+        if np.isfinite(least).any():
+            one, other = self.pairs[int(np.argmin(least))].names
+            far = at_least(float(least.min()))
+            parts = [f"{parts[0]}, {one} and {other} as the nearest by {far} m or more"]
         parts += [f"{touch} of them, which are near {at}, are only shown not to touch"] if touch else []
         parts += ["; ".join(out)] if out else []
         bare = sorted({one.link for one in self.looked_at.unseen})
         parts += [f"nothing is said of {brief(', '.join(bare))}, without a shape to look at"] if bare else []
         return ", ".join(parts)
+
+    def judged(self, apart: Matrix) -> Vector:
+        """(P,) what is proven over cells (k, P) at least [m]; infinite of pairs that need not keep the clearance."""
+        return counted(apart.min(axis=0), self.wanted, self.looked_at.wanted)
 
     def described(self) -> dict[str, Any]:
         """What the checker reads: the joints, the shapes, and the pairs with the distance that is claimed of each."""

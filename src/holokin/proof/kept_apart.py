@@ -72,9 +72,6 @@ def clearances_of(
     heights = {} if level is None else {"floor": level}
     _checked(robot, clear_of, {**heights, "clearance": number("clearance", clearance)})
     found = posture_clearances(robot, clear_of, level, clearance, self_collision, ignore)
-    for one in found.pairs.unseen:
-        if any(one.link == shape.link for shape in clear_of):
-            raise ArgumentError(f"the obstacle {one.link!r}", one.reason, "give a box, a capsule, a cylinder or a mesh")
     if not found.pairs.gaps:
         raise ArgumentError("clear_of", list(clear_of), "give obstacles or a floor, or let the links be looked at")
     return found

@@ -33,6 +33,7 @@ def _told(
     found = table(_HEAD, [_row(one.printed(result.units)) for one in report.findings[:MOST_ROWS]])
     mark = "yes" if strategy.followed == 1.0 else "no"
     said = [f"<p class='{mark}'>{escape(text)}</p>" for text in [check_words(strategy)] if text]
+    said += [f"<p class='no'>{escape(report.unread)}</p>"] if report.unread else []
     return [*([found] if report.findings else []), *said, f"<ul class='small'>{lines}</ul>"]
 
 

@@ -98,13 +98,14 @@ def _lengths(values: Sequence[float] | Vector, between: str) -> str:
 
 
 def nearest_of(found: Certificate) -> Nearest | None:
-    """Where the least distance is proven; None where nothing is."""
+    """Where the least distance is proven; None where nothing is, or no pair is held against the clearance."""
     clear = found.demands.clear
     if clear is None or not len(found):
         return None
-    apart, wanted = found.findings.apart, clear.wanted
-    least = np.where(wanted > 0, apart.min(axis=0), np.inf) if wanted.any() else apart.min(axis=0)
+    apart, least = found.findings.apart, clear.judged(found.findings.apart)
     p = int(np.argmin(least))
+    if not np.isfinite(least[p]):
+        return None
     i = int(np.argmin(apart[:, p]))
     task, q = found.equation.strategy.task, found.cells.q0[i, : found.equation.joints]
     names = clear.pairs[p].names

@@ -116,8 +116,8 @@ class JobResult:
 
     obstacles: those of [checks] that stand still. one_way: why its path has no two paths to a pose, at which joints
     could be compared, or empty. meanings: of the metrics of its strategies; [joint] there stands for the joints' unit.
-    units: in which it is printed; all values here are in rad and m. clearance: the one that [checks] want [m].
-    sheets: what was found of [sheets], None in a job without.
+    units: in which it is printed; all values here are in rad and m. sheets: what was found of [sheets], None in a job
+    without.
     """
 
     name: str
@@ -136,7 +136,6 @@ class JobResult:
     one_way: str = ""
     meanings: Mapping[str, str] = field(default_factory=dict)
     units: PrintedUnits = SI
-    clearance: float | None = None
     sheets: SheetsResult | None = None
 
     @property

@@ -120,15 +120,23 @@ def _clearance(result: JobResult, s: StrategyResult) -> str:
     report = s.motion_check
     if report is None:
         return ""
+    unread = f"Of the distances the checks {report.unread}." if report.unread else ""
     if report.findings:
         some = "; ".join(str(one.printed(result.units)) for one in report.findings[:MOST_FINDINGS])
         more = len(report.findings) - MOST_FINDINGS
-        return f"The checks of the motion found: {some}{f'; and {more} more' if more > 0 else ''}."
+        return f"The checks of the motion found: {some}{f'; and {more} more' if more > 0 else ''}. {unread}".strip()
+    if unread:
+        return unread
     if not report.pairs:
         return "The checks of the motion found nothing; distances were not among them."
-    least = result.units.said(report.clearance, "m", 3)
-    wanted = "" if result.clearance is None else f" ({result.units.said(result.clearance, 'm', 3)} wanted)"
-    return f"Clearances are kept: links, floor and obstacles are {least} apart at least{wanted}."
+    wanted, near = result.units.said(report.wanted, "m", 3), report.nearest
+    close = sum(one.wanted < report.wanted for one in report.pairs)
+    touch = f"{close} pairs that are always nearer do not touch"
+    touch = "1 pair that is always nearer does not touch" if close == 1 else touch
+    if near is None:
+        return f"No pair was held against the clearance of {wanted}: {touch}."
+    least = f"the least distance is {result.units.said(near.least, 'm', 3)}, between {' and '.join(near.pair)}"
+    return f"Clearances are kept: {least} ({wanted} wanted){f'; {touch}' if close else ''}."
 
 
 def _failed(s: StrategyResult) -> str:

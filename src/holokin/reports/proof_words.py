@@ -141,11 +141,14 @@ def verdict(found: Certificate, word: CheckerWord) -> Verdict:
 
 def _apart(found: Certificate) -> str:
     """What is proven of distances, for the sentence below the first line."""
-    near = nearest_of(found)
-    if near is None:
+    near, clear = nearest_of(found), found.demands.clear
+    if clear is None or not len(found):
         return ""
+    if near is None:
+        return " There the shapes that are listed below do not touch."
+    asked = f"of those that are to keep {clear.looked_at.wanted:g} m apart, " if clear.looked_at.wanted else ""
     return (
-        f" There the shapes that are listed below keep apart: the nearest of them, {_pair(near.names)}, by "
+        f" There the shapes that are listed below keep apart: {asked}{_pair(near.names)} are the nearest, by "
         f"{at_least(near.bound)} m or more."
     )
 

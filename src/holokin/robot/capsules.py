@@ -33,10 +33,11 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
     """The robot with capsules for links, along the lines from each joint's frame to the next ones and to the tips.
 
     The capsule of a link has the name of the joint that moves it, "base" for the one that stands still. Links that
-    have shapes already keep them. What is between a slider and the joint before it has no capsule. A base begins where
-    the robot is mounted, and a tool where the arm ends: both leave all other capsules as they are. What the robot
-    stands on is no part of it, see `obstacle`. Where several arms stand side by side, each has a base of its own,
-    "base", and "base of JOINT" of the others.
+    have shapes already keep them, but for those that could not be read where `radius` names the capsule in their place.
+    What is between a slider and the joint before it has no capsule. A base begins where the robot is mounted, and a
+    tool where the arm ends: both leave all other capsules as they are. What the robot stands on is no part of it, see
+    `obstacle`. Where several arms stand side by side, each has a base of its own, "base", and "base of JOINT" of the
+    others.
 
     Args:
         radius: of all capsules [m], or by name, where those left out have the default: a twentieth of `chain_length`.
@@ -53,7 +54,10 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
             raise UnknownNameError("link", name, names)
         positive(f"the radius of {name}", value)
     rest = positive("radius", radius) if isinstance(radius, float | int) else chain_length(robot) / SLENDER
-    shaped = {shape.joint for shape in robot.shapes if not shape.obstacle}
+    carriers = [BASE, *(joint.name for joint in robot.joints)]  # of joint -1 and of each joint
+    own = [shape for shape in robot.shapes if not shape.obstacle]
+    unread = [shape for shape in own if given and carriers[shape.joint + 1] in given and shape.shape.fault]
+    shaped = {shape.joint for shape in own} - {shape.joint for shape in unread}
     bare = [line for line in lines if line.joint not in shaped and np.linalg.norm(line.end - line.start) >= _SHORTEST]
     clad = {(line.link, line.joint) for line in bare}
     added = []
@@ -63,7 +67,9 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
             raise ArgumentError("the length of the chain", 0.0, "give radius=")
         parent = _parent(line.joint, lines, clad, shaped)
         added.append(LinkShape(line.link, line.joint, *between(line.start, line.end, r), parent=parent))
-    return replace(robot, shapes=(*robot.shapes, *added))
+    replaced = {shape.joint for shape in added}
+    kept = [shape for shape in robot.shapes if not (shape.joint in replaced and shape in unread)]
+    return replace(robot, shapes=(*kept, *added))
 
 
 def _parent(joint: int, lines: Sequence[Line], clad: Set[tuple[str, int]], shaped: Set[int]) -> str | None:

@@ -250,7 +250,7 @@ class Mesh(Shape):
         """Points (k, 3) [m] and triangles (f, 3). Raises: RobotFileError: no such file, or one that cannot be read."""
         cure = "put it where the robot's file says, or check without it"
         if not self.file.is_file():
-            raise RobotFileError(self.file, "there is no such mesh", cure)
+            raise RobotFileError(self.file, f"there is no such mesh{self._like()}", cure)
         import trimesh
 
         try:
@@ -262,6 +262,12 @@ class Mesh(Shape):
         if not len(faces):
             raise RobotFileError(self.file, "has no triangles", cure)
         return points, faces
+
+    def _like(self) -> str:
+        """A file beside the missing one whose name differs in capital letters alone."""
+        folder, name = self.file.parent, self.file.name.lower()
+        found = [one.name for one in folder.iterdir() if one.name.lower() == name] if folder.is_dir() else []
+        return f" (but one named {found[0]})" if found else ""
 
     def outward(self, faces: Indices) -> Indices:
         """Triangles (f, 3) of the file as they go round seen from outside: a mirrored mesh turns them round."""
@@ -331,10 +337,11 @@ class Mesh(Shape):
 @final
 @dataclass(frozen=True, eq=False)
 class Unread(Shape):
-    """What a file names and nobody can look at: a plane, a height field, a broken element."""
+    """What a file names and nobody can look at: a height field, a broken element, a `plane` z = 0 of its frame."""
 
     source: str
     reason: str
+    plane: bool = False
 
     @property
     def ball(self) -> tuple[Vector, float]:

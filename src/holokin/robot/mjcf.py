@@ -20,6 +20,7 @@ from .mjcf_shapes import shapes_of, transform
 from .mjcf_sizes import check_sizes
 from .model import Robot
 from .tree import MOVING, Branch, Follow, Loop, Mass, Tree, checked, motion
+from .urdf_shapes import slashed
 from .urdf_xml import read_model
 from .visuals import mjcf_visuals
 
@@ -93,23 +94,61 @@ def mujoco_module() -> Any:
 
 def _compiled_tree(parse: Any, source: str, name: str) -> Tree:
     """The tree of what `parse` gives, with its meshes, or where MuJoCo cannot have these, without."""
-    spec = _parsed(parse, source)
-    weighed, bare = True, {}
-    try:
-        model = spec.compile()
-    except _FAULTS:
+    problem: Exception | None = None
+    for choice in (_no_files, _missing_files, _all_files):
         spec = _parsed(parse, source)
-        bare = {body.name or f"body {i}": source for i, body in enumerate(spec.bodies) if list(body.geoms)}
+        lost = choice(spec)
+        geoms = [
+            [geom for geom in body.geoms if choice is _all_files or _files_of(geom) & lost] for body in spec.bodies
+        ]
+        bodies = [body.name or f"body {i}" for i, body in enumerate(spec.bodies)]
+        bare = [name for name, of in zip(bodies, geoms, strict=True) if any(map(_touches, of))]
         try:
-            weighed = _without_shapes(spec)
+            weighed = choice is _no_files or _without_shapes(spec, geoms, lost)
             model = spec.compile()
-        except _FAULTS as problem:
-            raise RobotFileError(source, f"is no MJCF that MuJoCo takes ({problem})", "correct it there") from None
+            break
+        except _FAULTS as found:
+            problem = found
+    else:
+        raise RobotFileError(source, f"is no MJCF that MuJoCo takes ({problem})", "correct it there")
     tree = _model_tree(model, source, spec.modelname if spec.modelname not in ("", "MuJoCo Model") else name)
-    if bare:
-        lost = {link: (LinkShape(link, -1, np.eye(4), Unread(source, "its meshes are not there")),) for link in bare}
-        tree = replace(tree, shapes=lost)
+    why = "its meshes are not there" if choice is _missing_files else f"MuJoCo does not take its shapes ({problem})"
+    shapes, unread = dict(tree.shapes), Unread(source, why)
+    for link in bare:
+        shape = LinkShape(link, -1, np.eye(4), unread, obstacle=link == bodies[0])
+        shapes[link] = (*shapes.get(link, ()), shape)
+    tree = replace(tree, shapes=shapes)
     return tree if weighed else replace(tree, links=dict.fromkeys(tree.links))
+
+
+def _no_files(spec: Any) -> set[str]:
+    """The names of no meshes."""
+    return set()
+
+
+def _all_files(spec: Any) -> set[str]:
+    """The names of all meshes and height fields."""
+    return {_name(one) for one in (*spec.meshes, *spec.hfields)}
+
+
+def _missing_files(spec: Any) -> set[str]:
+    """The names of the meshes and height fields whose files are not there."""
+    folder = Path(spec.modelfiledir) / slashed(spec.meshdir)
+    files = [(one, Path(slashed(one.file))) for one in (*spec.meshes, *spec.hfields) if one.file]
+    return {_name(one) for one, file in files if not (folder / (file.name if spec.strippath else file)).is_file()}
+
+
+def _files_of(geom: Any) -> set[str]:
+    return {geom.meshname, geom.hfieldname} - {""}
+
+
+def _name(asset: Any) -> str:
+    """Of a mesh or a height field: by default that of its file."""
+    return asset.name or Path(slashed(asset.file)).stem
+
+
+def _touches(geom: Any) -> bool:
+    return bool(geom.contype or geom.conaffinity)
 
 
 def _parsed(parse: Any, source: str) -> Any:
@@ -119,23 +158,29 @@ def _parsed(parse: Any, source: str) -> Any:
         raise RobotFileError(source, f"is no MJCF that MuJoCo reads ({problem})", "correct it there") from None
 
 
-def _without_shapes(spec: Any) -> bool:
-    """Take out of a spec whatever could need a file, or needs what does. True if masses are known all the same.
+def _without_shapes(spec: Any, geoms: Sequence[Sequence[Any]], lost: set[str]) -> bool:
+    """Take some geoms of each body and meshes out of a spec, and whatever could need a file or them.
 
-    They are when every body that moves and has a shape has its mass in numbers.
+    Returns:
+        True if masses are known all the same: every body that moves and loses a shape has its mass in numbers.
     """
-    weighed = all(body.explicitinertial or not list(body.geoms) for body in _moving(spec.worldbody))
-    for kind in ("sensors", "actuators", "keys", "pairs", "skins", "flexes", "geoms", "meshes", "hfields"):
+    losing = [body for body, of in zip(spec.bodies, geoms, strict=True) if of]
+    weighed = all(body.explicitinertial or body not in losing for body in _moving(spec.worldbody))
+    for kind in ("sensors", "actuators", "keys", "pairs", "skins", "flexes"):
         for element in list(getattr(spec, kind)):
             spec.delete(element)
-    for element in [*spec.sites, *spec.tendons]:
+    gone = [one for one in (*spec.meshes, *spec.hfields) if _name(one) in lost]
+    for element in [*(geom for of in geoms for geom in of), *gone]:
+        spec.delete(element)
+    for element in [*spec.sites, *spec.tendons, *spec.geoms]:
         element.material = ""
     for kind in ("materials", "textures"):
         for element in list(getattr(spec, kind)):
             spec.delete(element)
-    spec.compiler.inertiafromgeom = 0
+    if not weighed or not list(spec.geoms):
+        spec.compiler.inertiafromgeom = 0
     for body in spec.bodies[1:]:
-        if not body.explicitinertial and list(body.joints):
+        if not body.explicitinertial and list(body.joints) and (not weighed or not list(body.geoms)):
             body.mass, body.inertia = _UNKNOWN[0], [_UNKNOWN[1]] * 3
             body.ipos, body.explicitinertial = [0, 0, 0], True
     return weighed

@@ -44,7 +44,7 @@ def shape_of(model: Any, geom: int, enums: Any, source: str = "") -> Shape:
     }  # fmt: skip
     if kind not in makers:
         cure = ", give its height as floor" if kind == "plane" else ""
-        return Unread(source, f"shapes of type {kind!r} are not read{cure}")
+        return Unread(source, f"shapes of type {kind!r} are not read{cure}", plane=kind == "plane")
     return makers[kind]()
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from .chains import robot_of
 from .link_shapes import LinkShape, Unread
 from .model import Robot
 from .tree import Branch, Follow, Mass, Tree, checked
-from .urdf_shapes import BROKEN, Finder, mesh_finder, shapes_of
+from .urdf_shapes import BROKEN, Finder, mesh_finder, shapes_of, slashed
 from .urdf_xml import essentials, read_model
 from .visuals import urdf_visuals
 
@@ -68,7 +69,7 @@ def from_yourdfpy(
     handler = getattr(urdf, "_filename_handler", None)  # what it finds its own meshes with
 
     def find(name: str) -> Path:
-        return Path(name if handler is None else handler(name))
+        return Path(slashed(name) if handler is None else handler(slashed(name)))
 
     return robot_of(_tree(f"yourdfpy.URDF {urdf.robot.name!r}", urdf.robot, "robot", find), tip, base, locked)
 
@@ -86,7 +87,7 @@ def urdf_text_tree(text: bytes, path: str | Path) -> Tree:
             return _tree(str(path), model, Path(path).stem, mesh_finder(path))
         except _FAULTS:
             pass  # perhaps of what is drawn, or of a shape, neither of which must hinder the kinematics
-    content = essentials(text, path)
+    content, broken = _without_broken(essentials(text, path, shapes=True))
     try:
         model = _parsed(content)
     except _FAULTS as e:
@@ -96,10 +97,24 @@ def urdf_text_tree(text: bytes, path: str | Path) -> Tree:
         elif isinstance(e, AttributeError):
             fact = "an element lacks a part, such as a joint its <parent> or <child>"
         raise RobotFileError(path, f"is not a URDF that can be read ({fact})", "check it with `check_urdf`") from None
-    tree = _tree(str(path), model, Path(path).stem, mesh_finder(path))
-    return replace(
-        tree, shapes={link: (LinkShape(link, -1, np.eye(4), Unread(str(path), BROKEN)),) for link in tree.links}
-    )
+    tree, unread = _tree(str(path), model, Path(path).stem, mesh_finder(path)), Unread(str(path), BROKEN)
+    return replace(tree, shapes={**tree.shapes, **{link: (LinkShape(link, -1, np.eye(4), unread),) for link in broken}})
+
+
+def _without_broken(content: bytes) -> tuple[bytes, list[str]]:
+    """A URDF without the <collision> elements of links that cannot be read with them, and the names of these links."""
+    root, broken = ElementTree.fromstring(content), []
+    for link in root.findall("link"):
+        alone = ElementTree.Element("robot", {"name": "link"})
+        alone.append(link)
+        try:
+            _parsed(ElementTree.tostring(alone, encoding="utf-8"))
+        except _FAULTS:
+            shapes = link.findall("collision")
+            for shape in shapes:
+                link.remove(shape)
+            broken += [link.get("name", "")] if shapes else []
+    return ElementTree.tostring(root, encoding="utf-8"), broken
 
 
 def _parsed(content: bytes) -> Any:

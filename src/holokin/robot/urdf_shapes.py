@@ -35,14 +35,19 @@ def mesh_finder(file: str | Path) -> Finder:
     """How meshes are found that a file names: package://NAME/... in the folders above it, or where ROS has packages."""
 
     def find(name: str) -> Path:
-        scheme, _, rest = name.rpartition("://")
+        scheme, _, rest = slashed(name).rpartition("://")
         if scheme == "file":
             return Path(rest)
         if scheme != "package":
-            return Path(file).parent / name
+            return Path(file).parent / rest
         return next((path for path in _packaged(Path(rest), Path(file)) if path.is_file()), Path(rest))
 
     return find
+
+
+def slashed(name: str) -> str:
+    r"""The name of a file as all systems read it: `nib\meshes\x.stl`, as Windows writes it, is `nib/meshes/x.stl`."""
+    return name.replace("\\", "/")
 
 
 def _packaged(name: Path, file: Path) -> Iterator[Path]:
@@ -66,6 +71,8 @@ def _placed(link: str, collision: Any, source: str, find: Finder) -> LinkShape:
 
 def shape_of(geometry: Any, find: Finder) -> Shape:
     """The solid of a <geometry>. Raises: HolokinError."""
+    if geometry is None or all(part is None for part in vars(geometry).values()):
+        raise ArgumentError("its <geometry>", None, "write a box, a cylinder, a sphere or a mesh")
     if geometry.box is not None:
         return Box(geometry.box.size)
     if geometry.sphere is not None:

@@ -38,11 +38,16 @@ class Surroundings(Value):
     def digest(self) -> str:
         """A short text that differs where what is to be kept clear of differs: SHA-256 of all numbers and names."""
         shapes = [
-            [one.link, one.joint, one.placement.tolist(), repr(one.shape), *np.hstack(one.shape.ball).tolist()]
+            [one.link, one.joint, one.placement.tolist(), repr(one.shape), *_size(one)]
             for one in (*self.obstacles, *(() if self.shapes_of is None else self.shapes_of.shapes))
         ]  # fmt: skip
         rest = [self.floor, self.clearance, self.self_collision, sorted(map(list, self.ignore))]
         return hashlib.sha256(json.dumps([shapes, rest]).encode()).hexdigest()[:16]
+
+
+def _size(one: LinkShape) -> list[float]:
+    """The ball that holds a shape; nothing of one that could not be read, and may touch what it likes."""
+    return [] if one.shape.fault else np.hstack(one.shape.ball).tolist()
 
 
 def surroundings(
