@@ -18,9 +18,14 @@ from holokin.sheet_maps import self_motion_between
 
 Q0 = np.array([0.3, 0.8, -0.9])
 SPEEDS = np.array([1.0, 1.5, 2.0])
-RNG = np.random.default_rng(48)
-MISSING = [RNG.permutation(3) < count for count in (1, 2, 3)]
-"""Which of three joints lack a limit: one of them, two, all."""
+
+
+def lacking(count: int) -> np.ndarray:
+    """Which of three joints lack a limit: so many of them, drawn at random."""
+    return np.random.default_rng(48).permutation(3) < count
+
+
+MISSING = [lacking(count) for count in (1, 2, 3)]
 
 GOOD = np.zeros(3, dtype=bool)
 JOB = """

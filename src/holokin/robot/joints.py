@@ -52,7 +52,10 @@ class Coordinate(Shown):
 
 @dataclass(frozen=True, eq=False)
 class Joint(Value):
-    """A joint of the tree: T(parent) placement, then a motion of multiplier q_k + offset along or about its axis."""
+    """A joint of the tree: T(parent) placement, then a motion of multiplier q_k + offset along or about its axis.
+
+    lower, upper, max_velocity: what limits the motion of a joint that follows another one; q_k keeps them, too.
+    """
 
     name: str
     kind: str
@@ -62,6 +65,9 @@ class Joint(Value):
     coordinate: int
     multiplier: float = 1.0
     offset: float = 0.0
+    lower: float = -np.inf
+    upper: float = np.inf
+    max_velocity: float = np.inf
 
 
 def joints_above(joints: Sequence[Joint], joint: int) -> list[int]:
