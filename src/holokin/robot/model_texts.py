@@ -28,8 +28,8 @@ COLOR = "0.90 0.45 0.13 1"
 def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFORT) -> str:
     """The URDF of a robot: links named after their joints, one fixed link for each tip, named as the tip.
 
-    Joints that follow others are written as <mimic>, with their own limits. No limit of position, speed or both is written as 1e6, which
-    `from_urdf` reads as none. The visuals are capsules along the links.
+    Joints that follow others are written as <mimic>, with their own limits. No limit of position, speed or both is
+    written as 1e6, which `from_urdf` reads as none. The visuals are capsules along the links.
 
     Args:
         density: of the solid capsules whose masses stand in for those of a robot that does not know its own
