@@ -118,6 +118,30 @@ def derivative(data: Data, piece: Data, q: np.ndarray, u: float) -> np.ndarray:
     return np.array([residual(data, piece, q + s, u) - residual(data, piece, q - s, u) for s in steps]).T / 2e-6
 
 
+def assert_true(data: Data) -> None:
+    """What is claimed, at some poses, by Newton's method from the start: hull, limits, determinant, start, end."""
+    claims, gap = data["claims"], data["claims"]["gap"] + 1e-9
+    least, low, high, most = (
+        np.array([far if x is None else x for x in row])
+        for far, row in zip((-np.inf, -np.inf, np.inf, np.inf), claims["joints"], strict=True)
+    )
+    for k, piece in enumerate(data["pieces"]):
+        q = np.array(piece["q"])
+        for u in np.linspace(0, 1, 9):
+            for _ in range(3):
+                A = derivative(data, piece, q, u)
+                q = q - np.linalg.solve(A, residual(data, piece, q, u))
+            if u == 0:
+                assert np.abs(q - piece["q"]).max() <= gap
+            assert (
+                (least <= low).all() and (low - 1e-9 <= q).all() and (q <= high + 1e-9).all() and (high <= most).all()
+            )
+            assert abs(np.linalg.det(A)) >= claims["determinant"] - 1e-6
+        last, after = k + 1 == len(data["pieces"]), data["pieces"][(k + 1) % len(data["pieces"])]["q"]
+        turns = claims["turns"] if last else [0] * len(q)
+        assert turns is None or np.abs(q - after - 2 * np.pi * np.array(turns)).max() <= gap
+
+
 def triangle() -> Data:
     """A triangle of a planar arm, from `certify`."""
     arm = hk.load("planar-3r")
