@@ -29,7 +29,7 @@ from holokin.robot import Box
 checker = pytest.importorskip("holokin.proof.checker")
 
 Q0 = np.array([0.3, 0.9, 0.9])
-WORDS = ("title", "theorem", "where", "task", "robot", "names")
+WORDS = ("task", "title", "theorem", "where", "robot", "names")
 """Parts of a file of which the checker says nothing."""
 
 ODD: list[Any] = [
@@ -140,10 +140,10 @@ def test_any_part_of_a_file_replaced_is_refused_in_words_or_leaves_a_true_statem
     given, robot = honest[kind], None if kind == "parabola" else arm
     where, found = list(places(given)), dict.fromkeys(("rejected", "none", "verified"), 0)
     assert answer(sealed(given), tmp_path / "given.json", robot) == "verified"
-    heads = sorted({at[0] for at in where})
+    heads = sorted({at[0] for at in where if at[0] not in WORDS[1:]})
     for seed in range(first, first + count):
         rng = np.random.default_rng(seed)
-        head = heads[int(rng.integers(len(heads)))]  # each part of the file as often as the large ones
+        head = heads[seed % len(heads)]  # each part of the file as often as the large ones
         among = [at for at in where if at[0] == head]
         at = among[int(rng.integers(len(among)))]
         data = copy.deepcopy(given)
@@ -195,11 +195,11 @@ def test_what_is_no_certificate_is_rejected_by_name(name: str, tmp_path: Path) -
 
 
 def test_whole_turns_that_operations_multiply_take_no_memory(tmp_path: Path) -> None:
-    """q 1e100, 1e200, ...: as whole numbers 3,000 of these are 180 MB."""
+    """q 1e100, 1e200, ...: as whole numbers 1,500 of these are 47 MB."""
     data = parabola()
-    data["constants"], data["units"], data["outputs"] = [1.0, 1e100], ["rad"], [3004, 2]
-    data["operations"] = [*(["mul", 3 + k if k else 0, 3] for k in range(3000)), ["sq", 0], ["sub", 3004, 2]]
-    data["outputs"], data["claims"]["turns"] = [3005, 2], [1]
+    data["constants"], data["units"], data["outputs"] = [1.0, 1e100], ["rad"], [1504, 2]
+    data["operations"] = [*(["mul", 3 + k if k else 0, 3] for k in range(1500)), ["sq", 0], ["sub", 1504, 2]]
+    data["outputs"], data["claims"]["turns"] = [1505, 2], [1]
     data["claims"]["joints"] = [[-9.0], [0.9], [1.1], [9.0]]
     data["pieces"][0]["cells"] = {"q0": [1.0], "V": [[0.0]], "Q": [[[0.0]]], "Y": [[0.5]]}
     (tmp_path / "file.json").write_text(sealed(data), "utf-8")
@@ -210,7 +210,7 @@ def test_whole_turns_that_operations_multiply_take_no_memory(tmp_path: Path) -> 
     finally:
         tracemalloc.stop()
     assert rejected and "may change by the whole turns" in said
-    assert peak < 4e7
+    assert peak < 2e7, peak
 
 
 def test_the_time_of_a_large_file_is_bounded(tmp_path: Path) -> None:
