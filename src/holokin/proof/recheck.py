@@ -65,7 +65,7 @@ def recheck(
     if robot is not None:
         try:
             other = unlike(found.data, robot)
-        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as problem:
+        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError) as problem:
             return True, f"REJECTED: its task cannot be read ({brief(repr(problem))})."
         if other:
             return True, f"REJECTED: {other}."
