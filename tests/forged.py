@@ -101,21 +101,50 @@ def torn(data: Data, by: float) -> None:
         cell["q0"] = (np.array(cell["q0"]) - off).tolist()
 
 
-def residual(data: Data, piece: Data, q: np.ndarray, u: float) -> np.ndarray:
+def residual(data: Data, piece: Data, q: np.ndarray, u: float | np.ndarray) -> np.ndarray:
     """E in doubles, by another reading of the operations."""
     rules: Any = {
         "add": operator.add, "sub": operator.sub, "mul": operator.mul, "sq": lambda a: a * a, "inv": lambda a: 1 / a,
         "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "atan2": math.atan2,
     }  # fmt: skip
-    values = [*q.tolist(), float(u), *piece["numbers"], *data["level"], *data["constants"]]
+    values = [*q.tolist(), *np.atleast_1d(u).tolist(), *piece["numbers"], *data["level"], *data["constants"]]
     for name, *of in data["operations"]:
         values.append(rules[name](*(values[i] for i in of)))
     return np.array([values[i] for i in data["outputs"][: len(q)]])
 
 
-def derivative(data: Data, piece: Data, q: np.ndarray, u: float) -> np.ndarray:
+def derivative(data: Data, piece: Data, q: np.ndarray, u: float | np.ndarray) -> np.ndarray:
     steps = 1e-6 * np.eye(len(q))
     return np.array([residual(data, piece, q + s, u) - residual(data, piece, q - s, u) for s in steps]).T / 2e-6
+
+
+def assert_true(data: Data) -> None:
+    """What is claimed, at some poses, by Newton's method from the start: hull, limits, determinant, start, end."""
+    claims, gap = data["claims"], data["claims"]["gap"] + 1e-9
+    least, low, high, most = (
+        np.array([far if x is None else x for x in row])
+        for far, row in zip((-np.inf, -np.inf, np.inf, np.inf), claims["joints"], strict=True)
+    )
+    for k, piece in enumerate(data["pieces"]):
+        d = len(piece["u"])
+        start = np.array(piece["u"]) if d > 1 else np.zeros(1)
+        ends = np.random.default_rng(0).uniform(-1, 1, (5, d)) if d > 1 else np.ones((1, 1))
+        q = np.array(piece["q"])
+        for end in ends if claims["whole"] else [start]:
+            q = np.array(piece["q"])
+            for share in np.linspace(0, 1, 9):
+                u = start + share * (end - start)
+                for _ in range(3):
+                    A = derivative(data, piece, q, u)
+                    q = q - np.linalg.solve(A, residual(data, piece, q, u))
+                assert share or np.abs(q - piece["q"]).max() <= gap
+                assert (least <= low).all() and (low - 1e-9 <= q).all() and (q <= high + 1e-9).all()
+                assert (high <= most).all()
+                assert abs(np.linalg.det(A)) >= claims["determinant"] - 1e-6
+        last, after = k + 1 == len(data["pieces"]), data["pieces"][(k + 1) % len(data["pieces"])]["q"]
+        turns = claims["turns"] if last else [0] * len(q)
+        if d == 1 and claims["whole"]:
+            assert turns is None or np.abs(q - after - 2 * np.pi * np.array(turns)).max() <= gap
 
 
 def triangle() -> Data:

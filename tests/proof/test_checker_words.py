@@ -29,6 +29,7 @@ from forged import (
     triangle,
 )
 from holokin.proof.certificate import digest
+from holokin.proof.checker_file import BYTES
 from holokin.proof.recheck import recheck
 
 
@@ -103,7 +104,7 @@ def test_files_that_are_none_are_not_read(file: Path, tmp_path: Path) -> None:
                 checker.check(str(odd))
     huge = tmp_path / "huge.json"
     with huge.open("wb") as sparse:
-        sparse.truncate(10 * checker.BYTES)
+        sparse.truncate(10 * BYTES)
     with pytest.raises(ValueError, match="not a file"):
         checker.check(str(huge))
 

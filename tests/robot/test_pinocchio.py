@@ -83,6 +83,35 @@ def masters_of(path: Path) -> dict[str, tuple[str, float, float]]:
     return out
 
 
+def own_range(model: pin.Model, element: ET.Element) -> tuple[float, float, float]:
+    """(lower, upper, speed) of a joint itself: Pinocchio's, none where the file leaves it out; soft ones, too."""
+    joint, limit = model.joints[model.getJointId(element.get("name", ""))], element.find("limit")
+    speed = float(model.velocityLimit[joint.idx_v])
+    if joint.nq == 2:
+        return -np.inf, np.inf, speed or np.inf
+    found = [float(side[joint.idx_q]) for side in (model.lowerPositionLimit, model.upperPositionLimit)]
+    soft = element.find("safety_controller")
+    for i, (key, worst, narrow) in enumerate((("lower", -np.inf, max), ("upper", np.inf, min))):
+        if limit is None or limit.get(key) is None or abs(found[i]) >= 1e6:
+            found[i] = worst
+        if soft is not None and soft.get(f"soft_{key}_limit") is not None:
+            found[i] = narrow(found[i], float(soft.get(f"soft_{key}_limit", "")))
+    return found[0], found[1], speed or np.inf
+
+
+def narrowed(path: Path, model: pin.Model, leader: str) -> tuple[float, float, float]:
+    """(lower, upper, speed) of a joint such that it and all that follow it are within theirs."""
+    lower, upper, speed = own_range(model, elements_of(path)[leader])
+    for name, (master, gain, shift) in masters_of(path).items():
+        if master == leader and name != leader and gain:
+            low, high, most = own_range(model, elements_of(path)[name])
+            if (low, high, most) == (0.0, 0.0, np.inf):
+                continue  # never filled in
+            ends = (low - shift) / gain, (high - shift) / gain
+            lower, upper, speed = max(lower, min(ends)), min(upper, max(ends)), min(speed, most / abs(gain))
+    return lower, upper, speed
+
+
 def neutral_with(model: pin.Model, values: dict[str, float]) -> np.ndarray:
     """Pinocchio's posture with the given joint values; an unlimited hinge is a cosine and a sine there."""
     q = pin.neutral(model)
@@ -190,7 +219,8 @@ def test_the_base_is_pinocchios_root() -> None:
 
 @pytest.mark.parametrize(("every", "least"), [(7, (90, 1, 0)), campaign(("every", "least"), (1, (1000, 20, 1)))])
 def test_limits_and_speeds_are_pinocchios(every: int, least: tuple[int, int, int]) -> None:
-    """Where the file gives them; where it leaves a limit out, URDF means 0 and holokin means none, as from 1e6 on."""
+    """Those of the joint itself and of all that follow it, soft limits included; where the file leaves a limit out,
+    URDF means 0 and holokin means none, as from 1e6 on."""
     counts = {"given": 0, "left out": 0, "unlimited": 0}
     for path in urdf_files()[::every]:
         chains = moving_chains(path)
@@ -201,18 +231,12 @@ def test_limits_and_speeds_are_pinocchios(every: int, least: tuple[int, int, int
         for c in robot.coordinates:
             joint, element = model.joints[model.getJointId(c.name)], elements[c.name]
             limit = element.find("limit")
-            speed = model.velocityLimit[joint.idx_v]
-            assert c.max_velocity == (speed if speed > 0 else np.inf)
+            assert (c.lower, c.upper, c.max_velocity) == pytest.approx(narrowed(path, model, c.name), abs=1e-15)
             assert c.unit == ("m" if element.get("type") == "prismatic" else "rad")
             if joint.nq == 2:
-                assert (c.lower, c.upper) == (-np.inf, np.inf)
                 counts["unlimited"] += 1
             elif limit is None or limit.get("lower") is None:
-                assert c.lower == -np.inf
                 counts["left out"] += 1
             else:
-                lower, upper = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-                assert c.lower == (lower if lower > -1e6 else -np.inf)
-                assert c.upper == (upper if upper < 1e6 else np.inf)
                 counts["given"] += 1
     assert all(counts[name] >= most for name, most in zip(("given", "unlimited", "left out"), least, strict=True))

@@ -69,8 +69,8 @@ def test_mimic_prismatic_continuous_and_limits(tmp_path: Path) -> None:
     )
     robot = hk.from_urdf(file)
     assert robot.joint_names == ("slide", "turn")
-    assert (robot.lower.tolist(), robot.upper.tolist()) == ([-1.0, -np.inf], [2.0, np.inf])
-    assert robot.max_velocity.tolist() == [3.0, np.inf]
+    assert (robot.lower.tolist(), robot.upper.tolist()) == ([-1.0, -0.75], [2.0, 0.75])  # -1 <= 0.5 - 2 turn <= 2
+    assert robot.max_velocity.tolist() == [3.0, 1.5]
     T = robot.pose([0.25, 0.3])
     assert T[:3, 3] == pytest.approx([0, 0, 3.25])
     assert np.arctan2(T[1, 0], T[0, 0]) == pytest.approx(0.3 - 2 * 0.3 + 0.5)

@@ -30,11 +30,11 @@ class SectionMetrics(Value):
 
     poses: how many tool poses were asked for; reached: how many of them the leaf reaches; within_limits: how many of
     these with all joints within their limits. The rest is of those reached: squared_speed, mean |G|_F^2 [rad^2/m^2];
-    worst_speed, the greatest share of a joint's speed limit at 1 m/s of the tool [s/m]; joint_limits, the greatest
-    |q - middle| over half a joint's range, 1 at the limit, and worst_joint, whose it is; rcond, the least of [J; J_g];
-    travel, the mean squared distance of the joints between two poses [rad^2]; own, the mean of each cost
-    of your own; clearance, the least distance of two shapes [m], infinite where none was looked at, and closest, the
-    names of these two. See `Objective`.
+    worst_speed, the greatest share of a joint's speed limit at 1 m/s of the tool [s/m], NaN where a joint has none;
+    joint_limits, the greatest |q - middle| over half a joint's range, 1 at the limit, and worst_joint, whose it is;
+    rcond, the least of [J; J_g]; travel, the mean squared distance of the joints between two poses [rad^2]; own, the
+    mean of each cost of your own; clearance, the least distance of two shapes [m], infinite where none was looked at,
+    and closest, the names of these two. See `Objective`.
     """
 
     poses: int
@@ -54,10 +54,11 @@ class SectionMetrics(Value):
         own = "".join(f"; {name} {value:.5g}" for name, value in self.own.items())
         if self.closest is not None:
             own += f"; the least distance is {self.clearance:.3g} m, between {' and '.join(self.closest)}"
+        known = f"; at a tool speed of 1 m/s the fastest joint has {self.worst_speed:.3g} times its speed limit"
+        fastest = known if np.isfinite(self.worst_speed) else ""
         return (
             f"the leaf reaches {self.reached} of {self.poses} poses, {self.within_limits} within the joint limits\n"
-            f"  the mean squared joint speed is {self.squared_speed:.5g} rad^2/m^2; at a tool speed of 1 m/s the "
-            f"fastest joint has {self.worst_speed:.3g} times its speed limit\n"
+            f"  the mean squared joint speed is {self.squared_speed:.5g} rad^2/m^2{fastest}\n"
             f"  nearest to a limit: {self.worst_joint}, at {self.joint_limits:.0%} of the way from the middle of its "
             "range to a limit\n"
             f"  from one pose to another the joints differ by {np.sqrt(self.travel):.3g} rad (rms); rcond is at least "
@@ -130,7 +131,7 @@ def measured(
         reached=len(Q),
         within_limits=int(np.sum((np.clip(Q, robot.lower, robot.upper) == Q).all(axis=1))),
         squared_speed=costs.squared_speed(Q, at.G, at.rcond).value,
-        worst_speed=float(used.max()),
+        worst_speed=float(used.max()) if (costs.speeds > 0).all() else np.nan,
         joint_limits=float(off[k, joint]),
         worst_joint=robot.joint_names[joint],
         rcond=float(strategy.gain.batch(Q)[1].min()),

@@ -18,7 +18,7 @@ from ..base.arguments import check
 from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, frozen, not_negative, positive
 from ..errors import ArgumentError, UnknownNameError
 from ..motion_checking.keeping_clear import Clearances
-from ..robot import Robot
+from ..robot import Robot, speed_limits
 from .own_cost import OwnCost
 
 POWER = 24
@@ -219,17 +219,16 @@ def costs_of(
         ArgumentError: weights that do not fit, or limits that a cost needs and the robot has not.
     """
     limited = np.isfinite(robot.lower) & np.isfinite(robot.upper)
-    moving = np.isfinite(robot.max_velocity) & (robot.max_velocity > 0)
     cure = "give them in the robot description, or weigh another cost"
     if objective.joint_limits and not limited.any():
         raise ArgumentError("the joints with finite limits", 0, cure)
-    if objective.worst_speed and not moving.any():
-        raise ArgumentError("the joints with a speed limit", 0, cure)
+    if objective.worst_speed:
+        speed_limits(robot, cure)
     lower, upper = np.where(limited, robot.lower, -1.0), np.where(limited, robot.upper, 1.0)
     length = length_of(objective, turns, spread)
     return Costs(
         joints=joint_weights(robot, objective),
-        speeds=np.where(moving, 1 / np.where(moving, robot.max_velocity, 1.0), 0.0),
+        speeds=1 / robot.max_velocity,
         middle=(lower + upper) / 2,
         half=np.where(limited, (upper - lower) / 2, np.inf),
         columns=np.where(turns, 1 / length, 1.0),
@@ -259,8 +258,6 @@ def joint_weights(robot: Robot, objective: Objective) -> Vector:
     weights = np.ones(robot.n)
     if hinges.all() or not hinges.any():
         return weights
-    if not np.isfinite(speeds).all() or not (speeds > 0).all():
-        cure = "give joint_weights= in the objective: the robot has joints in m and in rad"
-        raise ArgumentError("the joint speed limits", speeds.tolist(), cure)
+    speed_limits(robot, "give joint_weights= in the objective: the robot has joints in m and in rad")
     weights[~hinges] = np.mean(speeds[hinges]) ** 2 / speeds[~hinges] ** 2
     return weights

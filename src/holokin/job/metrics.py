@@ -79,8 +79,8 @@ def _tracking(run: Run) -> float:
 
 
 def _peak_speed(run: Run) -> float:
-    limits = run.strategy.task.robot.max_velocity
-    return max(float((np.abs(w.dq) / limits).max()) for w in run.walks) if np.isfinite(limits).any() else np.nan
+    limits = run.strategy.task.robot.max_velocity  # without one of them the greatest share is not known
+    return max(float((np.abs(w.dq) / limits).max()) for w in run.walks) if np.isfinite(limits).all() else np.nan
 
 
 def _residual(run: Run) -> float:
@@ -124,7 +124,7 @@ METRICS: dict[str, Metric] = {
         "the path has no length",
     ),
     "peak_speed": Metric(
-        "greatest joint speed over that joint's limit", _peak_speed, "the joints have no speed limits"
+        "greatest joint speed over that joint's limit", _peak_speed, "a joint has no speed limit"
     ),
     "residual": Metric(
         "how far the joints left their leaf: the largest change of g(q)", _residual, "the strategy has no leaves"

@@ -10,14 +10,17 @@ from pydantic import Field, model_validator
 from ..export import ProcessLines, ToolTolerance, Wiring
 from ..motion import TimedTrajectory, retime
 from ..motion.joint_curve import joint_curve
+from ..motion.retiming import GIVE_VELOCITY
 from ..motion.trajectory import Trajectory
-from ..robot import Robot
+from ..robot import Robot, speed_limits
 from ..tasks.task import Task
 from .table_values import Few, Length, Positive, Table
 
 Limit = Positive | Annotated[list[Positive], Few]
 """One for all joints, or one a joint."""
 
+Speed = Annotated[float, Field(gt=0)]
+"""A positive number, or `inf` for no limit."""
 
 Lines = Annotated[list[str], Field(max_length=100)]
 """Lines of a robot program."""
@@ -41,7 +44,7 @@ class TimingTable(Table):
 
     acceleration: Limit | None = None
     jerk: Limit | None = None
-    velocity: Limit | None = None
+    velocity: Speed | Annotated[list[Speed], Few] | None = None
     profile: Literal["time-optimal", "trapezoidal", "quintic"] = "time-optimal"
     speed: Positive | Literal["fastest"] = 1.0
     endless: bool = False
@@ -52,6 +55,11 @@ class TimingTable(Table):
         if self.acceleration is None and self.profile != "quintic":
             raise ValueError(f"profile = {self.profile!r} needs acceleration; add it")
         return self
+
+    def check(self, robot: Robot) -> None:
+        """Raises: ArgumentError: a joint of the robot has no speed limit, and the table gives none."""
+        if self.velocity is None:
+            speed_limits(robot, GIVE_VELOCITY)
 
     def timed(self, trajectory: Trajectory, robot: Robot) -> TimedTrajectory:
         """A trajectory, timed as the table says; one that does not repeat is never endless. Raises: as `retime`."""

@@ -128,6 +128,9 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
     """
     began = time.perf_counter()
     robot, start, tasks = build_tasks(job, file)
+    if job.timing is not None:
+        with naming(file, "timing", "velocity"):
+            job.timing.check(robot)
     with naming(file, "path"):
         path, notes = build_paths(job.path, tasks[0], start, file)
     covering = build_covering(job, tasks[0], start, file)

@@ -20,6 +20,7 @@ from ..base.types import ArrayLike, NoTruthValue, Value, Vector, frozen, number,
 from ..errors import ArgumentError
 from ..inverse_kinematics.inverse_function import InverseKinematics
 from ..inverse_kinematics.nearest_pose import Nearest
+from ..robot import speed_limits
 
 LONGEST = 1.0
 """Longest period of a loop [s]: a longer one is in milliseconds."""
@@ -120,14 +121,11 @@ def hand_follower(
     dt = number("dt", dt)
     if not 0 < dt <= LONGEST:
         raise ArgumentError("dt", dt, f"give the period in seconds, positive and at most {LONGEST:g}: 2 ms is 0.002")
-    speed = _each("max_velocity", robot.max_velocity if max_velocity is None else max_velocity, robot.n)
-    if not np.isfinite(speed).all():
-        i = int(np.argmax(~np.isfinite(speed)))
-        cure = "give max_velocity, or the robot its limits by hk.with_limits"
-        raise ArgumentError(f"the speed limit of joint {robot.joint_names[i]!r}", float(speed[i]), cure)
+    speed = _each("max_velocity", speed_limits(robot) if max_velocity is None else max_velocity, robot.n)
     acceleration = _each("max_acceleration", max_acceleration, robot.n)
-    if not np.isfinite(acceleration).all():
-        raise ArgumentError("max_acceleration", acceleration.tolist(), "give finite numbers")
+    for what, values in (("max_velocity", speed), ("max_acceleration", acceleration)):
+        if not np.isfinite(values).all():
+            raise ArgumentError(what, values.tolist(), "give finite numbers")
     return HandFollower(ik, dt, speed, acceleration, _each("max_jerk", max_jerk, robot.n))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import HUGE, ArrayLike, Matrix, Vector, numbers, positive, whole
 from ..errors import ArgumentError
-from ..robot import Robot
+from ..robot import GIVE_SPEEDS, Robot, speed_limits
 from .joint_curve import Stretch, joint_curve
 from .time_law import FINEST, TimeLaw, quintic, smoothed, time_optimal
 from .timed_trajectory import RATES, Limits, Slowdown, TimedTrajectory
@@ -56,6 +56,10 @@ MOST_STEPS = 4_000_000
 """Samples of a timed trajectory: an hour at 1 kHz, and a gigabyte for seven joints."""
 
 
+GIVE_VELOCITY = f"{GIVE_SPEEDS}, or give the motion its own: velocity= here or in [timing], where inf is no limit"
+"""What to do about a joint without a speed limit in a motion that is to be timed."""
+
+
 @typed
 def retime(
     trajectory: Trajectory,
@@ -92,7 +96,8 @@ def retime(
         acceleration: largest accelerations [rad/s^2 or m/s^2], one for all joints or (n,); needed for "time-optimal"
             and "trapezoidal".
         jerk: the same of the jerks; None for no limit.
-        velocity: the same of the speeds; by default the robot's `max_velocity`.
+        velocity: the same of the speeds; by default the robot's `max_velocity`, of which no joint may lack one.
+            `math.inf` is no limit.
         speed: a bound of the tool's speed, as a share of the speed with which the trajectory was followed: 1 keeps
             the path's constant speed wherever the limits allow it. None for as fast as the limits allow.
         cycles: runs of the cycle; by default as many as the trajectory has.
@@ -104,7 +109,8 @@ def retime(
         The motion at every step.
 
     Raises:
-        ArgumentError: bad limits; a trajectory that did not reach its end; cycles of one that does not repeat.
+        ArgumentError: bad limits, or a joint without a speed limit; a trajectory that did not reach its end; cycles of
+        one that does not repeat.
         ShapeError: limits that are not n numbers. MissingExtraError: toppra is not installed.
     """
     n = trajectory.q.shape[1]
@@ -112,8 +118,9 @@ def retime(
         raise ArgumentError("the robot", robot.name, "give the one that the trajectory is of")
     if profile not in get_args(Profile):
         raise ArgumentError("profile", profile, f"use one of {', '.join(get_args(Profile))}")
+    speeds = speed_limits(robot, GIVE_VELOCITY) if velocity is None else velocity
     limits = Limits(
-        robot.lower, robot.upper, _limit("velocity", robot.max_velocity if velocity is None else velocity, n),
+        robot.lower, robot.upper, _limit("velocity", speeds, n),
         _limit("acceleration", acceleration, n), _limit("jerk", jerk, n),
     )  # fmt: skip
     if profile != "quintic" and not np.isfinite(limits.acceleration).all():

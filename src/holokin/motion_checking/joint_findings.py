@@ -30,6 +30,13 @@ def limit_findings(robot: Robot, motion: Motion, margin: float) -> Iterator[Find
                 yield _found(kind, (c.name,), motion, (a, b, k), float(size[k]), most, c.unit + per)
 
 
+def unjudged_speeds(robot: Robot, motion: Motion) -> list[str]:
+    """A sentence on the joints whose speeds were not judged, since nothing limits them; none where there are none."""
+    limits = [most for kind, _, most, _ in motion.rates if kind is FindingKind.VELOCITY]
+    names = [name for most in limits for name, one in zip(robot.joint_names, most, strict=True) if not np.isfinite(one)]
+    return [f"cannot tell whether {', '.join(names)} can be so fast: there is no limit of the speed"] if names else []
+
+
 def singular_findings(task: Task, motion: Motion, J: Array, rcond: float) -> Iterator[Finding]:
     """Where the smallest singular value of the task Jacobian J (k, m, n) is less than `rcond` times the largest."""
     values = np.linalg.svd(J, compute_uv=False)

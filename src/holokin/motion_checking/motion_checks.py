@@ -15,7 +15,7 @@ from ..robot.capsules import SLENDER
 from ..tasks.task import Task
 from .check_report import CheckReport, Clearance, Finding, FindingKind
 from .checked_samples import Motion, motion_of
-from .joint_findings import limit_findings, singular_findings
+from .joint_findings import limit_findings, singular_findings, unjudged_speeds
 from .pairs import Pairs, pairs_of
 from .posture_jumps import jump_findings, large_steps, self_motions
 from .sweep import Swept, sweep
@@ -90,6 +90,7 @@ def check(
     findings: list[Finding] = []
     if limits:
         findings += limit_findings(robot, found, edge)
+        remarks += unjudged_speeds(robot, found)
     seen: list[str] = []
     jumps: list[Finding] | None = None
     if task is not None:

@@ -36,7 +36,12 @@ class JointRates(Value):
 
     @property
     def tool_speed(self) -> float:
-        """The speed of the tool [m/s] at which no joint is faster than its limit, where it does not turn besides."""
+        """The speed of the tool [m/s] at which no joint is faster than its limit, where it does not turn besides.
+
+        NaN where a joint has no limit.
+        """
+        if not np.isfinite(self.limits).all():
+            return np.nan
         with np.errstate(divide="ignore", invalid="ignore"):
             return float(np.nan_to_num(self.limits / self.per_speed, nan=np.inf, posinf=np.inf).min(initial=np.inf))
 

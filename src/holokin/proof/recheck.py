@@ -7,7 +7,7 @@ from itertools import count
 from pathlib import Path as FilePath
 from random import randrange
 
-from ..errors import ArgumentError, CertificateError, MissingExtraError
+from ..errors import ArgumentError, CertificateError, MissingExtraError, brief
 from ..robot import Robot
 from .binding import unlike
 from .shape_binding import unsaid
@@ -65,8 +65,8 @@ def recheck(
     if robot is not None:
         try:
             other = unlike(found.data, robot)
-        except (LookupError, TypeError, ValueError, AttributeError) as problem:
-            raise CertificateError(file, f"its task cannot be read ({problem!r})") from None
+        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError) as problem:
+            return True, f"REJECTED: its task cannot be read ({brief(repr(problem))})."
         if other:
             return True, f"REJECTED: {other}."
         bound = f"\n  the rows of its task and its limits are those of {robot.name}{unsaid(found.data, robot)}"

@@ -11,7 +11,8 @@ from typing import Any
 
 from flint import arb
 
-from .checker import Cell, Checker, Verified, check, need
+from .checker import Cell, Checker, Verified, check
+from .checker_file import need
 
 RARE = 0.01
 """A share of faulty cells, of which it is said how probably it is found."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from itertools import combinations, product
+from itertools import chain, combinations, product
 from typing import Any
 
 from ..errors import brief
@@ -55,14 +55,19 @@ def unsaid(data: dict[str, Any], robot: Robot) -> str:
     around = {body for body in map(_body, clear["shapes"]) if body[1] < 0 and (body[0] not in links or body[2])}
     things = {(s.link, s.joint, False) for s in robot.shapes if s.obstacle and not s.shape.fault} | around
     parts = sorted((set(own) - things) | carried)
-    pairs = [frozenset(of) for of in combinations(parts, 2) if of[0][1] != of[1][1]]
-    pairs += [frozenset(of) for of in product(parts, sorted(things)) if of[0][1] >= 0]
-    left = [" and ".join(sorted(name for name, _, _ in pair)) for pair in pairs if pair not in tested]
+    moving = (of for of in combinations(parts, 2) if of[0][1] != of[1][1])
+    pairs = chain(moving, (of for of in product(parts, sorted(things)) if of[0][1] >= 0))
+    left, untold = [], 0  # a stranger's file may have millions
+    for pair in (of for of in map(frozenset, pairs) if of not in tested):
+        if len(left) < MOST_TOLD:
+            left.append(" and ".join(sorted(name for name, _, _ in pair)))
+        else:
+            untold += 1
     bare = sorted({s.link for s in robot.shapes if s.shape.fault})
     said = [f"\n  the shapes of its links are those of {robot.name}"]
     mine = sorted(f"{s['link']} ({digest_of(s)})" for s in clear["shapes"] if _body(s) in carried)
     said += [f"; its own is {brief(', '.join(mine), MOST_TOLD)}"] if mine else []
-    said += [f"\n  it says nothing of {len(left)} pairs: {brief('; '.join(left), MOST_TOLD)}"] if left else []
+    said += [f"\n  it says nothing of {len(left) + untold} pairs: {brief('; '.join(left), MOST_TOLD)}"] if left else []
     said += [f"\n  it says nothing of {brief(', '.join(bare), MOST_TOLD)}, which cannot be read"] if bare else []
     return "".join(said)
 

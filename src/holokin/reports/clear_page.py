@@ -114,7 +114,7 @@ def _speeds(found: Certificate) -> list[str]:
         f"So no joint is faster than its limit while the tool moves at {at_least(v)} m/s or slower"
         f"{' and does not turn' if turning else ''}."
         if np.isfinite(v) and v > 0
-        else "The model has no speed limits that would bound the speed of the tool."
+        else "The model does not have the speed limits of all joints that would bound the speed of the tool."
     )
     table = html_table([*head, "Speed limit in the model"], rows, numbers=True)
     about = (

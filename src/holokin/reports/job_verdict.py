@@ -7,6 +7,7 @@ from html import escape
 import numpy as np
 
 from ..motion.trajectory import Status
+from ..robot import without_speed_limit
 from .job_result import JobResult, StrategyResult
 from .words import ALIKE, stopped
 
@@ -108,10 +109,13 @@ def _speeds(result: JobResult, s: StrategyResult) -> str:
     if np.isfinite(peak):
         kept = "are kept" if peak <= 1 else "are exceeded"
         said = f"Speed limits {kept} at the speed of the path: {peak:.0%} of one at most."
-    elif not np.isfinite(result.robot.max_velocity).any():
-        said = "The joints have no speed limits."
+    elif unknown := without_speed_limit(result.robot):
+        said = f"Cannot tell whether speed limits are kept: the robot's description has none of {unknown}."
     if s.timed is not None:
-        said += f" Timed within its limits the motion takes {s.timed.duration:.4g} s."
+        bare = np.isinf(s.timed.limits.velocity)
+        names = ", ".join(name for name, none in zip(result.robot.joint_names, bare, strict=True) if none)
+        less = f", which has no speed limit of {names}," if names else ""
+        said += f" Timed within the limits of [timing]{less} the motion takes {s.timed.duration:.4g} s."
     return said.strip()
 
 

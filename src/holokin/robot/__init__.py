@@ -16,7 +16,10 @@ from .inertia import potential_expression as potential_expression
 from .joints import FARTHEST, Body, Coordinate, Joint, Kinematics, Tip
 from .joints import foot_of as foot_of
 from .joints import joints_above as joints_above
+from .limits import GIVE_SPEEDS as GIVE_SPEEDS
+from .limits import speed_limits as speed_limits
 from .limits import with_limits
+from .limits import without_speed_limit as without_speed_limit
 from .link_frames import link_jacobian as link_jacobian
 from .link_shapes import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 from .links import DENSITY, weighed

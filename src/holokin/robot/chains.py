@@ -15,6 +15,7 @@ from .link_shapes import LinkShape
 from .model import Robot
 from .reroot import rerooted
 from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, root_of
+from .units import check_limits_of_hinges
 from .visuals import Visual
 
 
@@ -34,12 +35,18 @@ def robot_of(
         for word in wanted:
             if word not in known:
                 raise UnknownNameError(f"{kind} of {tree.source}", word, tuple(known))
-    for joint, value in held.items():
-        _check_locked(tree, by_name[joint], value)
     tips = _wanted_tips(tree, tip, above, root)
     if any(chain_of(link, root, above) is None for link in tips):
         tree = rerooted(tree, root)
-    return _Builder(tree, root, held).build(tips)
+    builder = _Builder(tree, root, held)
+    for joint, value in held.items():
+        builder.check_locked(by_name[joint], value)
+    robot = builder.build(tips)
+    try:
+        check_limits_of_hinges("the limits", np.column_stack([robot.lower, robot.upper])[robot.hinges])
+    except ArgumentError as problem:
+        raise tree.problem(f"has the limits {problem.value}", problem.cure) from None
+    return robot
 
 
 class _Builder:
@@ -49,6 +56,7 @@ class _Builder:
         self.tree, self.root, self.held = tree, root, held
         self.by_name = {joint.name: joint for joint in tree.joints}
         self.above = above_of(tree)
+        self.followers = self._all_followers()
         self.joints: list[Joint] = []
         self.index: dict[str, int] = {}
         self.coordinates: dict[str, Coordinate] = {}
@@ -87,7 +95,8 @@ class _Builder:
                 placement = placement @ motion(joint.kind, axis, multiplier * self.held[master.name] + offset)
                 continue
             if joint.name not in self.index:
-                self.coordinates.setdefault(master.name, master.coordinate)
+                if master.name not in self.coordinates:
+                    self.coordinates[master.name] = self._coordinate(master)
                 self._move(joint, parent, placement, axis, (master.name, multiplier, offset), foot)
             parent, placement, foot = self.index[joint.name], np.eye(4), None
         return Tip(tip, parent, placement)
@@ -99,7 +108,9 @@ class _Builder:
         master, multiplier, offset = law
         number = list(self.coordinates).index(master)
         self.index[joint.name] = len(self.joints)
-        self.joints.append(Joint(joint.name, joint.kind, parent, placement, axis, number, multiplier, offset, foot))
+        own = _own_limits(joint) if joint.name != master else ()
+        law_of = (number, multiplier, offset)
+        self.joints.append(Joint(joint.name, joint.kind, parent, placement, axis, *law_of, *own, foot=foot))
 
     def _carried_things(self) -> tuple[tuple[Body, ...], tuple[LinkShape, ...], tuple[Visual, ...]]:
         """What is below the root. A joint beside the chains stays at zero, unless it mimics one of theirs.
@@ -175,6 +186,58 @@ class _Builder:
             seen.add(joint.name)
         return joint, multiplier, offset - multiplier * joint.zero
 
+    def _all_followers(self) -> dict[str, list[tuple[Branch, float, float]]]:
+        """Every joint that leads -> those that follow it in the end, each with its multiplier and offset."""
+        found: dict[str, list[tuple[Branch, float, float]]] = {}
+        for joint in self.by_name.values():
+            if joint.follows is not None and joint.name not in self.held and joint.kind in MOVING:
+                try:
+                    master, multiplier, offset = self._master(joint)
+                except RobotFileError:
+                    continue  # told where a chain needs it
+                found.setdefault(master.name, []).append((joint, multiplier, offset))
+        return found
+
+    def _coordinate(self, master: Branch) -> Coordinate:
+        """A joint's name, kind and limits, such that all joints that follow it are within theirs, too.
+
+        low <= multiplier q + offset <= high of a follower is a range of q, and its largest speed over |multiplier| one
+        of q'. Raises: ArgumentError, RobotFileError: limits make no sense, or the ranges have nothing in common.
+        """
+        found = master.coordinate
+        lower, upper, speed = found.lower, found.upper, found.max_velocity
+        for joint, multiplier, offset in self.followers.get(master.name, ()):
+            low, high, most = _own_limits(joint)
+            if multiplier:
+                low, high = sorted(((low - offset) / multiplier, (high - offset) / multiplier))
+                speed = min(speed, most / abs(multiplier))
+            elif low - TOLERANCES.limit <= offset <= high + TOLERANCES.limit:
+                continue  # it stands still, where it may
+            else:
+                low, high = np.inf, -np.inf
+            lower, upper = max(lower, low), min(upper, high)
+            if lower > upper + TOLERANCES.limit:
+                fact = f"joint {joint.name!r} follows {master.name!r} and is never within its own limits"
+                cure = f"correct the limits of both, or hold it still: locked={{{joint.name!r}: value}}"
+                raise self.tree.problem(fact, cure)
+        return replace(found, lower=min(lower, upper), upper=max(lower, upper), max_velocity=speed)
+
+    def check_locked(self, joint: Branch, value: object) -> None:
+        """Raises: ArgumentError, RobotFileError: a joint that cannot be held at a value."""
+        tree = self.tree
+        what = f"locked joint {joint.name!r} of {tree.source}"
+        if joint.kind not in MOVING:
+            raise ArgumentError(f"the type of {what}", joint.kind, "it needs no lock; name joints that move")
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
+            raise ArgumentError(what, value, "give a finite value in m or rad")
+        free = replace(joint, lower=-np.inf, upper=np.inf, max_velocity=np.inf)
+        try:
+            limits = self._coordinate(free if joint.blank else joint)
+        except ArgumentError as problem:
+            raise tree.problem(f"{problem.what} is {problem.value}", problem.cure) from None
+        if not limits.lower - TOLERANCES.limit <= value <= limits.upper + TOLERANCES.limit:
+            raise ArgumentError(what, value, f"give a value within its limits [{limits.lower:.6g}, {limits.upper:.6g}]")
+
     def _check_loops(self, joint: Branch) -> None:
         """Raises: RobotFileError for a joint whose value others determine round a closed loop."""
         for loop in self.tree.loops:
@@ -201,18 +264,15 @@ def _wanted_tips(tree: Tree, tip: str | Sequence[str] | None, above: Mapping[str
     return wanted
 
 
-def _check_locked(tree: Tree, joint: Branch, value: object) -> None:
-    what = f"locked joint {joint.name!r} of {tree.source}"
-    if joint.kind not in MOVING:
-        raise ArgumentError(f"the type of {what}", joint.kind, "it needs no lock; name joints that move")
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
-        raise ArgumentError(what, value, "give a finite value in m or rad")
-    try:
-        limits = joint.coordinate
-    except ArgumentError as problem:
-        raise tree.problem(f"{problem.what} is {problem.value}", problem.cure) from None
-    if not limits.lower - TOLERANCES.limit <= value <= limits.upper + TOLERANCES.limit:
-        raise ArgumentError(what, value, f"give a value within its limits [{limits.lower:.6g}, {limits.upper:.6g}]")
+def _own_limits(joint: Branch) -> tuple[float, float, float]:
+    """(least, greatest, fastest) motion from its zero that a follower's own limits allow; none were filled in: any.
+
+    Raises: ArgumentError: they make no sense.
+    """
+    if joint.blank:
+        return -np.inf, np.inf, np.inf
+    own = joint.coordinate
+    return own.lower - joint.zero, own.upper - joint.zero, own.max_velocity
 
 
 def _axis(tree: Tree, joint: Branch) -> Vector:

@@ -54,6 +54,7 @@ class Coordinate(Shown):
 class Joint(Value):
     """A joint of the tree: T(parent) placement, then a motion of multiplier q_k + offset along or about its axis.
 
+    lower, upper, max_velocity: what limits the motion of a joint that follows another one; q_k keeps them, too.
     `foot` (3,): of a joint on the base, where the robot, or this arm of it, is mounted there [m]; None for the origin.
     """
 
@@ -65,6 +66,9 @@ class Joint(Value):
     coordinate: int
     multiplier: float = 1.0
     offset: float = 0.0
+    lower: float = -np.inf
+    upper: float = np.inf
+    max_velocity: float = np.inf
     foot: Vector | None = None
 
     @property

@@ -18,6 +18,9 @@ FASTEST = 50.0
 FARTHEST_TURN = 1_000.0
 """Turn [rad] of a joint beyond which a limit of position is doubted: 159 turns. Infinite is no limit, and is not."""
 
+GIVE_SPEEDS = "give the robot its limits: hk.with_limits(robot, max_velocity=...), or max_velocity in [robot] of a job"
+"""What to do about a joint without a speed limit."""
+
 JointValues = ArrayLike | Mapping[str, float]
 """One number for all joints, one for each (n,), or those of some joints by name."""
 
@@ -32,7 +35,8 @@ def with_limits(
 ) -> Robot:
     """The robot with other limits of its joints; those that are not given stay. `math.inf` is no limit.
 
-    MJCF has no speed limits, and DH tables and URDFs of users often lack them; a control step and timing need them.
+    MJCF has no speed limits, and DH tables and URDFs of users often lack them; whatever times a motion needs them. The
+    limits that a follower has of its own are not looked at again.
 
     Args:
         lower, upper: positions [rad; m of a prismatic joint]: one number for all joints, one for each (n,), or a
@@ -56,6 +60,22 @@ def with_limits(
             raise ArgumentError(f"{what} of joint {robot.joint_names[i]!r}", f"{values[i]:g} {unit}", cure)
     rows = [{what: float(values[i]) for what, values in known.items()} for i in range(robot.n)]
     return replace(robot, coordinates=tuple(replace(c, **row) for c, row in zip(robot.coordinates, rows, strict=True)))
+
+
+def without_speed_limit(robot: Robot) -> str:
+    """The joints that have no speed limit, in words; empty where all have one. With one of them no time is known."""
+    names = [name for name, most in zip(robot.joint_names, robot.max_velocity, strict=True) if not np.isfinite(most)]
+    return ", ".join(names)
+
+
+def speed_limits(robot: Robot, cure: str = GIVE_SPEEDS) -> Vector:
+    """The speed limits (n,) of all joints. Raises: ArgumentError: a joint has none; `cure` says what else may be given.
+
+    Whatever turns a motion into time asks here: without the limit of one joint, no time of the motion is known.
+    """
+    if missing := without_speed_limit(robot):
+        raise ArgumentError(f"the speed limit of {missing} of {robot.name!r}", None, cure)
+    return robot.max_velocity
 
 
 def _each(robot: Robot, what: str, value: JointValues) -> Vector:

@@ -30,8 +30,8 @@ def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFOR
     """The URDF of a robot: links named after their joints, one fixed link for each tip, named as the tip.
 
     A mounting is a fixed joint from the base to a link "JOINT_foot", on which the first joint hangs.
-    Joints that follow others are written as <mimic>. No limit of position, speed or both is written as 1e6, which
-    `from_urdf` reads as none. The visuals are capsules along the links.
+    Joints that follow others are written as <mimic>, with their own limits. No limit of position, speed or both is
+    written as 1e6, which `from_urdf` reads as none. The visuals are capsules along the links.
 
     Args:
         density: of the solid capsules whose masses stand in for those of a robot that does not know its own
@@ -59,11 +59,11 @@ def to_urdf(robot: Robot, *, density: float = DENSITY, effort: ArrayLike = EFFOR
         lines += [f'  <joint name={_quoteattr(f"{name}_fixed")} type="fixed">{place}{ends}</joint>']
     for k, joint in enumerate(robot.joints):
         c, follows = _law(robot, joint)
-        kind, span = _urdf_range(joint, c, follows)
+        kind, span = _urdf_range(joint, c if follows is None else joint)
         mimic = ""
         if follows is not None:
             mimic = f'<mimic joint={_quoteattr(c.name)} multiplier="{follows[0]!r}" offset="{follows[1]!r}"/>'
-        speed = min(c.max_velocity * abs(follows[0] if follows else 1.0), FARTHEST)
+        speed = min(c.max_velocity if follows is None else joint.max_velocity, FARTHEST)
         lines += [
             f'  <joint name={_quoteattr(joint.name)} type="{kind}">',
             f"    {_origin(_from_foot(joint, _zero(joint, follows)))}",
@@ -118,7 +118,7 @@ def to_mjcf(
             joint = robot.joints[k]
             c, follows = _law(robot, joint)
             kind = "slide" if joint.kind == "prismatic" else "hinge"
-            span, carried = _mjcf_range(c, follows), ' gravcomp="1"' if compensated else ""
+            span, carried = _mjcf_range(c if follows is None else joint), ' gravcomp="1"' if compensated else ""
             if follows is not None:
                 law = f'polycoef="{follows[1]!r} {follows[0]!r} 0 0 0"'
                 ties.append(f"    <joint joint1={_quoteattr(joint.name)} joint2={_quoteattr(c.name)} {law}/>")
@@ -185,24 +185,22 @@ def _from_foot(joint: Joint, T: Matrix) -> Matrix:
     return pose_from(T[:3, 3] - joint.start, T[:3, :3])
 
 
-def _range(c: Coordinate, follows: tuple[float, float] | None) -> tuple[float, float]:
-    gain, shift = follows or (1.0, 0.0)
-    low, high = sorted(gain * float(np.clip(bound, -FARTHEST, FARTHEST)) + shift for bound in (c.lower, c.upper))
-    return low, high
+def _range(of: Coordinate | Joint) -> tuple[float, float]:
+    return float(np.clip(of.lower, -FARTHEST, FARTHEST)), float(np.clip(of.upper, -FARTHEST, FARTHEST))
 
 
-def _urdf_range(joint: Joint, c: Coordinate, follows: tuple[float, float] | None) -> tuple[str, str]:
+def _urdf_range(joint: Joint, of: Coordinate | Joint) -> tuple[str, str]:
     """(type, limits) of a joint."""
-    if joint.kind != "prismatic" and not np.isfinite([c.lower, c.upper]).any():
+    if joint.kind != "prismatic" and not np.isfinite([of.lower, of.upper]).any():
         return "continuous", ""
-    low, high = _range(c, follows)
+    low, high = _range(of)
     return "prismatic" if joint.kind == "prismatic" else "revolute", f'lower="{low!r}" upper="{high!r}" '
 
 
-def _mjcf_range(c: Coordinate, follows: tuple[float, float] | None) -> str:
-    if follows is not None or not np.isfinite([c.lower, c.upper]).any():
+def _mjcf_range(of: Coordinate | Joint) -> str:
+    if not np.isfinite([of.lower, of.upper]).any():
         return 'limited="false"'
-    low, high = _range(c, None)
+    low, high = _range(of)
     return f'limited="true" range="{low!r} {high!r}"'
 
 

@@ -122,7 +122,7 @@ def _moving(model: Any, number: int, parent: str, child: str, origin: Matrix) ->
     lower = _bound(model.lowerPositionLimit[joint.idx_q]) if bounded else -np.inf
     upper = _bound(model.upperPositionLimit[joint.idx_q]) if bounded else np.inf
     speed = _bound(model.velocityLimit[joint.idx_v]) if joint.nv else np.inf
-    return Branch(name, kind, parent, child, origin, axis, lower, upper, speed or np.inf, follows=follows)
+    return Branch(name, kind, parent, child, origin, axis, lower, upper, speed, follows=follows)
 
 
 def _bound(value: float) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..base.types import Array, Matrix, Value, Vector
-from ..errors import RobotFileError, UnknownNameError
+from ..errors import ArgumentError, RobotFileError, UnknownNameError
 from .joints import FARTHEST, Coordinate
 from .link_shapes import LinkShape
 from .visuals import Visual
@@ -46,13 +46,27 @@ class Branch(Value):
     follows: Follow | None = None
 
     @property
+    def blank(self) -> bool:
+        """Whether its limits are those of exporters where nobody filled them in: from 0 to 0, at speed 0."""
+        return self.lower == self.upper == self.max_velocity == 0.0
+
+    @property
     def coordinate(self) -> Coordinate:
-        """Its name, kind and limits; one beyond FARTHEST is none. Raises: ArgumentError: they make no sense."""
+        """Its name, kind and limits; one beyond FARTHEST is none, nor is a speed of 0.
+
+        Raises:
+            ArgumentError: they make no sense, or were never filled in.
+        """
+        if self.blank:
+            cure = "fill in its <limit>, or hold it still: locked={name: value}"
+            raise ArgumentError(f"the range of joint {self.name!r}", "from 0 to 0, at speed 0", cure)
         lower = -np.inf if self.lower <= -FARTHEST else self.lower
         upper = np.inf if self.upper >= FARTHEST else self.upper
-        return Coordinate(
-            self.name, self.kind, lower, upper, np.inf if self.max_velocity >= FARTHEST else self.max_velocity
-        )
+        if lower > upper:
+            cure = "give lower <= upper, and soft limits that lie between them"
+            raise ArgumentError(f"the range of joint {self.name!r}", (lower, upper), cure)
+        none = self.max_velocity == 0.0 or self.max_velocity >= FARTHEST
+        return Coordinate(self.name, self.kind, lower, upper, np.inf if none else self.max_velocity)
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,6 +36,9 @@ def from_urdf(
 ) -> Robot:
     """A robot from a URDF: the chain, or chains, from `base` to `tip`.
 
+    Limits are those of <limit>, narrowed by the soft limits of <safety_controller>, and so that all joints that mimic
+    a joint are within theirs.
+
     Args:
         path: the file; meshes are not needed.
         tip: link that carries the tool, or several for a robot with several arms (the first is the default
@@ -45,7 +48,8 @@ def from_urdf(
         locked: joint name -> value [m or rad] of joints to hold still.
 
     Raises:
-        RobotFileError: missing or malformed file, a joint type that cannot be used, a branching tree without `tip`.
+        RobotFileError: missing or malformed file, a joint type that cannot be used, limits that exclude each other, a
+        branching tree without `tip`.
         UnknownNameError: a link or joint that the file does not have.
         ArgumentError: a locked joint that cannot move, or a value that is no number or outside its limits.
     """
@@ -151,7 +155,7 @@ def _tree(source: str, model: Any, name: str, find: Finder) -> Tree:
 
 
 def _branch(joint: Any) -> Branch:
-    lower, upper = _of_limit(joint, "lower", -np.inf), _of_limit(joint, "upper", np.inf)
+    (lower, upper), speed = _range(joint), _of(joint.limit, "velocity", np.inf)
     kind, mimic = joint.type, None
     if kind == "continuous":
         kind, lower, upper = "revolute", -np.inf, np.inf
@@ -160,14 +164,20 @@ def _branch(joint: Any) -> Branch:
         shift = 0.0 if joint.mimic.offset is None else float(joint.mimic.offset)
         mimic = Follow(joint.mimic.joint, gain, shift)
     axis = np.asarray([1.0, 0.0, 0.0] if joint.axis is None else joint.axis, dtype=float)
-    speed = _of_limit(joint, "velocity", np.inf) or np.inf
     return Branch(
         joint.name, kind, joint.parent, joint.child, _pose(joint.origin), axis, lower, upper, speed, follows=mimic
     )
 
 
-def _of_limit(joint: Any, name: str, missing: float) -> float:
-    value = getattr(joint.limit, name, None) if joint.limit is not None else None
+def _range(joint: Any) -> tuple[float, float]:
+    """The positions within its limits, and within its soft limits, where ROS controllers and MoveIt keep it."""
+    soft = joint.safety_controller
+    lower = max(_of(joint.limit, "lower", -np.inf), _of(soft, "soft_lower_limit", -np.inf))
+    return lower, min(_of(joint.limit, "upper", np.inf), _of(soft, "soft_upper_limit", np.inf))
+
+
+def _of(element: Any, name: str, missing: float) -> float:
+    value = getattr(element, name, None)
     return missing if value is None else float(value)
 
 

@@ -18,6 +18,7 @@ MOST_LINKS = 20_000
 _KEPT = {
     "link", "link/inertial", *(f"link/inertial/{part}" for part in ("origin", "mass", "inertia")),
     "joint", *(f"joint/{part}" for part in ("parent", "child", "origin", "axis", "limit", "mimic")),
+    "joint/safety_controller",
 }  # fmt: skip
 """The elements of a URDF that kinematics and masses need."""
 

@@ -21,7 +21,7 @@ from .seams import Seam, allowed
 from .sheet import Sheet, known
 from .sheet_motion import Division, SheetMotion, SheetPiece, UnservedPart
 from .sheet_sequence import SheetSequence, fewest_changes
-from .still_motion import Hindrance, StillMotion, joint_speeds, still_motions, straight_seconds
+from .still_motion import Hindrance, StillMotion, still_motions, straight_seconds
 
 NEAR = 1e-9
 """Share of a path's duration within which two instants are one."""
@@ -142,11 +142,11 @@ class _Changes:
 
     def __post_init__(self) -> None:
         along = self.along
-        speeds, q = joint_speeds(along.task.robot), np.swapaxes(along.q, 0, 1)
-        least = straight_seconds(q[:, :, None], q[:, None], speeds)
+        robot, q = along.task.robot, np.swapaxes(along.q, 0, 1)
+        least = straight_seconds(q[:, :, None], q[:, None], robot)
         self.seconds = np.where(np.isfinite(least) & along.may[:, None, None], least, np.inf)
         self.seconds[np.abs(q[:, :, None] - q[:, None]).max(axis=-1) < ON_SHEET] = 0.0  # one posture: nothing changes
-        steps = straight_seconds(along.q[:, 1:], along.q[:, :-1], speeds)
+        steps = straight_seconds(along.q[:, 1:], along.q[:, :-1], robot)
         self.steps = np.where(along.served, steps, np.inf)
 
     def best(self, first: int | None) -> SheetSequence:
@@ -260,8 +260,7 @@ def _stage(along: _Along, labels: Indices, a: int, b: int) -> Stage:
         if task.n > task.m:
             values = sheet.strategy.constraint_value.batch(q[here]).reshape(here.sum(), -1) - sheet.level
             residual[here] = np.abs(sheet.strategy.constraint.nearest(values)).max(axis=1)
-    limits = np.where(task.robot.max_velocity > 0, task.robot.max_velocity, np.inf)
-    slower = max(1.0, float(np.max(np.abs(dq) / limits)))
+    slower = max(1.0, float(np.max(np.abs(dq) / task.robot.max_velocity)))
     corners = [int(np.argmin(np.abs(t - path.starts[c]))) for c in path.corners if t[0] <= path.starts[c] < t[-1]]
     if 0 in path.corners and t[-1] == path.duration:
         corners.append(len(t) - 1)

@@ -18,7 +18,7 @@ from ..path.workspaces import Workspace
 from ..tasks.task import Task
 from .joined_motion import still_trajectory
 from .sheet import Sheet, known
-from .still_motion import Hindrance, StillMotion, joint_speeds, still_motions, straight_seconds
+from .still_motion import Hindrance, StillMotion, still_motions, straight_seconds
 
 FIRST, MOST = 8, 256
 """Poses that are tried at first for a pair of sheets, twice as many each time; and at most, those with the nearest
@@ -195,7 +195,7 @@ def _fastest(
     task: Task, A: Matrix, B: Matrix, clear: Clear | None
 ) -> tuple[int, StillMotion | None, tuple[tuple[Hindrance, int], ...]]:
     """(row, motion) of the fastest motion from postures A (k, n) to B (k, n), or the hindrances that were met."""
-    least = straight_seconds(A, B, joint_speeds(task.robot))
+    least = straight_seconds(A, B, task.robot)
     order: Indices = np.argsort(least, kind="stable")[:MOST]
     best, at, met, done, size = None, -1, Counter[Hindrance](), 0, FIRST
     while done < len(order) and (best is None or least[order[done]] < best.seconds):

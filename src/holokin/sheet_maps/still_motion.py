@@ -13,7 +13,7 @@ from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector
 from ..errors import ArgumentError
 from ..motion.joint_curve import Stretch
 from ..motion_checking import Clear
-from ..robot import Robot
+from ..robot import Robot, speed_limits
 from ..strategies.self_motions import CurveEnd, SelfMotion, SelfMotions, joint_gap, least_motion
 from ..tasks.task import Task
 
@@ -107,14 +107,12 @@ def _hindered(n: int, why: Hindrance) -> StillMotion:
     return StillMotion(np.zeros((0, n)), np.zeros(0), why)
 
 
-def joint_speeds(robot: Robot) -> Vector:
-    """The largest speeds (n,) by which motions are compared: 1 rad/s or 1 m/s where a robot does not say."""
-    known = np.isfinite(robot.max_velocity) & (robot.max_velocity > 0)
-    return np.where(known, robot.max_velocity, 1.0)
+def straight_seconds(a: Array, b: Array, robot: Robot) -> Array:
+    """The least time (...) [s] between postures (..., n) at the joints' speed limits; NaN where one is unknown.
 
-
-def straight_seconds(a: Array, b: Array, speeds: Vector) -> Array:
-    """The least time (...) [s] between postures (..., n) at the joints' speed limits; NaN where one is unknown."""
+    Of a joint without a limit 1 rad/s or 1 m/s is taken: only to compare motions, for none is timed without limits.
+    """
+    speeds = np.where(np.isfinite(robot.max_velocity), robot.max_velocity, 1.0)
     return np.asarray(np.max(np.abs(a - b) / speeds, axis=-1))
 
 
@@ -134,7 +132,8 @@ def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear |
         The motion, or the reason why there is none.
 
     Raises:
-        ArgumentError: the postures have different tool poses. JointLimitError, ShapeError, NotFiniteError.
+        ArgumentError: the postures have different tool poses; a joint has no speed limit. JointLimitError, ShapeError,
+        NotFiniteError.
     """
     a, b = (task.robot.checked(q, what) for q, what in ((qa, "the first posture"), (qb, "the second posture")))
     task.robot.check_limits(a)
@@ -302,7 +301,7 @@ def _checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
     Splines through them keep the tool still to `STILL`, and within the limits; postures are clear at every one of them.
     """
     robot, (p, R) = task.robot, task.place(q[0])
-    speeds = joint_speeds(robot)
+    speeds = speed_limits(robot)
     if not np.isfinite(q).all():
         return _hindered(task.n, Hindrance.SINGULAR)
     most = STILL + 2 * float(np.abs(_off(task, q[-1:], p, R)).max())  # the two postures need not agree to round-off

@@ -38,7 +38,7 @@ from ..motion.follow_path import build_native
 from ..motion.least_speed import over_least_speed
 from ..motion.trajectory import Status, Trajectory
 from ..path import Path
-from ..robot import Robot, beside
+from ..robot import Robot, beside, without_speed_limit
 from ..robot.longest_span import longest_reach
 from ..strategies import Strategy
 from ..tasks.task import Task
@@ -385,8 +385,7 @@ def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[s
             "cost": over_least_speed(task, once),
             "sigma": float(once.sigma.min()),
         }
-        fast = robot.max_velocity[np.isfinite(robot.max_velocity)]
-        if fast.size:
+        if not without_speed_limit(robot):
             found["peak_speed"] = float((np.abs(once.dq) / robot.max_velocity).max())
     found["tracking"] = walk.tracking_error("m")
     return found
