@@ -95,7 +95,7 @@ def _classes(points: Matrix, near: float) -> Indices:
 
 
 def _by_curves(strategy: HolonomicStrategy, level: Vector, q: Matrix, moving: Flags) -> Indices:
-    """The family (k,) of cusps q (k, n) on curves: one of them is followed, what lies on it is of its family, and so on."""
+    """The family (k,) of cusps q (k, n) on curves: one of these is followed, and what lies on it is of one family."""
     from scipy.spatial import KDTree
 
     family, count = np.full(len(q), -1), 0

@@ -34,7 +34,7 @@ EXACT = 1e-10
 
 RESIDUAL = 1e-8
 """g - c [rows of g over their slopes: joint units], sigma and kappa, the rows of E of size one, up to which a posture
-counts as a cusp: a hundred times `EXACT`, as the slopes of these equations are below that."""
+counts as a cusp. They are measured before the last correction, by which they only fall: below `EXACT` times slopes."""
 
 SINGULAR = 1e-6
 """The same of a start that came to crossing sheets, where Newton's method converges slowly."""
@@ -154,8 +154,6 @@ def seek_cusps(strategy: HolonomicStrategy, level: Vector, starts: Matrix) -> tu
         return CuspPoints(none, none, none), 0, 0
     equations = CuspEquations(strategy, level, starts)
     q, arrived = newton(equations.correct, starts, steps=STEPS, longest=LONGEST, exact=EXACT)
-    if arrived.any():  # what is measured of a cusp is so at its own posture
-        equations.correct(q[arrived], np.flatnonzero(arrived))
     flat, low = ~(equations.slope >= SLOPE), ~(equations.second >= CORANK)
     there = equations.off <= np.where(arrived, RESIDUAL, SINGULAR)
     good = arrived & there & ~flat & ~low & (equations.third > THIRD)

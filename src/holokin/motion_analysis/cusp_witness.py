@@ -70,8 +70,9 @@ _STEPS, _LONGEST, _EXACT = 30, 0.3, 1e-11
 class CuspWitness(Value):
     """Two postures `first`, `second` (n,) of one leaf at one tool pose; `path`: closed, it leads from one to the other.
 
-    apart: the largest joint's difference [joint units], whole turns of hinges left out. length [m], turn [rad]: of the path. rcond: the least of
-    [J; J_g] along it. margin: distance to the nearest joint limit [joint units], infinite without limits.
+    apart: the largest joint's difference [joint units], whole turns of hinges left out. length [m], turn [rad]: of the
+    path. rcond: the least of [J; J_g] along it. margin: distance to the nearest joint limit [joint units], infinite
+    without limits.
     """
 
     first: Vector
