@@ -169,3 +169,27 @@ def test_a_box_of_the_other_elbow_is_not_proven_for_a_start(monkeypatch: pytest.
     found = hk.certify(G, space, q0)
     assert found.extent is Extent.APART and found.where == "the start"
     assert np.abs(found.cells.q0[0] - elbow).max() < 0.1
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.campaign) for seed in range(1, 20))])
+def test_a_joint_that_is_held_at_its_limit_is_refused_as_that_and_not_as_singular(seed: int) -> None:
+    """The posture is regular, is followed, found and commanded: what is not proven is that it keeps off the limit."""
+    rng = np.random.default_rng(seed)
+    robot = hk.from_dh([{"a": 1.0, "lower": -2.0, "upper": 2.0} for _ in range(3)], name="bars")
+    law = hk.holonomic(hk.position(robot, rows=[0, 1]), hk.lock(k := int(rng.integers(3))))
+    q = rng.uniform(-1.5, 1.5, 3)
+    q[k] = rng.choice([-2.0, 2.0])
+    while law.gain(q)[1] < 0.1:  # nearly singular
+        q[[(k + 1) % 3, (k + 2) % 3]] = rng.uniform(-1.5, 1.5, 2)
+    T = robot.pose(q)
+    box = hk.workspace(box=(T[:3, 3], [0.01, 0.01, 0.0]), rotation=T[:3, :3])
+    path = hk.line(T[:3, 3], T[:3, 3] + [0.005, 0.005, 0.0])
+    for where in (box, path):
+        proof = hk.certify(law, where, q)
+        assert proof.extent is Extent.LIMIT and "a joint is at its limit" in str(proof) and len(proof) == 0
+    assert hk.follow(law, path, q, samples=5).status is hk.Status.COMPLETE
+    assert hk.inverse(law, q, limits=True).nearest(T[:3, 3] + [0.005, 0.005, 0.0]).status == 0
+    control = hk.controller(law, dt=0.01, q0=q)
+    control.step(q, T[:3, 3] + 1e-5, np.full(3, 1e-3))
+    assert control.status is hk.motion.StepStatus.OK
+    assert not hk.unique_region(law, q, box, budget=200).whole

@@ -58,6 +58,8 @@ class NearbyCusps(Value):
         """What was found; a search is no proof."""
         if self.found is None:
             return f"cusps of its leaf were not looked for: {self.reason}"
+        if self.found.excluded:
+            return f"its leaf has no cusp: {self.found.excluded}"
         searched = f"a search from {self.found.starts:,} starts and from the workspace, no proof"
         if not np.isfinite(self.away):
             return f"no cusp was found on its leaf within the joint limits ({searched})"

@@ -7,6 +7,8 @@ f restricted to a leaf g(q) = c is no local diffeomorphism where E = [J; J_g] is
 tells a fold, kappa != 0, from what may be a cusp. It is one where the corank is 1, the least singular value sigma
 changes along the leaf, and kappa changes along v: then the leaf lies over the poses as (s, y) -> (s^3 + y s, y). Where
 sigma does not change along the leaf two singular sheets cross, as for spherical wrists: a double point, and no cusp.
+These are r + 2 equations of n joints, so that cusps form a set of dimension m - 2. A task of one row has none: its leaf
+is a curve, whose tangent is v wherever the leaf is singular, and sigma changes along v by kappa = 0.
 """
 
 from __future__ import annotations
@@ -30,8 +32,12 @@ LONGEST = 0.3
 EXACT = 1e-10
 """Last correction [joint units] of a cusp that counts as found."""
 
+RESIDUAL = 1e-8
+"""g - c [rows of g over their slopes: joint units], sigma and kappa, the rows of E of size one, up to which a posture
+counts as a cusp. They are measured before the last correction, by which they only fall: below `EXACT` times slopes."""
+
 SINGULAR = 1e-6
-"""sigma, its rows of size one, below which a start that did not arrive has come to a singular posture all the same."""
+"""The same of a start that came to crossing sheets, where Newton's method converges slowly."""
 
 CORANK = 1e-3
 """Second least singular value over the largest, below which the corank may be 2."""
@@ -70,8 +76,13 @@ def cusp_functions(strategy: HolonomicStrategy) -> tuple[Function, Function]:
     return extended, Function("cusp_slopes", {"q": e.q, "u": u, "v": v}, slopes)
 
 
-class _Equations:
-    """g(q) = c, sigma(q) = 0, kappa(q) = 0: r + 2 equations of n joints, and their exact slopes."""
+class CuspEquations:
+    """g(q) = c, sigma(q) = 0, kappa(q) = 0: r + 2 equations of n joints, and their exact slopes.
+
+    Of each of k starts it keeps what was measured last: `off`, by how much the equations fail, see `RESIDUAL`; second,
+    slope and third, (k,), as of the thresholds above; down, along (k, n), as of `CuspPoints`; normals (k, r + 2, n),
+    orthonormal rows that span the slopes.
+    """
 
     def __init__(self, strategy: HolonomicStrategy, level: Vector, q: Matrix) -> None:
         self._strategy, self._level, self._m = strategy, level, strategy.task.m
@@ -79,8 +90,8 @@ class _Equations:
         rows = np.nanmean(np.square(self._extended.batch(q)[0]).sum(axis=2), axis=0)
         self._sizes = 1.0 / np.sqrt(np.where(rows > 0, rows, 1.0))
         k, n = q.shape
-        self.second, self.sigma, self.slope, self.third = (np.full(k, np.inf) for _ in range(4))
-        self.down, self.along = np.zeros((k, n)), np.zeros((k, n))
+        self.off, self.second, self.slope, self.third = (np.full(k, np.inf) for _ in range(4))
+        self.down, self.along, self.normals = np.zeros((k, n)), np.zeros((k, n)), np.zeros((k, n - self._m + 2, n))
 
     def correct(self, q: Matrix, i: Indices) -> tuple[Matrix, Flags]:
         """Least-norm steps (k, n) of Newton's method, and whether they are finite (k,). It keeps what it measures."""
@@ -97,8 +108,10 @@ class _Equations:
         gap = self._strategy.constraint.nearest(g.reshape(k, -1) - self._level)
         A = np.concatenate([E[:, m:] / self._sizes[m:, None], of_sigma[:, None], of_kappa[:, None]], axis=1)
         b = np.concatenate([gap, S[:, -1:], kappa], axis=1)
+        self.off[i] = np.abs(np.concatenate([gap * self._sizes[m:], b[:, -2:]], axis=1)).max(axis=1)
         self._measure(i, S, of_sigma, of_kappa, E[:, m:], v)
-        return _least_norm(A, b), sound & np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
+        step, self.normals[i] = _least_norm(A, b)
+        return step, sound & np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
 
     def _of_vectors(self, U: Array, S: Matrix, Vt: Array, Ev: Array, Eu: Array, of_sigma: Matrix) -> Matrix:
         """What the turning of u and v adds to the slope of kappa: E dv = -dE v and E^T du = -dE^T u across them."""
@@ -118,28 +131,31 @@ class _Equations:
             along = of_sigma - np.einsum("kji,kj->ki", rows, np.einsum("kij,kj->ki", rows, of_sigma))
         size = np.linalg.norm(along, axis=1)
         third = np.einsum("ki,ki->k", of_kappa, v)
-        self.sigma[i], self.second[i], self.slope[i], self.third[i] = S[:, -1], S[:, -2] / S[:, 0], size, np.abs(third)
+        self.second[i], self.slope[i], self.third[i] = S[:, -2] / S[:, 0], size, np.abs(third)
         self.down[i] = -np.sign(third)[:, None] * along / np.maximum(size, 1e-300)[:, None]
         self.along[i] = v
 
 
-def _least_norm(A: Array, b: Matrix) -> Matrix:
-    """-A^+ b of many wide systems, their rows of size one."""
+def _least_norm(A: Array, b: Matrix) -> tuple[Matrix, Array]:
+    """(-A^+ b of many wide systems, their rows of size one; orthonormal rows that span those of A)."""
     size = np.maximum(np.linalg.norm(A, axis=2), 1e-300)
     A, b = A / size[:, :, None], b / size
     finite = np.asarray(np.isfinite(A).all(axis=(1, 2)))
     U, S, Vt = np.linalg.svd(np.where(finite[:, None, None], A, 0.0), full_matrices=False)
     with np.errstate(invalid="ignore", over="ignore"):
-        return -np.einsum("kji,kj->ki", Vt, np.einsum("kij,ki->kj", U, b) / np.maximum(S, 1e-300))
+        return -np.einsum("kji,kj->ki", Vt, np.einsum("kij,ki->kj", U, b) / np.maximum(S, 1e-300)), Vt
 
 
 def seek_cusps(strategy: HolonomicStrategy, level: Vector, starts: Matrix) -> tuple[CuspPoints, int, int]:
     """The cusps of the leaf g = level (r,) that Newton's method finds from starts (k, n); how many others came to where
-    singular sheets cross; and to a corank of two or more."""
-    equations = _Equations(strategy, level, starts)
+    singular sheets cross; and to a corank of two or more. A task of one row has none."""
+    if strategy.task.m < 2:
+        none = np.zeros((0, strategy.task.n))
+        return CuspPoints(none, none, none), 0, 0
+    equations = CuspEquations(strategy, level, starts)
     q, arrived = newton(equations.correct, starts, steps=STEPS, longest=LONGEST, exact=EXACT)
-    flat, low = equations.slope < SLOPE, equations.second < CORANK
-    there = arrived | (equations.sigma < SINGULAR)
-    good = arrived & ~flat & ~low & (equations.third > THIRD)
+    flat, low = ~(equations.slope >= SLOPE), ~(equations.second >= CORANK)
+    there = equations.off <= np.where(arrived, RESIDUAL, SINGULAR)
+    good = arrived & there & ~flat & ~low & (equations.third > THIRD)
     found = CuspPoints(q[good], equations.down[good], equations.along[good])
     return found, int(np.sum(there & flat & ~low)), int(np.sum(there & low))

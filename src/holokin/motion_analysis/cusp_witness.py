@@ -25,6 +25,7 @@ from ..path import Path
 from ..path.splines import spline
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
+from ..strategies.self_motions import joint_gap
 from ..symbolic import Function
 from ..tasks.task import of_one_tool
 from .cusp_search import CuspPoints
@@ -69,8 +70,9 @@ _STEPS, _LONGEST, _EXACT = 30, 0.3, 1e-11
 class CuspWitness(Value):
     """Two postures `first`, `second` (n,) of one leaf at one tool pose; `path`: closed, it leads from one to the other.
 
-    apart: the largest joint's difference [joint units]. length [m], turn [rad]: of the path. rcond: the least of
-    [J; J_g] along it. margin: distance to the nearest joint limit [joint units], infinite without limits.
+    apart: the largest joint's difference [joint units], whole turns of hinges left out. length [m], turn [rad]: of the
+    path. rcond: the least of [J; J_g] along it. margin: distance to the nearest joint limit [joint units], infinite
+    without limits.
     """
 
     first: Vector
@@ -163,7 +165,7 @@ def candidates(strategy: HolonomicStrategy, level: Vector, found: CuspPoints, li
     which = np.flatnonzero(good)
     p, R = strategy.task.poses(first[which])
     other, _, arrived = leaf_postures(strategy, second[which], p, R, level)
-    apart = np.abs(other - first[which]).max(axis=1) > APART
+    apart = _apart(strategy, first[which], other) > APART
     which, other = which[arrived & apart], other[arrived & apart]
     same = sides(strategy, first[which])[0] * sides(strategy, other)[0] > 0
     if limits:
@@ -198,6 +200,11 @@ def _seen(strategy: HolonomicStrategy, level: Vector, motions: Motions, limits: 
     return motions.at(ok), np.column_stack([length, turn, least])[ok]
 
 
+def _apart(strategy: HolonomicStrategy, q: Array, others: Array) -> Array:
+    """The largest joint's difference of postures (..., n) from others [joint units] (...), whole turns left out."""
+    return np.abs(joint_gap(strategy.task.robot, q, others)).max(axis=-1)
+
+
 @typed
 def witness_between(
     strategy: Strategy, first: ArrayLike, second: ArrayLike, *, via: int = 1000, limits: bool = True
@@ -209,7 +216,8 @@ def witness_between(
     None found is no proof that there is none: more turns of the path may be needed.
 
     Args:
-        first, second: postures (n,) of one leaf with one tool pose, as `all_postures` finds them.
+        first, second: postures (n,) of one leaf with one tool pose, as `all_postures` finds them. Whole turns of hinges
+            do not make another posture.
         via: third postures that are tried. limits: within the joint limits.
 
     Raises:
@@ -221,8 +229,10 @@ def witness_between(
     level = leaf_value(leafed, a)
     off = np.abs(leafed.task.error(b, *leafed.task.place(a))).max()
     gap = np.abs(leafed.constraint.nearest(leaf_value(leafed, b) - level)).max(initial=0.0)
-    if max(off, gap) > SAME or np.abs(a - b).max() <= APART:
-        fact = f"{b.tolist()}: tool {off:.2g}, level {gap:.2g}, joints {np.abs(a - b).max():.2g} from the first"
+    apart = _apart(leafed, a, b)
+    if max(off, gap) > SAME or apart <= APART:
+        turned = ", whole turns left out" if apart < np.abs(a - b).max() else ""
+        fact = f"{b.tolist()}: tool {off:.2g}, level {gap:.2g}, joints {apart:.2g} from the first{turned}"
         raise ArgumentError("the second posture", fact, "give another posture of the same tool pose and the same leaf")
     middle, good = on_leaf(leafed, level, np.vstack([(a + b) / 2, spread(robot, whole("via", via))]))
     k = int(good.sum())
@@ -260,7 +270,7 @@ def _witness(strategy: HolonomicStrategy, level: Vector, motion: Motions, limits
         return None
     turn = _turned(R[None])[0] if turns else 0.0
     room = np.minimum(walk.q - robot.lower, robot.upper - walk.q).min() if limits else np.inf
-    apart, rcond = np.abs(second - first).max(), sides(strategy, walk.q)[1].min()
+    apart, rcond = _apart(strategy, first, second), sides(strategy, walk.q)[1].min()
     return CuspWitness(first, second, path, float(apart), path.length, float(turn), float(rcond), float(room))
 
 

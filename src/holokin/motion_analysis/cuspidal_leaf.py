@@ -18,6 +18,7 @@ from ..base.progress import progress
 from ..base.types import (
     Array,
     ArrayLike,
+    Flags,
     Indices,
     Matrix,
     NoTruthValue,
@@ -36,6 +37,7 @@ from ..inverse_kinematics.whole_turns import free_hinges, turned
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import Task, of_one_tool
+from .cusp_families import distinct, families
 from .cusp_search import CuspPoints, seek_cusps
 from .cusp_witness import TURN, CuspWitness, candidates, first_witness
 
@@ -50,9 +52,11 @@ NEAREST = 60
 class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
     """The cusps found on the leaf through q0 (n,), the nearest first, and tool loops that do not bring the joints back.
 
-    q: their postures (k, n). level: c (r,) of the leaf. limits: only cusps and loops within the joint limits count;
-    `outside` others were left out. starts: postures that Newton's method began from. double: those that came to where
-    singular sheets cross, which is no cusp; corank: those that came to where more than one direction is lost.
+    q: their postures (k, n), each once: there g(q) = c, [J; J_g] has corank 1 and kappa is zero, to 1e-8, and what
+    tells a cusp from other such postures was tested. level: c (r,) of the leaf. limits: only cusps and loops within the
+    joint limits count; `outside` others were left out. starts: postures that Newton's method began from. double: those
+    that came to where singular sheets cross, which is no cusp; corank: those that came to where more than one direction
+    is lost, or nearly.
     witnesses: of the loops that were followed from one posture to another one at the same tool pose, the smallest, and
     the one that keeps farthest from singular postures. stopped: Ctrl-C ended the search.
     """
@@ -88,6 +92,21 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
         return max(self.witnesses, key=lambda one: one.rcond, default=None)
 
     @cached_property
+    def families(self) -> tuple[Indices, ...] | None:
+        """Of each family the numbers of its cusps in `q`; None where families are surfaces, which are only sampled.
+
+        Cusps of a task of m rows lie on sets of dimension m - 2: they are alone for m = 2. Joints whose motion alone
+        leads from cusps to cusps are left out; curves that remain are followed.
+        """
+        of = families(self.strategy, self.level, self.q)
+        return None if of is None else tuple(np.flatnonzero(of == k) for k in range(int(of.max(initial=-1)) + 1))
+
+    @property
+    def excluded(self) -> str:
+        """Why no leaf of the task has a cusp, so that none was looked for; empty where some may."""
+        return "" if self.strategy.task.m >= 2 else "the task has one row, so the leaf is a curve, which has no cusp"
+
+    @cached_property
     def poses(self) -> Array:
         """Tool poses of the cusps (k, 4, 4)."""
         return np.array([self.strategy.task.pose(q) for q in self.q]).reshape(-1, 4, 4)
@@ -113,6 +132,8 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
     @property
     def sentence(self) -> str:
         """What was found, by which search, and what that says."""
+        if self.excluded:
+            return f"no cusp: {self.excluded}"
         ranged = np.isfinite(self.strategy.task.robot.lower).any()
         within = " within the joint limits" if self.limits and ranged else ""
         ended = ", where Ctrl-C ended the search" if self.stopped else ""
@@ -122,7 +143,7 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
                 f"; {self.double:,} starts came to crossings of singular sheets, which are none" if self.double else ""
             )
             return f"no cusp found{within} from {searched}{crossed}: a search, no proof that there is none"
-        many = f"{len(self):,} cusp{'' if len(self) == 1 else 's'} found{within} from {searched}"
+        many = f"{len(self):,} cusp{'' if len(self) == 1 else 's'} found{within} from {searched}{self._of_families}"
         near = f"the nearest is {self.joints_away[0]:.2g} (largest joint) and {self.tool_away[0]:.2g} m (tool) from q0"
         least = self.witness
         if least is None:
@@ -132,6 +153,15 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
             f"{least.turn:.2g} rad the joints do not come back: they end {least.apart:.3g} apart, "
             f"with no singular posture on it (rcond {least.rcond:.1g} at least)"
         )
+
+    @property
+    def _of_families(self) -> str:
+        """How many families the cusps are of, where they are not alone."""
+        if self.strategy.task.m == 2:
+            return ""
+        if self.families is None:
+            return f", samples of surfaces of dimension {self.strategy.task.m - 2}"
+        return f", of {len(self.families)} famil{'y' if len(self.families) == 1 else 'ies'}"
 
     def __str__(self) -> str:
         return self.sentence
@@ -198,16 +228,25 @@ def _cusps(strategy: Strategy, q0: ArrayLike, starts: int, limits: bool) -> Cusp
     found = [] if motions is None else [first_witness(leafed, level, motions, i, limits) for i in _orders(measures)]
     return Cusps(
         leafed, start, search.points.q, level, limits, search.starts, search.outside, search.double, search.corank,
-        tuple(one for one in found if one is not None), search.starts < starts,
+        tuple(one for one in found if one is not None), search.stopped,
     )  # fmt: skip
 
 
 def cusps_from(strategy: HolonomicStrategy, level: Vector, starts: Matrix, limits: bool = False) -> Array:
     """Tool poses (k, 4, 4) of the cusps of a leaf g = level that Newton's method finds from postures (s, n)."""
-    robot, q = strategy.task.robot, seek_cusps(strategy, level, starts)[0].q if len(starts) else starts
+    q = seek_cusps(strategy, level, starts)[0].q if len(starts) else starts
     if limits:
-        q = q[robot.within(q)]
+        q, inside = _at_turns(strategy, q, None, limits)
+        q = q[inside]
     return np.array([strategy.task.pose(one) for one in q]).reshape(-1, 4, 4)
+
+
+def _at_turns(strategy: HolonomicStrategy, q: Matrix, near: Vector | None, limits: bool) -> tuple[Matrix, Flags]:
+    """(postures (k, n) at those of their whole turns that are nearest to one, or to where they are; which of them are
+    within the limits, if these count (k,))."""
+    free = free_hinges(strategy, spread(strategy.task.robot, SAMPLED))
+    placed = [turned(strategy, one[None], free, one if near is None else near, limits) for one in q]
+    return np.array([one for one, _ in placed]).reshape(q.shape), np.array([inside for _, inside in placed], dtype=bool)
 
 
 def tool_away(task: Task, T: Array, others: Array) -> Vector:
@@ -227,13 +266,15 @@ class _Search:
 
     points: CuspPoints
     starts: int
+    stopped: bool
     outside: int
     double: int
     corank: int
 
 
 def _searched(strategy: HolonomicStrategy, level: Vector, q0: Vector, starts: int, limits: bool) -> _Search:
-    """Newton's method from the starts, a part after the other, until Ctrl-C."""
+    """Newton's method from the starts, a part after the other, until Ctrl-C; from none where there can be no cusp."""
+    starts = starts if strategy.task.m >= 2 else 0
     begun, done, parts = spread(strategy.task.robot, starts), 0, []
     with progress("cusps", starts) as report, suppress(KeyboardInterrupt):  # what was found is kept
         while done < starts:
@@ -242,13 +283,13 @@ def _searched(strategy: HolonomicStrategy, level: Vector, q0: Vector, starts: in
             report(done)
     none = np.zeros((0, len(q0)))
     points = joined(CuspPoints(none, none, none), *(found for found, _, _ in parts))
-    free = free_hinges(strategy, spread(strategy.task.robot, SAMPLED))
-    placed = [turned(strategy, q[None], free, q0, limits) for q in points.q]
-    inside = np.array([within for _, within in placed], dtype=bool)
-    points = replace(some(points, inside), q=np.array([q for q, _ in placed]).reshape(-1, len(q0))[inside])
+    q, inside = _at_turns(strategy, points.q, q0, limits)
+    each = distinct(strategy, q)
+    points, inside = some(replace(points, q=q), each), inside[each]
+    outside, points = int(np.sum(~inside)), some(points, inside)
     points = some(points, np.argsort(np.abs(points.q - q0).max(axis=1), kind="stable") if len(points.q) else slice(0))
     double, corank = (sum(part[k] for part in parts) for k in (1, 2))
-    return _Search(points, done, int(np.sum(~inside)), double, corank)
+    return _Search(points, done, done < starts, outside, double, corank)
 
 
 def _orders(measures: Matrix) -> tuple[Indices, Indices]:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..base.poses import pose_from
+from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Matrix, Vector
 from ..inverse_kinematics import inverse
 from ..path.workspaces import PoseRange, workspace
@@ -28,7 +29,8 @@ AWAY = 0.02
 """How much farther [m] than asked shapes must be apart at samples: in between they come nearer."""
 
 ROOM = 0.02
-"""How far [joint units] samples must be from joint limits: in between the joints go farther."""
+"""How far [joint units] samples must be from joint limits: in between the joints go farther. But of a joint that is
+nearer to its limit at the start, half as far as there."""
 
 TRIES = 16
 """Boxes that are tried, each smaller than the one before."""
@@ -120,7 +122,8 @@ def _sound(strategy: HolonomicStrategy, q0: Vector, poses: Array, asked: Demands
     rcond = np.array([strategy.gain(one)[1] for one in q]) if len(q) else np.zeros(0)
     fine = rcond >= REGULAR * strategy.gain(q0)[1]
     if asked.limits is not None:
-        fine &= ((q >= robot.lower + ROOM) & (q <= robot.upper - ROOM)).all(axis=1)
+        room = np.minimum(ROOM, np.minimum(q0 - robot.lower, robot.upper - q0) / 2) - TOLERANCES.limit
+        fine &= ((q >= robot.lower + room) & (q <= robot.upper - room)).all(axis=1)
     if asked.clear is not None and len(q):
         fine &= (asked.clear.distances(q) >= asked.clear.wanted + AWAY).all(axis=1)
     good[good] = fine

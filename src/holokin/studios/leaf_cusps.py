@@ -28,6 +28,8 @@ def _sentence(name: str, found: NearbyCusps) -> str:
     """What was found, in a line or two."""
     if found.found is None:
         return f"{name}: cusps were not looked for: {found.reason}"
+    if found.found.excluded:
+        return f"{name}: its leaf has no cusp: {found.found.excluded}."
     if found.pose is None:
         return (
             f"{name}: no cusp was found within the joint limits from {found.found.starts:,} starts, which is no proof."
