@@ -54,6 +54,9 @@ PIECES = 32
 DEGREES = "it is more than two turns beyond the joint limits: give angles in rad, as np.radians(...) makes them"
 """What is said of a level that the joints do not take, as one in degrees."""
 
+WITHIN = "choose another leaf or pose, widen the limits by hk.with_limits, or ask with limits=False"
+"""The cure of an answer beyond the joint limits."""
+
 REGULAR = 1e-3
 """rcond from which a follower that stops is at no fold."""
 
@@ -333,7 +336,7 @@ def leaf_value(strategy: HolonomicStrategy, q: Vector) -> Vector:
 
 
 @typed
-def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 0.0) -> Vector:
+def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 0.0, *, limits: bool = True) -> Vector:
     """The posture (n,) with the tool pose of q0 on another leaf g(q) = c, reached by the self-motion from q0.
 
     A strategy keeps the leaf of its start posture. To hold a *stationary* cost the start must be on the leaf 0 of
@@ -341,17 +344,22 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 
 
     Args:
         level: c (r,), or one number for all rows; an angle is gone to by its shorter way.
+        limits: False does not look whether the start and the posture keep the joint limits.
 
     Raises:
         SingularityError, BranchError: no such posture before a singular one. ArgumentError: a strategy without leaves;
-            a level that must be in degrees. ShapeError, NotFiniteError.
+            a level that must be in degrees. JointLimitError: with limits, the start or the posture is beyond them.
+        ShapeError, NotFiniteError.
     """
     task = strategy.task
-    start = start_posture(task.robot, q0)
+    start = start_posture(task.robot, q0, limits)
     strategy(start)
     at, goal = leaf_value(strategy, start), level_towards(strategy, start, level)
     here = task.place(start)
-    return leaf_follower(strategy, start)(start, straight_path(here, here, (at, goal)))
+    found = leaf_follower(strategy, start)(start, straight_path(here, here, (at, goal)))
+    if limits:
+        task.robot.check_limits(found, WITHIN)
+    return found
 
 
 def level_towards(strategy: HolonomicStrategy, q0: Vector, level: ArrayLike) -> Vector:

@@ -10,6 +10,7 @@ import numpy as np
 from ..base.types import ArrayLike, Matrix, NoTruthValue, Value, Vector, kept, one_or_each
 from ..errors import ArgumentError, NativeError
 from ..native_kernels import LARGEST, EdgeKernel, enabled, tell
+from ..robot import start_posture
 from ..strategies import HolonomicStrategy
 from .descent import CONSTANTS, WITHIN, descend, inside, least_ratio, part
 from .edge import SAME, Edge, Goal, Look, edge_function
@@ -93,8 +94,7 @@ def edge_of(strategy: HolonomicStrategy, start: tuple[float, ...], length: float
 def edge_at(strategy: HolonomicStrategy, q0: Vector, length: float, rcond: float, limits: bool) -> Edge:
     """The edge of the leaf through a start (n,). Raises: ArgumentError: the start lies beyond it. JointLimitError."""
     robot = strategy.task.robot
-    if limits:
-        robot.check_limits(q0)
+    q0 = start_posture(robot, q0, limits)
     free = np.full(robot.n, np.inf)
     edge = Edge(strategy, q0, length, rcond, *((robot.lower, robot.upper) if limits else (-free, free)))
     here = edge.look(q0, edge.tool(q0))

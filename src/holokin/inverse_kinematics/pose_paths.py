@@ -14,6 +14,7 @@ from ..native_kernels import InverseKernel
 from ..strategies import HolonomicStrategy, Jump, may_jump
 from .leaf import (
     REGULAR,
+    WITHIN,
     LeafPath,
     PathEnd,
     jump_on,
@@ -161,7 +162,7 @@ class PosePaths(Value):
     def _answer(self, q: Vector, status: InverseStatus) -> Vector:
         """The posture that was found. Raises: what says why there is none."""
         if status is InverseStatus.LIMIT:
-            self.strategy.task.robot.check_limits(q)
+            self.strategy.task.robot.check_limits(q, WITHIN)
         if status is InverseStatus.OTHER_BRANCH:
             fact = f"the posture to begin from lies on another branch of {self.strategy.name!r} than the start"
             raise BranchError(fact, "give a posture of this branch, such as the last answer, or leave it out")

@@ -89,7 +89,7 @@ def all_postures(
     pose: PoseLike,
     level: ArrayLike = 0.0,
     *,
-    limits: bool = False,
+    limits: bool = True,
     starts: int = 1024,
     near: ArrayLike | None = None,
 ) -> Postures:
@@ -101,7 +101,7 @@ def all_postures(
     Args:
         pose: of the tool (4, 4).
         level: c (r,), or one number for all rows.
-        limits: True keeps only postures within the joint limits.
+        limits: False keeps postures beyond the joint limits, too.
         starts: how many; more find rarer postures.
         near: a posture (n,): of answers that differ by whole turns of hinges, which keep the pose and the level, the
             one nearest to it is given; the search begins there, too. Without it, the one nearest to the middle of the

@@ -283,7 +283,7 @@ def controller(
 
     Raises:
         ArgumentError: no start for a strategy with a constraint, a bad dt, gain or bound. ShapeError, NotFiniteError.
-        SingularityError: the strategy is singular at the start.
+        SingularityError: the strategy is singular at the start. JointLimitError: with limits, q0 is beyond them.
     """
     dt = number("dt", dt)
     if not 0 < dt <= LONGEST_STEP:
@@ -299,7 +299,7 @@ def controller(
     if has_leaf(strategy):
         if q0 is None:
             raise ArgumentError("q0", None, f"{strategy.name!r} keeps g(q) = c: give a posture with that c")
-        q0 = start_posture(strategy.task.robot, q0)
+        q0 = start_posture(strategy.task.robot, q0, limits)
         leaf = leaf_value(strategy, q0)
     else:
         q0 = None
