@@ -120,10 +120,13 @@ def down(
 
 
 def _from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
-    """The look where the straight path from the start ends; True where at the goal, within the constraints."""
+    """The look where the straight path from the start ends; True where at the goal, within the constraints.
+
+    careful: the look at the start where the path is not shown to lead there; a ray is always gone as far as it goes.
+    """
     way = edge.straight(edge.tool(edge.q0), goal)
     q, reached = edge.walk(edge.q0, way, TRIES) if careful else edge.glance(edge.q0, way)
-    at = edge.look(q, goal)
+    at = edge.look(q if reached or not careful or edge.ray else edge.q0, goal)
     return at, reached and at.excess <= WITHIN
 
 

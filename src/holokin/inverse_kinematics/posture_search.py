@@ -43,10 +43,10 @@ APART = 1e-6
 class Postures(Value):
     """The postures q (k, n) found at one tool pose (4, 4) on the leaf c (r,), in the order of their joints.
 
-    Each is on the leaf and at the pose, where nothing is redundant at the pose; of those that differ by whole turns of hinges it is one, see `near` of
-    `all_postures`. found (k,): from how many of the `starts` each was found; rcond (k,): how regular [J; J_g] is there.
-    `singular` starts ended where it is singular; postures that lie there are not counted. `outside` postures lie
-    outside the joint limits and were left out.
+    Each is at the pose and on the leaf, if there is one; of those that differ by whole turns of hinges it is one, see
+    `near` of `all_postures`. found (k,): from how many of the `starts` each was found; rcond (k,): how regular [J; J_g]
+    is there. `singular` starts ended where it is singular; postures that lie there are not counted. `outside` postures
+    lie outside the joint limits and were left out.
     """
 
     q: Matrix
@@ -96,10 +96,10 @@ def all_postures(
 ) -> Postures:
     """All postures with f(q) = x and g(q) = c that Newton's method finds from many starts: the branches of a leaf.
 
-    A six-axis arm, or one of seven axes with a joint locked, has at most 16, or a curve of them [Pri86]. A rule that ties
-    several joints may have more: 26 were found of a Panda with 4 q1 + 3 q3 held. `inverse` keeps to the one that it began with. Where
-    nothing is redundant, n = m, any strategy will do, as `moore_penrose(task)`: all postures with f(q) = x. The starts
-    are a low-discrepancy sequence over the joint ranges, the same at every call.
+    A six-axis arm, or one of seven axes with a joint locked, has at most 16, or a curve of them [Pri86]. A rule that
+    ties several joints may have more: 26 were found of a Panda with 4 q1 + 3 q3 held. `inverse` keeps to the one that
+    it began with. Where nothing is redundant, n = m, any strategy will do, as `moore_penrose(task)`: all postures with
+    f(q) = x. The starts are a low-discrepancy sequence over the joint ranges, the same at every call.
 
     Args:
         pose: of the tool (4, 4).
