@@ -93,7 +93,7 @@ def test_a_start_beyond_the_limits_is_refused_with_one_cure(door: str) -> None:
 
 
 def test_without_limits_such_a_start_is_one_to_begin_from() -> None:
-    law, q0, _ = narrow(0)
+    law, *_ = narrow(0)
     beyond = law.task.robot.upper + 0.05
     pose = law.task.robot.pose(beyond)[:2, 3]
     assert np.abs(hk.inverse(law, beyond, limits=False)(pose) - beyond).max() < 1e-9
@@ -104,7 +104,7 @@ def test_without_limits_such_a_start_is_one_to_begin_from() -> None:
 
 @given(st.integers(0, 10**6))
 def test_no_answer_is_beyond_the_limits(seed: int) -> None:
-    """Poses of random postures, within the limits and beyond, and poses out of reach; referee: the limits themselves."""
+    """Poses of random postures, within the limits and beyond, and poses out of reach."""
     law, q0, rng = narrow(seed)
     robot = law.task.robot
     postures = q0 + rng.uniform(-0.8, 0.8, (40, 3))

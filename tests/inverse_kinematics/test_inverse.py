@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, sampled
+from conftest import PANDA_START
 from holokin.errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError
 from holokin.inverse_kinematics import InverseStatus
 from holokin.native_kernels import evaluator, inverse_kernel
@@ -192,35 +192,6 @@ def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot
         q = ik.near(poses[i], q)
         worst = max(worst, float(np.abs(q - found.q[i]).max()))
     assert worst < 1e-12
-
-
-@pytest.mark.campaign
-@sampled(1, "law", ["lock", "arm angle", "position"])
-def test_both_engines_find_the_same_joints(panda: hk.Robot, law: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The virtual machine walks in the small pieces of `follow`: the straight path, gone otherwise."""
-    if law == "position":
-        rows = np.zeros((4, 7))
-        rows[range(4), [0, 2, 4, 6]] = 1.0
-        made = lambda: hk.holonomic(hk.position(panda), hk.linear(rows, name="four joints"))  # noqa: E731
-    else:
-        made = lambda: hk.holonomic(hk.pose(panda), hk.lock(2) if law == "lock" else hk.arm_angle())  # noqa: E731
-    poses = poses_of_the_box(16, seed=4)
-    if law == "arm angle":  # whose ways the virtual machine takes seconds for
-        near = PANDA_START + np.random.default_rng(4).uniform(-0.2, 0.2, (8, 7))
-        poses = np.array([panda.pose(q) for q in near])
-    else:
-        poses[2, :3, 3] = [0.9, 0.0, 0.9]
-    native = hk.inverse(made(), PANDA_START)
-    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    machine = hk.inverse(made(), PANDA_START)
-    assert "virtual machine" in machine.engine
-    a, b = native.batch(poses), machine.batch(poses)
-    assert np.array_equal(a.reached, b.reached)
-    assert 3 <= a.reached.sum() < len(poses) + (law == "arm angle")
-    assert np.abs(a.q - b.q)[a.reached].max() < 1e-12
-    q = a.q[np.argmax(a.reached)]
-    pose = panda.pose(q + 0.02)
-    assert native.near(pose, q) == pytest.approx(machine.near(pose, q), abs=1e-12)
 
 
 def test_a_hand_that_goes_round_the_base_keeps_its_turn_and_a_new_one_does_not(planar_3r: hk.Robot) -> None:

@@ -209,19 +209,6 @@ def test_a_robot_that_is_stuck_leaves_for_a_pose_that_its_start_reaches(planar_3
     assert q == pytest.approx(ik(beyond), abs=1e-12)
 
 
-def test_the_virtual_machine_gives_the_same_answers(monkeypatch: pytest.MonkeyPatch, panda: hk.Robot, ik) -> None:
-    poses = [shifted(panda, PANDA_START, by, 0.3) for by in ([0.5, 0.3, 0.2], [0.1, 0.1, 0.0], [0.0, -0.6, 0.6])]
-    begin = np.repeat(PANDA_START, 2)[::2]  # not one number beside another in memory
-    native = [found for pose in poses for found in (ik.nearest(pose), ik.nearest(pose, begin, step=0.05))]
-    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    other = hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START, limits=False)
-    same = [found for pose in poses for found in (other.nearest(pose), other.nearest(pose, PANDA_START, step=0.05))]
-    assert {found.status for found in native} == {REACHED, CLAMPED}
-    for a, b in zip(native, same, strict=True):
-        assert (a.status, a.held, a.moving) == (b.status, b.held, b.moving)
-        assert a.q == pytest.approx(b.q, abs=1e-9)
-
-
 @pytest.mark.parametrize("native", [False, True])
 def test_a_robot_stays_where_it_is_while_what_is_asked_is_no_pose(monkeypatch, ik, two_links, native: bool) -> None:
     if native:
