@@ -27,7 +27,7 @@ PLACES = 256
 LOOP = """
 HK_API int floor_loop(long long count, const double *Q, const double *pose, const double *twist,
                       const double *parameters, double *first) {
-  double out[HK_N + 2];
+  double out[HK_N + 3];
   int status = 0;
   for (long long i = 0; i < count; i++) {
     status |= hk_step(Q + HK_N * (i % 256), pose, twist, out, parameters);

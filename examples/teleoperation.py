@@ -19,7 +19,7 @@ Joints = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (tool pose wanted, jo
 
 def ours(pose: np.ndarray, q: np.ndarray) -> np.ndarray:
     """The joints of the pose on the leaf, or of the nearest pose in reach; none moves faster than it can."""
-    return ik.nearest(pose, q, limits=True, step=robot.max_velocity / RATE).q
+    return ik.nearest(pose, q, step=robot.max_velocity / RATE).q
 
 
 def damped(pose: np.ndarray, q: np.ndarray) -> np.ndarray:

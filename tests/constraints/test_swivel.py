@@ -70,7 +70,7 @@ def test_an_iiwa_has_eight_postures_at_the_pose_and_angle_of_stereo_sews_tutoria
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = rot(X, np.pi / 4), [0.2, 0.3, 0.4]
     strategy = hk.holonomic(hk.pose(iiwa14), hk.arm_angle(pole=-Z, reference=Y))
-    found = hk.all_postures(strategy, T, np.pi / 6)
+    found = hk.all_postures(strategy, T, np.pi / 6, limits=False)
     assert len(found) == 8
     closed = iiwa_postures(T, np.pi / 6, -Z, Y)
     for q in found.q:
@@ -82,10 +82,10 @@ def test_an_iiwa_has_eight_postures_at_the_pose_and_angle_of_stereo_sews_tutoria
     assert found.unseen == 0.0
     assert found.found.sum() + found.singular <= found.starts
     assert "no proof" in found.sentence and "one more start" not in found.sentence
-    few = hk.all_postures(strategy, T, np.pi / 6, starts=8)
+    few = hk.all_postures(strategy, T, np.pi / 6, limits=False, starts=8)
     assert few.unseen == (few.found == 1).sum() / 8 > 0
     assert f"one more start would find another with a chance of {few.unseen:.1g}; a search" in few.sentence
-    assert np.array_equal(hk.all_postures(strategy, T, np.pi / 6).q, found.q)
+    assert np.array_equal(hk.all_postures(strategy, T, np.pi / 6, limits=False).q, found.q)
 
 
 @sampled(1, "seed", range(3))
@@ -95,7 +95,7 @@ def test_the_postures_of_an_iiwa_at_other_poses_are_those_of_the_closed_form(iiw
     strategy = hk.holonomic(hk.pose(iiwa14), hk.arm_angle(pole=-Z, reference=Y))
     psi = stereo_sew(*points, -Z, Y)
     assert strategy.g(q0) == pytest.approx([psi], abs=1e-12)
-    found = hk.all_postures(strategy, T, psi)
+    found = hk.all_postures(strategy, T, psi, limits=False)
     closed = iiwa_postures(T, psi, -Z, Y)
     assert len(found) == len(closed) == 8
     for p in closed:
@@ -107,7 +107,7 @@ def test_within_the_limits_the_postures_are_those_of_the_closed_form_that_the_ro
     T, points = iiwa_pose(IIWA_START + [0, 0, 0.3, 0, 0.3, 0, 0])
     psi = stereo_sew(*points, -Z, Y)
     inside = [q for q in iiwa_postures(T, psi, -Z, Y) if (np.abs(q) <= iiwa14.upper).all()]
-    found = hk.all_postures(strategy, T, psi, limits=True)
+    found = hk.all_postures(strategy, T, psi)
     assert 0 < len(inside) < 8
     assert (len(found), found.outside) == (len(inside), 8 - len(inside))
     for q in found.q:
@@ -117,13 +117,13 @@ def test_within_the_limits_the_postures_are_those_of_the_closed_form_that_the_ro
 @pytest.mark.parametrize("starts", [2048, campaign("starts", 4096)])
 def test_all_postures_of_a_pandas_locked_joint_reach_the_pose_and_are_different(panda: hk.Robot, starts: int) -> None:
     strategy, T = hk.holonomic(hk.pose(panda), hk.lock(2)), panda.pose(PANDA_START)
-    found = hk.all_postures(strategy, T, PANDA_START[2])
+    found = hk.all_postures(strategy, T, PANDA_START[2], limits=False)
     assert min(np.abs(found.q - PANDA_START).max(axis=1)) < 1e-9
     for i, q in enumerate(found.q):
         assert panda.pose(q) == pytest.approx(T, abs=1e-9)
         assert q[2] == pytest.approx(PANDA_START[2], abs=1e-9)
         assert all(np.abs(q - other).max() > 0.01 for other in found.q[:i])
-    more = hk.all_postures(strategy, T, PANDA_START[2], starts=starts)
+    more = hk.all_postures(strategy, T, PANDA_START[2], limits=False, starts=starts)
     assert len(more) == len(found) == 10
 
 

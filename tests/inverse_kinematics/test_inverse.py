@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, sampled
+from conftest import PANDA_START
 from holokin.errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError
 from holokin.inverse_kinematics import InverseStatus
 from holokin.native_kernels import evaluator, inverse_kernel
@@ -41,7 +41,7 @@ def inner(count: int, seed: int = 0) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def ik(panda: hk.Robot) -> hk.inverse_kinematics.InverseKinematics:
-    return hk.inverse(hk.holonomic(hk.pose(panda), hk.arm_angle()), PANDA_START)
+    return hk.inverse(hk.holonomic(hk.pose(panda), hk.arm_angle()), PANDA_START, limits=False)
 
 
 def test_a_batch_answers_each_pose_as_a_single_call_does_and_raises_nothing(ik, panda: hk.Robot) -> None:
@@ -133,8 +133,8 @@ def test_a_posture_of_another_branch_is_refused_as_a_beginning(planar_3r: hk.Rob
         ik.near([1.5, 0.5], [0.3, -2.2, 0.7])
 
 
-def test_limits_are_looked_at_only_when_asked(panda: hk.Robot, ik) -> None:
-    strict, poses = hk.inverse(ik.strategy, ik.q0, limits=True), poses_of_the_box(20)
+def test_limits_are_looked_at_unless_told_otherwise(panda: hk.Robot, ik) -> None:
+    strict, poses = hk.inverse(ik.strategy, ik.q0), poses_of_the_box(20)
     free, held = ik.batch(poses), strict.batch(poses)
     slack = 1e-9
     beyond = ((free.q < panda.lower - slack) | (free.q > panda.upper + slack)).any(axis=1)
@@ -194,39 +194,10 @@ def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot
     assert worst < 1e-12
 
 
-@pytest.mark.campaign
-@sampled(1, "law", ["lock", "arm angle", "position"])
-def test_both_engines_find_the_same_joints(panda: hk.Robot, law: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The virtual machine walks in the small pieces of `follow`: the straight path, gone otherwise."""
-    if law == "position":
-        rows = np.zeros((4, 7))
-        rows[range(4), [0, 2, 4, 6]] = 1.0
-        made = lambda: hk.holonomic(hk.position(panda), hk.linear(rows, name="four joints"))  # noqa: E731
-    else:
-        made = lambda: hk.holonomic(hk.pose(panda), hk.lock(2) if law == "lock" else hk.arm_angle())  # noqa: E731
-    poses = poses_of_the_box(16, seed=4)
-    if law == "arm angle":  # whose ways the virtual machine takes seconds for
-        near = PANDA_START + np.random.default_rng(4).uniform(-0.2, 0.2, (8, 7))
-        poses = np.array([panda.pose(q) for q in near])
-    else:
-        poses[2, :3, 3] = [0.9, 0.0, 0.9]
-    native = hk.inverse(made(), PANDA_START)
-    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    machine = hk.inverse(made(), PANDA_START)
-    assert "virtual machine" in machine.engine
-    a, b = native.batch(poses), machine.batch(poses)
-    assert np.array_equal(a.reached, b.reached)
-    assert 3 <= a.reached.sum() < len(poses) + (law == "arm angle")
-    assert np.abs(a.q - b.q)[a.reached].max() < 1e-12
-    q = a.q[np.argmax(a.reached)]
-    pose = panda.pose(q + 0.02)
-    assert native.near(pose, q) == pytest.approx(machine.near(pose, q), abs=1e-12)
-
-
 def test_a_hand_that_goes_round_the_base_keeps_its_turn_and_a_new_one_does_not(planar_3r: hk.Robot) -> None:
     """Where near and cold differ: round the hole that the locked arm cannot reach, by a full turn of the base joint."""
     start = np.array([0.3, 0.9, 0.7])
-    ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), start)
+    ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), start, limits=False)
     tool, q = planar_3r.pose(start)[:2, 3], start
     for angle in np.linspace(0, 2 * np.pi, 200)[1:]:
         c, s = np.cos(angle), np.sin(angle)

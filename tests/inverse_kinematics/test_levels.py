@@ -24,7 +24,7 @@ LAWS = {
 @cache
 def of_panda(name: str) -> tuple[HolonomicStrategy, hk.InverseKinematics]:
     strategy = hk.holonomic(hk.pose(hk.load("panda")), LAWS[name]())
-    return strategy, hk.inverse(strategy, PANDA)
+    return strategy, hk.inverse(strategy, PANDA, limits=False)
 
 
 def poses_and_levels(name: str, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -92,7 +92,7 @@ def test_the_nearest_pose_on_another_level_is_that_of_the_leaf_there(name: str) 
         far = pose.copy()
         far[:3, 3] += [0.5, 0.1, 0.1]
         found, moved = ik.nearest(far, level=c), hk.move_to_leaf(strategy, PANDA, c)
-        theirs = hk.inverse(strategy, moved).nearest(far)
+        theirs = hk.inverse(strategy, moved, limits=False).nearest(far)
         assert found.status is InverseStatus.CLAMPED and np.abs(found.q - theirs.q).max() < 1e-6
         assert np.abs(strategy.constraint_value(found.q) - c).max() < 1e-9
         assert np.abs(ik.nearest(far, level=c).q - found.q).max() == 0.0
@@ -149,7 +149,7 @@ def test_limits_hold_on_other_levels_as_well() -> None:
     strategy, free = of_panda("arm angle")
     robot, T = strategy.task.robot, strategy.task.pose(PANDA)
     levels = strategy.constraint_value(PANDA) + np.linspace(-3.0, 3.0, 31)[:, None]
-    ik, poses = hk.inverse(strategy, PANDA, limits=True), np.tile(T, (31, 1, 1))
+    ik, poses = hk.inverse(strategy, PANDA), np.tile(T, (31, 1, 1))
     kept, all_ = ik.batch(poses, level=levels), free.batch(poses, level=levels)
     within = ((all_.q >= robot.lower) & (all_.q <= robot.upper)).all(axis=1)
     assert (kept.status[all_.reached & within] == InverseStatus.REACHED).all() and within.sum() > 5

@@ -23,12 +23,12 @@ BETWEEN = np.array([0.3, 0.9, 0.0])
 def two_links(monkeypatch: pytest.MonkeyPatch, planar_3r: hk.Robot) -> hk.inverse_kinematics.InverseKinematics:
     """An arm of links 1 and 2 m long, the last two of a planar 3R in line, on the virtual machine."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    return hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), BETWEEN)
+    return hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), BETWEEN, limits=False)
 
 
 @pytest.fixture(scope="module")
 def ik(panda: hk.Robot) -> hk.inverse_kinematics.InverseKinematics:
-    return hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START)
+    return hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START, limits=False)
 
 
 def shifted(robot: hk.Robot, start: np.ndarray, by: list[float], turn: float = 0.0) -> np.ndarray:
@@ -207,19 +207,6 @@ def test_a_robot_that_is_stuck_leaves_for_a_pose_that_its_start_reaches(planar_3
             break
     assert found.status is REACHED
     assert q == pytest.approx(ik(beyond), abs=1e-12)
-
-
-def test_the_virtual_machine_gives_the_same_answers(monkeypatch: pytest.MonkeyPatch, panda: hk.Robot, ik) -> None:
-    poses = [shifted(panda, PANDA_START, by, 0.3) for by in ([0.5, 0.3, 0.2], [0.1, 0.1, 0.0], [0.0, -0.6, 0.6])]
-    begin = np.repeat(PANDA_START, 2)[::2]  # not one number beside another in memory
-    native = [found for pose in poses for found in (ik.nearest(pose), ik.nearest(pose, begin, step=0.05))]
-    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    other = hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START)
-    same = [found for pose in poses for found in (other.nearest(pose), other.nearest(pose, PANDA_START, step=0.05))]
-    assert {found.status for found in native} == {REACHED, CLAMPED}
-    for a, b in zip(native, same, strict=True):
-        assert (a.status, a.held, a.moving) == (b.status, b.held, b.moving)
-        assert a.q == pytest.approx(b.q, abs=1e-9)
 
 
 @pytest.mark.parametrize("native", [False, True])

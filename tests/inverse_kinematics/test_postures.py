@@ -7,7 +7,7 @@ import pytest
 
 import holokin as hk
 from conftest import sampled
-from holokin.errors import HolokinError
+from holokin.errors import ArgumentError, HolokinError
 from holokin.symbolic import wrapped
 
 TASKS = {
@@ -90,3 +90,29 @@ def test_of_several_turns_the_nearest_to_a_posture_is_given() -> None:
         found = hk.all_postures(law, robot.pose(q), np.zeros(0), limits=True, near=q)
         assert np.abs(found.q - q).max(axis=1).min() < 1e-8
         assert len(found) <= 8
+
+
+@pytest.mark.parametrize("name", ["irb140", "ur10e"])
+def test_an_arm_without_redundancy_needs_no_constraint(name: str) -> None:
+    """Referees: the robot's own posture, and of a spherical wrist that each posture has one with its wrist flipped."""
+    robot, rng = hk.load(name), np.random.default_rng(len(name))
+    law, count = hk.moore_penrose(hk.pose(robot)), []
+    for _ in range(4):
+        q = rng.uniform(np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi))
+        pose = robot.pose(q)
+        found = hk.all_postures(law, pose, limits=False, starts=512)
+        within = hk.all_postures(law, pose, near=q, starts=512)
+        assert np.abs(wrapped(found.q - q)).max(axis=1).min() < 1e-8 and np.abs(within.q - q).max(axis=1).min() < 1e-8
+        assert robot.within(within.q).all() and "leaf" not in found.sentence
+        assert max(np.abs(robot.pose(one) - pose).max() for one in found.q) < 1e-8
+        flipped = found.q + np.array([0, 0, 0, np.pi, 0, np.pi])
+        flipped[:, 4] *= -1
+        if name == "irb140":
+            assert all(np.abs(wrapped(found.q - one)).max(axis=1).min() < 1e-7 for one in flipped)
+        count.append(len(found))
+    assert set(count) <= {2, 4, 6, 8} and 8 in count
+
+
+def test_a_redundant_arm_needs_one(panda: hk.Robot) -> None:
+    with pytest.raises(ArgumentError, match="holonomic"):
+        hk.all_postures(hk.moore_penrose(hk.pose(panda)), np.eye(4))

@@ -298,7 +298,7 @@ def ask_start(setup: AuditSetup, path: Path) -> Answer:
     """
     if setup.task.n - setup.task.m != 1:
         return "not asked: only the self-motions of one redundant joint are curves", {}
-    curve = self_motion(setup.task, setup.q0, step=0.02, length=0.1)
+    curve = self_motion(setup.task, setup.q0, step=0.02, length=0.1, limits=bool(setup.task.robot.within(setup.q0)))
     other = curve.q[int(np.argmax(np.abs(curve.s)))]
     before = largest(other - setup.q0)
     ends = [setup.run(path, q, cycles=setup.cycles).q[-1] for q in (setup.q0, other)]

@@ -152,7 +152,7 @@ def _checked(
     robot, rows = strategy.task.robot, strategy.constraint.rows
     if not rows:
         raise ArgumentError("the strategy", strategy, "give one with redundant joints: here nothing is left to hold")
-    q0 = start_posture(robot, q0)
+    q0 = start_posture(robot, q0, False)
     strategy(q0)
     names = None if joints is None else tuple(joints)
     if names is not None and len(names) != robot.n:

@@ -189,7 +189,7 @@ def _postures(law: HolonomicStrategy, region: Region | Ball, q0: Vector, count: 
         raise ArgumentError("`along` of the ball", region.along, cure)
     u, pose = sobol(4, count, seed), task.pose(q0)
     poses = pose_from(_positions(pose[:3, 3], region.radius, u, task.robot.planar), pose[:3, :3])
-    found = inverse(law, q0).batch(poses)
+    found = inverse(law, q0, limits=False).batch(poses)
     ok = found.reached
     Q, p, R = found.q[ok], poses[ok, :3, 3], poses[ok, :3, :3]
     along = region.along

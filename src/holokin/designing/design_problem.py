@@ -70,7 +70,7 @@ class Problem(Value):
         zeta = Polynomial(self.coordinates, coefficients)
         constraint = tilted(self.law.constraint, zeta, chart=self.coordinates.chart)
         strategy = holonomic(self.law.task, constraint, name="designed")
-        middle = inverse(strategy, best.Q[0])(self.workspace.center)
+        middle = inverse(strategy, best.Q[0], limits=False)(self.workspace.center)
         arrived, _ = reached(strategy, middle, self.others)
         over, rconds, nearer = self.over(arrived), strategy.gain.batch(arrived)[1], self.hard.nearer(arrived)
         fits = (over <= 0).all(axis=1) & (rconds >= self.hard.rcond) & (nearer <= 0).all(axis=1)
@@ -128,7 +128,7 @@ def based(
     """The base law, and its posture at the middle of the workspace. Raises: OutOfReachError."""
     law = holonomic(task, base) if base is not None else _along_self_motion(task, q0, units)
     try:
-        center = inverse(law, q0)(middle)
+        center = inverse(law, q0, limits=False)(middle)
     except PathError as problem:
         fact = (
             f"the base law {law.name!r} does not lead from the start to the middle of the workspace: {problem.args[0]}"

@@ -207,10 +207,11 @@ def design(
     Raises:
         ArgumentError: the robot is not redundant for the task; bad numbers.
         OutOfReachError: the middle of the workspace is not reached from the start.
+        JointLimitError: with limits, q0 is beyond them.
     """
     robot, goal = task.robot, as_objective(objective)
     of_one_tool(task, "design")
-    q0 = start_posture(robot, q0)
+    q0 = start_posture(robot, q0, limits)
     if task.n == task.m:
         cure = "each tool pose has its joints already: hk.inverse(hk.moore_penrose(task), start) finds them"
         raise ArgumentError("the number of redundant joints", 0, cure)

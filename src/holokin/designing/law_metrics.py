@@ -107,7 +107,7 @@ def reached(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matr
     Raises:
         OutOfReachError: none is.
     """
-    found = inverse(strategy, q0).batch(poses)
+    found = inverse(strategy, q0, limits=False).batch(poses)
     if not found.reached.any():
         causes = ", ".join(sorted({InverseStatus(s).name.lower().replace("_", " ") for s in found.status}))
         fact = f"none of {len(poses)} poses of the workspace is reached by the leaf of {strategy.name!r} ({causes})"

@@ -93,7 +93,7 @@ def cusps_near(strategy: Strategy, q0: Vector, space: Workspace) -> NearbyCusps:
     except HolokinError as problem:  # such as a posture beyond the joint limits, where a design could not keep them
         return NearbyCusps(None, np.nan, str(problem))
     poses = space.poses(POSES)
-    ends = inverse(strategy, q0).batch(space.poses(STARTS))
+    ends = inverse(strategy, q0, limits=False).batch(space.poses(STARTS))
     near = cusps_from(found.strategy, found.level, ends.last[np.isfinite(ends.last).all(axis=1)], limits=True)
     all_of_them = np.concatenate([found.poses, near])
     away = tool_away(strategy.task, all_of_them, poses)

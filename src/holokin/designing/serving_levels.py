@@ -97,7 +97,7 @@ def level_range(
         cure = "ask of a law with one redundant joint, or lock the others"
         raise ArgumentError("the number of rows of the constraint", rows, cure)
     positive("step", step)
-    begin = start_posture(strategy.task.robot, q0)
+    begin = start_posture(strategy.task.robot, q0, limits)
     ik, poses = inverse(strategy, begin, limits), workspace.poses(POSES)
     at = float(np.ravel(strategy.constraint_value(begin))[0])
     far = int(np.pi / step) if strategy.constraint.angular[0] else MOST
@@ -121,7 +121,7 @@ def level_range(
     intervals = _intervals(levels, shares, share, EXACT * step)
     best = max(intervals, key=lambda ends: ends[1] - ends[0], default=None)
     middle = float(levels[np.argmax(shares)]) if best is None else (best[0] + best[1]) / 2
-    there = move_to_leaf(strategy, begin, middle)
+    there = move_to_leaf(strategy, begin, middle, limits=False)
     return LevelRange(
         strategy, workspace, at, levels, shares, intervals, middle, there, cusps_near(strategy, there, workspace)
     )

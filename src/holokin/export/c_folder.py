@@ -15,6 +15,7 @@ from ..base.shown import Shown
 from ..base.types import ArrayLike, number, whole
 from ..errors import ArgumentError
 from ..inverse_kinematics.branch import enclosed_change, extended_jacobian
+from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..version import __version__
 from .c_text import Source, header, library, line, text, wrapper
@@ -61,13 +62,14 @@ def export_c(
         q0: posture (n,) whose leaf is held by default, and around which the test vectors lie.
         dt: the loop's step [s], a default that the controller may change.
         name: C name, the prefix of all symbols; by default robot and strategy.
-        limits: keep joint speeds and positions by slowing along the path.
+        limits: keep joint speeds and positions by slowing along the path, and refuse joints beyond their limits.
         vectors_count: postures of the self-test.
         origin: what it was exported from, for the readme.
 
     Raises:
         ArgumentError: a name that is no C name, a bad dt, files in the way, a start near a singularity.
-        ExportError: the strategy is too large, or has no C. SingularityError, JointLimitError: of the start.
+        ExportError: the strategy is too large, or has no C. SingularityError: of the start.
+        JointLimitError: with limits, the start is beyond them.
     """
     source, texts = c_texts(strategy, q0, dt, name, limits, vectors_count, origin)
     write_texts(Path(folder), texts, f"project({source.name} C)")
@@ -79,8 +81,7 @@ def c_texts(
 ) -> tuple[Source, dict[str, str]]:
     """What is exported, and the texts of its files. Arguments and errors as of `export_c`."""
     robot = strategy.task.robot
-    q0 = robot.checked(q0, "the start posture")
-    robot.check_limits(q0)
+    q0 = start_posture(robot, q0, limits)
     strategy(q0)
     count = whole("vectors_count", vectors_count)
     short = c_name(f"{robot.name}_{strategy.name}") if name is None else str(name)

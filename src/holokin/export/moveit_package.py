@@ -93,7 +93,7 @@ def export_moveit(
 ) -> MoveItPackage:
     """Write a package of ROS 2: a kinematics plugin of MoveIt 2 over the exported C, with tests and README.
 
-    The plugin answers as `inverse(strategy, q0, limits=True)`: the same pose gives the same joints, whatever the seed.
+    The plugin answers as `inverse(strategy, q0)`: the same pose gives the same joints, whatever the seed.
     The C lies in the folder c, as `export_c` writes it.
 
     Args:

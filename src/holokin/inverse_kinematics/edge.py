@@ -21,8 +21,9 @@ from ..path.straight_path import StraightPath, rotation_vector
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, dot, gradient, substitute, sumsqr, symbol, vertcat
 from .branch import turning
-from .leaf import LeafPath, PathEnd, Pose, leaf_step, leaf_value, leaf_walk, newton_on_leaf, straight_path
+from .leaf import TRIES, LeafPath, PathEnd, Pose, leaf_step, leaf_value, leaf_walk, newton_on_leaf, straight_path
 from .rays import on_ray
+from .stretch import along
 
 Goal = Pose
 """A wanted pose of the tool."""
@@ -49,8 +50,8 @@ BEGUN = 1e-3
 """Share of a way over which its first rate is taken."""
 
 FEW = 200
-"""Pieces of one step of the tool tried at most. A step is some centimetres long; where that is not enough, a shorter
-one is tried."""
+"""Pieces of one step of the tool tried at most, after stretches, where there are any. A step is some centimetres long;
+where that is not enough, a shorter one is tried."""
 
 
 @kept
@@ -155,6 +156,11 @@ class Edge(Value):
         return float(leaf_step(self.strategy)(self.q0, *self.tool(self.q0), self.leaf)[3])
 
     @cached_property
+    def tries(self) -> int:
+        """Pieces of one step of the tool tried at most. What native code goes in stretches takes many pieces."""
+        return FEW if along(self.strategy) is None else TRIES
+
+    @cached_property
     def context(self) -> Vector:
         """All of it in a row, for native code."""
         p, R = self.tool(self.q0)
@@ -203,9 +209,7 @@ class Edge(Value):
 
     def walk(self, q: Vector, path: LeafPath, tries: int) -> tuple[Vector, bool]:
         """From q along a way, in pieces shown to keep to the branch: how far it got, True where to its end."""
-        walk = leaf_walk(
-            self.strategy, q, tries, on_ray(self.strategy, q)
-        )  # a new one: it knows the branch where it was
+        walk = leaf_walk(self.strategy, q, tries, on_ray(self.strategy, q), folds=True)  # new: it knows where it was
         q, ended = walk(q, path)
         return q, ended is PathEnd.REACHED
 
@@ -242,7 +246,7 @@ class Edge(Value):
 
     def joined(self, q: Vector, tool: Goal, end: Look) -> bool:
         """True where the straight path of the tool between two postures is shown to lead from one to the other."""
-        found, reached = self.walk(q, self.straight(tool, (end.position, end.rotation)), FEW)
+        found, reached = self.walk(q, self.straight(tool, (end.position, end.rotation)), self.tries)
         return reached and float(np.abs(found - end.q).max()) <= SAME
 
     def moved(self, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool) -> Look | None:
@@ -257,7 +261,7 @@ class Edge(Value):
         end = goal if z is None and share == 1.0 else None
         path = self.path((at.position, at.rotation), share * twist[:3], share * twist[3:], end)
         if careful:
-            q, reached = self.walk(at.q, path, FEW)
+            q, reached = self.walk(at.q, path, self.tries)
             return self.look(q, goal) if reached else None
         found = self.solved(at.q + share * (at.S @ (at.e if z is None else z)), *path.at(1.0))
         return None if found is None else self.look(found, goal)

@@ -48,7 +48,7 @@ class InverseKinematics(Value):
 
     strategy: HolonomicStrategy
     q0: Vector
-    limits: bool = False
+    limits: bool = True
     region: PoseSet | None = None
 
     def __call__(self, pose: PoseLike, level: ArrayLike | None = None) -> Vector:
@@ -57,8 +57,8 @@ class InverseKinematics(Value):
         Of a task of several frames poses are (F, 4, 4), or points (F, 3), or the numbers of a `custom_task` (d,).
 
         Reached from the start along the straight line to it (turning evenly about one axis), so it is a
-        function of the pose: the same pose gives the same joints to the last bit. Joint limits are not looked at unless
-        `inverse` was told to: `robot.check_limits(q)` does.
+        function of the pose: the same pose gives the same joints to the last bit. The posture of the pose keeps the
+        joint limits, unless `inverse` was told not to look at them; those on the way to it need not.
 
         Args:
             level: c (r,), or one number for all rows; by default that of the start. The path leads straight from level
@@ -67,7 +67,7 @@ class InverseKinematics(Value):
         Raises:
             SingularityError, BranchError: the leaf does not reach so far on a straight line. JumpError: g jumps on it.
             OutOfReachError: no posture of the arm at all reaches it, which takes up to a second to find out.
-            JointLimitError: only with limits=True: the posture is beyond them.
+            JointLimitError: the posture is beyond the joint limits.
             OutsideRegionError: only with a region: the pose does not belong to it.
             ShapeError, NotFiniteError, ArgumentError: a bad pose or level; a level beside a region.
         """
@@ -148,7 +148,7 @@ class InverseKinematics(Value):
     ) -> Nearest:  # fmt: skip
         """The posture of the leaf whose tool pose is nearest to one that may be out of reach.
 
-            min |p - p_d|^2 + length^2 angle^2   over the leaf, with rcond(q) >= rcond, and joint limits when asked
+            min |p - p_d|^2 + length^2 angle^2   over the leaf, with rcond(q) >= rcond, within the joint limits
 
         A pose that `ik(pose)` reaches within these bounds has its joints, whatever q is. Towards another pose the tool
         goes as far as it can: from the start, `ik.nearest(pose)`, a function of the pose alone; or from the last
@@ -167,7 +167,7 @@ class InverseKinematics(Value):
             q: the last answer (n,), or where the joints are, to begin from; by default the start.
             length: what a radian counts in metres [m].
             rcond: how near to singular postures the tool goes, from 0 to 1; see `Nearest`.
-            limits: True keeps to the joint limits; by default as `inverse` was told.
+            limits: whether to keep to the joint limits; by default as `inverse` was told.
             step: how far each joint may move in this call, a number or (n,) [joint units]: its speed limit times the
                 period of the loop. Only with q.
             level: c (r,), or one number for all rows; by default that of the start. The search then begins at the
@@ -336,7 +336,7 @@ class InverseKinematics(Value):
 
 @typed
 def inverse(
-    strategy: Strategy, q0: ArrayLike, limits: bool = False, *, region: PoseSet | None = None
+    strategy: Strategy, q0: ArrayLike, limits: bool = True, *, region: PoseSet | None = None
 ) -> InverseKinematics:
     """Inverse kinematics q(x) of a strategy with leaves, on the one through `q0`.
 
@@ -345,7 +345,7 @@ def inverse(
     `moore_penrose(task)`: the pose tells the joints, on the branch of the start.
 
     Args:
-        limits: True refuses postures beyond the joint limits; by default they are not looked at.
+        limits: False answers beyond the joint limits, too; by default such postures are refused.
         region: of `unique_region(strategy, q0)`: poses outside are refused, with the status OUTSIDE.
 
     Raises:
@@ -354,10 +354,8 @@ def inverse(
         SingularityError: it is singular at the start. JointLimitError: with limits, the start is beyond them.
     """
     strategy = with_leaves(strategy)
-    q0 = start_posture(strategy.task.robot, q0)
+    q0 = start_posture(strategy.task.robot, q0, limits)
     strategy(q0)
-    if limits:
-        strategy.task.robot.check_limits(q0)
     if region is not None:
         _check_region(strategy, q0, region)
     return InverseKinematics(strategy, q0, limits, region)

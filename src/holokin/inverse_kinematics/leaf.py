@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -23,10 +22,10 @@ from ..native_kernels import LeafRules
 from ..path.straight_path import straight
 from ..robot import start_posture
 from ..robot.joints import WOUND
-from ..strategies import HolonomicStrategy, Jump, Strategy, first_jump, holonomic, jump_near
-from ..strategies.jumps import states
+from ..strategies import HolonomicStrategy, Jump, Strategy, holonomic
 from ..symbolic import Function, symbol
 from .branch import Branch, branch_code
+from .folds import Fold
 from .native_follower import NativeFollower
 from .plan import Plan
 from .rays import SHORTEST, keeps_turns
@@ -48,11 +47,11 @@ CREEP = 1e-10
 the joints' distance from it."""
 
 
-PIECES = 32
-"""Pieces in which a path is gone again, to see where on it g may jump."""
-
 DEGREES = "it is more than two turns beyond the joint limits: give angles in rad, as np.radians(...) makes them"
 """What is said of a level that the joints do not take, as one in degrees."""
+
+WITHIN = "choose another leaf or pose, widen the limits by hk.with_limits, or ask with limits=False"
+"""The cure of an answer beyond the joint limits."""
 
 REGULAR = 1e-3
 """rcond from which a follower that stops is at no fold."""
@@ -214,11 +213,12 @@ def jump_problem(strategy: HolonomicStrategy, jump: Jump, where: str = "", walk:
 
 
 def leaf_walk(
-    strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False
+    strategy: HolonomicStrategy, q0: Vector, tries: int = TRIES, ray: bool = False, folds: bool = False
 ) -> Callable[[Vector, LeafPath], tuple[Vector, PathEnd]]:
     """(q, path) -> (the posture to which the path was gone, continued from q, on the branch of q0; how it ended).
 
-    ray: the ways are rays of a radial law from its center, so that no fold need be looked for.
+    ray: the ways are rays of a radial law from its center, so that no fold need be looked for. folds: give a path up
+    where a fold is seen ahead, as native inverse kinematics does.
     """
     correct, branch, smallest = leaf_step(strategy), Branch(strategy), SHORTEST if ray else TOLERANCES.smallest_step
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
@@ -228,7 +228,12 @@ def leaf_walk(
     def walk(q: Vector, path: LeafPath) -> tuple[Vector, PathEnd]:
         nonlocal rate
         path = path if angular else replace(path, turn=0.0)
-        share, width = 0.0, 1.0
+        share, width, fold = 0.0, 1.0, Fold()
+
+        def solve(begun: Vector, at: float) -> Vector | None:
+            found = newton_on_leaf(correct, begun, *path.at(at), side)
+            return None if found is None else found[0]
+
         for _ in range(tries):
             goal = min(1.0, share + width)
             begun = q + (goal - share) * rate
@@ -244,7 +249,11 @@ def leaf_walk(
                     return found[0], PathEnd.REACHED
                 if not max(map(abs, move.tolist())) > CREEP:
                     return q, PathEnd.STOPPED
-                q, share, width = found[0], goal, fits * (goal - share)
+                q, share, width, middle = found[0], goal, fits * (goal - share), (share + goal) / 2
+                if folds and not ray:
+                    end = fold.ahead(q, share, middle, rate, solve, lambda q, at: correct(q, *path.at(at))[0])
+                    if end is not None:
+                        return end, PathEnd.FOLD
                 continue
             width = fits * (goal - share)
             if width < smallest:
@@ -252,25 +261,6 @@ def leaf_walk(
         return q, PathEnd.TRIED
 
     return walk
-
-
-def jump_on(strategy: HolonomicStrategy, q0: Vector, path: LeafPath, q: Vector, stopped: bool) -> Jump | None:
-    """A jump of g on a path from q0 that was gone to q; it is gone again in pieces only where a switch turned over.
-
-    stopped: the path leads on, but no walk got farther than q: then a jump next to q counts, too.
-    """
-    if np.array_equal(*states(strategy, np.array([q0, q]))):
-        return jump_near(strategy, q) if stopped else None
-    walk, rows = leaf_walk(strategy, q0), [q0]
-    for first, last in pairwise(np.linspace(0.0, 1.0, PIECES + 1).tolist()):
-        piece = replace(path, at=lambda s, a=first, b=last: path.at(a + s * (b - a)), arc=path.arc / PIECES**2)
-        posture, ended = walk(rows[-1], piece)
-        rows.append(posture)
-        stopped = stopped or ended is not PathEnd.REACHED
-        if ended is not PathEnd.REACHED:
-            break
-    met = first_jump(strategy, np.array(rows))
-    return met[1] if met is not None else jump_near(strategy, rows[-1]) if stopped else None
 
 
 def straight_path(begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> LeafPath:
@@ -333,7 +323,7 @@ def leaf_value(strategy: HolonomicStrategy, q: Vector) -> Vector:
 
 
 @typed
-def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 0.0) -> Vector:
+def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 0.0, *, limits: bool = True) -> Vector:
     """The posture (n,) with the tool pose of q0 on another leaf g(q) = c, reached by the self-motion from q0.
 
     A strategy keeps the leaf of its start posture. To hold a *stationary* cost the start must be on the leaf 0 of
@@ -341,17 +331,22 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 
 
     Args:
         level: c (r,), or one number for all rows; an angle is gone to by its shorter way.
+        limits: False does not look whether the start and the posture keep the joint limits.
 
     Raises:
         SingularityError, BranchError: no such posture before a singular one. ArgumentError: a strategy without leaves;
-            a level that must be in degrees. ShapeError, NotFiniteError.
+            a level that must be in degrees. JointLimitError: with limits, the start or the posture is beyond them.
+        ShapeError, NotFiniteError.
     """
     task = strategy.task
-    start = start_posture(task.robot, q0)
+    start = start_posture(task.robot, q0, limits)
     strategy(start)
     at, goal = leaf_value(strategy, start), level_towards(strategy, start, level)
     here = task.place(start)
-    return leaf_follower(strategy, start)(start, straight_path(here, here, (at, goal)))
+    found = leaf_follower(strategy, start)(start, straight_path(here, here, (at, goal)))
+    if limits:
+        task.robot.check_limits(found, WITHIN)
+    return found
 
 
 def level_towards(strategy: HolonomicStrategy, q0: Vector, level: ArrayLike) -> Vector:

@@ -10,6 +10,7 @@ import numpy as np
 from ..base.types import ArrayLike, Matrix, NoTruthValue, Value, Vector, kept, one_or_each
 from ..errors import ArgumentError, NativeError
 from ..native_kernels import LARGEST, EdgeKernel, enabled, tell
+from ..robot import start_posture
 from ..strategies import HolonomicStrategy
 from .descent import CONSTANTS, WITHIN, descend, inside, least_ratio, part
 from .edge import SAME, Edge, Goal, Look, edge_function
@@ -93,8 +94,7 @@ def edge_of(strategy: HolonomicStrategy, start: tuple[float, ...], length: float
 def edge_at(strategy: HolonomicStrategy, q0: Vector, length: float, rcond: float, limits: bool) -> Edge:
     """The edge of the leaf through a start (n,). Raises: ArgumentError: the start lies beyond it. JointLimitError."""
     robot = strategy.task.robot
-    if limits:
-        robot.check_limits(q0)
+    q0 = start_posture(robot, q0, limits)
     free = np.full(robot.n, np.inf)
     edge = Edge(strategy, q0, length, rcond, *((robot.lower, robot.upper) if limits else (-free, free)))
     here = edge.look(q0, edge.tool(q0))
@@ -120,10 +120,13 @@ def down(
 
 
 def _from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
-    """The look where the straight path from the start ends; True where at the goal, within the constraints."""
+    """The look where the straight path from the start ends; True where at the goal, within the constraints.
+
+    careful: the look at the start where the path is not shown to lead there; a ray is always gone as far as it goes.
+    """
     way = edge.straight(edge.tool(edge.q0), goal)
     q, reached = edge.walk(edge.q0, way, TRIES) if careful else edge.glance(edge.q0, way)
-    at = edge.look(q, goal)
+    at = edge.look(q if reached or not careful or edge.ray else edge.q0, goal)
     return at, reached and at.excess <= WITHIN
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,12 +12,13 @@ from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
 from ..errors import BranchError, OutOfReachError
 from ..native_kernels import InverseKernel
-from ..strategies import HolonomicStrategy, Jump, may_jump
+from ..strategies import HolonomicStrategy, Jump, first_jump, jump_near, may_jump
+from ..strategies.jumps import states
 from .leaf import (
     REGULAR,
+    WITHIN,
     LeafPath,
     PathEnd,
-    jump_on,
     jump_problem,
     leaf_problem,
     leaf_step,
@@ -29,6 +31,9 @@ from .rays import on_ray
 from .reach import pose_out_of_reach
 from .solutions import InverseStatus, beyond_limits, in_rows
 from .stretch import inverse_code, stretch_code
+
+PIECES = 32
+"""Pieces in which a path is gone again, to see where on it g may jump."""
 
 FAILED = (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CONVERGED)
 """What becomes of a pose that is out of reach for any posture, too."""
@@ -148,7 +153,9 @@ class PosePaths(Value):
             if side != self._side:
                 return begin, InverseStatus.OTHER_BRANCH
         path, level = self._path(p, R, begin)
-        last, ended = leaf_walk(s, begin, ray=level and on_ray(s, begin))(begin, path)
+        last, ended = leaf_walk(s, begin, ray=level and on_ray(s, begin), folds=True)(begin, path)
+        if ended is PathEnd.FOLD:
+            return last, InverseStatus.LEAF_ENDS
         if ended is PathEnd.REACHED:
             beyond = self.limits and beyond_limits(s.task.robot, last)
             return last, InverseStatus.LIMIT if beyond else InverseStatus.REACHED
@@ -161,7 +168,7 @@ class PosePaths(Value):
     def _answer(self, q: Vector, status: InverseStatus) -> Vector:
         """The posture that was found. Raises: what says why there is none."""
         if status is InverseStatus.LIMIT:
-            self.strategy.task.robot.check_limits(q)
+            self.strategy.task.robot.check_limits(q, WITHIN)
         if status is InverseStatus.OTHER_BRANCH:
             fact = f"the posture to begin from lies on another branch of {self.strategy.name!r} than the start"
             raise BranchError(fact, "give a posture of this branch, such as the last answer, or leave it out")
@@ -169,3 +176,22 @@ class PosePaths(Value):
             ends = status is InverseStatus.LEAF_ENDS
             raise leaf_problem(self.strategy, q, PathEnd.FOLD if ends else PathEnd.STOPPED)
         return q
+
+
+def jump_on(strategy: HolonomicStrategy, q0: Vector, path: LeafPath, q: Vector, stopped: bool) -> Jump | None:
+    """A jump of g on a path from q0 that was gone to q; it is gone again in pieces only where a switch turned over.
+
+    stopped: the path leads on, but no walk got farther than q: then a jump next to q counts, too.
+    """
+    if np.array_equal(*states(strategy, np.array([q0, q]))):
+        return jump_near(strategy, q) if stopped else None
+    walk, rows = leaf_walk(strategy, q0), [q0]
+    for first, last in pairwise(np.linspace(0.0, 1.0, PIECES + 1).tolist()):
+        piece = replace(path, at=lambda s, a=first, b=last: path.at(a + s * (b - a)), arc=path.arc / PIECES**2)
+        posture, ended = walk(rows[-1], piece)
+        rows.append(posture)
+        stopped = stopped or ended is not PathEnd.REACHED
+        if ended is not PathEnd.REACHED:
+            break
+    met = first_jump(strategy, np.array(rows))
+    return met[1] if met is not None else jump_near(strategy, rows[-1]) if stopped else None

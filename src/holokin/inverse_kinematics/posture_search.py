@@ -13,10 +13,10 @@ from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector
 from ..errors import ArgumentError, ShapeError
 from ..path.workspaces import sobol
 from ..robot import Robot
-from ..strategies import HolonomicStrategy
+from ..strategies import HolonomicStrategy, Strategy
 from ..strategies.self_motions import joint_gap, least_motion
 from ..tasks.task import Task, of_one_tool
-from .leaf import check_levels, leaf_step
+from .leaf import check_levels, leaf_step, with_leaves
 from .newton import Correct, newton
 from .whole_turns import free_hinges, turned
 
@@ -43,10 +43,10 @@ APART = 1e-6
 class Postures(Value):
     """The postures q (k, n) found at one tool pose (4, 4) on the leaf c (r,), in the order of their joints.
 
-    Each is on the leaf and at the pose; of those that differ by whole turns of hinges it is one, see `near` of
-    `all_postures`. found (k,): from how many of the `starts` each was found; rcond (k,): how regular [J; J_g] is there.
-    `singular` starts ended where it is singular; postures that lie there are not counted. `outside` postures lie
-    outside the joint limits and were left out.
+    Each is at the pose and on the leaf, if there is one; of those that differ by whole turns of hinges it is one, see
+    `near` of `all_postures`. found (k,): from how many of the `starts` each was found; rcond (k,): how regular [J; J_g]
+    is there. `singular` starts ended where it is singular; postures that lie there are not counted. `outside` postures
+    lie outside the joint limits and were left out.
     """
 
     q: Matrix
@@ -74,8 +74,9 @@ class Postures(Value):
         least = f", each from {int(self.found.min())} of them at least" if len(self) else ""
         left = f"; {self.outside} more outside the joint limits" if self.outside else ""
         more = f"; one more start would find another with a chance of {self.unseen:.1g}" if self.unseen else ""
+        leaf = " on this leaf" if len(self.level) else ""
         return (
-            f"{many} at this tool pose on this leaf found by Newton's method from {self.starts} starts spread over the "
+            f"{many} at this tool pose{leaf} found by Newton's method from {self.starts} starts spread over the "
             f"joint ranges{least}{left}{more}; a search, no proof that there are no others"
         )
 
@@ -85,31 +86,34 @@ class Postures(Value):
 
 @typed
 def all_postures(
-    strategy: HolonomicStrategy,
+    strategy: Strategy,
     pose: PoseLike,
     level: ArrayLike = 0.0,
     *,
-    limits: bool = False,
+    limits: bool = True,
     starts: int = 1024,
     near: ArrayLike | None = None,
 ) -> Postures:
     """All postures with f(q) = x and g(q) = c that Newton's method finds from many starts: the branches of a leaf.
 
-    A seven-axis arm has up to 16 for one tool pose and one level, and `inverse` keeps to the one that it began with.
-    The starts are a low-discrepancy sequence over the joint ranges, the same at every call.
+    A six-axis arm, or one of seven axes with a joint locked, has at most 16, or a curve of them [Pri86]. A rule that
+    ties several joints may have more: 26 were found of a Panda with 4 q1 + 3 q3 held. `inverse` keeps to the one that
+    it began with. Where nothing is redundant, n = m, any strategy will do, as `moore_penrose(task)`: all postures with
+    f(q) = x. The starts are a low-discrepancy sequence over the joint ranges, the same at every call.
 
     Args:
         pose: of the tool (4, 4).
         level: c (r,), or one number for all rows.
-        limits: True keeps only postures within the joint limits.
+        limits: False keeps postures beyond the joint limits, too.
         starts: how many; more find rarer postures.
         near: a posture (n,): of answers that differ by whole turns of hinges, which keep the pose and the level, the
             one nearest to it is given; the search begins there, too. Without it, the one nearest to the middle of the
             ranges with limits, else to 0.
 
     Raises:
-        ShapeError, ArgumentError.
+        ArgumentError: a strategy without leaves, where the pose alone does not tell the joints. ShapeError.
     """
+    strategy = with_leaves(strategy)
     task, count = strategy.task, whole("starts", starts)
     of_one_tool(task, "all_postures")
     if count > MOST_STARTS:

@@ -24,7 +24,7 @@ class InverseStatus(NoTruthValue, IntEnum, ask="`is InverseStatus.REACHED`"):
     CLAMPED = 1
     """The joints of the nearest pose that the leaf reaches: `nearest` alone gives it."""
     LIMIT = 2
-    """The joints are found, but one is beyond its limits: only where limits are looked at."""
+    """The joints are found, but one is beyond its limits; not with limits=False."""
     LEAF_ENDS = 3
     """[J; J_g] turns singular on the way: the leaf has no posture further on."""
     SINGULAR = 4

@@ -104,7 +104,7 @@ def build_begin(table: StrategyTable, strategy: Strategy, q0: Vector) -> tuple[V
         return q0, ""
     level = ", ".join(f"{value:g}" for value in np.atleast_1d(table.level))
     try:
-        begin = move_to_leaf(cast(HolonomicStrategy, strategy), q0, table.level)  # it refuses others
+        begin = move_to_leaf(cast(HolonomicStrategy, strategy), q0, table.level, limits=False)  # it refuses others
     except (SingularityError, PathError) as problem:
         fact, _, cure = str(problem).rpartition("; ")
         fact = f"moving to the leaf failed: from the start posture to level {level}, {fact}"

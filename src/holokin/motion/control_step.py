@@ -56,9 +56,9 @@ tool, so at 1 mm/s the fastest arms are at their limits."""
 class Controller(ControlLaw):
     """A strategy as one compiled control step. Make one with `controller`.
 
-    `step` is for a loop of your own, with the dt of the controller; `status` and `scale` tell of the last one. It is
-    a `ControlLaw`, too: `begin(q0)` starts a run with memory of its own, for `simulate` and `audit`, whose steps take
-    their own dt. Every run holds the leaf of the controller's `start`, whatever its q0, as every step does.
+    `step` is for a loop of your own, with the dt of the controller; `status`, `scale` and `holding` tell of the last
+    one. It is a `ControlLaw`, too: `begin(q0)` starts a run with memory of its own, for `simulate` and `audit`, whose
+    steps take their own dt. Every run holds the leaf of the controller's `start`, whatever its q0, as every step does.
 
     Threads may share a controller: each has its own status and scale, and none sees another's. A thread that
     never steps, such as one that watches, reads status and scale of the last step that any thread made.
@@ -76,7 +76,8 @@ class Controller(ControlLaw):
         self._rates, self._memory = compiled.bound(compiled.parameters)
 
     def __repr__(self) -> str:
-        return f"Controller({self.strategy.name!r}, dt={self.dt:g}, {self.engine})"
+        held = f", held at the position limit of {', '.join(self.holding)}" if self.holding else ""
+        return f"Controller({self.strategy.name!r}, dt={self.dt:g}, {self.engine}{held})"
 
     def step(
         self, q: ArrayLike, pose: PoseLike, twist: ArrayLike, level: ArrayLike | None = None,
@@ -120,7 +121,15 @@ class Controller(ControlLaw):
     @property
     def scale(self) -> float:
         """How far this thread's last step was slowed, 0 to 1: go on along the path by scale * dt."""
-        return float(self._memory.last[-2])
+        return float(self._memory.last[-3])
+
+    @property
+    def holding(self) -> tuple[str, ...]:
+        """The joints that stand at a position limit and would go beyond it: where the status is LIMIT, these hold the
+        tool. The path does not go on then, unless it turns round or another leaf is taken; a loop that waits, waits
+        for ever."""
+        bits = int(self._memory.last[-2])
+        return tuple(name for i, name in enumerate(self.strategy.task.robot.joint_names) if bits >> i & 1)
 
     @property
     def leaf(self) -> Vector:
@@ -151,7 +160,7 @@ class _Compiled:
     def bound(self, parameters: Vector, memory: StepMemory | None = None) -> tuple[Rates, StepMemory]:
         """The step with parameters, which are read at each call, and the memory that tells of the last one."""
         n = self.strategy.task.n
-        memory = memory or StepMemory(n, [np.zeros(n + 2)])
+        memory = memory or StepMemory(n, [np.zeros(n + 3)])
         if self.kernel is not None:
             return self.kernel.bind(parameters, memory, self.converted), memory
         return machine_step(self.function, parameters, memory, self.converted), memory
@@ -202,7 +211,7 @@ class _Compiled:
         for what, value in zip(("q", "pose", "twist"), arguments, strict=True):
             if not np.isfinite(value).all():
                 raise NotFiniteError(what, value.tolist())
-        _, _, rcond, margin, _, off, _ = self.function(*arguments, parameters)
+        _, _, rcond, margin, _, off, *_ = self.function(*arguments, parameters)
         most, least = map(float, parameters[-2:])
         check_solved(self.strategy, arguments[0], rcond, margin, least)
         if not off <= most:
@@ -283,7 +292,7 @@ def controller(
 
     Raises:
         ArgumentError: no start for a strategy with a constraint, a bad dt, gain or bound. ShapeError, NotFiniteError.
-        SingularityError: the strategy is singular at the start.
+        SingularityError: the strategy is singular at the start. JointLimitError: with limits, q0 is beyond them.
     """
     dt = number("dt", dt)
     if not 0 < dt <= LONGEST_STEP:
@@ -299,7 +308,7 @@ def controller(
     if has_leaf(strategy):
         if q0 is None:
             raise ArgumentError("q0", None, f"{strategy.name!r} keeps g(q) = c: give a posture with that c")
-        q0 = start_posture(strategy.task.robot, q0)
+        q0 = start_posture(strategy.task.robot, q0, limits)
         leaf = leaf_value(strategy, q0)
     else:
         q0 = None

@@ -32,6 +32,7 @@ from ..inverse_kinematics.native_follower import NativeFollower
 from ..inverse_kinematics.plan import Plan, check_start, make_plan
 from ..inverse_kinematics.reach import out_of_reach
 from ..path.synchronized_paths import AnyPath
+from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy, first_jump, jump_near, may_jump
 from .integrate_velocity import native_velocity, path_rate, velocity_stepper
 from .recorded_trajectory import record
@@ -65,9 +66,7 @@ def follow(
 ) -> Trajectory:
     """Follow a path from a start posture, as `hk.follow` does without a proof; arguments and errors are told there."""
     task, robot = strategy.task, strategy.task.robot
-    start = robot.checked(q0, "the start posture")
-    if limits:
-        robot.check_limits(start)
+    start = start_posture(robot, q0, limits)
     leaf = by_leaf(strategy, method)
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"following {cycles} cycles", path.gap)

@@ -48,16 +48,16 @@ def machine_step(
         if change:
             parameters_in[...] = parameters
         trigger()
-        rates, scale, rcond, margin, room, off, given = results
+        rates, scale, rcond, margin, room, off, given, holding = results
         share = scale.item()
         size = rates @ rates + share + given.item()
         most, singular = parameters_in[-2:].tolist()
         sound = isfinite(size) and rcond.item() > max(least, singular) and margin.item() > clear
         if sound and off.item() <= most:
-            out[-2] = share
+            out[-3], out[-2] = share, holding.item()
             out[-1] = ok if share >= 1.0 else slowed if room.item() > AT_LIMIT else limit
             return rates.copy()
-        out[-2] = 0.0
+        out[-3] = out[-2] = 0.0
         given_all = isfinite(given.item())
         out[-1] = StepStatus.NOT_FINITE if not given_all else StepStatus.LOST if sound else StepStatus.SINGULAR
         return np.zeros(len(rates))

@@ -53,12 +53,13 @@ def fastest_rate(joint: Coordinate) -> float:
 
 
 def step_function(strategy: Strategy, limits: bool) -> Function:
-    """(q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, off, given).
+    """(q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, off, given, holding).
 
     parameters = (c, c', dt, K, K_g, most error, least rcond): c is wanted at the end of the step, c' takes it there.
     pose (4, 4) and twist (6,), or both (3,) where the task is a position, as in `wanted_symbols`. One compiled step
     serves all parameters. room is the scale that position limits allow; off the largest row of e; given is finite where
-    all arguments are, also those not needed. With limits no joint moves by more than half of rcond.
+    all arguments are, also those not needed; holding is the sum of 2^i over the joints i that stand at a position limit
+    and would go beyond it. With limits no joint moves by more than half of rcond.
     """
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
@@ -70,7 +71,7 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     dx, error = tracking(task, e.kinematics, p, R, twists, dt)
     leaf = (c - dt * rate, constraint_gain, rate) if r else ()
     found = feedback(strategy, dx, error, gain, *leaf)
-    dq, fast, room = found.X, SX(1), SX(1)
+    dq, fast, room, holding = found.X, SX(1), SX(1), SX(0)
     if limits:
         for i, joint in enumerate(task.robot.coordinates):
             fastest = fastest_rate(joint)
@@ -78,10 +79,12 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
                 fast = fmin(fast, fastest / fmax(fabs(dq[i]), 1e-12))
             if joint.unit in UNLIMITED:
                 fast = fmin(fast, TOWARDS_SINGULAR * found.rcond / fmax(fabs(dq[i]) * dt, 1e-12))
-            for bound, sign in ((joint.upper, 1.0), (joint.lower, -1.0)):
-                if np.isfinite(bound):
-                    left, speed = fmax(sign * (bound - e.q[i]), 0), sign * dq[i] * dt
-                    room = fmin(room, if_else(speed > 1e-12, left / fmax(speed, 1e-12), 1))
+            ends = [sign * (end - e.q[i]) for end, sign in ((joint.upper, 1), (joint.lower, -1)) if np.isfinite(end)]
+            if ends:  # how far the joint is from the end that it goes to
+                speed = (1 if np.isfinite(joint.upper) else -1) * dq[i] * dt
+                left, speed = (ends[0], speed) if len(ends) == 1 else (if_else(speed > 0, *ends), fabs(speed))
+                its = if_else(speed > 1e-12, fmax(left, 0) / fmax(speed, 1e-12), 1)
+                room, holding = fmin(room, its), holding + if_else(its <= AT_LIMIT, 2.0**i, 0)
     largest = SX(0)
     for i, unit in enumerate(task.units):
         if unit in UNLIMITED:  # of other units, as of thrust, nobody knows what is far
@@ -96,6 +99,7 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
         "room": room,
         "off": largest,
         "given": given,
+        "holding": holding,
     }
     inputs = {"q": e.q, "pose": pose, "twist": twist, "parameters": parameters}
     return Function("step", inputs, outputs, found.system, strategy.transport)

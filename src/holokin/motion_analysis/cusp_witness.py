@@ -221,11 +221,12 @@ def witness_between(
         via: third postures that are tried. limits: within the joint limits.
 
     Raises:
-        ArgumentError: the postures differ in their tool pose or level, or are one. ShapeError, NotFiniteError.
+        ArgumentError: the postures differ in their tool pose or level, or are one.
+        JointLimitError: with limits, one is beyond them. ShapeError, NotFiniteError.
     """
     of_one_tool(strategy.task, "a path between two postures")
     leafed, robot = with_leaves(strategy), strategy.task.robot
-    a, b = start_posture(robot, first), start_posture(robot, second)
+    a, b = start_posture(robot, first, limits), start_posture(robot, second, limits)
     level = leaf_value(leafed, a)
     off = np.abs(leafed.task.error(b, *leafed.task.place(a))).max()
     gap = np.abs(leafed.constraint.nearest(leaf_value(leafed, b) - level)).max(initial=0.0)

@@ -217,10 +217,8 @@ def _cusps(strategy: Strategy, q0: ArrayLike, starts: int, limits: bool) -> Cusp
     leafed, robot = with_leaves(strategy), strategy.task.robot
     if whole("starts", starts) > MOST_STARTS:
         raise ArgumentError("starts", starts, f"give at most {MOST_STARTS:,}")
-    start = start_posture(robot, q0)
+    start = start_posture(robot, q0, limits)
     leafed(start)
-    if limits:
-        robot.check_limits(start)
     level = leaf_value(leafed, start)
     search = _searched(leafed, level, start, starts, limits)
     near = some(search.points, slice(NEAREST))
@@ -232,7 +230,7 @@ def _cusps(strategy: Strategy, q0: ArrayLike, starts: int, limits: bool) -> Cusp
     )  # fmt: skip
 
 
-def cusps_from(strategy: HolonomicStrategy, level: Vector, starts: Matrix, limits: bool = False) -> Array:
+def cusps_from(strategy: HolonomicStrategy, level: Vector, starts: Matrix, limits: bool) -> Array:
     """Tool poses (k, 4, 4) of the cusps of a leaf g = level that Newton's method finds from postures (s, n)."""
     q = seek_cusps(strategy, level, starts)[0].q if len(starts) else starts
     if limits:

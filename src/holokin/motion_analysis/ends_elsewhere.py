@@ -41,7 +41,7 @@ def why_elsewhere(strategy: HolonomicStrategy, walk: Trajectory) -> str:
     if np.abs(rest).max() <= NO_DRIFT:
         return f"{said}, and the joints are whole turns further"
     along = walk.q[np.linspace(0, len(walk.q) - 1, PLACES).astype(int)]
-    poses = cusps_from(strategy, leaf_value(strategy, walk.q[0]), along)
+    poses = cusps_from(strategy, leaf_value(strategy, walk.q[0]), along, limits=False)
     far = tool_away(strategy.task, poses, np.array([strategy.task.pose(q) for q in along]))
     if len(far) and far.min() <= CLOSE:
         at = ", ".join(f"{x:.3g}" for x in poses[int(far.argmin()), :3, 3])

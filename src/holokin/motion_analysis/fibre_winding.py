@@ -93,7 +93,7 @@ def _references(task: Task, q0: Vector, p: Matrix, R: Array) -> tuple[Matrix | N
 
 def self_motions(task: Task, Q: Matrix) -> list[Matrix | None]:
     """The self-motions (points, n) through postures (k, n), all at once, each round once; None for those left open."""
-    lines = SelfMotions.through(task, Q).traced(Q, step=STEP, length=LONGEST)
+    lines = SelfMotions.through(task, Q).traced(Q, step=STEP, length=LONGEST, limits=False)
     return [line.q if line.closed else None for line in lines]
 
 

@@ -138,13 +138,13 @@ class FollowKernel:
 
 
 class StepMemory(threading.local):
-    """A thread's own results of a control step: `out` is dq (n,), scale, status.
+    """A thread's own results of a control step: `out` is dq (n,), scale, holding, status.
 
     latest: one array in a list that all threads share, the results of the thread that steps at present.
     """
 
     def __init__(self, joints: int, latest: list[Array]) -> None:
-        self.out = np.zeros(joints + 2)
+        self.out = np.zeros(joints + 3)
         self.place = self.out.ctypes.data
         self.latest, self.stepped = latest, False
 
@@ -170,7 +170,7 @@ class _Copies(threading.local):
 class StepKernel:
     """hk_step of a control step for Python.
 
-    (q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, off, given).
+    (q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, off, given, holding).
     """
 
     def __init__(self, made: Program, inputs: Shapes, outputs: Shapes, thresholds: dict[str, float]) -> None:
@@ -203,7 +203,7 @@ class StepKernel:
                 copy[...] = value
             out_at = memory.enter()
             memory.out[-1] = run(*copies.places, out_at, parameters_at)
-            return memory.out[:-2].copy()
+            return memory.out[:-3].copy()
 
         step.__dict__["kept"] = parameters  # C reads them by their address
         return step

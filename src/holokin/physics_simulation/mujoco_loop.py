@@ -258,7 +258,8 @@ class _Loop:
                 if (k - seen[1]) * dt >= PATIENCE:
                     if clock - seen[0] < 0.01 * (k - seen[1]):
                         at_limit = self.law.status is StepStatus.LIMIT
-                        stopped = "stopped at a joint limit" if at_limit else "stopped: the path did not go on"
+                        held = f"stopped at the joint limit of {', '.join(self.law.holding)}"
+                        stopped = held if at_limit else "stopped: the path did not go on"
                         break
                     seen = (clock, k)
                 if k > LONGEST * total:

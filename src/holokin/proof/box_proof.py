@@ -96,7 +96,7 @@ class PoseRegion(Value, Domain):
         if partial and (np.abs(at := region.place_of(q0)) < 1).all():
             return replace(region, u0=on_grid(at))
         try:
-            return replace(region, q=inverse(strategy, q0)(space.center))
+            return replace(region, q=inverse(strategy, q0, limits=False)(space.center))
         except HolokinError as problem:
             if not partial:
                 raise

@@ -137,11 +137,7 @@ def provable(strategy: Strategy) -> HolonomicStrategy:
 
 def start_of(strategy: Strategy, q0: ArrayLike, limits: bool) -> Vector:
     """A start posture (n,). Raises: StartError; JointLimitError: with limits, it is beyond them."""
-    robot = strategy.task.robot
-    start = start_posture(robot, q0)
-    if limits:
-        robot.check_limits(start)
-    return start
+    return start_posture(strategy.task.robot, q0, limits)
 
 
 def demands(strategy: HolonomicStrategy, limits: bool, clear: ClearCells | None) -> Demands:

@@ -116,7 +116,7 @@ def _sound(strategy: HolonomicStrategy, q0: Vector, poses: Array, asked: Demands
     """(k,) True for poses that are reached, regular, and as asked with some room."""
     if not len(poses):
         return np.zeros(0, dtype=bool)
-    found, robot = inverse(strategy, q0).batch(poses), strategy.task.robot
+    found, robot = inverse(strategy, q0, limits=False).batch(poses), strategy.task.robot
     good = found.reached.copy()
     q = found.q[good]
     rcond = np.array([strategy.gain(one)[1] for one in q]) if len(q) else np.zeros(0)

@@ -125,7 +125,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         if not (len(boxes) and np.isfinite(u).all()):
             return False
         begin = cells.q0[int(self._middles.query(u)[1]), : self.strategy.task.n]
-        return not leads_to(inverse(self.strategy, self.q0), pose, begin, q)
+        return not leads_to(inverse(self.strategy, self.q0, limits=False), pose, begin, q)
 
     @property
     def sentence(self) -> str:

@@ -241,15 +241,15 @@ class Robot(ByValue):
         """Whether postures (..., n) have every joint within its limits (...,). Raises: ShapeError."""
         return np.asarray((self.beyond(q) <= 0).all(axis=-1))
 
-    def check_limits(self, q: ArrayLike) -> None:
-        """Raises: JointLimitError naming the joint that is farthest outside its limits."""
+    def check_limits(self, q: ArrayLike, cure: str = "") -> None:
+        """Raises: JointLimitError naming the joint that is farthest outside its limits, and a cure of the caller's."""
         array = self.checked(q)
         past = self.beyond(array)
         i = int(np.argmax(past))
         if past[i] > TOLERANCES.limit:
             facts = float(array[i]), float(self.lower[i]), float(self.upper[i])
             rad = "give angles in rad, as np.radians(...) makes them of degrees, or take whole turns off"
-            raise JointLimitError(self.joint_names[i], *facts, cure=rad if past[i] > WOUND else "")
+            raise JointLimitError(self.joint_names[i], *facts, cure=rad if past[i] > WOUND else cure)
 
     @typed
     def q_of(

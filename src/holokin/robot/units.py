@@ -19,6 +19,9 @@ TURN = 2 * np.pi * 1.001
 WIDEST = 4 * np.pi
 """Limits [rad] of every hinge at which radians are doubted: single joints turn further, no whole arm does."""
 
+START = "choose another start posture, widen the limits by hk.with_limits, or ask with limits=False"
+"""The cure of a start posture beyond the joint limits."""
+
 LONGEST = 20.0
 """A link, or a tool of an arm whose reach has no end [m], at which metres are doubted: no robot has one."""
 
@@ -26,16 +29,16 @@ SHARE = 10.0
 """Reaches of an arm at which a tool on it is not in metres."""
 
 
-def start_posture(robot: Robot, q: ArrayLike) -> Vector:
-    """q as (n,) finite floats, for starts that may be beyond the joint limits.
+def start_posture(robot: Robot, q: ArrayLike, limits: bool, what: str = "the start posture") -> Vector:
+    """q as (n,) finite floats: a posture to begin from, which keeps the joint limits unless `limits` is False.
 
     Raises:
-        ShapeError, NotFiniteError, ArgumentError: as `Robot.checked`. JointLimitError: a joint is more than two turns
-        beyond its limits, as degrees are.
+        ShapeError, NotFiniteError, ArgumentError: as `Robot.checked`. JointLimitError: with limits, a joint is beyond
+        them; without, more than two turns beyond them, as degrees are.
     """
-    start = robot.checked(q, "the start posture")
-    if robot.beyond(start).max() > WOUND:
-        robot.check_limits(start)
+    start = robot.checked(q, what)
+    if limits or robot.beyond(start).max() > WOUND:
+        robot.check_limits(start, START)
     return start
 
 

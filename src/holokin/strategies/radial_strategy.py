@@ -95,7 +95,7 @@ def radial(strategy: Strategy, q0: ArrayLike, *, steps: int = 4, name: str | Non
         SingularityError: `strategy` is singular at `q0`.
     """
     task = strategy.task
-    start = frozen(start_posture(task.robot, q0))
+    start = frozen(start_posture(task.robot, q0, False))
     whole("steps", steps)
     if task.n == task.m:
         cure = "each tool pose has its joints already: hk.inverse(hk.moore_penrose(task), start) finds them"

@@ -15,7 +15,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, frozen
 from ..errors import ArgumentError, SingularityError, SingularityKind
-from ..robot import Robot
+from ..robot import Robot, start_posture
 from ..symbolic import wrapped
 from ..symbolic.null_space import null_vector
 from ..tasks.task import Task
@@ -91,11 +91,13 @@ def self_motion(
 
     Args:
         step: arc length between postures [joint units]. length: at most so far each way.
+        limits: a curve ends at the joint limits; False goes on beyond them.
 
     Raises:
         ArgumentError: not one redundant joint, or bad numbers. SingularityError: J is singular at q0.
+        JointLimitError: with limits, q0 is beyond them.
     """
-    start = task.robot.checked(q0, "the start posture")
+    start = start_posture(task.robot, q0, limits)
     if task.n - task.m != 1:
         what = "the number of redundant joints"
         raise ArgumentError(what, task.n - task.m, "give a task that leaves one")
@@ -120,7 +122,7 @@ class SelfMotions(Value):
         return cls(task, *task.poses(Q))
 
     def traced(
-        self, Q: Matrix, *, step: float, length: float, limits: bool = False, directions: Matrix | None = None
+        self, Q: Matrix, *, step: float, length: float, limits: bool, directions: Matrix | None = None
     ) -> list[SelfMotion]:
         """The curves through postures (S, n), both ways, each round once.
 

@@ -12,7 +12,7 @@ from ..base.poses import PoseLike
 from ..base.types import Array, ArrayLike, Vector, finite, frozen, positive, whole
 from ..errors import ArgumentError, HolokinError, UnknownNameError
 from ..inverse_kinematics import move_to_leaf
-from ..robot import Robot
+from ..robot import Robot, start_posture
 from ..tasks.task import Task
 from .drag_follower import Move, poses_of
 from .loop_follower import leaf_start
@@ -40,9 +40,7 @@ class LawGroup(ABC):
         self.task: Task = given[0].task
         self.robot: Robot = self.task.robot
         self.limits = limits
-        self.home: Vector = frozen(self.robot.checked(home, "the start posture"))
-        if limits:
-            self.robot.check_limits(self.home)
+        self.home: Vector = frozen(start_posture(self.robot, home, limits))
         self._runs: dict[str, Run] = {}
         self._message = ""
         self._target: Array = frozen(self._home_target())
@@ -184,7 +182,7 @@ class LawGroup(ABC):
         """
         with self._lock:
             run = self._run(name)
-            q = move_to_leaf(leaves_of(run.law), run.q, np.atleast_1d(finite("level", level)))
+            q = move_to_leaf(leaves_of(run.law), run.q, np.atleast_1d(finite("level", level)), limits=False)
             if self.limits:
                 self.robot.check_limits(q)
             put_on_leaf(run, q, self.limits)

@@ -20,6 +20,7 @@ from ..motion.follow_path import build_native
 from ..motion.integrate_velocity import native_velocity, velocity_stepper
 from ..motion.simulation import step_targets
 from ..path import Path
+from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy, moore_penrose
 from .drag_follower import limit_sentence, stopped
 from .session_laws import Law
@@ -77,7 +78,7 @@ def leaf_start(law: Law, home: Vector) -> Vector:
     """
     if law.level is None or not isinstance(law.rule, HolonomicStrategy):
         return home
-    return move_to_leaf(law.rule, home, law.level)
+    return move_to_leaf(law.rule, home, law.level, limits=False)
 
 
 def loop_start(law: Law, loop: Loop, home: Vector) -> Vector:
@@ -103,8 +104,7 @@ def walk(law: Law, loop: Loop, q0: Vector, limits: bool, *, build: bool = False)
         HolokinError: the tool is elsewhere, the law is not defined there, or the posture is beyond the limits.
     """
     task = law.task
-    if limits:
-        task.robot.check_limits(q0)
+    start_posture(task.robot, q0, limits)
     if law.strategy is not None:
         law.strategy(q0)
     plan = make_plan(task, loop.path, loop.samples, task.place(q0)[1])
@@ -149,7 +149,7 @@ def compiled(law: Law, q0: Vector) -> None:
     """Build, or load, the native code with which a law follows drags and loops; without a compiler nothing happens."""
     try:
         if isinstance(law.rule, HolonomicStrategy):
-            _ = inverse(law.rule, q0).engine
+            _ = inverse(law.rule, q0, limits=False).engine
         if law.strategy is not None:
             build_native(law.strategy)
     except HolokinError:  # told when the law is asked to follow

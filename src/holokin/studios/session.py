@@ -14,6 +14,7 @@ from ..base.poses import PoseLike
 from ..base.types import ArrayLike, frozen, not_negative, positive, whole
 from ..errors import ArgumentError, OpenPathError
 from ..path.workspaces import Workspace
+from ..robot import start_posture
 from .background_work import Shared, Worker, cover, look_after, look_for_cusps
 from .clouds import default_workspace
 from .law_group import LawGroup
@@ -92,9 +93,7 @@ class Session(LawGroup):
             JointLimitError: it is beyond the limits. HolokinError: a law is not defined there; nothing changes then.
             ArgumentError: a task whose angles count from the start.
         """
-        home = frozen(self.robot.checked(q, "the start posture"))
-        if self.limits:
-            self.robot.check_limits(home)
+        home = frozen(start_posture(self.robot, q, self.limits))
         if self.origin is not None and "rotation-vector" in str(self.origin.task.get("orientation", "")):
             raise ArgumentError("the start posture", home.tolist(), "the task's angles count from it: write a new job")
         with self._lock:

@@ -14,7 +14,7 @@ from ..inverse_kinematics.leaf import leaf_step
 from ..inverse_kinematics.reach import nearest_postures
 from ..path.segments import turn_between
 from ..path.workspaces import PoseRange, Workspace
-from ..robot import check_metres
+from ..robot import check_metres, start_posture
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task, of_one_tool
 from .coverage_result import Coverage, PoseStatus, Reach
@@ -68,9 +68,7 @@ def coverage(
     """
     task, robot = strategy.task, strategy.task.robot
     of_one_tool(task, "coverage")
-    start = robot.checked(q0, "the start posture")
-    if limits:
-        robot.check_limits(start)
+    start = start_posture(robot, q0, limits)
     count = samples if samples is not None else workspace.size or SAMPLES
     poses = workspace.poses(count, seed)
     check_metres(robot, poses, task.tip)
@@ -105,7 +103,7 @@ def coverage(
 
 def _gone_to(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matrix, Matrix, Indices]:
     """Where the leaf through a posture leads at poses (k, 4, 4): its postures, where its paths end (k, n), statuses."""
-    ik, n = inverse(strategy, q0), strategy.task.n
+    ik, n = inverse(strategy, q0, limits=False), strategy.task.n
     q, last, found = np.empty((len(poses), n)), np.empty((len(poses), n)), np.empty(len(poses), dtype=int)
     with progress(f"coverage: {strategy.name}", len(poses)) as report:
         for first in range(0, len(poses), PIECE):

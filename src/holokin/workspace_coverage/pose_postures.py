@@ -99,7 +99,7 @@ def postures_at_poses(task: Task, Q: Matrix, p: Matrix, R: Array, *, starts: int
         poses, first = np.unique(pose[left], return_index=True)
         first = left[first]
         motions = SelfMotions(task, p[poses], R[poses])
-        lines = [line.q for line in motions.traced(q[first], step=STEP, length=LENGTH)]
+        lines = [line.q for line in motions.traced(q[first], step=STEP, length=LENGTH, limits=False)]
         curves, whose = curves + lines, [*whose, *poses]
         others = [left[(pose[left] == k) & (left != i)] for k, i in zip(poses, first, strict=True)]
         left = np.concatenate([i[_apart(task, q[i], line) > STEP] for i, line in zip(others, lines, strict=True)])

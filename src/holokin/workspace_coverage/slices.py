@@ -118,6 +118,6 @@ def _cuts(strategy: HolonomicStrategy, inside: Flags, found: Coverage) -> Indice
     """Pairs (c, 2) of neighbouring cells, both with a posture, that no straight path on the leaf joins."""
     pairs = neighbouring_cells(inside)
     apart = np.abs(found.q[pairs[:, 0]] - found.q[pairs[:, 1]]).max(axis=1)  # NaN where there is no posture
-    ik, poses = inverse(strategy, found.q0), found.poses
+    ik, poses = inverse(strategy, found.q0, limits=False), found.poses
     far = pairs[apart > JUMP]
     return far[[not leads_to(ik, poses[j], found.q[i], found.q[j]) for i, j in far]]

@@ -99,7 +99,7 @@ int ${name}_rate(const ${name}_real q[$n], const ${name}_real dx[$m], ${name}_re
 
 int ${name}_step(const ${name}_real q[$n], const ${name}_real target[$target], const ${name}_real twist[$twist],
     const ${name}_parameters *parameters, ${name}_real dq[$n], ${name}_real *scale) {
-  hk_t values[HK_PARAMETERS], out[HK_N + 1];
+  hk_t values[HK_PARAMETERS], out[HK_N + 2];
   const hk_t dt = parameters->dt, gain = parameters->gain, constraint_gain = parameters->constraint_gain;
 $leaf_copy  values[2 * HK_R] = dt;
   values[2 * HK_R + 1] = gain;

@@ -37,7 +37,7 @@ enum {
   ${NAME}_IMPRECISE = -1,   /* single precision only: near a singularity, results have two or three digits */
   ${NAME}_OK = 0,
   ${NAME}_SLOWED = 1,       /* a joint's speed limit: slower along the path, in the same direction */
-  ${NAME}_LIMIT = 2,        /* a joint stands at its position limit */
+  ${NAME}_LIMIT = 2,        /* a joint stands at its position limit: the path does not go on */
   ${NAME}_SINGULAR = 3,     /* $singular_words */
   ${NAME}_NOT_FINITE = 4,   /* an argument is infinite or not a number */
   ${NAME}_NOT_CONVERGED = 5, /* inverse kinematics: the leaf ends before the wanted pose, or `most` pieces are too few */

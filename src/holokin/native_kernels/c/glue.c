@@ -30,7 +30,7 @@ typedef struct {
   PyObject *convert;  /* convert(q, pose, twist) -> the same as plain arrays, or an error that says what is wrong */
   PyObject *kept;     /* what the addresses above belong to */
   uint64_t thread;    /* that called last, 0 for none: Python gives no number twice, unlike the system */
-  double *out;        /* its results: dq, scale, status */
+  double *out;        /* its results: dq, scale, holding, status */
   PyObject *given[2]; /* the last arrays that were returned */
 } hk_bound;
 
@@ -103,7 +103,7 @@ static int hk_run(const hk_bound *b, PyObject *const *args, double *out) {
     twist = twist ? twist : hk_numbers(args[2], 1, 3); /* of a whole twist the first three are the velocity */
   }
   if (!q || !pose || !twist) return 0;
-  out[b->joints + 1] = b->step(q, pose, twist, out, b->parameters);
+  out[b->joints + 2] = b->step(q, pose, twist, out, b->parameters);
   return 1;
 }
 

@@ -187,7 +187,7 @@ static int hk_from_start(const hk_edge *edge, const hk_t *goal, int careful, hk_
 }
 
 /* The same: what a glance does not reach is not reached; what it does reach is shown, but where that is the posture `near`
-   (or 0), which is found in another way. */
+   (or 0), which is found in another way. Where it cannot be shown, the look is at the start. */
 static int hk_reaches(const hk_edge *edge, const hk_t *goal, const hk_t *near, hk_look *at) {
   int agrees = near != 0;
 #ifdef HK_RAYS
@@ -197,7 +197,9 @@ static int hk_reaches(const hk_edge *edge, const hk_t *goal, const hk_t *near, h
 #endif
   if (!hk_from_start(edge, goal, 0, at)) return 0;
   for (int i = 0; i < HK_N && agrees; i++) agrees = HK_FABS(at->q[i] - near[i]) <= HK_C(HK_EDGE_SAME);
-  return agrees || hk_from_start(edge, goal, 1, at);
+  if (agrees || hk_from_start(edge, goal, 1, at)) return 1;
+  hk_look_at(edge, edge->start, goal, 0, at);
+  return 0;
 }
 
 static int hk_at_goal(const hk_look *at) { return hk_distance(at) <= HK_C(HK_EDGE_REACHED); }
