@@ -26,6 +26,8 @@ from ..robot.joints import WOUND
 from ..strategies import HolonomicStrategy, Jump, Strategy, first_jump, holonomic, jump_near
 from ..strategies.jumps import states
 from ..symbolic import Function, symbol
+from ..tasks.free_motion import completed
+from ..tasks.task import Task
 from .branch import Branch, branch_code
 from .native_follower import NativeFollower
 from .plan import Plan
@@ -273,8 +275,9 @@ def jump_on(strategy: HolonomicStrategy, q0: Vector, path: LeafPath, q: Vector, 
     return met[1] if met is not None else jump_near(strategy, rows[-1]) if stopped else None
 
 
-def straight_path(begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> LeafPath:
-    """The straight path from one pose of the tool to another, from one level to another."""
+def straight_path(task: Task, begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> LeafPath:
+    """The straight path from one pose of the tool to another, without free motion, from one level to another."""
+    end = completed(task, end, begin)
     line, (c0, c1) = straight(*begin, *end), levels
 
     def at(share: float) -> tuple[Vector, Matrix, Vector]:
@@ -351,7 +354,7 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 
     strategy(start)
     at, goal = leaf_value(strategy, start), level_towards(strategy, start, level)
     here = task.place(start)
-    return leaf_follower(strategy, start)(start, straight_path(here, here, (at, goal)))
+    return leaf_follower(strategy, start)(start, straight_path(task, here, here, (at, goal)))
 
 
 def level_towards(strategy: HolonomicStrategy, q0: Vector, level: ArrayLike) -> Vector:

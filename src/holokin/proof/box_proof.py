@@ -207,7 +207,7 @@ class PoseRegion(Value, Domain):
             q, pose = postures[nearest], (T[i, :3, 3], T[i, :3, :3])
             near = newton_on_leaf(correct, q, *pose, leaf, side)
             try:
-                q = go(q, straight_path(task.place(q), pose, (leaf, leaf))) if near is None else near[0]
+                q = go(q, straight_path(task, task.place(q), pose, (leaf, leaf))) if near is None else near[0]
                 known.append(middles[i])
                 postures.append(q)
                 self._known.append((middles[i], q))
