@@ -7,6 +7,8 @@ for, whose free part is that of a pose at hand. Straight paths lead to it, so th
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..base.types import Matrix, Vector, kept
 from ..symbolic import Function, symbol, vertcat
 from .frame_task import FrameTask, parts_of
@@ -43,6 +45,14 @@ def completing(task: Task) -> Function:
         rotations.append(part.representation.completed(R[at, :], turned, R0[at, :]))
     inputs = {"p0": p0, "R0": R0, "p": p, "R": R}
     return Function("completed", inputs, {"p": vertcat(*positions), "R": vertcat(*rotations)})
+
+
+def free_direction(task: Task) -> tuple[Vector, bool] | None:
+    """The axis (3,) about which one frame may spin, fixed in it, or, with True, in the base; None of other tasks."""
+    ((part, rows), *more) = _rows(task)
+    turned = tuple(sorted(row - 3 for row in rows if row > 2))
+    found = None if more else part.representation.directions.get(turned)
+    return None if found is None else (np.asarray(found[0], dtype=float), found[1])
 
 
 def _rows(task: Task) -> list[tuple[FrameTask, set[int]]]:
