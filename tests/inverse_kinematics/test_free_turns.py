@@ -179,7 +179,9 @@ def check_paths(kind: str, seed: int) -> bool:
     X = np.tile(T, (5, 1, 1))
     X[:, :3, :3] = turns @ X[:, :3, :3]
     X[:, :3, 3] += np.linspace(0, 0.03, 5)[:, None] * rng.normal(size=3)
-    Y, Z = (np.array([change(x, a) for x, a in zip(poses, np.linspace(0, 1, 5), strict=True)]) for poses in (X, [T] * 5))
+    Y, Z = (
+        np.array([change(x, a) for x, a in zip(poses, np.linspace(0, 1, 5), strict=True)]) for poses in (X, [T] * 5)
+    )
     t = np.linspace(0, 1, 5)
     plain, spun, still = (hk.spline(poses, times=t) for poses in (X, Y, Z))
     rest = hk.follow(law, still, ik.q0, samples=8, limits=False)
@@ -224,6 +226,8 @@ def check_regions(kind: str, seed: int) -> None:
     Y = np.array([change(x, a) for x, a in zip(X, amounts(rng, 40), strict=True)])
     inside = region.contains(X)
     np.testing.assert_array_equal(region.contains(Y), inside)
+    if not region.whole:
+        return
     assert inside[:20].all() and region.contains(np.array([change(T, 2.0)])).all()
     within = hk.inverse(law, ik.q0, False, region=region)
     free = hk.inverse(law, ik.q0, False).batch(X[inside])

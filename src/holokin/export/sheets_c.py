@@ -115,9 +115,9 @@ int {name}_sheets_of(int sheet, const double target[16], double q[{n}]);
 def _library(name: str, head: str, found: Sheets) -> str:
     n, S = found.task.n, len(found)
     begin, of = [one.begin for one in found.sheets], [one.begin_at for one in found.sheets]
-    S = seen_features(found.task)
-    X = features(np.concatenate([found.poses[found.served], *of]), found.length) @ S
-    seen = not np.array_equal(S, np.eye(12))
+    seen_by = seen_features(found.task)
+    X = features(np.concatenate([found.poses[found.served], *of]), found.length) @ seen_by
+    seen = not np.array_equal(seen_by, np.eye(12))
     ends = np.cumsum([int(found.served.sum()), *map(len, begin)])
     includes = "\n".join(f'#include "sheet_{s}/{name}_{s}.h"' for s in range(S))
 
@@ -157,7 +157,7 @@ static int nearest(const double target[16], int sheet, double *beyond) {{
     at[i] = target[4 * i + 3];
     for (int j = 0; j < 3; j++) at[3 + 3 * i + j] = turn * target[4 * i + j];
   }}
-{_SEEN.format(_rows(S)) if seen else ""}  for (int p = sheet < 0 ? 0 : ends[sheet]; p < ends[sheet + 1]; p++) {{
+{_SEEN.format(_rows(seen_by)) if seen else ""}  for (int p = sheet < 0 ? 0 : ends[sheet]; p < ends[sheet + 1]; p++) {{
     double value = halves[p];
     for (int i = 0; i < 12; i++) value -= at[i] * places[p][i];
     if (value > *beyond && value < least) least = value, found = p;

@@ -150,7 +150,7 @@ class Plan:
         return found
 
     def _rates_in(self, looks: int) -> Array:
-        """x' by the share of a segment (s, looks, m) at even places of each; NaN where the representation is singular."""
+        """x' by the share of a segment (s, looks, m) at even places of it; NaN where the representation is singular."""
         count = len(self.path.durations)
         at = self.path.on(np.repeat(np.arange(count), looks), np.tile(np.linspace(0.0, 1.0, looks), count))
         rates, margins = self.task.rates(turned(at.rotation, self.start_rotation), at.velocity, at.angular)

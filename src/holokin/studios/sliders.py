@@ -139,7 +139,7 @@ def across(law: Law, q: Vector, slider: Slider, value: float, row: int) -> Vecto
     change = np.zeros(law.task.n - law.task.m)
     change[row] = np.deg2rad(moved) if slider.unit == DEGREES else moved
     here, level = law.task.place(q), leaf_value(strategy, q)
-    return leaf_follower(strategy, q)(q, straight_path(task, here, here, (level, level + change)))
+    return leaf_follower(strategy, q)(q, straight_path(law.task, here, here, (level, level + change)))
 
 
 def leaves_of(law: Law) -> HolonomicStrategy:

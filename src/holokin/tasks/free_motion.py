@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.types import Matrix, Vector, kept
-from ..symbolic import Function, symbol, vertcat
+from ..symbolic import Function, vertcat
 from .frame_task import FrameTask, parts_of
 from .task import Task
 
