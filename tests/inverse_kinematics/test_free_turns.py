@@ -16,6 +16,7 @@ import holokin as hk
 from conftest import sampled
 from holokin.base.types import Array, Matrix, Vector
 from holokin.errors import HolokinError
+from holokin.inverse_kinematics import InverseKinematics
 
 STARTS = {
     "irb140": [0.2, 1.0, 0.2, 0.3, 0.9, 0.5],
@@ -85,7 +86,7 @@ KINDS: dict[str, tuple[Callable[[hk.Robot], hk.Task], Change]] = {
 }
 
 
-def case(kind: str, seed: int) -> tuple[hk.InverseKinematics, Change]:
+def case(kind: str, seed: int) -> tuple[InverseKinematics, Change]:
     """A random arm of three, with a random tool and base, a random law and a start at which both are regular."""
     rng = np.random.default_rng([seed, list(KINDS).index(kind)])
     of, change = KINDS[kind]
@@ -145,7 +146,7 @@ def check_answers(kind: str, seed: int, count: int) -> int:
         if not np.isfinite(q).all():
             continue
         assert same(ik(y), q) and same(ik.near(y, q), q), "the answer is led to itself"
-        one, other = told(lambda x=x: ik.near(x, last)), told(lambda y=y: ik.near(y, last))  # noqa: B023
+        one, other = told(lambda x=x: ik.near(x, last)), told(lambda y=y: ik.near(y, last))
         assert one == other if isinstance(one, str) else same(one, other)  # type: ignore[arg-type]
         last = q
     for x, y in zip(X[::3], Y[::3], strict=True):
@@ -179,10 +180,8 @@ def check_paths(kind: str, seed: int) -> bool:
     X = np.tile(T, (5, 1, 1))
     X[:, :3, :3] = turns @ X[:, :3, :3]
     X[:, :3, 3] += np.linspace(0, 0.03, 5)[:, None] * rng.normal(size=3)
-    Y, Z = (
-        np.array([change(x, a) for x, a in zip(poses, np.linspace(0, 1, 5), strict=True)]) for poses in (X, [T] * 5)
-    )
     t = np.linspace(0, 1, 5)
+    Y, Z = (np.array([change(x, a) for x, a in zip(poses, t, strict=True)]) for poses in (X, [T] * 5))
     plain, spun, still = (hk.spline(poses, times=t) for poses in (X, Y, Z))
     rest = hk.follow(law, still, ik.q0, samples=8, limits=False)
     assert np.abs(rest.q - ik.q0).max() < 1e-9 and rest.t[-1] == 1.0

@@ -191,9 +191,8 @@ class PoseRegion(Value, Domain):
             turn = Rotation.from_matrix(self.R0.T @ R).as_quat(canonical=True)
             direction = free_direction(task)
             if direction is not None:
-                turn = _deepest(
-                    turn, self.R0.T @ direction[0] if direction[1] else direction[0], direction[1], half[3:]
-                )
+                axis, of_base = direction
+                turn = _deepest(turn, self.R0.T @ axis if of_base else axis, of_base, half[3:])
             with np.errstate(divide="ignore", invalid="ignore"):
                 w = np.where(turn[:, 3:] > HALF_TURN, 2 * turn[:, :3] / turn[:, 3:], np.inf)
         at = np.hstack([p - self.p0, w])

@@ -75,7 +75,7 @@ class PosePoints(Value):
         Each pose for itself, so that they have the same last bits in any company: of equal ones one is the nearest.
         """
         X, half = self._points
-        Y = features(T, self.length) @ self.seen
+        Y = np.matmul(features(T, self.length)[:, None], self.seen)[:, 0]
         for part in np.array_split(Y, 1 + len(Y) // PIECE):
             yield half - np.matmul(X[None], part[:, :, None])[..., 0]
 
