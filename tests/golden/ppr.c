@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0xf4ac61cd8ca0e4c2U
+#if PPR_EXPORT != 0x41e6cc83b60e8c46U
 #error "these files are of different exports: export again"
 #endif
 
@@ -1042,6 +1042,35 @@ static void hk_change_body(const hk_t *x, hk_t *y) {
   hk_pair_5(w + 0, w + 0);
   y[26] = w[0], y[53] = w[1];
 }
+#define HK_LEAVES_FREE
+static void hk_completed_body(const hk_t *restrict x, hk_t *restrict y) {
+  (void)x;
+  (void)y;
+  const hk_t v0 = x[12];
+  y[0] = v0;
+  const hk_t v2 = x[13];
+  y[1] = v2;
+  const hk_t v4 = x[2];
+  y[2] = v4;
+  const hk_t v6 = x[3];
+  y[3] = v6;
+  const hk_t v8 = x[6];
+  y[6] = v8;
+  const hk_t v10 = x[9];
+  y[9] = v10;
+  const hk_t v12 = x[4];
+  y[4] = v12;
+  const hk_t v14 = x[7];
+  y[7] = v14;
+  const hk_t v16 = x[10];
+  y[10] = v16;
+  const hk_t v18 = x[5];
+  y[5] = v18;
+  const hk_t v20 = x[8];
+  y[8] = v20;
+  const hk_t v22 = x[11];
+  y[11] = v22;
+}
 /* Which postures lie on one branch of a leaf: the tubes of inverse_kinematics/branch.py. hk_extended_body takes q and gives A and
    A^-1, (n, n) each by rows; hk_change_body the pairs of dA/dq_k, k slowest, then columns. HK_ROWS: task rows;
    hk_turns: the first of the three angular rows of each rotation among them, HK_TURNS of these; HK_ANGLES: 1 where there
@@ -1352,10 +1381,17 @@ static void hk_turning(const hk_t *E, hk_t *w) {
   for (int i = 0; i < 3; i++) w[i] = size > HK_C(0) ? angle * (v[i] / size) : HK_C(0);
 }
 
-/* The way from the poses (p, R) of a posture on the level g to the poses `to` on the leaf c. */
+/* The way from the poses (p, R) of a posture on the level g to the poses `to` on the leaf c. What a task leaves free of
+   them is as it is at the beginning: hk_completed_body takes (p0, R0, p, R), and gives (p, R). */
 static void hk_way_to(const hk_t *from, const hk_t *g, const hk_t *to, const hk_t *c, hk_way *way) {
   hk_t square = HK_C(0), E[9];
   for (int i = 0; i < HK_TARGET; i++) way->end[i] = to[i];
+#ifdef HK_LEAVES_FREE
+  hk_t both[2 * HK_TARGET];
+  for (int i = 0; i < HK_TARGET; i++) both[i] = from[i], both[HK_TARGET + i] = to[i];
+  hk_completed_body(both, way->end);
+  to = way->end;
+#endif
   for (int f = 0; f < HK_FRAMES; f++) {
     hk_line *line = way->line + f;
     const hk_t *p = from + 3 * f, *R = from + 3 * HK_FRAMES + 9 * f, *there = to + 3 * HK_FRAMES + 9 * f;

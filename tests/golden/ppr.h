@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0xf4ac61cd8ca0e4c2U
+#define PPR_EXPORT 0x41e6cc83b60e8c46U
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,5 +1,5 @@
 /* Test vectors of ppr, in double precision. Written by holokin 0.2.0. */
-#define PPR_VECTORS 0xf4ac61cd8ca0e4c2U
+#define PPR_VECTORS 0x41e6cc83b60e8c46U
 
 typedef struct {
   double q[3];
