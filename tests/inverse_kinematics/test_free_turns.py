@@ -6,7 +6,11 @@ angles keep, any rotation of a tool whose position alone counts, a way along a c
 
 from __future__ import annotations
 
+import ctypes
+import subprocess
 from collections.abc import Callable
+from pathlib import Path
+from shutil import which
 
 import numpy as np
 import pytest
@@ -16,7 +20,9 @@ import holokin as hk
 from conftest import sampled
 from holokin.base.types import Array, Matrix, Vector
 from holokin.errors import HolokinError
+from holokin.export import export_c
 from holokin.inverse_kinematics import InverseKinematics
+from holokin.sheet_maps.sheet import Sheet
 
 STARTS = {
     "irb140": [0.2, 1.0, 0.2, 0.3, 0.9, 0.5],
@@ -244,3 +250,83 @@ def test_a_region_has_its_own_poses_whatever_their_free_part(kind: str, monkeypa
 def test_so_do_regions_of_many_arms(kind: str) -> None:
     for seed in range(8, 11):
         check_regions(kind, seed)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("kind", KINDS)
+def test_native_code_follows_as_the_virtual_machine_does(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Free motion and what the task sees, on one path."""
+    (ik, change), rng = case(kind, 1), np.random.default_rng(1)
+    law, T, t = ik.strategy, ik.strategy.task.pose(ik.q0), np.linspace(0, 1, 4)
+    X = near_and_far(T, rng, 2)[[0, 1, 1, 1]]
+    X[:, :3, 3] = T[:3, 3] + t[:, None] * 0.01 * rng.normal(size=3)
+    X[:, :3, :3] = T[:3, :3]
+    path = hk.spline(np.array([change(x, a) for x, a in zip(X, t, strict=True)]), times=t)
+    fast = hk.follow(law, path, ik.q0, samples=20, limits=False, native=True)
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    slow = hk.follow(hk.holonomic(law.task, law.constraint), path, ik.q0, samples=20, limits=False)
+    assert same(fast.q, slow.q) and np.abs(fast.q[-1] - ik.q0).max() > 1e-4
+
+
+@pytest.mark.skipif(which("cc") is None, reason="no C compiler")
+@sampled(1, "kind", [kind for kind, (of, _) in KINDS.items() if "pos" not in kind and kind != "x and z"])
+def test_exported_c_leaves_free_what_the_task_does(kind: str, tmp_path: Path) -> None:
+    """From the start, and from an answer nearby."""
+    (ik, change), rng = case(kind, 2), np.random.default_rng(2)
+    law = ik.strategy
+    export_c(law, tmp_path, q0=ik.q0, name="arm", vectors_count=2)
+    flags = ["-std=c99", "-O0", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
+    subprocess.run(["cc", *flags, "arm.c", "-o", "arm.so", "-lm"], cwd=tmp_path, check=True, timeout=200)
+    library = ctypes.CDLL(str(tmp_path / "arm.so"))
+    X = near_and_far(law.task.pose(ik.q0), rng, 6)
+    leaf, last, reached = np.atleast_1d(law.g(ik.q0)), ik.q0, 0
+    for x, amount in zip(X, amounts(rng, 6), strict=True):
+        y, answer = np.ascontiguousarray(change(x, amount)), ik.batch(x[None])
+        for q, of in ((ik.q0.copy(), "solve"), (last.copy(), "inverse")):
+            given = [q, y, leaf] if of == "inverse" else [q, y]
+            status = getattr(library, f"arm_{of}")(*(ctypes.c_void_p(a.ctypes.data) for a in given), 10_000)
+            if answer.reached[0]:
+                assert status in (0, 1, 2) and same(q, answer.q[0])
+                reached += 1
+        last = answer.q[0] if answer.reached[0] else last
+    assert reached > 5
+
+
+def test_the_nearest_station_of_a_sheet_is_that_of_the_pose_whatever_its_free_part(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """So the sheet takes the same joints for both."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    for kind in ("axis", "without yaw", "no height"):
+        (ik, change), rng = case(kind, 3), np.random.default_rng(3)
+        T = ik.strategy.task.pose(ik.q0)
+        found = ik.batch(near_and_far(T, rng, 8))
+        stations = found.q[found.reached]
+        places = np.array(
+            [change(ik.strategy.task.pose(q), a) for q, a in zip(stations, rng.normal(size=8), strict=False)]
+        )
+        sheet = Sheet(ik.strategy, ik.q0, stations=stations, places=places)
+        X = near_and_far(T, rng, 8)
+        Y = np.array([change(x, a) for x, a in zip(X, amounts(rng, 8), strict=True)])
+        for x, y in zip(X, Y, strict=True):
+            assert np.array_equal(sheet.nearest_station(x), sheet.nearest_station(y))
+        one, other = sheet.postures(X[:3]), sheet.postures(Y[:3])
+        assert same(one[0], other[0]) and np.array_equal(one[1], other[1])
+
+
+def test_each_frame_of_several_has_its_own_free_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One hand of a two-armed robot may turn as it likes, the other one spin about its axis."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    robot = hk.load("yumi")
+    one, other = (tip.name for tip in robot.tips[:2])
+    task = hk.stacked(hk.position(robot, one), hk.pose(robot, "axis", tip=other))
+    rng, q0 = np.random.default_rng(0), np.clip(np.full(robot.n, 0.4), robot.lower + 0.1, robot.upper - 0.1)
+    law = hk.holonomic(task, hk.linear(rng.normal(size=(robot.n - task.m, robot.n))))
+    ik, T = hk.inverse(law, q0, False), task.pose(q0)
+    for amount in (1e-6, 0.1, 1.0):
+        free = np.array([turned("x")(turned("y")(T[0], amount), 2 * amount), turned("z")(T[1], amount)])
+        assert same(ik(free), q0) and same(ik.near(free, q0), q0)
+        X, Y = T.copy(), free.copy()
+        X[:, :3, 3] += 0.01
+        Y[:, :3, 3] += 0.01
+        assert same(ik(X), ik(Y)) and np.abs(ik(X) - q0).max() > 1e-3
