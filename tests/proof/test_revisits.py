@@ -15,7 +15,7 @@ import holokin as hk
 from holokin.commands.main import app
 from holokin.errors import OpenPathError
 from holokin.proof import Certificate, Extent
-from holokin.proof.path_proof import Pathway
+from holokin.proof.path_proof import FINE, Pathway
 from holokin.proof.revisits import ONCE, Parts, Revisits
 
 PLANAR, Q = hk.load("planar-3r"), np.array([-3.0, 0.9, 0.9])
@@ -142,7 +142,7 @@ def test_near_by_is_not_the_same_and_what_is_not_decided_is_not_proven() -> None
     assert hk.certify(law, path, q).extent is Extent.WHOLE
     there_and_back = hk.polyline([x, x + [0.3, 0, 0], x])
     proof = hk.certify(law, there_and_back, q)
-    domain = Pathway(proof.equation, proof.c, (), proof.pieces, np.ones(2))
+    domain = Pathway(proof.equation, proof.c, (), proof.pieces, np.ones(2), np.zeros((2, FINE)))
     small = replace(proof.proven, findings=replace(proof.findings, alone=0.0 * proof.findings.alone))
     assert Revisits(domain, proof.proven).anywhere() == (Extent.WHOLE, None)
     assert Revisits(domain, small).anywhere() == (Extent.RETURN, None)

@@ -20,6 +20,7 @@ from ..inverse_kinematics import leaf_value
 from ..inverse_kinematics.branch import branch_code, extended_jacobian
 from ..inverse_kinematics.leaf import ALMOST, DONE, NEWTONS, leaf_step
 from ..inverse_kinematics.rays import rays_code
+from ..inverse_kinematics.stretch import free_code
 from ..motion import has_leaf, step_function
 from ..motion.control_step import LEAST_RCOND, MOST_ERROR
 from ..motion.step_expression import AT_LIMIT
@@ -308,7 +309,8 @@ def library(source: Source, words: Mapping[str, Any]) -> str:
         bodies = "".join(
             function.c(f"hk_{key}_body") for key, function in source.functions.items() if key != "extended"
         )
-        branch = branch_code(source.holonomic) + rays_code(source.holonomic) if source.holonomic else ""
+        s = source.holonomic
+        branch = branch_code(s) + rays_code(s) + free_code(s.task) if s else ""
     except NativeError as problem:
         raise ExportError(problem.fact, "write the law without it") from None
     transport = source.strategy.looped.transport

@@ -10,7 +10,7 @@ from ..base.arguments import typed
 from ..base.types import Array, positive
 from ..errors import ArgumentError, ExportError
 from ..sheet_maps import Sheets
-from ..sheet_maps.pose_features import features
+from ..sheet_maps.pose_features import features, seen_features
 from ..sheet_maps.sheet import STATIONS
 from ..version import __version__
 from .c_folder import Exported, c_name, c_texts, operations_of, write_texts
@@ -115,7 +115,9 @@ int {name}_sheets_of(int sheet, const double target[16], double q[{n}]);
 def _library(name: str, head: str, found: Sheets) -> str:
     n, S = found.task.n, len(found)
     begin, of = [one.begin for one in found.sheets], [one.begin_at for one in found.sheets]
-    X = features(np.concatenate([found.poses[found.served], *of]), found.length)
+    seen_by = seen_features(found.task)
+    X = features(np.concatenate([found.poses[found.served], *of]), found.length) @ seen_by
+    seen = not np.array_equal(seen_by, np.eye(12))
     ends = np.cumsum([int(found.served.sum()), *map(len, begin)])
     includes = "\n".join(f'#include "sheet_{s}/{name}_{s}.h"' for s in range(S))
 
@@ -127,7 +129,7 @@ def _library(name: str, head: str, found: Sheets) -> str:
 enum {{ SERVED = 1, PIECES = {PIECES}, SAMPLED = {ends[0]} }};
 
 /* Sampled poses that have a sheet, then the stations of each sheet: position, and {found.length:g} / sqrt(2) times the
-   rotation by rows; and half the squared length. */
+   rotation by rows{", as far as the task tells them apart" if seen else ""}; and half the squared length. */
 static const double places[{len(X)}][12] = {{
 {_rows(X)}
 }};
@@ -155,7 +157,7 @@ static int nearest(const double target[16], int sheet, double *beyond) {{
     at[i] = target[4 * i + 3];
     for (int j = 0; j < 3; j++) at[3 + 3 * i + j] = turn * target[4 * i + j];
   }}
-  for (int p = sheet < 0 ? 0 : ends[sheet]; p < ends[sheet + 1]; p++) {{
+{_SEEN.format(_rows(seen_by)) if seen else ""}  for (int p = sheet < 0 ? 0 : ends[sheet]; p < ends[sheet + 1]; p++) {{
     double value = halves[p];
     for (int i = 0; i < 12; i++) value -= at[i] * places[p][i];
     if (value > *beyond && value < least) least = value, found = p;
@@ -211,6 +213,17 @@ int {name}_sheets_near(const double target[16], double q[{n}], int sheet) {{
   return sheet;
 }}
 """
+
+
+_SEEN = """  static const double S[12][12] = {{
+{}
+  }};
+  double given_at[12];
+  for (int i = 0; i < 12; i++) given_at[i] = at[i], at[i] = 0.0;
+  for (int i = 0; i < 12; i++)
+    for (int j = 0; j < 12; j++) at[j] += given_at[i] * S[i][j];
+"""
+"""C that leaves out of a point what the task leaves free of a pose."""
 
 
 def _numbered(found: Sheets) -> str:

@@ -120,7 +120,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
             here = np.atleast_1d(holonomic.constraint_value(q))
             levels = here, here + holonomic.constraint.nearest(c - here)
             reached = leaf_follower(holonomic, q, PIECES // 2)(
-                q, straight_path(task.place(q), task.target(pose), levels)
+                q, straight_path(task, task.place(q), task.target(pose), levels)
             )
         except HolokinError:
             return None
@@ -152,7 +152,7 @@ def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generato
     """(target, posture) of inverse kinematics from the start; None where the leaf ends before."""
     task, start = strategy.task, source.q0
     pose = _single(task.pose(start + AWAY / len(start) * rng.uniform(-1, 1, len(start))))
-    path = straight_path(task.place(start), task.target(pose), (source.leaf, source.leaf))
+    path = straight_path(task, task.place(start), task.target(pose), (source.leaf, source.leaf))
     try:
         found = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, path)
     except HolokinError:

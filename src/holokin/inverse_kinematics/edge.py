@@ -20,6 +20,7 @@ from ..base.types import Flags, Indices, Matrix, Value, Vector, frozen, kept
 from ..path.straight_path import StraightPath, rotation_vector
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, dot, gradient, substitute, sumsqr, symbol, vertcat
+from ..tasks.free_motion import completed
 from .branch import turning
 from .leaf import TRIES, LeafPath, PathEnd, Pose, leaf_step, leaf_value, leaf_walk, newton_on_leaf, straight_path
 from .rays import on_ray
@@ -235,14 +236,11 @@ class Edge(Value):
 
     def path(self, begin: Goal, v: Vector, turn: Vector, goal: Goal | None) -> LeafPath:
         """From where the tool is along v, turning by `turn`; to a goal to the last bit, where there is one."""
-        if goal is not None:
-            return self.straight(begin, goal)
-        line = StraightPath(*begin, v, turn)
-        return LeafPath(lambda share: (*line.at(share), self.leaf), turn=float(np.linalg.norm(turn)))
+        return self.straight(begin, StraightPath(*begin, v, turn).at(1.0) if goal is None else goal)
 
     def straight(self, begin: Goal, goal: Goal) -> LeafPath:
         """The straight path of the tool."""
-        return straight_path(begin, goal, (self.leaf, self.leaf))
+        return straight_path(self.strategy.task, begin, goal, (self.leaf, self.leaf))
 
     def joined(self, q: Vector, tool: Goal, end: Look) -> bool:
         """True where the straight path of the tool between two postures is shown to lead from one to the other."""
@@ -255,7 +253,8 @@ class Edge(Value):
         None where that leads nowhere. careful: only where it is shown to keep to the branch.
         """
         if z is None:
-            twist = np.concatenate([goal[0] - at.position, rotation_vector(goal[1] @ at.rotation.T)])
+            p, R = completed(self.strategy.task, goal, (at.position, at.rotation))
+            twist = np.concatenate([p - at.position, rotation_vector(R @ at.rotation.T)])
         else:
             twist = at.twist @ z
         end = goal if z is None and share == 1.0 else None

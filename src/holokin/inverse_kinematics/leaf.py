@@ -24,6 +24,8 @@ from ..robot import start_posture
 from ..robot.joints import WOUND
 from ..strategies import HolonomicStrategy, Jump, Strategy, holonomic
 from ..symbolic import Function, symbol
+from ..tasks.free_motion import completed
+from ..tasks.task import Task
 from .branch import Branch, branch_code
 from .folds import Fold
 from .native_follower import NativeFollower
@@ -263,8 +265,9 @@ def leaf_walk(
     return walk
 
 
-def straight_path(begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> LeafPath:
-    """The straight path from one pose of the tool to another, from one level to another."""
+def straight_path(task: Task, begin: Pose, end: Pose, levels: tuple[Vector, Vector]) -> LeafPath:
+    """The straight path from one pose of the tool to another, without free motion, from one level to another."""
+    end = completed(task, end, begin)
     line, (c0, c1) = straight(*begin, *end), levels
 
     def at(share: float) -> tuple[Vector, Matrix, Vector]:
@@ -343,7 +346,7 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 
     strategy(start)
     at, goal = leaf_value(strategy, start), level_towards(strategy, start, level)
     here = task.place(start)
-    found = leaf_follower(strategy, start)(start, straight_path(here, here, (at, goal)))
+    found = leaf_follower(strategy, start)(start, straight_path(task, here, here, (at, goal)))
     if limits:
         task.robot.check_limits(found, WITHIN)
     return found

@@ -27,7 +27,7 @@ class NativeFollower:
         robot, n, slack = plan.task.robot, plan.task.n, TOLERANCES.limit
         p, R = plan.first
         self._kernel, self._x, self._rules = kernel, x, rules
-        self._segments = plan.path.table(plan.start_rotation)
+        self._segments = plan.table
         self._counts = np.array([*plan.counts, 0], dtype=np.int64)
         self._home = np.concatenate([p, R.ravel()]) if plan.path.closed else None
         span = np.full(n, np.inf)

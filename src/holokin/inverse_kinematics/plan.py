@@ -14,7 +14,14 @@ from ..path import Samples, locate
 from ..path.straight_path import rotation_vector
 from ..path.synchronized_paths import AnyPath, paths_of
 from ..robot import doubtful_unit
+from ..tasks.free_motion import leaves_free
 from ..tasks.task import Task, check_representation
+
+LOOKS, FEWEST = 64, 3
+"""Places of a path at which it is looked how its rates change, and of each of its segments besides."""
+
+DOUBT = 1.5
+"""Factor on changes that are looked at: between the places they may be steeper."""
 
 BLOCK = 1024
 """Steps whose targets are computed at once, and kept until others are wanted: memory does not grow with the steps."""
@@ -105,12 +112,50 @@ class Plan:
 
     @cached_property
     def _bends(self) -> list[tuple[float, float]]:
-        tracks = zip(*(path.segments for path in paths_of(self.path)), strict=True)
-        found = []
-        for segments, k in zip(tracks, self.counts.tolist(), strict=True):
-            bend, sway = np.linalg.norm([(s.bend, s.sway) for s in segments], axis=0).tolist()
-            found.append((bend / k**2, sway / k))
+        segments = len(self.counts)
+        bounds = np.linalg.norm(self.table[:, -2:].reshape(-1, segments, 2), axis=0)
+        return [(bend / k**2, sway / k) for (bend, sway), k in zip(bounds.tolist(), self.counts.tolist(), strict=True)]
+
+    @cached_property
+    def table(self) -> Matrix:
+        """The path's table, those of all frames in turn; of a task that leaves something free with what it sees of the
+        bends and of the turns, so that a path of free motion alone stands still."""
+        rows = self.path.table(self.start_rotation)
+        if leaves_free(self.task):
+            rows[:, -2:] = self._seen(rows[:, -2:].reshape(self.task.frames, -1, 2)).reshape(-1, 2)
+        return rows
+
+    def _seen(self, bounds: Array) -> Array:
+        """(bend, turn) of each frame and segment (F, s, 2), less the free motion in these bounds.
+
+        Of whole rotations the turn is as it was, of none it is 0. Of other rows the bend is `DOUBT` times the steepest
+        change of their rates x' from place to place, where that is less: free motion has no part in them.
+        """
+        task, count, found = self.task, bounds.shape[1], bounds.copy()
+        looks = FEWEST + LOOKS // count
+        for f in range(task.frames):
+            mine = [i for i, row in enumerate(task.rows) if row // 6 == f]
+            angular = [i for i in mine if task.angular[i]]
+            whole = len(angular) == 3
+            if not angular:
+                found[f, :, 1] = 0.0
+            some = [i for i in mine if i not in angular] if whole else mine
+            if not some or (len(some) == 3 and not any(task.angular[i] for i in some)):
+                continue
+            changes = np.diff(self._rates_in(looks)[:, :, some], axis=1) * (looks - 1)
+            seen = DOUBT * np.linalg.norm(changes, axis=2).max(axis=1)
+            less = seen < found[f, :, 0] + (0.0 if whole else 2 * found[f, :, 1] ** 2)  # not where it is not a number
+            found[f, less, 0] = seen[less]
+            found[f, less, 1] *= whole
         return found
+
+    def _rates_in(self, looks: int) -> Array:
+        """x' by the share of a segment (s, looks, m) at even places of it; NaN where the representation is singular."""
+        count = len(self.path.durations)
+        at = self.path.on(np.repeat(np.arange(count), looks), np.tile(np.linspace(0.0, 1.0, looks), count))
+        rates, margins = self.task.rates(turned(at.rotation, self.start_rotation), at.velocity, at.angular)
+        rates[~(margins > TOLERANCES.representation)] = np.nan
+        return rates.reshape(count, looks, -1) * self.path.durations[:, None, None]
 
     def ends(self, step: Indices) -> Vector:
         """Times at the ends of steps [s]."""

@@ -141,7 +141,7 @@ class PosePaths(Value):
         s = self.strategy
         level = self.level if self._cold(begin) else leaf_value(s, begin)
         goal = level + s.constraint.nearest(self.level - level) if len(level) else level
-        return straight_path(s.task.place(begin), (p, R), (level, goal)), np.array_equal(level, goal)
+        return straight_path(s.task, s.task.place(begin), (p, R), (level, goal)), np.array_equal(level, goal)
 
     def _walk(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """The same as `go` on the virtual machine."""

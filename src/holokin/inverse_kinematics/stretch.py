@@ -23,6 +23,8 @@ from ..errors import NativeError
 from ..strategies import HolonomicStrategy
 from ..symbolic import SX, Function, TaylorModel, directional, horzcat, symbol, vertcat
 from ..tasks.frames import poses_expression
+from ..tasks.free_motion import completing, leaves_free
+from ..tasks.task import Task
 from .branch import branch_code
 from .leaf import REGULAR, leaf_rules
 from .rays import rays_code
@@ -135,7 +137,12 @@ def inverse_code(strategy: HolonomicStrategy) -> str:
     angular = [int(flag) for flag in s.constraint.angular] if r else []
     for name, values in (("rows", list(task.rows)), ("angular", angular)):
         head += f"static const int hk_{name}[] = {{{', '.join(map(str, values or [0]))}}};\n"
-    return head + branch_code(s) + rays_code(s) + _place_code(s)
+    return head + branch_code(s) + rays_code(s) + free_code(task) + _place_code(s)
+
+
+def free_code(task: Task) -> str:
+    """C that way.c needs of a task that leaves something free; empty of others."""
+    return "#define HK_LEAVES_FREE\n" + completing(task).c("hk_completed_body") if leaves_free(task) else ""
 
 
 def stretch_code(strategy: HolonomicStrategy) -> str:

@@ -19,6 +19,7 @@ from ..inverse_kinematics.posture_search import to_poses
 from ..path.straight_path import straight
 from ..strategies import SelfMotions
 from ..strategies.self_motions import joint_gap
+from ..tasks.free_motion import completing, leaves_free
 from ..tasks.task import Task
 
 QUARTER = 0.25
@@ -78,6 +79,8 @@ def turns(task: Task, Q: Matrix) -> Turns:
 
 def _references(task: Task, q0: Vector, p: Matrix, R: Array) -> tuple[Matrix | None, Matrix | None]:
     """The postures (k, n) that least joint motion leads to on straight paths from q0, halfway and at their ends."""
+    if leaves_free(task):
+        p, R = completing(task).batch(p[0], R[0], p, R)
     lines = straight(p[0], R[0], p, R)
     size = float(np.linalg.norm([lines.move, lines.turn], axis=2).max())
     pieces = 2 * int(np.ceil(size / PIECE / 2)) or 2

@@ -15,6 +15,7 @@ from ..inverse_kinematics import inverse
 from ..inverse_kinematics.leaf import leaf_follower, leaf_step, newton_on_leaf, straight_path
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
+from ..tasks.free_motion import completed, completing, free_direction, leaves_free
 from ..tasks.task import Task
 from .bounds import UP
 from .cell_search import TUBE, Domain, on_grid, proven
@@ -86,13 +87,17 @@ class PoseRegion(Value, Domain):
         if strategy.task.frames > 1:
             cure = "certify it along paths of its frames, hk.synchronized(...): a box of poses is of one tool"
             raise ArgumentError("the task to certify over a box", strategy.task.name, cure)
+        p0, R = completed(strategy.task, (space.solid.center, space.rotation), strategy.task.place(q0))
         tilt, spin = (space.tilt, space.spin) if _turns(strategy.task) else (0.0, 0.0)
+        if _spins_freely(strategy.task, R):
+            spin = 0.0
         turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)]) * WIDER
         turning = bool(turn.any())
-        half = np.concatenate([space.solid.half, turn]) if turning else space.solid.half
-        equation, R = _equation_over(strategy, turning), space.rotation
+        sides = np.where(np.isin((0, 1, 2), strategy.task.rows), space.solid.half, 0.0)
+        half = np.concatenate([sides, turn]) if turning else sides
+        equation = _equation_over(strategy, turning)
         c, middle = equation.level(q0), np.zeros(equation.d)
-        region = PoseRegion(equation, c, space.solid.center, R, half, q0, middle, partial)
+        region = PoseRegion(equation, c, p0, R, half, q0, middle, partial)
         if partial and (np.abs(at := region.place_of(q0)) < 1).all():
             return replace(region, u0=on_grid(at))
         try:
@@ -172,16 +177,25 @@ class PoseRegion(Value, Domain):
         return self.places(T[None, :3, 3], T[None, :3, :3])[0]
 
     def places(self, p: Matrix, R: Array) -> Matrix:
-        """The parameters (k, d) of tool poses, positions (k, 3) and rotations (k, 3, 3); inf where none are theirs."""
+        """The parameters (k, d) of tool poses, positions (k, 3) and rotations (k, 3, 3); inf where none are theirs.
+
+        Free motion is left out: of the poses that the task cannot tell from one, they are those of that deepest inside.
+        """
         from scipy.spatial.transform import Rotation
 
-        w = np.zeros((len(p), 3))
-        if _turns(self.equation.strategy.task):
+        task, w, half = self.equation.strategy.task, np.zeros((len(p), 3)), np.zeros(6)
+        half[: self.equation.d] = self.half
+        if leaves_free(task):
+            p, R = completing(task).batch(self.p0, self.R0, p, R)
+        if _turns(task):
             turn = Rotation.from_matrix(self.R0.T @ R).as_quat(canonical=True)
+            direction = free_direction(task)
+            if direction is not None:
+                axis, of_base = direction
+                turn = _deepest(turn, self.R0.T @ axis if of_base else axis, of_base, half[3:])
             with np.errstate(divide="ignore", invalid="ignore"):
                 w = np.where(turn[:, 3:] > HALF_TURN, 2 * turn[:, :3] / turn[:, 3:], np.inf)
-        at, half = np.hstack([p - self.p0, w]), np.zeros(6)
-        half[: self.equation.d] = self.half
+        at = np.hstack([p - self.p0, w])
         wide = half > 0
         u = np.where(wide, at / np.where(wide, half, 1.0), np.where(np.abs(at) < NEAR, 0.0, np.inf))
         u[np.isinf(u).any(axis=1)] = np.inf
@@ -207,7 +221,7 @@ class PoseRegion(Value, Domain):
             q, pose = postures[nearest], (T[i, :3, 3], T[i, :3, :3])
             near = newton_on_leaf(correct, q, *pose, leaf, side)
             try:
-                q = go(q, straight_path(task.place(q), pose, (leaf, leaf))) if near is None else near[0]
+                q = go(q, straight_path(task, task.place(q), pose, (leaf, leaf))) if near is None else near[0]
                 known.append(middles[i])
                 postures.append(q)
                 self._known.append((middles[i], q))
@@ -313,7 +327,44 @@ class PoseRegion(Value, Domain):
 
 def _turns(task: Task) -> bool:
     """Whether a task looks at the tool's orientation."""
-    return task.turns or task.orientation is not None
+    return any(task.angular)
+
+
+def _spins_freely(task: Task, R: Matrix) -> bool:
+    """Whether turns about the tool's z axis at the middle of a box, whose rotation is R (3, 3), are free."""
+    direction = free_direction(task)
+    if direction is None:
+        return False
+    axis, of_base = direction
+    return float(np.abs((R.T @ axis if of_base else axis)[:2]).max()) < NEAR
+
+
+def _deepest(turn: Matrix, axis: Vector, of_base: bool, half: Vector) -> Matrix:
+    """Of turns (k, 4), as quaternions x, y, z, s, then or first turned freely about an axis (3,), those with the least
+    of the largest |w_i| / half_i, w the Cayley parameters.
+
+    A free turn by 2 atan(t) leads to a + t b, and 2 w_i = (a_i + t b_i) / (a_s + t b_s): where two of the ratios are
+    as large, or one is 0, t solves a linear equation.
+    """
+    from scipy.spatial.transform import Rotation
+
+    free, turns = Rotation.from_quat([*axis, 0.0]), Rotation.from_quat(turn)
+    a, b = turns.as_quat(), (free * turns if of_base else turns * free).as_quat()
+    size = np.maximum(half, 1e-12)
+    A, B = a[:, :3] / size, b[:, :3] / size
+    pairs = [(i, j, sign) for i in range(3) for j in range(i, 3) for sign in ((1.0,) if i == j else (1.0, -1.0))]
+    best, least = turn, np.full(len(turn), np.inf)
+    for i, j, sign in pairs:
+        over, under = A[:, i] + sign * (A[:, j] if i != j else 0.0), B[:, i] + sign * (B[:, j] if i != j else 0.0)
+        length = np.hypot(over, under)
+        c, s = (np.where(length > 0, x / np.where(length > 0, length, 1.0), y) for x, y in ((under, 1.0), (-over, 0.0)))
+        tried = c[:, None] * a + s[:, None] * b
+        tried *= np.where(tried[:, 3:] < 0, -1.0, 1.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.abs(tried[:, :3] / size).max(axis=1) / tried[:, 3]
+        better = ratio < least
+        best, least = np.where(better[:, None], tried, best), np.where(better, ratio, least)
+    return best
 
 
 def _not_whole(found: Covered) -> Extent:

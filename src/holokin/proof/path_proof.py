@@ -13,10 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, joined, kept
-from ..inverse_kinematics.plan import make_plan
+from ..inverse_kinematics.plan import Plan, make_plan, turned
+from ..path.straight_path import rotation_vector
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy
 from ..symbolic.intervals import Interval
+from ..tasks.free_motion import completing, leaves_free
 from .bounds import UP, norm
 from .cell_search import AIM, TUBE, Domain, on_grid
 from .certificate import Boxes, Covered, Extent
@@ -26,6 +28,12 @@ from .tube import Cells, examined
 
 SEAM = 1e-12
 """What E may change by [m, 1] where pieces of a path meet: a path of some metres in doubles is off by 1e-15."""
+
+FINE = 256
+"""Parts of a piece in which it is looked how far the joints go."""
+
+SPUN = 0.05
+"""Free turn [rad] of a cell at first: its equation turns with it, though no joint may move."""
 
 MOST = 4096
 """Cells of a piece at first, at most: near a singular posture omega asks for millions."""
@@ -42,7 +50,7 @@ class Pathway(Value, Domain):
     """Joints near the leaf c (r,) as a function of a path: splines through a trajectory, one a piece.
 
     `begun` (pieces, .) are those of the family but for u0 and h; `ends` the share of each piece up to which it
-    was followed.
+    was followed; `spins` (pieces, 256) their free turns [rad], which move no joint, in parts.
     """
 
     equation: Equation
@@ -50,6 +58,7 @@ class Pathway(Value, Domain):
     splines: tuple[Callable[[Array], Matrix], ...]
     begun: Matrix
     ends: Vector
+    spins: Matrix
     slack: float = SEAM
 
     @staticmethod
@@ -74,7 +83,7 @@ class Pathway(Value, Domain):
         equation = _equation_along(strategy, *((m.turning, m.curved) for m in family.members))
         numbers = np.array([family.of(rows[:, i]) for i in range(len(splines))]).reshape(len(splines), -1)
         c = equation.level(start)
-        return Pathway(equation, c, tuple(splines), numbers, np.array(ends))
+        return Pathway(equation, c, tuple(splines), numbers, np.array(ends), _free_turns(plan, np.array(ends)))
 
     def first(self) -> Boxes:
         """Cells in which e is about `AIM`, from omega at sampled postures."""
@@ -87,10 +96,11 @@ class Pathway(Value, Domain):
         omega = np.minimum(found.omega, 1e6)
         parts = []
         for i, end in enumerate(self.ends.tolist()):
-            fine = np.linspace(0, end, 257)
+            fine = np.linspace(0, end, FINE + 1)
             way = np.linalg.norm(np.diff(self._at(np.full(len(fine), i), fine), axis=0), axis=1)
             bend = np.interp(fine, u[piece == i], omega[piece == i])
-            total = np.concatenate([[0.0], np.cumsum(way * (bend[1:] + bend[:-1]) / 2)])
+            change = np.maximum(way * (bend[1:] + bend[:-1]) / 2, 2 * AIM / SPUN * self.spins[i])
+            total = np.concatenate([[0.0], np.cumsum(change)])
             count = int(np.clip(np.ceil(total[-1] / (2 * AIM)), 1, MOST))
             edges = np.unique(on_grid(np.interp(np.linspace(0, total[-1], count + 1), total, fine)))
             count = len(edges) - 1
@@ -164,6 +174,21 @@ class Pathway(Value, Domain):
         n = self.equation.joints
         q = np.array([self.splines[i](x) for i, x in zip(piece, u, strict=True)]).reshape(len(piece), n)
         return self.equation.completed(q)
+
+
+def _free_turns(plan: Plan, ends: Vector) -> Matrix:
+    """How far the frames turn freely in the parts of each piece up to its end (pieces, `FINE`) [rad]."""
+    spins, task = np.zeros((len(ends), FINE)), plan.task
+    turning = sorted({row // 6 for row, angular in zip(task.rows, task.angular, strict=True) if angular})
+    if not leaves_free(task) or not turning:
+        return spins
+    for i, end in enumerate(ends.tolist()):
+        at = plan.path.on(np.full(FINE + 1, i), np.linspace(0, end, FINE + 1))
+        p, R = at.position, turned(at.rotation, plan.start_rotation)
+        seen = completing(task).batch(p[:-1], R[:-1], p[1:], R[1:])[1].reshape(-1, 3, 3)
+        free = rotation_vector(R[1:].reshape(-1, 3, 3) @ np.swapaxes(seen, 1, 2)).reshape(FINE, -1, 3)
+        spins[i] = np.linalg.norm(free[:, turning], axis=(1, 2))
+    return spins
 
 
 def distances(found: Covered, ones: Indices, others: Indices, turns: Vector) -> Vector:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..base.types import Array, Indices, Matrix, Value, Vector
+from ..tasks.free_motion import free_direction
 from ..tasks.task import Task
 
 TURN_LENGTH = 0.3
@@ -23,7 +24,7 @@ PIECE = 4096
 
 def turn_length(task: Task) -> float:
     """What a turn of 1 rad counts for a task [m]: nothing where only positions matter."""
-    return 0.0 if task.orientation is None else TURN_LENGTH
+    return TURN_LENGTH if any(task.angular) else 0.0
 
 
 def features(T: Array, length: float) -> Matrix:
@@ -32,12 +33,27 @@ def features(T: Array, length: float) -> Matrix:
     return np.hstack([T[:, :3, 3], (length / np.sqrt(2)) * T[:, :3, :3].reshape(-1, 9)])
 
 
+def seen_features(task: Task) -> Matrix:
+    """S (12, 12): poses as points X (k, 12), X S, are as far apart as the task tells them apart.
+
+    Coordinates without a row count nothing; of a tool that may spin about a direction a, R a a^T stands for R.
+    """
+    S, direction = np.eye(12), free_direction(task)
+    S[:3, :3] = np.diag(np.isin((0, 1, 2), task.rows))
+    if direction is not None:
+        axis, of_base = direction
+        one = np.sqrt(2) * np.outer(axis, axis)
+        S[3:, 3:] = np.kron(one, np.eye(3)) if of_base else np.kron(np.eye(3), one)
+    return S
+
+
 @dataclass(frozen=True, eq=False)
 class PosePoints(Value):
-    """Poses (k, 4, 4) among which the nearest is asked for; a turn of 1 rad counts `length` m."""
+    """Poses (k, 4, 4) among which the nearest is asked for; a turn of 1 rad counts `length` m, `seen` by a task."""
 
     poses: Array
     length: float
+    seen: Matrix
 
     def nearest(self, T: Array) -> Indices:
         """The nearest to each of some poses (l, 4, 4), the first one of equals; there must be one at least."""
@@ -59,14 +75,14 @@ class PosePoints(Value):
         Each pose for itself, so that they have the same last bits in any company: of equal ones one is the nearest.
         """
         X, half = self._points
-        Y = features(T, self.length)
+        Y = np.matmul(features(T, self.length)[:, None], self.seen)[:, 0]
         for part in np.array_split(Y, 1 + len(Y) // PIECE):
             yield half - np.matmul(X[None], part[:, :, None])[..., 0]
 
     @cached_property
     def _points(self) -> tuple[Matrix, Vector]:
         """(points (k, 12), half their squared lengths)."""
-        X = features(self.poses, self.length)
+        X = features(self.poses, self.length) @ self.seen
         return X, 0.5 * np.sum(X**2, axis=1)
 
 

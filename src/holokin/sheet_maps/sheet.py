@@ -15,7 +15,7 @@ from ..inverse_kinematics import InverseKinematics, leaf_value
 from ..inverse_kinematics.quiet_answers import answer, answers
 from ..motion_checking import Clear
 from ..strategies import HolonomicStrategy
-from .pose_features import PosePoints, turn_length
+from .pose_features import PosePoints, seen_features, turn_length
 
 STATIONS = 12
 """Stations of a sheet from which a pose is tried at most, nearest first. On a Panda, of 42 poses that four sheets
@@ -116,7 +116,8 @@ class Sheet(Value):
 
     @cached_property
     def _places(self) -> PosePoints:
-        return PosePoints(self.begin_at, turn_length(self.strategy.task))
+        task = self.strategy.task
+        return PosePoints(self.begin_at, turn_length(task), seen_features(task))
 
     def __str__(self) -> str:
         at = ", ".join(f"{c:.4g}" for c in self.level.round(9) + 0.0)  # -0 is 0

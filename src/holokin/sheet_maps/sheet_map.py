@@ -20,7 +20,7 @@ from ..path.workspaces import PoseRange, Workspace
 from ..proof import UniqueRegion, unique_region
 from ..tasks.task import Task
 from .follow_sheets import Stops, follow_sheets
-from .pose_features import PosePoints
+from .pose_features import PosePoints, seen_features
 from .pose_rest import PoseRest, rests_of
 from .seams import Seams, Where, seams_of
 from .sheet import Sheet, known
@@ -323,4 +323,5 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     @cached_property
     def _known(self) -> tuple[PosePoints, Indices]:
         """The sampled poses that have a sheet, and their indices."""
-        return PosePoints(self.poses[self.served], self.length), np.flatnonzero(self.served)
+        points = PosePoints(self.poses[self.served], self.length, seen_features(self.task))
+        return points, np.flatnonzero(self.served)

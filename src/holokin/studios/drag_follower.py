@@ -18,6 +18,7 @@ from ..inverse_kinematics.quiet_answers import how_far, is_native
 from ..motion import StepStatus, controller
 from ..path.straight_path import StraightPath, straight
 from ..strategies import HolonomicStrategy, Strategy
+from ..tasks.free_motion import completed
 from ..tasks.task import Task
 from .session_laws import Law
 from .states import LawStatus
@@ -102,7 +103,7 @@ def _by_leaf(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Follower:
                 return how_far(ik, pose, q)
         walk, at = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
         levels = at, at + strategy.constraint.nearest(level - at)
-        last, ended = walk(q, straight_path(task.place(q), task.target(poses), levels))
+        last, ended = walk(q, straight_path(task, task.place(q), task.target(poses), levels))
         return last, InverseStatus.REACHED if ended is PathEnd.REACHED else InverseStatus.LEAF_ENDS
 
     def follow(q: Vector, poses: Array, wait: bool) -> Move:
@@ -178,9 +179,10 @@ def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
 
 def _way(task: Task, q: Vector, poses: Array) -> tuple[StraightPath, int]:
     """The straight path of the tools from a posture to poses, and its number of steps."""
-    path = straight(*task.place(q), *task.target(poses))
+    here = task.place(q)
+    path = straight(*here, *completed(task, task.target(poses), here))
     far = float(np.linalg.norm(path.move.reshape(-1, 3), axis=1).max())
-    turned = float(np.linalg.norm(path.turn.reshape(-1, 3), axis=1).max()) if any(task.angular) else 0.0
+    turned = float(np.linalg.norm(path.turn.reshape(-1, 3), axis=1).max())
     return path, int(np.clip(np.ceil(max(far / LONG, turned / TURN)), 1, MOST))
 
 

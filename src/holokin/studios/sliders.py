@@ -139,7 +139,7 @@ def across(law: Law, q: Vector, slider: Slider, value: float, row: int) -> Vecto
     change = np.zeros(law.task.n - law.task.m)
     change[row] = np.deg2rad(moved) if slider.unit == DEGREES else moved
     here, level = law.task.place(q), leaf_value(strategy, q)
-    return leaf_follower(strategy, q)(q, straight_path(here, here, (level, level + change)))
+    return leaf_follower(strategy, q)(q, straight_path(law.task, here, here, (level, level + change)))
 
 
 def leaves_of(law: Law) -> HolonomicStrategy:
@@ -161,7 +161,7 @@ def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limit
         if rate is None:
             return gone, "singular"
         size = min(wide / max(float(np.abs(rate).max()), 1e-12), full - gone)
-        new, ended = walk(at, straight_path(here, here, (c, c + sign * size * unit)))
+        new, ended = walk(at, straight_path(task, here, here, (c, c + sign * size * unit)))
         beyond = ended is PathEnd.REACHED and limits and not robot.within(new)
         if ended is not PathEnd.REACHED or beyond:
             if wide < MOVE / 100:

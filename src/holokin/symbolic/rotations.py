@@ -111,6 +111,34 @@ def log_so3(R: ca.SX) -> ca.SX:
     return v * ca.if_else(small, series, 2 * ca.atan2(norm, w) / norm)
 
 
+def exp_so3(w: ca.SX) -> ca.SX:
+    """The rotation (3, 3) of a rotation vector (3,): 1 + sin t / t [w]x + (1 - cos t) / t^2 [w]x^2. Of values alone."""
+    t, K = ca.fmax(ca.norm_2(w), _SMALLEST), skew(w)
+    half = ca.sin(t / 2) / t  # 1 - cos t = 2 sin^2(t / 2), without cancellation
+    return ca.SX.eye(3) + ca.sin(t) / t * K + 2 * half * half * (K @ K)
+
+
+def shortest_turn(a: ca.SX, b: ca.SX) -> ca.SX:
+    """The rotation (3, 3) by the smallest angle that takes the direction of a (3,) to that of b (3,).
+
+    cos 1 + [v]x + k v v^T with v = a x b, k = (1 - cos) / |v|^2; of opposite directions some half turn, the same for
+    the same a. Of values alone.
+    """
+    a, b = a / ca.norm_2(a), b / ca.norm_2(b)
+    c, v = ca.dot(a, b), ca.cross(a, b)
+    v = v - ca.dot(v, a) * a  # round-off along a is large beside a small v
+    square = ca.dot(v, v)
+    aside = ca.cross(a, ca.if_else(ca.fabs(a[0]) < 0.6, ca.SX([1, 0, 0]), ca.SX([0, 1, 0])))
+    half = 2 * aside @ aside.T / ca.dot(aside, aside) - ca.SX.eye(3)
+    k = ca.if_else(c > 0, 1 / (1 + ca.fmax(c, 0)), (1 - c) / ca.fmax(square, _SMALLEST**2))
+    turn = c * ca.SX.eye(3) + skew(v) + k * (v @ v.T)
+    return ca.if_else(ca.logic_and(c < 0, square < _SMALLEST**2), half, turn)
+
+
+_SMALLEST = 1e-12
+"""Angle [rad], or what it has left to half a turn, that counts as none."""
+
+
 def log_s2(d: ca.SX) -> ca.SX:
     """(ax, ay) of a direction d (3,): the turn about a line across z, of at most pi, that takes z to d.
 

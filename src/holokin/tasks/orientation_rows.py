@@ -7,16 +7,26 @@ of `twist` have neither.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
-from ..base.types import Matrix, Value, Vector
+from ..base.types import ArrayLike, Matrix, Value, Vector
 from ..errors import UnknownNameError
 from ..symbolic import SX, cos, fmax, if_else, jacobian, norm_2, sin, sumsqr, vec, vertcat, wrapped
-from ..symbolic.rotations import frame_about, log_s2, log_so3, rpy_angles, skew, zyz_angles
+from ..symbolic.rotations import (
+    exp_so3,
+    frame_about,
+    log_s2,
+    log_so3,
+    rotation_about,
+    rpy_angles,
+    shortest_turn,
+    skew,
+    zyz_angles,
+)
 
 Angles = Literal["zyz", "rpy", "rotation-vector"]
 """Coordinates of a rotation by three angles."""
@@ -25,6 +35,8 @@ Orientation = Literal["twist", "zyz", "rpy", "rotation-vector", "axis"]
 """The kinds of orientation rows."""
 
 ORIENTATIONS: tuple[Orientation, ...] = get_args(Orientation)
+
+X, Y, Z = np.eye(3)
 
 UP = (0.0, 0.0, 1.0)
 """The z axis of the tool, which an axis task keeps unless told otherwise."""
@@ -54,6 +66,40 @@ class Representation(Value, ABC):
         turn = vertcat(*(vec(skew(SX(np.eye(3)[:, i])) @ R).T for i in range(3))).T  # R' = [angular]x R
         return jacobian(self.value(R), R) @ turn @ angular  # (15), (16), (17): x' = T^-1 w
 
+    @abstractmethod
+    def rotation(self, w: SX) -> SX:
+        """R (3, 3) of coordinates: what `value` undoes."""
+
+    def completed(self, wanted: SX, rows: Sequence[int], here: SX) -> SX:
+        """The rotation (3, 3) that has some rows of a wanted one, and all else as it is in `here`.
+
+        Where the rows tell a direction of the tool, or of the base seen by the tool, it is `here` turned to it by the
+        smallest angle; else the other coordinates are those of `here`.
+        """
+        if len(rows) == 3:
+            return wanted
+        if not rows:
+            return here
+        direction = self.directions.get(tuple(rows))
+        if direction is None:
+            return self._mixed(wanted, rows, here)
+        fixed, of_base = direction
+        if of_base:
+            return here @ shortest_turn(wanted.T @ SX(fixed), here.T @ SX(fixed))
+        return shortest_turn(here @ SX(fixed), wanted @ SX(fixed)) @ here
+
+    @property
+    def directions(self) -> dict[tuple[int, ...], tuple[ArrayLike, bool]]:
+        """Rows that tell a direction (3,) and nothing else: one fixed in the tool, or, with True, in the base."""
+        return {}
+
+    def _mixed(self, wanted: SX, rows: Sequence[int], here: SX) -> SX:
+        """The rotation with some coordinates of a wanted one and the others of `here`."""
+        w, there = self.value(here), self.value(wanted)
+        for row in rows:
+            w[row] = there[row]
+        return self.rotation(w)
+
 
 @dataclass(frozen=True, eq=False)
 class Turn(Representation):
@@ -79,6 +125,17 @@ class Turn(Representation):
         """The angular velocity."""
         return angular
 
+    def rotation(self, w: SX) -> SX:
+        """exp(w) reference."""
+        return exp_so3(w) @ SX(self.reference)
+
+    def _mixed(self, wanted: SX, rows: Sequence[int], here: SX) -> SX:
+        """exp of some rows of the error: of the tool of a plane, its turn in the plane."""
+        gap, w = self.error(wanted, here), SX.zeros(3)
+        for row in rows:
+            w[row] = gap[row]
+        return exp_so3(w) @ here
+
 
 @dataclass(frozen=True, eq=False)
 class EulerZYZ(Representation):
@@ -94,6 +151,15 @@ class EulerZYZ(Representation):
         """sin theta."""
         return sin(self.value(R)[1])
 
+    def rotation(self, w: SX) -> SX:
+        """Rz(phi) Ry(theta) Rz(psi)."""
+        return rotation_about(Z, w[0]) @ rotation_about(Y, w[1]) @ rotation_about(Z, w[2])
+
+    @property
+    def directions(self) -> dict[tuple[int, ...], tuple[ArrayLike, bool]]:
+        """Without psi the z axis of the tool; without phi that of the base."""
+        return {(0, 1): (Z, False), (1, 2): (Z, True)}
+
 
 @dataclass(frozen=True, eq=False)
 class RollPitchYaw(Representation):
@@ -108,6 +174,15 @@ class RollPitchYaw(Representation):
     def margin(self, R: SX) -> SX:
         """cos pitch."""
         return cos(self.value(R)[1])
+
+    def rotation(self, w: SX) -> SX:
+        """Rz(yaw) Ry(pitch) Rx(roll)."""
+        return rotation_about(Z, w[2]) @ rotation_about(Y, w[1]) @ rotation_about(X, w[0])
+
+    @property
+    def directions(self) -> dict[tuple[int, ...], tuple[ArrayLike, bool]]:
+        """Without roll the x axis of the tool; without yaw the z axis of the base."""
+        return {(1, 2): (X, False), (0, 1): (Z, True)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +207,10 @@ class RotationVector(Representation):
         other = there * (1 - 2 * np.pi / fmax(angle, 1e-3))  # a turn below 1e-3 rad has no near double
         return if_else(sumsqr(other - here) < sumsqr(there - here), other, there) - here
 
+    def rotation(self, w: SX) -> SX:
+        """exp(w) reference."""
+        return exp_so3(w) @ SX(self.reference)
+
 
 @dataclass(frozen=True, eq=False)
 class AxisDirection(Representation):
@@ -155,6 +234,20 @@ class AxisDirection(Representation):
     def error(self, wanted: SX, R: SX) -> SX:
         """The difference."""
         return self.value(wanted) - self.value(R)
+
+    def rotation(self, w: SX) -> SX:
+        """That of least angle from the reference; of one row alone `completed` takes its axis."""
+        reference = SX(self.reference @ frame_about(self.axis))
+        return reference @ exp_so3(vertcat(w, 0)) @ SX(frame_about(self.axis)).T
+
+    @property
+    def directions(self) -> dict[tuple[int, ...], tuple[ArrayLike, bool]]:
+        """The axis."""
+        return {(0, 1): (self.axis, False)}
+
+    def _mixed(self, wanted: SX, rows: Sequence[int], here: SX) -> SX:
+        """The direction of one row of the wanted one and of the other one of `here`."""
+        return super().completed(super()._mixed(wanted, rows, here), (0, 1), here)
 
 
 _KINDS: dict[str, Callable[[Matrix, Vector], Representation]] = {

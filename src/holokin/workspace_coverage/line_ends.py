@@ -18,6 +18,7 @@ from ..inverse_kinematics.newton import newton
 from ..path.straight_path import straight
 from ..strategies import HolonomicStrategy
 from ..symbolic import Function, runge_kutta
+from ..tasks.free_motion import completing, leaves_free
 from ..tasks.task import Task
 
 FIRST = 0.35
@@ -165,8 +166,11 @@ class _Lines:
     def __init__(self, task: Task, starts: Matrix, poses: Array) -> None:
         self.q = starts
         p0, R0 = task.poses(np.asarray(starts))
-        self.path = straight(p0, R0, poses[:, :3, 3], poses[:, :3, :3])
-        if task.orientation is None:
+        p, R = poses[:, :3, 3], poses[:, :3, :3]
+        if leaves_free(task):
+            p, R = completing(task).batch(p0, R0, p, R)
+        self.path = straight(p0, R0, p, R)
+        if not any(task.angular):
             self.path = replace(self.path, turn=np.zeros_like(self.path.turn))
 
     @classmethod

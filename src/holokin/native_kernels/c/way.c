@@ -22,10 +22,17 @@ static void hk_turning(const hk_t *E, hk_t *w) {
   for (int i = 0; i < 3; i++) w[i] = size > HK_C(0) ? angle * (v[i] / size) : HK_C(0);
 }
 
-/* The way from the poses (p, R) of a posture on the level g to the poses `to` on the leaf c. */
+/* The way from the poses (p, R) of a posture on the level g to the poses `to` on the leaf c. What a task leaves free of
+   them is as it is at the beginning: hk_completed_body takes (p0, R0, p, R), and gives (p, R). */
 static void hk_way_to(const hk_t *from, const hk_t *g, const hk_t *to, const hk_t *c, hk_way *way) {
   hk_t square = HK_C(0), E[9];
   for (int i = 0; i < HK_TARGET; i++) way->end[i] = to[i];
+#ifdef HK_LEAVES_FREE
+  hk_t both[2 * HK_TARGET];
+  for (int i = 0; i < HK_TARGET; i++) both[i] = from[i], both[HK_TARGET + i] = to[i];
+  hk_completed_body(both, way->end);
+  to = way->end;
+#endif
   for (int f = 0; f < HK_FRAMES; f++) {
     hk_line *line = way->line + f;
     const hk_t *p = from + 3 * f, *R = from + 3 * HK_FRAMES + 9 * f, *there = to + 3 * HK_FRAMES + 9 * f;
