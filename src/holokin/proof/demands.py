@@ -34,19 +34,20 @@ class Demands(Value):
 
     def judged(self, cells: Cells, found: Findings, good: Flags) -> Judged:
         """Cells with a root of their own (`good`), held against what is asked."""
-        inside = good.copy()
+        inside, none = good.copy(), np.zeros(len(good), dtype=bool)
+        beyond = none
         if self.limits is not None:
             inside &= ((found.low >= self.limits.low) & (found.high <= self.limits.high)).all(axis=1)
-        none = np.zeros(len(good), dtype=bool)
+            beyond = good & ((found.low > self.limits.high) | (found.high < self.limits.low)).any(axis=1)
         if self.clear is None:
-            return Judged(found, inside, none, none)
+            return Judged(found, inside, beyond, none)
         here: Indices = np.flatnonzero(inside)
         apart = self.clear.over(some(cells, here), found.r[here])
         k, P = len(good), len(self.clear.pairs)
         least, planes = np.full((k, P), -np.inf), np.zeros((k, P, 3))
         least[here], planes[here] = apart.least, apart.planes
         short = ~(apart.least >= self.clear.wanted)
-        near, final = none.copy(), none.copy()
+        near, final = none.copy(), beyond.copy()
         near[here] = short.any(axis=1)
         final[here] = (short & ((apart.motion < FINEST) | (apart.middle < self.clear.wanted))).any(axis=1)
         return Judged(replace(found, apart=least, planes=planes), inside & ~near, final, near)
