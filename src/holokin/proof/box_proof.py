@@ -35,11 +35,6 @@ HALF_TURN = 1e-9
 WIDER = 1 + 1e-12
 """Boxes of turns are larger by this than their tilt and spin ask, for the rounding of the tangents."""
 
-
-PART, ROOTLESS = 2.0**-3, 1.0
-"""Of a cell of the grid, the smallest parts that a `partial` proof tries; and those in which no root was found."""
-
-
 FINENESS = np.geomspace(0.5, 500, 48)
 """Cells per joint motion of a side [1 / joint unit] that are tried."""
 
@@ -98,7 +93,7 @@ class PoseRegion(Value, Domain):
         equation = _equation_over(strategy, turning)
         c, middle = equation.level(q0), np.zeros(equation.d)
         region = PoseRegion(equation, c, p0, R, half, q0, middle, partial)
-        if partial and (np.abs(at := region.place_of(q0)) < 1).all():
+        if partial and (np.abs(at := region.place_of(q0)) <= 1).all():
             return replace(region, u0=on_grid(at))
         try:
             return replace(region, q=inverse(strategy, q0, limits=False)(space.center))
@@ -128,10 +123,23 @@ class PoseRegion(Value, Domain):
 
     @cached_property
     def _counts(self) -> tuple[list[int], float]:
-        """(cells along each axis, radius of their tubes)."""
+        """(cells along each axis, radius of their tubes): by the test in the middle, as of the whole box; at `u0` where
+        the leaf does not lead to the middle, or is nearly singular there."""
+        middle = np.zeros(self.equation.d)
+        if not self.u0.any():
+            return self._counted(middle, self.q)[:2]
+        try:
+            q = inverse(self.equation.strategy, self.q, limits=False)(pose_from(self.p0, self.R0))
+        except HolokinError:
+            return self._counted(self.u0, self.q)[:2]
+        *found, good = self._counted(middle, q)
+        return (found[0], found[1]) if good else self._counted(self.u0, self.q)[:2]
+
+    def _counted(self, u: Vector, q: Vector) -> tuple[list[int], float, bool]:
+        """(cells along each axis, radius of their tubes, whether one of them passes the test) by the posture q at u."""
         d = self.equation.d
-        middle = self.equation.completed(self.q[None])
-        tiny = self._about(np.full((1, d), 1e-9), np.full(1, 1e-9))
+        middle = self.equation.completed(q[None])
+        tiny = self._about(u, np.full((1, d), 1e-9), np.full(1, 1e-9))
         cells = centred(self.equation, middle, self.numbers(tiny), self.c, tiny.rho)
         rho = TUBE / float(np.clip(examined(self.equation, cells, self.c).omega[0], 1e-3, 1e6))
         sides = np.nan_to_num(np.linalg.norm(cells.V[0], axis=0) * 1e9, posinf=1e9)
@@ -139,20 +147,20 @@ class PoseRegion(Value, Domain):
         few = tried.prod(axis=1) <= MOST
         # where the middle is nearly singular any grid is too fine: then one cell, halved as far as the budget goes
         tried = np.minimum(tried[few], 64) if few.any() else np.ones((1, d))
-        boxes = self._about(1 / tried, np.full(len(tried), rho))
+        boxes = self._about(u, 1 / tried, np.full(len(tried), rho))
         found = examined(
             self.equation,
             centred(self.equation, np.tile(middle, (len(tried), 1)), self.numbers(boxes), self.c, boxes.rho),
             self.c,
         )
         good = proven(found)
-        return tried[int(np.argmax(good)) if good.any() else 0].astype(int).tolist(), rho
+        return tried[int(np.argmax(good)) if good.any() else 0].astype(int).tolist(), rho, bool(good.any())
 
-    def _about(self, half: Matrix, rho: Vector) -> Boxes:
-        """Boxes (k, d) about `u0`."""
+    def _about(self, u: Vector, half: Matrix, rho: Vector) -> Boxes:
+        """Boxes (k, d) about a place."""
         k = len(half)
         none = np.full((k, self.equation.n), np.nan)
-        return Boxes(np.zeros(k, dtype=int), self.u0 - half, self.u0 + half, rho, np.zeros(k, dtype=bool), none)
+        return Boxes(np.zeros(k, dtype=int), u - half, u + half, rho, np.zeros(k, dtype=bool), none)
 
     def given(self, piece: Indices) -> Matrix:
         """Of the family `PoseBox`."""
@@ -201,6 +209,10 @@ class PoseRegion(Value, Domain):
         u[np.isinf(u).any(axis=1)] = np.inf
         return u[:, : self.equation.d]
 
+    def share(self, boxes: Boxes) -> float:
+        """How much of the box boxes are, 0 to 1."""
+        return float(np.prod((boxes.high - boxes.low) / 2, axis=1).sum())
+
     def joints(self, boxes: Boxes) -> Matrix:
         """As the cells that were halved predict them; else continued on the leaf from the nearest that is known."""
         from scipy.spatial import KDTree
@@ -226,9 +238,26 @@ class PoseRegion(Value, Domain):
                 postures.append(q)
                 self._known.append((middles[i], q))
             except HolokinError:
-                q = np.full(len(q), np.nan) if self.partial else self.q
+                q = self.q
             found[i] = self.equation.completed(q[None])[0]
         return found
+
+    def led(self, places: Matrix, postures: Matrix, boxes: Boxes) -> Matrix:
+        """Joints (k, n) at the middles of boxes, continued on the leaf from postures (k, n) at places (k, d); NaN where
+        the leaf ends on the way."""
+        strategy, leaf = self.equation.strategy, self.c
+        correct, go, task = leaf_step(strategy), leaf_follower(strategy, self.q, PIECES), strategy.task
+        side, out = float(correct(self.q, *task.place(self.q), leaf)[3]), np.full(postures.shape, np.nan)
+        before, after = self.poses_at(places), self.poses(boxes)
+        for i, (q, A, B) in enumerate(zip(postures[:, : task.n], before, after, strict=True)):
+            near = newton_on_leaf(correct, q, B[:3, 3], B[:3, :3], leaf, side)
+            try:
+                path = straight_path(task, (A[:3, 3], A[:3, :3]), (B[:3, 3], B[:3, :3]), (leaf, leaf))
+                found = go(q, path) if near is None else near[0]
+            except HolokinError:
+                continue
+            out[i] = self.equation.completed(found[None])[0]
+        return out
 
     def learned(self) -> list[tuple[Vector, Vector]]:
         """Places and postures that were found, of which the next ones are continued."""
@@ -240,26 +269,12 @@ class PoseRegion(Value, Domain):
         return [(self.u0, self.q)]
 
     def beyond(self, boxes: Boxes, stopped: list[tuple[int, tuple[float, ...]]]) -> Flags:
-        """All: one place where the proof fails ends it, unless it is to be `partial`."""
-        return np.full(len(boxes), not self.partial)
+        """All: one place where the proof fails ends it."""
+        return np.ones(len(boxes), dtype=bool)
 
     def goes_on(self, extent: Extent) -> bool:
-        """Only a `partial` proof, or one that has not ended."""
-        return self.partial or extent is Extent.WHOLE
-
-    def order(self, boxes: Boxes, scarce: bool) -> Indices:
-        """Of a `partial` proof the nearest to its start."""
-        if not self.partial:
-            return super().order(boxes, scarce)
-        return np.argsort(np.linalg.norm((boxes.low + boxes.high) / 2 - self.u0, axis=1), kind="stable")
-
-    def fine(self, boxes: Boxes, rooted: Flags) -> Flags:
-        """Parts of a cell of the grid, of a `partial` proof: smaller ones where there is a root."""
-        if not self.partial:
-            return np.zeros(len(boxes), dtype=bool)
-        whole = np.prod([2 / count for count in self._counts[0]])
-        share = np.prod(boxes.high - boxes.low, axis=1) / whole
-        return share <= np.where(rooted, PART, ROOTLESS)
+        """Only where the proof has not ended."""
+        return extent is Extent.WHOLE
 
     def arranged(self, found: Covered) -> Covered:
         """All of them."""
@@ -313,7 +328,8 @@ class PoseRegion(Value, Domain):
                     y = (np.maximum(b.low[i], b.low[j]) + np.minimum(b.high[i], b.high[j])) / 2
                     y[:, axis] = at
                     off = np.linalg.norm(_within(found, i, y) - _within(found, j, y), axis=1)
-                    yield i, j, ~(off + findings.r[i] + slip[i] + slip[j] <= findings.alone[j] / UP)
+                    off += slip[i] + slip[j]
+                    yield i, j, ~one_root(off, *(x for k in (i, j) for x in (findings.r[k], findings.alone[k])))
 
     def place(self, found: Covered) -> str:
         """The pose."""
@@ -323,6 +339,16 @@ class PoseRegion(Value, Domain):
     def stop(self, found: Covered) -> Vector | None:
         """The position (3,) at which the proof failed first."""
         return None if found.stopped is None else self.p0 + np.array(found.stopped[1])[:3] * self.half[:3]
+
+
+def one_root(off: Vector, r: Vector, alone: Vector, other_r: Vector, other_alone: Vector) -> Flags:
+    """(k,) where two cells surely have one root at a place, their predictors being `off` apart there: the root of the
+    one is where that of the other is alone.
+
+    Where they have one, off <= r + r'. For r' <= r then off + r' <= 3 r, which is less than `alone`, `LONE` times r: so
+    it is shown of all that have one.
+    """
+    return (off + r <= other_alone / UP) | (off + other_r <= alone / UP)
 
 
 def _turns(task: Task) -> bool:

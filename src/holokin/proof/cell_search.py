@@ -84,10 +84,6 @@ class Domain(ABC):
             return np.lexsort((boxes.low[:, 0], boxes.piece))
         return np.argsort(np.prod(boxes.high - boxes.low, axis=1), kind="stable")
 
-    def fine(self, boxes: Boxes, _rooted: Flags) -> Flags:
-        """(k,) True for boxes that are not halved any more, though the proof failed on them: here none."""
-        return np.zeros(len(boxes), dtype=bool)
-
     def learned(self) -> list[tuple[Vector, Vector]]:
         """Places and postures of the leaf that were found, of which the next ones are continued; here none."""
         return []
@@ -125,7 +121,7 @@ def covered(
     stopped: list[tuple[int, tuple[float, ...]]] = []
     reasons: list[Extent] = []
     spent, proven_so_far, filled, batch, all_of_it = 0, 0, 0.0, BATCH, float(_volumes(boxes).sum())
-    left, shrink = boxes, 8.0 ** (-1 / domain.equation.d)  # eta is of third order, and one of d sides is halved
+    left = boxes
     while len(left):
         if spent >= budget:
             stopped += _places(left)
@@ -140,25 +136,18 @@ def covered(
         rest[chosen] = False
         here, waiting = some(left, chosen), some(left, rest)
         spent += len(here)
-        found = _looked_up(domain, here, demands, kept_cells)
+        found = looked_up(domain, here, demands, kept_cells, lambda here=here: domain.joints(here))
         cells, good, kept = found.cells, found.good, found.kept
         done.append((some(here, kept), some(cells, kept), found.findings))
         proven_so_far += int(kept.sum())
         filled += float(_volumes(some(here, kept)).sum())
         batch = min(BATCH, FEW + 8 * int(kept.sum()))
         say(proven_so_far, spent, filled / all_of_it)
-        small = ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST) | (np.min(here.high - here.low, axis=1) < 8 * GRID)
-        final = ~kept & (small | found.final | domain.fine(here, found.rooted))
+        final = ~kept & (too_small(here, cells) | found.final)
         stopped += _places(some(here, final))
-        reasons += [_reason(*of) for of in zip(good[final], found.near[final], strict=True)]
-        failed = ~kept & ~final
-        need = np.where(found.rooted, SPREAD * found.eta, 0.0)
-        usual = np.where(np.isfinite(found.omega), TUBE / np.clip(found.omega, 1e-3, 1e9), here.rho / 4)
-        narrow = np.maximum(np.minimum(here.rho / 4, usual), need)
-        half = np.clip(shrink * need, here.rho / 2, np.maximum(here.rho, usual))
-        retried = failed & ~good & ~here.again & (narrow < 0.9 * here.rho)
-        again = some(Boxes(here.piece, here.low, here.high, narrow, np.ones(len(here), dtype=bool), cells.q0), retried)
-        left = joined(waiting, again, halves(here, cells, half, failed & ~retried, found.rooted))
+        reasons += reasons_of(found, final)
+        _, again, _, parts = smaller(here, found, ~kept & ~final)
+        left = joined(waiting, again, parts)
         if stopped:
             left = some(left, ~domain.beyond(left, stopped))
     all_boxes, all_cells, all_findings = (joined(*parts) for parts in zip(*done, strict=True))
@@ -168,14 +157,42 @@ def covered(
     return Covered(all_boxes, all_cells, all_findings, reasons[first], stopped[first])
 
 
-def _looked_up(domain: Domain, boxes: Boxes, demands: Demands, kept_cells: KeptCells) -> Batch:
-    """The test of the cells of boxes: as it was kept, or made now, and kept."""
+def too_small(boxes: Boxes, cells: Cells) -> Flags:
+    """(k,) which boxes are not halved any more: the joints hardly move over them."""
+    finest = np.min(boxes.high - boxes.low, axis=1) < 8 * GRID
+    return ~(np.linalg.norm(cells.reach, axis=1) > SHORTEST) | finest
+
+
+def smaller(
+    boxes: Boxes, found: Batch, failed: Flags, sides: Vector | None = None
+) -> tuple[Indices, Boxes, Indices, Boxes]:
+    """Of failed boxes: (those that are tried again, with narrower tubes; those that are halved, the lower and then the
+    upper halves). sides: as of `halves`."""
+    cells, d = found.cells, boxes.low.shape[1]
+    shrink = 8.0 ** (-1 / d)  # eta is of third order, and one of d sides is halved
+    need = np.where(found.rooted, SPREAD * found.eta, 0.0)
+    usual = np.where(np.isfinite(found.omega), TUBE / np.clip(found.omega, 1e-3, 1e9), boxes.rho / 4)
+    narrow = np.maximum(np.minimum(boxes.rho / 4, usual), need)
+    half = np.clip(shrink * need, boxes.rho / 2, np.maximum(boxes.rho, usual))
+    retried = failed & found.rooted & ~found.good & ~boxes.again & (narrow < 0.9 * boxes.rho)
+    tried = Boxes(boxes.piece, boxes.low, boxes.high, narrow, np.ones(len(boxes), dtype=bool), cells.q0)
+    rest = failed & ~retried
+    return (
+        np.flatnonzero(retried), some(tried, retried),
+        np.flatnonzero(rest), halves(boxes, cells, half, rest, found.rooted, sides),
+    )  # fmt: skip
+
+
+def looked_up(
+    domain: Domain, boxes: Boxes, demands: Demands, kept_cells: KeptCells, joints: Callable[[], Matrix]
+) -> Batch:
+    """The test of the cells of boxes, from joints (k, n) near their roots: as it was kept, or made now, and kept."""
     found = kept_cells.batch(boxes)
     if found is not None:
         domain.learned().extend(zip(found.places, found.joints, strict=True))
         return found
     before = len(domain.learned())
-    cells = centred(domain.equation, domain.joints(boxes), domain.numbers(boxes), domain.c, boxes.rho)
+    cells = centred(domain.equation, joints(), domain.numbers(boxes), domain.c, boxes.rho)
     tested = examined(domain.equation, cells, domain.c, domain.slack)
     good = proven(tested)
     judged = demands.judged(cells, tested, good)
@@ -192,9 +209,10 @@ def _volumes(boxes: Boxes) -> Vector:
     return np.prod(boxes.high - boxes.low, axis=1)
 
 
-def _reason(good: bool, near: bool) -> Extent:
-    """Why a cell is not as asked."""
-    return Extent.NEAR if near else Extent.LIMIT if good else Extent.SINGULAR
+def reasons_of(found: Batch, chosen: Flags) -> list[Extent]:
+    """Why some cells are not as asked."""
+    both = zip(found.good[chosen], found.near[chosen], strict=True)
+    return [Extent.NEAR if near else Extent.LIMIT if good else Extent.SINGULAR for good, near in both]
 
 
 def proven(found: Findings) -> Flags:
@@ -211,10 +229,15 @@ def on_grid(values: Array) -> Array:
     return np.rint(np.asarray(values) * 2.0**24) * 2.0**-24
 
 
-def halves(boxes: Boxes, cells: Cells, rho: Vector, chosen: Flags, sound: Flags) -> Boxes:
-    """Both halves of some boxes, cut across the parameter that moves the joints most; `sound` ones predict theirs."""
-    k = int(chosen.sum())
-    axis = np.argmax(np.linalg.norm(cells.V[chosen], axis=1), axis=1)
+def halves(boxes: Boxes, cells: Cells, rho: Vector, chosen: Flags, sound: Flags, sides: Vector | None = None) -> Boxes:
+    """Both halves of some boxes, cut across the parameter that moves the joints most; `sound` ones predict theirs.
+
+    sides: (d,) those of a cell of the grid, by which a box without a root is cut.
+    """
+    k, wide = int(chosen.sum()), boxes.high[chosen] - boxes.low[chosen]
+    moved = np.linalg.norm(cells.V[chosen], axis=1)
+    known = np.isfinite(moved).all(axis=1, keepdims=True) & moved.any(axis=1, keepdims=True)
+    axis = np.argmax(np.where(known, moved, wide if sides is None else wide / sides), axis=1)
     low, high = boxes.low[chosen], boxes.high[chosen]
     rows = np.arange(k)
     middle = (low[rows, axis] + high[rows, axis]) / 2

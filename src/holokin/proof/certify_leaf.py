@@ -32,6 +32,7 @@ from .kept_cells import KeptCells
 from .lowering import lowered
 from .path_postures import walked
 from .path_proof import Pathway
+from .region_growth import grown
 from .revisits import Revisits
 
 SAMPLES = 256
@@ -238,6 +239,8 @@ def _glued(domain: Domain, asked: Demands, budget: int, say: Callable[[str], Non
         again = f", {kept.resumed:,} of them before" if kept.resumed else ""
         say(f"{before}{share:.0%} proven by {count:,} cells, {spent:,} of at most {budget:,} examined{again}")
 
+    if isinstance(domain, PoseRegion) and domain.partial:
+        return grown(domain, asked, budget, told, kept)
     found = domain.arranged(covered(domain, domain.first(), asked, budget, told, kept))
     for i in range(ROUNDS):
         say(f"{len(found):,} cells proven, joining them")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.types import Indices, Matrix
+from ..base.types import Indices, Matrix, Vector
 
 COMPARED = 4096
 """Pairs of boxes that are compared without a further cut."""
@@ -29,21 +29,24 @@ def _tree(low: Matrix, high: Matrix, those: Indices, sides: list[Any], leaf: Cal
         return leaf(int(those[0]))
     cuts = []
     for axis in range(len(sides)):
-        starts, ends = np.sort(low[those, axis]), np.sort(high[those, axis])
-        at = np.unique(np.concatenate([starts, ends]))
+        ends = np.sort(high[those, axis])
+        at = clear_cuts(low[those, axis], ends)
         at = at[(a[axis] < at) & (at < b[axis])]
         under = np.searchsorted(ends, at, side="right")
-        over = len(those) - np.searchsorted(starts, at, side="left")
-        clear = under + over == len(those)
-        cuts += [
-            (abs(int(i - j)), axis, float(c)) for i, j, c in zip(under[clear], over[clear], at[clear], strict=True)
-        ]
+        cuts += [(abs(2 * int(i) - len(those)), axis, float(c)) for i, c in zip(under, at, strict=True)]
     _, axis, at = min(cuts)
     is_below = high[those, axis] <= at
     lower, upper = sides.copy(), sides.copy()
     lower[axis], upper[axis] = (sides[axis][0], at), (at, sides[axis][1])
     below = _tree(low, high, those[is_below], lower, leaf)
     return [axis, at, below, _tree(low, high, those[~is_below], upper, leaf)]
+
+
+def clear_cuts(low: Vector, high: Vector) -> Vector:
+    """Where stretches low <= u <= high (k,) begin or end, and none is cut."""
+    at = np.unique(np.concatenate([low, high]))
+    under, over = np.searchsorted(np.sort(high), at, side="right"), np.searchsorted(np.sort(low), at, side="left")
+    return at[under >= over]
 
 
 def left_open(tree: Any, sides: Sequence[tuple[float, float]]) -> tuple[Matrix, Matrix]:

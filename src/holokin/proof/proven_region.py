@@ -12,7 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import Any
+from itertools import product
+from typing import Any, Literal
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from .certify_leaf import certificate, demands, provable, question, start_of
 from .kept_apart import CLEARANCE, kept_apart
 from .kept_cells import KeptCells
 from .largest_box import largest_box, proven_box
+from .partition import clear_cuts
 from .open_parts import ANOTHER, CAUSES, END, LIMIT, NEAR, UNPROVEN, OpenParts, asked_about, open_parts
 
 SAMPLED = 1000
@@ -152,14 +154,19 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         u, boxes = self.cells.places(p, R), self.certificate.proven.boxes
         out = np.full(len(p), -1)
         inside = np.flatnonzero((np.abs(u) <= 1).all(axis=1))
-        starts, order = self._bins
-        place = self._bin_of(u[inside])
-        first, count = starts[place], starts[place + 1] - starts[place]
-        for j in range(int(count.max(initial=0))):
-            open_ = np.flatnonzero((j < count) & (out[inside] < 0))
-            cell = order[first[open_] + j]
-            holds = ((boxes.low[cell] <= u[inside[open_]]) & (u[inside[open_]] <= boxes.high[cell])).all(axis=1)
-            out[inside[open_[holds]]] = cell[holds]
+        keys, order = self._bins
+        below, above = (self._bins_of(u[inside], side) for side in ("left", "right"))
+        tied = (below != above).any(axis=0)
+        for upper in product((True, False), repeat=int(tied.sum())):  # a pose between two bins is in both
+            chosen = above.copy()
+            chosen[:, tied] = np.where(upper, above[:, tied], below[:, tied])
+            place = self._keys_of(chosen)
+            first, end = np.searchsorted(keys, place, "left"), np.searchsorted(keys, place, "right")
+            for j in range(int((end - first).max(initial=0))):
+                open_ = np.flatnonzero((first + j < end) & (out[inside] < 0))
+                cell = order[first[open_] + j]
+                holds = ((boxes.low[cell] <= u[inside[open_]]) & (u[inside[open_]] <= boxes.high[cell])).all(axis=1)
+                out[inside[open_[holds]]] = cell[holds]
         return out, u
 
     @cached_property
@@ -171,20 +178,27 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         return KDTree((boxes.low + boxes.high) / 2)
 
     @cached_property
-    def _bins(self) -> tuple[Indices, Indices]:
-        """The cells by the box of the first grid that holds them: (where those of each box begin, cells in order)."""
+    def _cuts(self) -> list[Vector]:
+        """Along each axis where no cell is cut."""
         boxes = self.certificate.proven.boxes
-        count = int(np.prod([len(cuts) - 1 for cuts in self.cells.grid]))
-        place = self._bin_of((boxes.low + boxes.high) / 2)
-        starts = np.concatenate([[0], np.cumsum(np.bincount(place, minlength=count))])
-        return starts, np.argsort(place, kind="stable")
+        return [clear_cuts(boxes.low[:, a], boxes.high[:, a]) for a in range(boxes.low.shape[1])]
 
-    def _bin_of(self, u: Matrix) -> Indices:
-        place = np.zeros(len(u), dtype=int)
-        for axis, cuts in enumerate(self.cells.grid):
-            at = np.clip(np.searchsorted(cuts, u[:, axis], side="right") - 1, 0, len(cuts) - 2)
-            place = place * (len(cuts) - 1) + at
-        return place
+    @cached_property
+    def _bins(self) -> tuple[Indices, Indices]:
+        """(sorted bins between the cuts, of all cells; the cells in that order)."""
+        boxes = self.certificate.proven.boxes
+        keys = self._keys_of(self._bins_of((boxes.low + boxes.high) / 2, "right"))
+        order = np.argsort(keys, kind="stable")
+        return keys[order], order
+
+    def _bins_of(self, u: Matrix, side: Literal["left", "right"]) -> Indices:
+        """(k, d) between which cuts places are."""
+        found = [np.searchsorted(cuts, u[:, axis], side=side) for axis, cuts in enumerate(self._cuts)]
+        return np.column_stack(found).reshape(u.shape)
+
+    def _keys_of(self, bins: Indices) -> Indices:
+        """(k,) one number each."""
+        return np.ravel_multi_index(tuple(bins.T), [len(cuts) + 1 for cuts in self._cuts])
 
 
 @typed

@@ -1,0 +1,285 @@
+"""The part of a box of tool poses that can be proven, grown from the pose of the start.
+
+A box of the grid, or a part of one, is examined when it shares a face with what is proven: its root is continued from
+there. Where it fails, its halves wait. So the budget goes to boxes that can be joined: to those that hold the start,
+then to the largest. The order does not depend on the budget: with a larger one the search goes on where it ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from ..base.types import Flags, Indices, Matrix, Vector, joined, some
+from .bounds import UP
+from .box_proof import PORTION, PoseRegion, one_root
+from .cell_search import BATCH, FEW, GRID, halves, looked_up, reasons_of, smaller, too_small
+from .certificate import Boxes, Covered, Extent
+from .demands import Demands
+from .kept_cells import Batch, KeptCells
+from .tube import Cells, Findings
+
+WAITING, PROVEN, JOINED, ENDED, REPLACED = range(5)
+"""What a box is: to be examined; proven; proven and joined to the others; not to be proven; replaced by others."""
+
+UNKNOWN, GLUED, TORN = range(3)
+"""What a face of two boxes is: where both are proven they have one root there, or two."""
+
+SAME = 1e-6
+"""How near to the start [joint units] its cell's root is at its pose, which is known to the grid of the boxes."""
+
+
+def grown(
+    domain: PoseRegion, demands: Demands, budget: int, say: Callable[[int, int, float], None], kept: KeptCells
+) -> Covered:
+    """The proven cells that are joined to the one at `domain.u0`, and why no more are.
+
+    Where that one cannot be proven they are those that are joined to the nearest one that is.
+
+    say: hears how many are joined, how many were examined, and which share of the box they fill, 0 to 1.
+    """
+    search, spent, freely = _Search(domain), 0, FEW
+    while spent < budget and len(chosen := search.next(budget - spent, freely)):
+        found = looked_up(domain, some(search.boxes, chosen), demands, kept, partial(search.guesses, chosen))
+        spent, good = spent + len(chosen), int(found.kept.sum())
+        freely = min(BATCH, FEW + 8 * good) if 2 * good > len(chosen) else 0
+        search.take(chosen, found)
+        search.join(None)
+        here = np.flatnonzero(search.state == JOINED)
+        say(len(here), spent, domain.share(some(search.boxes, here)))
+    search.join(search.nearest(PROVEN))
+    return search.covered(spent < budget)
+
+
+class _Search:
+    """All boxes of a search, and the faces (f, 2) of those that are not halved."""
+
+    def __init__(self, domain: PoseRegion) -> None:
+        counts = [len(cuts) - 1 for cuts in domain.grid]
+        self.domain, self.sides = domain, 2.0 / np.array(counts)
+        self.lengths = np.where(domain.half > 0, self.sides, np.inf)  # nothing changes where the box is flat
+        self.posture = domain.equation.completed(domain.q[None])[0]
+        self.boxes, self.faces = domain.first(), _grid_faces(counts)
+        self.kind = np.full(len(self.faces), UNKNOWN)
+        self.state, self.row, self.level = (np.zeros(0, dtype=int) for _ in range(3))
+        self.far, self.holds = np.zeros(0), np.zeros(0, dtype=bool)
+        self.reasons: dict[int, Extent] = {}
+        self.done: list[Findings] = []
+        self.cells: Cells | None = None
+        self.r, self.alone = np.zeros(0), np.zeros(0)
+        self._described(self.boxes)
+
+    def _described(self, new: Boxes) -> None:
+        """Of boxes that are added: the state, the row of the cell, how often a box of the grid was halved, the distance
+        from the start, and whether the start is in it."""
+        k, u0 = len(new), self.domain.u0
+        self.state = np.append(self.state, np.full(k, WAITING))
+        self.row = np.append(self.row, np.full(k, -1))
+        halved = -np.log2((new.high - new.low) / self.sides).sum(axis=1)
+        self.level = np.append(self.level, np.rint(halved).astype(int))
+        self.far = np.append(self.far, np.linalg.norm((new.low + new.high) / 2 - u0, axis=1))
+        self.holds = np.append(self.holds, ((new.low <= u0) & (u0 <= new.high)).all(axis=1))
+
+    def next(self, most: int, freely: int) -> Indices:
+        """The boxes to be examined next: those that hold the start, then those that touch what is joined, the largest
+        first. freely: to so many boxes of the grid are added that touch nothing yet."""
+        waiting, of_grid = self.state == WAITING, self.level <= 0
+        first = waiting & self.holds
+        if (first & ~of_grid).any():
+            freely = 0
+        elif (self.state == JOINED).any():
+            for one, other in self._both_ways():
+                first[other[self.state[one] == JOINED]] = True
+            first &= waiting
+        elif not first.any():
+            first = waiting
+        others = np.flatnonzero(waiting & of_grid & ~first)
+        chosen = np.flatnonzero(first)
+        chosen = chosen[np.lexsort((self.far[chosen], self.level[chosen]))]
+        best = self.level[chosen[0]] if len(chosen) else 0
+        chosen = chosen[: min(BATCH, max(FEW, int((self.level[chosen] == best).sum())))]
+        if best <= 0 and len(chosen) < freely:
+            others = others[np.argsort(self.far[others], kind="stable")]
+            chosen = np.concatenate([chosen[self.level[chosen] <= 0], others])[:freely]
+        return chosen[:most]
+
+    def guesses(self, chosen: Indices) -> Matrix:
+        """Joints (k, n) near the roots in the middles of boxes, continued from the joined cell beside them, or else from
+        the nearest one."""
+        return self.domain.led(*self._begins(chosen), some(self.boxes, chosen))
+
+    def _begins(self, chosen: Indices) -> tuple[Matrix, Matrix]:
+        """(places (k, d), postures (k, n)) from which boxes are reached."""
+        k, place = len(chosen), np.full(len(self.state), -1)
+        place[chosen] = np.arange(k)
+        u, q = np.tile(self.domain.u0, (k, 1)), np.tile(self.posture, (k, 1))
+        known = np.flatnonzero(self.state == JOINED)
+        known = known if len(known) else np.flatnonzero(self.state == PROVEN)
+        if not len(known) or self.cells is None:
+            return u, q
+        beside = np.full(k, -1)
+        for one, other in self._both_ways():
+            here = (self.state[one] == JOINED) & (place[other] >= 0)
+            beside[place[other[here]][::-1]] = one[here][::-1]
+        near = np.flatnonzero(beside >= 0)
+        u[near] = self._middles_of_faces(beside[near], chosen[near])
+        q[near] = self._predicted(beside[near], u[near])
+        away = np.flatnonzero(beside < 0)
+        if len(away):
+            from scipy.spatial import KDTree
+
+            low, high = self.boxes.low, self.boxes.high
+            middles = (low[known] + high[known]) / 2
+            nearest = known[KDTree(middles).query((low[chosen[away]] + high[chosen[away]]) / 2)[1]]
+            u[away], q[away] = (low[nearest] + high[nearest]) / 2, self.cells.q0[self.row[nearest]]
+        return u, q
+
+    def take(self, chosen: Indices, found: Batch) -> None:
+        """What was found of some boxes: proven, ended, to be tried again, or halved."""
+        kept, here = found.kept, some(self.boxes, chosen)
+        self.row[chosen[kept]] = len(self.r) + np.arange(int(kept.sum()))
+        self.state[chosen[kept]] = PROVEN
+        new = some(found.cells, kept)
+        self.cells = new if self.cells is None else joined(self.cells, new)
+        self.done.append(found.findings)
+        self.r, self.alone = np.append(self.r, found.findings.r), np.append(self.alone, found.findings.alone)
+        final = ~kept & found.rooted & (too_small(here, found.cells) | found.final)
+        final |= ~kept & (np.min(here.high - here.low, axis=1) < 8 * GRID)
+        self._end(chosen[final], reasons_of(found, final))
+        tried, again, halved, parts = smaller(here, found, ~kept & ~final, self.lengths)
+        self._replace(chosen[tried], again)
+        self._replace(chosen[halved], parts)
+
+    def _end(self, those: Indices, reasons: list[Extent]) -> None:
+        self.state[those] = ENDED
+        self.reasons |= dict(zip(those.tolist(), reasons, strict=True))
+
+    def _replace(self, those: Indices, parts: Boxes) -> None:
+        """Boxes (k,) are replaced: by others (k), or by lower and then upper halves (2 k), which have their faces."""
+        if not len(those):
+            return
+        k, first = len(those), len(self.state)
+        self.boxes = joined(self.boxes, parts)
+        self._described(parts)
+        self.state[those] = REPLACED
+        lower, upper = (np.full(len(self.state), -1) for _ in range(2))
+        lower[:] = np.arange(len(self.state))
+        lower[those] = first + np.arange(k)
+        if len(parts) > k:
+            upper[those] = first + k + np.arange(k)
+        cut = (self.state[self.faces] == REPLACED).any(axis=1)
+        ends = self.faces[cut]
+        new = [np.column_stack([a[ends[:, 0]], b[ends[:, 1]]]) for a, b in product((lower, upper), repeat=2)]
+        new = np.concatenate([*new, np.column_stack([lower[those], upper[those]])])
+        new = new[(new >= 0).all(axis=1)]
+        new = new[self._meet(new)]
+        self.faces = np.concatenate([self.faces[~cut], new])
+        self.kind = np.append(self.kind[~cut], np.full(len(new), UNKNOWN))
+
+    def _meet(self, pairs: Indices) -> Flags:
+        """(f,) which pairs of boxes have a part of a face in common."""
+        low, high = self.boxes.low, self.boxes.high
+        i, j = pairs.T
+        common = np.minimum(high[i], high[j]) - np.maximum(low[i], low[j])
+        return ((common >= 0).all(axis=1)) & ((common == 0).sum(axis=1) == 1)
+
+    def join(self, seed: int | None) -> None:
+        """Join proven boxes to the one at the start, or, where none is joined yet, to a `seed`; halve those that have
+        another root where they meet these."""
+        self._glue()
+        if not (self.state == JOINED).any():
+            self._begin(seed)
+        torn = self.kind == TORN
+        while True:
+            is_joined = self.state == JOINED
+            wanted, unlike = np.zeros(len(self.state), dtype=bool), np.zeros(len(self.state), dtype=bool)
+            for one, other in self._both_ways():
+                wanted[other[(self.kind == GLUED) & is_joined[one]]] = True
+                unlike[other[torn & is_joined[one]]] = True
+            wanted &= (self.state == PROVEN) & ~unlike
+            i, j = np.sort(self.faces[torn], axis=1).T  # of two that differ the first one counts
+            wanted[j[wanted[i] & wanted[j]]] = False
+            if not wanted.any():
+                break
+            self.state[wanted] = JOINED
+        self._part(np.flatnonzero(unlike & (self.state == PROVEN)))
+
+    def _begin(self, seed: int | None) -> None:
+        """The first box that is joined: one whose root at `u0` is the start; or a seed, where none waits for that."""
+        at_start = np.flatnonzero((self.state == PROVEN) & self.holds)
+        if len(at_start):
+            off = self._predicted(at_start, np.tile(self.domain.u0, (len(at_start), 1))) - self.posture
+            same = np.linalg.norm(off, axis=1) <= np.maximum(self.alone[self.row[at_start]], SAME)
+            if same.any():
+                self.state[at_start[np.argmax(same)]] = JOINED
+                return
+            self._part(at_start)
+        if seed is None and not ((self.state == WAITING) & self.holds).any():
+            seed = self.nearest(PROVEN)
+        if seed is not None:
+            self.state[seed] = JOINED
+
+    def _part(self, those: Indices) -> None:
+        """Halve proven boxes that have another root than their neighbours: it is sought anew in their halves."""
+        if not len(those) or self.cells is None:
+            return
+        boxes, cells = some(self.boxes, those), some(self.cells, self.row[those])
+        final, none = too_small(boxes, cells), np.zeros(len(those), dtype=bool)
+        self._end(those[final], [Extent.APART] * int(final.sum()))
+        self._replace(those[~final], halves(boxes, cells, cells.rho / 2, ~final, none))
+
+    def _glue(self) -> None:
+        """Look at the faces of which both boxes are proven."""
+        proven = (self.state == PROVEN) | (self.state == JOINED)
+        new = np.flatnonzero((self.kind == UNKNOWN) & proven[self.faces].all(axis=1))
+        for some_ in np.array_split(new, -(-len(new) // PORTION)) if len(new) else []:
+            i, j = self.faces[some_].T
+            y = self._middles_of_faces(i, j)
+            a, b = self.row[i], self.row[j]
+            assert self.cells is not None
+            off = np.linalg.norm(self._predicted(i, y) - self._predicted(j, y), axis=1)
+            off += some(self.cells, a).slip + some(self.cells, b).slip
+            self.kind[some_] = np.where(one_root(off, self.r[a], self.alone[a], self.r[b], self.alone[b]), GLUED, TORN)
+
+    def _middles_of_faces(self, i: Indices, j: Indices) -> Matrix:
+        low, high = self.boxes.low, self.boxes.high
+        return (np.maximum(low[i], low[j]) + np.minimum(high[i], high[j])) / 2
+
+    def _predicted(self, those: Indices, u: Matrix) -> Matrix:
+        """The predicted joints (k, n) of proven boxes at parameters u (k, d) of the box of poses."""
+        low, high = self.boxes.low[those], self.boxes.high[those]
+        return some(self.cells, self.row[those]).predicted((2 * u - low - high) / (high - low))
+
+    def _both_ways(self) -> Iterator[tuple[Indices, Indices]]:
+        yield self.faces[:, 0], self.faces[:, 1]
+        yield self.faces[:, 1], self.faces[:, 0]
+
+    def nearest(self, state: int) -> int | None:
+        """Of the boxes of a state the one nearest to the start."""
+        those = np.flatnonzero(self.state == state)
+        return int(those[np.argmin(self.far[those])]) if len(those) else None
+
+    def covered(self, exhausted: bool) -> Covered:
+        """The joined cells; why there are no more, by the nearest box that cannot be proven, or waits."""
+        here = np.flatnonzero(self.state == JOINED)
+        rows = self.row[here]
+        found = Covered(some(self.boxes, here), some(self.cells, rows), some(joined(*self.done), rows))
+        stop = next((k for k in (self.nearest(s) for s in (ENDED, WAITING, PROVEN)) if k is not None), None)
+        if stop is None:
+            return found
+        reason = self.reasons.get(stop, Extent.APART if exhausted else Extent.BUDGET)
+        place = int(self.boxes.piece[stop]), tuple(self.boxes.low[stop].tolist())
+        return Covered(found.boxes, found.cells, found.findings, reason, place)
+
+
+def _grid_faces(counts: list[int]) -> Indices:
+    """(f, 2) the boxes of a grid that have a face in common, by their places in it."""
+    places = np.arange(int(np.prod(counts))).reshape(counts)
+    pairs = []
+    for axis, count in enumerate(counts):
+        below, above = (np.take(places, range(a, a + count - 1), axis=axis).ravel() for a in (0, 1))
+        pairs.append(np.column_stack([below, above]))
+    return np.concatenate(pairs)
