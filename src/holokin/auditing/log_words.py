@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.types import Vector
+from ..base.types import Indices, Vector
+from ..robot_logs import Recording
 from .cycles import Cycles
 from .equal_poses import Distance
 from .trend import DriftTrend
@@ -51,3 +52,15 @@ def distance_words(distance: Distance | None, otherwise: str) -> str:
         return otherwise
     word = "differ" if distance.beyond else "agree"
     return f"{word}: {distance.value:.2g} ({distance.joint}, at {100 * distance.phase:.0f} % of the cycle)"
+
+
+def turns_words(log: Recording, places: Indices) -> str:
+    """The first step in which a joint may have made a whole turn unseen, how many there are, and the cure."""
+    i, joint = places[0]
+    first = f"from {log.t[i]:.6g} to {log.t[i + 1]:.6g} s (samples {i} and {i + 1}) {log.joint_names[joint]}"
+    more = f", and so in {len(places) - 1} more steps" if len(places) > 1 else ""
+    return (
+        f"{first} may have made a whole turn that the log does not show, at its largest speed{more}; log more often and "
+        "without gaps, give speed limits to a robot that has none, or say --counts-turns (counts_turns=True) if the "
+        "values of the joints count whole turns"
+    )

@@ -17,8 +17,9 @@ from .dataset_columns import (
 )
 from .dataset_folder import Dataset, Episode, is_dataset, read_dataset
 from .joint_columns import TIMES
-from .log_formats import SLACK, read_recording
+from .log_formats import read_recording
 from .log_runs import read_runs
+from .whole_turns import SLACK, joined_turns
 
 __all__ = [
     "ACTION",
@@ -35,6 +36,7 @@ __all__ = [
     "has_joints",
     "is_dataset",
     "joint_feature",
+    "joined_turns",
     "pose_feature",
     "read_dataset",
     "read_recording",

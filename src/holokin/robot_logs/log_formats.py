@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,9 +18,7 @@ from .bag import read_bag
 from .csv_log import read_csv
 from .joint_columns import Columns
 from .log_samples import Samples
-
-SLACK = 0.5
-"""How far [rad or m] beyond its limits a joint may be logged before the unit is doubted: calibration never errs so."""
+from .whole_turns import SLACK, joined_turns, outside
 
 FARTHEST = 1e6
 """Largest joint position [rad or m] that is believed: 160,000 turns; beyond it a float holds less than a micrometre."""
@@ -34,7 +33,7 @@ FASTEST = 1e-9
 @typed
 def read_recording(
     path: str | Path, robot: Robot, *, degrees: bool | None = None, topic: str | None = None,
-    columns: Columns | None = None, time: str | None = None, skip_bad: bool = False,
+    columns: Columns | None = None, time: str | None = None, skip_bad: bool = False, counts_turns: bool = False,
 ) -> Recording:  # fmt: skip
     """Read the joints of a robot from a log.
 
@@ -51,6 +50,7 @@ def read_recording(
             Of a file without a header the columns are "1", "2", ...; without `columns` they are guessed, see notes.
         time: of a CSV file: the name of the time column.
         skip_bad: of a CSV file: rows that cannot be read are left out and counted in the notes, not refused.
+        counts_turns: the values of hinges count whole turns: none is taken to be modulo a turn.
 
     Raises:
         RecordingError: no such file, unreadable, no time column, joints missing, empty, text or NaN in a cell (with
@@ -60,7 +60,8 @@ def read_recording(
         UnknownNameError: a column for a joint that the robot has not.
     """
     file = Path(path)
-    return recorded(file, samples_of(file, robot, topic, columns, time, skip_bad), robot, degrees)
+    samples = samples_of(file, robot, topic, columns, time, skip_bad)
+    return joined(recorded(file, samples, robot, degrees), robot, counts_turns)
 
 
 def samples_of(
@@ -78,11 +79,10 @@ def samples_of(
 
 
 def recorded(file: Path, samples: Samples, robot: Robot, degrees: bool | None) -> Recording:
-    """Samples as a recording: in rad and m, with rising times, joints that run on. Raises: RecordingError."""
+    """Samples as a recording: in rad and m, with rising times. Raises: RecordingError."""
     notes = samples.notes
     t, q = _in_order(file, samples, notes)
-    _to_radians(file, q, robot, False if samples.in_si else degrees, notes)
-    unwrap(q, robot, notes)
+    _to_radians(file, q, robot, False if samples.in_si else degrees)
     log = Recording(robot.joint_names, t, q, str(file))
     if len(log.gaps):
         longest = float(np.diff(t).max())
@@ -116,7 +116,19 @@ def _in_order(file: Path, samples: Samples, notes: list[str]) -> tuple[Vector, M
     return t, q
 
 
-def _to_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, notes: list[str]) -> None:
+def joined(log: Recording, robot: Robot, counts_turns: bool, breaks: Sequence[int] = ()) -> Recording:
+    """A recording whose hinges run on, with a note where a joint is far beyond its limits."""
+    log = joined_turns(log, robot, counted=counts_turns, breaks=breaks)
+    low, high = log.q.min(axis=0), log.q.max(axis=0)
+    over = np.maximum(robot.lower - low, high - robot.upper)
+    worst = int(np.argmax(over))
+    if over[worst] <= SLACK:
+        return log
+    beyond = f"{over[worst]:.3g} {robot.coordinates[worst].unit} outside its limits"
+    return replace(log, notes=(*log.notes, f"joint {robot.joint_names[worst]} is logged up to {beyond}"))
+
+
+def _to_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None) -> None:
     """Hinges in radians, in place: columns are looked at by their extremes, since a log may be long."""
     turning = robot.hinges
     scale = np.where(turning, np.pi / 180, 1.0)
@@ -128,30 +140,9 @@ def _to_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, notes
     if reach[far] > FARTHEST:
         fact = f"joint {robot.joint_names[far]} reaches {reach[far]:.3g} {robot.coordinates[far].unit}"
         raise RecordingError(file, fact, "give joints in rad and m; correct or delete the broken samples")
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -4 * np.pi) - SLACK
-    upper = np.where(np.isfinite(robot.upper), robot.upper, 4 * np.pi) + SLACK
-    over = np.maximum(lower - least, most - upper)
+    over = outside(robot, least, most)
     worst = int(np.argmax(over))
-    if degrees or over[worst] <= 0:
-        return
-    fits = bool((least * scale >= lower).all() and (most * scale <= upper).all())
-    name = robot.joint_names[worst]
-    value = float(least[worst] if -least[worst] > most[worst] else most[worst])
-    if degrees is None and fits and turning[worst]:
-        fact = f"joint {name} reaches {value:.4g}, far outside its limits in rad, but every joint fits in degrees"
+    if degrees is None and turning[worst] and over[worst] > 0 and (outside(robot, least * scale, most * scale) <= 0).all():
+        value = float(least[worst] if -least[worst] > most[worst] else most[worst])
+        fact = f"joint {robot.joint_names[worst]} reaches {value:.4g}, far outside its limits in rad, but every joint fits in degrees"
         raise RecordingError(file, fact, "pass --degrees (degrees=True), or degrees=False if it is radians after all")
-    beyond = f"{over[worst] + SLACK:.3g} {robot.coordinates[worst].unit} outside its limits"
-    notes.append(f"joint {name} is logged up to {beyond}")
-
-
-def unwrap(q: Matrix, robot: Robot, notes: list[str]) -> None:
-    """Joints without limits are often logged modulo a turn: make them run on, in place."""
-    turned = []
-    for i, c in enumerate(robot.coordinates):
-        if c.kind != "prismatic" and np.isinf([c.lower, c.upper]).all():
-            whole = np.unwrap(q[:, i])
-            if not np.array_equal(q[:, i], whole):
-                q[:, i] = whole
-                turned.append(robot.joint_names[i])
-    if turned:
-        notes.append(f"turns of {', '.join(turned)} joined, which the log cuts at pi")
