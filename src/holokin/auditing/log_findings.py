@@ -36,8 +36,8 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
     this took, plus what encoder noise explains, per pose; drift (c, n) of each cycle; trends of the cycles of one
     direction and speed, judged at every pose; closing: of the drifts of single cycles where some run back and may undo
     the others'; between: cycles of one direction; by_way: forward and backward passes; by_speed: fast and slow cycles;
-    at_crossings: passes of a point where the path meets itself; None where the log does not test it; unknown_turns (p, 2): the
-    rows of the recording's that bear on the cycles: turns of these joints are not counted.
+    at_crossings: passes of a point where the path meets itself; None where the log does not test it; unknown_turns
+    (p, 2): rows of the recording's that lie from the first cycle to the last; turns of these joints are not counted.
     """
 
     robot: Robot

@@ -60,7 +60,7 @@ def turns_words(log: Recording, places: Indices) -> str:
     first = f"from {log.t[i]:.6g} to {log.t[i + 1]:.6g} s (samples {i} and {i + 1}) {log.joint_names[joint]}"
     more = f", and so in {len(places) - 1} more steps" if len(places) > 1 else ""
     return (
-        f"{first} may have made a whole turn that the log does not show, at its largest speed{more}; log more often and "
-        "without gaps, give speed limits to a robot that has none, or say --counts-turns (counts_turns=True) if the "
+        f"{first} may have made a whole turn that the log does not show, at its largest speed{more}; log more often "
+        "and without gaps, give speed limits to a robot that has none, or say --counts-turns (counts_turns=True) if the "
         "values of the joints count whole turns"
     )

@@ -20,6 +20,9 @@ Columns = Annotated[
     str | None,
     typer.Option(help='Columns of a CSV: "a, b, ..." in the order of the joints, "joint=a, ...", or "actual_q_%d".'),
 ]
+CountsTurns = Annotated[
+    bool, typer.Option("--counts-turns", help="Joint values count whole turns: none is taken to be modulo a turn.")
+]
 TimeColumn = Annotated[str | None, typer.Option(help="Name of the time column of a CSV.")]
 
 
@@ -43,6 +46,7 @@ def check(
     topic: Topic = None,
     columns: Columns = None,
     time: TimeColumn = None,
+    counts_turns: CountsTurns = False,
     json: Annotated[Path | None, typer.Option("--json", help="Write what is found to this file.")] = None,
 ) -> None:
     """Look at a motion for exceeded limits, singularities, self-collision and the floor.
@@ -61,7 +65,9 @@ def check(
         if len(pair) != 2:
             raise ArgumentError("--ignore", text, "give the names of two links with a comma between")
     arm = load(robot, tip=tip if is_model(robot) else None)
-    motion = read_recording(log, arm, degrees=degrees, topic=topic, columns=columns, time=time)
+    motion = read_recording(
+        log, arm, degrees=degrees, topic=topic, columns=columns, time=time, counts_turns=counts_turns
+    )
     free = position or arm.n < 6
     found = motion_checking.check(
         motion, arm if radius is None else with_capsules(arm, radius), task=position_of(arm) if free else pose(arm),

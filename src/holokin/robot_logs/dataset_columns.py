@@ -17,7 +17,7 @@ from ..errors import ArgumentError, RecordingError, UnknownNameError
 from ..robot import Robot
 from .dataset_folder import INFO, Dataset
 from .joint_columns import Columns, columns_named, joint_columns
-from .log_formats import SLACK
+from .whole_turns import outside
 
 STATE = "observation.state"
 """The name that LeRobot gives to what the robot measures."""
@@ -41,12 +41,14 @@ _POSE = re.compile(r"(?:^|.*[._/: ])(x|y|z|q[xyzw0-4]|roll|pitch|yaw|[rw][xyz])(
 class JointFeature(Value):
     """The joints of a robot in a column of a dataset: `places` (n,) among its entries, in the robot's order.
 
-    degrees: True or False as the caller says; None where the values must show it.
+    degrees: True or False as the caller says; None where the values must show it. counts_turns: the values count whole
+    turns of hinges, so none is taken to be modulo a turn.
     """
 
     name: str
     places: Indices
     degrees: bool | None
+    counts_turns: bool = False
 
     def scales(self, robot: Robot) -> Vector:
         """By what values are multiplied to be in rad and m (n,)."""
@@ -77,13 +79,15 @@ def _names_of(dataset: Dataset, feature: str) -> list[str]:
 
 @typed
 def joint_feature(
-    dataset: Dataset, robot: Robot, feature: str, *, columns: Columns | None = None, degrees: bool | None = None
+    dataset: Dataset, robot: Robot, feature: str, *, columns: Columns | None = None, degrees: bool | None = None,
+    counts_turns: bool = False,
 ) -> JointFeature:  # fmt: skip
     """The joints of a robot in a column, by their names, in whatever order.
 
     Args:
         columns: names of the entries, as for the columns of a log; entries without names have their numbers from 0.
         degrees: unit of the hinges; None where the values shall show it.
+        counts_turns: the values of hinges count whole turns.
 
     Raises:
         RecordingError: joints that are missing; a unit that must be said. ArgumentError, UnknownNameError.
@@ -100,7 +104,7 @@ def joint_feature(
         fact = f"was recorded with {shown(kind)}, whose joints LeRobot writes in degrees or from -100 to 100"
         cure = "say --degrees (degrees=True) if it was recorded with use_degrees; other values are no angles"
         raise RecordingError(file, fact, cure)
-    return JointFeature(feature, np.array(places, dtype=np.intp), degrees)
+    return JointFeature(feature, np.array(places, dtype=np.intp), degrees, counts_turns)
 
 
 @typed
@@ -189,17 +193,14 @@ def _plain(name: str) -> str:
 
 def _check_unit(file: Any, robot: Robot, feature: str, low: Vector, high: Vector) -> None:
     """Raises: RecordingError: values that are no radians."""
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -4 * np.pi) - SLACK
-    upper = np.where(np.isfinite(robot.upper), robot.upper, 4 * np.pi) + SLACK
-    over = np.where(robot.hinges, np.maximum(lower - low, high - upper), -np.inf)
+    over = np.where(robot.hinges, outside(robot, low, high), -np.inf)
     worst = int(np.argmax(over))
     if over[worst] <= 0:
         return
     turn, name = np.pi / 180, robot.joint_names[worst]
     value = float(low[worst] if -low[worst] > high[worst] else high[worst])
     fact = f"joint {name} of {feature} reaches {value:.4g}, far outside its limits in rad"
-    hinges = robot.hinges
-    if (low * turn >= lower)[hinges].all() and (high * turn <= upper)[hinges].all():
+    if (outside(robot, low * turn, high * turn) <= 0)[robot.hinges].all():
         cure = "say --degrees (degrees=True), or --radians if it is radians after all"
         raise RecordingError(file, f"{fact}, but every joint fits in degrees", cure)
     cure = "check robot and joints; values that LeRobot maps to -100 to 100 must be converted by the arm's calibration"

@@ -142,7 +142,12 @@ def _to_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None) -> No
         raise RecordingError(file, fact, "give joints in rad and m; correct or delete the broken samples")
     over = outside(robot, least, most)
     worst = int(np.argmax(over))
-    if degrees is None and turning[worst] and over[worst] > 0 and (outside(robot, least * scale, most * scale) <= 0).all():
+    if (
+        degrees is None
+        and turning[worst]
+        and over[worst] > 0
+        and (outside(robot, least * scale, most * scale) <= 0).all()
+    ):
         value = float(least[worst] if -least[worst] > most[worst] else most[worst])
         fact = f"joint {robot.joint_names[worst]} reaches {value:.4g}, far outside its limits in rad, but every joint fits in degrees"
         raise RecordingError(file, fact, "pass --degrees (degrees=True), or degrees=False if it is radians after all")

@@ -9,12 +9,11 @@ turn is not known.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..base.given_files import listed
-from ..base.types import Array, Flags, Indices, Matrix, Vector
+from ..base.types import Array, Flags, Indices, Vector
 from ..motion.recording import Recording
 from ..robot import Robot
 
@@ -33,6 +32,50 @@ FASTEST_HINGE = 4 * np.pi
 """Speed [rad/s] of a hinge without a speed limit: the wrists of industrial arms reach 8 rad/s."""
 
 
+@dataclass(frozen=True, eq=False)
+class HingeTurns:
+    """Whole turns of one hinge: `turns` (k,) to add to its values, which let it run on, or None where there are none.
+
+    begins (r,): runs of samples in which no turn is missed; known (r,): whether its limits, or values that count turns,
+    leave no other turn of the run; cut: whether the values are cut, and not only moved into the limits.
+    """
+
+    turns: Vector | None
+    begins: Indices
+    known: Flags
+    cut: bool
+
+    def runs_apart(self, first: Indices, second: Indices) -> Flags:
+        """Whether two samples (p,), (p,) are of different runs."""
+        return np.not_equal(*(np.searchsorted(self.begins, rows, side="right") for rows in (first, second)))
+
+    def apart(self, first: Indices, second: Indices) -> Flags:
+        """Whether the joint may have made unknown turns between two samples (p,), (p,)."""
+        known = [self.known[np.searchsorted(self.begins, rows, side="right") - 1] for rows in (first, second)]
+        return self.runs_apart(first, second) & ~(known[0] & known[1])
+
+
+def hinge_turns(values: Array, steps: Array, robot: Robot, joint: int) -> HingeTurns:
+    """Whole turns of the hinge `joint` with values (k,), whose samples are `steps` (k - 1,) [s] apart; inf: unknown."""
+    speed = robot.max_velocity[joint] if np.isfinite(robot.max_velocity[joint]) else FASTEST_HINGE
+    reach = OVERSPEED * speed * steps + NOISE
+    change = np.diff(values)
+    turns = np.round(change / -TURN)
+    least = np.abs(change + TURN * turns)
+    # A change may be another one where the speed limit allows that, or not even the least, if that is no small one.
+    other = (TURN - least <= reach) | ((least > reach) & (least > np.pi / 2))
+    begins = np.concatenate([[0], np.flatnonzero(other) + 1])
+    low, high, cut = float(values.min()), float(values.max()), bool(turns[~other].any())
+    most = max(-low, high)
+    if most > 2 * TURN or (not cut and (high - low > TURN + 2 * NOISE or most > TURN + NOISE)):
+        # no interval of a turn that drivers use holds the values: they count turns
+        return HingeTurns(None, begins, np.ones(len(begins), bool), False)
+    whole = np.concatenate([[0.0], np.cumsum(turns)])
+    moves, known = _into_limits(values + TURN * whole, begins, robot.lower[joint], robot.upper[joint])
+    whole += np.repeat(moves, np.diff([*begins, len(values)]))
+    return HingeTurns(TURN * whole if whole.any() else None, begins, known, bool(turns.any()))
+
+
 def joined_turns(log: Recording, robot: Robot, *, counted: bool = False, breaks: Sequence[int] = ()) -> Recording:
     """A log whose hinges run on where it cuts them by whole turns, and lie within their limits where these tell a turn.
 
@@ -42,59 +85,32 @@ def joined_turns(log: Recording, robot: Robot, *, counted: bool = False, breaks:
         counted: the values count whole turns, so they stay as they are.
         breaks: samples after which the time that passed is not known.
     """
-    q, unknown, cut, moved = log.q, [], [], []
+    q, unknown = log.q, []
+    cut: list[str] = []
+    moved: list[str] = []
     steps = np.diff(log.t)
     steps[list(breaks)] = np.inf
     for i in np.flatnonzero(robot.hinges) if not counted else ():
-        turns, open_ = _least_turns(log.q[:, i], _reach(robot, steps, i))
-        low, high = log.q[:, i].min(), log.q[:, i].max()
-        most, cuts = max(-low, high), turns[~open_].any()
-        if most > 2 * TURN or (not cuts and (high - low > TURN + 2 * NOISE or most > TURN + NOISE)):
-            continue  # no turn that drivers use holds the values: they count turns
-        whole = np.concatenate([[0.0], np.cumsum(turns)])
-        places = np.flatnonzero(open_)
-        shift, sure = _into_limits(log.q[:, i] + TURN * whole, places + 1, robot.lower[i], robot.upper[i])
-        unknown += [(k, i) for k in places[~(sure[:-1] & sure[1:])]]
-        shift = np.repeat(shift, np.diff([0, *(places + 1), len(log.t)]))
-        if not (whole.any() or shift.any()):
-            continue
-        q = q.copy() if q is log.q else q
-        q[:, i] += TURN * (whole + shift)
-        (cut if whole.any() else moved).append(robot.joint_names[i])
-    notes = list(log.notes)
-    if cut:
-        notes.append(f"turns of {', '.join(cut)} joined, which the log cuts")
-    if moved:
-        notes.append(f"values of {', '.join(moved)} moved by whole turns into their limits")
-    places = np.array(sorted(unknown), dtype=np.intp).reshape(-1, 2)
-    return replace(log, q=q, notes=tuple(notes), unknown_turns=places)
+        found = hinge_turns(log.q[:, i], steps, robot, i)
+        before = found.begins[1:] - 1
+        unknown += [(k, i) for k in before[found.apart(before, before + 1)]]
+        if found.turns is not None:
+            q = q.copy() if q is log.q else q
+            q[:, i] += found.turns
+            (cut if found.cut else moved).append(robot.joint_names[i])
+    notes = (*log.notes, *turns_notes(cut, moved, "log"))
+    return replace(log, q=q, notes=notes, unknown_turns=np.array(sorted(unknown), dtype=np.intp).reshape(-1, 2))
 
 
-def _reach(robot: Robot, steps: Vector | float, joint: int | slice) -> Array:
-    """How far [rad] a hinge may move within times [s]."""
-    speed = np.where(np.isfinite(robot.max_velocity), robot.max_velocity, FASTEST_HINGE)[joint]
-    return OVERSPEED * speed * steps + NOISE
+def turns_notes(cut: Sequence[str], moved: Sequence[str], what: str) -> list[str]:
+    """What was done to the joints that are cut, and to those that were only moved."""
+    notes = [f"turns of {', '.join(cut)} joined, which the {what} cuts"] if cut else []
+    return notes + ([f"values of {', '.join(moved)} moved by whole turns into their limits"] if moved else [])
 
 
-def _least_turns(values: Array, reach: Array) -> tuple[Array, Flags]:
-    """(whole turns that make each change least, changes that may be others) along the first axis.
-
-    A change may be another where the speed limit allows that too, or not even the least one, if that is over a quarter
-    turn.
-    """
-    change = np.diff(values, axis=0)
-    turns = -np.round(change / TURN)
-    least = np.abs(change + TURN * turns)
-    return turns, (TURN - least <= reach) | ((least > reach) & (least > np.pi / 2))
-
-
-def _into_limits(values: Vector, begins: Indices, lower: float, upper: float) -> tuple[Vector, Flags]:
-    """(whole turns (r,) by which each run of the values must move to lie within limits, whether these leave no other).
-
-    Args:
-        begins: where runs begin, but the first.
-    """
-    first = np.concatenate([[0], begins])
+def _into_limits(values: Vector, first: Indices, lower: float, upper: float) -> tuple[Vector, Flags]:
+    """(whole turns (r,) by which each run of the values must move to lie within limits, whether these leave no other),
+    of runs that begin at `first` (r,)."""
     if not np.isfinite([lower, upper]).any():
         return np.zeros(len(first)), np.zeros(len(first), bool)
     low, high = np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)
@@ -130,44 +146,3 @@ def outside(robot: Robot, low: Vector, high: Vector) -> Vector:
 def less_turns(change: Array, which: Flags) -> Array:
     """Changes (..., n) of joints, those of some less their whole turns."""
     return np.where(which, change - TURN * np.round(change / TURN), change)
-
-
-class EpisodeTurns:
-    """The joints of a dataset, a batch after the other, whose hinges run on within each episode.
-
-    A hinge whose limits leave no other turn begins each episode there; others begin as they are stored. `low`, `high`
-    (n,) are the extremes as stored, `cut` (n,) whether the values are surely modulo a turn, `loose` (n,) whether a turn
-    may have passed between two frames.
-    """
-
-    def __init__(self, robot: Robot, fps: object) -> None:
-        rate = float(fps) if isinstance(fps, int | float) and 0 < fps < 1e6 else np.inf
-        self.robot, self.reach = robot, _reach(robot, 1 / rate, slice(None))
-        self.narrow = robot.hinges & (robot.upper - robot.lower < TURN - 2 * NOISE)
-        self.middle = np.where(self.narrow, robot.lower + robot.upper, 0.0) / 2
-        self.low, self.high = np.full(robot.n, np.inf), np.full(robot.n, -np.inf)
-        self.cut, self.loose = np.zeros(robot.n, bool), np.zeros(robot.n, bool)
-        self.last: tuple[int, Vector, Vector] | None = None
-
-    @property
-    def unknown(self) -> Flags:
-        """Hinges (n,) whose turns are not known from one episode to the next."""
-        counts = (self.high - self.low > TURN + 2 * NOISE) & ~self.cut
-        return self.robot.hinges & ~self.narrow & ~counts
-
-    def joined(self, q: Matrix, episode: Indices) -> Matrix:
-        """Postures (k, n) of the next rows."""
-        before = self.last or (-1, q[0], np.zeros(self.robot.n))
-        begins = np.flatnonzero(np.diff(episode, prepend=before[0]))
-        turns, open_ = _least_turns(np.vstack([before[1], q]), self.reach)
-        for part in (turns, open_):
-            part[:, ~self.robot.hinges] = part[begins] = 0
-        self.low, self.high = np.minimum(self.low, q.min(axis=0)), np.maximum(self.high, q.max(axis=0))
-        self.loose |= open_.any(axis=0)
-        self.cut |= ((turns != 0) & ~open_).any(axis=0)
-        whole = np.cumsum(turns, axis=0)
-        own = np.where(self.narrow, np.round((self.middle - q[begins]) / TURN), 0.0)
-        base = np.vstack([before[2], own - whole[begins]])
-        whole += base[np.searchsorted(begins, np.arange(len(q)), side="right")]
-        self.last = int(episode[-1]), q[-1], whole[-1]
-        return q + TURN * whole if whole.any() else q
