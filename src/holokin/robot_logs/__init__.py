@@ -3,6 +3,7 @@
 Uses `motion`. Read first: `log_samples.py`, `log_formats.py`, `dataset_folder.py`.
 """
 
+from ..base.time_columns import TIMES as TIMES
 from ..motion.recording import GAP as GAP
 from ..motion.recording import Recording as Recording
 from .dataset_columns import (
@@ -16,7 +17,6 @@ from .dataset_columns import (
     pose_feature,
 )
 from .dataset_folder import Dataset, Episode, is_dataset, read_dataset
-from .joint_columns import TIMES
 from .log_formats import read_recording
 from .log_runs import read_runs
 from .whole_turns import SLACK, joined_turns

@@ -145,7 +145,7 @@ def pose_feature(
         raise RecordingError(dataset.folder / INFO, fact, cure)
     at = [i for i, _ in kept]
     places = [[at[i] for i in part] for part in (found.position, found.orientation)]
-    return PoseFeature(feature, PoseColumns(places[0], places[1], found.kind, [], found.scales), said)
+    return PoseFeature(feature, PoseColumns(places[0], places[1], found.kind, None, found.scales), said)
 
 
 def postures_of(dataset: Dataset, robot: Robot, joints: JointFeature, values: Matrix) -> Matrix:

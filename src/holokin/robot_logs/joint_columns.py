@@ -12,9 +12,6 @@ from ..errors import ArgumentError, RecordingError, UnknownNameError, closest
 from ..robot import Robot
 from .log_samples import joints_missing
 
-TIMES = ("t", "time", "stamp", "secs", "timestamp")
-"""Names of a time column; a prefix ('header.stamp') and capitals do not matter."""
-
 Columns = str | Sequence[str] | Mapping[str, str]
 """Columns of the joints: names in the robot's order; joint -> name; or text, "a, b, c", "elbow=a, wrist=b", "q_%d"."""
 
@@ -97,19 +94,6 @@ def _in_words(header: Sequence[str], robot: Robot, text: str) -> Sequence[str] |
     if all(between for _, between, _ in pairs) and not set(parts) <= set(header):
         return {joint.strip(): column.strip() for joint, _, column in pairs}
     return parts
-
-
-def time_column(file: Path, header: Sequence[str]) -> list[int]:
-    """The time column; with a second one of nanoseconds where stamps are split ('secs', 'nsecs')."""
-    words = [re.split(r"[^a-z]+", name.lower().strip("_"))[-1] for name in header]
-    for name in TIMES:
-        exact = [i for i, column in enumerate(header) if column.lower() == name]
-        found = exact or [i for i, word in enumerate(words) if word == name]
-        if found:
-            parts = [i for i, word in enumerate(words) if word in ("nsecs", "nanosec", "nsec")]
-            return [found[0], *parts[:1]] if name == "secs" else found[:1]
-    cure = f"name the column of seconds one of {', '.join(TIMES)}; the columns are {listed(header)}"
-    raise RecordingError(file, "there is no time column", cure)
 
 
 def joint_columns(file: Path, header: Sequence[str], robot: Robot, joints: Sequence[str]) -> list[int]:
