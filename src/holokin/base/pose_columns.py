@@ -124,7 +124,7 @@ def pose_rows(file: Path, noun: str, said: Units) -> PoseRows:
         return chosen[0].wanted
 
     pieces = read_table(file, wanted, f"give a {noun} a line", "x_mm, y_mm, z_mm")
-    found = [(table, places) for table, _, places in pieces]
+    found = [(piece.table, piece.lines) for piece in pieces]
     if not found:
         raise RecordingError(file, f"has a header but no {noun}s", f"give a {noun} a line")
     lines = np.concatenate([places for _, places in found])

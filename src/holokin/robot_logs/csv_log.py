@@ -9,13 +9,22 @@ from pathlib import Path
 
 import numpy as np
 
-from ..base.csv_table import read_table
+from ..base.csv_table import Rows, read_table
 from ..base.time_columns import UNITS, WORDS, TimeColumns, no_time, time_columns, unit_in, unit_of
 from ..base.types import Matrix, Vector
 from ..errors import RecordingError
 from ..robot import Robot
 from .headless import guessed, numbered
-from .joint_columns import Columns, column_named, columns_named, joint_columns, plain_name, scale_of
+from .joint_columns import (
+    NUMBER,
+    Columns,
+    column_named,
+    columns_named,
+    joint_columns,
+    names_beside,
+    plain_name,
+    scale_of,
+)
 from .log_samples import Samples
 
 CURE = "log a header and at least two cycles"
@@ -46,13 +55,10 @@ def read_csv(
         return [*(["t"] if time is None else ["1"]), *numbered(cells)[1:]]
 
     scales: list[float] = []
+    labels: list[int] = []
+    joints: list[_JointsByName] = []
 
     def wanted(names: Sequence[str]) -> list[int]:
-        places = chosen(names)
-        scales.extend(scale_of(names[place]) for place in places[len(times[0].places) :])
-        return places
-
-    def chosen(names: Sequence[str]) -> list[int]:
         header = [plain_name(name) for name in names]
         if time is None:
             found = time_columns(names)
@@ -62,18 +68,31 @@ def read_csv(
         else:
             place = column_named(file, header, time, "the time")
             times.append(TimeColumns((place,), unit_in(names[place])))
-        if columns is None:
-            return [*times[0].places, *joint_columns(file, header, robot, robot.joint_names)]
+        beside = names_beside(header)
         others = lambda joints: joint_columns(file, header, robot, joints)  # noqa: E731
-        return [*times[0].places, *columns_named(file, header, robot, columns, others)]
+        if columns is not None:
+            places = columns_named(file, header, robot, columns, others)
+        else:
+            places = [] if beside and not set(robot.joint_names) <= set(header) else others(robot.joint_names)
+        if beside and set(places) <= set(beside):
+            given = [list(beside).index(place) for place in places] or None
+            joints.append(_JointsByName(file, robot, given, isinstance(columns, str) and NUMBER in columns))
+            labels.extend(beside.values())
+            notes.append(f"joints by their names in {names[labels[0]]} to {names[labels[-1]]}")
+            places = list(beside)
+        scales.extend(scale_of(names[place]) for place in places)
+        return [*times[0].places, *places]
 
     stamps: _Stamps | None = None
     q, numbers = array("d"), array("q")
-    for table, texts, places in read_table(file, wanted, CURE, "t and the robot's joints", headless=headless, bad=bad):
+    cure = "t and the robot's joints"
+    for rows in read_table(file, wanted, CURE, cure, headless=headless, bad=bad, labels=labels):
+        count = len(times[0].places)
         stamps = stamps or _Stamps(times[0])
-        stamps.add(table[:, : len(times[0].places)], texts)
-        q.frombytes((table[:, len(times[0].places) :] * scales).tobytes())
-        numbers.extend(places)
+        stamps.add(rows.table[:, :count], rows.texts)
+        values = rows.table[:, count:] * scales
+        q.frombytes((joints[0].ordered(values, rows) if joints else values).tobytes())
+        numbers.extend(rows.lines)
     if stamps is None:
         raise RecordingError(file, "has a header but no samples", "log at least two cycles")
     if bad:
@@ -82,6 +101,41 @@ def read_csv(
     t, origin = stamps.seconds(file, notes)
     lines, said = np.frombuffer(numbers, dtype=np.int64), any(scale != 1.0 for scale in scales)
     return Samples(t, np.frombuffer(q).reshape(len(t), -1), "line", lines, notes, said, origin)
+
+
+class _JointsByName:
+    """Puts values into the robot's order, row by row, where each row names its joints.
+
+    given: places of the joints among the names, as the user says them, for names that are not the robot's. pattern:
+    they follow from a pattern, which says no joint's name; else the names must not say otherwise.
+    """
+
+    def __init__(self, file: Path, robot: Robot, given: Sequence[int] | None, pattern: bool) -> None:
+        self.file, self.robot, self.given, self.pattern = file, robot, given, pattern
+        self.known: dict[tuple[str, ...], Sequence[int]] = {}
+
+    def ordered(self, values: Matrix, rows: Rows) -> Matrix:
+        """Values (k, c) of the named joints -> (k, n). Raises: RecordingError."""
+        places = np.empty((len(values), self.robot.n), dtype=np.intp)
+        for k, names in enumerate(rows.labels):
+            if names not in self.known:
+                self.known[names] = self._places(names, rows.lines[k])
+            places[k] = self.known[names]
+        return np.take_along_axis(values, places, axis=1)
+
+    def _places(self, names: Sequence[str], line: int) -> Sequence[int]:
+        joints = self.robot.joint_names
+        try:
+            found = joint_columns(self.file, names, self.robot, joints, f"names in line {line}")
+        except RecordingError:
+            if self.given is None or self.known:
+                raise
+            return self.given
+        if self.given is not None and not self.pattern and list(self.given) != found:
+            i = next(i for i in range(len(joints)) if self.given[i] != found[i])
+            fact = f"line {line} names {names[self.given[i]]!r} where --columns says {joints[i]!r}"
+            raise RecordingError(self.file, fact, "leave out --columns (columns=...): the names in the file are used")
+        return found
 
 
 class _Stamps:

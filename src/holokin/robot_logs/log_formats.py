@@ -44,7 +44,7 @@ def read_recording(
     Args:
         degrees: True when revolute joints are logged in degrees; None refuses values that only fit as degrees.
         topic: of the JointState messages; by default /joint_states, or the only one there is.
-        columns: of a CSV file whose columns have other names than the joints: n names in the robot's order, a mapping
+        columns: of a CSV file or a bag whose joints have other names: n names in the robot's order, a mapping
             joint -> name, or text: "q_a, q_b, ...", "elbow=q_c, wrist=q_d" or a pattern "actual_q_%d", which counts
             from 0, or from 1 where there is no column with 0. Joints that a mapping leaves out have their own names.
             Of a file without a header the columns are "1", "2", ...; without `columns` they are guessed, see notes.
@@ -56,7 +56,7 @@ def read_recording(
         RecordingError: no such file, unreadable, no time column, joints missing, empty, text or NaN in a cell (with
             its line), time that runs backward or stands still with other joints, degrees where radians are due.
         MissingExtraError: a bag, and rosbags is not installed.
-        ArgumentError: a topic for a CSV file, columns or time for a bag, a wrong number of columns.
+        ArgumentError: a topic for a CSV file, a time for a bag, a wrong number of columns.
         UnknownNameError: a column for a joint that the robot has not.
     """
     file = Path(path)
@@ -69,10 +69,10 @@ def samples_of(
 ) -> Samples:
     """What a file holds, in its own units and order. Raises: as `read_recording`."""
     if is_folder(file) or file.suffix.lower() in (".mcap", ".db3", ".bag"):
-        for name, given in (("columns", columns), ("time", time), ("skip_bad", skip_bad or None)):
+        for name, given in (("time", time), ("skip_bad", skip_bad or None)):
             if given is not None:
-                raise ArgumentError(name, given, "only CSV files have columns and rows; leave it out for a bag")
-        return read_bag(file, robot, topic)
+                raise ArgumentError(name, given, "only CSV files have rows; leave it out for a bag")
+        return read_bag(file, robot, topic, columns)
     if topic is not None:
         raise ArgumentError("topic", topic, "only bags have topics; leave it out for a CSV file")
     return read_csv(file, robot, columns, time, skip_bad=skip_bad)
@@ -149,5 +149,6 @@ def _to_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None) -> No
         and (outside(robot, least * scale, most * scale) <= 0).all()
     ):
         value = float(least[worst] if -least[worst] > most[worst] else most[worst])
-        fact = f"joint {robot.joint_names[worst]} reaches {value:.4g}, far outside its limits in rad, but every joint fits in degrees"
+        fact = f"joint {robot.joint_names[worst]} reaches {value:.4g}, far outside its limits in rad"
+        fact = f"{fact}, but every joint fits in degrees"
         raise RecordingError(file, fact, "pass --degrees (degrees=True), or degrees=False if it is radians after all")
