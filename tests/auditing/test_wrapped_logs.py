@@ -83,7 +83,9 @@ def random_motion(seed: int) -> Motion:
         wait = rng.choice([0.3, 3.0, 10.0])
         t[k:] += wait
         turn = 2 * np.pi * rng.choice([-1, 1])
-        able = np.flatnonzero((q[k:] + turn < high).all(axis=0) & (q[k:] + turn > low).all(axis=0) & (wait * speed > 6.4))
+        able = np.flatnonzero(
+            (q[k:] + turn < high).all(axis=0) & (q[k:] + turn > low).all(axis=0) & (wait * speed > 6.4)
+        )
         if kind == "turns in a gap" and len(able):
             q[k:, rng.choice(able)] += turn
     if kind == "drifts":

@@ -134,7 +134,7 @@ def _join_turns(q: Numbers, begins: Whole, period: float, robot: Robot) -> tuple
     """(whole turns by hinge, notes); the hinges of q (k, n) run on within each episode, in place."""
     steps = np.full(len(q) - 1, period, np.float32)
     steps[begins[1:-1] - 1] = np.inf
-    found = {int(i): hinge_turns(q[:, i], steps, robot, i) for i in np.flatnonzero(robot.hinges)}
+    found = {i: hinge_turns(q[:, i], steps, robot, i) for i in np.flatnonzero(robot.hinges).tolist()}
     for i, one in found.items():
         if one.turns is not None:
             q[:, i] += one.turns

@@ -61,6 +61,6 @@ def turns_words(log: Recording, places: Indices) -> str:
     more = f", and so in {len(places) - 1} more steps" if len(places) > 1 else ""
     return (
         f"{first} may have made a whole turn that the log does not show, at its largest speed{more}; log more often "
-        "and without gaps, give speed limits to a robot that has none, or say --counts-turns (counts_turns=True) if the "
-        "values of the joints count whole turns"
+        "and without gaps, give speed limits to a robot that has none, or say --counts-turns (counts_turns=True) if "
+        "the values of the joints count whole turns"
     )

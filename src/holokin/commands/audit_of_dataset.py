@@ -24,7 +24,8 @@ def refuse_options(what: str, **given: Any) -> None:
 
 
 def audit_of_dataset(
-    folder: Path, arm: Robot, tool: dict[str, Any], options: dict[str, Any], read: dict[str, Any], tolerance: float | None, json: Path | None, plot: Path | None,
+    folder: Path, arm: Robot, tool: dict[str, Any], options: dict[str, Any], read: dict[str, Any],
+    tolerance: float | None, json: Path | None, plot: Path | None,
 ) -> NoReturn:  # fmt: skip
     """Audit a dataset, and end the command. Raises: HolokinError."""
     from ..auditing import audit_dataset

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.axis_counts import AxisCounts
 from ..base.given_files import is_folder
 from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, RecordingError
@@ -34,6 +35,8 @@ FASTEST = 1e-9
 def read_recording(
     path: str | Path, robot: Robot, *, degrees: bool | None = None, topic: str | None = None,
     columns: Columns | None = None, time: str | None = None, skip_bad: bool = False, counts_turns: bool = False,
+    signs: Mapping[str, int] | None = None, offsets: Mapping[str, float] | None = None,
+    scales: Mapping[str, float] | None = None,
 ) -> Recording:  # fmt: skip
     """Read the joints of a robot from a log.
 
@@ -51,17 +54,20 @@ def read_recording(
         time: of a CSV file: the name of the time column.
         skip_bad: of a CSV file: rows that cannot be read are left out and counted in the notes, not refused.
         counts_turns: the values of hinges count whole turns: none is taken to be modulo a turn.
+        signs, offsets, scales: how the log counts joints, as `export.Wiring` for programs: scale * value = sign * joint
+            + offset [rad or m], each by the name of the joint; a scale is in rad or m, as 2 pi / 4096 of an encoder.
 
     Raises:
         RecordingError: no such file, unreadable, no time column, joints missing, empty, text or NaN in a cell (with
             its line), time that runs backward or stands still with other joints, degrees where radians are due.
         MissingExtraError: a bag, and rosbags is not installed.
         ArgumentError: a topic for a CSV file, a time for a bag, a wrong number of columns.
-        UnknownNameError: a column for a joint that the robot has not.
+        UnknownNameError: a column, sign, offset or scale for a joint that the robot has not.
     """
     file = Path(path)
+    counts = AxisCounts(signs or {}, offsets or {}, scales or {}).known(robot.joint_names)
     samples = samples_of(file, robot, topic, columns, time, skip_bad)
-    return joined(recorded(file, samples, robot, degrees), robot, counts_turns)
+    return joined(recorded(file, samples, robot, degrees, counts), robot, counts_turns)
 
 
 def samples_of(
@@ -78,11 +84,13 @@ def samples_of(
     return read_csv(file, robot, columns, time, skip_bad=skip_bad)
 
 
-def recorded(file: Path, samples: Samples, robot: Robot, degrees: bool | None) -> Recording:
+def recorded(
+    file: Path, samples: Samples, robot: Robot, degrees: bool | None, counts: AxisCounts
+) -> Recording:  # fmt: skip
     """Samples as a recording: in rad and m, with rising times. Raises: RecordingError."""
     notes = samples.notes
     t, q = _in_order(file, samples, notes)
-    _to_radians(file, q, robot, False if samples.in_si else degrees)
+    q = _in_radians(file, q, robot, False if samples.in_si else degrees, counts)
     log = Recording(robot.joint_names, t, q, str(file))
     if len(log.gaps):
         longest = float(np.diff(t).max())
@@ -128,27 +136,28 @@ def joined(log: Recording, robot: Robot, counts_turns: bool, breaks: Sequence[in
     return replace(log, notes=(*log.notes, f"joint {robot.joint_names[worst]} is logged up to {beyond}"))
 
 
-def _to_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None) -> None:
-    """Hinges in radians, in place: columns are looked at by their extremes, since a log may be long."""
-    turning = robot.hinges
-    scale = np.where(turning, np.pi / 180, 1.0)
-    if degrees:
-        q *= scale
-    least, most = q.min(axis=0), q.max(axis=0)
+def _in_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, counts: AxisCounts) -> Matrix:
+    """Joints in rad and m: the unit is looked for in the extremes of the columns, since a log may be long."""
+    names, turning = robot.joint_names, robot.hinges
+    units = {unit: np.where(turning & unit, np.pi / 180, 1.0) for unit in (False, True)}
+    ends = np.stack([q.min(axis=0), q.max(axis=0)])
+
+    def extremes(unit: bool) -> tuple[Vector, Vector]:
+        found = counts.joints(names, ends, units[unit])
+        return found.min(axis=0), found.max(axis=0)
+
+    least, most = extremes(bool(degrees))
     reach = np.maximum(-least, most)
     far = int(np.argmax(reach))
     if reach[far] > FARTHEST:
-        fact = f"joint {robot.joint_names[far]} reaches {reach[far]:.3g} {robot.coordinates[far].unit}"
+        fact = f"joint {names[far]} reaches {reach[far]:.3g} {robot.coordinates[far].unit}"
         raise RecordingError(file, fact, "give joints in rad and m; correct or delete the broken samples")
-    over = outside(robot, least, most)
+    over = np.where(counts.scaled(names), -np.inf, outside(robot, least, most))
     worst = int(np.argmax(over))
-    if (
-        degrees is None
-        and turning[worst]
-        and over[worst] > 0
-        and (outside(robot, least * scale, most * scale) <= 0).all()
-    ):
+    if degrees is None and turning[worst] and over[worst] > 0 and (outside(robot, *extremes(True)) <= 0).all():
         value = float(least[worst] if -least[worst] > most[worst] else most[worst])
-        fact = f"joint {robot.joint_names[worst]} reaches {value:.4g}, far outside its limits in rad"
+        fact = f"joint {names[worst]} reaches {value:.4g}, far outside its limits in rad"
         fact = f"{fact}, but every joint fits in degrees"
         raise RecordingError(file, fact, "pass --degrees (degrees=True), or degrees=False if it is radians after all")
+    plain = not (degrees or counts.signs or counts.offsets or counts.scales)
+    return q if plain else counts.joints(names, q, units[bool(degrees)])

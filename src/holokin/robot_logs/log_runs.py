@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.axis_counts import AxisCounts
 from ..base.types import Matrix, Vector, positive
 from ..errors import ArgumentError, RecordingError
 from ..motion.recording import GAP, Recording
@@ -43,7 +44,8 @@ class _Piece:
 def read_runs(
     paths: Sequence[str | Path], robot: Robot, *, split: bool = False, idle: float = IDLE, degrees: bool | None = None,
     topic: str | None = None, columns: Columns | None = None, time: str | None = None, skip_bad: bool = False,
-    counts_turns: bool = False,
+    counts_turns: bool = False, signs: Mapping[str, int] | None = None, offsets: Mapping[str, float] | None = None,
+    scales: Mapping[str, float] | None = None,
 ) -> tuple[Recording, ...]:  # fmt: skip
     """Read files as one log; with `split` as several runs.
 
@@ -52,7 +54,7 @@ def read_runs(
 
     Args:
         split: cut where the clock is set back and where all joints rest for `idle` [s]; each part is a run.
-        degrees, topic, columns, time, skip_bad, counts_turns: as of `read_recording`.
+        degrees, topic, columns, time, skip_bad, counts_turns, signs, offsets, scales: as of `read_recording`.
 
     Raises:
         ArgumentError: no file, a rest that is not positive. RecordingError: as `read_recording`; nothing moves.
@@ -60,12 +62,13 @@ def read_runs(
     positive("idle", idle, "give a positive number of seconds")
     if not paths:
         raise ArgumentError("the files of a log", list(paths), "give at least one")
+    counts = AxisCounts(signs or {}, offsets or {}, scales or {}).known(robot.joint_names)
     pieces: list[_Piece] = []
     for path in map(Path, paths):
         samples = samples_of(path, robot, topic, columns, time, skip_bad)
         for part in _by_clock(samples) if split else [samples]:
             if len(part.t) > 1:
-                pieces.append(_Piece(recorded(path, part, robot, degrees), samples.origin))
+                pieces.append(_Piece(recorded(path, part, robot, degrees, counts), samples.origin))
     if not pieces:
         raise RecordingError(paths[0], "holds no two samples of one clock", "log at least two cycles")
     logs = _joined(pieces, robot, anew=not split, counts_turns=counts_turns)

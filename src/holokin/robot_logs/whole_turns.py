@@ -10,14 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.types import Array, Flags, Indices, Vector
 from ..motion.recording import Recording
 from ..robot import Robot
 
 TURN = 2 * np.pi
+
+Rows = NDArray[np.integer[Any]]
+Numbers = NDArray[np.floating[Any]]
+"""In any precision: datasets are long."""
 
 SLACK = 0.5
 """How far [rad or m] beyond its limits a joint may be logged before the unit is doubted: calibration never errs so."""
@@ -45,17 +51,17 @@ class HingeTurns:
     known: Flags
     cut: bool
 
-    def runs_apart(self, first: Indices, second: Indices) -> Flags:
+    def runs_apart(self, first: Rows, second: Rows) -> Flags:
         """Whether two samples (p,), (p,) are of different runs."""
         return np.not_equal(*(np.searchsorted(self.begins, rows, side="right") for rows in (first, second)))
 
-    def apart(self, first: Indices, second: Indices) -> Flags:
+    def apart(self, first: Rows, second: Rows) -> Flags:
         """Whether the joint may have made unknown turns between two samples (p,), (p,)."""
         known = [self.known[np.searchsorted(self.begins, rows, side="right") - 1] for rows in (first, second)]
         return self.runs_apart(first, second) & ~(known[0] & known[1])
 
 
-def hinge_turns(values: Array, steps: Array, robot: Robot, joint: int) -> HingeTurns:
+def hinge_turns(values: Numbers, steps: Numbers, robot: Robot, joint: int) -> HingeTurns:
     """Whole turns of the hinge `joint` with values (k,), whose samples are `steps` (k - 1,) [s] apart; inf: unknown."""
     speed = robot.max_velocity[joint] if np.isfinite(robot.max_velocity[joint]) else FASTEST_HINGE
     reach = OVERSPEED * speed * steps + NOISE
@@ -90,7 +96,7 @@ def joined_turns(log: Recording, robot: Robot, *, counted: bool = False, breaks:
     moved: list[str] = []
     steps = np.diff(log.t)
     steps[list(breaks)] = np.inf
-    for i in np.flatnonzero(robot.hinges) if not counted else ():
+    for i in np.flatnonzero(robot.hinges).tolist() if not counted else ():
         found = hinge_turns(log.q[:, i], steps, robot, i)
         before = found.begins[1:] - 1
         unknown += [(k, i) for k in before[found.apart(before, before + 1)]]
