@@ -1,16 +1,19 @@
-"""Angles modulo a turn: a log or dataset so written gets the verdict of the same motion written out, or "cannot tell"."""
+"""Angles modulo a turn: so written, a log or dataset gets the verdict of the motion as it ran, or "cannot tell"."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.auditing import LogAudit, LogVerdict
+from conftest import campaign, sampled
+from holokin.auditing import DatasetAudit, LogAudit, LogVerdict, audit_dataset
 from holokin.errors import RecordingError
-from holokin.robot_logs import Recording, joined_turns
+from holokin.robot_logs import STATE, Recording, joined_turns, joint_feature, read_dataset
+from small_datasets import write_dataset
 
 ARMS = ("ur5e", "xarm7", "gen3", "panda", "iiwa14")
 WRAPS = {"(-pi, pi]": -np.pi, "[0, 2 pi)": 0.0, "from -4 on": -4.0}
@@ -117,3 +120,112 @@ def wrong(seed: int) -> str:
         if found.verdict is not LogVerdict.UNDECIDED or "whole turn" not in found.sentence():
             return f"{name}: {found.verdict.name} for {truth.verdict.name}: {found.sentence()[:200]}"
     return ""
+
+
+SEEDS = [*range(3), *(campaign("seed", seed) for seed in range(3, 200))]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_log_modulo_a_turn_has_the_verdict_of_the_motion_or_says_where_it_cannot_tell(seed: int) -> None:
+    assert not wrong(seed)
+
+
+@sampled(4, ("arm", "begin"), [(arm, begin) for arm in ARMS for begin in WRAPS.values()])
+def test_a_log_of_usual_rate_without_gaps_is_always_told(arm: str, begin: float) -> None:
+    """Joints near the end of the turn that is logged, 30 samples a second."""
+    robot = hk.load(arm)
+    middle = np.clip(begin + 0.05, robot.lower + 0.4, robot.upper - 0.4)
+    t = np.arange(300) / 30
+    q = middle + 0.3 * np.sin(0.6 * np.pi * t[:, None] + np.arange(robot.n))
+    motion = Motion(robot, "repeats", t, q)
+    found = hk.audit_recording(motion.wrapped(begin), robot)
+    assert found.verdict is hk.audit_recording(motion.counted(), robot).verdict and not len(found.unknown_turns)
+    assert np.abs(found.recording.q - q - (found.recording.q - q)[0]).max() < 1e-9
+
+
+def test_a_joint_that_winds_up_by_a_turn_in_each_cycle_is_named() -> None:
+    robot = hk.load("gen3")
+    t = np.arange(0, 40, 1 / 30)
+    q = np.array([0.1, 0.5, 3.0, -1.5, 0.2, -1.0, 0.0]) + 0.2 * np.sin(2 * np.pi * t[:, None] / 10 + np.arange(7))
+    q[:, 6] += 2 * np.pi * t / 10
+    found = hk.audit_recording(Motion(robot, "winds", t, q).wrapped(-np.pi), robot)
+    assert found.verdict is LogVerdict.DIFFERS
+    assert "joint_7 winds up: it has made 4 turns in 4 cycles" in found.sentence()
+    still = hk.audit_recording(
+        Motion(robot, "repeats", t, q - np.eye(7)[6] * 2 * np.pi * t[:, None] / 10).wrapped(0.0), robot
+    )
+    assert still.verdict is LogVerdict.REPEATS
+
+
+def test_the_place_where_a_turn_is_not_known_is_said_and_the_user_may_say_it() -> None:
+    """A UR5e waits for 10 s between two cycles; its limits leave joints that stay on one side of zero two turns."""
+    robot, motion = hk.load("ur5e"), random_gap()
+    found = hk.audit_recording(motion.wrapped(-np.pi), robot)
+    assert found.verdict is LogVerdict.UNDECIDED and found.exit_code == 2
+    assert (
+        "from 10 to 20 s (samples 300 and 301) shoulder_lift_joint, elbow_joint, wrist_1_joint, wrist_2_joint may have made a whole turn"
+        in found.sentence()
+    )
+    assert "--counts-turns" in found.sentence()
+    assert found.summary()["unknown_turns"][0] == {"sample": 300, "time_s": 10.0, "joint": "shoulder_lift_joint"}
+    assert hk.audit_recording(motion.counted(), robot).verdict is LogVerdict.REPEATS
+
+
+def random_gap() -> Motion:
+    t = np.arange(601) / 30
+    q = np.array([0.2, -1.2, 1.3, -1.6, -1.5, 0.3])
+    q = q + np.array([0.3, 0.3, 0.1, 0.3, 0.3, 0.4]) * np.sin(2 * np.pi * t[:, None] / 5 + np.array([0, 0, 1, 0, 0, 0]))
+    return Motion(hk.load("ur5e"), "repeats", np.where(np.arange(601) > 300, t + 10 - 1 / 30, t), q)
+
+
+# --- datasets -------------------------------------------------------------------------------------------------
+
+
+def dataset_audit(
+    folder: Path, robot: hk.Robot, episodes: list[np.ndarray], counts_turns: bool = False
+) -> DatasetAudit:
+    names = {STATE: list(robot.joint_names)}
+    data = read_dataset(write_dataset(folder, [{STATE: q} for q in episodes], names, dtype="float64"))
+    joints = joint_feature(data, robot, STATE, degrees=False, counts_turns=counts_turns)
+    return audit_dataset(data, robot, joints)
+
+
+@pytest.mark.parametrize("seed", [*range(3), *(campaign("seed", seed) for seed in range(3, 80))])
+def test_a_dataset_modulo_a_turn_has_the_verdict_of_the_motion_or_cannot_tell(tmp_path: Path, seed: int) -> None:
+    """Three episodes of one motion; in some another posture, or a joint that has made a turn between episodes."""
+    rng = np.random.default_rng(seed)
+    robot = random_arm(rng)
+    low, high = np.maximum(robot.lower, -8.0), np.minimum(robot.upper, 8.0)
+    amplitude = np.minimum(0.3, 0.3 * (high - low))
+    middle = np.clip(
+        rng.choice([np.pi, -np.pi, 0.0], robot.n) + rng.normal(0, 0.2, robot.n), low + amplitude, high - amplitude
+    )
+    u = np.linspace(0, 2 * np.pi, 40)[:, None]
+    episodes = [middle + amplitude * np.sin(u + np.arange(robot.n)) for _ in range(3)]
+    turned = np.flatnonzero((episodes[0] + 2 * np.pi < high).all(axis=0))
+    endless = False
+    if len(turned) and rng.uniform() < 0.5:
+        joint = rng.choice(turned)
+        episodes[1][:, joint] += 2 * np.pi
+        endless = bool(np.isinf(robot.upper[joint]))
+    counted = dataset_audit(tmp_path / "counted", robot, episodes, counts_turns=True).verdict
+    plain = dataset_audit(tmp_path / "plain", robot, episodes).verdict
+    assert plain in (counted, LogVerdict.UNDECIDED) or endless
+    for name, begin in WRAPS.items():
+        wrapped = [q - 2 * np.pi * np.floor((q - begin) / (2 * np.pi)) * robot.hinges for q in episodes]
+        found = dataset_audit(tmp_path / name.replace(" ", ""), robot, wrapped)
+        assert found.verdict in (plain, LogVerdict.UNDECIDED), (robot.name, name)
+        if found.verdict is LogVerdict.UNDECIDED and plain is not found.verdict:
+            assert "may be a turn farther in frame" in found.sentence()
+
+
+def test_a_panda_and_a_gen3_modulo_a_turn_are_told_and_an_endless_joint_has_no_turns_between_episodes(
+    tmp_path: Path,
+) -> None:
+    for arm, middle in (("panda", [0, 0.2, 0, -1.5, 0, 3.1, 0]), ("gen3", [3.1, 0.3, -3.1, -1.2, 0, -0.9, 3.0])):
+        robot, u = hk.load(arm), np.linspace(0, 2 * np.pi, 40)[:, None]
+        q = np.array(middle) + 0.2 * np.sin(u + np.arange(7))
+        wrapped = q - 2 * np.pi * np.floor((q + np.pi) / (2 * np.pi))
+        episodes = [wrapped, wrapped, np.roll(wrapped, 20, axis=0)]
+        found = dataset_audit(tmp_path / arm, robot, episodes)
+        assert found.verdict is LogVerdict.REPEATS and any("joined" in note for note in found.notes)

@@ -14,7 +14,7 @@ from ..robot_logs import Recording
 from ..tasks.task import Task
 from .cycles import Cycles
 from .equal_poses import Distance, LogVerdict, first_limit
-from .log_words import by_sampling, distance_words, listed, ranged, rate_words, trend_words, turns_words
+from .log_words import by_sampling, distance_words, listed, ranged, rate_words, trend_words, turns_words, winding_words
 from .scatter import CONFIDENCE
 from .trend import DriftTrend, Trend
 
@@ -278,6 +278,9 @@ def _differs(audit: LogAudit) -> str:
         at = f" ({gap.joint}, at {100 * gap.phase:.0f} % of the cycle)" if gap.beyond else ""
         parts.append(
             f"at equal tool poses they are up to {size:.3g} rad or m apart between cycles{at}{_of_late(audit)}"
+        )
+        parts += winding_words(
+            audit.since_start[-1], audit.robot, len(audit.cycles), audit.tolerance + audit.noise_floor
         )
     elif audit.closing is not Trend.NONE:
         size = f"{audit.largest.max():.3g} in a cycle ({audit.worst_joint})"
