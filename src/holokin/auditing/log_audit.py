@@ -15,7 +15,7 @@ from ..robot_logs.whole_turns import less_turns
 from ..tasks.frame_task import parts_of
 from ..tasks.task import Task
 from ..tasks.task_kinds import pose, position
-from .arcs import FREE, WHOLE, encoder_levels
+from .arcs import FREE, WHOLE, encoder_levels, rounding_of
 from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles
 from .equal_poses import Distance, LogVerdict, spread, to_pose
@@ -98,6 +98,8 @@ def audit_recording(
     drift = less_turns(visits[:, -1] - visits[:, 0], turning) * cycles.direction[:, None]
     groups = _groups(cycles)
 
+    digits = rounding_of(recording.q)
+
     def judged(members: Indices) -> DriftTrend:
         joints, at = visits[members, :-1], slice(0, -1)
         moves, when = joints - cycles.q[members, :-1], members
@@ -106,7 +108,7 @@ def audit_recording(
             joints, at = (visits[members[0], 0] + closed)[:, None], slice(0, 1)
             moves, when = np.zeros_like(joints), np.arange(len(members) + 1)
         kind = Visits(joints, axes[at], when.astype(float), moves, noise[at], of_moves[at])
-        return judge(kind, tolerance, floor=float(floor[at].max()), share=1 / len(groups))
+        return judge(kind, tolerance, floor=float(floor[at].max()), share=1 / len(groups), rounding=digits)
 
     trends = {name: judged(members) for name, members in groups.items()}
     if len(ways) == 1 and len(trends) > 1 and any(t.trend is Trend.CANNOT_TELL for t in trends.values()):
@@ -148,7 +150,7 @@ def audit_recording(
         verdict = LogVerdict.UNDECIDED
     elif differs or any(t.beyond for t in trends.values()):
         verdict = LogVerdict.DIFFERS
-    elif len(unknown) or any(t.detectable > tolerance for t in trends.values()):
+    elif len(unknown) or any(max(t.detectable, t.change_range[1]) > tolerance for t in trends.values()):
         verdict = LogVerdict.UNDECIDED
     else:
         verdict = LogVerdict.REPEATS

@@ -226,6 +226,7 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
                     "rate_error": t.rate_error.tolist(),
                     "differences_judged": t.latest,
                     "change": t.change,
+                    "change_range": list(t.change_range),
                     "detectable_drift_per_cycle": t.detectable,
                     "of_it_by_shifts_of_the_tool": t.creep,
                     "cycles_needed": t.cycles_needed,
@@ -314,6 +315,14 @@ def _of_late(audit: LogAudit) -> str:
 def _undecided(audit: LogAudit) -> str:
     if len(audit.unknown_turns):
         return f"cannot tell: {turns_words(audit.recording, audit.unknown_turns)}"
+    open_ = max(audit.trends.values(), key=lambda t: t.change_range[1])
+    if open_.change_range[1] > audit.tolerance:
+        least, most = open_.change_range
+        return (
+            f"cannot tell: over the cycles the joints change by about {open_.change:.2g} rad or m, which may be "
+            f"{least:.2g} to {most:.2g} ({_SURE} confidence), and the tolerance is {audit.tolerance:g}: log about "
+            f"{open_.cycles_needed} cycles, or with less noise"
+        )
     trend = max(audit.trends.values(), key=lambda t: t.detectable)
     hidden = f"a drift of up to {rate_words(audit.detectable)} may hide"
     if trend.creep > 0.5 * trend.detectable:
