@@ -233,7 +233,11 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
 
 
 def _change(visits: Visits, noise: Noise, error: float, *, steps: bool = False) -> _Change:
-    """The change over the cycles, of the shapes of `RATIOS` and of steps, that stands out of the noise most."""
+    """The change over the cycles, of the shapes of `RATIOS` and of steps, that stands out of the noise most.
+
+    Its size is that of its shape. What is sure whatever the shape is a difference of two weighted averages of cycles:
+    visits along s, |s| = 1, differ by |s . y| range(s) if they change as s does, and surely by 2 |s . y| / sum |s|.
+    """
     k, phases, d = visits.y.shape
     count = SHAPES + k // STEPS if steps else SHAPES
     limit = quantile(error / (count * phases * d), noise.dof)
@@ -244,21 +248,20 @@ def _change(visits: Visits, noise: Noise, error: float, *, steps: bool = False) 
     moved = LEAF_SLOPE * shifts(shapes, visits.moves, noise.moves)
     along = np.abs(np.einsum("rk,kpd->rpd", shapes, visits.y)) - moved[:, :, None]
     held = np.maximum(along, 0.0) / np.maximum(limit * noise.each, 1e-300)
-    sure = float(((along - limit * noise.each) * visits.lever * ranges[:, None, None]).max())
-    mean, least = np.zeros((len(shapes), d)), np.zeros(len(shapes))
+    least = ((along - limit * noise.each) * visits.lever).max(axis=(1, 2))
+    mean = np.zeros((len(shapes), d))
     if np.isfinite(noise.average_dof):
         bound = quantile(error / (count * d), noise.average_dof) * noise.average
         along = np.abs(shapes @ visits.y.mean(axis=1)) - moved.mean(axis=1)[:, None]
         mean = np.maximum(along, 0.0) / np.maximum(bound, 1e-300)
-        least = ((along - bound) * visits.lever.min(axis=0) * ranges[:, None]).max(axis=1)
-        sure = max(sure, float(least.max()))
+        least = np.maximum(least, ((along - bound) * visits.lever.min(axis=0)).max(axis=1))
     seen = np.maximum(held.max(axis=(1, 2)), mean.max(axis=1))
     best = int(np.argmax(seen))
     pattern = np.einsum("k,kpd->pd", shapes[best], visits.y)  # of the change over the phases, where it is seen
     size = float(np.abs(np.einsum("pd,pnd->pn", pattern, visits.axes)).max() * ranges[best])
-    off = moved[best][:, None] + limit * noise.each
-    low, high = (float(((np.abs(pattern) + way * off) * visits.lever).max() * ranges[best]) for way in (-1, 1))
-    ends = (min(max(low, float(least[best]), 0.0), size), high)
+    most = (np.abs(pattern) + moved[best][:, None] + limit * noise.each) * visits.lever
+    ends = (min(max(float(least[best] * ranges[best]), 0.0), size), float(most.max() * ranges[best]))
+    sure = max(float((2 * least / np.abs(shapes).sum(axis=1)).max()), ends[0])
     single = held[best].max() >= mean[best].max()
     pattern = pattern * (held[best] >= 0.5 * seen[best]) if single else pattern
     pattern = pattern / max(float(np.linalg.norm(pattern)), 1e-300)
