@@ -143,7 +143,7 @@ def outside(robot: Robot, low: Vector, high: Vector) -> Vector:
     """
     lower = np.where(np.isfinite(robot.lower), robot.lower, -4 * np.pi) - SLACK
     upper = np.where(np.isfinite(robot.upper), robot.upper, 4 * np.pi) + SLACK
-    turn = ((low >= -np.pi - NOISE) & (high <= np.pi + NOISE)) | ((low >= -NOISE) & (high <= TURN + NOISE))
+    turn = (high - low <= TURN + NOISE) & (np.maximum(-low, high) <= TURN + NOISE)
     moves = np.where(robot.hinges & turn, TURN, 0.0) * np.array([[-1], [0], [1]])
     over = np.maximum(lower - low - moves, high + moves - upper).min(axis=0)
     return np.where(robot.hinges & turn & (high - low >= np.pi), np.minimum(over, 0.0), over)
