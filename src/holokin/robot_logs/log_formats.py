@@ -40,9 +40,12 @@ def read_recording(
 ) -> Recording:  # fmt: skip
     """Read the joints of a robot from a log.
 
-    CSV: a header with a time column (`TIMES`; seconds, or whole nanoseconds) and the robot's joints, in any order;
-    a joint may have a prefix that ends in / . _ or : ('position.panda_joint1') where only one column fits.
+    CSV: a header with a time column (`TIMES`; its name or its size says the unit) and the robot's joints, in any order;
+    a joint may have a prefix that ends in / . _ or : ('position.panda_joint1') where only one column fits. Where each
+    row names its joints ('field.name0' beside 'field.position0'), the names are used.
     rosbag2 folder, .mcap, .db3 or ROS 1 .bag: sensor_msgs/JointState messages (needs the extra `log`).
+    Hinges that the log cuts by whole turns run on, with a note; where turns are not known, see `unknown_turns` of the
+    recording.
 
     Args:
         degrees: True when revolute joints are logged in degrees; None refuses values that only fit as degrees.
