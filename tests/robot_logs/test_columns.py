@@ -89,8 +89,8 @@ def test_what_names_no_columns_is_refused_with_the_joints(tmp_path: Path) -> Non
     with pytest.raises(ArgumentError, match="column of joint 'elbow_joint'"):
         hk.read_recording(file, UR, columns={"elbow_joint": 2})  # type: ignore[dict-item]
     (tmp_path / "bag.mcap").write_bytes(b"")
-    with pytest.raises(ArgumentError, match="only CSV files have columns"):
-        hk.read_recording(tmp_path / "bag.mcap", UR, columns="actual_q_%d")
+    with pytest.raises(ArgumentError, match="only CSV files have rows"):
+        hk.read_recording(tmp_path / "bag.mcap", UR, time="t")
 
 
 def test_missing_joints_say_how_columns_are_named(tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def test_bad_rows_are_refused_with_the_first_line_and_left_out_and_counted_if_as
     assert any(note.startswith("3 rows were left out that could not be read; the first: line 8") for note in log.notes)
     with pytest.raises(RecordingError, match="no samples"):
         read_recording(write(tmp_path / "bad.csv", t[:2], np.full((2, 3), np.nan), HEADER), ARM, skip_bad=True)
-    with pytest.raises(ArgumentError, match="only CSV files have columns and rows"):
+    with pytest.raises(ArgumentError, match="only CSV files have rows"):
         read_recording(tmp_path, ARM, skip_bad=True)  # a folder is a bag
 
 

@@ -59,6 +59,20 @@ def encoder_levels(q: Matrix) -> Vector:
     return np.array([noise_level(column[:, None]) for column in q.T]) / 0.6745
 
 
+def rounding_of(q: Matrix) -> float:
+    """To how much the numbers of a log q (k, n) are rounded [rad or m]: the last decimal that they have in rad, or in
+    degrees, or single precision; else what double precision leaves of a sum of some joints."""
+    some = q[:: max(1, len(q) // 300)]
+    if np.array_equal(some, some.astype(np.float32)):
+        return float(np.abs(some).max() * np.finfo(np.float32).eps)
+    for decimals in range(1, 12):
+        for unit in (1.0, 180 / np.pi):
+            scaled = some * unit * 10.0**decimals
+            if (np.abs(scaled - np.round(scaled)) <= 1e-3 + 1e-14 * np.abs(scaled)).all():
+                return 10.0**-decimals / unit
+    return 1e-12
+
+
 @dataclass(frozen=True, eq=False)
 class ToolMotion:
     """Tool points of postures q (k, n), computed when they are asked for: those of a long log fill the memory.

@@ -13,6 +13,7 @@ from ..errors import ArgumentError
 from ..robot import Robot
 from ..robot_logs.dataset_columns import JointFeature, PoseFeature, postures_of, tool_poses_of
 from ..robot_logs.dataset_folder import Dataset, rows
+from ..robot_logs.whole_turns import HingeTurns, hinge_turns, less_turns, turns_notes
 from ..tasks.task import Task
 from .arcs import WHOLE, ToolMotion, tool_points
 from .cycles import LENGTH_SCALE
@@ -116,36 +117,57 @@ def audit_dataset(
         key[here], moved[here] = _cells(z.astype(np.float32), near)
     if task is None:
         raise ArgumentError("episodes", episodes, "name at least one")
-    notes = () if poses is None else (f"{poses.name} and the tool of the joints are up to {apart:.3g} m apart",)
-    turns = 1 / length_scale if task.m < 3 + axes.shape[1] and axes.shape[1] == 3 and not robot.planar else 0.0
+    turns, notes = ({}, []) if joints.counts_turns else _join_turns(q, begins, dataset.period, robot)
+    notes += [] if poses is None else [f"{poses.name} and the tool of the joints are up to {apart:.3g} m apart"]
+    turned = 1 / length_scale if task.m < 3 + axes.shape[1] and axes.shape[1] == 3 and not robot.planar else 0.0
     q.flags.writeable = told.flags.writeable = False  # else a `Value` copies them
     tool = ToolMotion(robot, cast("Matrix", q), tip, axes, length_scale) if poses is None else ToolColumn(told)
     pairs = _pairs(tool, key, moved, begins, near)
     del key, moved
-    pairs = _equal_poses(task, q, tool, *pairs, tolerance, turns)
+    pairs = _equal_poses(task, q, tool, *pairs, tolerance, turned, turns)
     return DatasetAudit(
-        robot, dataset, task, joints.name, np.array(chosen), begins, q, tool, pairs, near, tolerance, notes
+        robot, dataset, task, joints.name, np.array(chosen), begins, q, tool, pairs, near, tolerance, tuple(notes)
     )  # fmt: skip
 
 
+def _join_turns(q: Numbers, begins: Whole, period: float, robot: Robot) -> tuple[dict[int, HingeTurns], list[str]]:
+    """(whole turns by hinge, notes); the hinges of q (k, n) run on within each episode, in place."""
+    steps = np.full(len(q) - 1, period, np.float32)
+    steps[begins[1:-1] - 1] = np.inf
+    found = {i: hinge_turns(q[:, i], steps, robot, i) for i in np.flatnonzero(robot.hinges).tolist()}
+    for i, one in found.items():
+        if one.turns is not None:
+            q[:, i] += one.turns
+    done = {cut: [robot.joint_names[i] for i, one in found.items() if one.turns is not None and one.cut == cut]
+            for cut in (True, False)}  # fmt: skip
+    return found, turns_notes(done[True], done[False], "dataset")
+
+
 def _equal_poses(
-    task: Task, q: Numbers, tool: ToolMotion | ToolColumn, first: Whole, second: Whole, tolerance: float, turns: float
+    task: Task, q: Numbers, tool: ToolMotion | ToolColumn, first: Whole, second: Whole, tolerance: float,
+    turned: float, turns: dict[int, HingeTurns],
 ) -> EqualPoses:  # fmt: skip
     """The joints of pairs of rows.
 
-    turns: how far joints [rad] follow a turn of the tool by which a distance of poses [m] grows, where the task has no
+    turned: how far joints [rad] follow a turn of the tool by which a distance of poses [m] grows, where the task has no
     rows for it: an arm of few joints.
     """
     distance, allowed, joint = np.empty(len(first)), np.full(len(first), tolerance), np.empty(len(first), np.int16)
+    unknown = np.full(len(first), -1, np.int16)
+    limited = np.isfinite(task.robot.lower) | np.isfinite(task.robot.upper)
     for i in range(0, len(first), PAIRS):
         here = slice(i, i + PAIRS)
         a, b = first[here], second[here]
-        if turns:
-            turned = np.linalg.norm(_points(tool, a)[:, 3:] - _points(tool, b)[:, 3:], axis=1)
-            allowed[here] += SLOPE * (turns * turned)
-        distance[here], moved, joint[here] = _compared(task, q, a, b)
+        if turned:
+            angle = np.linalg.norm(_points(tool, a)[:, 3:] - _points(tool, b)[:, 3:], axis=1)
+            allowed[here] += SLOPE * (turned * angle)
+        less = np.zeros((len(a), task.n), bool)
+        for j, one in turns.items():
+            less[:, j] = one.apart(a, b) if limited[j] else one.runs_apart(a, b)
+        unknown[here] = np.where((less & limited).any(axis=1), np.argmax(less & limited, axis=1), -1)
+        distance[here], moved, joint[here] = _compared(task, q, a, b, less)
         allowed[here] += SLOPE * moved
-    columns = (first, second, distance, allowed, joint)
+    columns = (first, second, distance, allowed, joint, unknown)
     for column in columns:
         column.flags.writeable = False  # else a `Value` copies them
     return EqualPoses(*columns)
@@ -260,10 +282,13 @@ def _was_away(
     return away
 
 
-def _compared(task: Task, q: Numbers, first: Whole, second: Whole) -> tuple[Vector, Vector, Whole]:
-    """Of some pairs the largest joint distance, how far joints were moved to one pose, and which joint it is."""
+def _compared(task: Task, q: Numbers, first: Whole, second: Whole, less: Flags) -> tuple[Vector, Vector, Whole]:
+    """Of some pairs the largest joint distance, how far joints were moved to one pose, and which joint it is.
+
+    less: joints (p, n) whose whole turns do not count.
+    """
     here, there = q[first].astype(float), q[second].astype(float)
     met, moved = to_pose(task, there, *task.poses(here))
-    gap = np.abs(met - here)
+    gap = np.abs(less_turns(met - here, less))
     joint = np.argmax(gap, axis=1)
     return gap[np.arange(len(gap)), joint], moved, joint

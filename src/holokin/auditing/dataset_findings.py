@@ -43,13 +43,15 @@ class ToolColumn(Value):
 class EqualPoses(Value):
     """Pairs of frames with equal tool poses: `first` and `second` (p,) are rows of the frames that were looked at;
     distance (p,) of the joints of the second, moved to the pose of the first, from those of the first; allowed (p,):
-    up to which they are equal; joint (p,): the one that is farthest."""
+    up to which they are equal; joint (p,): the one that is farthest; unknown (p,): a joint that may be whole turns
+    farther apart, which the dataset does not show, or -1."""
 
     first: Whole
     second: Whole
     distance: Vector
     allowed: Vector
     joint: Whole
+    unknown: Whole
 
     @property
     def beyond(self) -> Flags:
@@ -89,7 +91,14 @@ class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
         """Whether equal tool poses have equal joints."""
         if self.pairs.beyond.any():
             return LogVerdict.DIFFERS
-        return LogVerdict.REPEATS if self.decided.any() else LogVerdict.UNDECIDED
+        sure = self.decided.any() and self.open_turn is None
+        return LogVerdict.REPEATS if sure else LogVerdict.UNDECIDED
+
+    @property
+    def open_turn(self) -> int | None:
+        """The first decided pair in which a joint may be whole turns farther apart; None where there is none."""
+        found = np.flatnonzero(self.decided & (self.pairs.unknown >= 0))
+        return int(found[0]) if len(found) else None
 
     @property
     def exit_code(self) -> int:
@@ -149,6 +158,8 @@ class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
                 f"repeats: the joints are equal at all {int(self.decided.sum())} equal tool poses that are near enough "
                 f"to tell (of {tests}); poses that come only once say nothing"
             )
+        if self.open_turn is not None:
+            return f"cannot tell: at {tests} {_turn_words(self, self.open_turn)}"
         least = float(pairs.allowed.min())
         return (
             f"cannot tell: of {tests} none is so near that a difference of {2 * self.tolerance:g} rad or m shows; the "
@@ -232,6 +243,17 @@ def _place_words(audit: DatasetAudit, pair: int) -> str:
     return (
         f"{p['distance']:.3g} ({p['joint']}) between frame {i} of episode {e} and frame {j} of episode {f}, tool at "
         f"({x:.3f}, {y:.3f}, {z:.3f}) m"
+    )
+
+
+def _turn_words(audit: DatasetAudit, pair: int) -> str:
+    """Where a joint may be a whole turn apart, and what would tell."""
+    p, joint = audit.place(pair), audit.robot.joint_names[audit.pairs.unknown[pair]]
+    (e, i), (f, j) = [(p[which]["episode"], p[which]["frame"]) for which in ("first", "second")]
+    return (
+        f"the joints are equal but for whole turns, which the dataset does not show: {joint} may be a turn farther in "
+        f"frame {j} of episode {f} than in frame {i} of episode {e}, within its limits. Say --counts-turns "
+        "(counts_turns=True) if the values of the joints count whole turns"
     )
 
 

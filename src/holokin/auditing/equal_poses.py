@@ -27,7 +27,10 @@ class LogVerdict(NoTruthValue, Enum, ask="`is LogVerdict.REPEATS`"):
 
     REPEATS = "repeats: the joints were the same at equal tool poses, in every comparison that the log allows"
     DIFFERS = "differs: the joints were not the same at equal tool poses"
-    UNDECIDED = "cannot tell: noise, or a shift of the tool's own path, may hide that the joints differ"
+    UNDECIDED = (
+        "cannot tell: noise, a shift of the tool's own path, or a turn between two samples may hide that the joints "
+        "differ"
+    )
 
 
 class Repeatability(NoTruthValue, Enum, ask="`is Repeatability.REPEATS`"):

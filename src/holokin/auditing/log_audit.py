@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Indices, Matrix, Vector
 from ..errors import ArgumentError, ShapeError
 from ..robot import Robot
-from ..robot_logs import Recording
+from ..robot_logs import Recording, joined_turns
+from ..robot_logs.whole_turns import less_turns
 from ..tasks.frame_task import parts_of
 from ..tasks.task import Task
 from ..tasks.task_kinds import pose, position
-from .arcs import FREE, WHOLE, encoder_levels
+from .arcs import FREE, WHOLE, encoder_levels, rounding_of
 from .crossings import crossings
 from .cycles import LENGTH_SCALE, Cycles, find_cycles
 from .equal_poses import Distance, LogVerdict, spread, to_pose
@@ -65,8 +68,14 @@ def audit_recording(
         raise ArgumentError("length_scale", length_scale, "give a positive number [m/rad]")
     if recording.q.shape[1] != robot.n:
         raise ShapeError("q of the recording", ("k", robot.n), recording.q.shape, "read it with the same robot")
+    if recording.unknown_turns is None:
+        recording = joined_turns(recording, robot)
     task, axes = task_of_tool(robot, tip, orientation, axis, recording.q[0])
     cycles = find_cycles(recording, robot, tip=tip, axes=axes, length_scale=length_scale)
+    unknown, within = _unknown_turns(recording, cycles)
+    turning = np.isin(np.arange(robot.n), unknown[:, 1])  # of these joints, whole turns are not counted
+    if turning.any():
+        cycles = replace(cycles, q=cycles.q[0] + less_turns(cycles.q - cycles.q[0], turning))
     count, poses, n = cycles.q.shape
     place, turn = robot.pose_batch(cycles.q[0], tip)
     place[-1], turn[-1] = place[0], turn[0]
@@ -86,8 +95,10 @@ def audit_recording(
     by_shifts = np.sqrt(np.maximum(between_moves**2 - 2 * (SHIFT * of_moves) ** 2, 0.0))
     floor = np.maximum(moved.max(axis=0), LEAF_SLOPE * by_shifts) + widest * of_joints.max(axis=1)
     floor[[0, -1]] = floor[[0, -1]].max()
-    drift = (visits[:, -1] - visits[:, 0]) * cycles.direction[:, None]
+    drift = less_turns(visits[:, -1] - visits[:, 0], turning) * cycles.direction[:, None]
     groups = _groups(cycles)
+
+    digits = rounding_of(recording.q)
 
     def judged(members: Indices) -> DriftTrend:
         joints, at = visits[members, :-1], slice(0, -1)
@@ -97,7 +108,7 @@ def audit_recording(
             joints, at = (visits[members[0], 0] + closed)[:, None], slice(0, 1)
             moves, when = np.zeros_like(joints), np.arange(len(members) + 1)
         kind = Visits(joints, axes[at], when.astype(float), moves, noise[at], of_moves[at])
-        return judge(kind, tolerance, floor=float(floor[at].max()), share=1 / len(groups))
+        return judge(kind, tolerance, floor=float(floor[at].max()), share=1 / len(groups), rounding=digits)
 
     trends = {name: judged(members) for name, members in groups.items()}
     if len(ways) == 1 and len(trends) > 1 and any(t.trend is Trend.CANNOT_TELL for t in trends.values()):
@@ -118,7 +129,7 @@ def audit_recording(
     elif cycles.mirror is not None:
         back = np.array([np.interp((2 * cycles.mirror - cycles.phase) % 1, cycles.phase, v) for v in cycles.q[-1].T]).T
         there, more = to_pose(task, back, place, turn)
-        by_way = distance(there - visits[-1], allowed + more)
+        by_way = distance(less_turns(there - visits[-1], turning), allowed + more)
     speeds = {"fast": _speed(cycles) > 0, "slow": _speed(cycles) < 0}
     for way in ways:
         pair = [np.flatnonzero(fits & (cycles.direction == way)) for fits in speeds.values()]
@@ -131,13 +142,15 @@ def audit_recording(
         here, there = cycles.path.posture(first), cycles.path.posture(second)
         met, more = to_pose(task, there, *robot.pose_batch(here, tip))
         phase = np.interp(first, *_rising(cycles.s[-1], cycles.phase))
-        at_crossings = distance(met - here, tolerance + more + widest * of_joints.max(), phase)
+        at_crossings = distance(less_turns(met - here, turning), tolerance + more + widest * of_joints.max(), phase)
     closing = _closing(drift, cycles, tolerance + float(floor[0])) if len(ways) == 2 else Trend.NONE
     apart = (between, by_way, by_speed, at_crossings)
     differs = closing is not Trend.NONE or any(d is not None and d.beyond for d in apart)
-    if differs or any(t.beyond for t in trends.values()):
+    if within:  # a posture between two samples may be a whole turn off
+        verdict = LogVerdict.UNDECIDED
+    elif differs or any(t.beyond for t in trends.values()):
         verdict = LogVerdict.DIFFERS
-    elif any(t.detectable > tolerance for t in trends.values()):
+    elif len(unknown) or any(max(t.detectable, t.change_range[1]) > tolerance for t in trends.values()):
         verdict = LogVerdict.UNDECIDED
     else:
         verdict = LogVerdict.REPEATS
@@ -157,7 +170,20 @@ def audit_recording(
         by_speed,
         at_crossings,
         verdict,
+        unknown,
     )
+
+
+def _unknown_turns(recording: Recording, cycles: Cycles) -> tuple[Indices, bool]:
+    """(steps (p, 2) from the first cycle to the last in which a joint may have made whole turns that the log does not
+    show, whether one lies within a cycle)."""
+    places = recording.unknown_turns
+    if places is None or not len(places):
+        return np.empty((0, 2), np.intp), False
+    after, before = places[:, 0] + 1 > cycles.q0.min(), places[:, 0] < cycles.stop.max()
+    found = places[after & before]
+    step = found[:, :1]
+    return found, bool(((step + 1 > cycles.q0) & (step < cycles.stop)).any())
 
 
 def task_of_tool(

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ..base.types import Array, Matrix, NoTruthValue, Value, Vector
+from ..base.types import Array, Indices, Matrix, NoTruthValue, Value, Vector
 from ..robot import Robot
 from ..robot_logs import Recording
 from ..tasks.task import Task
 from .cycles import Cycles
 from .equal_poses import Distance, LogVerdict, first_limit
-from .log_words import by_sampling, distance_words, listed, ranged, rate_words, trend_words
+from .log_words import by_sampling, distance_words, listed, ranged, rate_words, trend_words, turns_words, winding_words
 from .scatter import CONFIDENCE
 from .trend import DriftTrend, Trend
 
@@ -36,7 +36,8 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
     this took, plus what encoder noise explains, per pose; drift (c, n) of each cycle; trends of the cycles of one
     direction and speed, judged at every pose; closing: of the drifts of single cycles where some run back and may undo
     the others'; between: cycles of one direction; by_way: forward and backward passes; by_speed: fast and slow cycles;
-    at_crossings: passes of a point where the path meets itself; None where the log does not test it.
+    at_crossings: passes of a point where the path meets itself; None where the log does not test it; unknown_turns
+    (p, 2): rows of the recording's that lie from the first cycle to the last; turns of these joints are not counted.
     """
 
     robot: Robot
@@ -54,6 +55,7 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
     by_speed: Distance | None
     at_crossings: Distance | None
     verdict: LogVerdict
+    unknown_turns: Indices
 
     @property
     def exit_code(self) -> int:
@@ -64,7 +66,8 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
     def trend(self) -> Trend:
         """How the change of the joints goes on, by the gravest finding of all directions and speeds."""
         kinds = {self.closing, *(t.trend for t in self.trends.values())}
-        if kinds == {Trend.NONE} and self.between.beyond:  # scatter, in no way that a trend explains
+        open_ = len(self.unknown_turns) or self.between.beyond  # by turns that nobody saw, or scatter without a trend
+        if kinds == {Trend.NONE} and open_:
             return Trend.CANNOT_TELL
         return max(kinds, key=_GRAVITY.index)
 
@@ -206,6 +209,10 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
             ],
             "drift_since_start": self.since_start.tolist(),
             "worst_joint": self.worst_joint,
+            "unknown_turns": [
+                {"sample": int(i), "time_s": float(self.recording.t[i]), "joint": names[j]}
+                for i, j in self.unknown_turns
+            ],
             "confidence": CONFIDENCE,
             "detectable_drift_per_cycle": self.detectable,
             "not_tested": not_tested(self),
@@ -219,6 +226,7 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
                     "rate_error": t.rate_error.tolist(),
                     "differences_judged": t.latest,
                     "change": t.change,
+                    "change_range": list(t.change_range),
                     "detectable_drift_per_cycle": t.detectable,
                     "of_it_by_shifts_of_the_tool": t.creep,
                     "cycles_needed": t.cycles_needed,
@@ -272,6 +280,9 @@ def _differs(audit: LogAudit) -> str:
         parts.append(
             f"at equal tool poses they are up to {size:.3g} rad or m apart between cycles{at}{_of_late(audit)}"
         )
+        parts += winding_words(
+            audit.since_start[-1], audit.robot, len(audit.cycles), audit.tolerance + audit.noise_floor
+        )
     elif audit.closing is not Trend.NONE:
         size = f"{audit.largest.max():.3g} in a cycle ({audit.worst_joint})"
         parts.append(f"cycles of one direction leave them elsewhere, by {size}, and those back undo it")
@@ -302,6 +313,16 @@ def _of_late(audit: LogAudit) -> str:
 
 
 def _undecided(audit: LogAudit) -> str:
+    if len(audit.unknown_turns):
+        return f"cannot tell: {turns_words(audit.recording, audit.unknown_turns)}"
+    open_ = max(audit.trends.values(), key=lambda t: t.change_range[1])
+    if open_.change_range[1] > audit.tolerance:
+        least, most = open_.change_range
+        return (
+            f"cannot tell: over the cycles the joints change by about {open_.change:.2g} rad or m, which may be "
+            f"{least:.2g} to {most:.2g} ({_SURE} confidence), and the tolerance is {audit.tolerance:g}: log about "
+            f"{open_.cycles_needed} cycles, or with less noise"
+        )
     trend = max(audit.trends.values(), key=lambda t: t.detectable)
     hidden = f"a drift of up to {rate_words(audit.detectable)} may hide"
     if trend.creep > 0.5 * trend.detectable:

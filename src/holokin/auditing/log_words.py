@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.types import Vector
+from ..base.types import Indices, Vector
+from ..robot import Robot
+from ..robot_logs import Recording
 from .cycles import Cycles
 from .equal_poses import Distance
 from .trend import DriftTrend
@@ -51,3 +53,25 @@ def distance_words(distance: Distance | None, otherwise: str) -> str:
         return otherwise
     word = "differ" if distance.beyond else "agree"
     return f"{word}: {distance.value:.2g} ({distance.joint}, at {100 * distance.phase:.0f} % of the cycle)"
+
+
+def turns_words(log: Recording, places: Indices) -> str:
+    """The first step in which a joint may have made a whole turn unseen, how many there are, and the cure."""
+    i, steps = places[0, 0], len(np.unique(places[:, 0]))
+    joints = ", ".join(log.joint_names[joint] for joint in places[places[:, 0] == i, 1])
+    first = f"from {log.t[i]:.6g} to {log.t[i + 1]:.6g} s (samples {i} and {i + 1}) {joints}"
+    more = f", and so in {steps - 1} more step{'s' if steps > 2 else ''}" if steps > 1 else ""
+    return (
+        f"{first} may have made a whole turn that the log does not show, at its largest speed{more}; log more often "
+        "and without gaps, give speed limits to a robot that has none, or say --counts-turns (counts_turns=True) if "
+        "the values of the joints count whole turns"
+    )
+
+
+def winding_words(change: Vector, robot: Robot, cycles: int, allowed: float) -> list[str]:
+    """The hinges whose change over the log (n,) is whole turns, up to a distance that is allowed."""
+    turns = np.round(change / (2 * np.pi)) * robot.hinges
+    wound = np.flatnonzero((turns != 0) & (np.abs(change - 2 * np.pi * turns) <= allowed))
+    many = [f"{abs(turns[i]):.0f} turn{'s' if abs(turns[i]) > 1 else ''}" for i in wound]
+    said = zip(wound, many, strict=True)
+    return [f"{robot.joint_names[i]} winds up: it has made {turn} in {cycles} cycles" for i, turn in said]

@@ -16,6 +16,7 @@ from .scatter import (
     PRIOR,
     RATIOS,
     SHAPES,
+    STEPS,
     Noise,
     left_over,
     quantile,
@@ -23,6 +24,7 @@ from .scatter import (
     shaped,
     shapes_of,
     shifts,
+    steps_of,
 )
 from .visits import Visits
 
@@ -55,7 +57,7 @@ class Trend(NoTruthValue, Enum, ask="`is Trend.GOES_ON`"):
 class DriftTrend:
     """Trend of cycles of one kind, judged at all phases.
 
-    change: largest joint change over the cycles that a trend explains [joint units], 0 where none is seen; beyond:
+    change: largest joint change over the cycles [joint units], 0 where none is seen, within `change_range`; beyond:
     whether it exceeds the tolerance, and not by noise; ratio: factor from one cycle's drift to the next in the last
     third, within `ratio_range`, NaN where no drift is seen there; latest: differences that were judged, 0 where none
     were; phase: index of the phase that shows the change best; rates, errors, bends (P, n): drift of the last third of
@@ -67,6 +69,7 @@ class DriftTrend:
 
     trend: Trend
     change: float
+    change_range: tuple[float, float]
     beyond: bool
     ratio: float
     ratio_range: tuple[float, float]
@@ -93,19 +96,23 @@ class DriftTrend:
 @dataclass(frozen=True, eq=False)
 class _Change:
     """The change over cycles that shows best: over noise (1 is the bound), at which phase, in which pattern (P, d) over
-    the phases; its largest joint's size; the most by which a change surely exceeds noise [joint units]."""
+    the phases; its largest joint's size, and within which ends noise leaves it; the most by which any change surely
+    exceeds noise [joint units]."""
 
     seen: float
     phase: int
     pattern: Matrix
     size: float
+    ends: tuple[float, float]
     sure: float
 
 
-def judge(visits: Visits, tolerance: float, *, floor: float = 0.0, share: float = 1.0) -> DriftTrend:
+def judge(
+    visits: Visits, tolerance: float, *, floor: float = 0.0, share: float = 1.0, rounding: float = 0.0
+) -> DriftTrend:
     """Judge how visits at equal tool poses go on over the cycles.
 
-    A change over the cycles is looked for in the shapes of a jump, a decay, a drift and an alternation. It must exceed
+    A change over the cycles is looked for in the shapes of a step, a decay, a drift and an alternation. It must exceed
     the noise at one phase, or in the average of all, with `CONFIDENCE`, and have such a shape. How it goes on is told
     by the differences of successive cycles in the last third alone (`_latest`).
 
@@ -113,29 +120,31 @@ def judge(visits: Visits, tolerance: float, *, floor: float = 0.0, share: float 
         tolerance: joint distance that counts as equal, and drift per cycle that must be excluded for `Trend.NONE`.
         floor: joint distance that noise explains, where fewer than `FEWEST` cycles do not show their scatter.
         share: of the error probability 1 - `CONFIDENCE` that these visits may use.
+        rounding: of the joints' numbers, which may hide as much.
     """
     k, phases, d = visits.y.shape
     error = (1 - CONFIDENCE) * share / 2  # half for single phases, half for their average
     noise = scatter(visits)
-    limit = quantile(error / (SHAPES * phases * d), noise.dof)
-    seen = _change(visits, noise, error)
+    shapes = SHAPES + k // STEPS
+    limit = quantile(error / (shapes * phases * d), noise.dof)
+    seen = _change(visits, noise, error, steps=True)
     line = (visits.when - visits.when.mean()) / ((visits.when - visits.when.mean()) ** 2).sum()
     deviation = float((noise.each * visits.lever).max())
     creep = LEAF_SLOPE * shifts(line[None], visits.moves, noise.moves)[0]
-    detectable = float(creep.max()) + limit * deviation * float(np.linalg.norm(line))
-    needed = _needed(deviation, tolerance, error / (SHAPES * phases * d), float(np.mean(np.diff(visits.when))))
+    detectable = max(float(creep.max()) + limit * deviation * float(np.linalg.norm(line)), rounding)
+    needed = _needed(deviation, tolerance, error / (shapes * phases * d), float(np.mean(np.diff(visits.when))))
 
     def found(trend: Trend, change: float, latest: _Latest | None = None, more: int = 0) -> DriftTrend:
         rates, errors, bends = _rates(visits, noise.each, limit, creep)
         ratio, among, count = (np.nan, (np.nan, np.nan), 0) if latest is None else latest.facts
         return DriftTrend(
-            trend, change, seen.sure > tolerance, ratio, among, count, seen.phase, rates, errors, bends, detectable,
-            float(creep.max()), max(needed, more),
+            trend, change, seen.ends if change else (0.0, 0.0), seen.sure > tolerance, ratio, among, count,
+            seen.phase, rates, errors, bends, detectable, float(creep.max()), max(needed, more),
         )  # fmt: skip
 
     if seen.seen <= 1 or (k < FEWEST and seen.size <= tolerance + floor):
         return found(Trend.NONE, 0.0) if detectable <= tolerance else found(Trend.CANNOT_TELL, 0.0, more=k + k // 2)
-    small = max(seen.size, seen.sure) <= tolerance and detectable <= tolerance
+    small = max(seen.ends[1], seen.sure) <= tolerance and detectable <= tolerance
     series = visits.y.reshape(k, -1) @ seen.pattern.ravel()
     if k < 4 or not shaped(series, error, walks=noise.alike > ALIKE):
         return found(Trend.NONE if small else Trend.CANNOT_TELL, seen.size, more=0 if small else 2 * k)
@@ -223,31 +232,40 @@ def _latest(visits: Visits, noise: Noise, error: float, tolerance: float) -> _La
     return _Latest(rest, facts)
 
 
-def _change(visits: Visits, noise: Noise, error: float) -> _Change:
-    """The change over the cycles, of the shapes of `RATIOS`, that stands out of the noise most."""
+def _change(visits: Visits, noise: Noise, error: float, *, steps: bool = False) -> _Change:
+    """The change over the cycles, of the shapes of `RATIOS` and of steps, that stands out of the noise most.
+
+    Its size is that of its shape. What is sure whatever the shape is a difference of two weighted averages of cycles:
+    visits along s, |s| = 1, differ by |s . y| range(s) if they change as s does, and surely by 2 |s . y| / sum |s|.
+    """
     k, phases, d = visits.y.shape
-    limit = quantile(error / (SHAPES * phases * d), noise.dof)
+    count = SHAPES + k // STEPS if steps else SHAPES
+    limit = quantile(error / (count * phases * d), noise.dof)
     shapes = shapes_of(RATIOS, np.arange(k, dtype=float))
+    shapes = np.vstack([shapes, steps_of(k)]) if steps else shapes
     shapes /= np.linalg.norm(shapes, axis=1, keepdims=True)
     ranges = np.ptp(shapes, axis=1)
     moved = LEAF_SLOPE * shifts(shapes, visits.moves, noise.moves)
     along = np.abs(np.einsum("rk,kpd->rpd", shapes, visits.y)) - moved[:, :, None]
     held = np.maximum(along, 0.0) / np.maximum(limit * noise.each, 1e-300)
-    sure = float(((along - limit * noise.each) * visits.lever * ranges[:, None, None]).max())
+    least = ((along - limit * noise.each) * visits.lever).max(axis=(1, 2))
     mean = np.zeros((len(shapes), d))
     if np.isfinite(noise.average_dof):
-        bound = quantile(error / (SHAPES * d), noise.average_dof) * noise.average
+        bound = quantile(error / (count * d), noise.average_dof) * noise.average
         along = np.abs(shapes @ visits.y.mean(axis=1)) - moved.mean(axis=1)[:, None]
         mean = np.maximum(along, 0.0) / np.maximum(bound, 1e-300)
-        sure = max(sure, float(((along - bound) * visits.lever.min(axis=0) * ranges[:, None]).max()))
+        least = np.maximum(least, ((along - bound) * visits.lever.min(axis=0)).max(axis=1))
     seen = np.maximum(held.max(axis=(1, 2)), mean.max(axis=1))
     best = int(np.argmax(seen))
     pattern = np.einsum("k,kpd->pd", shapes[best], visits.y)  # of the change over the phases, where it is seen
     size = float(np.abs(np.einsum("pd,pnd->pn", pattern, visits.axes)).max() * ranges[best])
+    most = (np.abs(pattern) + moved[best][:, None] + limit * noise.each) * visits.lever
+    ends = (min(max(float(least[best] * ranges[best]), 0.0), size), float(most.max() * ranges[best]))
+    sure = max(float((2 * least / np.abs(shapes).sum(axis=1)).max()), ends[0])
     single = held[best].max() >= mean[best].max()
     pattern = pattern * (held[best] >= 0.5 * seen[best]) if single else pattern
     pattern = pattern / max(float(np.linalg.norm(pattern)), 1e-300)
-    return _Change(float(seen[best]), int(np.argmax(held[best].max(axis=1))), pattern, size, sure)
+    return _Change(float(seen[best]), int(np.argmax(held[best].max(axis=1))), pattern, size, ends, sure)
 
 
 def _rates(visits: Visits, deviation: Matrix, limit: float, creep: Vector) -> tuple[Matrix, Matrix, Matrix]:

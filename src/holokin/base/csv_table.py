@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, islice
 from math import isfinite
 from pathlib import Path
-from typing import TextIO
+from typing import NamedTuple, TextIO
 
 import numpy as np
 
@@ -25,11 +25,13 @@ LONGEST_LINE = 1_000_000
 def read_table(
     file: Path, wanted: Callable[[Sequence[str]], Sequence[int]], cure: str, names: str, *,
     headless: Callable[[Sequence[str]], list[str]] | None = None, bad: list[RecordingError] | None = None,
-) -> Iterator[tuple[Matrix, list[str], Sequence[int]]]:  # fmt: skip
+    labels: Sequence[int] = (),
+) -> Iterator[Rows]:  # fmt: skip
     """Some rows of a CSV file at a time: the wanted columns as finite numbers, the first of them as text, the lines.
 
     Args:
         wanted: the columns that are read, of the header's names.
+        labels: columns whose text is wanted too; `wanted` may fill it.
         cure: for a file without a header or rows. names: of the columns that it should have.
         headless: names the columns of a file whose first line holds numbers, by this line; None refuses such a file.
         bad: gets the error of each row that cannot be read, and the row is left out; None raises it.
@@ -56,10 +58,23 @@ def read_table(
                     raise RecordingError(file, "line 1 holds numbers, no header", f"name the columns: {names}")
                 header, lines, done = headless([cell.strip() for cell in cells]), chain([first], lines), 0
             columns = _told_apart(file, header, wanted(header))
-            yield from _pieces(file, header, columns, lines, delimiter, done, bad)
+            yield from _pieces(file, header, columns, lines, delimiter, done, bad, labels)
     except (OSError, UnicodeError, csv.Error) as problem:
         fact = f"cannot be read as text ({shown(str(problem), 200)})"
         raise RecordingError(file, fact, "give a CSV file in UTF-8, a bag or .mcap") from None
+
+
+class Rows(NamedTuple):
+    """Some rows of a table: numbers (k, c), the first of them as text, the line of each, and its labels."""
+
+    table: Matrix
+    texts: list[str]
+    lines: Sequence[int]
+    labels: list[tuple[str, ...]]
+
+
+def _labels(rows: Sequence[Sequence[str]], columns: Sequence[int]) -> list[tuple[str, ...]]:
+    return [tuple(row[c].strip() if c < len(row) else "" for c in columns) for row in rows]
 
 
 def number_in(text: str) -> float | None:
@@ -89,9 +104,9 @@ def _lines(file: Path, stream: TextIO) -> Iterator[str]:
 
 def _pieces(
     file: Path, header: Sequence[str], wanted: Sequence[int], lines: Iterator[str], delimiter: str, done: int,
-    bad: list[RecordingError] | None,
-) -> Iterator[tuple[Matrix, list[str], Sequence[int]]]:  # fmt: skip
-    """The wanted columns of some rows as numbers, the first of them, the time, as text too, and the rows' lines."""
+    bad: list[RecordingError] | None, labels: Sequence[int],
+) -> Iterator[Rows]:  # fmt: skip
+    """Rows, some at a time; the first of the wanted columns is the time."""
     while piece := list(islice(lines, PIECE)):
         plain = not any('"' in line for line in piece)
         fits = plain and max(line.count(delimiter) for line in piece) < len(header)
@@ -99,7 +114,8 @@ def _pieces(
         if table is not None:
             c = wanted[0]
             texts = [line.split(delimiter, c + 1)[c].strip() for line in piece]
-            yield table, texts, range(done + 1, done + len(piece) + 1)
+            words = _labels([line.split(delimiter) for line in piece], labels) if labels else []
+            yield Rows(table, texts, range(done + 1, done + len(piece) + 1), words)
             done += len(piece)
             continue
         # A quoted cell may run on beyond the piece: from here to the end, or to that of a piece without quotes.
@@ -108,7 +124,9 @@ def _pieces(
         while some := list(islice(rows, PIECE)):
             kept, numbers = _row_numbers(file, header, wanted, some, bad)
             if kept:
-                yield np.array(numbers), [row[wanted[0]].strip() for _, row in kept], [line for line, _ in kept]
+                texts = [row[wanted[0]].strip() for _, row in kept]
+                words = _labels([row for _, row in kept], labels) if labels else []
+                yield Rows(np.array(numbers), texts, [line for line, _ in kept], words)
         done += reader.line_num
 
 

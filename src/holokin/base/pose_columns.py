@@ -15,6 +15,7 @@ from ..errors import ArgumentError, RecordingError
 from .csv_table import read_table
 from .given_files import is_folder, listed, shown
 from .poses import ORDERS, UNIT
+from .time_columns import UNITS, WORDS, TimeColumns, time_columns, unit_of
 from .types import ROTATION, Array, Indices, Matrix, Vector, rotation_cure, rotation_gap
 
 POSITION = ("x", "y", "z")
@@ -26,7 +27,6 @@ NAMED = {
     "KUKA": ("a", "b", "c"),
 }  # fmt: skip
 NUMBERED = (("q1", "q2", "q3", "q4"), ("q0", "q1", "q2", "q3"))
-TIMES = ("t", "time")
 REMARKS = {"", "name", "label", "comment", "remark", "note", "id", "index", "number", "point", "line", "row"}
 """Columns that say nothing of a pose; a table that pandas wrote has one without a name."""
 
@@ -40,8 +40,8 @@ AS_KUKA = (
     "roll, pitch, yaw"
 )
 
-ALLOWED = {"units": ("m", "cm", "mm", "um"), "angles": ("rad", "deg"), "times": ("s", "ms")}
-SCALES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": np.pi / 180, "s": 1.0, "ms": 1e-3}
+ALLOWED = {"units": ("m", "cm", "mm", "um"), "angles": ("rad", "deg")}
+SCALES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": np.pi / 180}
 
 FAR = 20.0
 """Coordinates [m] beyond which metres are doubted: no robot reaches so far, and a workpiece of 20 mm is a small one."""
@@ -52,10 +52,10 @@ NEAR = 2e-3
 FULL = 2 * np.pi * 1.001
 """Angles [rad] beyond which radians are doubted, unless an argument says them."""
 
-_MEANT = {*POSITION, *MATRIX, *TIMES, *chain(*NAMED.values(), *NUMBERED)}
+_MEANT = {*POSITION, *MATRIX, *chain(*NAMED.values(), *NUMBERED)}
 
-_NAME = re.compile(r"\s*([a-z]+\d{0,2})\s*[_ ]?\s*[\[(]?\s*(mm|cm|um|ms|m|s|deg|rad|)\s*[\])]?\s*")
-"""A column's name and the unit at its end: x_mm, x [mm], x(mm), roll_deg, t."""
+_NAME = re.compile(r"\s*([a-z]+\d{0,2})\s*[_ ]?\s*[\[(]?\s*(mm|cm|um|m|deg|rad|)\s*[\])]?\s*")
+"""A column's name and the unit at its end: x_mm, x [mm], x(mm), roll_deg."""
 
 
 @dataclass(frozen=True)
@@ -99,13 +99,13 @@ class PoseColumns:
     position: list[int]
     orientation: list[int]
     kind: str
-    time: list[int]
+    time: TimeColumns | None
     scales: Vector
 
     @property
     def wanted(self) -> list[int]:
         """All columns that are read, in this order."""
-        return [*self.position, *self.orientation, *self.time]
+        return [*self.position, *self.orientation, *(self.time.places if self.time else ())]
 
 
 def pose_rows(file: Path, noun: str, said: Units) -> PoseRows:
@@ -124,7 +124,7 @@ def pose_rows(file: Path, noun: str, said: Units) -> PoseRows:
         return chosen[0].wanted
 
     pieces = read_table(file, wanted, f"give a {noun} a line", "x_mm, y_mm, z_mm")
-    found = [(table, places) for table, _, places in pieces]
+    found = [(piece.table, piece.lines) for piece in pieces]
     if not found:
         raise RecordingError(file, f"has a header but no {noun}s", f"give a {noun} a line")
     lines = np.concatenate([places for _, places in found])
@@ -133,14 +133,26 @@ def pose_rows(file: Path, noun: str, said: Units) -> PoseRows:
 
 def poses_of(file: Path, columns: PoseColumns, values: Matrix, lines: Indices, said: Units) -> PoseRows:
     """The points or poses of values (k, c) of the columns `wanted`, in SI units. Raises: RecordingError."""
-    table = values * columns.scales
+    table = values[:, : len(columns.scales)] * columns.scales
     notes: list[str] = []
     points, turned = table[:, :3], table[:, 3 : 3 + len(columns.orientation)]
     _check_lengths(file, points, lines, notes, columns.scales[0], said.place)
     rotations = _rotations(file, columns.kind, turned, lines, said, notes) if columns.kind else None
     if columns.kind == "KUKA":
         notes.append(AS_KUKA)
-    return PoseRows(points, rotations, table[:, -1] if columns.time else None, lines, notes)
+    times = _seconds(file, columns.time, values[:, len(columns.scales) :], notes) if columns.time else None
+    return PoseRows(points, rotations, times, lines, notes)
+
+
+def _seconds(file: Path, columns: TimeColumns, values: Matrix, notes: list[str]) -> Vector:
+    """Times [s] of the time columns (k, 1) or (k, 2); Unix time from the first on."""
+    t = values[:, 0]
+    unit = "s" if columns.split else columns.unit or unit_of(file, t, steady=False)
+    since = (t - t[0]) * UNITS[unit] + (1e-9 * (values[:, 1] - values[0, 1]) if columns.split else 0.0)
+    first = t[0] * UNITS[unit] + (1e-9 * values[0, 1] if columns.split else 0.0)
+    if columns.unit is None and unit != "s":
+        notes.append(f"times read as {WORDS[unit]}")
+    return since if abs(first) > 1e6 else since + first
 
 
 def columns_of_poses(file: Path, header: Sequence[str], said: Units) -> PoseColumns:
@@ -172,21 +184,17 @@ def columns_of_poses(file: Path, header: Sequence[str], said: Units) -> PoseColu
         if said.angles is not None:
             raise RecordingError(file, "has no angles", "leave out angles=")
         scales += [1.0] * len(names)
-    time = [name for name in TIMES if name in known and not said.assumed]
-    if len(time) > 1:
-        raise RecordingError(file, "has columns t and time", "keep one of them")
-    scales += _scales(file, known, time, "times", None, "s")
+    time = time_columns(["" if i in left else name for i, name in enumerate(header)], prefixes=False)
     places = {name: place for name, (place, _) in known.items()}
-    read = {places[name] for name in (*where, *names, *time)}
-    passed = {places[name] for name in (*TIMES * said.assumed, *LAST_ROW * matrix) if name in places}
+    read = {places[name] for name in (*where, *names)} | set(time.places if time else ())
+    passed = {places[name] for name in LAST_ROW * matrix if name in places}
     for i, name in enumerate(header):
         if i not in read | passed | left and name.lower() not in REMARKS:
             fact = f"its column {shown(name)!r} is neither a position, nor an orientation or a time that is read"
             cure = f"delete it, or leave it out on purpose with ignore={[shown(name)]}"
             raise RecordingError(file, fact, cure)
-    return PoseColumns(
-        [places[n] for n in where], [places[n] for n in names], kind, [places[n] for n in time], np.array(scales)
-    )
+    time = None if said.assumed else time
+    return PoseColumns([places[n] for n in where], [places[n] for n in names], kind, time, np.array(scales))
 
 
 def _is_coverage(header: Sequence[str]) -> bool:

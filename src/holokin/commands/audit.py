@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .audit_of_dataset import audit_of_dataset, refuse_options
-from .check import Columns, Degrees, RobotName, TimeColumn, TipName, Topic
+from .check import RobotName, TimeColumn, TipName, Topic
 from .outcome import show, show_rich
+from .read_options import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, counts_of_words
 
 if TYPE_CHECKING:
     from ..auditing import LogAudit
@@ -42,6 +43,10 @@ def audit(
     topic: Topic = None,
     columns: Columns = None,
     time: TimeColumn = None,
+    counts_turns: CountsTurns = False,
+    signs: Signs = None,
+    offsets: Offsets = None,
+    scales: Scales = None,
     skip_bad: Annotated[
         bool, typer.Option("--skip-bad", help="Leave out rows of a CSV that cannot be read, and count them.")
     ] = False,
@@ -92,17 +97,19 @@ def audit(
     of_dataset = {
         "episodes": episodes, "column": column, "poses": poses, "angles": angles, "order": order, "near": near,
     }  # fmt: skip
+    read = {"degrees": degrees, "columns": columns, "counts_turns": counts_turns}
+    read |= counts_of_words(signs, offsets, scales)
     if len(log) == 1 and is_dataset(log[0]):
         refuse_options("a log", topic=topic, time=time, skip_bad=skip_bad or None, split=split or None)
         tool = {"tip": tip, "orientation": False if position else None, "axis": about}
-        audit_of_dataset(log[0], arm, tool, of_dataset, degrees, columns, tolerance, json, plot)
+        audit_of_dataset(log[0], arm, tool, of_dataset, read, tolerance, json, plot)
     refuse_options("a LeRobot dataset, which has meta/info.json", **of_dataset)
     from ..reports.log_report import log_figure, print_audit, save_log_audits
     from ..reports.plots import write_figure
 
     runs = read_runs(
-        log, arm, split=split, idle=idle, degrees=degrees, topic=topic, columns=columns, time=time, skip_bad=skip_bad
-    )
+        log, arm, split=split, idle=idle, topic=topic, time=time, skip_bad=skip_bad, **read
+    )  # fmt: skip
     found: list[LogAudit] = []
     left_out: list[RecordingError] = []
     for run in runs:

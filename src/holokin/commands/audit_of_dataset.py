@@ -24,8 +24,8 @@ def refuse_options(what: str, **given: Any) -> None:
 
 
 def audit_of_dataset(
-    folder: Path, arm: Robot, tool: dict[str, Any], options: dict[str, Any], degrees: bool | None,
-    columns: str | None, tolerance: float | None, json: Path | None, plot: Path | None,
+    folder: Path, arm: Robot, tool: dict[str, Any], options: dict[str, Any], read: dict[str, Any],
+    tolerance: float | None, json: Path | None, plot: Path | None,
 ) -> NoReturn:  # fmt: skip
     """Audit a dataset, and end the command. Raises: HolokinError."""
     from ..auditing import audit_dataset
@@ -36,7 +36,7 @@ def audit_of_dataset(
 
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # pyarrow's own keeps 20 MB that it needs no more
     dataset = read_dataset(folder)
-    joints = joint_feature(dataset, arm, options["column"] or STATE, columns=columns, degrees=degrees)
+    joints = joint_feature(dataset, arm, options["column"] or STATE, **read)
     poses = None
     if options["poses"] is None:
         refuse_options("--poses", angles=options["angles"], order=options["order"])

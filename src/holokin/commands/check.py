@@ -8,17 +8,13 @@ from typing import Annotated
 import typer
 
 from .outcome import show
+from .read_options import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, counts_of_words
 
 Log = Annotated[Path, typer.Argument(help="A CSV file, a rosbag2 folder, or a .mcap, .db3 or .bag file.")]
 RobotName = Annotated[str, typer.Option(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")]
 TipName = Annotated[str | None, typer.Option(help="The link that is the tool; by default the robot's own.")]
-Degrees = Annotated[bool | None, typer.Option("--degrees/--radians", help="Unit of revolute joints.")]
 Topic = Annotated[
     str | None, typer.Option(help="JointState topic of a bag; by default /joint_states, or the only one.")
-]
-Columns = Annotated[
-    str | None,
-    typer.Option(help='Columns of a CSV: "a, b, ..." in the order of the joints, "joint=a, ...", or "actual_q_%d".'),
 ]
 TimeColumn = Annotated[str | None, typer.Option(help="Name of the time column of a CSV.")]
 
@@ -44,6 +40,10 @@ def check(
     topic: Topic = None,
     columns: Columns = None,
     time: TimeColumn = None,
+    counts_turns: CountsTurns = False,
+    signs: Signs = None,
+    offsets: Offsets = None,
+    scales: Scales = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write what is found to this file.")] = None,
 ) -> None:
     """Look at a motion for exceeded limits, singularities, self-collision and the floor.
@@ -62,7 +62,10 @@ def check(
         if len(pair) != 2:
             raise ArgumentError("--ignore", text, "give the names of two links with a comma between")
     arm = load(robot, tip=tip if is_model(robot) else None)
-    motion = read_recording(log, arm, degrees=degrees, topic=topic, columns=columns, time=time)
+    motion = read_recording(
+        log, arm, degrees=degrees, topic=topic, columns=columns, time=time, counts_turns=counts_turns,
+        **counts_of_words(signs, offsets, scales),
+    )  # fmt: skip
     free = position or arm.n < 6
     found = motion_checking.check(
         motion, arm if radius is None else with_capsules(arm, radius), task=position_of(arm) if free else pose(arm),

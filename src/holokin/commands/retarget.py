@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from .audit import Angles, Order
-from .check import Columns, Degrees, RobotName, TipName
+from .check import RobotName, TipName
 from .outcome import ending, show
+from .read_options import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, counts_of_words
 
 if TYPE_CHECKING:
     from ..base.types import Vector
@@ -46,6 +47,10 @@ def retarget(
     order: Order = None,
     columns: Columns = None,
     degrees: Degrees = None,
+    counts_turns: CountsTurns = False,
+    signs: Signs = None,
+    offsets: Offsets = None,
+    scales: Scales = None,
     skip_bad: Annotated[
         bool, typer.Option("--skip-bad", help="Leave out episodes with a pose that the leaf does not reach.")
     ] = False,
@@ -74,7 +79,9 @@ def retarget(
         raise ArgumentError("--nearest beside --skip-bad", True, "give one of them")
     arm = load(robot, tip=tip if is_model(robot) else None)
     data = read_dataset(dataset)
-    sources = _sources(data, arm, column, poses, angles, order, columns, degrees)
+    read: dict[str, Any] = {"columns": columns, "degrees": degrees, "counts_turns": counts_turns}
+    read |= counts_of_words(signs, offsets, scales)
+    sources = _sources(data, arm, column, poses, angles, order, read)
     start = _start(data, arm, sources, q0, bool(degrees))
     whole = None if axis is not None else not position
     task, _ = task_of_tool(arm, tip, whole, None if axis is None else axis_of(axis), start)
@@ -94,7 +101,7 @@ def retarget(
 
 def _sources(
     dataset: Dataset, arm: Robot, column: list[str] | None, poses: list[str] | None, angles: str | None,
-    order: str | None, columns: str | None, degrees: bool | None,
+    order: str | None, read: dict[str, Any],
 ) -> list[Any]:  # fmt: skip
     """The columns that get joints. Raises: HolokinError."""
     from ..errors import ArgumentError
@@ -102,11 +109,11 @@ def _sources(
     from ..robot_logs import ACTION, STATE, has_joints, joint_feature, pose_feature
 
     usual = [name for name in (STATE, ACTION) if name in dataset.features]
-    named = [name for name in usual if columns is not None or has_joints(dataset, arm, name)]
+    named = [name for name in usual if read["columns"] is not None or has_joints(dataset, arm, name)]
     chosen = column or ([] if poses else named or usual)
     if not chosen and not poses:
         raise ArgumentError("the columns of joints", list(dataset.features), "name them by --column, or --poses")
-    found = [joint_feature(dataset, arm, name, columns=columns, degrees=degrees) for name in dict.fromkeys(chosen)]
+    found = [joint_feature(dataset, arm, name, **read) for name in dict.fromkeys(chosen)]
     if column is None:
         check_targets(dataset, arm, found)
     places = [pose_feature(dataset, name, angles=angles, order=order) for name in dict.fromkeys(poses or [])]
@@ -119,7 +126,7 @@ def _start(dataset: Dataset, arm: Robot, sources: list[Any], q0: str | None, deg
 
     from ..errors import ArgumentError
     from ..job.advice_words import posture_of
-    from ..robot_logs import JointFeature
+    from ..robot_logs import JointFeature, Recording, joined_turns
     from ..robot_logs.dataset_columns import postures_of
     from ..robot_logs.dataset_folder import rows
 
@@ -128,4 +135,7 @@ def _start(dataset: Dataset, arm: Robot, sources: list[Any], q0: str | None, deg
     if not isinstance(sources[0], JointFeature):
         raise ArgumentError("--q0", None, "a dataset of tool poses has no first posture: give one")
     first = next(iter(rows(dataset, [sources[0].name], [0])))
-    return postures_of(dataset, arm, sources[0], first.values[sources[0].name])[0]
+    postures = postures_of(dataset, arm, sources[0], first.values[sources[0].name])
+    times = np.asarray(dataset.period * np.arange(len(postures)), dtype=float)
+    log = Recording(arm.joint_names, times, postures, str(dataset.folder))
+    return joined_turns(log, arm, counted=sources[0].counts_turns).q[0]

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..base.arguments import check
+from ..base.axis_counts import check_counts
 from ..base.types import Indices, Matrix, Value, Vector, number, positive
 from ..errors import ArgumentError, ExportError, UnknownNameError
 from ..motion import TimedTrajectory
@@ -46,12 +47,7 @@ class Wiring(Value):
         super().__post_init__()
         check("axes", Sequence[Entry] | None, self.axes)
         check("external", Sequence[Entry], self.external)
-        for what, given in (("signs", self.signs), ("offsets", self.offsets)):
-            check(what, Mapping[str, float], given)
-            for name, value in given.items():
-                if not np.isfinite(number(f"{what}[{name!r}]", value)) or (what == "signs" and value not in (-1, 1)):
-                    cure = "give 1 or -1" if what == "signs" else "give a finite number"
-                    raise ArgumentError(f"{what}[{name!r}]", value, cure)
+        check_counts(self.signs, self.offsets, {})
 
 
 @dataclass(frozen=True, eq=False)

@@ -185,21 +185,22 @@ class _Writer:
             old = numeric(self.dataset, file, source.name, batch.column(source.name))
         if not change.double:
             kind = np.dtype(self.dataset.features[source.name]["dtype"])
-        old[:, source.places] = q / source.scales(robot)
+        old[:, source.places] = source.values(robot, q)
         return old.astype(kind)
 
     def _measure(self, change: Change, q: Matrix, here: Sequence[Episode]) -> None:
         """How far rounding moves the tool."""
-        scales = (
-            change.source.scales(self.task.robot) if isinstance(change.source, JointFeature) else np.ones(self.task.n)
-        )
+        source, robot = change.source, self.task.robot
         kind = np.float64 if change.double else np.float32
         first = 0
         for e in here:
             mine = q[first : first + e.length]
             first += e.length
             if e.index in self.numbers:
-                written = (mine / scales).astype(kind).astype(float) * scales
+                if isinstance(source, JointFeature):
+                    written = source.joints(robot, source.values(robot, mine).astype(kind).astype(float))
+                else:
+                    written = mine.astype(kind).astype(float)
                 self.rounded = max(self.rounded, float(np.abs(self.task.error(written, *self.task.poses(mine))).max()))
 
     def _renumbered(self, table: Any, here: Sequence[Episode]) -> Any:

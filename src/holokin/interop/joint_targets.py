@@ -11,6 +11,7 @@ from ..robot import Robot
 from ..robot_logs import STATE, Dataset, JointFeature
 from ..robot_logs.dataset_columns import postures_of
 from ..robot_logs.dataset_folder import INFO, rows
+from ..robot_logs.whole_turns import less_turns
 
 FAR = 0.5
 """Median distance [rad or m] of an action from the state beyond which it is doubted to be a position."""
@@ -26,8 +27,8 @@ def check_targets(dataset: Dataset, robot: Robot, columns: Sequence[JointFeature
     for part in rows(dataset, [one.name for one in columns], [0]):
         here = postures_of(dataset, robot, state, part.values[STATE])
         for one in others:
-            gap = np.abs(postures_of(dataset, robot, one, part.values[one.name]) - here).max(axis=1)
-            found[one.name] += gap.tolist()
+            gap = less_turns(postures_of(dataset, robot, one, part.values[one.name]) - here, robot.hinges)
+            found[one.name] += np.abs(gap).max(axis=1).tolist()
     for name, gaps in found.items():
         if np.median(gaps) > FAR:
             fact = f"{name} is {np.median(gaps):.2g} rad or m from {STATE} (median of episode 0): it seems no position"

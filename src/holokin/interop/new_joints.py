@@ -14,6 +14,7 @@ from ..inverse_kinematics import InverseKinematics, InverseStatus
 from ..robot_logs import Dataset, JointFeature, PoseFeature
 from ..robot_logs.dataset_columns import postures_of, tool_poses_of
 from ..robot_logs.dataset_folder import Rows, rows
+from ..robot_logs.whole_turns import less_turns
 
 JUMPED = -1
 """The status of a frame at which the joints jump, beside those of `InverseStatus`."""
@@ -117,7 +118,8 @@ class _Solver:
         before = self.last or (-1, np.full_like(q[0], np.nan), old[0])
         whole, source = np.vstack([before[1], q]), np.vstack([before[2], old])
         of = np.append(before[0], episode)
-        step, usual = (np.abs(np.diff(one, axis=0)).max(axis=1) for one in (whole, source))
+        moves = np.diff(whole, axis=0), less_turns(np.diff(source, axis=0), self.ik.strategy.task.robot.hinges)
+        step, usual = (np.abs(one).max(axis=1) for one in moves)
         self.last = int(episode[-1]), q[-1], old[-1]
         with np.errstate(invalid="ignore"):
             return np.flatnonzero((of[1:] == of[:-1]) & (step > STEP + RATIO * usual))

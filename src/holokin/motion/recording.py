@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,8 @@ GAP = 10.0
 class Recording(Value):
     """Joint positions as logged: t (k,) [s], rising; q (k, n) [rad or m] in the order of `joint_names`.
 
-    `notes` says what was changed or left out in reading.
+    `notes` says what was changed or left out in reading. unknown_turns (p, 2): rows (i, joint), where from sample i to
+    the next that joint may have made whole turns that its values do not show; None where nobody looked for them.
     """
 
     joint_names: tuple[str, ...]
@@ -27,6 +28,7 @@ class Recording(Value):
     q: Matrix
     source: str
     notes: tuple[str, ...] = ()
+    unknown_turns: Indices | None = None
 
     def __post_init__(self) -> None:
         for name in ("t", "q"):
@@ -45,6 +47,14 @@ class Recording(Value):
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def part(self, first: int, last: int) -> Recording:
+        """The samples from one to before another."""
+        places = self.unknown_turns
+        if places is not None:
+            inside = (places[:, 0] >= first) & (places[:, 0] < last - 1)
+            places = places[inside] - np.array([first, 0])
+        return replace(self, t=self.t[first:last], q=self.q[first:last], unknown_turns=places)
 
     @property
     def duration(self) -> float:

@@ -34,9 +34,10 @@ def read_waypoints(
 
     The header names the columns, in any order: x, y, z; for the orientation, if there is one, qx, qy, qz, qw, or q1 to
     q4 or q0 to q3 with their `order`, or roll, pitch, yaw (about the axes x, y, z of the frame, in this order), or rx,
-    ry, rz, a rotation vector, or a, b, c, KUKA's angles, R = Rz(a) Ry(b) Rx(c) [KSS]; for the time, if there is one, t
-    or time [s]; or T00, T01, ..., T23, the first three rows of the pose's matrix. A unit may stand at the end of a
-    name: x_mm, roll_deg, t_ms, "x [mm]". Columns named name, label, comment, remark, note, id, index, number, point,
+    ry, rz, a rotation vector, or a, b, c, KUKA's angles, R = Rz(a) Ry(b) Rx(c) [KSS]; for the time, if there is one, t,
+    time, stamp, timestamp, sec or seconds, or sec and nanosec; or T00, T01, ..., T23, the first three rows of the
+    pose's matrix. A unit may stand at the end of a name: x_mm, roll_deg, t_ms, "x [mm]"; Unix time in ms, us or ns is
+    told by its size. Columns named name, label, comment, remark, note, id, index, number, point,
     line or row are passed over; any other is refused.
 
     Args:

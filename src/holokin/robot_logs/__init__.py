@@ -3,6 +3,7 @@
 Uses `motion`. Read first: `log_samples.py`, `log_formats.py`, `dataset_folder.py`.
 """
 
+from ..base.time_columns import TIMES as TIMES
 from ..motion.recording import GAP as GAP
 from ..motion.recording import Recording as Recording
 from .dataset_columns import (
@@ -16,9 +17,9 @@ from .dataset_columns import (
     pose_feature,
 )
 from .dataset_folder import Dataset, Episode, is_dataset, read_dataset
-from .joint_columns import TIMES
-from .log_formats import SLACK, read_recording
+from .log_formats import read_recording
 from .log_runs import read_runs
+from .whole_turns import SLACK, joined_turns
 
 __all__ = [
     "ACTION",
@@ -34,6 +35,7 @@ __all__ = [
     "chosen_episodes",
     "has_joints",
     "is_dataset",
+    "joined_turns",
     "joint_feature",
     "pose_feature",
     "read_dataset",

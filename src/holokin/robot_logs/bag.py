@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +13,8 @@ import numpy as np
 from ..base.given_files import listed, shown
 from ..errors import HolokinError, MissingExtraError, RecordingError
 from ..robot import Robot
-from .log_samples import Samples, joints_missing
+from .joint_columns import Columns, columns_named, joint_columns
+from .log_samples import Samples
 from .unpacked_size import MOST_MESSAGE, broken, check_folder, check_mcap, check_sqlite, unpacked
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -28,8 +29,12 @@ class _State(NamedTuple):
     position: Any
 
 
-def read_bag(file: Path, robot: Robot, topic: str | None) -> Samples:
-    """The samples of a bag. Raises: RecordingError; MissingExtraError: rosbags is not installed."""
+def read_bag(file: Path, robot: Robot, topic: str | None, columns: Columns | None = None) -> Samples:
+    """The samples of a bag; columns: which names of its messages are which joints, as of a CSV file.
+
+    Raises: RecordingError; MissingExtraError: rosbags is not installed. UnknownNameError, ArgumentError: as
+    `columns_named`.
+    """
     try:
         from rosbags.rosbag1 import Reader as Reader1
         from rosbags.rosbag2 import Reader as Reader2
@@ -54,7 +59,7 @@ def read_bag(file: Path, robot: Robot, topic: str | None) -> Samples:
         connections = [c for c in reader.connections if c.msgtype == JOINT_STATE]
         name = _topic(file, {c.topic for c in connections}, {c.topic for c in reader.connections}, topic, notes)
         wanted = [c for c in connections if c.topic == name]
-        samples, read = _joint_states(file, robot, _states(file, reader, wanted, parse), notes)
+        samples, read = _joint_states(file, robot, _states(file, reader, wanted, parse), columns, notes)
         told = sum(c.msgcount for c in wanted)
         if read < told:
             notes.append(f"{read} messages read of the {told} that the bag counts")
@@ -118,7 +123,15 @@ def _topic(file: Path, states: set[str], every: set[str], topic: str | None, not
     raise RecordingError(file, fact, f"name the topic with --topic; {there}")
 
 
-def _joint_states(file: Path, robot: Robot, states: Iterator[_State], notes: list[str]) -> tuple[Samples, int]:
+def _places(file: Path, robot: Robot, names: Sequence[str], columns: Columns | None) -> list[int]:
+    """The robot's joints among names. Raises: RecordingError, UnknownNameError, ArgumentError."""
+    others = lambda joints: joint_columns(file, names, robot, joints, "joints")  # noqa: E731
+    return others(robot.joint_names) if columns is None else columns_named(file, names, robot, columns, others, "name")
+
+
+def _joint_states(
+    file: Path, robot: Robot, states: Iterator[_State], columns: Columns | None, notes: list[str]
+) -> tuple[Samples, int]:
     """The robot's samples, and how many messages were read."""
     stamps, received, numbers, q = array("q"), array("q"), array("q"), array("d")
     seen: dict[str, None] = {}
@@ -130,8 +143,10 @@ def _joint_states(file: Path, robot: Robot, states: Iterator[_State], notes: lis
         if state.names != last:
             last = state.names
             seen.update(dict.fromkeys(last if len(seen) < 1000 else ()))
-            known = set(robot.joint_names) <= set(last)
-            order = [last.index(joint) for joint in robot.joint_names] if known else None
+            try:
+                order = _places(file, robot, last, columns)
+            except RecordingError:  # a message of other joints
+                order = None
         if order is None or len(state.position) < len(state.names):
             continue
         row = state.position[order]
@@ -146,9 +161,7 @@ def _joint_states(file: Path, robot: Robot, states: Iterator[_State], notes: lis
     if not numbers:
         if not seen:
             raise RecordingError(file, "there are no JointState messages in it", "record at least two cycles")
-        missing = [joint for joint in robot.joint_names if joint not in seen]
-        if missing:
-            raise joints_missing(file, missing, list(seen), "joints", robot)
+        _places(file, robot, list(seen), columns)
         fact = f"no message holds the positions of all joints of {robot.name} together"
         raise RecordingError(file, fact, "record the topic of the joint_state_broadcaster")
     if len(numbers) < count:

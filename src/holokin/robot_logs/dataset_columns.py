@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.axis_counts import AxisCounts
 from ..base.given_files import listed, shown
 from ..base.pose_columns import PoseColumns, Units, columns_of_poses, poses_of
 from ..base.types import Array, Indices, Matrix, Value, Vector
@@ -17,7 +18,7 @@ from ..errors import ArgumentError, RecordingError, UnknownNameError
 from ..robot import Robot
 from .dataset_folder import INFO, Dataset
 from .joint_columns import Columns, columns_named, joint_columns
-from .log_formats import SLACK
+from .whole_turns import outside
 
 STATE = "observation.state"
 """The name that LeRobot gives to what the robot measures."""
@@ -41,16 +42,27 @@ _POSE = re.compile(r"(?:^|.*[._/: ])(x|y|z|q[xyzw0-4]|roll|pitch|yaw|[rw][xyz])(
 class JointFeature(Value):
     """The joints of a robot in a column of a dataset: `places` (n,) among its entries, in the robot's order.
 
-    degrees: True or False as the caller says; None where the values must show it.
+    degrees: True or False as the caller says; None where the values must show it. counts_turns: the values count whole
+    turns of hinges, so none is taken to be modulo a turn. counts: sign, offset and scale of each joint.
     """
 
     name: str
     places: Indices
     degrees: bool | None
+    counts_turns: bool = False
+    counts: AxisCounts = field(default_factory=AxisCounts)
 
-    def scales(self, robot: Robot) -> Vector:
-        """By what values are multiplied to be in rad and m (n,)."""
-        return np.where(robot.hinges & bool(self.degrees), np.pi / 180, 1.0)
+    def joints(self, robot: Robot, values: Matrix, degrees: bool | None = None) -> Matrix:
+        """Joints (k, n) in rad and m of values in the robot's order."""
+        return self.counts.joints(robot.joint_names, values, self._units(robot, degrees))
+
+    def values(self, robot: Robot, joints: Matrix) -> Matrix:
+        """What the dataset has for joints (k, n)."""
+        return self.counts.values(robot.joint_names, joints, self._units(robot, None))
+
+    def _units(self, robot: Robot, degrees: bool | None) -> Vector:
+        unit = bool(self.degrees) if degrees is None else degrees
+        return np.where(robot.hinges & unit, np.pi / 180, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,18 +89,23 @@ def _names_of(dataset: Dataset, feature: str) -> list[str]:
 
 @typed
 def joint_feature(
-    dataset: Dataset, robot: Robot, feature: str, *, columns: Columns | None = None, degrees: bool | None = None
+    dataset: Dataset, robot: Robot, feature: str, *, columns: Columns | None = None, degrees: bool | None = None,
+    counts_turns: bool = False, signs: Mapping[str, int] | None = None, offsets: Mapping[str, float] | None = None,
+    scales: Mapping[str, float] | None = None,
 ) -> JointFeature:  # fmt: skip
     """The joints of a robot in a column, by their names, in whatever order.
 
     Args:
         columns: names of the entries, as for the columns of a log; entries without names have their numbers from 0.
         degrees: unit of the hinges; None where the values shall show it.
+        counts_turns: the values of hinges count whole turns.
+        signs, offsets, scales: how the column counts joints, as of `read_recording`.
 
     Raises:
         RecordingError: joints that are missing; a unit that must be said. ArgumentError, UnknownNameError.
     """
     names, file = _names_of(dataset, feature), dataset.folder / INFO
+    counts = AxisCounts(signs or {}, offsets or {}, scales or {}).known(robot.joint_names)
     if columns is None:
         places = joint_columns(file, names, robot, robot.joint_names)
     else:
@@ -96,11 +113,11 @@ def joint_feature(
             file, names, robot, columns, lambda joints: joint_columns(file, names, robot, joints)
         )  # fmt: skip
     kind = str(dataset.info.get("robot_type") or "")
-    if degrees is None and kind.startswith(MOTORS):
+    if degrees is None and kind.startswith(MOTORS) and not counts.scaled(robot.joint_names)[robot.hinges].all():
         fact = f"was recorded with {shown(kind)}, whose joints LeRobot writes in degrees or from -100 to 100"
         cure = "say --degrees (degrees=True) if it was recorded with use_degrees; other values are no angles"
         raise RecordingError(file, fact, cure)
-    return JointFeature(feature, np.array(places, dtype=np.intp), degrees)
+    return JointFeature(feature, np.array(places, dtype=np.intp), degrees, counts_turns, counts)
 
 
 @typed
@@ -141,7 +158,7 @@ def pose_feature(
         raise RecordingError(dataset.folder / INFO, fact, cure)
     at = [i for i, _ in kept]
     places = [[at[i] for i in part] for part in (found.position, found.orientation)]
-    return PoseFeature(feature, PoseColumns(places[0], places[1], found.kind, [], found.scales), said)
+    return PoseFeature(feature, PoseColumns(places[0], places[1], found.kind, None, found.scales), said)
 
 
 def postures_of(dataset: Dataset, robot: Robot, joints: JointFeature, values: Matrix) -> Matrix:
@@ -155,13 +172,13 @@ def postures_of(dataset: Dataset, robot: Robot, joints: JointFeature, values: Ma
         return raw
     low, high = raw.min(axis=0), raw.max(axis=0)
     file = dataset.folder / INFO
-    ends = (np.maximum(-low, high) == NORMALIZED) & robot.hinges
+    ends = (np.maximum(-low, high) == NORMALIZED) & robot.hinges & ~joints.counts.scaled(robot.joint_names)
     if ends.sum() > 1 and np.abs(raw[:, robot.hinges]).max() == NORMALIZED and joints.degrees is not False:
         fact = f"{int(ends.sum())} joints of {joints.name} reach 100 exactly, the end of LeRobot's range -100 to 100"
         raise RecordingError(file, fact, "convert them to degrees by the calibration of the arm, or record degrees")
     if joints.degrees is None:
-        _check_unit(file, robot, joints.name, low, high)
-    return raw * joints.scales(robot)
+        _check_unit(file, robot, joints, np.stack([low, high]))
+    return joints.joints(robot, raw)
 
 
 def tool_poses_of(
@@ -187,19 +204,18 @@ def _plain(name: str) -> str:
     return _TURNS.get(match[1], match[1]) if match else ""
 
 
-def _check_unit(file: Any, robot: Robot, feature: str, low: Vector, high: Vector) -> None:
-    """Raises: RecordingError: values that are no radians."""
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -4 * np.pi) - SLACK
-    upper = np.where(np.isfinite(robot.upper), robot.upper, 4 * np.pi) + SLACK
-    over = np.where(robot.hinges, np.maximum(lower - low, high - upper), -np.inf)
+def _check_unit(file: Any, robot: Robot, joints: JointFeature, ends: Matrix) -> None:
+    """Raises: RecordingError: values that are no radians, by their extremes (2, n)."""
+    low, high = (end(joints.joints(robot, ends, False), axis=0) for end in (np.min, np.max))
+    over = np.where(robot.hinges & ~joints.counts.scaled(robot.joint_names), outside(robot, low, high), -np.inf)
     worst = int(np.argmax(over))
     if over[worst] <= 0:
         return
-    turn, name = np.pi / 180, robot.joint_names[worst]
+    name = robot.joint_names[worst]
     value = float(low[worst] if -low[worst] > high[worst] else high[worst])
-    fact = f"joint {name} of {feature} reaches {value:.4g}, far outside its limits in rad"
-    hinges = robot.hinges
-    if (low * turn >= lower)[hinges].all() and (high * turn <= upper)[hinges].all():
+    fact = f"joint {name} of {joints.name} reaches {value:.4g}, far outside its limits in rad"
+    turned = joints.joints(robot, ends, True)
+    if (outside(robot, turned.min(axis=0), turned.max(axis=0)) <= 0)[robot.hinges].all():
         cure = "say --degrees (degrees=True), or --radians if it is radians after all"
         raise RecordingError(file, f"{fact}, but every joint fits in degrees", cure)
     cure = "check robot and joints; values that LeRobot maps to -100 to 100 must be converted by the arm's calibration"

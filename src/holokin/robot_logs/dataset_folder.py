@@ -70,6 +70,12 @@ class Dataset(Value):
         """Rows of all its episodes."""
         return sum(e.length for e in self.episodes)
 
+    @property
+    def period(self) -> float:
+        """Time from a frame to the next [s]; LeRobot's usual one where `info.json` says none."""
+        fps = self.info.get("fps")
+        return 1 / fps if isinstance(fps, int | float) and 0 < fps < 1e6 else 1 / 30
+
     def files(self) -> list[Path]:
         """Its data files, in the order of the episodes."""
         return list(dict.fromkeys(e.file for e in self.episodes))

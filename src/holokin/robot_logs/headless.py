@@ -9,6 +9,7 @@ from ..base.csv_table import number_in
 from ..base.given_files import listed
 from ..errors import RecordingError
 from ..robot import Robot
+from .joint_columns import names_beside
 
 STAMPS = ("secs", "nsecs")
 """Columns of a stamp in two parts."""
@@ -37,7 +38,8 @@ def guessed(file: Path, cells: Sequence[str], robot: Robot) -> tuple[list[str], 
         cure = f"log a header, or give the columns by their numbers: --columns 2,3,... --time 1 ({counts} are known)"
         raise RecordingError(file, fact, cure)
     names, what = found
-    at = {name: k + 1 for k, name in enumerate(names)}
+    beside = names_beside(names)
+    at = {name: k + 1 for k, name in enumerate(names)} | {cells[name]: k + 1 for k, name in beside.items()}
     places = [at[joint] for joint in robot.joint_names]
     row = places == list(range(places[0], places[-1] + 1))
     which = f"{places[0]} to {places[-1]}" if row else ", ".join(map(str, places))
@@ -59,10 +61,13 @@ def _joint_state(cells: Sequence[str], robot: Robot) -> tuple[list[str], str] | 
     joints = list(cells[first:last])
     if rest < count or rest % count or len(set(joints)) < count:
         return None
-    kinds = ("", "velocity.", "effort.", "more.")
-    named = [f"{kinds[min(k, 3)]}{joint}" for k in range(rest // count) for joint in joints]
-    head = [*STAMPS, *(f"field {k}" for k in range(2, first)), *(f"name {k}" for k in range(count))]
-    return [*head, *named], "a JointState of `ros2 topic echo --csv`, with its joints' names in each row"
+    kinds = ("position", "velocity", "effort", *(f"more {k} " for k in range(rest // count)))
+    named = [f"{kind}{k}" for kind in ("name", *kinds[: rest // count]) for k in range(count)]
+    head = [*STAMPS, *(f"field {k}" for k in range(2, first))]
+    return [
+        *head,
+        *named,
+    ], "a JointState of `ros2 topic echo --csv`, with its joints' names in each row"
 
 
 def _by_count(cells: Sequence[str], robot: Robot) -> tuple[list[str], str] | None:

@@ -12,9 +12,6 @@ from ..errors import ArgumentError, RecordingError, UnknownNameError, closest
 from ..robot import Robot
 from .log_samples import joints_missing
 
-TIMES = ("t", "time", "stamp", "secs", "timestamp")
-"""Names of a time column; a prefix ('header.stamp') and capitals do not matter."""
-
 Columns = str | Sequence[str] | Mapping[str, str]
 """Columns of the joints: names in the robot's order; joint -> name; or text, "a, b, c", "elbow=a, wrist=b", "q_%d"."""
 
@@ -26,6 +23,7 @@ _OTHER = re.compile(
     r"(^|[^a-z])(d|dq|vel|velocity|velocities|eff|effort|torque|tau|acc|accel|acceleration|current|desired|target|cmd|"
     r"command|commanded|goal|error)([^a-z]|$)"
 )
+_NAMES = re.compile(r"(.*?)name(\W?\d+\W?)")
 _POSITION = re.compile(r"[./_: ](position|positions|pos|q|actual)$", re.IGNORECASE)
 
 
@@ -40,18 +38,19 @@ def scale_of(name: str) -> float:
     return 1.0 if unit is None else {"deg": pi / 180, "mm": 1e-3}[unit[1]]
 
 
-def column_named(file: Path, header: Sequence[str], name: str, what: str) -> int:
-    """The place of a column. Raises: RecordingError, which names the nearest."""
+def column_named(file: Path, header: Sequence[str], name: str, what: str, noun: str = "column") -> int:
+    """The place of a column, or another noun. Raises: RecordingError, which names the nearest."""
     name = plain_name(name)
     if name in header:
         return header.index(name)
-    fact = f"there is no column {shown(name)!r} for {what}"
+    fact = f"there is no {noun} {shown(name)!r} for {what}"
     raise RecordingError(file, fact, closest(name, [shown(column) for column in header if column]))
 
 
 def columns_named(
-    file: Path, header: Sequence[str], robot: Robot, columns: Columns, others: Callable[[Sequence[str]], list[int]]
-) -> list[int]:
+    file: Path, header: Sequence[str], robot: Robot, columns: Columns, others: Callable[[Sequence[str]], list[int]],
+    noun: str = "column",
+) -> list[int]:  # fmt: skip
     """The places of the robot's joints, in its order.
 
     Args:
@@ -76,14 +75,14 @@ def columns_named(
     for joint, name in chosen.items():
         if not isinstance(name, str):
             raise ArgumentError(f"the column of joint {joint!r}", name, "give its name in the header")
-    found = {joint: column_named(file, header, name, f"joint {joint!r}") for joint, name in chosen.items()}
+    found = {joint: column_named(file, header, name, f"joint {joint!r}", noun) for joint, name in chosen.items()}
     rest = [joint for joint in robot.joint_names if joint not in found]
     found |= dict(zip(rest, others(rest), strict=True))
     places = [found[joint] for joint in robot.joint_names]
     for i, place in enumerate(places):
         if place in places[:i]:
             two = f"{robot.joint_names[places.index(place)]} and {robot.joint_names[i]}"
-            raise ArgumentError("columns", columns, f"column {header[place]!r} cannot be both {two}: give each its own")
+            raise ArgumentError("columns", columns, f"{noun} {header[place]!r} cannot be both {two}: give each its own")
     return places
 
 
@@ -99,20 +98,21 @@ def _in_words(header: Sequence[str], robot: Robot, text: str) -> Sequence[str] |
     return parts
 
 
-def time_column(file: Path, header: Sequence[str]) -> list[int]:
-    """The time column; with a second one of nanoseconds where stamps are split ('secs', 'nsecs')."""
-    words = [re.split(r"[^a-z]+", name.lower().strip("_"))[-1] for name in header]
-    for name in TIMES:
-        exact = [i for i, column in enumerate(header) if column.lower() == name]
-        found = exact or [i for i, word in enumerate(words) if word == name]
-        if found:
-            parts = [i for i, word in enumerate(words) if word in ("nsecs", "nanosec", "nsec")]
-            return [found[0], *parts[:1]] if name == "secs" else found[:1]
-    cure = f"name the column of seconds one of {', '.join(TIMES)}; the columns are {listed(header)}"
-    raise RecordingError(file, "there is no time column", cure)
+def names_beside(header: Sequence[str]) -> dict[int, int]:
+    """Columns of positions, and beside each the column that names its joint in every row, as `field.name0` names that
+    of `field.position0`."""
+    found = {}
+    for i, column in enumerate(header):
+        match = _NAMES.fullmatch(column)
+        position = f"{match[1]}position{match[2]}" if match else ""
+        if position in header:
+            found[header.index(position)] = i
+    return found
 
 
-def joint_columns(file: Path, header: Sequence[str], robot: Robot, joints: Sequence[str]) -> list[int]:
+def joint_columns(
+    file: Path, header: Sequence[str], robot: Robot, joints: Sequence[str], what: str = "columns"
+) -> list[int]:
     """The places of joints by their own names, with or without a prefix. Raises: RecordingError."""
     chosen, missing = [], []
     for joint in joints:
@@ -124,12 +124,12 @@ def joint_columns(file: Path, header: Sequence[str], robot: Robot, joints: Seque
             near = [i for i in near if i not in rates]
         if len(near) > 1:
             names = listed([repr(header[i]) for i in near])
-            fact = f"joint {joint!r} could be any of the columns {names}"
-            raise RecordingError(file, fact, "keep or name one of them")
+            fact = f"joint {joint!r} could be any of the {what} {names}"
+            raise RecordingError(file, fact, "keep or name one of them, by --columns (columns=...)")
         if near:
             chosen.append(near[0])
         else:
             missing.append(joint)
     if missing:
-        raise joints_missing(file, missing, header, "columns", robot)
+        raise joints_missing(file, missing, header, what, robot)
     return chosen

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.axis_counts import AxisCounts
 from ..base.given_files import is_folder
 from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, RecordingError
@@ -17,9 +19,7 @@ from .bag import read_bag
 from .csv_log import read_csv
 from .joint_columns import Columns
 from .log_samples import Samples
-
-SLACK = 0.5
-"""How far [rad or m] beyond its limits a joint may be logged before the unit is doubted: calibration never errs so."""
+from .whole_turns import SLACK, joined_turns, outside
 
 FARTHEST = 1e6
 """Largest joint position [rad or m] that is believed: 160,000 turns; beyond it a float holds less than a micrometre."""
@@ -34,33 +34,43 @@ FASTEST = 1e-9
 @typed
 def read_recording(
     path: str | Path, robot: Robot, *, degrees: bool | None = None, topic: str | None = None,
-    columns: Columns | None = None, time: str | None = None, skip_bad: bool = False,
+    columns: Columns | None = None, time: str | None = None, skip_bad: bool = False, counts_turns: bool = False,
+    signs: Mapping[str, int] | None = None, offsets: Mapping[str, float] | None = None,
+    scales: Mapping[str, float] | None = None,
 ) -> Recording:  # fmt: skip
     """Read the joints of a robot from a log.
 
-    CSV: a header with a time column (`TIMES`; seconds, or whole nanoseconds) and the robot's joints, in any order;
-    a joint may have a prefix that ends in / . _ or : ('position.panda_joint1') where only one column fits.
+    CSV: a header with a time column (`TIMES`; its name or its size says the unit) and the robot's joints, in any order;
+    a joint may have a prefix that ends in / . _ or : ('position.panda_joint1') where only one column fits. Where each
+    row names its joints ('field.name0' beside 'field.position0'), the names are used.
     rosbag2 folder, .mcap, .db3 or ROS 1 .bag: sensor_msgs/JointState messages (needs the extra `log`).
+    Hinges that the log cuts by whole turns run on, with a note; where turns are not known, see `unknown_turns` of the
+    recording.
 
     Args:
         degrees: True when revolute joints are logged in degrees; None refuses values that only fit as degrees.
         topic: of the JointState messages; by default /joint_states, or the only one there is.
-        columns: of a CSV file whose columns have other names than the joints: n names in the robot's order, a mapping
+        columns: of a CSV file or a bag whose joints have other names: n names in the robot's order, a mapping
             joint -> name, or text: "q_a, q_b, ...", "elbow=q_c, wrist=q_d" or a pattern "actual_q_%d", which counts
             from 0, or from 1 where there is no column with 0. Joints that a mapping leaves out have their own names.
             Of a file without a header the columns are "1", "2", ...; without `columns` they are guessed, see notes.
         time: of a CSV file: the name of the time column.
         skip_bad: of a CSV file: rows that cannot be read are left out and counted in the notes, not refused.
+        counts_turns: the values of hinges count whole turns: none is taken to be modulo a turn.
+        signs, offsets, scales: how the log counts joints, as `export.Wiring` for programs: scale * value = sign * joint
+            + offset [rad or m], each by the name of the joint; a scale is in rad or m, as 2 pi / 4096 of an encoder.
 
     Raises:
         RecordingError: no such file, unreadable, no time column, joints missing, empty, text or NaN in a cell (with
             its line), time that runs backward or stands still with other joints, degrees where radians are due.
         MissingExtraError: a bag, and rosbags is not installed.
-        ArgumentError: a topic for a CSV file, columns or time for a bag, a wrong number of columns.
-        UnknownNameError: a column for a joint that the robot has not.
+        ArgumentError: a topic for a CSV file, a time for a bag, a wrong number of columns.
+        UnknownNameError: a column, sign, offset or scale for a joint that the robot has not.
     """
     file = Path(path)
-    return recorded(file, samples_of(file, robot, topic, columns, time, skip_bad), robot, degrees)
+    counts = AxisCounts(signs or {}, offsets or {}, scales or {}).known(robot.joint_names)
+    samples = samples_of(file, robot, topic, columns, time, skip_bad)
+    return joined(recorded(file, samples, robot, degrees, counts), robot, counts_turns)
 
 
 def samples_of(
@@ -68,21 +78,22 @@ def samples_of(
 ) -> Samples:
     """What a file holds, in its own units and order. Raises: as `read_recording`."""
     if is_folder(file) or file.suffix.lower() in (".mcap", ".db3", ".bag"):
-        for name, given in (("columns", columns), ("time", time), ("skip_bad", skip_bad or None)):
+        for name, given in (("time", time), ("skip_bad", skip_bad or None)):
             if given is not None:
-                raise ArgumentError(name, given, "only CSV files have columns and rows; leave it out for a bag")
-        return read_bag(file, robot, topic)
+                raise ArgumentError(name, given, "only CSV files have rows; leave it out for a bag")
+        return read_bag(file, robot, topic, columns)
     if topic is not None:
         raise ArgumentError("topic", topic, "only bags have topics; leave it out for a CSV file")
     return read_csv(file, robot, columns, time, skip_bad=skip_bad)
 
 
-def recorded(file: Path, samples: Samples, robot: Robot, degrees: bool | None) -> Recording:
-    """Samples as a recording: in rad and m, with rising times, joints that run on. Raises: RecordingError."""
+def recorded(
+    file: Path, samples: Samples, robot: Robot, degrees: bool | None, counts: AxisCounts
+) -> Recording:  # fmt: skip
+    """Samples as a recording: in rad and m, with rising times. Raises: RecordingError."""
     notes = samples.notes
     t, q = _in_order(file, samples, notes)
-    _to_radians(file, q, robot, False if samples.in_si else degrees, notes)
-    unwrap(q, robot, notes)
+    q = _in_radians(file, q, robot, False if samples.in_si else degrees, counts)
     log = Recording(robot.joint_names, t, q, str(file))
     if len(log.gaps):
         longest = float(np.diff(t).max())
@@ -116,42 +127,40 @@ def _in_order(file: Path, samples: Samples, notes: list[str]) -> tuple[Vector, M
     return t, q
 
 
-def _to_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, notes: list[str]) -> None:
-    """Hinges in radians, in place: columns are looked at by their extremes, since a log may be long."""
-    turning = robot.hinges
-    scale = np.where(turning, np.pi / 180, 1.0)
-    if degrees:
-        q *= scale
-    least, most = q.min(axis=0), q.max(axis=0)
+def joined(log: Recording, robot: Robot, counts_turns: bool, breaks: Sequence[int] = ()) -> Recording:
+    """A recording whose hinges run on, with a note where a joint is far beyond its limits."""
+    log = joined_turns(log, robot, counted=counts_turns, breaks=breaks)
+    low, high = log.q.min(axis=0), log.q.max(axis=0)
+    over = np.maximum(robot.lower - low, high - robot.upper)
+    worst = int(np.argmax(over))
+    if over[worst] <= SLACK:
+        return log
+    beyond = f"{over[worst]:.3g} {robot.coordinates[worst].unit} outside its limits"
+    return replace(log, notes=(*log.notes, f"joint {robot.joint_names[worst]} is logged up to {beyond}"))
+
+
+def _in_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, counts: AxisCounts) -> Matrix:
+    """Joints in rad and m: the unit is looked for in the extremes of the columns, since a log may be long."""
+    names, turning = robot.joint_names, robot.hinges
+    units = {unit: np.where(turning & unit, np.pi / 180, 1.0) for unit in (False, True)}
+    ends = np.stack([q.min(axis=0), q.max(axis=0)])
+
+    def extremes(unit: bool) -> tuple[Vector, Vector]:
+        found = counts.joints(names, ends, units[unit])
+        return found.min(axis=0), found.max(axis=0)
+
+    least, most = extremes(bool(degrees))
     reach = np.maximum(-least, most)
     far = int(np.argmax(reach))
     if reach[far] > FARTHEST:
-        fact = f"joint {robot.joint_names[far]} reaches {reach[far]:.3g} {robot.coordinates[far].unit}"
+        fact = f"joint {names[far]} reaches {reach[far]:.3g} {robot.coordinates[far].unit}"
         raise RecordingError(file, fact, "give joints in rad and m; correct or delete the broken samples")
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -4 * np.pi) - SLACK
-    upper = np.where(np.isfinite(robot.upper), robot.upper, 4 * np.pi) + SLACK
-    over = np.maximum(lower - least, most - upper)
+    over = np.where(counts.scaled(names), -np.inf, outside(robot, least, most))
     worst = int(np.argmax(over))
-    if degrees or over[worst] <= 0:
-        return
-    fits = bool((least * scale >= lower).all() and (most * scale <= upper).all())
-    name = robot.joint_names[worst]
-    value = float(least[worst] if -least[worst] > most[worst] else most[worst])
-    if degrees is None and fits and turning[worst]:
-        fact = f"joint {name} reaches {value:.4g}, far outside its limits in rad, but every joint fits in degrees"
+    if degrees is None and turning[worst] and over[worst] > 0 and (outside(robot, *extremes(True)) <= 0).all():
+        value = float(least[worst] if -least[worst] > most[worst] else most[worst])
+        fact = f"joint {names[worst]} reaches {value:.4g}, far outside its limits in rad"
+        fact = f"{fact}, but every joint fits in degrees"
         raise RecordingError(file, fact, "pass --degrees (degrees=True), or degrees=False if it is radians after all")
-    beyond = f"{over[worst] + SLACK:.3g} {robot.coordinates[worst].unit} outside its limits"
-    notes.append(f"joint {name} is logged up to {beyond}")
-
-
-def unwrap(q: Matrix, robot: Robot, notes: list[str]) -> None:
-    """Joints without limits are often logged modulo a turn: make them run on, in place."""
-    turned = []
-    for i, c in enumerate(robot.coordinates):
-        if c.kind != "prismatic" and np.isinf([c.lower, c.upper]).all():
-            whole = np.unwrap(q[:, i])
-            if not np.array_equal(q[:, i], whole):
-                q[:, i] = whole
-                turned.append(robot.joint_names[i])
-    if turned:
-        notes.append(f"turns of {', '.join(turned)} joined, which the log cuts at pi")
+    plain = not (degrees or counts.signs or counts.offsets or counts.scales)
+    return q if plain else counts.joints(names, q, units[bool(degrees)])

@@ -41,5 +41,5 @@ class Samples:
 def joints_missing(file: Path, missing: Sequence[str], there: Sequence[str], what: str, robot: Robot) -> RecordingError:
     """The error that names the joints missing and what is there instead."""
     fact = f"joints {listed(missing)} of {shown(robot.name)} are not in it"
-    named = ", name them by --columns (columns=...)" if what == "columns" else ""
-    return RecordingError(file, fact, f"rename them{named} or choose another robot; the {what} are {listed(there)}")
+    cure = f"rename them, name them by --columns (columns=...) or choose another robot; the {what} are {listed(there)}"
+    return RecordingError(file, fact, cure)
