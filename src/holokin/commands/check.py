@@ -31,7 +31,9 @@ def check(
     margin: Annotated[float, typer.Option(help="How far joints keep from their limits [rad, m].")] = 0.0,
     ignore: Annotated[
         list[str] | None,
-        typer.Option(help="Two links that may touch, like 'link5,hand' or 'hand,*'; may be given again."),
+        typer.Option(
+            help="Two links, or a link and the floor, that may touch, like 'link5,hand' or 'hand,*'; may be given again."
+        ),
     ] = None,
     position: Annotated[
         bool, typer.Option("--position", help="The tool's orientation is free: singularities of its position alone.")
@@ -60,7 +62,7 @@ def check(
     pairs = [tuple(part.strip() for part in text.split(",")) for text in ignore or []]
     for pair, text in zip(pairs, ignore or [], strict=True):
         if len(pair) != 2:
-            raise ArgumentError("--ignore", text, "give the names of two links with a comma between")
+            raise ArgumentError("--ignore", text, "give two names, of links or the floor, with a comma between")
     arm = load(robot, tip=tip if is_model(robot) else None)
     motion = read_recording(
         log, arm, degrees=degrees, topic=topic, columns=columns, time=time, counts_turns=counts_turns,

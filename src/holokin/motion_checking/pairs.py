@@ -140,7 +140,7 @@ def _asked_about(
 def _known(ignore: Sequence[tuple[str, str]], names: Sequence[str]) -> None:
     for name in (name for pair in ignore for name in pair):
         if name != ALL and name not in names:
-            raise UnknownNameError("link", name, tuple(dict.fromkeys(names)))
+            raise UnknownNameError("link or obstacle", name, tuple(dict.fromkeys(names)))
 
 
 def _travel(robot: Robot, q: Matrix) -> Vector:
