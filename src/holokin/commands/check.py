@@ -32,7 +32,7 @@ def check(
     ignore: Annotated[
         list[str] | None,
         typer.Option(
-            help="Two links, or a link and the floor, that may touch, like 'link5,hand' or 'hand,*'; may be given again."
+            help="Links, or a link and the floor, that may touch, like 'link5,hand' or 'hand,*'; may be given again."
         ),
     ] = None,
     position: Annotated[
