@@ -100,10 +100,12 @@ def pairs_of(
             left_out.append(LeftOut(gap.names, NEAR))
         gaps.append(gap)
         limits.append(0.0 if values.max() < clearance else clearance)
-    for link in links if floor is not None else ():
-        if link.joint >= 0 and (link.name, FLOOR) in skipped:
+    for link in links:
+        if floor is None or link.joint < 0:
+            continue
+        if (link.name, FLOOR) in skipped:
             left_out.append(LeftOut((link.name, FLOOR), ASKED))
-        elif link.joint >= 0:
+        else:
             gaps.append(floor_gap(robot, link, floor, travel))
             limits.append(clearance)
     return Pairs(tuple(gaps), tuple(limits), tuple(left_out), tuple(unseen), clearance)
