@@ -365,6 +365,86 @@ def cusp() -> None:
     save(figure, "cusp")
 
 
+ORTHOGONAL = ((0.5, 0.15), (1.7, 1.0), (1.2, 1.6), (2.0, 3.0), (0.5, 1.6))
+"""d3, d4 of an arm of each of five domains; d2 = 1, r2 = 0.5."""
+
+
+def orthogonal_arm(d3: float, d4: float, d2: float = 1.0, r2: float = 0.5) -> hk.Robot:
+    """Three hinges at right angles to one another."""
+    rows = [{}, {"a": d2, "alpha": -np.pi / 2, "d": r2}, {"a": d3, "alpha": np.pi / 2}]
+    tool = np.eye(4)
+    tool[0, 3] = d4
+    return hk.from_dh(rows, "modified", name="orthogonal", tool=tool)
+
+
+def cusps_of_orthogonal_arms() -> None:
+    """Half planes through the first axis: how many postures a tool position has, the singular curves, the cusps."""
+    figure, panels = plt.subplots(2, 3, figsize=(10.2, 8.4))
+    shades = ("#FFFFFF", "#DCEBF5", "#A9CFE8")
+    for number, ((d3, d4), axes) in enumerate(zip(ORTHOGONAL, panels.ravel()[:5], strict=True), 1):
+        task = hk.position(orthogonal_arm(d3, d4))
+        law = hk.moore_penrose(task)
+
+        # how many joints q3 solve z^2 + (F cos q2)^2 = F^2, where rho and z give F cos q2 as a function of q3
+        q3 = np.linspace(-np.pi, np.pi, 721)
+        F, height = d3 + d4 * np.cos(q3), 0.5 + d4 * np.sin(q3)
+        far = 1.06 * (1 + d3 + d4)
+        rho, z = np.meshgrid(np.linspace(0, far, 240), np.linspace(-0.85 * far, 0.85 * far, 400))
+        rest = [(r**2 + h**2 - 1)[:, None] - F**2 - height**2 for r, h in zip(rho, z, strict=True)]
+        left = [h[:, None] ** 2 + part**2 / 4 - F**2 for h, part in zip(z, rest, strict=True)]
+        count = np.array([np.sum(np.diff(np.sign(one), axis=1) != 0, axis=1) for one in left])
+        axes.contourf(rho, z, count, levels=[-1, 1, 3, 5], colors=shades)
+
+        # where det J = 0, over the last two joints
+        grid = np.linspace(-np.pi, np.pi, 361)
+        q = np.stack([np.zeros((361, 361)), *np.meshgrid(grid, grid)], axis=-1)
+        det = np.linalg.det(task.jacobian_batch(q.reshape(-1, 3))[0]).reshape(361, 361)
+        lines = plt.figure().gca().contour(grid, grid, det, [0.0]).allsegs[0]
+        plt.close()
+        for line in lines:
+            p = task.poses(np.column_stack([np.zeros(len(line)), line]))[0]
+            axes.plot(np.hypot(p[:, 0], p[:, 1]), p[:, 2], color="0.25", linewidth=1.1)
+
+        found = hk.cusps(law, [0.1, 0.3, 0.6], starts=300)
+        firsts = [found.poses[family[0], :3, 3] for family in found.families]
+        for p in firsts:
+            axes.plot(np.hypot(p[0], p[1]), p[2], "*", color=RED, markersize=13, markeredgecolor="white", zorder=5)
+        several = "no cusp" if not firsts else f"{len(firsts)} cusps"
+        axes.set_title(f"{number}: {several}", fontsize=11)
+        axes.grid(False)
+        axes.set(aspect="equal", xlabel="distance from the first axis [m]", ylabel="height [m]", xlim=(0, far))
+
+    axes, d3 = panels[1, 2], np.linspace(0.02, 2.6, 700)
+    A, B, square = np.hypot(d3 + 1, 0.5), np.hypot(d3 - 1, 0.5), d3**2 + 0.25
+    first = np.sqrt((square - (square**2 - d3**2 + 0.25) / (A * B)) / 2)
+    second, top = d3 / (1 + d3) * A, 3.2
+    with np.errstate(divide="ignore"):
+        last = np.minimum(d3 / np.abs(d3 - 1) * B, top)
+    low = d3 < 1
+    for below, above, where, shade in (
+        (0 * d3, first, ~(d3 < 0), "#F2F2F2"), (first, second, ~(d3 < 0), "#F3B98A"),
+        (second, last, ~(d3 < 0), "#FBE3D0"), (last, top + 0 * d3, ~low, "#F3B98A"),
+        (last, top + 0 * d3, low, "#F2F2F2"),
+    ):  # fmt: skip
+        axes.fill_between(d3, below, above, where=where, color=shade, linewidth=0)
+    for curve in (first, second, np.where(last < top, last, np.nan)):
+        axes.plot(d3, curve, color="0.25", linewidth=1.1)
+    for number, (a, b) in enumerate(ORTHOGONAL, 1):
+        axes.plot([a], [b], "o", color="k", markersize=5)
+        axes.annotate(str(number), (a, b), (6, -3), textcoords="offset points", fontsize=10)
+    axes.grid(False)
+    axes.set(xlim=(0, 2.6), ylim=(0, top), xlabel="d3 [m]", ylabel="d4 [m]")
+    axes.set_title("Number of cusps by the lengths", fontsize=11)
+    for at, text in (((0.06, 2.6), "0"), ((1.55, 2.6), "4"), ((1.0, 2.2), "2"), ((2.2, 0.9), "4"), ((1.1, 0.08), "0")):
+        axes.text(*at, text, fontsize=11, color="k", fontweight="bold")
+    marks = [plt.Line2D([], [], color="0.25", linewidth=1.1), plt.Line2D([], [], ls="", marker="*", color=RED, ms=12)]
+    fills = [plt.Rectangle((0, 0), 1, 1, facecolor=shade, edgecolor="0.6") for shade in shades[1:]]
+    names = ["singular", "cusp, found by hk.cusps", "2 postures", "4 postures"]
+    figure.legend([*marks, *fills], names, loc="lower center", ncols=4, frameon=False, fontsize=10)
+    figure.tight_layout(rect=(0, 0.04, 1, 1))
+    save(figure, "orthogonal-cusps")
+
+
 def region() -> None:
     """What of a square a planar arm's leaf is proven to be one function over, and what the rest is."""
     law = hk.holonomic(hk.position(hk.load("planar-3r")), hk.linear([[0.3, 0, 1]]))
@@ -507,8 +587,8 @@ def readme() -> None:
 
 if __name__ == "__main__":
     every = (
-        self_motion, planar_loops, leaves, joints_over_cycles, swivel, cusp, region, clear_of_a_ball, coverage_of_a_box,
-        sheets_of_a_panda, edge_of_reach, paths, jobs, physics, readme,
+        self_motion, planar_loops, leaves, joints_over_cycles, swivel, cusp, cusps_of_orthogonal_arms, region,
+        clear_of_a_ball, coverage_of_a_box, sheets_of_a_panda, edge_of_reach, paths, jobs, physics, readme,
     )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}
     with plt.rc_context(style()):

@@ -99,14 +99,19 @@ def test_orthogonal_arms_in_five_domains_have_0_4_2_4_and_0_families_of_cusps(le
         assert away.min(axis=1).max() < 1e-7 and len(np.unique(away.argmin(axis=1))) == 1
 
 
+@pytest.mark.parametrize(("first", "count"), [(0, 200), campaign(("first", "count"), (200, 2_800))])
+def test_triple_roots_are_as_many_as_the_domain_of_the_lengths_says(first: int, count: int) -> None:
+    """Two sources that know nothing of each other: a polynomial, and the surfaces between the domains."""
+    for lengths in np.random.default_rng(0).uniform(0.1, 4.0, (first + count, 4))[first:]:
+        assert len(triple_roots(*lengths)) == (0, 4, 2, 4, 0)[domain(*lengths) - 1]
+
+
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", range(60))
 def test_random_orthogonal_arms_have_as_many_families_as_their_polynomial_has_triple_roots(seed: int) -> None:
     lengths: Lengths = (1.0, *np.random.default_rng(seed).uniform(0.1, 4.0, 3))
-    wanted = triple_roots(*lengths)
-    assert len(wanted) == (0, 4, 2, 4, 0)[domain(*lengths) - 1]
     found = hk.cusps(hk.moore_penrose(hk.position(orthogonal(*lengths))), RATES[:3], starts=600).families
-    assert found is not None and len(found) == len(wanted)
+    assert found is not None and len(found) == len(triple_roots(*lengths))
 
 
 def random_law(seed: int, m: int) -> tuple[hk.Strategy, np.ndarray, np.ndarray]:
