@@ -18,7 +18,7 @@ T = TypeVar("T")
 READY = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785])
 IIWA = np.array([0.3, 0.5, 0.2, -1.4, 0.1, 0.9, 0.2])
 PLANAR = np.array([0.3, 0.9, -0.7])
-FOUR = np.eye(7)[[0, 2, 4, 6]]
+FOUR = np.eye(7)[[2, 4, 5, 6]]
 
 CASES: dict[str, tuple[str, Callable[[hk.Robot], hk.Strategy], np.ndarray]] = {
     "planar, lock": ("planar-3r", lambda robot: hk.holonomic(hk.position(robot), hk.lock(2)), PLANAR),
@@ -85,7 +85,7 @@ def test_poses_within_reach_at_its_edge_and_beyond_have_one_answer(
 ) -> None:
     """By `batch`, `near` and `nearest`: cold, from the last answer, in steps, and where the edge is crossed."""
     pair = Twins(case, limits, monkeypatch)
-    poses, rng = pair.drawn(SUITE.get(case, 12), len(case)), np.random.default_rng(0)
+    poses, rng = pair.drawn(SUITE.get(case, 6), len(case)), np.random.default_rng(0)
     native, machine = pair.both(lambda ik: ik.batch(poses))
     assert np.array_equal(native.status, machine.status) and 0 < native.reached.sum() < len(poses)
     assert np.abs(native.q - machine.q)[native.reached].max() < 1e-9
