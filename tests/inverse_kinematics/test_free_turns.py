@@ -201,7 +201,7 @@ def check_paths(kind: str, seed: int) -> bool:
     return True
 
 
-@sampled(2, "kind", KINDS)
+@sampled(1, "kind", KINDS)
 def test_a_path_of_free_motion_alone_stands_still_and_on_others_it_changes_nothing(
     kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -239,7 +239,7 @@ def check_regions(kind: str, seed: int) -> None:
     assert same(within.batch(Y[inside]).q, free.q) and same(within(Y[0]), free.q[0])
 
 
-@sampled(2, "kind", KINDS)
+@sampled(1, "kind", KINDS)
 def test_a_region_has_its_own_poses_whatever_their_free_part(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     check_regions(kind, 7)
@@ -292,26 +292,25 @@ def test_exported_c_leaves_free_what_the_task_does(kind: str, tmp_path: Path) ->
     assert reached > 5
 
 
+@sampled(1, "kind", ["axis", "without yaw", "no height"])
 def test_the_nearest_station_of_a_sheet_is_that_of_the_pose_whatever_its_free_part(
-    monkeypatch: pytest.MonkeyPatch,
+    kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """So the sheet takes the same joints for both."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    for kind in ("axis", "without yaw", "no height"):
-        (ik, change), rng = case(kind, 3), np.random.default_rng(3)
-        T = ik.strategy.task.pose(ik.q0)
-        found = ik.batch(near_and_far(T, rng, 8))
-        stations = found.q[found.reached]
-        places = np.array(
-            [change(ik.strategy.task.pose(q), a) for q, a in zip(stations, rng.normal(size=8), strict=False)]
-        )
-        sheet = Sheet(ik.strategy, ik.q0, stations=stations, places=places)
-        X = near_and_far(T, rng, 8)
-        Y = np.array([change(x, a) for x, a in zip(X, amounts(rng, 8), strict=True)])
-        for x, y in zip(X, Y, strict=True):
-            assert np.array_equal(sheet.nearest_station(x), sheet.nearest_station(y))
-        one, other = sheet.postures(X[:3]), sheet.postures(Y[:3])
-        assert same(one[0], other[0]) and np.array_equal(one[1], other[1])
+    (ik, change), rng = case(kind, 3), np.random.default_rng(3)
+    T = ik.strategy.task.pose(ik.q0)
+    found = ik.batch(near_and_far(T, rng, 8))
+    stations = found.q[found.reached]
+    turns = rng.normal(size=len(stations))
+    places = np.array([change(ik.strategy.task.pose(q), a) for q, a in zip(stations, turns, strict=True)])
+    sheet = Sheet(ik.strategy, ik.q0, stations=stations, places=places)
+    X = near_and_far(T, rng, 8)
+    Y = np.array([change(x, a) for x, a in zip(X, amounts(rng, 8), strict=True)])
+    for x, y in zip(X, Y, strict=True):
+        assert np.array_equal(sheet.nearest_station(x), sheet.nearest_station(y))
+    one, other = sheet.postures(X[:2]), sheet.postures(Y[:2])
+    assert same(one[0], other[0]) and np.array_equal(one[1], other[1])
 
 
 def test_each_frame_of_several_has_its_own_free_part(monkeypatch: pytest.MonkeyPatch) -> None:
