@@ -248,12 +248,12 @@ class PoseRegion(Value, Domain):
         strategy, leaf = self.equation.strategy, self.c
         correct, go, task = leaf_step(strategy), leaf_follower(strategy, self.q, PIECES), strategy.task
         side, out = float(correct(self.q, *task.place(self.q), leaf)[3]), np.full(postures.shape, np.nan)
-        before, after = self.poses_at(places), self.poses(boxes)
-        for i, (q, A, B) in enumerate(zip(postures[:, : task.n], before, after, strict=True)):
-            near = newton_on_leaf(correct, q, B[:3, 3], B[:3, :3], leaf, side)
+        begun, sought = self.poses_at(places), self.poses(boxes)
+        for i, q in enumerate(postures[:, : task.n]):
+            (start, end) = ((T[i, :3, 3], T[i, :3, :3]) for T in (begun, sought))
+            near = newton_on_leaf(correct, q, *end, leaf, side)
             try:
-                path = straight_path(task, (A[:3, 3], A[:3, :3]), (B[:3, 3], B[:3, :3]), (leaf, leaf))
-                found = go(q, path) if near is None else near[0]
+                found = go(q, straight_path(task, start, end, (leaf, leaf))) if near is None else near[0]
             except HolokinError:
                 continue
             out[i] = self.equation.completed(found[None])[0]

@@ -137,7 +137,7 @@ def covered(
         here, waiting = some(left, chosen), some(left, rest)
         spent += len(here)
         found = looked_up(domain, here, demands, kept_cells, lambda here=here: domain.joints(here))
-        cells, good, kept = found.cells, found.good, found.kept
+        cells, kept = found.cells, found.kept
         done.append((some(here, kept), some(cells, kept), found.findings))
         proven_so_far += int(kept.sum())
         filled += float(_volumes(some(here, kept)).sum())

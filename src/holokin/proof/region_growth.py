@@ -13,8 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from ..base.types import Flags, Indices, Matrix, Vector, joined, some
-from .bounds import UP
+from ..base.types import Flags, Indices, Matrix, joined, some
 from .box_proof import PORTION, PoseRegion, one_root
 from .cell_search import BATCH, FEW, GRID, halves, looked_up, reasons_of, smaller, too_small
 from .certificate import Boxes, Covered, Extent
@@ -41,12 +40,13 @@ def grown(
 
     say: hears how many are joined, how many were examined, and which share of the box they fill, 0 to 1.
     """
-    search, spent, freely = _Search(domain), 0, FEW
+    search, spent, freely, lost = _Search(domain), 0, FEW, False
     while spent < budget and len(chosen := search.next(budget - spent, freely)):
         found = looked_up(domain, some(search.boxes, chosen), demands, kept, partial(search.guesses, chosen))
-        spent, good = spent + len(chosen), int(found.kept.sum())
-        freely = min(BATCH, FEW + 8 * good) if 2 * good > len(chosen) else 0
+        spent += len(chosen)
         search.take(chosen, found)
+        lost = lost or not found.rooted.all() or (search.state == ENDED).any()
+        freely = 0 if lost else min(BATCH, FEW + 8 * int(found.kept.sum()))
         search.join(None)
         here = np.flatnonzero(search.state == JOINED)
         say(len(here), spent, domain.share(some(search.boxes, here)))
@@ -85,10 +85,10 @@ class _Search:
 
     def next(self, most: int, freely: int) -> Indices:
         """The boxes to be examined next: those that hold the start, then those that touch what is joined, the largest
-        first. freely: to so many boxes of the grid are added that touch nothing yet."""
-        waiting, of_grid = self.state == WAITING, self.level <= 0
+        first. freely: to so many others are added, which may touch nothing yet."""
+        waiting = self.state == WAITING
         first = waiting & self.holds
-        if (first & ~of_grid).any():
+        if (first & (self.level > 0)).any():
             freely = 0
         elif (self.state == JOINED).any():
             for one, other in self._both_ways():
@@ -96,15 +96,15 @@ class _Search:
             first &= waiting
         elif not first.any():
             first = waiting
-        others = np.flatnonzero(waiting & of_grid & ~first)
-        chosen = np.flatnonzero(first)
-        chosen = chosen[np.lexsort((self.far[chosen], self.level[chosen]))]
-        best = self.level[chosen[0]] if len(chosen) else 0
-        chosen = chosen[: min(BATCH, max(FEW, int((self.level[chosen] == best).sum())))]
-        if best <= 0 and len(chosen) < freely:
-            others = others[np.argsort(self.far[others], kind="stable")]
-            chosen = np.concatenate([chosen[self.level[chosen] <= 0], others])[:freely]
+        chosen, others = (self._in_order(np.flatnonzero(those)) for those in (first, waiting & ~first))
+        largest = int((self.level[chosen] == self.level[chosen[:1]]).sum())
+        chosen = chosen[: min(BATCH, max(FEW, freely, largest))]
+        chosen = np.concatenate([chosen, others[: max(freely - len(chosen), 0)]])
         return chosen[:most]
+
+    def _in_order(self, those: Indices) -> Indices:
+        """The largest boxes first, and of these the nearest to the start."""
+        return those[np.lexsort((self.far[those], self.level[those]))]
 
     def guesses(self, chosen: Indices) -> Matrix:
         """Joints (k, n) near the roots in the middles of boxes, continued from the joined cell beside them, or else from
