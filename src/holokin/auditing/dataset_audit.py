@@ -13,7 +13,7 @@ from ..errors import ArgumentError
 from ..robot import Robot
 from ..robot_logs.dataset_columns import JointFeature, PoseFeature, postures_of, tool_poses_of
 from ..robot_logs.dataset_folder import Dataset, rows
-from ..robot_logs.whole_turns import HingeTurns, hinge_turns, less_turns, turns_notes
+from ..robot_logs.logged_turns import HingeTurns, hinge_turns, less_turns, turns_notes
 from ..tasks.task import Task
 from .arcs import WHOLE, ToolMotion, tool_points
 from .cycles import LENGTH_SCALE

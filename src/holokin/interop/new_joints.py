@@ -14,7 +14,7 @@ from ..inverse_kinematics import InverseKinematics, InverseStatus
 from ..robot_logs import Dataset, JointFeature, PoseFeature
 from ..robot_logs.dataset_columns import postures_of, tool_poses_of
 from ..robot_logs.dataset_folder import Rows, rows
-from ..robot_logs.whole_turns import less_turns
+from ..robot_logs.logged_turns import less_turns
 
 JUMPED = -1
 """The status of a frame at which the joints jump, beside those of `InverseStatus`."""

@@ -18,7 +18,7 @@ from ..errors import ArgumentError, RecordingError, UnknownNameError
 from ..robot import Robot
 from .dataset_folder import INFO, Dataset
 from .joint_columns import Columns, columns_named, joint_columns
-from .whole_turns import outside
+from .logged_turns import outside
 
 STATE = "observation.state"
 """The name that LeRobot gives to what the robot measures."""
