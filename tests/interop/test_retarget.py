@@ -269,6 +269,21 @@ def test_the_command_writes_a_dataset_that_repeats(tmp_path: Path, holokin: Comm
     assert about["strategy"] == "lock panda_joint3" and about["robot"] == "panda"
 
 
+def test_angles_modulo_a_turn_get_the_same_joints(tmp_path: Path, holokin: Command) -> None:
+    """Also by their first frame, which is a turn outside the limits, and by their actions, across the cut."""
+    given, new = planar_episodes(), []
+    for e in given:
+        for name in JOINTS:
+            e[name][:, 3] -= 0.3 - 3e-3 * (name == "action")  # joint 1 is cut at 0, and where the action is beside it
+    wrapped = [{n: c % (2 * np.pi) if n in JOINTS else c for n, c in e.items()} for e in given]
+    for kind, episodes in (("plain", given), ("wrapped", wrapped)):
+        folder, out = planar(tmp_path / kind, episodes), tmp_path / f"new-{kind}"
+        words = ["--robot", "planar-3r", "--position", "--strategy", "lock q3"]
+        assert holokin("retarget", str(folder), *words, "--out", str(out)).code == 0
+        new.append([column(out, name) for name in JOINTS])
+    np.testing.assert_allclose(new[0], new[1], atol=2e-6)
+
+
 def test_actions_that_are_rates_are_doubted(tmp_path: Path, holokin: Command) -> None:
     given = planar_episodes()
     for e in given:

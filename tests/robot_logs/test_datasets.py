@@ -17,7 +17,7 @@ from conftest import Command, assert_refused, sampled
 from holokin.errors import ArgumentError, RecordingError
 from holokin.robot_logs import chosen_episodes, joint_feature, pose_feature, read_dataset
 from holokin.robot_logs.dataset_columns import postures_of, tool_poses_of
-from holokin.robot_logs.dataset_folder import rows
+from holokin.robot_logs.dataset_folder import read_parquet, rows
 from small_datasets import write_dataset
 
 ARM = hk.load("planar-3r")
@@ -132,6 +132,36 @@ def test_a_servo_arm_must_say_its_unit(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="so101_follower, whose joints LeRobot writes in degrees or from -100 to"):
         postures(folder)
     assert postures(folder, degrees=False).shape == (21, 3)
+
+
+def test_servos_within_100_are_not_told_from_normalized_ones_and_calibration_tells(
+    tmp_path: Path, holokin: Command
+) -> None:
+    """LeRobot's -100 to 100 has no mark: only values beyond 100 are surely degrees."""
+    q = 30 * np.sin(np.linspace(0, 12, 60))[:, None] * np.array([1.0, 0.8, 1.2])
+    episodes = [{"observation.state": q}, {"observation.state": q}]
+    names = {"observation.state": list(ARM.joint_names)}
+    for name, more, code in (("small", 0.0, 2), ("large", 80.0, 0)):
+        given = [{n: c + more for n, c in e.items()} for e in episodes]
+        folder = write_dataset(tmp_path / name, given, names, robot_type="so101_follower")
+        words = ("audit", str(folder), "--robot", "planar-3r", "--position")
+        found = holokin(*words, "--degrees")
+        assert found.code == code and ("may be degrees, or LeRobot's -100 to 100" in found.err) == (code == 2)
+        scales = ", ".join(f"{joint}={np.pi / 180}" for joint in ARM.joint_names)
+        assert holokin(*words, "--scales", scales).code == 0
+
+
+def test_metadata_that_unpacks_to_more_than_a_dataset_has_is_not_unpacked(tmp_path: Path, monkeypatch) -> None:
+    """A text column of a few bytes, packed, is left aside; who needs all columns is refused by the footer."""
+    folder = dataset(tmp_path / "d")
+    file = next((folder / "meta" / "episodes").rglob("*.parquet"))
+    table = parquet.read_table(file)
+    text = pa.array(["x" * 3_000_000] + [""] * (len(table) - 1))
+    parquet.write_table(table.append_column("more", text), file, compression="zstd")
+    monkeypatch.setattr("holokin.robot_logs.dataset_folder.LARGEST_TEXT", 1_000_000)
+    assert "more" not in read_dataset(folder).episodes[0].facts
+    with pytest.raises(RecordingError, match=r"unpacks to 30.* bytes, by its own footer"):
+        read_parquet(file)
 
 
 def poses_dataset(folder: Path, names: list[str], values: np.ndarray) -> Path:

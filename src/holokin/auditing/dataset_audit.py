@@ -11,9 +11,9 @@ from ..base.arguments import typed
 from ..base.types import ArrayLike, Flags, Matrix, Vector
 from ..errors import ArgumentError
 from ..robot import Robot
-from ..robot_logs.dataset_columns import JointFeature, PoseFeature, postures_of, tool_poses_of
+from ..robot_logs.dataset_columns import JointFeature, PoseFeature, check_normalized, postures_of, tool_poses_of
 from ..robot_logs.dataset_folder import Dataset, rows
-from ..robot_logs.whole_turns import HingeTurns, hinge_turns, less_turns, turns_notes
+from ..robot_logs.logged_turns import HingeTurns, hinge_turns, less_turns, turns_notes
 from ..tasks.task import Task
 from .arcs import WHOLE, ToolMotion, tool_points
 from .cycles import LENGTH_SCALE
@@ -117,6 +117,7 @@ def audit_dataset(
         key[here], moved[here] = _cells(z.astype(np.float32), near)
     if task is None:
         raise ArgumentError("episodes", episodes, "name at least one")
+    check_normalized(dataset, robot, joints, q.min(axis=0).astype(float), q.max(axis=0).astype(float))
     turns, notes = ({}, []) if joints.counts_turns else _join_turns(q, begins, dataset.period, robot)
     notes += [] if poses is None else [f"{poses.name} and the tool of the joints are up to {apart:.3g} m apart"]
     turned = 1 / length_scale if task.m < 3 + axes.shape[1] and axes.shape[1] == 3 and not robot.planar else 0.0

@@ -11,7 +11,7 @@ from ..base.types import ArrayLike, Indices, Matrix, Vector
 from ..errors import ArgumentError, ShapeError
 from ..robot import Robot
 from ..robot_logs import Recording, joined_turns
-from ..robot_logs.whole_turns import less_turns
+from ..robot_logs.logged_turns import less_turns
 from ..tasks.frame_task import parts_of
 from ..tasks.task import Task
 from ..tasks.task_kinds import pose, position

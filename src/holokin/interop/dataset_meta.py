@@ -48,6 +48,9 @@ def check_meta(dataset: Dataset) -> None:
     """Raises: RecordingError: metadata that cannot be written anew, which is so known before joints are computed."""
     if dataset.version == "v2.1":
         _statistics(dataset)
+    else:
+        for file in episode_files(dataset.folder):
+            read_parquet(file)
     if (dataset.folder / SUMMARY).exists() and not isinstance(read_json(dataset.folder / SUMMARY), dict):
         raise RecordingError(dataset.folder / SUMMARY, "has no statistics by column", "download the dataset anew")
 

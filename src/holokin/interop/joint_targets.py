@@ -11,7 +11,7 @@ from ..robot import Robot
 from ..robot_logs import STATE, Dataset, JointFeature
 from ..robot_logs.dataset_columns import postures_of
 from ..robot_logs.dataset_folder import INFO, rows
-from ..robot_logs.whole_turns import less_turns
+from ..robot_logs.logged_turns import less_turns
 
 FAR = 0.5
 """Median distance [rad or m] of an action from the state beyond which it is doubted to be a position."""

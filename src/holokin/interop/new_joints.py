@@ -12,9 +12,9 @@ from ..base.poses import pose_from
 from ..base.types import Indices, Matrix, Value
 from ..inverse_kinematics import InverseKinematics, InverseStatus
 from ..robot_logs import Dataset, JointFeature, PoseFeature
-from ..robot_logs.dataset_columns import postures_of, tool_poses_of
+from ..robot_logs.dataset_columns import check_normalized, postures_of, tool_poses_of
 from ..robot_logs.dataset_folder import Rows, rows
-from ..robot_logs.whole_turns import less_turns
+from ..robot_logs.logged_turns import less_turns
 
 JUMPED = -1
 """The status of a frame at which the joints jump, beside those of `InverseStatus`."""
@@ -80,6 +80,7 @@ class _Solver:
         self.before: list[Indices] = []
         self.last: tuple[int, Matrix, Matrix] | None = None
         self.kept = self.moved = 0.0
+        self.low, self.high = (np.full(ik.strategy.task.robot.n, end) for end in (np.inf, -np.inf))
 
     def solved(self, part: Rows) -> Matrix:
         """Postures (k, n) of a batch of rows; NaN where there is none."""
@@ -88,6 +89,7 @@ class _Solver:
         old = np.zeros((len(values), robot.n))
         if isinstance(self.source, JointFeature):
             old = postures_of(self.dataset, robot, self.source, values)
+            self.low, self.high = np.minimum(self.low, old.min(axis=0)), np.maximum(self.high, old.max(axis=0))
             place, turn = robot.pose_batch(old, self.tip)
         else:
             place, turn = tool_poses_of(self.dataset, self.source, values, part.frame)
@@ -125,6 +127,8 @@ class _Solver:
             return np.flatnonzero((of[1:] == of[:-1]) & (step > STEP + RATIO * usual))
 
     def result(self, file: Path) -> NewJoints:
-        """What was found of all rows."""
+        """What was found of all rows. Raises: RecordingError: values that are no angles."""
+        if isinstance(self.source, JointFeature):
+            check_normalized(self.dataset, self.ik.strategy.task.robot, self.source, self.low, self.high)
         status, before = np.concatenate(self.status), np.concatenate(self.before)
         return NewJoints(self.source, file, status, before, self.kept, self.moved)

@@ -19,7 +19,7 @@ from .dataset_columns import (
 from .dataset_folder import Dataset, Episode, is_dataset, read_dataset
 from .log_formats import read_recording
 from .log_runs import read_runs
-from .whole_turns import SLACK, joined_turns
+from .logged_turns import SLACK, joined_turns
 
 __all__ = [
     "ACTION",

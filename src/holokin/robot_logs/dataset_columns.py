@@ -18,7 +18,7 @@ from ..errors import ArgumentError, RecordingError, UnknownNameError
 from ..robot import Robot
 from .dataset_folder import INFO, Dataset
 from .joint_columns import Columns, columns_named, joint_columns
-from .whole_turns import outside
+from .logged_turns import outside
 
 STATE = "observation.state"
 """The name that LeRobot gives to what the robot measures."""
@@ -179,6 +179,18 @@ def postures_of(dataset: Dataset, robot: Robot, joints: JointFeature, values: Ma
     if joints.degrees is None:
         _check_unit(file, robot, joints, np.stack([low, high]))
     return joints.joints(robot, raw)
+
+
+def check_normalized(dataset: Dataset, robot: Robot, joints: JointFeature, low: Vector, high: Vector) -> None:
+    """Raises: RecordingError: all joints (n,) of hobby servos that are said to be in degrees lie within LeRobot's -100
+    to 100, between `low` and `high` [rad or m]; these look alike, and are no angles."""
+    asked = robot.hinges & ~joints.counts.scaled(robot.joint_names)
+    if not (joints.degrees and str(dataset.info.get("robot_type") or "").startswith(MOTORS) and asked.any()):
+        return
+    if np.abs(joints.values(robot, np.stack([low, high])))[:, asked].max() <= NORMALIZED * (1 + 1e-6):
+        fact = f"no joint of {joints.name} is beyond 100: these may be degrees, or LeRobot's -100 to 100, no angles"
+        cure = "give the rad of a unit for each joint by --scales, and --offsets, from the calibration of the arm"
+        raise RecordingError(dataset.folder / INFO, fact, f"{cure}; a degree has 0.0174533")
 
 
 def tool_poses_of(

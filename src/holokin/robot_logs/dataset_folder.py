@@ -31,7 +31,10 @@ MOST_FRAMES = 100_000_000
 """Frames of one dataset: five weeks at 30 Hz. A file that says more is broken, or made to fill the memory."""
 
 LARGEST_TEXT = 200_000_000
-"""Bytes of a JSON file that is read."""
+"""Bytes of a JSON file that is read, and of what a parquet file of metadata unpacks to."""
+
+_FACTS = ("episode_index", "dataset_from_index", "length", "data/", "videos/")
+"""How the columns of meta/episodes begin that are read: others, as texts of tasks and statistics, may be large."""
 
 _FIELD = re.compile(r"\{(\w+)(?::0?(\d{1,2})d)?\}")
 
@@ -217,13 +220,19 @@ def read_lines(file: Path) -> list[Any]:
     return found
 
 
-def read_parquet(file: Path, skip: str = "\0") -> Any:
-    """A small table, without the columns whose names begin with `skip`. Raises: RecordingError."""
+def read_parquet(file: Path, begins: tuple[str, ...] = ("",)) -> Any:
+    """A small table, of the columns whose names begin so. Raises: RecordingError."""
     parquet = _parquet()
     with reading(file), parquet.ParquetFile(file, **_SMALL) as table:
         if table.metadata.num_rows > MOST_FRAMES:
             raise RecordingError(file, f"has {table.metadata.num_rows} rows", "no dataset is so long: download it anew")
-        names = [name for name in table.schema_arrow.names if not name.startswith(skip)]
+        names = [name for name in table.schema_arrow.names if name.startswith(begins)]
+        groups = (table.metadata.row_group(i) for i in range(table.metadata.num_row_groups))
+        parts = (group.column(j) for group in groups for j in range(group.num_columns))
+        size = sum(part.total_uncompressed_size for part in parts if part.path_in_schema.startswith(tuple(names)))
+        if size > LARGEST_TEXT:
+            fact = f"unpacks to {size} bytes, by its own footer"
+            raise RecordingError(file, fact, "no dataset's metadata is so large: download it anew")
         return table.read(columns=names, use_threads=False)
 
 
@@ -283,7 +292,7 @@ def _is_feature(one: Any) -> bool:
 def _episodes_v3(folder: Path) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     for file in episode_files(folder):
-        found += read_parquet(file, skip="stats/").to_pylist()
+        found += read_parquet(file, _FACTS).to_pylist()
     return found
 
 

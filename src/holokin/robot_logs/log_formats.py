@@ -19,7 +19,7 @@ from .bag import read_bag
 from .csv_log import read_csv
 from .joint_columns import Columns
 from .log_samples import Samples
-from .whole_turns import SLACK, joined_turns, outside
+from .logged_turns import SLACK, joined_turns, outside
 
 FARTHEST = 1e6
 """Largest joint position [rad or m] that is believed: 160,000 turns; beyond it a float holds less than a micrometre."""
