@@ -12,8 +12,8 @@ from typing import Any
 
 FORMAT = "holokin certificate 3"
 
-BYTES, OPERATIONS, UNKNOWNS, MOST = 500_000_000, 20_000, 64, 4096
-"""Of a file, of an equation, and of joints, shapes or pairs: the largest of holokin's have a quarter of that."""
+BYTES, OPERATIONS, UNKNOWNS, MOST, JOINTS, POINTS = 500_000_000, 20_000, 64, 4096, 1000, 256
+"""Of a file, of an equation, of shapes or pairs, of a tree of joints, and of a shape: those of holokin's have less."""
 
 SPARSE = 6
 """Letters for each list or table: those of holokin have 8 or more. A list takes 64 bytes of memory."""
@@ -125,7 +125,7 @@ def _check_clear(clear: Any, joints: int) -> int:
     """The number of pairs that are to keep apart."""
     tree, shapes, pairs = clear["joints"], clear["shapes"], clear["pairs"]
     need(all(map(_list, (tree, shapes, pairs))), "its shapes are no lists")
-    need(max(map(len, (tree, shapes, pairs))) <= MOST, "it has too many shapes")
+    need(max(len(shapes), len(pairs)) <= MOST and len(tree) <= JOINTS, "it has too many shapes or joints")
     for k, joint in enumerate(tree):
         need(_place(joint["parent"], k, -1) and _place(joint["coordinate"], joints), "its joints are no tree")
         need(joint["kind"] in ("revolute", "prismatic"), "a joint of its shapes is of an unknown kind")
@@ -134,7 +134,7 @@ def _check_clear(clear: Any, joints: int) -> int:
     for shape in shapes:
         need(_place(shape["joint"], len(tree), -1), "a shape is on no joint")
         need(isinstance(shape["link"], str) and _numbers(shape["radius"]) and shape["radius"] >= 0, "a shape is none")
-        need(_numbers(shape["points"], -1, 3) and len(shape["points"]) > 0, "a shape has no points")
+        need(_numbers(shape["points"], -1, 3) and 0 < len(shape["points"]) <= POINTS, "a shape has no points, or many")
         need(_numbers(shape["holds"], -1, 3), "a corner of a mesh is no point")
         need(_numbers(shape["normal"], 3) or shape["normal"] == [], "a half space has no normal")
     for pair in pairs:

@@ -53,8 +53,10 @@ class Clear:
 
     def path(self, one: int, other: int) -> list[tuple[int, int]]:
         """(joint, sign) of the joints between two: those of the other side push it, those of the one side away."""
+        self.in_time()
         a, b = self.above(one), self.above(other)
-        return [(j, -1) for j in a if j not in b] + [(j, 1) for j in b if j not in a]
+        both = {*a} & {*b}
+        return [(j, -1) for j in a if j not in both] + [(j, 1) for j in b if j not in both]
 
     def above(self, joint: int) -> list[int]:
         """A joint and all before it."""
