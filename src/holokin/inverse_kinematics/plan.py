@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, Flags, Indices, Matrix, Vector
+from ..base.types import Array, Indices, Matrix, Vector
 from ..errors import ArgumentError, StartError
 from ..path import Samples, locate
 from ..path.straight_path import rotation_vector
@@ -124,7 +124,9 @@ class Plan:
         if leaves_free(self.task):
             for f, frame in enumerate(rows.reshape(self.task.frames, -1, rows.shape[1])):
                 mine = [row - 6 * f for row in self.task.rows if row // 6 == f]
-                _see_position(frame, np.isin((0, 1, 2), mine))
+                unseen = [i for i in (0, 1, 2) if i not in mine]
+                if unseen:
+                    _see_position(frame, unseen)
                 self._see_turn(frame, f, sum(row > 2 for row in mine))
         return rows
 
@@ -141,8 +143,9 @@ class Plan:
         direction = free_directions(self.task)[f]
         if direction is not None and not rows[:, 25:31].any():
             axis, of_base = direction
-            w, d = rows[:, 22:25], axis if of_base else rows[:, 31:40].reshape(-1, 3, 3) @ axis
-            rows[:, -1] = np.sqrt(np.linalg.norm(w, axis=1) * np.linalg.norm(np.cross(w, d), axis=1))
+            w, d = rows[:, 22:25], axis[None] if of_base else rows[:, 31:40].reshape(-1, 3, 3) @ axis
+            across = w[:, [1, 2, 0]] * d[:, [2, 0, 1]] - w[:, [2, 0, 1]] * d[:, [1, 2, 0]]
+            rows[:, -1] = ((w * w).sum(axis=1) * (across * across).sum(axis=1)) ** 0.25
             return
         looks = FEWEST + LOOKS // len(rows)
         of_turn = [i for i, row in enumerate(self.task.rows) if row // 6 == f and self.task.angular[i]]
@@ -221,14 +224,13 @@ class Plan:
         return self.path.on(segment, u1)
 
 
-def _see_position(rows: Matrix, seen: Flags) -> None:
-    """Leave out of the bends of a table the coordinates (3,) that a task does not see."""
-    if seen.all():
-        return
+def _see_position(rows: Matrix, unseen: list[int]) -> None:
+    """Leave out of the bends of a frame's table the coordinates that a task does not see."""
     curve = np.hstack([rows[:, 3:9], rows[:, 10:19]]).reshape(-1, 5, 3)
-    if not curve[:, :, ~seen].any():
+    if not curve[:, :, unseen].any():
         return
-    x, y, _, b, c = np.moveaxis(curve * seen, 1, 0)
+    curve[:, :, unseen] = 0.0
+    x, y, _, b, c = np.moveaxis(curve, 1, 0)
     cubic = np.maximum(np.linalg.norm(2 * b, axis=1), np.linalg.norm(2 * b + 6 * c, axis=1))
     rows[:, -2] = rows[:, 9] ** 2 * np.linalg.norm(np.hstack([x, y]), axis=1) + cubic
 

@@ -47,6 +47,7 @@ def completing(task: Task) -> Function:
     return Function("completed", inputs, {"p": vertcat(*positions), "R": vertcat(*rotations)})
 
 
+@kept
 def free_directions(task: Task) -> list[tuple[Vector, bool] | None]:
     """Of each frame the axis (3,) about which it may spin, fixed in it, or, with True, in the base; None where none."""
     found: list[tuple[Vector, bool] | None] = []
