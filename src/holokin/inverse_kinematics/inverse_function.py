@@ -38,6 +38,9 @@ class InverseKinematics(Value):
 
     Where nothing is redundant, r = n - m = 0, there is no leaf to choose: the branch of the start is followed.
 
+    What the task leaves free of a pose, as the spin of an "axis" task, is no demand: it is taken from the posture at
+    which a path begins, so that poses which the task cannot tell apart have the same joints.
+
     With `level=c` a call answers on the leaf g(q) = c (r,) in place of that of the start: `ik(pose, level=c)` is a
     function of the pose and of c, as of the hand and of the elbow of an operator. Rows that are angles go to theirs by
     the shorter way from the start.

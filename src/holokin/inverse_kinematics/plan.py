@@ -14,11 +14,11 @@ from ..path import Samples, locate
 from ..path.straight_path import rotation_vector
 from ..path.synchronized_paths import AnyPath, paths_of
 from ..robot import doubtful_unit
-from ..tasks.free_motion import leaves_free
+from ..tasks.free_motion import free_directions, leaves_free
 from ..tasks.task import Task, check_representation
 
 LOOKS, FEWEST = 64, 3
-"""Places of a path at which it is looked how its rates change, and of each of its segments besides."""
+"""Places of a path at which it is looked how its angular rates change, and of each of its segments besides."""
 
 DOUBT = 1.5
 """Factor on changes that are looked at: between the places they may be steeper."""
@@ -122,32 +122,38 @@ class Plan:
         bends and of the turns, so that a path of free motion alone stands still."""
         rows = self.path.table(self.start_rotation)
         if leaves_free(self.task):
-            rows[:, -2:] = self._seen(rows[:, -2:].reshape(self.task.frames, -1, 2)).reshape(-1, 2)
+            for f, frame in enumerate(rows.reshape(self.task.frames, -1, rows.shape[1])):
+                mine = [row - 6 * f for row in self.task.rows if row // 6 == f]
+                unseen = [i for i in (0, 1, 2) if i not in mine]
+                if unseen:
+                    _see_position(frame, unseen)
+                self._see_turn(frame, f, sum(row > 2 for row in mine))
         return rows
 
-    def _seen(self, bounds: Array) -> Array:
-        """(bend, turn) of each frame and segment (F, s, 2), less the free motion in these bounds.
+    def _see_turn(self, rows: Matrix, f: int, angular: int) -> None:
+        """Leave out of the turns of a frame's table those that its angular rows, so many, do not see.
 
-        Of whole rotations the turn is as it was, of none it is 0. Of other rows the bend is `DOUBT` times the steepest
-        change of their rates x' from place to place, where that is less: free motion has no part in them.
+        About a free direction d an even turn w has d'' = w x (w x d), as large at all places. Of other turns `DOUBT`
+        times the steepest change of the rates x' from place to place is looked at.
         """
-        task, count, found = self.task, bounds.shape[1], bounds.copy()
-        looks = FEWEST + LOOKS // count
-        for f in range(task.frames):
-            mine = [i for i, row in enumerate(task.rows) if row // 6 == f]
-            angular = [i for i in mine if task.angular[i]]
-            whole = len(angular) == 3
-            if not angular:
-                found[f, :, 1] = 0.0
-            some = [i for i in mine if i not in angular] if whole else mine
-            if not some or (len(some) == 3 and not any(task.angular[i] for i in some)):
-                continue
-            changes = np.diff(self._rates_in(looks)[:, :, some], axis=1) * (looks - 1)
-            seen = DOUBT * np.linalg.norm(changes, axis=2).max(axis=1)
-            less = seen < found[f, :, 0] + (0.0 if whole else 2 * found[f, :, 1] ** 2)  # not where it is not a number
-            found[f, less, 0] = seen[less]
-            found[f, less, 1] *= whole
-        return found
+        if not angular:
+            rows[:, -1] = 0.0
+        if not 0 < angular < 3 or not rows[:, 19:31].any():
+            return
+        direction = free_directions(self.task)[f]
+        if direction is not None and not rows[:, 25:31].any():
+            axis, of_base = direction
+            w, d = rows[:, 22:25], axis[None] if of_base else rows[:, 31:40].reshape(-1, 3, 3) @ axis
+            across = w[:, [1, 2, 0]] * d[:, [2, 0, 1]] - w[:, [2, 0, 1]] * d[:, [1, 2, 0]]
+            rows[:, -1] = ((w * w).sum(axis=1) * (across * across).sum(axis=1)) ** 0.25
+            return
+        looks = FEWEST + LOOKS // len(rows)
+        of_turn = [i for i, row in enumerate(self.task.rows) if row // 6 == f and self.task.angular[i]]
+        changes = np.diff(self._rates_in(looks)[:, :, of_turn], axis=1) * (looks - 1)
+        bend = DOUBT * np.linalg.norm(changes, axis=2).max(axis=1)
+        less = bend < 2 * rows[:, -1] ** 2  # not where it is not a number
+        rows[less, -2] += bend[less]
+        rows[less, -1] = 0.0
 
     def _rates_in(self, looks: int) -> Array:
         """x' by the share of a segment (s, looks, m) at even places of it; NaN where the representation is singular."""
@@ -216,6 +222,17 @@ class Plan:
     def _ends(self) -> Samples:
         segment, _, u1 = self._grid
         return self.path.on(segment, u1)
+
+
+def _see_position(rows: Matrix, unseen: list[int]) -> None:
+    """Leave out of the bends of a frame's table the coordinates that a task does not see."""
+    curve = np.hstack([rows[:, 3:9], rows[:, 10:19]]).reshape(-1, 5, 3)
+    if not curve[:, :, unseen].any():
+        return
+    curve[:, :, unseen] = 0.0
+    x, y, _, b, c = np.moveaxis(curve, 1, 0)
+    cubic = np.maximum(np.linalg.norm(2 * b, axis=1), np.linalg.norm(2 * b + 6 * c, axis=1))
+    rows[:, -2] = rows[:, 9] ** 2 * np.linalg.norm(np.hstack([x, y]), axis=1) + cubic
 
 
 def turned(rotations: Array, start: Matrix) -> Array:

@@ -15,7 +15,7 @@ from ..inverse_kinematics import inverse
 from ..inverse_kinematics.leaf import leaf_follower, leaf_step, newton_on_leaf, straight_path
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
-from ..tasks.free_motion import completed, completing, free_direction, leaves_free
+from ..tasks.free_motion import completed, completing, free_directions, leaves_free
 from ..tasks.task import Task
 from .bounds import UP
 from .cell_search import TUBE, Domain, on_grid, proven
@@ -197,7 +197,7 @@ class PoseRegion(Value, Domain):
             p, R = completing(task).batch(self.p0, self.R0, p, R)
         if _turns(task):
             turn = Rotation.from_matrix(self.R0.T @ R).as_quat(canonical=True)
-            direction = free_direction(task)
+            direction = free_directions(task)[0]
             if direction is not None:
                 axis, of_base = direction
                 turn = _deepest(turn, self.R0.T @ axis if of_base else axis, of_base, half[3:])
@@ -358,7 +358,7 @@ def _turns(task: Task) -> bool:
 
 def _spins_freely(task: Task, R: Matrix) -> bool:
     """Whether turns about the tool's z axis at the middle of a box, whose rotation is R (3, 3), are free."""
-    direction = free_direction(task)
+    direction = free_directions(task)[0]
     if direction is None:
         return False
     axis, of_base = direction

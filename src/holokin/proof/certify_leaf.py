@@ -71,7 +71,8 @@ def certify(
 
     Args:
         where: a path, which begins at the tool's pose at q0; or a workspace that is a box (`workspace(box=...)`), with
-            its tilt and spin: of turns a box is covered that holds them.
+            its tilt and spin: of turns a box is covered that holds them. What the task leaves free of the box, as a
+            spin, is taken from q0.
         limits: prove, too, that the joints stay within their limits.
         clear_of: prove, too, that no link comes nearer than `clearance` to these obstacles (`hk.obstacle`), to
             the floor, or to another link; [] for the floor and the links alone. The pairs are those of `check`. Of

@@ -50,7 +50,7 @@ def follow(
             the proven cells: no step can go to another branch. For a `HolonomicStrategy`.
 
     The orientation targets are the path's turns applied to its own rotation at the start, or, where it has none, to the
-    tool's orientation at q0; positions are the path's.
+    tool's orientation at q0; positions are the path's. What the task leaves free of them moves no joint.
 
     Returns:
         A trajectory; with certified=True (trajectory, certificate).

@@ -66,7 +66,10 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
 
     @typed
     def contains(self, poses: PoseLike) -> Flags:
-        """(k,) True for the tool poses (k, 4, 4) that belong to it. Raises: ShapeError, ArgumentError."""
+        """(k,) True for the tool poses (k, 4, 4) that belong to it, whatever the task leaves free of them.
+
+        Raises: ShapeError, ArgumentError.
+        """
         given = tool_poses("asked about", poses)
         return self._cell_of(given[:, :3, 3], given[:, :3, :3])[0] >= 0
 

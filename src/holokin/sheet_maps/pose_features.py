@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..base.types import Array, Indices, Matrix, Value, Vector
-from ..tasks.free_motion import free_direction
+from ..tasks.free_motion import free_directions
 from ..tasks.task import Task
 
 TURN_LENGTH = 0.3
@@ -38,7 +38,7 @@ def seen_features(task: Task) -> Matrix:
 
     Coordinates without a row count nothing; of a tool that may spin about a direction a, R a a^T stands for R.
     """
-    S, direction = np.eye(12), free_direction(task)
+    S, direction = np.eye(12), free_directions(task)[0]
     S[:3, :3] = np.diag(np.isin((0, 1, 2), task.rows))
     if direction is not None:
         axis, of_base = direction

@@ -47,12 +47,14 @@ def completing(task: Task) -> Function:
     return Function("completed", inputs, {"p": vertcat(*positions), "R": vertcat(*rotations)})
 
 
-def free_direction(task: Task) -> tuple[Vector, bool] | None:
-    """The axis (3,) about which one frame may spin, fixed in it, or, with True, in the base; None of other tasks."""
-    ((part, rows), *more) = _rows(task)
-    turned = tuple(sorted(row - 3 for row in rows if row > 2))
-    found = None if more else part.representation.directions.get(turned)
-    return None if found is None else (np.asarray(found[0], dtype=float), found[1])
+@kept
+def free_directions(task: Task) -> list[tuple[Vector, bool] | None]:
+    """Of each frame the axis (3,) about which it may spin, fixed in it, or, with True, in the base; None where none."""
+    found: list[tuple[Vector, bool] | None] = []
+    for part, rows in _rows(task):
+        one = part.representation.directions.get(tuple(sorted(row - 3 for row in rows if row > 2)))
+        found.append(None if one is None else (np.asarray(one[0], dtype=float), one[1]))
+    return found
 
 
 def _rows(task: Task) -> list[tuple[FrameTask, set[int]]]:
