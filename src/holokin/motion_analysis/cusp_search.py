@@ -79,9 +79,8 @@ def cusp_functions(strategy: HolonomicStrategy) -> tuple[Function, Function]:
 class CuspEquations:
     """g(q) = c, sigma(q) = 0, kappa(q) = 0: r + 2 equations of n joints, and their exact slopes.
 
-    Of each of k starts it keeps what was measured last: `off`, by how much the equations fail, see `RESIDUAL`; second,
-    slope and third, (k,), as of the thresholds above; down, along (k, n), as of `CuspPoints`; normals (k, r + 2, n),
-    orthonormal rows that span the slopes.
+    Of each of k starts it keeps what was measured last: second, slope and third, (k,), as of the thresholds above;
+    down, along (k, n), as of `CuspPoints`; normals (k, r + 2, n), orthonormal rows that span the slopes.
     """
 
     def __init__(self, strategy: HolonomicStrategy, level: Vector, q: Matrix) -> None:
@@ -90,8 +89,14 @@ class CuspEquations:
         rows = np.nanmean(np.square(self._extended.batch(q)[0]).sum(axis=2), axis=0)
         self._sizes = 1.0 / np.sqrt(np.where(rows > 0, rows, 1.0))
         k, n = q.shape
-        self.off, self.second, self.slope, self.third = (np.full(k, np.inf) for _ in range(4))
+        self.second, self.slope, self.third = (np.full(k, np.inf) for _ in range(3))
+        self._left = np.full((k, n - self._m + 2), np.inf)
         self.down, self.along, self.normals = np.zeros((k, n)), np.zeros((k, n)), np.zeros((k, n - self._m + 2, n))
+
+    @property
+    def off(self) -> Vector:
+        """By how much the equations failed (k,) when they were measured last, see `RESIDUAL`."""
+        return np.abs(self._left * np.append(self._sizes[self._m :], [1.0, 1.0])).max(axis=1)
 
     def correct(self, q: Matrix, i: Indices) -> tuple[Matrix, Flags]:
         """Least-norm steps (k, n) of Newton's method, and whether they are finite (k,). It keeps what it measures."""
@@ -108,7 +113,7 @@ class CuspEquations:
         gap = self._strategy.constraint.nearest(g.reshape(k, -1) - self._level)
         A = np.concatenate([E[:, m:] / self._sizes[m:, None], of_sigma[:, None], of_kappa[:, None]], axis=1)
         b = np.concatenate([gap, S[:, -1:], kappa], axis=1)
-        self.off[i] = np.abs(np.concatenate([gap * self._sizes[m:], b[:, -2:]], axis=1)).max(axis=1)
+        self._left[i] = b
         self._measure(i, S, of_sigma, of_kappa, E[:, m:], v)
         step, self.normals[i] = _least_norm(A, b)
         return step, sound & np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
