@@ -118,7 +118,8 @@ class _Skipped:
         self.pairs = {frozenset(pair) for pair in pairs}
 
     def __contains__(self, names: tuple[str, str]) -> bool:
-        return frozenset(names) in self.pairs or any(frozenset((name, ALL)) in self.pairs for name in names)
+        asked = (names, *((name, ALL) for name in names)) if self.pairs else ()
+        return any(frozenset(pair) in self.pairs for pair in asked)
 
 
 def _asked_about(
