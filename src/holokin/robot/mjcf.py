@@ -45,8 +45,9 @@ def from_mjcf(
     """A robot from MJCF: the chain, or chains, from `base` to `tip`, read by MuJoCo.
 
     Joints are hinges and slides, with their `ref`; a joint equality whose polynomial is linear makes one joint follow
-    another, whose range is narrowed to what the range of the first allows. MuJoCo has no speed limits: give them as `max_velocity`, else the robot has none. Missing meshes do no
-    harm: then masses are those that the file gives in numbers, and none if a body has no such numbers.
+    another, whose range is narrowed to what the range of the first allows. MuJoCo has no speed limits: give them as
+    `max_velocity`, else the robot has none. Missing meshes do no harm: then masses are those that the file gives in
+    numbers, and none if a body has no such numbers.
 
     Args:
         model: a file, a text that begins with "<", or a `mujoco.MjModel`.
