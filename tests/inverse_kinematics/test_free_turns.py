@@ -143,7 +143,8 @@ def check_answers(kind: str, seed: int, count: int) -> int:
     X = near_and_far(T, rng, count)
     Y = np.array([change(x, a) for x, a in zip(X, amounts(rng, count), strict=True)])
     for x, y in zip(X, Y, strict=True):
-        assert same(*(task.error(ik.q0, one[:3, 3], one[:3, :3]) for one in (x, y))), "these are no free motions"
+        one, other = (task.error(ik.q0, T[:3, 3], T[:3, :3]) for T in (x, y))
+        assert same(one, other), "this is no free motion"
     a, b = ik.batch(X), ik.batch(Y)
     np.testing.assert_array_equal(a.status, b.status)
     assert same(a.q, b.q) and a.reached[0] and same(b.q[0], ik.q0)
@@ -201,12 +202,12 @@ def check_paths(kind: str, seed: int) -> bool:
     return True
 
 
-@sampled(1, "kind", KINDS)
+@sampled(1, "kind", [kind for kind in KINDS if kind not in ("position", "x and z")])
 def test_a_path_of_free_motion_alone_stands_still_and_on_others_it_changes_nothing(
     kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    assert check_paths(kind, 1) or kind == "x and z", "of that one the leaf ends"
+    assert check_paths(kind, 1)
 
 
 @pytest.mark.campaign
