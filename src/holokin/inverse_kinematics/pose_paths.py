@@ -106,7 +106,7 @@ class PosePaths(Value):
     def jump(self, p: Vector, R: Matrix, begin: Vector, q: Vector, status: InverseStatus) -> Jump | None:
         """A jump of g on the path that was gone to q."""
         s = self.strategy
-        return jump_on(s, begin, self._path(p, R, begin)[0], q, status in FAILED) if may_jump(s) else None
+        return _jump_on(s, begin, self._path(p, R, begin)[0], q, status in FAILED) if may_jump(s) else None
 
     @cached_property
     def kernel(self) -> InverseKernel | None:
@@ -178,7 +178,7 @@ class PosePaths(Value):
         return q
 
 
-def jump_on(strategy: HolonomicStrategy, q0: Vector, path: LeafPath, q: Vector, stopped: bool) -> Jump | None:
+def _jump_on(strategy: HolonomicStrategy, q0: Vector, path: LeafPath, q: Vector, stopped: bool) -> Jump | None:
     """A jump of g on a path from q0 that was gone to q; it is gone again in pieces only where a switch turned over.
 
     stopped: the path leads on, but no walk got farther than q: then a jump next to q counts, too.
