@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 DIGITS = 3
@@ -16,6 +18,31 @@ def at_least(value: float, digits: int = DIGITS) -> str:
 def at_most(value: float, digits: int = DIGITS) -> str:
     """An upper bound as text, not below it."""
     return _rounded(value, True, digits)
+
+
+def share_text(share: float) -> str:
+    """A share that is proven, 0 to 1, in percent, rounded down."""
+    return percentages([share, 1 - share])[0]
+
+
+def percentages(shares: Sequence[float]) -> list[str]:
+    """Shares, 0 to 1, that add up to 1, in percent: the first one rounded down, and all together 100 %.
+
+    Tenths go to those that lack most. What is there, and has none, is "under 0.1 %"; so is all that is not, "over".
+    """
+    tenths = np.clip(np.asarray(shares, dtype=float), 0.0, 1.0) * 1000
+    counts = np.floor(tenths + 1e-9).astype(int)
+    for i in 1 + np.argsort(counts[1:] - tenths[1:], kind="stable")[: max(1000 - int(counts.sum()), 0)]:
+        counts[i] += 1
+    return [_percent(int(k), share > 0, len(counts) > 1 and share < 1) for k, share in zip(counts, shares, strict=True)]
+
+
+def _percent(tenths: int, some: bool, others: bool) -> str:
+    if tenths == 0 and some:
+        return "under 0.1 %"
+    if tenths == 1000 and others:
+        return "over 99.9 %"
+    return f"{tenths / 10:g} %"
 
 
 def _rounded(value: float, up: bool, digits: int) -> str:

@@ -21,6 +21,7 @@ from .bounds import UP
 from .cell_search import TUBE, Domain, on_grid, proven
 from .certificate import Boxes, Covered, Extent
 from .equation import Equation
+from .even_turns import shares_of_turns
 from .partition import overlapping
 from .path_postures import PIECES
 from .targets import PoseBox
@@ -94,7 +95,7 @@ class PoseRegion(Value, Domain):
         c, middle = equation.level(q0), np.zeros(equation.d)
         region = PoseRegion(equation, c, p0, R, half, q0, middle, partial)
         if partial and (np.abs(at := region.place_of(q0)) <= 1).all():
-            return replace(region, u0=on_grid(at))
+            return replace(region, u0=at)
         try:
             return replace(region, q=inverse(strategy, q0, limits=False)(space.center))
         except HolokinError as problem:
@@ -125,15 +126,15 @@ class PoseRegion(Value, Domain):
     def _counts(self) -> tuple[list[int], float]:
         """(cells along each axis, radius of their tubes): by the test in the middle, as of the whole box; at `u0` where
         the leaf does not lead to the middle, or is nearly singular there."""
-        middle = np.zeros(self.equation.d)
+        here = self._counted(self.u0, self.q)
         if not self.u0.any():
-            return self._counted(middle, self.q)[:2]
+            return here[:2]
         try:
             q = inverse(self.equation.strategy, self.q, limits=False)(pose_from(self.p0, self.R0))
         except HolokinError:
-            return self._counted(self.u0, self.q)[:2]
-        *found, good = self._counted(middle, q)
-        return (found[0], found[1]) if good else self._counted(self.u0, self.q)[:2]
+            return here[:2]
+        middle = self._counted(np.zeros(self.equation.d), q)
+        return middle[:2] if middle[2] else here[:2]
 
     def _counted(self, u: Vector, q: Vector) -> tuple[list[int], float, bool]:
         """(cells along each axis, radius of their tubes, whether one of them passes the test) by the posture q at u."""
@@ -209,9 +210,15 @@ class PoseRegion(Value, Domain):
         u[np.isinf(u).any(axis=1)] = np.inf
         return u[:, : self.equation.d]
 
-    def share(self, boxes: Boxes) -> float:
-        """How much of the box boxes are, 0 to 1."""
-        return float(np.prod((boxes.high - boxes.low) / 2, axis=1).sum())
+    def shares(self, low: Matrix, high: Matrix) -> Vector:
+        """(k,) how much of the workspace boxes are: of its positions by volume, of its turns by the Haar measure."""
+        found = np.prod((high[:, :3] - low[:, :3]) / 2, axis=1)
+        if not self.equation.family.turning:
+            return found
+        half = self.half[3:] / 2
+        spin = float(half[2])
+        tilt = float(half[0]) / np.hypot(1.0, spin)
+        return found * shares_of_turns(low[:, 3:] * half, high[:, 3:] * half, tilt, spin)
 
     def joints(self, boxes: Boxes) -> Matrix:
         """As the cells that were halved predict them; else continued on the leaf from the nearest that is known."""

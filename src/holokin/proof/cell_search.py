@@ -70,6 +70,10 @@ class Domain(ABC):
         middle, half = (boxes.low + boxes.high) / 2, (boxes.high - boxes.low) / 2
         return np.hstack([self.given(boxes.piece), middle, half])
 
+    def shares(self, low: Matrix, high: Matrix) -> Vector:
+        """(k,) the sizes of boxes of parameters."""
+        return np.prod(high - low, axis=1)
+
     @abstractmethod
     def joints(self, boxes: Boxes) -> Matrix:
         """Joints (k, n) near the roots at their middles."""
@@ -120,7 +124,7 @@ def covered(
     done: list[tuple[Boxes, Cells, Findings]] = []
     stopped: list[tuple[int, tuple[float, ...]]] = []
     reasons: list[Extent] = []
-    spent, proven_so_far, filled, batch, all_of_it = 0, 0, 0.0, BATCH, float(_volumes(boxes).sum())
+    spent, proven_so_far, filled, batch, all_of_it = 0, 0, 0.0, BATCH, float(domain.shares(boxes.low, boxes.high).sum())
     left = boxes
     while len(left):
         if spent >= budget:
@@ -140,7 +144,7 @@ def covered(
         cells, kept = found.cells, found.kept
         done.append((some(here, kept), some(cells, kept), found.findings))
         proven_so_far += int(kept.sum())
-        filled += float(_volumes(some(here, kept)).sum())
+        filled += float(domain.shares(here.low[kept], here.high[kept]).sum())
         batch = min(BATCH, FEW + 8 * int(kept.sum()))
         say(proven_so_far, spent, filled / all_of_it)
         final = ~kept & (too_small(here, cells) | found.final)
@@ -198,15 +202,11 @@ def looked_up(
     judged = demands.judged(cells, tested, good)
     new, d, n = domain.learned()[before:], domain.equation.d, domain.equation.n
     places = np.array([u for u, _ in new]).reshape(-1, d) if new else np.zeros((0, d))
-    joints = np.array([q for _, q in new]) if new else np.zeros((0, n))
+    postures = np.array([q for _, q in new]) if new else np.zeros((0, n))
     kept = some(judged.findings, judged.good)
-    found = Batch(cells, tested.omega, tested.eta, good, judged.good, judged.final, judged.near, kept, places, joints)
+    found = Batch(cells, tested.omega, tested.eta, good, judged.good, judged.final, judged.near, kept, places, postures)
     kept_cells.keep(found)
     return found
-
-
-def _volumes(boxes: Boxes) -> Vector:
-    return np.prod(boxes.high - boxes.low, axis=1)
 
 
 def reasons_of(found: Batch, chosen: Flags) -> list[Extent]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.sure_digits import at_least
+from ..base.sure_digits import at_least, share_text
 from ..base.types import ArrayLike, Vector, joined, whole
 from ..errors import NoProofError
 from ..path.synchronized_paths import AnyPath
@@ -164,7 +164,8 @@ def certificate(
         extent, place = ended
     closed = extent is Extent.WHOLE and not isinstance(where, Workspace) and where.closed
     anchors = anchored(domain, found, start, closed)
-    if extent is Extent.WHOLE and not at_start(domain, anchors, start):
+    begun = at_start(domain, anchors, start)
+    if extent is Extent.WHOLE and not begun:
         extent, place = Extent.APART, "the start"
     revisit = None
     if extent is Extent.WHOLE and isinstance(domain, Pathway):
@@ -174,11 +175,25 @@ def certificate(
     low, high = _hull(found, start)
     to_limit = np.minimum(low - robot.lower, robot.upper - high)
     determinant = least_determinant(found.findings)
-    title = f"{strategy.name}, {strategy.task.name}"
+    title, boxes = f"{strategy.name}, {strategy.task.name}", found.boxes
+    share = float(domain.shares(boxes.low, boxes.high).sum()) if isinstance(domain, PoseRegion) else 1.0
     pieces = domain.given(np.arange(1 if found.boxes.piece.size == 0 else int(found.boxes.piece.max()) + 1))
     about = f"{strategy.name!r} for the task {strategy.task.name!r}"
     theorem = _theorem(
-        about, where, domain.equation, extent, place, found, determinant, asked, to_limit, turns, gap, revisit
+        about,
+        where,
+        domain.equation,
+        extent,
+        place,
+        found,
+        determinant,
+        asked,
+        to_limit,
+        turns,
+        gap,
+        revisit,
+        share,
+        begun,
     )
     return Certificate(
         title, theorem, extent, place, found, low, high, determinant, to_limit, turns, gap,
@@ -189,6 +204,7 @@ def certificate(
 def _theorem(
     title: str, where: AnyPath | Workspace, equation: Equation, extent: Extent, place: str, found: Covered,
     determinant: float, asked: Demands, to_limit: Vector, turns: Vector, gap: float, revisit: Revisit | None,
+    proven: float, begun: bool,
 ) -> str:  # fmt: skip
     if not len(found):
         return f"Nothing is proven: at {place or 'the start'} {extent.cause}."
@@ -197,8 +213,7 @@ def _theorem(
         with_others, q = ", taken with the auxiliary unknowns of the constraint,", ", q the joints and these unknowns"
     all_of_it, one = extent in COVERED, equation.strategy.task.frames == 1
     if isinstance(where, Workspace):
-        sides = found.boxes.high - found.boxes.low
-        share = f"the cells that are joined, {100 * float((sides / 2).prod(axis=1).sum()):.3g} % of {where},"
+        share = f"the cells that are joined, {share_text(proven)} of {where},"
         what, about = "pose", f"every pose of {where if all_of_it else share}"
     else:
         what, about = "place", f"every place {'on the path' if all_of_it else 'of the path up to there'}"
@@ -223,6 +238,7 @@ def _theorem(
         return f"{said[0].upper()}{said[1:]}."
     if revisit is not None:
         return f"The joints are no function of the tool pose here: {revisit.told(equation)}; but {said}."
+    said += "" if begun else "; the pose of the start is not proven"
     return f"Not all is proven, since {f'at {place} ' if place else ''}{extent.cause}; but {said}."
 
 

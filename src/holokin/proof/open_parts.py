@@ -75,14 +75,11 @@ class OpenParts(Value):
     cause: Indices
     """(k,) of `CAUSES`."""
     found: tuple[TooNear | None, ...]
+    volumes: Vector
+    """(k,) shares of the workspace: of its positions by volume, of its turns by the Haar measure."""
 
     def __len__(self) -> int:
         return len(self.low)
-
-    @property
-    def volumes(self) -> Vector:
-        """(k,) shares of the box."""
-        return np.prod((self.high - self.low) / 2, axis=1)
 
     @property
     def shares(self) -> dict[str, float]:
@@ -125,7 +122,7 @@ def open_parts(certificate: Certificate, region: PoseRegion, ik: InverseKinemati
                 break
         if cause[i] == UNPROVEN and elsewhere(asked.poses[those[0]], asked.q[those[0]]):
             cause[i] = ANOTHER
-    return OpenParts(low, high, cause, tuple(found))
+    return OpenParts(low, high, cause, tuple(found), region.shares(low, high))
 
 
 def _places(low: Matrix, high: Matrix, count: int) -> Array:

@@ -11,14 +11,15 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path as FilePath
 from itertools import product
+from pathlib import Path as FilePath
 from typing import Any, Literal
 
 import numpy as np
 
 from ..base.arguments import typed
 from ..base.poses import PoseLike, tool_poses
+from ..base.sure_digits import at_least, percentages
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, kept, some, whole
 from ..errors import ArgumentError
 from ..inverse_kinematics import InverseKinematics, inverse
@@ -33,8 +34,11 @@ from .certify_leaf import certificate, demands, provable, question, start_of
 from .kept_apart import CLEARANCE, kept_apart
 from .kept_cells import KeptCells
 from .largest_box import largest_box, proven_box
-from .partition import clear_cuts
 from .open_parts import ANOTHER, CAUSES, END, LIMIT, NEAR, UNPROVEN, OpenParts, asked_about, open_parts
+from .partition import clear_cuts
+
+ROOM = 1e-3
+"""Distance from the joint limits [joint units] that is worth saying: a part may end where a joint is at its limit."""
 
 SAMPLED = 1000
 """Poses of the rest of a workspace that are asked what they are."""
@@ -60,9 +64,16 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
 
     @property
     def share(self) -> float:
-        """The certified share of the workspace, 0 to 1."""
+        """The certified share of the workspace, 0 to 1: of positions by volume, of turns by the Haar measure."""
         boxes = self.certificate.proven.boxes
-        return 1.0 if self.whole else float(np.prod((boxes.high - boxes.low) / 2, axis=1).sum())
+        return 1.0 if self.whole else min(1.0, float(self.cells.shares(boxes.low, boxes.high).sum()))
+
+    @property
+    def holds_start(self) -> bool:
+        """True where the pose of q0 belongs to it, with the posture q0."""
+        p, R = self.strategy.task.place(self.q0)
+        near, alone = self.near(p[None], R[None])
+        return bool(np.linalg.norm(near[0] - self.q0) <= alone[0])
 
     @typed
     def contains(self, poses: PoseLike) -> Flags:
@@ -89,11 +100,15 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
 
     @cached_property
     def rest(self) -> dict[str, float]:
-        """Of the workspace the shares that do not belong to it, by cause, from `SAMPLED` poses: `CAUSES`."""
-        poses = self.workspace.poses(SAMPLED)
-        found = self.causes(poses)
+        """Of the workspace the shares that do not belong to it, by cause: `CAUSES`.
+
+        Together they are what is left of `share`, which is exact; what each of them has of it tell `SAMPLED` poses.
+        """
+        found = self.causes(self.workspace.poses(SAMPLED))
         names = CAUSES if self.certificate.demands.clear is not None else CAUSES[:NEAR]
-        return {name: float(np.mean(found == i)) for i, name in enumerate(names)}
+        counts = np.bincount(found[found >= 0], minlength=len(names))[: len(names)]
+        counts[UNPROVEN] += not counts.any()
+        return {name: (1 - self.share) * count / float(counts.sum()) for name, count in zip(names, counts, strict=True)}
 
     def causes(self, poses: Array) -> Indices:
         """(k,) of tool poses (k, 4, 4): -1 where they belong to it, else which of `CAUSES`.
@@ -136,18 +151,35 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
     def sentence(self) -> str:
         """What is proven, and of a part of a workspace what the rest is."""
         found = self.certificate
-        limits = "" if found.limits is None else f", at least {found.to_limit.min():.2g} within the joint limits"
-        one = "the joints are one function of the tool pose"
+        one, leaf = "the joints are one function of the tool pose", f"on the leaf of {self.strategy.name!r} through q0"
+        limits = ""
+        if found.limits is not None and np.isfinite(found.to_limit).any():
+            room = float(found.to_limit.min())
+            limits = (
+                f", at least {at_least(room, 2)} within the joint limits"
+                if room >= ROOM
+                else ", within the joint limits"
+            )
         if self.whole:
             return (
-                f"over {self.workspace} {one}, on the leaf of {self.strategy.name!r} through q0{limits}: every closed "
-                f"path of the tool inside returns them (proven by {len(found):,} cells)"
+                f"over {self.workspace} {one}, {leaf}{limits}: every closed path of the tool inside returns them "
+                f"(proven by {len(found):,} cells)"
             )
-        rest = ", ".join(f"{100 * share:.2g} % {name}" for name, share in self.rest.items() if share)
+        causes = {name: share for name, share in self.rest.items() if share}
+        proven, *others = percentages([self.share, *causes.values()])
+        rest = ", ".join(f"{part} {name}" for part, name in zip(others, causes, strict=True))
+        asked = f"the rest, by {SAMPLED:,} poses of the box: {rest or 'none of them'}"
+        begun = "; the pose of q0 is not proven" if self._begun and not self.holds_start else ""
+        if not len(found):
+            return f"nothing is proven over {self.workspace}, {leaf}; {asked}{begun}"
         return (
-            f"over {100 * self.share:.3g} % of {self.workspace} {one}, on the leaf of {self.strategy.name!r} through q0"
-            f"{limits} (proven by {len(found):,} cells); of {SAMPLED:,} poses of it: {rest or 'none else'}"
+            f"over {proven} of {self.workspace} {one}, {leaf}{limits} (proven by {len(found):,} cells); {asked}{begun}"
         )
+
+    @property
+    def _begun(self) -> bool:
+        """Whether the pose of q0 is one of the workspace."""
+        return bool((np.abs(self.cells.place_of(self.q0)) <= 1).all())
 
     def __str__(self) -> str:
         return self.sentence
@@ -201,7 +233,10 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
 
     def _keys_of(self, bins: Indices) -> Indices:
         """(k,) one number each."""
-        return np.ravel_multi_index(tuple(bins.T), [len(cuts) + 1 for cuts in self._cuts])
+        keys = np.zeros(len(bins), dtype=int)
+        for axis, cuts in enumerate(self._cuts):
+            keys = keys * (len(cuts) + 1) + bins[:, axis]
+        return keys
 
 
 @typed

@@ -41,15 +41,16 @@ def grown(
     say: hears how many are joined, how many were examined, and which share of the box they fill, 0 to 1.
     """
     search, spent, freely, lost = _Search(domain), 0, FEW, False
+    count, share = 0, 0.0
     while spent < budget and len(chosen := search.next(budget - spent, freely)):
         found = looked_up(domain, some(search.boxes, chosen), demands, kept, partial(search.guesses, chosen))
         spent += len(chosen)
         search.take(chosen, found)
         lost = lost or not found.rooted.all() or (search.state == ENDED).any()
         freely = 0 if lost else min(BATCH, FEW + 8 * int(found.kept.sum()))
-        search.join(None)
-        here = np.flatnonzero(search.state == JOINED)
-        say(len(here), spent, domain.share(some(search.boxes, here)))
+        new = some(search.boxes, search.join(None))
+        count, share = count + len(new), share + float(domain.shares(new.low, new.high).sum())
+        say(count, spent, share)
     search.join(search.nearest(PROVEN))
     return search.covered(spent < budget)
 
@@ -68,7 +69,7 @@ class _Search:
         self.far, self.holds = np.zeros(0), np.zeros(0, dtype=bool)
         self.reasons: dict[int, Extent] = {}
         self.done: list[Findings] = []
-        self.cells: Cells | None = None
+        self.cells: Cells = self._none()
         self.r, self.alone = np.zeros(0), np.zeros(0)
         self._described(self.boxes)
 
@@ -82,6 +83,11 @@ class _Search:
         self.level = np.append(self.level, np.rint(halved).astype(int))
         self.far = np.append(self.far, np.linalg.norm((new.low + new.high) / 2 - u0, axis=1))
         self.holds = np.append(self.holds, ((new.low <= u0) & (u0 <= new.high)).all(axis=1))
+
+    def _none(self) -> Cells:
+        n, d, numbers = self.domain.equation.n, self.domain.equation.d, self.domain.equation.family.numbers
+        rows = [(0, n), (0, n, d), (0, n, d * (d + 1) // 2), (0, numbers), (0,)]
+        return Cells(*(np.zeros(shape) for shape in rows))
 
     def next(self, most: int, freely: int) -> Indices:
         """The boxes to be examined next: those that hold the start, then those that touch what is joined, the largest
@@ -107,8 +113,8 @@ class _Search:
         return those[np.lexsort((self.far[those], self.level[those]))]
 
     def guesses(self, chosen: Indices) -> Matrix:
-        """Joints (k, n) near the roots in the middles of boxes, continued from the joined cell beside them, or else from
-        the nearest one."""
+        """Joints (k, n) near the roots in the middles of boxes, continued from the joined cells beside them, or else
+        from the nearest ones."""
         return self.domain.led(*self._begins(chosen), some(self.boxes, chosen))
 
     def _begins(self, chosen: Indices) -> tuple[Matrix, Matrix]:
@@ -118,7 +124,7 @@ class _Search:
         u, q = np.tile(self.domain.u0, (k, 1)), np.tile(self.posture, (k, 1))
         known = np.flatnonzero(self.state == JOINED)
         known = known if len(known) else np.flatnonzero(self.state == PROVEN)
-        if not len(known) or self.cells is None:
+        if not len(known):
             return u, q
         beside = np.full(k, -1)
         for one, other in self._both_ways():
@@ -143,7 +149,7 @@ class _Search:
         self.row[chosen[kept]] = len(self.r) + np.arange(int(kept.sum()))
         self.state[chosen[kept]] = PROVEN
         new = some(found.cells, kept)
-        self.cells = new if self.cells is None else joined(self.cells, new)
+        self.cells = joined(self.cells, new)
         self.done.append(found.findings)
         self.r, self.alone = np.append(self.r, found.findings.r), np.append(self.alone, found.findings.alone)
         final = ~kept & found.rooted & (too_small(here, found.cells) | found.final)
@@ -186,12 +192,16 @@ class _Search:
         common = np.minimum(high[i], high[j]) - np.maximum(low[i], low[j])
         return ((common >= 0).all(axis=1)) & ((common == 0).sum(axis=1) == 1)
 
-    def join(self, seed: int | None) -> None:
-        """Join proven boxes to the one at the start, or, where none is joined yet, to a `seed`; halve those that have
-        another root where they meet these."""
+    def join(self, seed: int | None) -> Indices:
+        """Join proven boxes to the one at the start, or, where none is joined yet, to a `seed`: those that do so now.
+
+        Those that have another root where they meet these are halved.
+        """
         self._glue()
-        if not (self.state == JOINED).any():
+        before = self.state == JOINED
+        if not before.any():
             self._begin(seed)
+            before = np.append(before, np.zeros(len(self.state) - len(before), dtype=bool))
         torn = self.kind == TORN
         while True:
             is_joined = self.state == JOINED
@@ -205,7 +215,9 @@ class _Search:
             if not wanted.any():
                 break
             self.state[wanted] = JOINED
+        new = np.flatnonzero((self.state == JOINED) & ~before)
         self._part(np.flatnonzero(unlike & (self.state == PROVEN)))
+        return new
 
     def _begin(self, seed: int | None) -> None:
         """The first box that is joined: one whose root at `u0` is the start; or a seed, where none waits for that."""
@@ -224,7 +236,7 @@ class _Search:
 
     def _part(self, those: Indices) -> None:
         """Halve proven boxes that have another root than their neighbours: it is sought anew in their halves."""
-        if not len(those) or self.cells is None:
+        if not len(those):
             return
         boxes, cells = some(self.boxes, those), some(self.cells, self.row[those])
         final, none = too_small(boxes, cells), np.zeros(len(those), dtype=bool)
@@ -239,7 +251,6 @@ class _Search:
             i, j = self.faces[some_].T
             y = self._middles_of_faces(i, j)
             a, b = self.row[i], self.row[j]
-            assert self.cells is not None
             off = np.linalg.norm(self._predicted(i, y) - self._predicted(j, y), axis=1)
             off += some(self.cells, a).slip + some(self.cells, b).slip
             self.kind[some_] = np.where(one_root(off, self.r[a], self.alone[a], self.r[b], self.alone[b]), GLUED, TORN)

@@ -14,6 +14,7 @@ from ..path.synchronized_paths import paths_of
 from ..path.workspaces import Workspace
 from ..proof import Certificate, Extent, joint_rates
 from ..proof.checker_word import CheckerWord, Outcome
+from ..proof.proven_region import region_of
 from ..tasks.task import Task
 from .clear_words import assumed_words, nearest_of, refuted_by
 from .words import joint_unit
@@ -74,12 +75,6 @@ def _pose_word(task: Task) -> str:
     return "tool position" if task.orientation is None else "tool pose"
 
 
-def _share_of(found: Certificate) -> float:
-    """The share of the box that is proven, 0 to 1."""
-    boxes = found.proven.boxes
-    return float(((boxes.high - boxes.low) / 2).prod(axis=1).sum())
-
-
 def proven_time(found: Certificate, path: Path) -> float:
     """The time [s] up to which a path is proven."""
     boxes = found.proven.boxes
@@ -95,7 +90,7 @@ def proven_time(found: Certificate, path: Path) -> float:
 def share_words(found: Certificate) -> str:
     """How much of the path or the box is proven, rounded down."""
     if isinstance(found.asked, Workspace):
-        share, what = (1.0 if found.covered else _share_of(found)), "of the box"
+        share, what = region_of(found).share, "of the box"
     else:
         path = paths_of(found.asked)[0]
         share, what = proven_time(found, path) / path.duration, "of the path, by its time"
