@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -132,16 +133,20 @@ def audit_dataset(
 
 
 def _join_turns(q: Numbers, begins: Whole, period: float, robot: Robot) -> tuple[dict[int, HingeTurns], list[str]]:
-    """(whole turns by hinge, notes); the hinges of q (k, n) run on within each episode, in place."""
+    """(hinges whose turns are not all known, or do not count, notes); q (k, n) runs on within each episode, in place."""
     steps = np.full(len(q) - 1, period, np.float32)
     steps[begins[1:-1] - 1] = np.inf
-    found = {i: hinge_turns(q[:, i], steps, robot, i) for i in np.flatnonzero(robot.hinges).tolist()}
-    for i, one in found.items():
+    limited = np.isfinite(robot.lower) | np.isfinite(robot.upper)
+    unknown: dict[int, HingeTurns] = {}
+    done: dict[bool, list[str]] = {True: [], False: []}
+    for i in np.flatnonzero(robot.hinges).tolist():
+        one = hinge_turns(q[:, i], steps, robot, i)
         if one.turns is not None:
             q[:, i] += one.turns
-    done = {cut: [robot.joint_names[i] for i, one in found.items() if one.turns is not None and one.cut == cut]
-            for cut in (True, False)}  # fmt: skip
-    return found, turns_notes(done[True], done[False], "dataset")
+            done[one.cut].append(robot.joint_names[i])
+        if not (limited[i] and one.known.all()):
+            unknown[i] = replace(one, turns=None)  # which takes memory
+    return unknown, turns_notes(done[True], done[False], "dataset")
 
 
 def _equal_poses(

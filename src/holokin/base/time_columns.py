@@ -90,17 +90,13 @@ def unit_of(file: Path, stamps: Vector, steady: bool) -> str:
     Raises:
         RecordingError: whole stamps whose step could have two units.
     """
-    steps = np.abs(np.diff(stamps))
-    step = float(np.median(steps)) if len(steps) else 0.0
-    fits = [
-        unit for unit, size in UNITS.items()
-        if EPOCH[0] <= abs(float(stamps[0])) * size <= EPOCH[1] and (not steady or step * size <= STEPS[1])
-        and (not steady or step == 0 or step * size >= STEPS[0])
-    ]  # fmt: skip
-    if len(fits) == 1:
-        return fits[0]
-    if not steady or not (np.floor(stamps[:1000]) == stamps[:1000]).all():
-        return "s"
+    first = abs(float(stamps[0]))
+    fits = [unit for unit, size in UNITS.items() if EPOCH[0] <= first * size <= EPOCH[1]]
+    whole = bool((np.floor(stamps[:1000]) == stamps[:1000]).all())
+    step = float(np.median(np.abs(np.diff(stamps)))) if steady and (fits or whole) and len(stamps) > 1 else 0.0
+    fits = [unit for unit in fits if not step or STEPS[0] <= step * UNITS[unit] <= STEPS[1]]
+    if fits or not (steady and whole):
+        return fits[0] if fits else "s"
     unit = next(unit for most, unit in BY_STEP if step <= most)
     if unit is None:
         fact = f"its whole-number stamps are {step:g} apart, which could be two units"

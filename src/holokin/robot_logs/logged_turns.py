@@ -64,20 +64,29 @@ class HingeTurns:
 def hinge_turns(values: Numbers, steps: Numbers, robot: Robot, joint: int) -> HingeTurns:
     """Whole turns of the hinge `joint` with values (k,), whose samples are `steps` (k - 1,) [s] apart; inf: unknown."""
     speed = robot.max_velocity[joint] if np.isfinite(robot.max_velocity[joint]) else FASTEST_HINGE
-    reach = OVERSPEED * speed * steps + NOISE
     change = np.diff(values)
+    ends = np.array([values.min()]), np.array([values.max()])
+    largest = max(float(change.max(initial=0.0)), -float(change.min(initial=0.0)))
+    if largest <= np.pi / 2 and TURN - largest > OVERSPEED * speed * float(steps.max(initial=0.0)) + NOISE:
+        # One run without a cut, as most are.
+        moves, known = _into_limits(*ends, robot.lower[joint], robot.upper[joint])
+        some = moves[0] and max(-ends[0][0], ends[1][0]) <= TURN + NOISE
+        turns = np.full(len(values), TURN * moves[0]) if some else None
+        return HingeTurns(turns, np.zeros(1, np.intp), known, False)
+    reach = OVERSPEED * speed * steps + NOISE
     turns = np.round(change / -TURN)
     least = np.abs(change + TURN * turns)
     # A change may be another one where the speed limit allows that, or not even the least, if that is no small one.
     other = (TURN - least <= reach) | ((least > reach) & (least > np.pi / 2))
     begins = np.concatenate([[0], np.flatnonzero(other) + 1])
-    low, high, cut = float(values.min()), float(values.max()), bool(turns[~other].any())
+    low, high, cut = float(ends[0][0]), float(ends[1][0]), bool(turns[~other].any())
     most = max(-low, high)
     if most > 2 * TURN or (not cut and (high - low > TURN + 2 * NOISE or most > TURN + NOISE)):
         # no interval of a turn that drivers use holds the values: they count turns
         return HingeTurns(None, begins, np.ones(len(begins), bool), False)
     whole = np.concatenate([[0.0], np.cumsum(turns)])
-    moves, known = _into_limits(values + TURN * whole, begins, robot.lower[joint], robot.upper[joint])
+    runs = (of.reduceat(values + TURN * whole, begins) for of in (np.minimum, np.maximum))
+    moves, known = _into_limits(*runs, robot.lower[joint], robot.upper[joint])
     whole += np.repeat(moves, np.diff([*begins, len(values)]))
     return HingeTurns(TURN * whole if whole.any() else None, begins, known, bool(turns.any()))
 
@@ -114,16 +123,15 @@ def turns_notes(cut: Sequence[str], moved: Sequence[str], what: str) -> list[str
     return notes + ([f"values of {', '.join(moved)} moved by whole turns into their limits"] if moved else [])
 
 
-def _into_limits(values: Vector, first: Indices, lower: float, upper: float) -> tuple[Vector, Flags]:
-    """(whole turns (r,) by which each run of the values must move to lie within limits, whether these leave no other),
-    of runs that begin at `first` (r,)."""
+def _into_limits(low: Numbers, high: Numbers, lower: float, upper: float) -> tuple[Vector, Flags]:
+    """(whole turns (r,) by which runs of values from `low` to `high` (r,) must move to lie within limits, whether these
+    leave no other)."""
     if not np.isfinite([lower, upper]).any():
-        return np.zeros(len(first)), np.zeros(len(first), bool)
-    low, high = np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)
+        return np.zeros(len(low)), np.zeros(len(low), bool)
     least, most = np.ceil((lower - NOISE - low) / TURN), np.floor((upper + NOISE - high) / TURN)
     narrow = upper - lower < TURN - 2 * NOISE
-    shift, sure, now = np.zeros(len(first)), least == most, 0.0
-    for r in range(len(first)):
+    shift, sure, now = np.zeros(len(low)), least == most, 0.0
+    for r in range(len(low)):
         if least[r] <= most[r]:
             now = float(np.clip(now, least[r], most[r]))
         else:  # it lies beyond them whatever the turn
