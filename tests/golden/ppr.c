@@ -1,6 +1,6 @@
 /* de-luca-oriolo, position of ppr. Written by holokin 0.2.0; see ppr.h. C99; not for -ffast-math, which hides what is not finite. */
 #include "ppr.h"
-#if PPR_EXPORT != 0x41e6cc83b60e8c46U
+#if PPR_EXPORT != 0x652d4bd672dd6a95U
 #error "these files are of different exports: export again"
 #endif
 
@@ -437,128 +437,127 @@ static void hk_step_body(const hk_t *restrict x, hk_t *restrict y) {
   const hk_t v133 = v113 / v132;
   const hk_t v134 = HK_FMIN(v130, v133);
   const hk_t v135 = v100 * v9;
-  const hk_t v136 = -v135;
+  const hk_t v136 = HK_FABS(v135);
   const hk_t v137 = HK_LT(HK_C(1e-12), v136);
-  const hk_t v139 = HK_C(5.0) - v4;
-  const hk_t v141 = HK_FMAX(v139, HK_C(0.0));
-  const hk_t v142 = HK_FMAX(v136, HK_C(1e-12));
-  const hk_t v143 = v141 / v142;
-  const hk_t v144 = HK_IF(v137, v143);
-  const hk_t v145 = HK_NOT(v137);
-  const hk_t v146 = HK_IF(v145, HK_C(1.0));
-  const hk_t v147 = v144 + v146;
-  const hk_t v148 = HK_FMIN(HK_C(1.0), v147);
-  const hk_t v149 = HK_LT(HK_C(1e-12), v135);
-  const hk_t v151 = HK_C(-5.0) - v4;
-  const hk_t v152 = -v151;
-  const hk_t v153 = HK_FMAX(v152, HK_C(0.0));
-  const hk_t v154 = HK_FMAX(v135, HK_C(1e-12));
-  const hk_t v155 = v153 / v154;
-  const hk_t v156 = HK_IF(v149, v155);
-  const hk_t v157 = HK_NOT(v149);
-  const hk_t v158 = HK_IF(v157, HK_C(1.0));
-  const hk_t v159 = v156 + v158;
-  const hk_t v160 = HK_FMIN(v148, v159);
-  const hk_t v161 = v93 * v9;
-  const hk_t v162 = -v161;
-  const hk_t v163 = HK_LT(HK_C(1e-12), v162);
-  const hk_t v164 = HK_C(5.0) - v33;
-  const hk_t v165 = HK_FMAX(v164, HK_C(0.0));
-  const hk_t v166 = HK_FMAX(v162, HK_C(1e-12));
-  const hk_t v167 = v165 / v166;
-  const hk_t v168 = HK_IF(v163, v167);
-  const hk_t v169 = HK_NOT(v163);
-  const hk_t v170 = HK_IF(v169, HK_C(1.0));
-  const hk_t v171 = v168 + v170;
-  const hk_t v172 = HK_FMIN(v160, v171);
-  const hk_t v173 = HK_LT(HK_C(1e-12), v161);
-  const hk_t v174 = HK_C(-5.0) - v33;
-  const hk_t v175 = -v174;
-  const hk_t v176 = HK_FMAX(v175, HK_C(0.0));
-  const hk_t v177 = HK_FMAX(v161, HK_C(1e-12));
-  const hk_t v178 = v176 / v177;
-  const hk_t v179 = HK_IF(v173, v178);
-  const hk_t v180 = HK_NOT(v173);
-  const hk_t v181 = HK_IF(v180, HK_C(1.0));
-  const hk_t v182 = v179 + v181;
-  const hk_t v183 = HK_FMIN(v172, v182);
-  const hk_t v184 = v90 * v9;
-  const hk_t v185 = HK_LT(HK_C(1e-12), v184);
-  const hk_t v187 = HK_C(12.566370614359172) - v5;
-  const hk_t v188 = HK_FMAX(v187, HK_C(0.0));
-  const hk_t v189 = HK_FMAX(v184, HK_C(1e-12));
-  const hk_t v190 = v188 / v189;
-  const hk_t v191 = HK_IF(v185, v190);
-  const hk_t v192 = HK_NOT(v185);
-  const hk_t v193 = HK_IF(v192, HK_C(1.0));
-  const hk_t v194 = v191 + v193;
-  const hk_t v195 = HK_FMIN(v183, v194);
-  const hk_t v196 = -v184;
-  const hk_t v197 = HK_LT(HK_C(1e-12), v196);
-  const hk_t v199 = HK_C(-12.566370614359172) - v5;
-  const hk_t v200 = -v199;
-  const hk_t v201 = HK_FMAX(v200, HK_C(0.0));
-  const hk_t v202 = HK_FMAX(v196, HK_C(1e-12));
-  const hk_t v203 = v201 / v202;
-  const hk_t v204 = HK_IF(v197, v203);
-  const hk_t v205 = HK_NOT(v197);
-  const hk_t v206 = HK_IF(v205, HK_C(1.0));
-  const hk_t v207 = v204 + v206;
-  const hk_t v208 = HK_FMIN(v195, v207);
-  const hk_t v209 = HK_FMIN(v134, v208);
-  const hk_t v210 = v209 * v100;
-  const hk_t v211 = -v210;
-  y[0] = v211;
-  const hk_t v213 = v209 * v93;
-  const hk_t v214 = -v213;
-  y[1] = v214;
-  const hk_t v216 = v209 * v90;
-  y[2] = v216;
-  y[3] = v209;
+  const hk_t v139 = -v135;
+  const hk_t v140 = HK_LT(HK_C(0.0), v139);
+  const hk_t v142 = HK_C(5.0) - v4;
+  const hk_t v143 = HK_IF(v140, v142);
+  const hk_t v144 = HK_NOT(v140);
+  const hk_t v146 = HK_C(-5.0) - v4;
+  const hk_t v147 = -v146;
+  const hk_t v148 = HK_IF(v144, v147);
+  const hk_t v149 = v143 + v148;
+  const hk_t v150 = HK_FMAX(v149, HK_C(0.0));
+  const hk_t v151 = HK_FMAX(v136, HK_C(1e-12));
+  const hk_t v152 = v150 / v151;
+  const hk_t v153 = HK_IF(v137, v152);
+  const hk_t v154 = HK_NOT(v137);
+  const hk_t v155 = HK_IF(v154, HK_C(1.0));
+  const hk_t v156 = v153 + v155;
+  const hk_t v157 = HK_FMIN(HK_C(1.0), v156);
+  const hk_t v158 = v93 * v9;
+  const hk_t v159 = HK_FABS(v158);
+  const hk_t v160 = HK_LT(HK_C(1e-12), v159);
+  const hk_t v161 = -v158;
+  const hk_t v162 = HK_LT(HK_C(0.0), v161);
+  const hk_t v163 = HK_C(5.0) - v33;
+  const hk_t v164 = HK_IF(v162, v163);
+  const hk_t v165 = HK_NOT(v162);
+  const hk_t v166 = HK_C(-5.0) - v33;
+  const hk_t v167 = -v166;
+  const hk_t v168 = HK_IF(v165, v167);
+  const hk_t v169 = v164 + v168;
+  const hk_t v170 = HK_FMAX(v169, HK_C(0.0));
+  const hk_t v171 = HK_FMAX(v159, HK_C(1e-12));
+  const hk_t v172 = v170 / v171;
+  const hk_t v173 = HK_IF(v160, v172);
+  const hk_t v174 = HK_NOT(v160);
+  const hk_t v175 = HK_IF(v174, HK_C(1.0));
+  const hk_t v176 = v173 + v175;
+  const hk_t v177 = HK_FMIN(v157, v176);
+  const hk_t v178 = v90 * v9;
+  const hk_t v179 = HK_FABS(v178);
+  const hk_t v180 = HK_LT(HK_C(1e-12), v179);
+  const hk_t v181 = HK_LT(HK_C(0.0), v178);
+  const hk_t v183 = HK_C(12.566370614359172) - v5;
+  const hk_t v184 = HK_IF(v181, v183);
+  const hk_t v185 = HK_NOT(v181);
+  const hk_t v187 = HK_C(-12.566370614359172) - v5;
+  const hk_t v188 = -v187;
+  const hk_t v189 = HK_IF(v185, v188);
+  const hk_t v190 = v184 + v189;
+  const hk_t v191 = HK_FMAX(v190, HK_C(0.0));
+  const hk_t v192 = HK_FMAX(v179, HK_C(1e-12));
+  const hk_t v193 = v191 / v192;
+  const hk_t v194 = HK_IF(v180, v193);
+  const hk_t v195 = HK_NOT(v180);
+  const hk_t v196 = HK_IF(v195, HK_C(1.0));
+  const hk_t v197 = v194 + v196;
+  const hk_t v198 = HK_FMIN(v177, v197);
+  const hk_t v199 = HK_FMIN(v134, v198);
+  const hk_t v200 = v199 * v100;
+  const hk_t v201 = -v200;
+  y[0] = v201;
+  const hk_t v203 = v199 * v93;
+  const hk_t v204 = -v203;
+  y[1] = v204;
+  const hk_t v206 = v199 * v90;
+  y[2] = v206;
+  y[3] = v199;
   y[4] = v112;
   y[5] = HK_C(1.0);
-  y[6] = v208;
-  const hk_t v222 = HK_FABS(v11);
-  const hk_t v223 = HK_FMAX(HK_C(0.0), v222);
-  const hk_t v224 = HK_FABS(v52);
-  const hk_t v225 = HK_FMAX(v223, v224);
-  y[7] = v225;
-  const hk_t v228 = v4 / HK_C(1024.0);
-  const hk_t v229 = x[8];
-  const hk_t v230 = v229 / HK_C(1024.0);
-  const hk_t v231 = v228 + v230;
-  const hk_t v232 = v48 / HK_C(1024.0);
-  const hk_t v233 = v2 / HK_C(1024.0);
-  const hk_t v234 = v232 + v233;
-  const hk_t v235 = v231 + v234;
-  const hk_t v236 = v5 / HK_C(1024.0);
-  const hk_t v237 = v28 / HK_C(1024.0);
-  const hk_t v238 = v236 + v237;
-  const hk_t v239 = v1 / HK_C(1024.0);
-  const hk_t v240 = x[14];
-  const hk_t v241 = v240 / HK_C(1024.0);
-  const hk_t v242 = v239 + v241;
-  const hk_t v243 = v238 + v242;
-  const hk_t v244 = v235 + v243;
-  const hk_t v245 = v33 / HK_C(1024.0);
-  const hk_t v246 = v30 / HK_C(1024.0);
-  const hk_t v247 = v245 + v246;
-  const hk_t v248 = x[5];
-  const hk_t v249 = v248 / HK_C(1024.0);
-  const hk_t v250 = v29 / HK_C(1024.0);
-  const hk_t v251 = v249 + v250;
-  const hk_t v252 = v247 + v251;
-  const hk_t v253 = v3 / HK_C(1024.0);
-  const hk_t v254 = v9 / HK_C(1024.0);
-  const hk_t v255 = v253 + v254;
-  const hk_t v256 = v47 / HK_C(1024.0);
-  const hk_t v257 = x[15];
-  const hk_t v258 = v257 / HK_C(1024.0);
+  y[6] = v198;
+  const hk_t v212 = HK_FABS(v11);
+  const hk_t v213 = HK_FMAX(HK_C(0.0), v212);
+  const hk_t v214 = HK_FABS(v52);
+  const hk_t v215 = HK_FMAX(v213, v214);
+  y[7] = v215;
+  const hk_t v218 = v4 / HK_C(1024.0);
+  const hk_t v219 = x[8];
+  const hk_t v220 = v219 / HK_C(1024.0);
+  const hk_t v221 = v218 + v220;
+  const hk_t v222 = v48 / HK_C(1024.0);
+  const hk_t v223 = v2 / HK_C(1024.0);
+  const hk_t v224 = v222 + v223;
+  const hk_t v225 = v221 + v224;
+  const hk_t v226 = v5 / HK_C(1024.0);
+  const hk_t v227 = v28 / HK_C(1024.0);
+  const hk_t v228 = v226 + v227;
+  const hk_t v229 = v1 / HK_C(1024.0);
+  const hk_t v230 = x[14];
+  const hk_t v231 = v230 / HK_C(1024.0);
+  const hk_t v232 = v229 + v231;
+  const hk_t v233 = v228 + v232;
+  const hk_t v234 = v225 + v233;
+  const hk_t v235 = v33 / HK_C(1024.0);
+  const hk_t v236 = v30 / HK_C(1024.0);
+  const hk_t v237 = v235 + v236;
+  const hk_t v238 = x[5];
+  const hk_t v239 = v238 / HK_C(1024.0);
+  const hk_t v240 = v29 / HK_C(1024.0);
+  const hk_t v241 = v239 + v240;
+  const hk_t v242 = v237 + v241;
+  const hk_t v243 = v3 / HK_C(1024.0);
+  const hk_t v244 = v9 / HK_C(1024.0);
+  const hk_t v245 = v243 + v244;
+  const hk_t v246 = v47 / HK_C(1024.0);
+  const hk_t v247 = x[15];
+  const hk_t v248 = v247 / HK_C(1024.0);
+  const hk_t v249 = v246 + v248;
+  const hk_t v250 = v245 + v249;
+  const hk_t v251 = v242 + v250;
+  const hk_t v252 = v234 + v251;
+  y[8] = v252;
+  const hk_t v255 = HK_LE(v156, HK_C(1e-06));
+  const hk_t v256 = HK_IF(v255, HK_C(1.0));
+  const hk_t v257 = HK_LE(v176, HK_C(1e-06));
+  const hk_t v258 = HK_IF(v257, HK_C(2.0));
   const hk_t v259 = v256 + v258;
-  const hk_t v260 = v255 + v259;
-  const hk_t v261 = v252 + v260;
-  const hk_t v262 = v244 + v261;
-  y[8] = v262;
+  const hk_t v260 = HK_LE(v197, HK_C(1e-06));
+  const hk_t v262 = HK_IF(v260, HK_C(4.0));
+  const hk_t v263 = v259 + v262;
+  y[9] = v263;
 }
 static void hk_constraint_body(const hk_t *restrict x, hk_t *restrict y) {
   (void)x;
@@ -722,15 +721,16 @@ static int hk_posed(const hk_t *pose, int count) {
 }
 
 /* One control step. hk_step_body takes (q, pose, twist, parameters) and gives (dq, scale, rcond, margin, room, off,
-   given): room is the scale that positions allow, off the tool's largest error, given is finite where all arguments are.
+   given, holding): room is the scale that positions allow, off the tool's largest error, given is finite where all
+   arguments are, holding the sum of 2^i over the joints i at a position limit, which would go beyond it.
    pose and twist: where the tool is wanted at the end of the step, 16 numbers, a 4x4 matrix by rows, or 3, a position;
    and the twist that leads there, 6 numbers, or 3, a velocity. parameters: the leaf c, its rate, dt, the gain, the constraint
-   gain, the most error and the least rcond. out: dq, then the scale.
+   gain, the most error and the least rcond. out: dq, the scale, holding.
    Returns 0 as wanted, 1 slowed for a speed limit, 2 held at a position limit, 3 singular, 4 not finite, 8 lost: the
    tool's error is larger than the most; from 3 on dq is zero. */
 HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *twist, hk_t *out, const hk_t *parameters) {
   enum { size = HK_N + HK_POSE + HK_TWIST + HK_PARAMETERS };
-  hk_t x[size], y[HK_N + 6];
+  hk_t x[size], y[HK_N + 7];
   int finite = 1;
   for (int i = 0; i < HK_N; i++) x[i] = q[i];
   for (int i = 0; i < HK_POSE; i++) x[HK_N + i] = pose[i];
@@ -742,10 +742,11 @@ HK_API int hk_step(const hk_t *q, const hk_t *pose, const hk_t *twist, hk_t *out
   const int sound = HK_SOUND(y[HK_N + 1], y[HK_N + 2]) && y[HK_N + 1] > bounds[1];
   const int given = y[HK_N + 5] - y[HK_N + 5] == HK_C(0), near = y[HK_N + 4] <= bounds[0];
   if (!finite || !sound || !given || !near) {
-    for (int i = 0; i < HK_N + 1; i++) out[i] = HK_C(0);
+    for (int i = 0; i < HK_N + 2; i++) out[i] = HK_C(0);
     return !given ? 4 : finite && sound ? 8 : 3;
   }
   for (int i = 0; i < HK_N + 1; i++) out[i] = y[i];
+  out[HK_N + 1] = y[HK_N + 6];
 #ifdef HK_IMPRECISE
   if (hk_rough(y[HK_N + 1], y[HK_N + 2])) return HK_IMPRECISE;
 #endif
@@ -794,7 +795,7 @@ int ppr_rate(const ppr_real q[3], const ppr_real dx[2], ppr_real dq[3]) {
 
 int ppr_step(const ppr_real q[3], const ppr_real target[3], const ppr_real twist[3],
     const ppr_parameters *parameters, ppr_real dq[3], ppr_real *scale) {
-  hk_t values[HK_PARAMETERS], out[HK_N + 1];
+  hk_t values[HK_PARAMETERS], out[HK_N + 2];
   const hk_t dt = parameters->dt, gain = parameters->gain, constraint_gain = parameters->constraint_gain;
   for (int i = 0; i < HK_R; i++) {
     values[i] = parameters->leaf[i];

@@ -13,7 +13,7 @@
 #define PPR_H
 
 /* Of this export: its files go together, and others do not compile with them. */
-#define PPR_EXPORT 0x41e6cc83b60e8c46U
+#define PPR_EXPORT 0x652d4bd672dd6a95U
 
 #ifdef __cplusplus
 extern "C" {
@@ -37,7 +37,7 @@ enum {
   PPR_IMPRECISE = -1,   /* single precision only: near a singularity, results have two or three digits */
   PPR_OK = 0,
   PPR_SLOWED = 1,       /* a joint's speed limit: slower along the path, in the same direction */
-  PPR_LIMIT = 2,        /* a joint stands at its position limit */
+  PPR_LIMIT = 2,        /* a joint stands at its position limit: the path does not go on */
   PPR_SINGULAR = 3,     /* J, [J; J_g] or H loses rank, the representation does, or a result overflows */
   PPR_NOT_FINITE = 4,   /* an argument is infinite or not a number */
   PPR_NOT_CONVERGED = 5, /* inverse kinematics: the leaf ends before the wanted pose, or `most` pieces are too few */

@@ -5,10 +5,10 @@
 
 #include "ppr.h"
 #include "ppr_vectors.h"
-#if PPR_EXPORT != 0x41e6cc83b60e8c46U
+#if PPR_EXPORT != 0x652d4bd672dd6a95U
 #error "these files are of different exports: export again"
 #endif
-#if PPR_VECTORS != 0x41e6cc83b60e8c46U
+#if PPR_VECTORS != 0x652d4bd672dd6a95U
 #error "these files are of different exports: export again"
 #endif
 

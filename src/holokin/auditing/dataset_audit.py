@@ -133,7 +133,7 @@ def audit_dataset(
 
 
 def _join_turns(q: Numbers, begins: Whole, period: float, robot: Robot) -> tuple[dict[int, HingeTurns], list[str]]:
-    """(hinges whose turns are not all known, or do not count, notes); q (k, n) runs on within each episode, in place."""
+    """(hinges whose turns are not all known or do not count, notes); q (k, n) runs on within each episode, in place."""
     steps = np.full(len(q) - 1, period, np.float32)
     steps[begins[1:-1] - 1] = np.inf
     limited = np.isfinite(robot.lower) | np.isfinite(robot.upper)
