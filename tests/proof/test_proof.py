@@ -256,12 +256,14 @@ def test_a_loop_across_a_fold_is_not_said_to_close() -> None:
 
 
 def strangers(found: Covered, chosen: np.ndarray) -> Covered:
-    """Tubes of some cells so small that no neighbour's root is known to be theirs."""
-    return replace(found, findings=replace(found.findings, alone=np.where(chosen, 0.0, found.findings.alone)))
+    """Some cells of whose roots it is not known where they are, nor that they are alone."""
+    f = found.findings
+    r, alone = np.where(chosen, np.inf, f.r), np.where(chosen, 0.0, f.alone)
+    return replace(found, findings=replace(f, r=r, alone=alone))
 
 
 def test_cells_behind_one_that_is_not_glued_do_not_count(panda: hk.Robot) -> None:
-    """Roots of two cells made strangers, by a tube too small: the path is proven up to there, of a box the rest."""
+    """Roots of some cells made strangers: the path is proven up to there, of a box the rest."""
     G = hk.holonomic(hk.pose(panda), hk.lock(2))
     x = start(panda, PANDA_START)
     path = hk.line(x, x - [0.2, 0.0, 0.0])

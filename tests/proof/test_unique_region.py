@@ -146,7 +146,7 @@ def test_of_a_plane_round_the_base_the_part_is_found_on_which_a_closed_form_is_o
     assert len(i) > 100 and np.abs(q[i] - q[j]).max() < 0.5  # no jump between poses beside each other
     shares = region.rest
     assert sum(shares.values()) == pytest.approx(1 - region.share, abs=4 * np.sqrt(0.25 / 1000))
-    assert shares["beyond a joint limit"] == 0.0 and "of 1,000 poses" in region.sentence
+    assert shares["beyond a joint limit"] == 0.0 and "by 1,000 poses" in region.sentence
 
 
 @of_cells
