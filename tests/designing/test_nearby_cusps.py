@@ -13,6 +13,7 @@ from holokin.designing import advice_case, designed_law, nearby_cusps
 from holokin.designing.advice import ranked
 from holokin.designing.nearby_cusps import NEAR, NearbyCusps, cusps_near, said_of
 from holokin.errors import HolokinError
+from holokin.studios.leaf_cusps import leaf_cusps
 
 PANDA = np.array([0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8])
 BARS = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
@@ -64,6 +65,10 @@ def test_where_none_is_found_or_none_is_looked_for_it_is_said(monkeypatch: pytes
     radial = cusps_near(hk.radial(hk.moore_penrose(flat), q0), q0, FLAT)
     assert radial.found is None and not radial.clear and not radial.near
     assert "were not looked for: its formulas are too long" in said_of("radial", "radial", {"radial": radial}, 0.0)[0]
+    line = hk.holonomic(hk.position(flat.robot, rows=[0]), hk.lock(1, 2))
+    said = cusps_near(line, q0, FLAT)
+    assert said.clear and said.sentence.startswith("its leaf has no cusp") and "search" not in said.sentence
+    assert leaf_cusps("lock", line, q0).sentence.startswith("lock: its leaf has no cusp")
     beyond = cusps_near(law, PANDA + [0, 0, 0, 2.0, 0, 0, 0], space)
     assert beyond.found is None and "panda_joint4" in beyond.reason
 

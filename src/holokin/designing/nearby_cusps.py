@@ -92,6 +92,8 @@ def cusps_near(strategy: Strategy, q0: Vector, space: Workspace) -> NearbyCusps:
         found = cusps(strategy, q0, starts=STARTS)
     except HolokinError as problem:  # such as a posture beyond the joint limits, where a design could not keep them
         return NearbyCusps(None, np.nan, str(problem))
+    if found.excluded:
+        return NearbyCusps(found, np.inf)
     poses = space.poses(POSES)
     ends = inverse(strategy, q0, limits=False).batch(space.poses(STARTS))
     near = cusps_from(found.strategy, found.level, ends.last[np.isfinite(ends.last).all(axis=1)], limits=True)

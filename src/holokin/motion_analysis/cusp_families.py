@@ -62,7 +62,7 @@ def symmetric_joints(strategy: HolonomicStrategy, level: Vector, q: Matrix) -> F
     n, tested = q.shape[1], q[:TESTED]
     alone = tested + np.array(SHIFTS)[:, None, None, None] * np.eye(n)[:, None, :]
     off = _residuals(strategy, level, alone.reshape(-1, n)).reshape(len(SHIFTS), n, len(tested))
-    found = (off <= MOVED).all(axis=(0, 2))
+    found = np.asarray((off <= MOVED).all(axis=(0, 2)))
     together = tested + found * np.linspace(*SHIFTS, n)
     return found if (_residuals(strategy, level, together) <= MOVED).all() else np.zeros(n, dtype=bool)
 

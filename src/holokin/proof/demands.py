@@ -61,4 +61,4 @@ def _beyond(limits: Interval, cells: Cells, found: Findings) -> Flags:
     """Cells (k,) over all of which a joint is beyond its limit; or is held at it, so that no part of them keeps off."""
     q, moves = (part[:, : found.low.shape[1]] for part in (cells.q0, cells.reach))
     held = (moves <= AT) & ((q >= limits.high - AT) | (q <= limits.low + AT))
-    return (held | (found.low > limits.high) | (found.high < limits.low)).any(axis=1)
+    return np.asarray((held | (found.low > limits.high) | (found.high < limits.low)).any(axis=1))
