@@ -133,7 +133,7 @@ def audit_dataset(
 
 
 def _join_turns(q: Numbers, begins: Whole, period: float, robot: Robot) -> tuple[dict[int, HingeTurns], list[str]]:
-    """(hinges whose turns are not all known or do not count, notes); q (k, n) runs on within each episode, in place."""
+    """(hinges whose turns are not all known, or do not count; notes); q (k, n) runs on within episodes, in place."""
     steps = np.full(len(q) - 1, period, np.float32)
     steps[begins[1:-1] - 1] = np.inf
     limited = np.isfinite(robot.lower) | np.isfinite(robot.upper)
@@ -159,7 +159,8 @@ def _equal_poses(
     rows for it: an arm of few joints.
     """
     distance, allowed, joint = np.empty(len(first)), np.full(len(first), tolerance), np.empty(len(first), np.int16)
-    unknown = np.full(len(first), -1, np.int16)
+    none = np.broadcast_to(np.int16(-1), len(first))  # which takes no memory
+    unknown = none.copy() if turns else none
     limited = np.isfinite(task.robot.lower) | np.isfinite(task.robot.upper)
     for i in range(0, len(first), PAIRS):
         here = slice(i, i + PAIRS)
@@ -170,7 +171,8 @@ def _equal_poses(
         less = np.zeros((len(a), task.n), bool)
         for j, one in turns.items():
             less[:, j] = one.apart(a, b) if limited[j] else one.runs_apart(a, b)
-        unknown[here] = np.where((less & limited).any(axis=1), np.argmax(less & limited, axis=1), -1)
+        if turns:
+            unknown[here] = np.where((less & limited).any(axis=1), np.argmax(less & limited, axis=1), -1)
         distance[here], moved, joint[here] = _compared(task, q, a, b, less)
         allowed[here] += SLOPE * moved
     columns = (first, second, distance, allowed, joint, unknown)

@@ -34,19 +34,22 @@ OVERSPEED = 1.2
 NOISE = 0.05
 """Change [rad] that the noise of two samples may add, and distance from joint limits at which values may lie."""
 
+BLOCK = 50_000
+"""Samples whose changes are in memory at one time."""
+
 FASTEST_HINGE = 4 * np.pi
 """Speed [rad/s] of a hinge without a speed limit: the wrists of industrial arms reach 8 rad/s."""
 
 
 @dataclass(frozen=True, eq=False)
 class HingeTurns:
-    """Whole turns of one hinge: `turns` (k,) to add to its values, which let it run on, or None where there are none.
+    """Whole turns of one hinge: `turns` (k,) [rad] to add to its values, which then run on; None where there are none.
 
     begins (r,): runs of samples in which no turn is missed; known (r,): whether its limits, or values that count turns,
     leave no other turn of the run; cut: whether the values are cut, and not only moved into the limits.
     """
 
-    turns: Vector | None
+    turns: Numbers | None
     begins: Indices
     known: Flags
     cut: bool
@@ -64,31 +67,44 @@ class HingeTurns:
 def hinge_turns(values: Numbers, steps: Numbers, robot: Robot, joint: int) -> HingeTurns:
     """Whole turns of the hinge `joint` with values (k,), whose samples are `steps` (k - 1,) [s] apart; inf: unknown."""
     speed = robot.max_velocity[joint] if np.isfinite(robot.max_velocity[joint]) else FASTEST_HINGE
-    change = np.diff(values)
-    ends = np.array([values.min()]), np.array([values.max()])
-    largest = max(float(change.max(initial=0.0)), -float(change.min(initial=0.0)))
-    if largest <= np.pi / 2 and TURN - largest > OVERSPEED * speed * float(steps.max(initial=0.0)) + NOISE:
-        # One run without a cut, as most are.
-        moves, known = _into_limits(*ends, robot.lower[joint], robot.upper[joint])
-        some = moves[0] and max(-ends[0][0], ends[1][0]) <= TURN + NOISE
-        turns = np.full(len(values), TURN * moves[0]) if some else None
-        return HingeTurns(turns, np.zeros(1, np.intp), known, False)
-    reach = OVERSPEED * speed * steps + NOISE
-    turns = np.round(change / -TURN)
-    least = np.abs(change + TURN * turns)
-    # A change may be another one where the speed limit allows that, or not even the least, if that is no small one.
-    other = (TURN - least <= reach) | ((least > reach) & (least > np.pi / 2))
+    low, high = float(values.min()), float(values.max())
+    turns, other = _least_turns(values, steps, speed)
     begins = np.concatenate([[0], np.flatnonzero(other) + 1])
-    low, high, cut = float(ends[0][0]), float(ends[1][0]), bool(turns[~other].any())
-    most = max(-low, high)
+    cut, most = bool(turns[~other].any()), max(-low, high)
     if most > 2 * TURN or (not cut and (high - low > TURN + 2 * NOISE or most > TURN + NOISE)):
         # no interval of a turn that drivers use holds the values: they count turns
         return HingeTurns(None, begins, np.ones(len(begins), bool), False)
-    whole = np.concatenate([[0.0], np.cumsum(turns)])
-    runs = (of.reduceat(values + TURN * whole, begins) for of in (np.minimum, np.maximum))
+    whole, joined = np.zeros(0, values.dtype), values
+    if cut or turns.any():
+        whole = np.zeros_like(values)
+        np.cumsum(turns, out=whole[1:])
+        whole *= TURN
+        joined = values + whole
+    runs = (of.reduceat(joined, begins) for of in (np.minimum, np.maximum))
     moves, known = _into_limits(*runs, robot.lower[joint], robot.upper[joint])
-    whole += np.repeat(moves, np.diff([*begins, len(values)]))
-    return HingeTurns(TURN * whole if whole.any() else None, begins, known, bool(turns.any()))
+    if moves.any():
+        whole = whole if len(whole) else np.zeros_like(values)
+        for first, last, move in zip(begins, [*begins[1:], len(values)], TURN * moves, strict=True):
+            whole[first:last] += move
+    return HingeTurns(whole if len(whole) else None, begins, known, bool(turns.any()))
+
+
+def _least_turns(values: Numbers, steps: Numbers, speed: float) -> tuple[Indices, Flags]:
+    """(whole turns (k - 1,) that make each change of the values (k,) least, whether it may be another one).
+
+    It may where the speed limit allows that, or does not even allow the least, if that is over a quarter turn.
+    """
+    turns, other = np.zeros(len(steps), np.int32), np.zeros(len(steps), bool)
+    for i in range(0, len(steps), BLOCK):  # a dataset has a million
+        change = np.diff(values[i : i + BLOCK + 1])
+        reach = OVERSPEED * speed * steps[i : i + BLOCK] + NOISE
+        least = np.abs(change)
+        if least.max() > np.pi:
+            turn = np.round(change / -TURN)
+            turns[i : i + BLOCK] = turn
+            least = np.abs(change + TURN * turn)
+        other[i : i + BLOCK] = (TURN - least <= reach) | ((least > reach) & (least > np.pi / 2))
+    return turns, other
 
 
 def joined_turns(log: Recording, robot: Robot, *, counted: bool = False, breaks: Sequence[int] = ()) -> Recording:
