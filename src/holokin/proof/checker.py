@@ -330,7 +330,7 @@ class Checker:
             f"E: {len(self.data['operations'])} operations, {n} rows and unknowns, {self.joints} of them joints; "
             f"level {self.data['level']} of {r} rows",
         ]
-        what = "all" if claims["whole"] else f"{100 * self.share / part:.3g} %"
+        what = "all" if claims["whole"] else f"{100 * self.share / part:.3g} %{' of the parameters' * (self.d > 3)}"
         if self.d > 1:
             sides = [[-1 if i == k else 0 for i in range(self.d)] for k in range(self.d)]
             q, of = self.data["pieces"][0]["q"], self.numbers

@@ -285,7 +285,9 @@ def unique_region(
     """Tool poses about q0 over which the joints on its leaf are proven to be one function of the pose.
 
     Of a workspace, a box, it is the part that can be proven, cell by cell, as far as it hangs together with the pose of
-    q0 (or, where the box does not hold that, with its middle). Without one it is a large box about the pose of q0,
+    q0 (or, where the box does not hold that, with its middle): the cells about that pose first, then the largest that
+    can be joined to it, until the budget is spent or none is left. Where that pose itself cannot be proven,
+    `holds_start` is False and the sentence says so. Without a workspace it is a large box about the pose of q0,
     whole: where samples find the leaf regular and within the limits the box grows, one side after the other, and it is
     made smaller until it is proven. A larger one may exist.
 
@@ -295,7 +297,7 @@ def unique_region(
         tilt, spin: of the box that is sought [rad], as of `workspace`; the tool's orientation at q0 is its middle.
         limits: prove, too, that the joints stay within their limits.
         clear_of, floor, clearance, self_collision, ignore, shapes_of: prove, too, that shapes keep apart, as `certify`.
-        budget: cells that may be examined; more give a larger box.
+        budget: cells that may be examined; more give a larger box, and never prove less of one.
         keep_in: of a workspace, a file that keeps the cells, as of `certify`.
         say: hears of the progress.
 
