@@ -161,7 +161,7 @@ def main(arguments: list[str] | None = None) -> int:
     for name, (strategy, start) in laws(robot).items():
         if given.quick and name != "joint 3 locked":
             continue
-        ik = hk.inverse(strategy, start)
+        ik = hk.inverse(strategy, start, limits=False)
         native = "native" in ik.engine
         count = (20 if native else 1) if given.quick else given.poses if native else 20
         t = measure(name, ik, count, 1 if given.quick or not native else 12)
@@ -174,7 +174,7 @@ def main(arguments: list[str] | None = None) -> int:
         shares = f"{t.reached:.1%} | {t.within:.1%}"
         label = name if native else f"{name} ({t.engine})"
         print(f"| {label} | {shares} | " + " | ".join([*map(cell, map(float, times)), *near]) + " |", flush=True)
-    ik = hk.inverse(*laws(robot)["joint 3 locked"])
+    ik = hk.inverse(*laws(robot)["joint 3 locked"], limits=False)
     count = 200 if given.quick else given.order
     difference, seconds = any_order(ik, count)
     lost = ik.batch(np.full((1, 4, 4), np.nan)).status[0]

@@ -14,13 +14,14 @@ from hypothesis import strategies as st
 import holokin as hk
 from holokin.errors import HolokinError, JointLimitError
 from holokin.inverse_kinematics import InverseStatus
+from holokin.strategies import HolonomicStrategy
 from public_nouns import public_classes, rooms
 
 SPACE = hk.workspace(box=([1.2, 0.8], [0.05, 0.05]))
 FORMULAS = {"control_laws.repetitive_motion"}
 """Published with limits and without: two laws, whose motions are judged by who runs them."""
 
-DOORS: dict[str, Callable[[hk.HolonomicStrategy, np.ndarray], object]] = {
+DOORS: dict[str, Callable[[HolonomicStrategy, np.ndarray], object]] = {
     "inverse": hk.inverse,
     "move_to_leaf": hk.move_to_leaf,
     "follow": lambda law, q: hk.follow(law, around(law, q), q, samples=4),
@@ -47,7 +48,7 @@ def around(law: hk.Strategy, q: np.ndarray) -> hk.Path:
     return hk.circle(at, center=at - [0.02, 0.0, 0.0])
 
 
-def narrow(seed: int) -> tuple[hk.HolonomicStrategy, np.ndarray, np.random.Generator]:
+def narrow(seed: int) -> tuple[HolonomicStrategy, np.ndarray, np.random.Generator]:
     """A planar arm with random limits, a strategy that ties its joints, and a posture within."""
     rng = np.random.default_rng(seed)
     q0 = np.array([rng.uniform(-0.5, 0.5), rng.uniform(0.6, 1.2), rng.uniform(-1.2, -0.4)])

@@ -7,12 +7,12 @@ from functools import cached_property, partial
 from typing import TypeVar
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START, campaign
-from holokin.inverse_kinematics import InverseStatus, Nearest
+from holokin.inverse_kinematics import InverseKinematics, InverseStatus, Nearest
 
 T = TypeVar("T")
 READY = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785])
@@ -46,7 +46,7 @@ class Twins:
         self.laws = make(self.robot), make(self.robot)
 
     @cached_property
-    def ik(self) -> tuple[hk.InverseKinematics, hk.InverseKinematics]:
+    def ik(self) -> tuple[InverseKinematics, InverseKinematics]:
         native, machine = self.both(lambda law: hk.inverse(law, self.q0, limits=self.limits), self.laws)
         assert self.both(lambda ik: "virtual machine" in ik.engine, (native, machine)) == (False, True)
         return native, machine
@@ -74,7 +74,7 @@ class Twins:
             return poses
         poses[:, :3, 3] += rng.uniform(-0.5, 0.5, (count, 3))
         turns = rng.choice([0, 0.2, 0.6], (count, 1)) * rng.normal(size=(count, 3))
-        poses[:, :3, :3] = [pin.exp3(w) for w in turns] @ poses[:, :3, :3]
+        poses[:, :3, :3] = Rotation.from_rotvec(turns).as_matrix() @ poses[:, :3, :3]
         return poses
 
 

@@ -277,3 +277,22 @@ def test_a_bad_level_has_a_status_or_is_refused(arm: hk.Strategy, panda: hk.Robo
     free = hk.controller(hk.moore_penrose(arm.task), dt=DT)
     with pytest.raises(ArgumentError, match="holds no leaf"):
         free.step(PANDA_START, pose, still, level=0.1)
+
+
+def test_a_step_at_a_limit_names_the_joints_that_hold_it() -> None:
+    """A slide led against its stop, then two at once, then away from both, where nothing holds it."""
+    robot = hk.with_limits(hk.load("ppr"), lower=[-1.0, -1.0, -3.0], upper=[1.0, 1.0, 3.0], max_velocity=2.0)
+    q0 = np.array([0.2, 0.1, 1.0])
+    c = hk.controller(hk.holonomic(hk.position(robot), hk.lock(2)), dt=0.01, q0=q0)
+    first, second, _ = robot.joint_names
+
+    def step(q: list[float], twist: list[float]) -> tuple[str, tuple[str, ...]]:
+        pose = robot.pose(np.array(q))
+        pose[:2, 3] += 0.01 * np.array(twist)
+        c.step(np.array(q), pose, np.array([*twist, 0.0, 0.0, 0.0, 0.0]))
+        return c.status.name, c.holding
+
+    assert step([1.0, 0.1, 1.0], [0.3, 0.0]) == ("LIMIT", (first,)) and c.scale == 0.0 and first in repr(c)
+    assert step([1.0, -1.0, 1.0], [0.3, -0.3]) == ("LIMIT", (first, second))
+    assert step([1.0, -1.0, 1.0], [-0.3, 0.3]) == ("OK", ()) and "held" not in repr(c)
+    assert step([1.0, 0.1, 1.0], [-0.3, 0.2]) == ("OK", ())

@@ -32,7 +32,7 @@ def solved(make):
     """A run of `hk.inverse`: the joints are asked for at each pose, from the last answer."""
 
     def start(arm: Arm) -> Step:
-        ik = hk.inverse(make(hk.pose(hk.from_urdf(Path(arm.urdf), tip=arm.frame)), arm), arm.start)
+        ik = hk.inverse(make(hk.pose(hk.from_urdf(Path(arm.urdf), tip=arm.frame)), arm), arm.start, limits=False)
         return lambda q, pose, twist, h: ik.near(pose, q)
 
     return start

@@ -82,7 +82,9 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
             ends = [sign * (end - e.q[i]) for end, sign in ((joint.upper, 1), (joint.lower, -1)) if np.isfinite(end)]
             if ends:  # how far the joint is from the end that it goes to
                 speed = (1 if np.isfinite(joint.upper) else -1) * dq[i] * dt
-                left, speed = (ends[0], speed) if len(ends) == 1 else (if_else(speed > 0, *ends), fabs(speed))
+                left, speed = (
+                    (ends[0], speed) if len(ends) == 1 else (if_else(speed > 0, ends[0], ends[1]), fabs(speed))
+                )
                 its = if_else(speed > 1e-12, fmax(left, 0) / fmax(speed, 1e-12), 1)
                 room, holding = fmin(room, its), holding + if_else(its <= AT_LIMIT, 2.0**i, 0)
     largest = SX(0)
