@@ -25,6 +25,7 @@ from .even_turns import shares_of_turns
 from .partition import overlapping
 from .path_postures import PIECES
 from .targets import PoseBox
+from .task_rows import deepest, spins_freely
 from .tube import centred, examined
 
 NEAR = 1e-9
@@ -85,7 +86,7 @@ class PoseRegion(Value, Domain):
             raise ArgumentError("the task to certify over a box", strategy.task.name, cure)
         p0, R = completed(strategy.task, (space.solid.center, space.rotation), strategy.task.place(q0))
         tilt, spin = (space.tilt, space.spin) if _turns(strategy.task) else (0.0, 0.0)
-        if _spins_freely(strategy.task, R):
+        if spins_freely(strategy.task, R):
             spin = 0.0
         turn = 2 * np.array([np.tan(tilt / 2) / np.cos(spin / 2)] * 2 + [np.tan(spin / 2)]) * WIDER
         turning = bool(turn.any())
@@ -201,7 +202,7 @@ class PoseRegion(Value, Domain):
             direction = free_directions(task)[0]
             if direction is not None:
                 axis, of_base = direction
-                turn = _deepest(turn, self.R0.T @ axis if of_base else axis, of_base, half[3:])
+                turn = deepest(turn, self.R0.T @ axis if of_base else axis, of_base, half[3:])
             with np.errstate(divide="ignore", invalid="ignore"):
                 w = np.where(turn[:, 3:] > HALF_TURN, 2 * turn[:, :3] / turn[:, 3:], np.inf)
         at = np.hstack([p - self.p0, w])
@@ -361,43 +362,6 @@ def one_root(off: Vector, r: Vector, alone: Vector, other_r: Vector, other_alone
 def _turns(task: Task) -> bool:
     """Whether a task looks at the tool's orientation."""
     return any(task.angular)
-
-
-def _spins_freely(task: Task, R: Matrix) -> bool:
-    """Whether turns about the tool's z axis at the middle of a box, whose rotation is R (3, 3), are free."""
-    direction = free_directions(task)[0]
-    if direction is None:
-        return False
-    axis, of_base = direction
-    return float(np.abs((R.T @ axis if of_base else axis)[:2]).max()) < NEAR
-
-
-def _deepest(turn: Matrix, axis: Vector, of_base: bool, half: Vector) -> Matrix:
-    """Of turns (k, 4), as quaternions x, y, z, s, then or first turned freely about an axis (3,), those with the least
-    of the largest |w_i| / half_i, w the Cayley parameters.
-
-    A free turn by 2 atan(t) leads to a + t b, and 2 w_i = (a_i + t b_i) / (a_s + t b_s): where two of the ratios are
-    as large, or one is 0, t solves a linear equation.
-    """
-    from scipy.spatial.transform import Rotation
-
-    free, turns = Rotation.from_quat([*axis, 0.0]), Rotation.from_quat(turn)
-    a, b = turns.as_quat(), (free * turns if of_base else turns * free).as_quat()
-    size = np.maximum(half, 1e-12)
-    A, B = a[:, :3] / size, b[:, :3] / size
-    pairs = [(i, j, sign) for i in range(3) for j in range(i, 3) for sign in ((1.0,) if i == j else (1.0, -1.0))]
-    best, least = turn, np.full(len(turn), np.inf)
-    for i, j, sign in pairs:
-        over, under = A[:, i] + sign * (A[:, j] if i != j else 0.0), B[:, i] + sign * (B[:, j] if i != j else 0.0)
-        length = np.hypot(over, under)
-        c, s = (np.where(length > 0, x / np.where(length > 0, length, 1.0), y) for x, y in ((under, 1.0), (-over, 0.0)))
-        tried = c[:, None] * a + s[:, None] * b
-        tried *= np.where(tried[:, 3:] < 0, -1.0, 1.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.abs(tried[:, :3] / size).max(axis=1) / tried[:, 3]
-        better = ratio < least
-        best, least = np.where(better[:, None], tried, best), np.where(better, ratio, least)
-    return best
 
 
 def _not_whole(found: Covered) -> Extent:

@@ -1,15 +1,22 @@
-"""The rows f(q) - x of a task and what of the tool pose enters them, as expressions without a logarithm."""
+"""The rows f(q) - x of a task and what of the tool pose enters them, as expressions without a logarithm, and free turns."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
+from ..base.types import Matrix, Vector
 from ..errors import ArgumentError
 from ..symbolic import SX, vertcat
 from ..symbolic.rotations import frame_about
 from ..tasks.frame_task import FrameTask, parts_of
+from ..tasks.free_motion import free_directions
 from ..tasks.orientation_rows import AxisDirection
 from ..tasks.task import Task
+
+ALIGNED = 1e-9
+"""By how much [-] a free axis may differ from the tool's z axis and count as that."""
 
 
 def parts(task: Task) -> list[tuple[int, FrameTask]]:
@@ -95,3 +102,40 @@ def reached_by(task: Task, p: SX, R: SX) -> SX:
             value = kind.value(turn)
             found += [value[row - 3] for row in part.rows if row > 2]
     return vertcat(*found)
+
+
+def spins_freely(task: Task, R: Matrix) -> bool:
+    """Whether turns about the tool's z axis at the middle of a box, whose rotation is R (3, 3), are free."""
+    direction = free_directions(task)[0]
+    if direction is None:
+        return False
+    axis, of_base = direction
+    return float(np.abs((R.T @ axis if of_base else axis)[:2]).max()) < ALIGNED
+
+
+def deepest(turn: Matrix, axis: Vector, of_base: bool, half: Vector) -> Matrix:
+    """Of turns (k, 4), as quaternions x, y, z, s, then or first turned freely about an axis (3,), those with the least
+    of the largest |w_i| / half_i, w the Cayley parameters.
+
+    A free turn by 2 atan(t) leads to a + t b, and 2 w_i = (a_i + t b_i) / (a_s + t b_s): where two of the ratios are
+    as large, or one is 0, t solves a linear equation.
+    """
+    from scipy.spatial.transform import Rotation
+
+    free, turns = Rotation.from_quat([*axis, 0.0]), Rotation.from_quat(turn)
+    a, b = turns.as_quat(), (free * turns if of_base else turns * free).as_quat()
+    size = np.maximum(half, 1e-12)
+    A, B = a[:, :3] / size, b[:, :3] / size
+    pairs = [(i, j, sign) for i in range(3) for j in range(i, 3) for sign in ((1.0,) if i == j else (1.0, -1.0))]
+    best, least = turn, np.full(len(turn), np.inf)
+    for i, j, sign in pairs:
+        over, under = A[:, i] + sign * (A[:, j] if i != j else 0.0), B[:, i] + sign * (B[:, j] if i != j else 0.0)
+        length = np.hypot(over, under)
+        c, s = (np.where(length > 0, x / np.where(length > 0, length, 1.0), y) for x, y in ((under, 1.0), (-over, 0.0)))
+        tried = c[:, None] * a + s[:, None] * b
+        tried *= np.where(tried[:, 3:] < 0, -1.0, 1.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.abs(tried[:, :3] / size).max(axis=1) / tried[:, 3]
+        better = ratio < least
+        best, least = np.where(better[:, None], tried, best), np.where(better, ratio, least)
+    return best
