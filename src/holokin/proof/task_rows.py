@@ -1,4 +1,4 @@
-"""The rows f(q) - x of a task and what of the tool pose enters them, without a logarithm; turns that they leave free."""
+"""The rows f(q) - x of a task and what of the tool pose enters them, without a logarithm; and turns left free."""
 
 from __future__ import annotations
 
