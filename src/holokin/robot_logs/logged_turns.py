@@ -80,8 +80,8 @@ def hinge_turns(values: Numbers, steps: Numbers, robot: Robot, joint: int) -> Hi
         np.cumsum(turns, out=whole[1:])
         whole *= TURN
         joined = values + whole
-    runs = (of.reduceat(joined, begins) for of in (np.minimum, np.maximum))
-    moves, known = _into_limits(*runs, robot.lower[joint], robot.upper[joint])
+    least, greatest = np.minimum.reduceat(joined, begins), np.maximum.reduceat(joined, begins)
+    moves, known = _into_limits(least, greatest, robot.lower[joint], robot.upper[joint])
     if moves.any():
         whole = whole if len(whole) else np.zeros_like(values)
         for first, last, move in zip(begins, [*begins[1:], len(values)], TURN * moves, strict=True):
@@ -89,7 +89,7 @@ def hinge_turns(values: Numbers, steps: Numbers, robot: Robot, joint: int) -> Hi
     return HingeTurns(whole if len(whole) else None, begins, known, bool(turns.any()))
 
 
-def _least_turns(values: Numbers, steps: Numbers, speed: float) -> tuple[Indices, Flags]:
+def _least_turns(values: Numbers, steps: Numbers, speed: float) -> tuple[Rows, Flags]:
     """(whole turns (k - 1,) that make each change of the values (k,) least, whether it may be another one).
 
     It may where the speed limit allows that, or does not even allow the least, if that is over a quarter turn.
