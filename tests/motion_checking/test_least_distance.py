@@ -112,7 +112,7 @@ CLEAR = {
     "task": '[task]\nkind = "pose"\n',
     "start": "[start]\nq = [2.50787, -1.37524, -1.41763, -1.77731, -1.34679, 1.67763, -1.97091]\n",
     "path": '[path]\nkind = "circle"\ncenter = [-0.02, 0, 0]\nrelative = true\nsamples = 60\n',
-    "checks": "[checks]\nclearance = 0.02\n",
+    "checks": "[checks]\nclearance = 0.02\nradius = 0.081\n",
 }
 
 

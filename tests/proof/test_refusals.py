@@ -165,7 +165,7 @@ def test_a_box_of_the_other_elbow_is_not_proven_for_a_start(monkeypatch: pytest.
     assert np.abs(arm.pose(elbow)[:3, 3] - p).max() < 1e-12
     space = hk.workspace(box=(p, [0.01, 0.01, 0.0]))
     assert hk.certify(G, space, q0).whole
-    monkeypatch.setattr("holokin.proof.box_proof.inverse", lambda *_: lambda _pose: elbow)
+    monkeypatch.setattr("holokin.proof.box_proof.inverse", lambda *_, **_more: lambda _pose: elbow)
     found = hk.certify(G, space, q0)
     assert found.extent is Extent.APART and found.where == "the start"
     assert np.abs(found.cells.q0[0] - elbow).max() < 0.1
