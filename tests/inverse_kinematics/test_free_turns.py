@@ -269,8 +269,9 @@ def test_native_code_follows_as_the_virtual_machine_does(kind: str, monkeypatch:
     assert same(fast.q, slow.q) and np.abs(fast.q[-1] - ik.q0).max() > 1e-4
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(which("cc") is None, reason="no C compiler")
-@sampled(1, "kind", [kind for kind, (of, _) in KINDS.items() if "pos" not in kind and kind != "x and z"])
+@pytest.mark.parametrize("kind", [kind for kind, (of, _) in KINDS.items() if "pos" not in kind and kind != "x and z"])
 def test_exported_c_leaves_free_what_the_task_does(kind: str, tmp_path: Path) -> None:
     """From the start, and from an answer nearby."""
     (ik, change), rng = case(kind, 2), np.random.default_rng(2)
