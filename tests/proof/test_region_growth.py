@@ -81,6 +81,30 @@ def test_a_box_that_certify_proves_is_proven_whole_however_wide_the_spin(seed: i
     assert region.contains(turned(T, np.linspace(-spin, spin, 7))).all()
 
 
+SPATIAL = {
+    "panda": (0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5),
+    "iiwa14": (0.1, 0.6, 0.0, -1.4, 0.0, 1.1, 0.0),
+    "ur5e": (0.2, -1.2, 1.4, -1.3, -1.4, 0.5),
+}
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("name", SPATIAL)
+def test_so_is_a_box_of_a_spatial_arm(name: str, seed: int) -> None:
+    """Round a start that is not in the middle, with a tilt, a spin or neither; a UR5e has its spin free."""
+    rng, robot = np.random.default_rng([seed, len(name)]), hk.load(name)
+    q0 = np.array(SPATIAL[name]) + rng.uniform(-0.2, 0.2, robot.n)
+    task = hk.pose(robot, "axis" if robot.n == 6 else "twist")
+    strategy = hk.holonomic(task, hk.lock(5 if robot.n == 6 else int(rng.choice([0, 2, 6]))))
+    T, half = robot.pose(q0), rng.uniform(0.003, 0.008, 3)
+    turns = ({}, {"tilt": rng.uniform(0.0, 0.02)}, {"spin": rng.uniform(0.0, 0.2)})[seed % 3]
+    space = hk.workspace(box=(T[:3, 3] + half * rng.uniform(-0.5, 0.5, 3), half), rotation=T[:3, :3], **turns)
+    if hk.certify(strategy, space, q0, budget=3_000).whole:
+        region = hk.unique_region(strategy, q0, space, budget=3_000)
+        assert region.whole and region.share == 1.0 and region.holds_start
+
+
 def test_a_share_of_spins_is_that_of_even_spins_and_shares_of_a_sentence_add_up_to_all() -> None:
     """A joint that ends at 1.2 rad; no share of Cayley parameters, which would be 40 % for 58 %."""
     rows = [{"a": a, "lower": -x, "upper": x, "max_velocity": 2.0} for a, x in ((1, 3), (1, 3), (1, 3), (0.05, 1.2))]

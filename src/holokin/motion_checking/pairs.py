@@ -65,9 +65,9 @@ def pairs_of(
     things = links_of([shape for shape in good if shape.obstacle])
     names = [link.name for link in (*links, *things)] + [shape.link for shape, _ in faulty]
     _known(ignore, names if floor is None else [*names, FLOOR])
-    skipped, every = _Skipped(ignore), [*robot.shapes, *obstacles]
+    allowed, every = _Allowed(ignore), [*robot.shapes, *obstacles]
     unseen = [
-        Unseen(one.link, fault, _asked_about(one, every, skipped, floor, self_collision)) for one, fault in faulty
+        Unseen(one.link, fault, _asked_about(one, every, allowed, floor, self_collision)) for one, fault in faulty
     ]
     if not all(isinstance(shape.shape, Capsule) for shape in robot.shapes):  # a link without length has no capsule
         bare = sorted({*range(len(robot.joints))} - {shape.joint for shape in robot.shapes})
@@ -77,7 +77,7 @@ def pairs_of(
     left_out, gaps, tested = [], [], []
     for i, one in enumerate(links):
         for thing in things if one.joint >= 0 else ():
-            if (one.name, thing.name) in skipped:
+            if (one.name, thing.name) in allowed:
                 left_out.append(LeftOut((one.name, thing.name), ASKED))
             else:
                 gaps.append(link_gap(robot, one, thing, travel))
@@ -85,7 +85,7 @@ def pairs_of(
             pair = (other.name, one.name)
             if one.joint == other.joint:
                 continue  # they never move against each other
-            if pair in skipped:
+            if pair in allowed:
                 left_out.append(LeftOut(pair, ASKED))
             elif other is parents[i] or one is parents[j]:
                 left_out.append(LeftOut(pair, ADJACENT))
@@ -103,7 +103,7 @@ def pairs_of(
     for link in links:
         if floor is None or link.joint < 0:
             continue
-        if (link.name, FLOOR) in skipped:
+        if (link.name, FLOOR) in allowed:
             left_out.append(LeftOut((link.name, FLOOR), ASKED))
         else:
             gaps.append(floor_gap(robot, link, floor, travel))
@@ -111,7 +111,7 @@ def pairs_of(
     return Pairs(tuple(gaps), tuple(limits), tuple(left_out), tuple(unseen), clearance)
 
 
-class _Skipped:
+class _Allowed:
     """The pairs of names that may touch."""
 
     def __init__(self, pairs: Sequence[tuple[str, str]]) -> None:
@@ -123,7 +123,7 @@ class _Skipped:
 
 
 def _asked_about(
-    one: LinkShape, every: Sequence[LinkShape], skipped: _Skipped, floor: float | None, self_collision: bool
+    one: LinkShape, every: Sequence[LinkShape], allowed: _Allowed, floor: float | None, self_collision: bool
 ) -> bool:
     """Whether a shape may meet a thing that it may not touch."""
     up, height = one.placement[2, 2:]
@@ -137,7 +137,7 @@ def _asked_about(
         else:
             meet = self_collision and one.joint != other.joint
         rivals += [other.link] if meet else []
-    return any((one.link, name) not in skipped for name in rivals)
+    return any((one.link, name) not in allowed for name in rivals)
 
 
 def _known(ignore: Sequence[tuple[str, str]], names: Sequence[str]) -> None:
