@@ -9,7 +9,6 @@ import threading
 import zipfile
 from collections.abc import Iterator
 from html import escape
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,10 +16,9 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.studios import circle_loop
 from holokin.studios.handles import circle_of
 from holokin.studios.shown_units import UNITS
-from sessions import TOOL, panda, shifted
+from sessions import panda
 from sessions import run as run_to_the_end
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
@@ -121,72 +119,6 @@ def choose_law(panel: Any, name: str, session: Any) -> None:
         panel.draw(session.snapshot())
 
 
-def stood(session: Any) -> tuple[Any, ...]:
-    """All that people change in a session, as numbers."""
-    snap, loop = session.snapshot(), session.loop
-    points = None if loop is None else loop.points(7).tolist()
-    laws = [(law.name, law.q.tolist(), law.level.tolist()) for law in snap.laws]
-    return laws, snap.target.tolist(), points, snap.cycles, snap.factor, snap.clockwise
-
-
-def test_what_people_change_is_undone_step_by_step_and_redone_to_the_last_bit() -> None:
-    studio = hk.studio(panda(), port=0, browser=False, wait=False, tell=str)
-    try:
-        page, session = studio.page, studio.session
-        changes = (
-            lambda: session.drag(shifted(-0.05, 0.08)),
-            lambda: session.move_self("arm angle", 0.1),
-            lambda: session.set_loop(circle_loop(TOOL[:3, 3] - [0, 0.05, 0], 0.05, near=TOOL[:3, 3])),
-            lambda: session.set_clockwise(True),
-            lambda: session.set_cycles(7),
-            lambda: session.remove_law("pseudo-inverse"),
-            lambda: session.reset(),
-        )
-        states = [stood(session)]
-        for change in changes:
-            page.ask(change)
-            page_thread_done(page)
-            states.append(stood(session))
-        assert all(a != b for a, b in pairwise(states))
-        for wanted in states[-2::-1]:
-            page.ask(page.undo_last)
-            page_thread_done(page)
-            assert stood(session) == wanted
-        assert page.panels.cycles.value == (session.snapshot().cycles or 0)
-        page.ask(page.undo_last)  # there is nothing before
-        page_thread_done(page)
-        assert stood(session) == states[0] and page.undo.steps == (False, True)
-        for wanted in states[1:]:
-            page.ask(page.redo_next)
-            page_thread_done(page)
-            assert stood(session) == wanted
-        page.ask(page.undo_last)
-        page.ask(lambda: session.set_cycles(9))  # after a change nothing is left to be redone
-        page_thread_done(page)
-        assert page.undo.steps == (True, False)
-    finally:
-        studio.close()
-
-
-def test_a_drag_of_many_small_moves_is_undone_as_one_and_a_law_is_undone_to_its_leaf() -> None:
-    studio = hk.studio(panda(), port=0, browser=False, wait=False, tell=str)
-    try:
-        page, session = studio.page, studio.session
-        first = stood(session)
-        for k in range(1, 6):
-            page.ask(lambda k=k: session.drag(shifted(-0.01 * k, 0.0)), "tool0")
-            page_thread_done(page)
-        page.ask(page.undo_last)
-        page_thread_done(page)
-        assert stood(session) == first
-        after = session.drag(shifted(0.0, 0.05))  # laws go on from their leaves
-        assert after.following
-        wanted = panda().drag(shifted(0.0, 0.05)).law("lock").q
-        assert after.law("lock").q == pytest.approx(wanted, abs=1e-9)
-    finally:
-        studio.close()
-
-
 class Browser:
     """A browser that keeps what it downloads."""
 
@@ -250,11 +182,11 @@ def test_what_cannot_be_written_is_said_in_the_page_and_nothing_is_downloaded(wo
     panel._work(browser, panel._program)
     assert "RAPID holds 6 axes" in worked.page.said and "Save the job" in worked.page.said
     assert "/tmp" not in worked.page.said
-    before = session.setup()
+    loop = session.loop
     session.set_loop(None)
     panel._work(browser, panel._program)
     assert "a job has a path" in worked.page.said and browser.files == {} and panel.answer.content == ""
-    session.restore(before)
+    session.set_loop(loop)
 
 
 @pytest.mark.campaign

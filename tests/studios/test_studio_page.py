@@ -187,28 +187,6 @@ def test_the_slider_of_the_self_motion_moves_the_joints_and_leaves_the_tool_wher
     assert np.abs(session.task.pose(after.q) - session.task.pose(before.q)).max() < 1e-9
 
 
-@pytest.mark.campaign
-def test_a_link_made_in_the_page_is_copied_by_a_click_and_opens_the_same_state(shown: Any) -> None:
-    page, session = shown.page, shown.session
-    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
-    session.set_cycles(4)
-    before = settled(session)
-    page.get_by_role("tab", name="Save").click()
-    page.get_by_role("button", name="Make a link").click()
-    page.get_by_text("Copy this link").click()
-    page.get_by_text("Copied", exact=True).wait_for()
-    link = page.evaluate("navigator.clipboard.readText()")
-    assert link.startswith(f"{shown.studio.url}?") and "state=hk1." in link
-    page.goto(link)
-    shown.session = until(lambda: found if (found := shown.studio.session) is not session else None)
-    page.get_by_role("button", name="Start", exact=True).wait_for()
-    assert page.url == shown.studio.url  # a reload does not open it again
-    after = settled(shown.session)
-    assert after.cycles == before.cycles == 4
-    for law in after.laws:
-        assert np.abs(law.q - before.law(law.name).q).max() < 1e-9
-
-
 def test_a_target_out_of_reach_makes_the_handle_red_with_one_sentence_and_nothing_jumps(shown: Any) -> None:
     session, page = shown.session, shown.page
     before = session.reset()

@@ -144,17 +144,6 @@ def test_an_arm_that_follows_no_more_keeps_its_posture_and_has_its_law_again(ses
     assert law.q[1] == pytest.approx(q[1], abs=1e-9)  # its lock, on the leaf where it stood
 
 
-def test_undo_gives_back_an_arm_that_does_not_follow_and_one_that_does(session: tuple) -> None:
-    one, sheets, _ = session
-    before = one.setup()
-    one.follow_sheets("pinv")
-    after = one.setup()
-    one.restore(before)
-    assert sheets.state.law == ""
-    one.restore(after)
-    assert sheets.state.law == "pinv"
-
-
 def test_a_job_with_sheets_has_them_in_its_session_and_another_has_none(tmp_path: Path) -> None:
     plain = open_session("ppr-cycle")
     assert plain.sheets is None

@@ -134,17 +134,3 @@ def test_a_camera_that_somebody_moved_stays_when_the_window_changes(shown: Any) 
     until(lambda: told(shown) and camera.aspect > 1.2 * shape)
     time.sleep(0.5)
     assert camera.position == pytest.approx(moved, abs=1e-3)
-
-
-def test_ctrl_z_undoes_what_was_dragged_and_shift_redoes_it(shown: Any) -> None:
-    page, session = shown.page, shown.studio.session
-    pose = np.array(session.snapshot().target[0])
-    before = session.snapshot().laws[0].q
-    pose[2, 3] += 0.05
-    shown.studio.page.ask(lambda: session.drag(pose), "tool0")
-    until(lambda: np.array_equal(session.snapshot().target[0], pose))
-    moved = session.snapshot().laws[0].q
-    page.locator("body").press("Control+z")
-    until(lambda: np.array_equal(session.snapshot().laws[0].q, before))
-    page.locator("body").press("Control+Shift+Z")
-    until(lambda: np.array_equal(session.snapshot().laws[0].q, moved))

@@ -13,16 +13,12 @@ def studio(
     what: Annotated[
         str | None,
         typer.Argument(
-            metavar="[JOB | ROBOT | LINK]",
-            help="A packaged job, a job file, a robot of the catalogue or a file, or a link that a studio made; "
-            "by default panda-circle.",
+            metavar="[JOB | ROBOT]",
+            help="A packaged job, a job file, a robot of the catalogue or a file; by default panda-circle.",
         ),
     ] = None,
     tip: Annotated[str | None, typer.Option(help="Of a model: the link that is the tool.")] = None,
     base: Annotated[str | None, typer.Option(help="Of a model: the link that stands still.")] = None,
-    state: Annotated[
-        str | None, typer.Option(help="A link that a studio made of this robot's file, or what follows its `state=`.")
-    ] = None,
     port: Annotated[int, typer.Option(help="Where the page is; the next free one if it is in use.")] = 8080,
     host: Annotated[
         str,
@@ -35,12 +31,8 @@ def studio(
     Every law has a robot of its own colour. Ctrl-C in the terminal ends the page (exit code 130); 2 is bad input, as of
     `holokin run`. Needs the extra "studio".
     """
-    from ..studios import DEFAULT, open_session, session_of_state
+    from ..studios import DEFAULT, open_session
     from ..studios.open_studio import studio as open_page
-    from ..studios.state_link import is_link
 
-    given = what or DEFAULT
-    session = session_of_state(given) if is_link(given) else open_session(given, tip=tip, base=base)
-    if state is not None:
-        session = session_of_state(state, session)
+    session = open_session(what or DEFAULT, tip=tip, base=base)
     open_page(session, port=port, host=host, browser=not no_browser, tell=show)

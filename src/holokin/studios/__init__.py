@@ -12,10 +12,8 @@ from .session_job import to_job, write_job
 from .session_laws import Law, default_laws
 from .session_loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
 from .session_page import PagePlan, page_plan
-from .shown_units import View
 from .sliders import Slider
 from .standalone_page import PageLoop, WebPage, cusp_loop, web_page
-from .state_link import session_of_state, state_text
 from .states import Cloud, CloudStatus, Judgement, LawState, LawStatus, LeafCusps, Origin, Phase, Snapshot
 from .two_paths import LawPaths, TwoPaths
 
@@ -41,7 +39,6 @@ __all__ = [
     "Snapshot",
     "Studio",
     "TwoPaths",
-    "View",
     "WebPage",
     "circle_loop",
     "cusp_loop",
@@ -55,8 +52,6 @@ __all__ = [
     "reversed_loop",
     "session_of_job",
     "session_of_robot",
-    "session_of_state",
-    "state_text",
     "studio",
     "to_job",
     "web_page",

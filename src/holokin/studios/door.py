@@ -12,7 +12,7 @@ import ipaddress
 import secrets
 import socket
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 BYTES = 24
 """Of a token: 192 bits, which nobody guesses."""
@@ -47,11 +47,9 @@ class Door:
     Attributes:
         token: the first part of the path of the page and of all that it asks for. A path is no cookie: browsers send
             cookies to all ports of a host, and so to servers of other users.
-        hear: called with the state that an address with the token holds; it returns at once.
     """
 
-    def __init__(self, host: str, hear: Callable[[str], object] = len) -> None:
-        self.hear = hear
+    def __init__(self, host: str) -> None:
         self.token = secrets.token_urlsafe(BYTES)
         self._names, self._any_address = _own_names(host), wildcard(host)
         self._invitation, self._until = "", 0.0

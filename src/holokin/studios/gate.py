@@ -24,7 +24,6 @@ from ..errors import MissingExtraError
 from .door import PAGE, TOKEN, Door, inner, policy
 from .incoming import LARGEST, Incoming
 from .page_scene import silent_viser
-from .state_link import state_in
 
 RATE = 400
 """Messages of a browser that are heard in a second: a drag sends 60. The others wait, for all share one thread."""
@@ -94,10 +93,6 @@ def _guarded(door: Door, answer: Any) -> Any:
             found = Response(http.HTTPStatus.FOUND, "Found", headers, b"")
         elif refused or not door.knows(request.path):
             found = connection.respond(http.HTTPStatus.FORBIDDEN, f"{refused or TOKEN}\n")
-        elif (state := state_in(request.path)) and "Upgrade" not in request.headers:
-            door.hear(state)
-            headers = Headers({"Location": f"/{door.token}/", "Content-Length": "0"})  # a reload does not open it again
-            found = Response(http.HTTPStatus.FOUND, "Found", headers, b"")
         else:
             found = answer(connection, replace(request, path=inner(request.path)))
             if found is not None:

@@ -108,12 +108,6 @@ class TransformControlsDragEndMessage(Struct, tag_field="type"):
     owner: _Name = ""
 
 
-class CommandTriggerMessage(Struct, tag_field="type"):
-    """A key was pressed, or a command chosen from the list of them."""
-
-    uuid: _Name
-
-
 class GetRenderResponseMessage(Struct, tag_field="type"):
     """A picture that the browser was asked for; an empty one if it has none."""
 
@@ -130,7 +124,6 @@ _SMALL = msgspec.msgpack.Decoder(
     | TransformControlsDragStartMessage
     | TransformControlsDragEndMessage
     | GetRenderResponseMessage
-    | CommandTriggerMessage
 )
 
 
@@ -156,19 +149,11 @@ class Incoming:
             message = (_SMALL if len(said) <= SMALL else _PICTURE).decode(said)
             if isinstance(message, GuiUpdateMessage):
                 message.updates.value = fitted(self._control(message.uuid), message.updates.value)
-            elif isinstance(message, CommandTriggerMessage):
-                self._command(message.uuid)
             else:
                 look(message)
         except (msgspec.MsgspecError, ValueError, RecursionError, Refused):
             return None
         return msgspec.msgpack.encode(message)
-
-    def _command(self, uuid: str) -> None:
-        """Raises: Refused: no command of the page has this name."""
-        known = {} if self.server is None else self.server.gui._command_handle_from_uuid
-        if uuid not in known or known[uuid].disabled:
-            raise Refused
 
     def _control(self, uuid: str) -> Any:
         """A control of the page that can be used now, by the name that viser gave it."""

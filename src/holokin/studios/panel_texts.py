@@ -28,13 +28,6 @@ def quiet(text: str) -> str:
     return f'<div style="color:{GREY};font-size:12px">{escape(text)}</div>'
 
 
-def copied(address: str) -> str:
-    """A link of the page, which a click copies with the page's own address."""
-    said = "this.textContent='Copied'"
-    copy = f"navigator.clipboard.writeText(this.href).then(()=>{{{said}}});return false"
-    return f'<a href="{escape(address)}" onclick="{escape(copy)}" style="text-decoration:underline">Copy this link</a>'
-
-
 def warning(text: str) -> str:
     """A line that says what is wrong; none of an empty text."""
     return f'<div style="color:{BAD};font-weight:600;margin-top:3px">{escape(text)}</div>' if text else ""

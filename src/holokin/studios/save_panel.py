@@ -6,11 +6,9 @@ import io
 import time
 from typing import Any
 
-from .panel_texts import block, copied, file_name, put, quiet
+from .panel_texts import file_name
 from .session_job import to_job
-from .shown_units import View
 from .stage import Stage
-from .state_link import KEY, state_text
 from .states import Phase
 
 PICTURES, PAUSE = 60, 0.1
@@ -21,9 +19,6 @@ WIDE = 720
 
 TALL = 3.0
 """Height of a GIF over its width, at most: a telephone's page has 2.2."""
-
-LATER = "It holds while this studio runs. Later, or on another machine: holokin studio 'LINK'."
-"""What is said below a link."""
 
 PATIENCE = 30.0
 """Seconds to wait for a picture of a browser."""
@@ -45,9 +40,6 @@ class SavePanel:
         self.recording = gui.add_button(
             "Record to HTML", color="gray", hint="Of the loop that has run; press Start first"
         )
-        gui.add_markdown("A **link** opens what the page shows now, here or at a later start.")
-        self.link = gui.add_button("Make a link", color="gray", hint="With robot, loop, laws on their leaves, postures")
-        self.made = gui.add_html("")
         self._connect()
 
     def _connect(self) -> None:
@@ -61,15 +53,6 @@ class SavePanel:
             def _(event: Any, make: Any = make) -> None:
                 if event.client is not None:
                     page.alone(("save", event.client_id), lambda: self._out(event.client, make))
-
-        self.link.on_click(lambda _event: page.alone("link", self._link))
-
-    def _link(self) -> None:
-        page = self.page
-        session, snap = page.session, page.session.snapshot()
-        view = View(page.units.name, session.laws[page.lead].name, snap.factor)
-        put(self.made, "")
-        put(self.made, block(copied(f"?{KEY}={state_text(session, view)}"), quiet(LATER)))
 
     def _out(self, client: Any, make: Any) -> None:
         try:

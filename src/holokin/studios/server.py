@@ -23,7 +23,6 @@ from .new_session import open_session, session_of_robot
 from .page_scene import name_tab, silent_viser, viser_package
 from .session import Session
 from .shown_units import SI, Units
-from .state_link import is_link, session_of_state
 from .studio_page import Page
 
 PORT = 8080
@@ -70,7 +69,7 @@ class Studio:
         from .incoming import Incoming
 
         self._lock, self._over = threading.Lock(), False
-        self.door = Door(host, self._hear)
+        self.door = Door(host)
         self.server = open_server(host, _free_port(host, port), self.door, Incoming())
         found = self.server.get_port()
         self._base = url_of(host, found)
@@ -92,9 +91,7 @@ class Studio:
 
     def open(self, name: str) -> None:
         """Show another job or robot instead. Raises: what `open_session` raises, and the page stays as it is."""
-        self._show(open_session(name))
-
-    def _show(self, session: Session) -> None:
+        session = open_session(name)
         for triangles in (SOLID, GHOST):  # what takes time, and may fail, while the page before stands
             looks_of(session.robot, triangles)
         with self._lock:
@@ -165,20 +162,6 @@ class Studio:
         except Exception as problem:  # noqa: BLE001  the page that was there stands, and says it
             self.page.say(failure(f"{name} was not opened", problem))
 
-    def _hear(self, state: str) -> None:
-        """A browser came by a link with a state: it is opened in a thread of its own, one at a time."""
-
-        def opened() -> None:
-            try:
-                self._show(session_of_state(state, self.session))
-            except Exception as problem:  # noqa: BLE001  the page that was there stands, and says it
-                self.page.say(failure("The link was not opened", problem))
-
-        def work() -> None:
-            self.page.alone("open", opened)
-
-        threading.Thread(target=work, name="holokin studio link", daemon=True).start()
-
 
 def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Callable[[str], Any]) -> Studio:
     """Open a page; as `hk.studio` says."""
@@ -237,5 +220,4 @@ def _session(what: What) -> Session:
         return what
     if isinstance(what, Robot):
         return session_of_robot(what, source=what.name)
-    name = str(what or DEFAULT)
-    return session_of_state(name) if is_link(name) else open_session(name)
+    return open_session(str(what or DEFAULT))

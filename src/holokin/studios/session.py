@@ -23,9 +23,7 @@ from .loop_follower import leaf_start
 from .runs import Run, new_run, state_of
 from .session_laws import Law, rebuilt
 from .session_loops import Loop, entered, reversed_loop
-from .setups import Setup, kept
 from .sheet_follower import Search, SheetFollower
-from .shown_units import View
 from .sliders import leaves_of
 from .states import Cloud, CloudStatus, LeafCusps, Origin, Phase, Snapshot
 
@@ -43,7 +41,6 @@ class Session(LawGroup):
         title, source: for people; `source` is the job or robot that it was opened with.
         robot: whose joints they are. task: of the first law. home: the posture (n,) at which all laws begin.
         limits: whether joint limits stop laws. origin: what a job says of robot and task, None where none can.
-        view: how a page shows it first, as the link said that it was made from.
     """
 
     def __init__(
@@ -62,7 +59,6 @@ class Session(LawGroup):
         given = tuple(laws)
         super().__init__(given, home, limits)
         self.title, self.source, self.origin = title or self.task.name, source, origin
-        self.view: View | None = None
         self._playing = Playing(cycles=cycles)
         self._loop: Loop | None = None
         self._loops, self._number = 0, 0
@@ -313,28 +309,6 @@ class Session(LawGroup):
                     self._loop_fault, self._fault,
                 )  # fmt: skip
             return self._known
-
-    def setup(self) -> Setup:
-        """What people set, to come back to with `restore`."""
-        with self._lock:
-            playing, runs = self._playing, tuple(map(kept, self._runs.values()))
-            return Setup(self.home, runs, self._target, self._loop, playing.cycles, playing.factor)
-
-    def restore(self, setup: Setup) -> Snapshot:
-        """A setup of this session again; a loop that runs stops, and what was recorded is forgotten."""
-        with self._lock:
-            self.cancel_cloud()
-            self.cancel_cusps()
-            self._halt()
-            self._runs = {run.law.name: kept(run) for run in setup.runs}
-            for run in self._runs.values():
-                run.forget()
-            self.home, self._target, self._message = setup.home, setup.target, ""
-            self._playing.cycles, self._playing.factor = setup.cycles, setup.factor
-            if setup.loop is not self._loop:
-                self._loop, self._loop_fault = setup.loop, ""
-                self._loops += 1
-            return self._changed()
 
     def _changed(self) -> Snapshot:
         self._number += 1

@@ -50,14 +50,5 @@ SI = Units("rad", "m", 1.0, 1.0)
 UNITS = {units.name: units for units in (SI, Units("deg", "mm", 180 / np.pi, 1000.0))}
 """By the names by which they are chosen."""
 
-SLOWEST, FASTEST = 0.25, 8.0
+SLOWEST, USUAL, FASTEST = 0.25, 2.0, 8.0
 """Speed of a loop in a page, times its own."""
-
-
-@dataclass(frozen=True)
-class View:
-    """How a page shows a session: the units, the law with the solid robot, and the speed of the loop, times its own."""
-
-    units: str = SI.name
-    solid: str = ""
-    speed: float = 2.0

@@ -13,7 +13,7 @@ from .panel_texts import block, gauge, line, named, plain, put, quiet, swatch, t
 from .posture_panel import PosturePanel
 from .save_panel import SavePanel
 from .sheets_panel import SheetsPanel
-from .shown_units import FASTEST, SLOWEST, UNITS, Units, View
+from .shown_units import FASTEST, SLOWEST, UNITS, USUAL, Units
 from .stage import Stage
 from .states import LawState, Phase, Snapshot
 from .work_panel import WorkPanel
@@ -77,9 +77,6 @@ class Panels:
         self.posture.draw(snap)
         if self.sheets is not None:
             self.sheets.draw()
-        for button, there in zip((self.undo, self.redo), self.page.undo.steps, strict=True):
-            if button.disabled == there:
-                button.disabled = not there
         running = snap.phase in (Phase.RUNNING, Phase.GATHERING)
         self.start.label = "Pause" if running else "Go on" if snap.phase is Phase.PAUSED else "Start"
 
@@ -103,13 +100,12 @@ class Panels:
         self.home = gui.add_button(
             "All back to the start posture", color="gray", hint="The loop stops, and its drift is forgotten"
         )
-        self._undo(gui)
         self.speed = gui.add_slider(
             "Speed",
             min=SLOWEST,
             max=FASTEST,
             step=0.25,
-            initial_value=(page.session.view or View()).speed,
+            initial_value=USUAL,
             hint="How many times as fast as its own speed the loop runs; the drift is the same",
         )
         cycles = page.session.snapshot().cycles
@@ -153,25 +149,6 @@ class Panels:
         self.units.on_update(lambda _event: page.ask(lambda: page.set_units(UNITS[self.units.value]), "units"))
         if page.reopen is not None:
             self._jobs(gui, page.reopen)
-
-    def _undo(self, gui: Any) -> None:
-        """Two buttons, and the keys that people know for them."""
-        page = self.page
-        self.undo = gui.add_button("Undo", color="gray", hint="The last change of posture, loop, level or laws: Ctrl+Z")
-        self.redo = gui.add_button("Redo", color="gray", hint="What was undone last: Ctrl+Shift+Z")
-        for button, modifier, action in (
-            (self.undo, "cmd/ctrl", page.undo_last), (self.redo, "cmd/ctrl+shift", page.redo_next),
-        ):  # fmt: skip
-            button.on_click(lambda _event, action=action: page.ask(action))
-            command = gui.add_command(button.label, hotkey="Z", modifier=modifier)
-            command.on_trigger(lambda _event, action=action: page.ask(action))
-
-    def follow(self, snap: Snapshot) -> None:
-        """Controls of what runs show what there is, where something else than they changed it."""
-        cycles = ENDLESS if snap.cycles is None else snap.cycles
-        for handle, value in ((self.speed, snap.factor), (self.cycles, cycles), (self.way, ROUND[snap.clockwise])):
-            if handle.value != value:
-                handle.value = value
 
     def _jobs(self, gui: Any, reopen: Any) -> None:
         jobs = tuple(packaged_jobs())

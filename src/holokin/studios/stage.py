@@ -8,7 +8,6 @@ from typing import Any, Protocol
 
 from .page_scene import Scene
 from .session import Session
-from .setups import Undo
 from .shown_units import Units
 
 
@@ -20,7 +19,6 @@ class Stage(Protocol):
         colors: of the laws (#RRGGBB). said: the sentence for everyone. reopen: shows another job, by name.
         units: of what is shown.
         drawn: the number of the snapshot that is drawn, -1 to draw it again. handles: of the scene.
-        undo: what was changed.
     """
 
     server: Any
@@ -33,7 +31,6 @@ class Stage(Protocol):
     units: Units
     drawn: int
     handles: Any
-    undo: Undo
 
     def attempt(self, action: Callable[[], Any]) -> None:
         """Do something in this thread; what it raises is said in the page."""
@@ -53,14 +50,6 @@ class Stage(Protocol):
 
     def say(self, sentence: str) -> None:
         """A sentence for everyone, until the next."""
-        ...
-
-    def undo_last(self) -> None:
-        """The session as it was before the last change."""
-        ...
-
-    def redo_next(self) -> None:
-        """The session as it was before the last `undo_last`."""
         ...
 
     def set_units(self, units: Units) -> None:

@@ -19,8 +19,7 @@ from .charts import Charts
 from .handles import Handles
 from .page_scene import Scene
 from .session import Session
-from .setups import Setup, Undo
-from .shown_units import SI, UNITS, Units
+from .shown_units import SI, Units
 from .side_panels import Panels
 from .states import Phase, Snapshot
 
@@ -46,19 +45,16 @@ class Page:
         server: a viser.ViserServer.
         session: what is shown.
         reopen: called with the name of a job or robot that the page is asked to show instead.
-        units: of what is shown, unless the session came with its own view.
+        units: of what is shown.
 
     Raises:
         MissingExtraError: trimesh is not installed.
     """
 
     def __init__(self, server: Any, session: Session, reopen: Callable[[str], None] | None = None, units: Units = SI):
-        view = session.view
         self.server, self.session, self.reopen = server, session, reopen
-        self.units = units if view is None else UNITS[view.units]
-        names = [law.name for law in session.laws]
-        first = next((i for i, law in enumerate(session.laws) if law.holonomic), 0)
-        self.lead = names.index(view.solid) if view is not None and view.solid in names else first
+        self.units = units
+        self.lead = next((i for i, law in enumerate(session.laws) if law.holonomic), 0)
         self.paused_drawing = False
         self.drawn = -1
         self._loop_drawn: tuple[int, str] | None = None
@@ -74,7 +70,6 @@ class Page:
         self.cameras = Cameras(self.scene, self._seen())
         for client in server.get_clients().values():
             self.cameras.fit(client, anew=True)
-        self.undo = Undo(session.setup())
         snap = session.snapshot()
         self.draw(snap)
         for draw in self._slow:
@@ -173,38 +168,14 @@ class Page:
                     self._wake.wait(left)
                 if self._over:
                     return
-                actions, self._waiting = list(self._waiting.items()), {}
-            for key, action in actions:
-                self._noted(key, action)
+                actions, self._waiting = list(self._waiting.values()), {}
+            for action in actions:
+                self.attempt(action)
             now = time.perf_counter()
             if now >= due:
                 self.attempt(lambda dt=now - before: self.session.advance(min(dt, 0.2)))
                 before, due = now, max(due + 1 / RATE, now)
             self.attempt(lambda now=now: self._picture(now))
-
-    def _noted(self, key: object, action: Action) -> None:
-        """Do it, and note what it changed, so that it can be undone."""
-        before = self.session.setup()
-        self.attempt(action)
-        after = self.session.setup()
-        if not (after.same(before) or after.same(self.undo.here)):  # the second of what was undone
-            self.undo.note(before)
-            self.undo.note(after, key if isinstance(key, str) else None, time.monotonic())
-
-    def undo_last(self) -> None:
-        """The session as it was before the last change."""
-        self._restore(self.undo.back(self.session.setup()))
-
-    def redo_next(self) -> None:
-        """The session as it was before the last `undo_last`."""
-        self._restore(self.undo.forward(self.session.setup()))
-
-    def _restore(self, setup: Setup | None) -> None:
-        if setup is not None:
-            self.said = ""
-            self.session.restore(setup)
-            self.panels.follow(self.session.snapshot())
-            self.clear_traces()
 
     def attempt(self, action: Action) -> None:
         """Do it in the thread of the caller. What it raises is said in the page, which goes on whatever happens."""
