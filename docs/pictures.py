@@ -554,28 +554,6 @@ def jobs() -> None:
         save(robot_figure(run_job(*open_job(f"{folder}/glue.toml"))), "start-glue", dpi=88)
 
 
-def physics() -> None:
-    """Pseudo-inverse and a holonomic law on MuJoCo, 20 circles: the last rest, drawn in a browser as the gallery is."""
-    import stills  # it needs a browser
-
-    robot = hk.load("example-robot-data:panda", tip="panda_hand_tcp", locked=dict.fromkeys(FINGERS, 0.02))
-    start, task = robot.pose(PANDA)[:3, 3], hk.pose(robot)
-    circle = hk.circle(start, start - [0.05, 0, 0])
-    kept = hk.linear([1, 0, -1, 0, 0, 0, 0])
-    laws = {"pseudo-inverse": hk.moore_penrose(task), "q1 - q3 kept": hk.holonomic(task, kept)}
-    motions = {}
-    for name, law in laws.items():
-        run = hk.physics_simulation.play(law, circle, PANDA, cycles=20, noise=5e-5)
-        rests = np.searchsorted(run.clock, np.arange(21) - 1e-9)
-        motions[name] = hk.studios.Motion(run.t, run.q, tuple(int(i) for i in rests))
-    text = (
-        "MuJoCo with servos, weight and noisy encoders. Orange, the pseudo-inverse, rests elsewhere after each circle; "
-        "with q1 - q3 kept the arm rests where it did."
-    )
-    recording = hk.studios.record(robot, motions, title="20 circles on physics", text=text)
-    stills.save(stills.still(recording), OUT / "physics.png")
-
-
 def readme() -> None:
     """The moving picture of the README: eight circles of a Panda, the pseudo-inverse beside a holonomic law."""
     result = run_job(*open_job(str(HERE.parent / "examples" / "panda-eight-cycles.toml")))
@@ -588,7 +566,7 @@ def readme() -> None:
 if __name__ == "__main__":
     every = (
         self_motion, planar_loops, leaves, joints_over_cycles, swivel, cusp, cusps_of_orthogonal_arms, region,
-        clear_of_a_ball, coverage_of_a_box, sheets_of_a_panda, edge_of_reach, paths, jobs, physics, readme,
+        clear_of_a_ball, coverage_of_a_box, sheets_of_a_panda, edge_of_reach, paths, jobs, readme,
     )  # fmt: skip
     draws = {draw.__name__: draw for draw in every}
     with plt.rc_context(style()):

@@ -1,6 +1,6 @@
 """Pictures in headless chromium: `python docs/stills.py [PAGE...]` takes those of the gallery, of its recordings.
 
-`python docs/stills.py studio` takes that of the studio's own page. docs/pictures.py takes that of physics by `still`.
+`python docs/stills.py studio` takes that of the studio's own page.
 """
 
 from __future__ import annotations
@@ -21,15 +21,13 @@ from playwright.sync_api import sync_playwright
 sys.path.append(str(Path(__file__).parent))
 from recordings import HERE, made_of, pages
 
-from holokin.studios.playback import Recording, player
+from holokin.studios.playback import player
 
 SIZE = (800, 500)
 BAR = 40
 """Height of the player's own bar, which is cut off."""
 
 SHOWN = (640, 400)
-WIDE = (700, 440)
-"""As wide as a page: letters of the caption keep their size there."""
 
 PAGE = {"width": 1200, "height": 740}
 """Of the studio, whose letters are then large enough on a page."""
@@ -110,14 +108,6 @@ def studio() -> None:
     print(f"{file}: {file.stat().st_size / 1000:.0f} kB", flush=True)
 
 
-def still(recording: Recording) -> Image.Image:
-    """The end of a recording, twice as fine as a page is wide."""
-    with tempfile.TemporaryDirectory() as folder:
-        recording.save(Path(folder, "recording.html"))
-        ((_, picture),) = stills(folder, {"recording": "recording.html"}, WIDE, 2.0)
-    return picture
-
-
 def save(picture: Image.Image, file: Path) -> None:
     """As a PNG of few colours."""
     few = picture.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
@@ -125,17 +115,15 @@ def save(picture: Image.Image, file: Path) -> None:
     print(f"{file}: {file.stat().st_size / 1000:.0f} kB", flush=True)
 
 
-def stills(
-    folder: str, files: dict[str, str], size: tuple[int, int] = SIZE, scale: float = 1.0
-) -> Iterator[tuple[str, Image.Image]]:
+def stills(folder: str, files: dict[str, str]) -> Iterator[tuple[str, Image.Image]]:
     """(name, picture) of the end of each recording, a page of a folder."""
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=folder))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
         for name, file in files.items():
-            window = {"width": size[0], "height": size[1] + BAR}
-            page = browser.new_page(viewport=window, device_scale_factor=scale)
+            window = {"width": SIZE[0], "height": SIZE[1] + BAR}
+            page = browser.new_page(viewport=window)
             page.set_default_timeout(120_000)  # without a graphics card all takes its time
             page.goto(f"http://127.0.0.1:{server.server_port}/{file}")
             slider = page.locator("[role=slider]")
@@ -146,7 +134,7 @@ def stills(
             page.locator("input").first.fill(f"{end:.1f}")
             page.wait_for_timeout(6000)
             taken = Image.open(io.BytesIO(page.screenshot(timeout=120_000))).convert("RGB")
-            yield name, taken.crop((0, 0, taken.width, round(scale * size[1])))
+            yield name, taken.crop((0, 0, taken.width, SIZE[1]))
             page.close()
         browser.close()
     server.shutdown()

@@ -19,7 +19,6 @@ import numpy as np
 
 import holokin as hk
 from holokin import constraints, control_laws, designing, motion, motion_analysis, robot_logs, strategies
-from holokin import physics_simulation as physics
 
 from .nouns import MineError, kit
 from .path_calls import path_calls
@@ -74,11 +73,6 @@ def calls() -> dict[str, Call]:
                                            "effort": [9.0, 9.0, 9.0]}),
         "servo": (hk.robot.servo, (robot, "position", q), {
             "frequency": 10.0, "damping_ratio": 1.0, "compensated": True}),
-        "play": (physics.play, (held, loop, q), {
-            "servo": "velocity", "feedback": "measured", "cycles": 1, "dt": 0.02, "gain": 5.0, "noise": 1e-5,
-            "push": physics.Push([1.0, 0.0, 0.0], 0.1), "density": 1000.0, "seed": 0}),
-        "Push": (lambda *a, **n: physics.play(held, loop, q, dt=0.02, push=physics.Push(*a, **n)),
-            ([1.0, 0.0, 0.0], 0.1), {"duration": 0.1, "joint": None}),
         "with_capsules": (hk.with_capsules, (robot, {robot.joint_names[0]: 0.1}), {}),
         "with_shape": (hk.with_shape, (robot, "pin", hk.robot.Capsule(0.1, 0.2), [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {
             "tip": None}),

@@ -264,7 +264,6 @@ METHODS: dict[str, Callable[[hk.HolonomicStrategy, Any], object]] = {
     "workspace.at(positions)": lambda _s, bad: hk.workspace(box=([0, 0, 0], [1, 1, 1])).at(bad),
     "watch.see(q, dq)": lambda _s, bad: hk.motion.LoopWatch(0.1).see(np.zeros(3), bad),
     "watch.see(q, dq) again": lambda _s, bad: hk.motion.LoopWatch(0.1).see(bad, np.zeros(3)),
-    "physics_simulation.cycle_time(path)": lambda _s, bad: hk.physics_simulation.cycle_time(bad),
     **{
         f"{type(shape).__name__.lower()}.support(directions)": lambda _s, bad, shape=shape: shape.support(bad)
         for shape in (
@@ -338,7 +337,6 @@ def test_numbers_that_no_float_or_no_thing_can_have_are_refused(planar_3r: hk.Ro
         ("at most 1e", lambda: hk.figure_eight([0.4, 0, 0.2], 0.2, 0.1, [0, 0, 1], speed=1e308)),
         ("radius is -1", lambda: hk.motion_analysis.leaf_function(strategy, q, radius=-1)),
         ("joints is", lambda: hk.constraints.height(10**5000)),
-        ("seed is -1", lambda: hk.physics_simulation.play(strategy, hk.line(points[0], points[1]), q, seed=-1)),
     ]
     for words, call in calls:
         with pytest.raises(ArgumentError, match=words):

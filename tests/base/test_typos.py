@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin import designing, export, motion, physics_simulation
+from holokin import designing, export, motion
 from holokin import robot as robots
 
 ROBOT = hk.load("planar-3r")
@@ -54,7 +54,6 @@ TYPOS: dict[str, Callable[[], object]] = {
     "by of approach": lambda: hk.approach(LAW, LINE, Q0, by="hand"),  # pyright: ignore[reportArgumentType]
     "format": lambda: export.to_ros(timed(), format="yml"),  # pyright: ignore[reportArgumentType]
     "servo": lambda: robots.servo(ROBOT, "torques", Q0),  # pyright: ignore[reportArgumentType]
-    "feedback": lambda: physics_simulation.play(LAW, LINE, Q0, feedback="mesured"),  # pyright: ignore[reportArgumentType]
 }
 
 
@@ -62,7 +61,7 @@ TYPOS: dict[str, Callable[[], object]] = {
 def test_a_word_that_is_misspelt_is_refused_when_it_is_run(name: str) -> None:
     """In words, which name what was given."""
     with pytest.raises(hk.HolokinError, match=r"twits|zxz|modifed|hinge|usual|leave|leafs|hesian|sped|travle|"
-                       "trapezoid|differences|hand|yml|torques|mesured"):  # fmt: skip
+                       "trapezoid|differences|hand|yml|torques"):  # fmt: skip
         TYPOS[name]()
 
 

@@ -33,7 +33,7 @@ LAYERS = [
     {"control_laws"},
     {"motion"},
     {"motion_checking", "robot_logs"},
-    {"motion_analysis", "physics_simulation", "proof", "workspace_coverage"},
+    {"motion_analysis", "proof", "workspace_coverage"},
     {"auditing", "designing", "interop", "sheet_maps"},
     {"export"},
     {"reports"},

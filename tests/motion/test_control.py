@@ -23,6 +23,7 @@ from holokin.errors import (
     StartError,
     UnknownNameError,
 )
+from holokin.motion import LoopWatch
 from holokin.motion.trajectory import Status
 
 
@@ -342,3 +343,17 @@ def test_what_is_no_law_or_run_is_refused(task: hk.Task, loop: hk.Path, planar_3
     ):
         with pytest.raises(error, match=said):
             make()
+
+
+def test_a_watch_knows_a_share_of_the_motion_from_all_of_it() -> None:
+    for share in (1.0, 0.3):
+        watch, q, rng = LoopWatch(0.01), np.zeros(3), np.random.default_rng(0)
+        for _ in range(500):
+            dq = rng.uniform(-1, 1, 3)
+            watch.see(q + 1e-5 * rng.standard_normal(3), dq)
+            q = q + share * 0.01 * dq
+        assert watch.share == pytest.approx(share, abs=0.01)
+        assert watch.starved == (share < 0.5)
+    assert not LoopWatch(0.01).starved
+    with pytest.raises(ArgumentError, match="dt"):
+        LoopWatch(0.0)

@@ -21,8 +21,8 @@ NO_QUESTION = {
     "Dataset", "Episode", "JointFeature", "PoseFeature",
     "HandFollower", "FrameStrategy", "HolonomicStrategy", "InverseKinematics", "JaxInverse", "Joint", "KernelStrategy",
     "NumericStrategy", "TorchInverse",
-    "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path", "Plant",
-    "PostureTask", "Push", "Recording", "Robot", "RowStrategy", "SelfMotion",
+    "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path",
+    "PostureTask", "Recording", "Robot", "RowStrategy", "SelfMotion",
     "Servo", "Shape", "Sheet", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
     "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",
     # numbers, files and sequences: what is found is in them, and an empty sequence is False as a list is

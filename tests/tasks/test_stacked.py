@@ -17,7 +17,7 @@ import holokin as hk
 from conftest import sampled
 from exported import STRICT
 from holokin.inverse_kinematics import InverseStatus
-from holokin.job import open_job, run_job, simulate_job
+from holokin.job import open_job, run_job
 from holokin.path.synchronized_paths import SynchronizedPaths
 from holokin.robot import Robot, to_urdf
 
@@ -370,10 +370,3 @@ def test_a_job_with_paths_or_parts_that_its_hands_do_not_have_is_refused(tmp_pat
         file.write_text(text, "utf-8")
         with pytest.raises(hk.HolokinError, match=fault):
             run_job(*open_job(str(file)))
-
-
-def test_physics_of_two_hands_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "hands.toml"
-    file.write_text(JOB.replace("OTHERS", MOVING), "utf-8")
-    with pytest.raises(hk.HolokinError, match="it serves one tool of a robot"):
-        simulate_job(*open_job(str(file)), {})

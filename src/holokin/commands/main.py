@@ -28,7 +28,6 @@ from .retarget import retarget
 from .robots import robots
 from .run import run
 from .sheets import sheets
-from .simulate import simulate
 from .studio import studio
 from .survey import surveying
 
@@ -98,7 +97,6 @@ app.command()(sheets)
 app.command()(certify)
 app.add_typer(exporting, name="export")
 app.add_typer(surveying, name="survey")
-app.command()(simulate)
 app.command()(check)
 app.command()(studio)
 app.command("check-certificate")(check_certificate)

@@ -8,7 +8,6 @@ from .certify_strategies import certify_job
 from .export_strategy import export_job, export_job_moveit, export_job_ros2_control, job_strategy
 from .job_file import read_job
 from .job_templates import new_job, new_job_for, packaged_text
-from .play_strategies import simulate_job
 from .program_sheets import program_of_sheets
 from .program_strategy import program_of_job
 from .runner import PAPER, expand, is_job, open_job, open_one_job, packaged_jobs, robot_of_file, run_job
@@ -39,5 +38,4 @@ __all__ = [
     "read_job",
     "robot_of_file",
     "run_job",
-    "simulate_job",
 ]

@@ -13,7 +13,6 @@ from .check_tables import ChecksTable
 from .metrics import METRICS
 from .motion_tables import ProgramTable, TimingTable
 from .path_tables import PathTable, Point, Row
-from .physics_table import PhysicsTable
 from .robot_tables import Names, RobotTable
 from .strategy_tables import AnyStrategy, Fitted
 from .table_values import Few, KindTable, Length, Positive, Table, check_of, needed_by, of
@@ -171,7 +170,6 @@ class Job(Table):
     path: PathTable
     timing: TimingTable | None = None
     program: ProgramTable | None = None
-    physics: PhysicsTable | None = None
     checks: ChecksTable | None = None
     workspace: WorkspaceTable | None = None
     sheets: SheetsTable | None = None

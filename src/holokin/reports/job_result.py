@@ -192,10 +192,10 @@ class JobResult:
 
         Numbered where two strategies would write one file, also on disks that do not tell A from a.
         """
-        return file_stems({strategy.name: strategy.trajectories() for strategy in self.strategies})
+        return _file_stems({strategy.name: strategy.trajectories() for strategy in self.strategies})
 
 
-def file_stems(named: Mapping[str, Iterable[str]]) -> dict[str, str]:
+def _file_stems(named: Mapping[str, Iterable[str]]) -> dict[str, str]:
     """Name -> the STEM of its files STEM-KEY, unlike those of the others; for names with the keys of their files."""
     stems: dict[str, str] = {}
     taken: set[str] = set()

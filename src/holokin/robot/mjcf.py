@@ -63,7 +63,7 @@ def from_mjcf(
         (connect, weld, tendon), or one that follows another by a polynomial that is not linear.
         UnknownNameError: a body, site or joint that there is not. ArgumentError.
     """
-    mujoco = mujoco_module()
+    mujoco = _mujoco_module()
     if isinstance(model, mujoco.MjModel):
         name = _text(model.names, 0) or "model"
         found = robot_of(_model_tree(model, f"mujoco.MjModel {name!r}", name), tip, base, locked)
@@ -78,17 +78,17 @@ def from_mjcf(
 def mjcf_tree(path: str | Path) -> Tree:
     """The tree of an MJCF file. Raises: MissingExtraError, RobotFileError."""
     check_sizes(read_model(path), str(path), Path(path).parent)  # says what is wrong with the file itself, too
-    return _compiled_tree(lambda: mujoco_module().MjSpec.from_file(str(path)), str(path), Path(path).stem)
+    return _compiled_tree(lambda: _mujoco_module().MjSpec.from_file(str(path)), str(path), Path(path).stem)
 
 
 def mjcf_text_tree(text: str, source: str = "") -> Tree:
     """The same of a text. Raises: MissingExtraError, RobotFileError."""
     head = source or f"MJCF text {' '.join(text[:_LONGEST_NAME].split())!r}"
     check_sizes(text.encode("utf-8", "replace"), head, Path())
-    return _compiled_tree(lambda: mujoco_module().MjSpec.from_string(text), head, "model")
+    return _compiled_tree(lambda: _mujoco_module().MjSpec.from_string(text), head, "model")
 
 
-def mujoco_module() -> Any:
+def _mujoco_module() -> Any:
     """MuJoCo's Python package. Raises: MissingExtraError."""
     return extra_module("mujoco", "mujoco")
 
@@ -205,7 +205,7 @@ class _Reader:
     """Walks the bodies of an MjModel."""
 
     def __init__(self, model: Any, source: str, name: str):
-        self.model, self.source, self.name, self.enums = model, source, name, mujoco_module()
+        self.model, self.source, self.name, self.enums = model, source, name, _mujoco_module()
         self.bodies = self._names("body", model.nbody)
         self.joints = self._names("jnt", model.njnt)
         self.links: dict[str, Mass | None] = {}
