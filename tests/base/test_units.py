@@ -23,9 +23,9 @@ from holokin.errors import (
     StartError,
 )
 from holokin.job.advice_job import _workspace_keys
+from holokin.job.advice_question import question
 from holokin.job.strategy_tables import Fitted
-from holokin.job.workspace_words import parse_workspace
-from holokin.path.workspaces import pose_cloud
+from holokin.path.workspaces import PoseRange, pose_cloud
 from holokin.robot import doubtful_unit
 from holokin.robot.longest_span import longest_reach
 
@@ -194,7 +194,9 @@ def test_a_rounded_rotation_is_refused_with_the_cure_and_the_cure_helps(panda: h
 
 @pytest.mark.parametrize("degrees", [15.0, 40.0, 7.3])
 def test_the_degrees_of_an_advised_job_are_those_that_were_typed(degrees: float) -> None:
-    keys = _workspace_keys(parse_workspace(f"sphere 0.5 0 0.3 0.2 tilt {degrees}"), None, Path("job.toml"))
+    space = question("panda", box="0.5 0 0.3 0.2 0.2 0.2", tilt=degrees).workspace
+    assert isinstance(space, PoseRange)
+    keys = _workspace_keys(space)
     assert keys["tilt_deg"] == degrees
     assert np.degrees(np.radians(15.0)) != 15.0
 

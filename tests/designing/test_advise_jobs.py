@@ -16,10 +16,10 @@ from conftest import Command, assert_refused
 from holokin.designing.advice import PROVABLE
 from holokin.designing.same_laws import distinct
 from holokin.designing.trials import Poses, Trial, tried
-from holokin.errors import ArgumentError, UnknownNameError
+from holokin.errors import ArgumentError, JobError
 from holokin.job import open_job, run_job
 from holokin.job.advice_over_job import write_over
-from holokin.job.advice_question import Typed, question
+from holokin.job.advice_question import question
 from holokin.motion_checking import clear_postures
 from holokin.robot import Capsule
 from holokin.workspace_coverage.candidates import candidates
@@ -88,14 +88,14 @@ def test_the_tool_that_the_checks_give_a_robot_is_in_the_picture_of_advice(tmp_p
     file = tmp_path / "gripper.toml"
     given = '{ name = "gripper", on = "tool", kind = "box", sides = [0.1, 0.1, 0.2], xyz = [0, 0, 0.1] }'
     file.write_text(TORCH.replace('{ name = "post"', f'{given}, {{ name = "post"'))
-    asked = question(str(file), Typed())
+    asked = question(str(file))
     assert [part.link for part in asked.shown.shapes if part.carried] == ["gripper"]
     assert not [part for part in asked.task.robot.shapes if part.carried]
 
 
 def test_a_job_is_heard_with_its_torch_its_task_its_path_its_limits_and_its_degrees(torch: str) -> None:
     """Referee: the robot put together by hand, and the corners of the path about its tool."""
-    asked = question(torch, Typed())
+    asked = question(torch)
     arm = hk.with_tool(hk.load("ur5e"), xyz=[0.08, 0, 0.25], rpy=[0, np.deg2rad(35), 0])
     assert asked.task.orientation == "axis" and asked.task.m == 5
     assert asked.q0 is not None and asked.workspace is not None
@@ -117,42 +117,12 @@ def test_a_job_is_heard_with_its_torch_its_task_its_path_its_limits_and_its_degr
 def test_checks_without_two_shapes_that_could_meet_ask_nothing_of_shapes(tmp_path: Path) -> None:
     file = tmp_path / "square.toml"
     file.write_text(PLANAR.replace("obstacles = [", "# obstacles = ["))
-    asked = question(str(file), Typed())
+    asked = question(str(file))
     assert asked.apart is None and not asked.proven and not asked.obstacles
-    asked = question(str(file), Typed(floor=-0.5, clearance=0.03))
+    file.write_text(PLANAR.replace("obstacles = [", "floor = -0.5\nclearance = 0.03\n# obstacles = ["))
+    asked = question(str(file))
     assert asked.apart is not None and asked.apart.wanted == 0.03 and asked.proven["floor"] == -0.5
     assert asked.keys["checks"]["clearance"] == 0.03
-
-
-def test_what_is_typed_is_what_a_job_says(torch: str) -> None:
-    words = Typed(
-        task="axis", tool="0.08 0 0.25 rpy 0 35 0", q0="10 -100 110 -95 -80 20", degrees=True,
-        limits=("wrist_3_joint -360 171.88733853924697",), obstacles=("post sphere -0.25 -0.1 0.15 0.1",),
-    )  # fmt: skip
-    asked, meant = question("ur5e", words), question(torch, Typed())
-    assert asked.q0 is not None and meant.q0 is not None
-    assert np.abs(asked.q0 - meant.q0).max() < 1e-12
-    assert np.abs(asked.task.robot.pose(asked.q0) - meant.task.robot.pose(meant.q0)).max() < 1e-12
-    assert asked.task.robot.upper[5] == pytest.approx(3.0, abs=1e-12)
-    assert asked.apart is not None and not asked.apart.clear(asked.q0[None])[0]
-    assert asked.chosen == ("workspace",)
-    over = question(torch, Typed(tool="0 0 0.1", task="position", workspace="sphere 0.4 0 0.2 0.1"))
-    arm = hk.with_tool(hk.load("ur5e"), xyz=[0, 0, 0.1])
-    assert over.task.orientation is None and str(over.workspace).startswith("sphere")
-    assert np.abs(over.task.robot.pose(UR5E) - arm.pose(UR5E)).max() < 1e-12
-    mounted = question("ur5e", Typed(base_pose="0 0 1 rpy 180 0 0"))
-    assert np.allclose(mounted.task.robot.pose(UR5E)[2, 3], 1 - hk.load("ur5e").pose(UR5E)[2, 3], atol=1e-12)
-
-
-def test_the_free_axis_is_the_one_that_is_named() -> None:
-    """A turn about it is a self-motion: the tool's point stays, and so does the direction."""
-    asked = question("ur5e", Typed(axis="0 1 1"))
-    J, robot = asked.task.jacobian(UR5E), asked.task.robot
-    R = robot.pose(UR5E)[:3, :3]
-    spin = np.concatenate([np.zeros(3), R @ np.array([0, 1, 1]) / np.sqrt(2)])
-    dq = np.linalg.solve(robot.jacobian(UR5E), spin)
-    assert np.abs(J @ dq).max() < 1e-12
-    assert np.linalg.matrix_rank(J) == 5
 
 
 def test_a_six_axis_arm_is_offered_axis_and_position_and_refused_the_whole_pose() -> None:
@@ -164,30 +134,50 @@ def test_a_six_axis_arm_is_offered_axis_and_position_and_refused_the_whole_pose(
         task_of_kind(six, None, "pose")
 
 
-def test_a_job_whose_pose_leaves_no_joint_free_is_refused_with_the_two_tasks_that_do(tmp_path: Path) -> None:
-    file = tmp_path / "rigid.toml"
-    file.write_text(TORCH.replace('orientation = "axis"', 'orientation = "twist"'))
-    with pytest.raises(ArgumentError, match="--task axis if the tool may spin about its axis, or --task position"):
-        question(str(file), Typed())
-    assert question(str(file), Typed(task="axis")).task.m == 5
+def test_the_free_axis_of_a_job_is_the_one_that_it_names(tmp_path: Path) -> None:
+    """A turn about it is a self-motion: the tool's point stays, and so does the direction."""
+    file = tmp_path / "torch.toml"
+    file.write_text(TORCH.replace('orientation = "axis"', 'orientation = "axis"\naxis = [0, 1, 1]'))
+    asked = question(str(file))
+    J, robot = asked.task.jacobian(UR5E), asked.task.robot
+    R = robot.pose(UR5E)[:3, :3]
+    spin = np.concatenate([np.zeros(3), R @ np.array([0, 1, 1]) / np.sqrt(2)])
+    dq = np.linalg.solve(robot.jacobian(UR5E), spin)
+    assert np.abs(J @ dq).max() < 1e-12
+    assert np.linalg.matrix_rank(J) == 5
+
+
+def test_a_box_that_is_typed_is_the_one_in_python_and_the_one_of_a_job(tmp_path: Path) -> None:
+    """In a job with or without `kind`; in a plane with two numbers for three."""
+    meant = hk.workspace(box=([0.5, 0, 0.3], [0.25, 0.4, 0.3]), tilt=np.deg2rad(40))
+    asked = question("panda", box="0.5 0 0.3, 0.25 0.4 0.3", tilt=40.0)
+    assert asked.workspace is not None and np.array_equal(asked.workspace.poses(8), meant.poses(8))
+    assert asked.chosen == ("task", "q0")
+    flat = hk.workspace(box=([1.2, 0.4], [0.25, 0.2]), rotation=np.eye(3))
+    asked = question("planar-3r", box="1.2 0.4 0.25 0.2")
+    assert asked.workspace is not None and np.array_equal(asked.workspace.poses(8), flat.poses(8))
+    file, keys = tmp_path / "space.toml", "box = [0.5, 0, 0.3, 0.25, 0.4, 0.3]"
+    for table in (keys, f'kind = "box"\n{keys}', "center = [0.5, 0, 0.3]\nhalf = [0.25, 0.4, 0.3]"):
+        file.write_text(f"{TORCH}\n[workspace]\n{table}\ntilt_deg = 40\n")
+        space = question(str(file)).workspace
+        assert space is not None and np.array_equal(space.poses(8), meant.poses(8))
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (Typed(tool="1 2"), '"X Y Z" in metres'), (Typed(tool="0 0 0.1 rpy 1"), "rpy R P Y"),
-        (Typed(tool="0 0 nan"), '"X Y Z" in metres'), (Typed(base_pose="a b c"), "--base-pose"),
-        (Typed(limits=("wrist_3_joint 1",)), "JOINT LOWER UPPER"), (Typed(axis="w"), "write x, y or z"),
-        (Typed(obstacles=("post cone 0 0 0 1",)), "NAME box X Y Z SX SY SZ"),
-        (Typed(obstacles=("post sphere 0 0 0",)), "NAME sphere X Y Z RADIUS"),
-        (Typed(task="position", axis="x"), "only the task axis has one"), (Typed(q0="1 2"), "6"),
-    ],
-)  # fmt: skip
-def test_words_that_make_no_sense_are_refused_with_what_to_write(words: Typed, said: str) -> None:
-    with pytest.raises(hk.HolokinError, match=said):
-        question("ur5e", words)
-    with pytest.raises(UnknownNameError, match="wrist_3_joint"):
-        question("ur5e", Typed(limits=("wrist_33 -1 1",)))
+    "table", ["box = [0.5, 0, 0.3, 0.2, 0.2]", "half = [1, 1]", "box = [0, 0, 1, 1]\nhalf = [1, 1]", "tilt_deg = 3"]
+)
+def test_a_workspace_of_a_job_without_one_whole_box_is_refused(tmp_path: Path, table: str) -> None:
+    file = tmp_path / "space.toml"
+    file.write_text(f"{TORCH}\n[workspace]\n{table}\n")
+    with pytest.raises(JobError, match="or center and half"):
+        question(str(file))
+
+
+def test_a_job_whose_pose_leaves_no_joint_free_is_refused_with_the_two_tasks_that_do(tmp_path: Path) -> None:
+    file = tmp_path / "rigid.toml"
+    file.write_text(TORCH.replace('orientation = "axis"', 'orientation = "twist"'))
+    with pytest.raises(ArgumentError, match=r"orientation = \"axis\" into \[task\].*or kind = \"position\""):
+        question(str(file))
 
 
 def _trials(robot: hk.Robot, names: set[str]) -> list[Trial]:
@@ -293,15 +283,6 @@ def test_the_command_takes_a_job_and_writes_it_again_with_the_law(holokin: Comma
     assert out.with_suffix(".png").stat().st_size > 20_000
 
 
-def test_the_command_refuses_what_does_not_go_together(holokin: Command, tmp_path: Path) -> None:
-    file = tmp_path / "square.toml"
-    file.write_text(PLANAR)
-    out = ("--out", tmp_path / "x.toml")
-    assert_refused(holokin("advise", file, "--task", "pose", *out), "redundant")
-    assert_refused(holokin("advise", file, "--position", "--axis", "z", *out), "only the task axis has one")
-    assert_refused(holokin("advise", file, "--position", "--task", "axis", *out), "give one of them")
-
-
 def test_a_law_on_trial_serves_only_where_its_postures_are_clear() -> None:
     """Clear is what has the first joint below its median: of the poses served without this, those are left."""
     task, q0 = hk.position(hk.load("planar-3r")), np.array([0.3, 0.8, 0.5])
@@ -341,5 +322,12 @@ def test_the_command_refuses_before_the_work(holokin: Command, tmp_path: Path) -
     assert_refused(holokin("advise", "planar-3r", "--out", file), "exists already")
     assert_refused(holokin("advise", "planar-3r", "--out", tmp_path / "x.txt"), ".toml")
     assert_refused(holokin("advise", "planar-3r", "--out", tmp_path / "none" / "x.toml"), "none", "No such file")
-    assert_refused(holokin("advise", "planar-3r", "--q0", "a b", "--out", tmp_path / "x.toml"), "numbers with blanks")
-    assert_refused(holokin("advise", "planar-3r", "--workspace", "cube 1", "--out", tmp_path / "x.toml"), "'cube'")
+    out = ("--out", tmp_path / "x.toml")
+    for box in ("cube 1", "1 2 3", "0 0 0 1 1 nan"):
+        assert_refused(holokin("advise", "planar-3r", "--box", box, *out), "X Y Z HX HY HZ")
+    assert_refused(holokin("advise", "planar-3r", "--box", "0 0 0 0 0 0", *out), "half sides")
+    assert_refused(holokin("advise", "planar-3r", "--tilt", "3", *out), "--box")
+    assert_refused(holokin("advise", "irb140", "--task", "pose", *out), "redundant")
+    job = tmp_path / "square.toml"
+    job.write_text(PLANAR)
+    assert_refused(holokin("advise", job, "--task", "pose", *out), "--task beside a job")

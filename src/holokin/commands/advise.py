@@ -8,43 +8,16 @@ from typing import Annotated
 import typer
 
 from .outcome import ending, show, show_rich
-from .robot_options import (
-    Base,
-    BasePose,
-    Floor,
-    JointLimits,
-    Obstacles,
-    RobotOrJob,
-    Task,
-    TaskKind,
-    Tip,
-    Tool,
-    WorkspaceWords,
-)
+from .robot_options import Base, Box, RobotOrJob, Task, Tilt, Tip
 
 
 def advise(
     robot: RobotOrJob,
-    workspace: WorkspaceWords = None,
+    box: Box = None,
+    tilt: Tilt = None,
     tip: Tip = None,
     base: Base = None,
     task: Task = None,
-    axis: Annotated[
-        str | None, typer.Option(help='With the task axis: x, y, z or a direction in its frame, like "0 0.5 1".')
-    ] = None,
-    position: Annotated[bool, typer.Option("--position", help="The same as --task position.")] = False,
-    tool: Tool = None,
-    base_pose: BasePose = None,
-    limit: JointLimits = None,
-    floor: Floor = None,
-    obstacle: Obstacles = None,
-    clearance: Annotated[
-        float | None, typer.Option(help="Distance [m] that links keep from these and from each other; or 0.01.")
-    ] = None,
-    q0: Annotated[
-        str | None, typer.Option(help="The posture to begin at, in rad and m, like '0 -0.8 0 -2.4 0 1.6 0.8'.")
-    ] = None,
-    degrees: Annotated[bool, typer.Option("--degrees", help="--q0 and --limit are in degrees and m.")] = False,
     levels: Annotated[
         bool, typer.Option("--levels", help="Also say which levels of the best law serve the workspace.")
     ] = False,
@@ -58,21 +31,14 @@ def advise(
     obstacles. Prints a table and why the best law is, and writes a job with it, by default advice-<robot>.toml, and a
     picture. Exits 0 when that is done, 2 on bad input.
     """
-    from ..errors import ArgumentError
     from ..job.advice_job import advise_command, proof_command
-    from ..job.advice_question import Typed
+    from ..job.advice_question import question
     from ..reports.advice_report import advice_figure, print_advice
     from ..reports.plots import write_figure
 
-    if position and task not in (None, TaskKind.POSITION):
-        raise ArgumentError("--position beside --task", task.value, "give one of them")
-    kind = TaskKind.POSITION if position else task
-    typed = Typed(
-        workspace, tip, base, kind.value if kind else None, axis, q0, degrees, tool, base_pose, tuple(limit or ()),
-        floor, tuple(obstacle or ()), clearance,
-    )  # fmt: skip
     with ending().telling() as say:
-        found, asked, write = advise_command(robot, typed, out, say, say.announce, levels)
+        asked = question(robot, box=box, tilt=tilt, tip=tip, base=base, task=task and task.value)
+        found, write = advise_command(robot, asked, out, say, say.announce, levels)
         show_rich(lambda console: print_advice(found, console))
         say("trying the job")
         job, remark = write()

@@ -8,21 +8,16 @@ from typing import Annotated
 import typer
 
 from .outcome import ending, show
-from .robot_options import Base, BasePose, Floor, JointLimits, Obstacles, RobotOrJob, Task, Tip, Tool, WorkspaceWords
+from .robot_options import Base, Box, RobotOrJob, Task, Tilt, Tip
 
 
 def sheets(
     robot: RobotOrJob,
-    workspace: WorkspaceWords = None,
+    box: Box = None,
+    tilt: Tilt = None,
     tip: Tip = None,
     base: Base = None,
     task: Task = None,
-    tool: Tool = None,
-    base_pose: BasePose = None,
-    limit: JointLimits = None,
-    degrees: Annotated[bool, typer.Option("--degrees", help="--limit is in degrees and m.")] = False,
-    floor: Floor = None,
-    obstacle: Obstacles = None,
     share: Annotated[
         float | None, typer.Option(help="Share to serve of the poses that the arm reaches; 0.995 by default.")
     ] = None,
@@ -43,19 +38,16 @@ def sheets(
     sheets-<robot>.npz, with a picture. Exits 0 if the share was reached, 1 if not, 2 on bad input.
     Ctrl-C ends the search; what was found is written.
     """
-    from ..job.advice_question import Typed
+    from ..job.advice_question import question
     from ..job.sheets_job import sheets_command
     from ..reports.plots import write_figure
     from ..reports.sheets_plot import sheets_figure
 
-    typed = Typed(
-        workspace, tip, base, task.value if task else None, None, None, degrees, tool, base_pose, tuple(limit or ()),
-        floor, tuple(obstacle or ()),
-    )  # fmt: skip
     given = {"share": share, "samples": samples, "seconds": seconds}
     options = {key: value for key, value in given.items() if value is not None}
     with ending().telling() as say:
-        result, file = sheets_command(robot, typed, out, options, say.tell, say.announce)
+        asked = question(robot, box=box, tilt=tilt, tip=tip, base=base, task=task and task.value)
+        result, file = sheets_command(robot, asked, out, options, say.tell, say.announce)
         picture = file.with_suffix(".png")
         say.tell("drawing")
         write_figure(lambda: sheets_figure(result.found), picture)

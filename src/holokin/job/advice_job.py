@@ -17,7 +17,7 @@ from ..path.workspaces import Box, PoseRange, Workspace
 from ..tasks.frame_task import FrameTask
 from ..tasks.task import Task
 from .advice_over_job import write_over
-from .advice_question import Question, Typed, question
+from .advice_question import Question
 from .runner import run_job
 from .schema import LONGEST_TITLE, Job
 from .toml_text import check_new, robot_name, table, toml, write_new
@@ -40,25 +40,23 @@ SAMPLES, CYCLES = 100, 2
 
 def advise_command(
     name: str,
-    typed: Typed,
+    asked: Question,
     out: FilePath | None,
     say: Callable[[str], None],
     announce: Callable[[str], None],
     levels: bool = False,
-) -> tuple[Advice, Question, Callable[[], tuple[FilePath, str]]]:
-    """What `holokin advise` does: (advice, what was asked, what writes its job and returns the file and a remark).
+) -> tuple[Advice, Callable[[], tuple[FilePath, str]]]:
+    """What `holokin advise` does: (advice, what writes its job and returns the file and a remark).
 
     Args:
-        name: of a robot or a job. say: hears what is going on. announce: hears, before the work begins, what is looked
-            at and how long that takes. levels: as of `advise`.
+        name: of a robot or a job. asked: about it. say: hears what is going on. announce: hears, before the work
+            begins, what is looked at and how long that takes. levels: as of `advise`.
 
     Raises:
-        JobError, WriteError: the file exists, or cannot be written; said before anything is looked at. As `advise`,
-        `load`, `open_job` and `parse_workspace`.
+        JobError, WriteError: the file exists, or cannot be written; said before anything is looked at. As `advise`.
     """
     path = out or FilePath(f"advice-{FilePath(name).stem}.toml")
     check_new(path)
-    asked = question(name, typed)
     announce(f"{asked.chain}. This takes {DURATION}.")
     found = advise_chain(
         asked.chain,
@@ -78,7 +76,7 @@ def advise_command(
         _write_advice(path, found, asked)
         return path, ""
 
-    return found, asked, write
+    return found, write
 
 
 def proof_command(advice: Advice, asked: Question, job: FilePath) -> str:
@@ -110,11 +108,10 @@ def _write_advice(path: FilePath, advice: Advice, asked: Question) -> None:
 
 
 def _text(path: FilePath, advice: Advice, asked: Question, radius: float) -> str:
-    law, task = advice.best, advice.task
+    law, task, space = advice.best, advice.task, advice.workspace
     inward = -radius if task.pose(law.q0)[0, 3] > 0 else radius
     chosen = dict(asked.keys["robot"])
     chosen["name"] = robot_name(chosen["name"], path) if FilePath(chosen["name"]).suffix else chosen["name"]
-    checks = asked.keys.get("checks")
     parts = [
         f"title = {toml(f'{task.robot.name}: {law.name}'[:LONGEST_TITLE])}\nabout = {toml(' '.join(advice.reasons))}",
         table("robot", chosen),
@@ -124,8 +121,7 @@ def _text(path: FilePath, advice: Advice, asked: Question, radius: float) -> str
             "kind": "circle", "center": [inward, 0.0, 0.0], "relative": True, "speed": 0.1, "samples": SAMPLES,
             "cycles": CYCLES,
         }),
-        *([table("checks", checks)] if checks else []),
-        *([table("workspace", keys)] if (keys := _workspace_keys(advice.workspace, asked.poses, path)) else []),
+        *([table("workspace", _workspace_keys(space))] if isinstance(space, PoseRange) else []),
         table("strategies.advised", dict(law.keys)),
         table("strategies.moore-penrose", {"kind": "moore-penrose"}),
         table("expect.advised", {"holonomic": True, "drift_total": {"below": 1e-6}}),
@@ -142,10 +138,8 @@ def _task_keys(task: Task) -> dict[str, Any]:
     return {"kind": "position"} | ({} if task.rows == whole else {"rows": list(task.rows)})
 
 
-def _workspace_keys(space: Workspace, poses: str | None, path: FilePath) -> dict[str, Any]:
-    """[workspace] of a workspace; empty for poses that are in no file."""
-    if not isinstance(space, PoseRange):
-        return {} if poses is None else {"kind": "poses", "file": robot_name(poses, path)}
+def _workspace_keys(space: PoseRange) -> dict[str, Any]:
+    """[workspace] of a workspace."""
     names = {"sides": "half", "height": "half_height"}
     sizes = {names.get(f.name, f.name): getattr(space.solid, f.name) for f in fields(space.solid)}
     keys = {key: np.asarray(value).tolist() for key, value in sizes.items()}

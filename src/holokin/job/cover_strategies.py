@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from ..base.types import Matrix, Value, Vector
-from ..errors import ArgumentError, JobError
+from ..errors import ArgumentError
 from ..path import Path, read_workspace
 from ..path.workspaces import PoseRange, Workspace, pose_cloud, workspace
 from ..reports.job_result import StrategyResult
@@ -59,11 +59,11 @@ def build_covering(job: Job, task: Task, q0: Vector, file: FilePath) -> Covering
     return Covering(build_workspace(job.workspace, at_start, file), job.workspace, task, q0)
 
 
-def build_workspace(table: WorkspaceTable, at_start: Matrix | None, file: FilePath) -> Workspace:
+def build_workspace(table: WorkspaceTable, at_start: Matrix, file: FilePath) -> Workspace:
     """The workspace of a table; a file of poses counts from the job file's folder.
 
     Args:
-        at_start: rotation (3, 3) of the tool at the start, None where there is no start yet.
+        at_start: rotation (3, 3) of the tool at the start.
 
     Raises:
         JobError, RecordingError.
@@ -71,13 +71,10 @@ def build_workspace(table: WorkspaceTable, at_start: Matrix | None, file: FilePa
     if table.kind == "poses":
         return read_workspace(file.parent / str(table.file), ignore=table.ignore)
     solid = {
-        "box": (table.center, table.half),
+        "box": table.box_sides,
         "cylinder": (table.center, table.radius, table.half_height),
         "sphere": (table.center, table.radius),
     }[table.kind]
-    if table.rotation == "start" and at_start is None:
-        cure = 'give rotation = "down" or a matrix, or the start posture, too'
-        raise JobError(file, "workspace.rotation", "is that of a start posture, which is not known", cure)
     rotations = {"down": None, "start": at_start}
     rotation = rotations[table.rotation] if isinstance(table.rotation, str) else table.rotation
     angles = {"tilt": np.deg2rad(table.tilt_deg), "spin": np.deg2rad(table.spin_deg)}

@@ -13,9 +13,8 @@ from pydantic import BaseModel, ValidationError
 
 from ..errors import JobError, closest, shown
 from ..robot.text_files import read_toml
-from .schema import Job, WorkspaceTable
+from .schema import Job
 from .strategy_tables import KINDS
-from .table_values import Table
 
 Key = tuple[str, ...]
 """The path to a value: the names and numbers of the tables and lists around it, and its own."""
@@ -75,18 +74,6 @@ def read_job(path: Path) -> Job:
 def job_of(path: Path, table: dict[str, Any]) -> Job:
     """The job of a file's content, or of what was made of it. Raises: JobError."""
     return _JOB.checked(path, table)
-
-
-def read_workspace_table(path: Path) -> WorkspaceTable:
-    """The [workspace] of a TOML file, whatever else stands there. Raises: JobError."""
-    table = _table(path, "check the path")
-    if "workspace" not in table:
-        raise JobError(path, "workspace", "is missing", "add a table [workspace], as of a job file")
-    return _WORKSPACE.checked(path, {"workspace": table["workspace"]}).workspace
-
-
-class _Workspace(Table):
-    workspace: WorkspaceTable
 
 
 def _table(path: Path, where: str) -> dict[str, Any]:
@@ -207,4 +194,3 @@ _JOB = Form(
     Job, "strategies", KINDS, "check the path; `holokin jobs` lists the packaged ones",
     f"check its spelling: {{}}; {_WRITES}", f"add it; {_WRITES}", _no_survey,
 )  # fmt: skip
-_WORKSPACE = Form(_Workspace, "", {})

@@ -121,9 +121,10 @@ class VerdictTable(Table):
 class WorkspaceTable(KindTable):
     """[workspace]: tool poses in the frame of the base; every strategy with leaves is asked how many it reaches."""
 
-    kind: Literal["box", "cylinder", "sphere", "poses"]
-    center: Annotated[Point | None, needed_by(*SOLIDS)] = None
-    half: Annotated[Point | None, needed_by("box")] = None
+    kind: Literal["box", "cylinder", "sphere", "poses"] = "box"
+    box: Annotated[list[Length] | None, Field(min_length=4, max_length=6), of("box")] = None
+    center: Annotated[Point | None, needed_by("cylinder", "sphere"), of("box")] = None
+    half: Annotated[Point | None, of("box")] = None
     radius: Annotated[Positive | None, needed_by("cylinder", "sphere")] = None
     half_height: Annotated[Size | None, needed_by("cylinder")] = None
     file: Annotated[str | None, needed_by("poses")] = None
@@ -135,6 +136,21 @@ class WorkspaceTable(KindTable):
     seed: Annotated[int, Field(ge=0)] = 0
     limits: bool = True
     slices: Annotated[int, Field(ge=0, le=MOST_CELLS)] = 31
+
+    @model_validator(mode="after")
+    def _one_box(self) -> WorkspaceTable:
+        both = (self.center, self.half)
+        if self.kind == "box" and (None in both if self.box is None else both != (None, None) or len(self.box) == 5):
+            raise ValueError("a box needs box = [x, y, z, hx, hy, hz], in a plane [x, y, hx, hy]; or center and half")
+        return self
+
+    @property
+    def box_sides(self) -> tuple[list[float] | None, list[float] | None]:
+        """(centre, half sides) of a box."""
+        if self.box is None:
+            return self.center, self.half
+        half = len(self.box) // 2
+        return self.box[:half], self.box[half:]
 
 
 class SheetsTable(Table):

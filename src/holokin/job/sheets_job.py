@@ -1,4 +1,4 @@
-"""What `holokin sheets` does: of a robot or a job with what is typed beside it."""
+"""What `holokin sheets` does, of a robot or a job."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..errors import ArgumentError, JobError
 from ..reports.sheets_result import SheetsResult
 from ..sheet_maps import sheets, write_sheets
 from ..workspace_coverage.proposed_workspace import first_start, proposed_workspace
-from .advice_question import Question, Typed, question
+from .advice_question import Question
 from .check_tables import ChecksTable
 from .job_file import job_of
 from .schema import SheetsTable
@@ -22,7 +22,7 @@ from .table_values import filled
 
 def sheets_command(
     name: str,
-    typed: Typed,
+    asked: Question,
     out: FilePath | None,
     options: Mapping[str, Any],
     say: Callable[[str], None],
@@ -35,9 +35,8 @@ def sheets_command(
         options: keys of [sheets] that were typed; they go before those of the job.
 
     Raises:
-        WriteError, JobError: the file exists; said before anything is looked at. As `sheets` and `question`.
+        WriteError, JobError: the file exists; said before anything is looked at. As `sheets`.
     """
-    asked = question(name, typed)
     table = filled(SheetsTable, "sheets", {**asked.keys.get("sheets", {}), **options})
     file = out or _named(name, table, asked)
     if file.suffix != ".npz":
