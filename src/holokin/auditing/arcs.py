@@ -163,63 +163,28 @@ class ToolPath:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Akima's curve through values (k, d) at rising s (k,): cubic between knots, of slopes from five chords. Its slopes
-    are kept and not its coefficients, a third of the memory of SciPy's."""
+    """A smooth curve through values (k, d) at rising s (k,), which runs on straight beyond its ends."""
 
     s: Vector
     values: Matrix
 
     @cached_property
-    def slopes(self) -> Matrix:
-        """dz/ds at the knots (k, d)."""
-        count = len(self.s)
-        out = np.empty_like(self.values)
-        for i in range(0, count, BLOCK):
-            j = min(i + BLOCK, count)
-            first, last = max(i - 2, 0), min(j + 2, count)
-            chords = np.diff(self.values[first:last], axis=0) / np.diff(self.s[first:last])[:, None]
-            if count == 2:
-                chords = np.repeat(chords, 2, axis=0)
-            if first == i:  # two chords more at each end, as of a parabola
-                chords = np.vstack([3 * chords[0] - 2 * chords[1], 2 * chords[0] - chords[1], chords])
-            if last == count:
-                chords = np.vstack([chords, 2 * chords[-1] - chords[-2], 3 * chords[-1] - 2 * chords[-2]])
-            change = np.abs(np.diff(chords, axis=0))
-            before, after = change[: j - i], change[2 : 2 + j - i]
-            left, right, total = chords[1 : 1 + j - i], chords[2 : 2 + j - i], before + after
-            even = total <= 1e-9 * max(float(total.max()), 1e-300)
-            share = np.where(even, 0.5, before / np.where(even, 1.0, total))
-            out[i:j] = left + share * (right - left)
-        return out
+    def _akima(self) -> Any:
+        from scipy.interpolate import Akima1DInterpolator
 
-    def _local(self, s: Vector) -> tuple[Indices, Vector, Matrix]:
-        i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
-        width = self.s[i + 1] - self.s[i]
-        return i, width, ((s - self.s[i]) / width)[..., None]
+        return Akima1DInterpolator(self.s, self.values)
 
     def __call__(self, s: Vector | float) -> Array:
         """Values (..., d) at s (...); beyond the ends along the tangents there."""
         at = np.asarray(s, dtype=float)
         inside = np.clip(at, self.s[0], self.s[-1])
-        values = self._inside(inside)
+        values = self._akima(inside)
         over = at - inside
-        return values + over[..., None] * self.slope(inside) if over.any() else values
-
-    def _inside(self, s: Vector) -> Array:
-        i, width, u = self._local(s)
-        a, b = self.values[i], self.values[i + 1]
-        rise = b - a
-        first = self.slopes[i] * width[..., None] - rise
-        last = self.slopes[i + 1] * width[..., None] - rise
-        return a + u * (rise + (1 - u) * ((1 - u) * first - u * last))
+        return values + over[..., None] * self._akima(inside, 1) if over.any() else values
 
     def slope(self, s: Vector | float) -> Array:
         """Derivatives (..., d) at s (...), beyond the ends those there."""
-        i, width, u = self._local(np.clip(np.asarray(s, dtype=float), self.s[0], self.s[-1]))
-        w = width[..., None]
-        rise = self.values[i + 1] - self.values[i]
-        first, last = self.slopes[i] * w - rise, self.slopes[i + 1] * w - rise
-        return (rise + (1 - u) * (1 - 3 * u) * first - u * (2 - 3 * u) * last) / w
+        return self._akima(np.clip(np.asarray(s, dtype=float), self.s[0], self.s[-1]), 1)
 
 
 def tool_path(
