@@ -148,8 +148,6 @@ def calls() -> dict[str, Call]:
         "through": (hk.through, ([[0, 0, 0, 0], [1, 0, 0, 1]],), {"closed": True, "speed": None, "seconds": 1.0}),
         "follow": (hk.follow, (held, loop, q), {**following, "cycles": 1}),
         "certify": (hk.certify, (held, loop, q), {"limits": True, "budget": 60, "say": str}),
-        "proof.follow_certified": (hk.proof.follow_certified, (held, loop, q), {
-            "samples": 8, "cycles": 1, "limits": True, "budget": 60}),
         "retime": (hk.retime, (walk, robot), {
             "acceleration": 1.0, "jerk": 100.0, "velocity": [1.0, 1.0, 1.0], "profile": "trapezoidal", "speed": 1.0,
             "cycles": 1, "endless": False, "dt": 0.01}),

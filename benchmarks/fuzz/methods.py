@@ -236,7 +236,6 @@ HEAVY = {
     "studio", "audit", "advise", "design", "closest_holonomic", "coverage", "survey", "designing.section_metrics",
     "motion_analysis.distance_to_repeatable", "motion_analysis.winding", "motion.winding", "catalogue", "certify",
     "workspace_coverage.coverage_slices", "workspace_coverage.choose_tip", "workspace_coverage.posture_reach",
-    "proof.follow_certified",
 }  # fmt: skip
 """Calls that take long, or open pages, where a bad argument is none; `calls` has them."""
 

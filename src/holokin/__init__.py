@@ -46,7 +46,7 @@ from .designing import (
 from .errors import HolokinError
 from .export import export_c
 from .inverse_kinematics import all_postures, inverse, move_to_leaf
-from .motion import TimedTrajectory, approach, controller, drift, path_spread, retime, simulate
+from .motion import TimedTrajectory, approach, controller, drift, follow, path_spread, retime, simulate
 from .motion.trajectory import Status, Trajectory
 from .motion_analysis import Verdict, around, curvature, cusps, involutivity, obstruction
 from .motion_checking import CheckReport, check
@@ -72,7 +72,7 @@ from .path import (
 )
 from .path.synchronized_paths import synchronized, through
 from .path.workspaces import Workspace, workspace
-from .proof import Certificate, certify, follow, unique_region
+from .proof import Certificate, certify, unique_region
 from .robot import (
     Part,
     Robot,

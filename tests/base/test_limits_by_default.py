@@ -25,7 +25,6 @@ DOORS: dict[str, Callable[[HolonomicStrategy, np.ndarray], object]] = {
     "inverse": hk.inverse,
     "move_to_leaf": hk.move_to_leaf,
     "follow": lambda law, q: hk.follow(law, around(law, q), q, samples=4),
-    "follow, certified": lambda law, q: hk.follow(law, around(law, q), q, samples=4, certified=True),
     "drift": lambda law, q: hk.drift(law, around(law, q), q, samples=4),
     "path_spread": lambda law, q: hk.path_spread(law, around(law, q), around(law, q), q, samples=4),
     "controller": lambda law, q: hk.controller(law, dt=0.01, q0=q),

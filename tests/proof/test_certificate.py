@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 import holokin as hk
 from conftest import campaign
 from holokin.commands.main import app
-from holokin.errors import ArgumentError, CertificateError, ExpressionError, NotCertifiedError, StartError
-from holokin.proof import Certificate, Extent, follow_certified
+from holokin.errors import ArgumentError, CertificateError, ExpressionError, StartError
+from holokin.proof import Certificate, Extent
 from holokin.proof.binding import unlike
 from holokin.proof.certificate import digest
 
@@ -101,13 +101,6 @@ def test_the_determinant_bound_is_below_the_determinant_of_followed_postures(
     assert 0 < proof.determinant <= np.abs(np.linalg.det(A)).min()
 
 
-def test_certified_following_finds_the_postures_of_following_by_leaf(lock: Any, triangle: hk.Path) -> None:
-    walk, proof = follow_certified(lock, triangle, START, samples=60, cycles=2)
-    other = hk.follow(lock, triangle, START, samples=60, cycles=2)
-    assert proof.whole and walk.status is hk.Status.COMPLETE
-    np.testing.assert_allclose(walk.q, other.q, atol=1e-11)
-
-
 def test_a_spent_budget_leaves_what_is_proven(lock: Any, panda: hk.Robot, tmp_path: Path) -> None:
     tool = panda.pose(START)[:3, 3]
     path = hk.circle(tool, center=tool - [0.05, 0, 0])
@@ -117,9 +110,6 @@ def test_a_spent_budget_leaves_what_is_proven(lock: Any, panda: hk.Robot, tmp_pa
     assert 1 < len(part) < len(whole) and "budget" in part.table()
     assert verified(part.data, tmp_path / "part.json")
     assert not verified(part.data | {"claims": part.data["claims"] | {"whole": True}}, tmp_path / "part.json")
-    with pytest.raises(NotCertifiedError) as caught:
-        follow_certified(lock, path, START, budget=24)
-    assert caught.value.certificate.extent is Extent.BUDGET and len(caught.value.trajectory) >= 1
 
 
 @pytest.mark.campaign

@@ -11,7 +11,7 @@ import holokin as hk
 from conftest import PANDA_START, sampled
 from holokin import constraints as C
 from holokin.errors import ArgumentError
-from holokin.proof import certify, equation, follow_certified
+from holokin.proof import certify, equation
 from holokin.proof.path_postures import walked
 from roots import near_panda, roots_are_where_they_should_be
 
@@ -37,7 +37,8 @@ def test_stationary_postures_of_a_panda_are_those_of_the_constraint_itself(
 ) -> None:
     """The null vector is an unknown of the proof; the constraint, by reflections, is the same along all of it."""
     G = hk.holonomic(hk.pose(panda), hk.stationary(cost, free=free))
-    walk, proof = follow_certified(G, near_panda(panda), PANDA_START, samples=20)
+    walk = hk.follow(G, near_panda(panda), PANDA_START, samples=20)
+    proof = hk.certify(G, near_panda(panda), PANDA_START)
     assert proof.whole and proof.equation.n > proof.equation.joints == 7 and proof.low.shape == (7,)
     level = G.g(PANDA_START)
     assert max(float(np.abs(G.g(q) - level).max()) for q in walk.q) < 1e-12
@@ -48,7 +49,8 @@ def test_a_stationary_constraint_that_is_tilted_is_certified() -> None:
     """Its unknowns go with it; the level is that of the whole."""
     robot, q = hk.load("panda"), PANDA_START
     G = hk.holonomic(hk.pose(robot), C.tilted(hk.stationary(C.centring_cost()), lambda x: 0.1 * x[0]))
-    walk, proof = follow_certified(G, near_panda(robot), q, samples=10)
+    walk = hk.follow(G, near_panda(robot), q, samples=10)
+    proof = hk.certify(G, near_panda(robot), q)
     assert proof.whole and max(float(np.abs(G.g(p) - G.g(q)).max()) for p in walk.q) < 1e-12
 
 
@@ -59,7 +61,8 @@ def test_one_hand_in_the_frame_of_the_other_is_certified_with_all_fourteen_joint
     held = np.linalg.svd(task.jacobian(YUMI))[2][6:]
     G = hk.holonomic(task, hk.linear(held))
     x = task.pose(YUMI)[:3, 3]
-    walk, proof = follow_certified(G, hk.circle(x, center=x - [0.03, 0, 0]), YUMI, samples=16, limits=False)
+    walk = hk.follow(G, hk.circle(x, center=x - [0.03, 0, 0]), YUMI, samples=16, limits=False)
+    proof = hk.certify(G, hk.circle(x, center=x - [0.03, 0, 0]), YUMI, limits=False)
     assert proof.whole and proof.gap < 1e-11
     for q, u in zip(walk.q, np.arange(len(walk.q)) / (len(walk.q) - 1), strict=True):
         left, right = (yumi.pose(q, hand) for hand in HANDS)
@@ -78,7 +81,8 @@ def test_two_hands_each_on_a_path_of_its_own_are_certified(yumi: hk.Robot) -> No
     away = hk.line(right, right + [0.02, 0, 0], turn=(0, 0, 0.1))
     back = hk.line(away.end, right, turn=(0, 0, -0.1))
     paths = hk.synchronized(hk.circle(left, left - [0.02, 0, 0]), away + back)
-    walk, proof = follow_certified(G, paths, YUMI, samples=20, limits=False)
+    walk = hk.follow(G, paths, YUMI, samples=20, limits=False)
+    proof = hk.certify(G, paths, YUMI, limits=False)
     assert proof.whole and proof.gap < 1e-11 and proof.equation.positive == 2
     assert (
         "wherever the path comes back to the tools' poses, the joints are the same" in proof.theorem
@@ -128,14 +132,3 @@ def test_a_walk_towards_a_singular_posture_ends_after_few_steps() -> None:
     postures, _, where = walked(hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]])), path, q, 256)
     end = float(np.linalg.norm(robot.pose(postures[-1])[:3, 3]))
     assert where and len(postures) < 257 and end <= reach and reach - end < path.length / 128
-
-
-def test_follow_certified_returns_its_proof_and_the_samples_of_follow(panda: hk.Robot) -> None:
-    """A law without leaves, or followed by velocity, has none."""
-    G, path = hk.holonomic(hk.pose(panda), hk.lock(2)), near_panda(panda)
-    walk, proof = hk.follow(G, path, PANDA_START, samples=20, certified=True)
-    assert proof.whole and np.abs(walk.q - hk.follow(G, path, PANDA_START, samples=20).q).max() < 1e-10
-    with pytest.raises(ArgumentError, match="leave it out"):
-        hk.follow(G, path, PANDA_START, method="velocity", certified=True)
-    with pytest.raises(ArgumentError, match="strategy to certify"):
-        hk.follow(hk.moore_penrose(hk.pose(panda)), path, PANDA_START, certified=True)

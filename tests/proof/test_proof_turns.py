@@ -11,7 +11,7 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, R3_START, sampled
 from holokin import constraints as C
-from holokin.proof import certify, follow_certified
+from holokin.proof import certify
 from holokin.proof.certificate import Extent
 from holokin.robot import link_jacobian
 from holokin.symbolic import SX, Function, symbol
@@ -79,7 +79,8 @@ def test_stationary_manipulability_of_a_panda_is_certified_without_further_unkno
     """Along the path the derivative of the manipulability stays what it is at the start; the checker agrees."""
     robot = hk.load("panda")
     G = hk.holonomic(hk.pose(robot), hk.stationary(C.manipulability_cost()))
-    walk, proof = follow_certified(G, near_panda(robot), PANDA_START, samples=8)
+    walk = hk.follow(G, near_panda(robot), PANDA_START, samples=8)
+    proof = hk.certify(G, near_panda(robot), PANDA_START)
     assert proof.whole and proof.equation.n == 7 and "[J; J_g]" in proof.theorem and len(proof) < 20
     kept = [volume_along_the_self_motion(robot, q) for q in walk.q]
     assert np.ptp(kept) < 1e-6 and kept[0] == pytest.approx(-float(G.g(PANDA_START)[0]), abs=1e-6)
@@ -116,7 +117,8 @@ def test_leaves_that_are_tilted_by_the_orientation_are_certified_across_their_re
     chart = replace(hk.pose(robot), reference=robot.pose(PANDA_START)[:3, :3])
     tilt = C.tilted(hk.lock(2), lambda x: 0.3 * x[3] * x[4] + 0.2 * x[0] * x[5], chart=chart)
     G = hk.holonomic(hk.pose(robot), tilt)
-    walk, proof = follow_certified(G, turned_loop(robot), PANDA_START, samples=10)
+    walk = hk.follow(G, turned_loop(robot), PANDA_START, samples=10)
+    proof = hk.certify(G, turned_loop(robot), PANDA_START)
     assert proof.whole and len(proof) < 30
     assert max(float(np.abs(G.g(q) - G.g(PANDA_START)).max()) for q in walk.q) < 1e-14
     recheck = pytest.importorskip("holokin.proof.checker").check

@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 
 import holokin as hk
 from holokin.commands.main import app
-from holokin.errors import OpenPathError
 from holokin.proof import Certificate, Extent
 from holokin.proof.path_proof import FINE, Pathway
 from holokin.proof.revisits import ONCE, Parts, Revisits
@@ -66,20 +65,7 @@ def test_a_closed_path_that_leaves_the_joints_elsewhere_is_not_proven_and_its_dr
 
 
 @pytest.mark.campaign
-def test_several_certified_cycles_need_joints_that_return(drifting: Certificate) -> None:
-    law, path = round_base([0.02, 0.0, 1.0])
-    with pytest.raises(OpenPathError, match=r"q1 by 6\.2315"):
-        hk.follow(law, path, Q, certified=True, cycles=3, limits=False)
-    walk, proof = hk.follow(law, path, Q, certified=True, limits=False)  # once round is the joints' own path
-    assert walk.status is hk.Status.COMPLETE and not proof.whole
-    law, q = half_angle()
-    x = tool(law.task.robot, q)
-    with pytest.raises(OpenPathError, match=r"q3 by 3\.1415"):
-        hk.follow(law, hk.circle(x, center=(0, 0, 0)), q, certified=True, cycles=2)
-
-
-@pytest.mark.campaign
-def test_repeated_cycles_never_jump_whatever_the_law_and_the_circle() -> None:
+def test_joints_return_where_the_proof_is_whole_whatever_the_law_and_the_circle() -> None:
     """Drawn at random: starts, circles round the base and beside it, laws in which q1 counts and does not."""
     rng, ends = np.random.default_rng(26), []
     for k in range(8):
@@ -94,12 +80,6 @@ def test_repeated_cycles_never_jump_whatever_the_law_and_the_circle() -> None:
             moved = np.ptp(hk.follow(law, path, q, limits=False).q[[0, -1]], axis=0)
             assert proof.whole == bool((np.abs(moved - np.abs(2 * np.pi * proof.turns)) < 1e-6).all()), proof.theorem
             ends.append(proof.whole)
-            try:
-                walk, _ = hk.follow(law, path, q, certified=True, cycles=3, limits=False, samples=300)
-            except OpenPathError:
-                assert not proof.whole
-            else:
-                assert proof.whole and np.abs(np.diff(walk.q, axis=0)).max() < 0.3
     assert len(ends) >= 6 and 0 < sum(ends) < len(ends)
 
 

@@ -77,16 +77,10 @@ class StartError(HolokinError):
 
 
 class OpenPathError(HolokinError):
-    """A closed path is needed; or one after which the joints, too, are where they began: `joints` says why not."""
+    """A closed path is needed."""
 
-    def __init__(self, what: str, gap: float, joints: str = "") -> None:
+    def __init__(self, what: str, gap: float) -> None:
         self.gap = gap
-        if joints:
-            super().__init__(
-                f"{what} needs a closed path that brings the joints back, and {joints}; follow it once, or choose "
-                "another constraint, leaf or path"
-            )
-            return
         super().__init__(
             f"{what} needs a closed path, but this one ends {gap:.3g} (m or rad) from its start; "
             "close it with hk.join(path, ...) or use path + path.reversed()"
@@ -180,14 +174,6 @@ class JumpError(BranchError):
 
 class LimitReachedError(PathError):
     """A joint ran into its limit along the path."""
-
-
-class NotCertifiedError(PathError):
-    """A path of which not all is proven; `.certificate` says what is, `.trajectory` holds the joints up to there."""
-
-    def __init__(self, fact: str, cure: str, trajectory: Any = None, certificate: Any = None) -> None:
-        self.certificate = certificate
-        super().__init__(fact, cure, trajectory)
 
 
 class ControllerError(PathError):

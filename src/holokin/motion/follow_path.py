@@ -64,7 +64,31 @@ def follow(
     limits: bool = True,
     native: bool = False,
 ) -> Trajectory:
-    """Follow a path from a start posture, as `hk.follow` does without a proof; arguments and errors are told there."""
+    """Follow a path from a start posture.
+
+    Args:
+        samples: steps a cycle, at least; corners of the path are always hit.
+        cycles: runs of a closed path.
+        method: "velocity" integrates dq = G x' by fixed-step RK4, as the paper does; "leaf" solves
+            [f(q) - x; g(q) - c] = 0 at every sample, for a `HolonomicStrategy`. By default "leaf" for those,
+            else "velocity".
+        limits: stop at joint limits; False ignores them.
+        native: build native code at once, a second's work, for a strategy that will follow many short paths; else it
+            is built where a path has many steps.
+
+    The orientation targets are the path's turns applied to its own rotation at the start, or, where it has none, to the
+    tool's orientation at q0; positions are the path's. What the task leaves free of them moves no joint.
+
+    Returns:
+        A trajectory.
+
+    Raises:
+        StartError: the tool at q0 is not at the start of the path; `approach` goes there.
+        JointLimitError: q0 is outside the limits.
+        OpenPathError: several cycles of an open path. ArgumentError, ShapeError, NotFiniteError: bad arguments.
+        PathError (LimitReachedError, OutOfReachError, PathSingularityError, BranchError, TrackingError): could not
+            be followed to its end; `.trajectory` holds what was computed.
+    """
     task, robot = strategy.task, strategy.task.robot
     start = start_posture(robot, q0, limits)
     leaf = by_leaf(strategy, method)

@@ -4,9 +4,7 @@ Uses `motion` and intervals of `symbolic`. Read first: `certify_leaf.py`, `tube.
 """
 
 from .certificate import Certificate, Extent
-from .certified_following import follow_certified
 from .certify_leaf import certify
-from .following import follow
 from .proven_region import UniqueRegion, region_of, unique_region
 from .rates_of_joints import JointRates, joint_rates
 
@@ -16,8 +14,6 @@ __all__ = [
     "JointRates",
     "UniqueRegion",
     "certify",
-    "follow",
-    "follow_certified",
     "joint_rates",
     "region_of",
     "unique_region",
