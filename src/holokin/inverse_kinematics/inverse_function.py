@@ -153,7 +153,7 @@ class InverseKinematics(Value):
 
             min |p - p_d|^2 + length^2 angle^2   over the leaf, with rcond(q) >= rcond, within the joint limits
 
-        A pose that `ik(pose)` reaches within these bounds has its joints, as far as that is seen. Towards another the tool
+        A pose that `ik(pose)` reaches within these bounds has its joints, but for rare misses. Towards another the tool
         goes as far as it can: from the start, `ik.nearest(pose)`, a function of the pose alone; or from the last
         answer, `ik.nearest(pose, q)`, for a loop, in which it slides along the edge of what it reaches.
 

@@ -22,8 +22,8 @@ CLOSE = 0.1
 def why_elsewhere(strategy: HolonomicStrategy, walk: Trajectory) -> str:
     """A sentence on a closed path whose joints, followed on a regular leaf, do not come back; empty where they do.
 
-    Curvature is zero on a leaf: small loops return. So the path cannot be shrunk to a point on the leaf: it goes round a
-    cusp or a hole, or turns the tool once. Cusps are looked for by Newton's method from the path's postures, and the
+    Curvature is zero on a leaf: small loops return. So the path cannot be shrunk to a point on the leaf: it goes round
+    a cusp or a hole, or turns the tool once. Cusps are looked for by Newton's method from the path's postures, and the
     nearest one is named.
 
     Args:

@@ -75,8 +75,8 @@ class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
     lead the joints elsewhere: then the law is not holonomic, whether it is `curved` or not. A jump of g alone leaves it
     holonomic between the jumps; a leaf ends there, and `follow` and `inverse` stop.
 
-    Even with no curvature anywhere in the region, only small closed paths of the tool are sure to bring the joints back:
-    one round a cusp, or round a place where the strategy is not defined, may not (theory 7.3). On the PPR arm
+    Even with no curvature anywhere in the region, only small closed paths of the tool are sure to bring the joints
+    back: one round a cusp, or round a place where the strategy is not defined, may not (theory 7.3). On the PPR arm
     dq_3 = d(atan2(y, x)) / 2 is holonomic, and one round of the origin turns q_3 by pi.
     """
 

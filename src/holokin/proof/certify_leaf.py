@@ -59,10 +59,11 @@ def certify(
     keep_in: str | FilePath | None = None,
     say: Callable[[str], None] = lambda _text: None,
 ) -> Certificate:
-    """Prove that on the leaf through q0 the joints are one function: of the tool pose in a box, or of the place on a path.
+    """Prove that on the leaf through q0 the joints are one function of the tool pose in a box, or the place on a path.
 
     It is smooth, on a path between corners. Of a path it is shown, besides, that the joints return with the tool: where
-    the path closes, and where it crosses or follows itself. If not, `extent` is ELSEWHERE, with the drift in `revisit`, or RETURN; `covered` is True.
+    the path closes, and where it crosses or follows itself. If not, `extent` is ELSEWHERE, with the drift in `revisit`,
+    or RETURN; `covered` is True.
 
     E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints,
     [J; J_g] is regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that
