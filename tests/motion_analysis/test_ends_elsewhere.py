@@ -36,7 +36,7 @@ def test_nothing_is_said_where_the_joints_come_back_or_the_path_was_not_gone() -
 
 
 def test_the_leaf_of_a_held_joint_has_many_postures_of_one_tool_pose_and_small_loops_return_to_each() -> None:
-    """A Panda, joint 3 held: ten without the joint limits (theory 9.7). Pinocchio sees the tool at one pose."""
+    """A Panda, joint 3 held: ten without the joint limits. Pinocchio sees the tool at one pose."""
     q0 = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
     G = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))
     T = G.task.robot.pose(q0)
