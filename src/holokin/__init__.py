@@ -6,7 +6,7 @@ The flow:
                  Constraint (g) --^      ^-- Path
 
 A strategy is a right inverse G(q) of the task Jacobian, dq = G dx. It is holonomic when the planes range G
-are tangent to leaves g(q) = const; then a closed tool path gives a closed joint path.
+are tangent to leaves g(q) = const; then, in a region of tool poses around the start, the same pose has the same joints.
 """
 
 from importlib import import_module

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import partial
 from pathlib import Path
 
@@ -16,6 +17,10 @@ import referees
 from conftest import Command, sampled
 from holokin.errors import HolokinError
 from holokin.job import open_job, program_of_job, run_job
+from holokin.job.export_strategy import job_strategy
+from holokin.job.path_entry import build_entry, entry_report
+from holokin.job.several_paths import build_paths
+from holokin.robot_logs import read_recording
 
 TORCH = np.array([[0.0, 0.0, 1.0, 0.05], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0]])
 
@@ -150,6 +155,35 @@ def test_an_entry_is_timed_and_checked_and_the_report_says_so(weld: Path) -> Non
     (found,) = result.strategies
     assert found.motion_check is not None and found.motion_check.passed
     assert "find on the way there: collision" in result.about and found.trouble.startswith("the entry: collision")
+
+
+def test_entry_program_and_table_speak_the_units_of_the_job(holokin: Command, tmp_path: Path) -> None:
+    """The same job in rad and in degrees: the same posture, deviation and peaks, and joints.csv is read back alike."""
+    seen = {}
+    for name, units in (("plain", "rad, m"), ("turned", "degrees, mm")):
+        file = tmp_path / f"{name}.toml"
+        text = (
+            WELD.replace("samples = 60", "samples = 12")
+            .replace("linear = true\n", "")
+            .replace('"a seam"', f'"a seam"\nunits = "{units}"')
+        )
+        text = text.replace("[checks]\nradius = 0.04\nself_collision = false\n", "")
+        file.write_text(re.sub("tool_tolerance = .*", "tolerance = 0.01", text), "utf-8")
+        _, job, _ = open_job(str(file))
+        _, strategy, q0 = job_strategy(job, file, None)
+        path, _ = build_paths(job.path, strategy.task, q0, file)
+        said, _ = entry_report(job, file, strategy, build_entry(job, strategy, path, q0))
+        written = holokin("export", "rapid", file, "--out", tmp_path / name)
+        rows = [line.split() for line in written.out.splitlines() if re.match(r"q\d ", line)]
+        seen[name] = (
+            [float(x) for x in re.findall(r"q\d (-?[\d.e-]+)", said.partition(";")[0])],
+            float(re.search(r"within (\S+) (?:rad|deg)$", written.out, re.MULTILINE).expand(r"\1")),
+            [float(row[1]) for row in rows],
+        )
+    for plain, turned in zip(seen["plain"], seen["turned"], strict=True):
+        np.testing.assert_allclose(np.degrees(plain), turned, rtol=0.05)
+    read = [read_recording(tmp_path / name / "joints.csv", hk.load("irb140")).q for name in seen]
+    np.testing.assert_allclose(*read, atol=1e-9)
 
 
 @pytest.mark.parametrize(

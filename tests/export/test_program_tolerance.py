@@ -150,9 +150,9 @@ def test_acc_and_jerk_are_told_of_joint_moves_alone(welder: hk.Task, corner: Tim
     """A controller makes a linear move with ramps of its own: the limits of the timed motion are not those."""
     for linear in (False, True):
         said = " ".join(read(to_krl(corner, tolerance=ToolTolerance(welder, linear=linear)), "krl").comments)
-        assert ("acc 5 rad/s^2" in said) is not linear
+        assert ("acc 286.479 deg/s^2" in said) is not linear
         assert ("the controller chooses acc and jerk of the joints: none are stated" in said) is linear
-        assert "speed 3.49066 rad/s" in said
+        assert "speed 200 deg/s" in said
 
 
 def test_a_tool_that_turns_in_place_makes_joint_moves_and_the_header_says_where(welder: hk.Task) -> None:

@@ -203,7 +203,7 @@ def test_there_is_no_import_cycle() -> None:
 
 
 def test_importing_holokin_loads_nothing_heavy() -> None:
-    """Why `import holokin` costs at most 0.15 s more than `import casadi`; benchmarks/startup.py times it."""
+    """`import holokin` shall cost little more than `import casadi`; benchmarks/startup.py times it."""
     code = f"import sys, holokin; print([m for m in {HEAVY!r} if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"

@@ -244,7 +244,7 @@ def test_a_box_that_is_proven_names_its_sides_and_its_orientation(tmp_path: Path
     pytest.importorskip("flint")
     found = box()
     page = Page(save_with_page(found, tmp_path / "box.json"))
-    assert page.first == "PROVEN: in this box the same tool position always has the same joints"
+    assert page.first == "PROVEN: while the tool stays in this box, the same tool position has the same joints"
     given = json.loads((tmp_path / "box.json").read_text())["pieces"][0]["numbers"]
     told = [float(x) for x in re.findall(r"-?\d[\d.]*", page.row("Tool positions")[1])]
     center, half = np.array(given[:3]), np.array(given[12:15])

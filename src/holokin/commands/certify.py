@@ -53,7 +53,7 @@ def certify(
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the certificates.")] = Path("out"),
 ) -> None:
-    """Prove, for each strategy with leaves of a job, that the joints are one smooth function of the tool pose.
+    """Prove, for each strategy with leaves of a job, that the joints return with the tool, on its path or in a box.
 
     Writes OUT/<job>-proof/<strategy>-certificate.json, and beside it a page to print, <strategy>-certificate.html.
     With python-flint the checker verifies each certificate, and the page says so. With --workspace the cells that are

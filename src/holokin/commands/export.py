@@ -135,30 +135,32 @@ def _export_motion(language: str) -> Callable[..., None]:
         changes = {key: value for key, value in given.items() if value is not None}
         if sheets and strategy is not None:
             raise ArgumentError("--strategy", strategy, "--sheets takes the place of a strategy: leave one out")
+        opened = open_one_job(job)
+        units = opened[1].printed_units
         if sheets:
             with ending().telling() as say:
-                program, timed, found = program_of_sheets(
-                    *open_one_job(job), language, short=name, changes=changes, say=say
-                )
+                program, timed, found = program_of_sheets(*opened, language, short=name, changes=changes, say=say)
         else:
-            program, timed, found = program_of_job(*open_one_job(job), language, strategy, short=name, changes=changes)
+            program, timed, found = program_of_job(*opened, language, strategy, short=name, changes=changes)
         if found is not None:
-            for line in found.table().splitlines():
+            for line in found.table(units).splitlines():
                 show(line)
             if not (found.passed or anyway):
                 show("nothing was written: the motion fails the job's [checks]; cure it, or give --anyway")
                 raise typer.Exit(1)
         for file in [*program.save(out), out / "joints.csv"]:
             if file.name == "joints.csv":
-                timed.save(file)
+                timed.save(file, units)
             show(f"wrote {file}")
+        unit, factor = units.together(timed.joint_units)
         if program.tool is None:
-            show(f"{program.targets} targets, even motion between them within {program.deviation:.2g} rad or m")
+            far = f"{factor * program.deviation:.2g} {unit}"
+            show(f"{program.targets} targets, even motion between them within {far}")
         else:
-            show("\n".join([f"{program.targets} targets", *program.tool.sentences()]))
+            show("\n".join([f"{program.targets} targets", *program.tool.sentences(unit, factor)]))
         for note in program.notes:
             show(note)
-        show(timed.table())
+        show(timed.table(units))
 
     return command
 

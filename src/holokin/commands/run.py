@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -39,16 +38,16 @@ def run(
     from ..reports.job_table import print_result
     from ..reports.result_folder import check_folder
 
-    wanted = None if units is None else printed_units(units)
-    code = 0
-    opened = _opened(jobs)
+    opened, code = _opened(jobs), 0
+    if units is not None:
+        printed_units(units)
+        opened = [(name, job.model_copy(update={"units": units}), file) for name, job, file in opened]
     for name, _, _ in opened:
         check_folder(out, name)
     for name, job, file in opened:
         with ending().telling(name) as say:
             try:
                 result = run_job(name, job, file, say)
-                result = result if wanted is None else replace(result, units=wanted)
                 say("drawing")
                 extra = (lambda folder, result=result, say=say: draw(result, folder, say)) if animate else None
                 folder = write_report(result, out, build(), extra)

@@ -31,7 +31,7 @@ def sheets(
         Path | None, typer.Option(help="The file to write, ending in .npz; with a picture of its name.")
     ] = None,
 ) -> None:
-    """Find the fewest sheets that serve a workspace: leaves on which the joints are a function of the tool pose.
+    """Find the fewest sheets that serve a workspace: leaves, each with the tool poses that it serves.
 
     Prints which share they serve and why the rest is not served, and writes them to a file that hk.read_sheets reads,
     by default the one that a job's [sheets] name or

@@ -96,12 +96,12 @@ class ToolDeviation(Shown):
             getattr(self, what) <= getattr(tolerance, what) for what in ("position", "rotation", "speed", "joints")
         )
 
-    def sentences(self) -> list[str]:
-        """What is kept, in mm and degrees."""
+    def sentences(self, unit: str, factor: float) -> list[str]:
+        """What is kept, of the tool in mm and degrees, of the joints in `unit`, by its factor."""
         place = f"between them the tool is within {1e3 * self.position:.2g} mm"
         said = [
             f"{place} and {np.rad2deg(self.rotation):.2g} deg of the timed motion",
-            f"and the joints within {self.joints:.2g} rad or m",
+            f"and the joints within {factor * self.joints:.2g} {unit}",
         ]
         if np.isfinite(self.slowest):
             speeds = f"{1e3 * self.slowest:.4g} to {1e3 * self.fastest:.4g} mm/s"

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ..base.arguments import check
+from ..base.printed_units import PrintedUnits
 from ..base.types import Value
 from ..errors import ArgumentError
 from .controller_moves import KINDS, Kind
@@ -15,6 +16,9 @@ PLACES = ("before", "on", "off", "after")
 
 OUTPUT = re.compile(r"output (\d+) (on|off)")
 WAIT = re.compile(r"wait (\d+(?:\.\d+)?)")
+
+DEGREES = PrintedUnits("deg", "mm")
+"""Units of the axes in most languages."""
 
 
 def common(line: str) -> bool:
@@ -64,6 +68,7 @@ class Dialect:
         kinds: the moves that it has.
         halt: what waits for the end of a move, where the program runs on before that.
         forbidden: pattern of lines that it cannot hold; `longest` characters of a line. end: what ends one.
+        units: of the axes, in which the header speaks.
     """
 
     language: str
@@ -78,6 +83,7 @@ class Dialect:
     forbidden: str = r"(?!)"
     longest: int = 200
     end: str = ""
+    units: PrintedUnits = DEGREES
 
     def written(self, lines: Sequence[str]) -> list[str]:
         """Lines in this language. Raises: ArgumentError: one that it cannot hold."""

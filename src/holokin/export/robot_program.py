@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import replacing, writing
+from ..base.printed_units import SI
 from ..base.shown import Shown
 from ..errors import ArgumentError
 from ..motion import TimedTrajectory
@@ -68,29 +69,32 @@ def header(
     lines.append(f"{timed.profile} motion of {timed.duration:.3f} s, timed at steps of {1e3 * timed.dt:g} ms")
     limits, linear = timed.limits, found is not None and found.linear
     wiring = Wiring() if found is None else found.wiring
+    units = SI if found is None else found.dialect.units
     told = [("speed", "velocity", "")]
     told += [] if linear else [("acc", "acceleration", "^2"), ("jerk", "jerk", "^3")]
-    for i, (name, unit) in enumerate(zip(timed.joint_names, timed.joint_units, strict=True)):
-        span = f"{limits.lower[i]:.6g} to {limits.upper[i]:.6g} {unit}"
+    for i, (name, si) in enumerate(zip(timed.joint_names, timed.joint_units, strict=True)):
+        unit, factor = units.name(si), units.factor(si)
+        span = f"{factor * limits.lower[i]:.6g} to {factor * limits.upper[i]:.6g} {unit}"
         rates = [
-            f"{what} {getattr(limits, rate)[i]:.6g} {unit}/s{power}"
+            f"{what} {factor * getattr(limits, rate)[i]:.6g} {unit}/s{power}"
             for what, rate, power in told
             if np.isfinite(getattr(limits, rate)[i])
         ]
         turned = [f"sign {wiring.signs[name]:+d}"] if name in wiring.signs else []
-        turned += [f"offset {wiring.offsets[name]:.6g} {unit}"] if name in wiring.offsets else []
+        turned += [f"offset {factor * wiring.offsets[name]:.6g} {unit}"] if name in wiring.offsets else []
         lines.append(f"{name}: " + ", ".join([span, *rates, *turned]))
+    unit, factor = units.together(timed.joint_units)
     if found is not None and found.tool is not None:
         lines += [
             f"{len(found.t)} joint targets, {_counted(found)}",
-            *found.tool.sentences(),
+            *found.tool.sentences(unit, factor),
             *_resolution(timed, found),
         ]
     elif found is not None and len(found.t) == len(timed):
         lines.append(f"{len(found.t)} joint targets, one for each step")
     elif found is not None:
-        lines.append(f"{len(found.t)} joint targets; even motion between them is within {found.deviation:.2g} rad or m")
-        lines.append("of the timed motion")
+        within = f"within {factor * found.deviation:.2g} {unit}"
+        lines.append(f"{len(found.t)} joint targets; even motion between them is {within} of the timed motion")
     if linear:
         lines.append("on linear and circular moves the controller chooses acc and jerk of the joints: none are stated")
     if found is not None and found.asked:

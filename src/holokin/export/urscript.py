@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..base.arguments import typed
+from ..base.printed_units import SI
 from ..base.types import Vector, finite, not_negative
 from ..errors import ArgumentError
 from ..motion import TimedTrajectory
@@ -29,6 +30,7 @@ DIALECT = Dialect(
     "sleep({seconds:g})",
     ("False", "True"),
     forbidden=r"^\s*(def|end|thread)\b",
+    units=SI,
 )
 
 

@@ -1,4 +1,4 @@
-"""Inverse kinematics as a function: on a leaf g(q) = c the joints belong to the tool pose alone."""
+"""Inverse kinematics as a function: the joints that the straight path from the start reaches on its leaf g(q) = c."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class InverseKinematics(Value):
     function of the pose and of c, as of the hand and of the elbow of an operator. Rows that are angles go to theirs by
     the shorter way from the start.
 
-    With a `region`, over which the leaf is proven to be one function of the pose, poses outside are refused.
+    With a `region`, over which the joints are proven to be one function of the pose, poses outside are refused.
     Inside, `ik(pose)`, `ik.near(pose, q)` and `ik.batch(poses)` have the same joints for ever.
     """
 
@@ -153,7 +153,7 @@ class InverseKinematics(Value):
 
             min |p - p_d|^2 + length^2 angle^2   over the leaf, with rcond(q) >= rcond, within the joint limits
 
-        A pose that `ik(pose)` reaches within these bounds has its joints, whatever q is. Towards another pose the tool
+        A pose that `ik(pose)` reaches within these bounds has its joints, but for rare misses. Towards another the tool
         goes as far as it can: from the start, `ik.nearest(pose)`, a function of the pose alone; or from the last
         answer, `ik.nearest(pose, q)`, for a loop, in which it slides along the edge of what it reaches.
 
@@ -352,8 +352,7 @@ def inverse(
         region: of `unique_region(strategy, q0)`: poses outside are refused, with the status OUTSIDE.
 
     Raises:
-        ArgumentError: a strategy without leaves, where the pose alone does not tell the joints; a region of another
-            strategy or leaf.
+        ArgumentError: a strategy without leaves; a region of another strategy or leaf.
         SingularityError: it is singular at the start. JointLimitError: with limits, the start is beyond them.
     """
     strategy = with_leaves(strategy)

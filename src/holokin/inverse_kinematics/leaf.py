@@ -1,7 +1,7 @@
 """Following by leaf: Newton on [f(q) - x; g(q) - c], in steps that keep to one branch.
 
-In a region where the leaf has one posture for each tool pose, the same pose gives the same joints, whatever happened
-before. A step is accepted only where `branch` shows that no fold lies on its path; else it is shortened.
+In a region of tool poses around the start the same pose then has the same joints, whatever happened before. A step is
+accepted only where `branch` shows that no fold lies on its path; else it is shortened.
 """
 
 from __future__ import annotations

@@ -111,7 +111,7 @@ def all_postures(
             ranges with limits, else to 0.
 
     Raises:
-        ArgumentError: a strategy without leaves, where the pose alone does not tell the joints. ShapeError.
+        ArgumentError: a strategy without leaves. ShapeError.
     """
     strategy = with_leaves(strategy)
     task, count = strategy.task, whole("starts", starts)

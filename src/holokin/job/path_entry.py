@@ -68,14 +68,15 @@ def entry_report(job: Job, file: FilePath, strategy: Strategy, entry: Entry) -> 
     motion = walk if job.timing is None else entry.timed(job.timing, robot) or walk
     turned = np.ptp(walk.q, axis=0)
     most = int(np.argmax(turned))
-    name, unit = robot.joint_names[most], robot.coordinates[most].unit
-    at = posture_text(entry.q0, robot.joint_names)
+    name, units, printed = robot.joint_names[most], [c.unit for c in robot.coordinates], job.printed_units
+    at = posture_text(entry.q0 * printed.factors(units), robot.joint_names)
     told = f"{strategy.name} enters the path by {job.path.entry} in {motion.t[-1]:.3g} s, at {at}"
-    told += f"; on this way {name} moves most, by {turned[most]:.3g} {unit}"
+    told += f"; on this way {name} moves most, by {printed.said(turned[most], units[most], 3)}"
     if job.checks is None:
         return f"{told}. The way there is not checked: the job has no [checks].", None
     with naming(file, "checks"):
         found = job.checks.checked(motion, robot, strategy.task)
     if found.passed:
         return f"{told}. [checks] find nothing on the way there.", found
-    return f"{told}. [checks] find on the way there: {found.trouble}.", found
+    trouble = found.findings[0].printed(printed) if found.findings else found.unread
+    return f"{told}. [checks] find on the way there: {trouble}.", found

@@ -1,7 +1,8 @@
 """`cusps`: whether a leaf is one function of the tool pose beyond its folds. [Wen07], theory 7.3
 
 Without curvature joints return from small loops. A leaf may have two postures of one tool pose all the same, joined by
-a regular motion on it: then a closed loop of the tool, round a cusp of the poses, does not bring the joints back.
+a regular motion on it: then a closed loop of the tool does not bring the joints back. Round a cusp there are such
+loops, however small. A loop round a hole of the workspace needs no cusp, and is not looked for.
 """
 
 from __future__ import annotations

@@ -22,8 +22,9 @@ CLOSE = 0.1
 def why_elsewhere(strategy: HolonomicStrategy, walk: Trajectory) -> str:
     """A sentence on a closed path whose joints, followed on a regular leaf, do not come back; empty where they do.
 
-    Curvature is zero on a leaf: small loops return. So the path goes round a place where the leaf ends or folds. Cusps
-    of the leaf are looked for by Newton's method from the path's postures, and the nearest one is named.
+    Curvature is zero on a leaf: small loops return. So the path cannot be shrunk to a point on the leaf: it goes round
+    a cusp or a hole, or turns the tool once. Cusps are looked for by Newton's method from the path's postures, and the
+    nearest one is named.
 
     Args:
         walk: of `follow`, whose path was closed.
@@ -34,8 +35,8 @@ def why_elsewhere(strategy: HolonomicStrategy, walk: Trajectory) -> str:
     i = int(np.abs(drift[0]).argmax())
     name, unit, away = walk.joint_names[i], walk.joint_units[i], drift[0][i]
     said = (
-        f"after a cycle {name} is {away:.3g} {unit} from its start, though the leaf is regular along the path: it goes "
-        "round a place where the leaf ends or folds"
+        f"after a cycle {name} is {away:.3g} {unit} from its start, though the leaf is regular along the path: it "
+        "cannot be shrunk to a point on the leaf"
     )
     rest = drift[0] - 2 * np.pi * whole_turns(drift[0], walk.joint_units)
     if np.abs(rest).max() <= NO_DRIFT:

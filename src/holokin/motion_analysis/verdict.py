@@ -75,9 +75,9 @@ class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
     lead the joints elsewhere: then the law is not holonomic, whether it is `curved` or not. A jump of g alone leaves it
     holonomic between the jumps; a leaf ends there, and `follow` and `inverse` stop.
 
-    Even with no curvature anywhere in the region, leaves are local: a closed path of the tool that can be shrunk to a
-    point within the region brings the joints back, one that winds round a place where the strategy is not
-    defined may not. On the PPR arm dq_3 = d(atan2(y, x)) / 2 is holonomic, and one round of the origin turns q_3 by pi.
+    Even with no curvature anywhere in the region, only small closed paths of the tool are sure to bring the joints
+    back: one round a cusp, or round a place where the strategy is not defined, may not (theory 7.3). On the PPR arm
+    dq_3 = d(atan2(y, x)) / 2 is holonomic, and one round of the origin turns q_3 by pi.
     """
 
     holonomic: bool
@@ -113,7 +113,7 @@ class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
         if self.holonomic:
             return (
                 f"{self.subject}, is holonomic at the {self.samples} postures judged{self._between}: where that holds, "
-                "a closed path of the tool that can be shrunk to a point brings the joints back to their start"
+                "small closed paths of the tool bring the joints back to their start"
             )
         if not self.curved:
             jump = max(self.jumps, key=lambda one: one.planes)
@@ -132,14 +132,13 @@ class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
 
     @property
     def reach(self) -> str:
-        """What the verdict says of the postures between those judged, and of paths that cannot be shrunk to a point."""
+        """What the verdict says of the postures between those judged, and of long closed paths."""
         if not self.holonomic:
             return "one posture is enough to show it"
         between = self.evidence.value.format(others=", ".join(self.others))
         if self.may_jump and not self.jumps:
             between += f"; its formula may jump ({', '.join(self.may_jump)}): no jump was found within the region"
-        winding = "; a path round a place where the law is not defined may end elsewhere" if self.rows else ""
-        return between + winding
+        return between + ("; a long closed path of the tool may end with other joints" if self.rows else "")
 
     @property
     def details(self) -> str:

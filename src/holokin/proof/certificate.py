@@ -216,7 +216,7 @@ class Certificate(NoTruthValue, Value, ask="`.whole`"):
 
     @property
     def covered(self) -> bool:
-        """True where cells cover all that was asked: the joints are a smooth function of the place on the path."""
+        """True where cells cover all that was asked: the joints are a continuous function of the place on the path."""
         return self.extent in COVERED
 
     @property

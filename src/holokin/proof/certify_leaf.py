@@ -1,4 +1,4 @@
-"""`certify`: the proof that a leaf is one smooth function over a path, or over a box of tool poses."""
+"""`certify`: the proof that the joints on a leaf are one function over a path, or over a box of tool poses."""
 
 from __future__ import annotations
 
@@ -59,10 +59,11 @@ def certify(
     keep_in: str | FilePath | None = None,
     say: Callable[[str], None] = lambda _text: None,
 ) -> Certificate:
-    """Prove that on the leaf through q0 the joints are one smooth function of the tool pose, over a path or a box.
+    """Prove that on the leaf through q0 the joints are one function of the tool pose in a box, or the place on a path.
 
-    Of a path it is shown, besides, that they return with the tool: where the path closes, and where it crosses or
-    follows itself. If not, `extent` is ELSEWHERE, with the drift in `revisit`, or RETURN; `covered` is True.
+    It is smooth, on a path between corners. Of a path it is shown, besides, that the joints return with the tool: where
+    the path closes, and where it crosses or follows itself. If not, `extent` is ELSEWHERE, with the drift in `revisit`,
+    or RETURN; `covered` is True.
 
     E(q, x) = [f(q) - x; g(q) - c] = 0 has, for every pose x, exactly one root in a tube about predicted joints,
     [J; J_g] is regular there, and no joint leaves its limits: by the theorem of Newton and Kantorovich on cells that
@@ -214,12 +215,13 @@ def _theorem(
     all_of_it, one = extent in COVERED, equation.strategy.task.frames == 1
     if isinstance(where, Workspace):
         share = f"the cells that are joined, {share_text(proven)} of {where},"
-        what, about = "pose", f"every pose of {where if all_of_it else share}"
+        function, about = "smooth function of the pose", f"every pose of {where if all_of_it else share}"
     else:
-        what, about = "place", f"every place {'on the path' if all_of_it else 'of the path up to there'}"
+        function = "continuous function of the place, smooth between corners of the path"
+        about = f"every place {'on the path' if all_of_it else 'of the path up to there'}"
     parts = [
         f"on the leaf of {title} through the start, {about} has exactly one posture{with_others} in the tube of its "
-        f"cell ({len(found)} cells); this posture is a smooth function of the {what}, with |det {equation.derivative}| "
+        f"cell ({len(found)} cells); this posture is a {function}, with |det {equation.derivative}| "
         f">= {at_least(determinant, 2)}{q}"
     ]
     if asked.limits is not None and np.isfinite(to_limit).any():

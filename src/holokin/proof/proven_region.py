@@ -46,7 +46,7 @@ SAMPLED = 1000
 
 @dataclass(frozen=True, eq=False)
 class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
-    """Tool poses over which the leaf through q0 (n,) is proven to be one function of the pose.
+    """Tool poses over which the joints on the leaf through q0 (n,) are proven to be one function of the pose.
 
     They are the cells of `certificate`, which fill the box `workspace`, or a part of it that hangs together.
     """

@@ -71,13 +71,13 @@ def animate(
     if result.cycles > 1:
         caption = (
             "The cycles: the start is pale grey. At the end of each cycle the tool is back; below, how far the joints "
-            "are from their start then. The joints of a repeatable law are back too."
+            "are from their start then. The joints of a law that repeats here are back too."
         )
         films.append(("cycles", caption, lambda: cycles_frames(result, shown)))
     if apart:
         caption = (
             "The two paths: clockwise (light blue) and counter-clockwise (orange), half a loop each, to one pose of "
-            "the tool. By a repeatable law the two robots meet there; by any other they end apart."
+            "the tool. By a law that repeats here the two robots meet there; by any other they end apart."
         )
         films.append(("paths", caption, lambda: two_path_frames(result, apart)))
     for stem, caption, frames in films:

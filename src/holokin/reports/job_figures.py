@@ -67,14 +67,14 @@ def _figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
             yield "robot", _robot_caption(result), robot_figure(result)
         if result.cycles > 1 and any(s.cycles.cycles for s in result.drawn):
             caption = (
-                "The largest joint error after each cycle, on a logarithmic scale. A law that is repeatable stays in "
+                "The largest joint error after each cycle, on a logarithmic scale. A law that repeats here stays in "
                 "the grey band, which is round-off; the other lines are what the robot has drifted."
             )
             yield "drift", caption, drift_figure(seen)
         if result.cycles > 1:
             caption = (
                 f"How far each joint is from its start, over {result.cycles} cycles; pale upright lines end the "
-                "cycles. Of a repeatable law every line is back at zero at each of them."
+                "cycles. Of a law that repeats here every line is back at zero at each of them."
             )
             yield "cycles", caption, cycles_figure(seen)
     for strategy in seen.drawn:

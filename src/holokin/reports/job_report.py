@@ -35,11 +35,11 @@ NOTHING_MOVES = 1e-9
 """Peak of a rate [joint units / s, s^2, s^3] that is shown as 0."""
 
 _TERMS = {
-    "Holonomic": "the law is repeatable: a closed path of the tool brings the joints back to their start.",
-    "Leaf": (
-        "all the postures to which a holonomic law can bring the robot from its start. On it the tool's pose alone "
-        "says where the joints are."
+    "Holonomic": (
+        "small closed paths of the tool bring the joints back to their start. In a region of tool poses around the "
+        "start the same pose then has the same joints; holokin certify tells whether a box is such a region."
     ),
+    "Leaf": "all the postures at which the rule of a holonomic law has one value. Several may have the same tool pose.",
     "Drift": "how far the joints are, at the end of a cycle, from where they were at its beginning.",
     "Two paths apart": (
         "how much the joints differ when the tool comes to the same pose by half a loop clockwise, and by half a loop "

@@ -119,7 +119,7 @@ def verdict(found: Certificate, word: CheckerWord) -> Verdict:
         line = "this closed path ends with other joints" if _ends_elsewhere(found) else line
         return Verdict(f"THE JOINTS DO NOT RETURN: {line}", f"It is proven that {found.returning}.", False)
     if found.extent is Extent.RETURN:
-        only = "Only this is proven: along the path the joints are a smooth function of the place."
+        only = "Only this is proven: along the path the joints are a continuous function of the place."
         line = "NOT PROVEN that the joints return with the tool"
         return Verdict(line, f"{only} {_capital(found.returning)}.", False)
     if not found.whole:
@@ -180,9 +180,9 @@ def _drift_verified(word: CheckerWord) -> bool:
 
 def _good(found: Certificate, pose: str) -> str:
     if isinstance(found.asked, Workspace):
-        return f"in this box the same {pose} always has the same joints"
+        return f"while the tool stays in this box, the same {pose} has the same joints"
     if not found.asked.closed:
-        return "along this path the joints are one smooth function of the place"
+        return "along this path the joints are one continuous function of the place"
     if found.turns.any():
         return "this closed path returns the joints, except for whole turns"
     return "this closed path returns the joints to their start"
@@ -218,7 +218,7 @@ def claims(found: Certificate, word: CheckerWord) -> list[Claim]:
     proven = PROVEN if word.outcome is not Outcome.REJECTED else "claimed only"
     text = (
         f"For every {'pose' if isinstance(found.asked, Workspace) else 'place'} of {place} there is exactly one "
-        f"posture near the predicted one. It is a smooth function, and |det {derivative}| >= "
+        f"posture near the predicted one. It is a continuous function, and |det {derivative}| >= "
         f"{at_least(found.determinant)}: no singular posture is met."
     )
     listed = [Claim(text, proven, says), *_limit_claims(found, proven, says), *_clear_claims(found, proven, says)]

@@ -34,7 +34,7 @@ class LoopPanel:
         self.page = page
         gui, loop = page.server.gui, page.session.loop
         center, normal, radius = circle_of(loop) or (self._tool(), np.array([0.0, 0.0, 1.0]), 0.1)
-        gui.add_markdown("A closed path of the tool. Laws that are not holonomic drift on it.")
+        gui.add_markdown("A closed path of the tool. Laws that are not holonomic usually drift on it.")
         self.dragged = gui.add_checkbox(
             "Drag centre, plane and radius in the scene", False, hint="Handles on the circle"
         )

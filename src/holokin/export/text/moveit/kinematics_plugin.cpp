@@ -255,7 +255,7 @@ bool KinematicsPlugin::searchPositionIK(const std::vector<Pose> &poses, const Va
     const Values &consistency_limits, Values &solution, const IKCallbackFn &callback, const IKCostFn &cost,
     ErrorCode &error, const Options &options, const moveit::core::RobotState *state) const {
   if (!cost) return searchPositionIK(poses, seed, timeout, consistency_limits, solution, callback, error, options, state);
-  RCLCPP_ERROR(logger(), "Group '%s': there is one posture for a pose, so no cost can choose", group_name_.c_str());
+  RCLCPP_ERROR(logger(), "Group '%s': there is one answer for a pose, so no cost can choose", group_name_.c_str());
   error.val = ErrorCode::NO_IK_SOLUTION;
   return false;
 }

@@ -3,7 +3,7 @@
 
    $law
 
-   The plugin solves on the leaf of the start posture, so the same pose gives the same joints. The seed is not used,
+   The plugin begins at the start posture, on its leaf, so the same pose gives the same joints. The seed is not used,
    but with the parameter `from_seed`. The leaf decides on the redundant joints, so none of them can be chosen here. */
 #pragma once
 
