@@ -19,6 +19,7 @@ from .robot_options import (
     TaskKind,
     Tip,
     Tool,
+    TrustUnits,
     WorkspaceWords,
 )
 
@@ -28,6 +29,7 @@ def advise(
     workspace: WorkspaceWords = None,
     tip: Tip = None,
     base: Base = None,
+    trust_units: TrustUnits = False,
     task: Task = None,
     axis: Annotated[
         str | None, typer.Option(help='With the task axis: x, y, z or a direction in its frame, like "0 0.5 1".')
@@ -69,7 +71,7 @@ def advise(
     kind = TaskKind.POSITION if position else task
     typed = Typed(
         workspace, tip, base, kind.value if kind else None, axis, q0, degrees, tool, base_pose, tuple(limit or ()),
-        floor, tuple(obstacle or ()), clearance,
+        floor, tuple(obstacle or ()), clearance, trust_units,
     )  # fmt: skip
     with ending().telling() as say:
         found, asked, write = advise_command(robot, typed, out, say, say.announce, levels)

@@ -8,7 +8,19 @@ from typing import Annotated
 import typer
 
 from .outcome import ending, show
-from .robot_options import Base, BasePose, Floor, JointLimits, Obstacles, RobotOrJob, Task, Tip, Tool, WorkspaceWords
+from .robot_options import (
+    Base,
+    BasePose,
+    Floor,
+    JointLimits,
+    Obstacles,
+    RobotOrJob,
+    Task,
+    Tip,
+    Tool,
+    TrustUnits,
+    WorkspaceWords,
+)
 
 
 def sheets(
@@ -16,6 +28,7 @@ def sheets(
     workspace: WorkspaceWords = None,
     tip: Tip = None,
     base: Base = None,
+    trust_units: TrustUnits = False,
     task: Task = None,
     tool: Tool = None,
     base_pose: BasePose = None,
@@ -50,7 +63,7 @@ def sheets(
 
     typed = Typed(
         workspace, tip, base, task.value if task else None, None, None, degrees, tool, base_pose, tuple(limit or ()),
-        floor, tuple(obstacle or ()),
+        floor, tuple(obstacle or ()), trust_units=trust_units,
     )  # fmt: skip
     given = {"share": share, "samples": samples, "seconds": seconds}
     options = {key: value for key, value in given.items() if value is not None}

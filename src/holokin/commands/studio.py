@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from .outcome import show
+from .robot_options import TrustUnits
 
 
 def studio(
@@ -20,6 +21,7 @@ def studio(
     ] = None,
     tip: Annotated[str | None, typer.Option(help="Of a model: the link that is the tool.")] = None,
     base: Annotated[str | None, typer.Option(help="Of a model: the link that stands still.")] = None,
+    trust_units: TrustUnits = False,
     state: Annotated[
         str | None, typer.Option(help="A link that a studio made of this robot's file, or what follows its `state=`.")
     ] = None,
@@ -40,7 +42,10 @@ def studio(
     from ..studios.state_link import is_link
 
     given = what or DEFAULT
-    session = session_of_state(given) if is_link(given) else open_session(given, tip=tip, base=base)
+    if is_link(given):
+        session = session_of_state(given)
+    else:
+        session = open_session(given, tip=tip, base=base, trust_units=trust_units)
     if state is not None:
         session = session_of_state(state, session)
     open_page(session, port=port, host=host, browser=not no_browser, tell=show)

@@ -44,6 +44,7 @@ class Typed:
     floor: float | None = None
     obstacles: Sequence[str] = ()
     clearance: float | None = None
+    trust_units: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +83,9 @@ def question(name: str, typed: Typed) -> Question:
 
 
 def _of_robot(name: str, typed: Typed) -> Question:
-    chain = chain_to_tool(name, typed.tip, typed.base)
+    chain = chain_to_tool(name, typed.tip, typed.base, typed.trust_units)
     given = {"name": name} | ({"tip": chain.tip} if chain.base else {})
-    given |= {"base": typed.base} if typed.base else {}
+    given |= ({"base": typed.base} if typed.base else {}) | ({"trust_units": True} if typed.trust_units else {})
     keys = {"robot": given | _robot_words(chain.robot, typed)}
     robot = robot_of_job(filled(RobotTable, "robot", keys["robot"]), FilePath("advice.toml"))
     axis = "z" if typed.axis is None else axis_of(typed.axis)
@@ -104,6 +105,9 @@ def _of_robot(name: str, typed: Typed) -> Question:
 def _of_job(name: str, typed: Typed) -> Question:
     _, job, file = open_one_job(name)
     keys: dict[str, Any] = tomllib.loads(file.read_text("utf-8"))
+    if typed.trust_units:
+        keys["robot"]["trust_units"] = True
+        job = job_of(file, keys)
     robot, _, _ = build_tasks(job, file)
     keys["robot"] |= {"tip": typed.tip} if typed.tip else {}
     keys["robot"] |= {"base": typed.base} if typed.base else {}

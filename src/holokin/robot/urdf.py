@@ -33,6 +33,7 @@ def from_urdf(
     tip: str | Sequence[str] | None = None,
     base: str | None = None,
     locked: Mapping[str, float] | None = None,
+    trust_units: bool = False,
 ) -> Robot:
     """A robot from a URDF: the chain, or chains, from `base` to `tip`.
 
@@ -46,14 +47,16 @@ def from_urdf(
         base: link that stays put and whose frame is used; by default the root of the tree. It may be a hand: from
             one hand of a two-armed robot to the other, the task is their relative pose and all joints share it.
         locked: joint name -> value [m or rad] of joints to hold still.
+        trust_units: take the numbers for rad and m, whatever they look like.
 
     Raises:
         RobotFileError: missing or malformed file, a joint type that cannot be used, limits that exclude each other, a
-        branching tree without `tip`.
+        branching tree without `tip`; links of over 20 m on average, which look like millimetres, or limits of most
+        hinges of more than two turns, which look like degrees.
         UnknownNameError: a link or joint that the file does not have.
         ArgumentError: a locked joint that cannot move, or a value that is no number or outside its limits.
     """
-    return robot_of(urdf_tree(path), tip, base, locked)
+    return robot_of(urdf_tree(path), tip, base, locked, trust_units)
 
 
 @typed
@@ -62,6 +65,7 @@ def from_yourdfpy(
     tip: str | Sequence[str] | None = None,
     base: str | None = None,
     locked: Mapping[str, float] | None = None,
+    trust_units: bool = False,
 ) -> Robot:
     """A robot from a `yourdfpy.URDF`; the other arguments and errors as of `from_urdf`.
 
@@ -75,7 +79,8 @@ def from_yourdfpy(
     def find(name: str) -> Path:
         return Path(slashed(name) if handler is None else handler(slashed(name)))
 
-    return robot_of(_tree(f"yourdfpy.URDF {urdf.robot.name!r}", urdf.robot, "robot", find), tip, base, locked)
+    tree = _tree(f"yourdfpy.URDF {urdf.robot.name!r}", urdf.robot, "robot", find)
+    return robot_of(tree, tip, base, locked, trust_units)
 
 
 def urdf_tree(path: str | Path) -> Tree:
