@@ -151,7 +151,12 @@ def test_the_command_line_and_a_job_ask_and_are_overruled(holokin: Command, tmp_
         assert "millimetres" in holokin(*words).err
         assert "millimetres" not in holokin(*words, "--trust-units").err
     robot = '[robot]\nname = "mm.urdf"\n'
-    start, path = f"[start]\nq = {R3_START.tolist()}\n", '[path]\nkind = "polyline"\npoints = [[0, 0, 0], [9.0, 0, 0]]\nrelative = true\n'
-    assert_refused(holokin("run", write_job(tmp_path, robot=robot, start=start, path=path), "--out", out), "millimetres")
+    start, path = (
+        f"[start]\nq = {R3_START.tolist()}\n",
+        '[path]\nkind = "polyline"\npoints = [[0, 0, 0], [9.0, 0, 0]]\nrelative = true\n',
+    )
+    assert_refused(
+        holokin("run", write_job(tmp_path, robot=robot, start=start, path=path), "--out", out), "millimetres"
+    )
     trusted = write_job(tmp_path, robot=f"{robot}trust_units = true\n", start=start, path=path)
     assert holokin("run", trusted, "--out", out).code == 0

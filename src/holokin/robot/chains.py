@@ -15,7 +15,7 @@ from .link_shapes import LinkShape
 from .model import Robot
 from .reroot import rerooted
 from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, root_of
-from .units import check_units
+from .units import TRUST, check_radians, check_units
 from .visuals import Visual
 
 
@@ -45,6 +45,8 @@ def robot_of(
     robot = builder.build(tips)
     try:
         if not trust_units:
+            for joint, rpy in tree.turned.items():
+                check_radians(f"rpy of joint {joint!r}", np.array(rpy), TRUST)
             check_units(robot)
     except ArgumentError as problem:
         raise tree.problem(f"{problem.what} is {shown(problem.value)}", problem.cure) from None
@@ -89,6 +91,8 @@ class _Builder:
             begun = True
             if joint.kind not in MOVING:
                 cure = "choose base= below it: revolute, continuous, prismatic, fixed and mimic joints are supported"
+                if (plain := str(joint.kind).strip().lower()) in (*MOVING, "continuous", "fixed"):
+                    cure = f"write {plain!r}: types are in lower case"
                 raise self.tree.problem(f"joint {joint.name!r} is of type {joint.kind!r}", cure)
             axis = _axis(self.tree, joint)
             self._check_loops(joint)

@@ -15,7 +15,7 @@ from ..symbolic.rotations import rotation_from_rpy
 from .joints import Body, Coordinate, Joint, Tip
 from .link_shapes import LinkShape
 from .model import Robot
-from .units import check_radians, check_tool
+from .units import TRUST, check_radians, check_tool
 from .visuals import Visual
 
 BASE = "base"
@@ -164,7 +164,7 @@ def with_tool(
     place, turn = finite("xyz of a tool", xyz, (3,)), finite("rpy of a tool", rpy, (3,))
     carrier = robot.tip(tip)
     if not trust_units:
-        check_radians("rpy of a tool", turn)
+        check_radians("rpy of a tool", turn, TRUST)
         check_tool(robot, place, carrier.name)
     T = pose_matrix(place, turn)
     tips = [Tip(name, t.joint, t.placement @ T, t.arm_end) if t is carrier else t for t in robot.tips]

@@ -16,7 +16,7 @@ from ..errors import ArgumentError, NotFiniteError, UnknownNameError
 from ..symbolic.rotations import exact_rotation
 from .joints import FARTHEST, MOST_MOVING, Coordinate, Joint, Tip
 from .model import Robot
-from .units import check_radians, check_units
+from .units import TRUST, check_radians, check_units
 
 Convention = Literal["standard", "modified"]
 """Where the frames of a DH table stand."""
@@ -92,7 +92,7 @@ def from_dh(
         if not np.isfinite(given).all():
             raise NotFiniteError(f"DH row of joint {label!r} (a, alpha, d, theta)", given)
         if not trust_units:
-            check_radians(f"alpha and theta of joint {label!r}", np.array([row.alpha, row.theta]))
+            check_radians(f"alpha and theta of joint {label!r}", np.array([row.alpha, row.theta]), TRUST)
         link = _screw("x", row.alpha, row.a)
         motion = _screw("z", row.theta, row.d)
         # theta and d commute with the joint's own motion about or along z, so they go before it.

@@ -55,7 +55,7 @@ def with_limits(
     found = replace(robot, coordinates=limited)
     for c, row in zip(limited, rows, strict=True):
         if not trust_units and c.unit == "rad" and FASTEST < row.get("max_velocity", 0.0) < np.inf:
-            cure = f"give rad/s, as np.deg2rad({c.max_velocity:g}), math.inf for none, {TRUST}"
+            cure = f"give rad/s, as np.deg2rad({c.max_velocity:g}), math.inf for none{TRUST}"
             raise ArgumentError(f"max_velocity of joint {c.name!r}", f"{c.max_velocity:g} rad/s", cure)
     if not trust_units and known.keys() & {"lower", "upper"}:
         check_limits_of_hinges(found)

@@ -159,7 +159,10 @@ def _robot(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
     ends = Branch("to the first joint", "fixed", "base", "0", matrices.get("base", np.eye(4)))
     tool = Branch("to the tip", "fixed", str(len(rows)), tip, matrices.get("tool", np.eye(4)))
     links = dict.fromkeys(["base", *map(str, range(len(rows) + 1)), tip])
-    tree = checked(Tree(str(path), name, links, (ends, *rows, tool)))
+    turned = {key: frames[key][1] for key in frames} | {
+        row.name: given["rpy"] for row, given in zip(rows, table["joints"], strict=True) if "rpy" in given
+    }
+    tree = checked(Tree(str(path), name, links, (ends, *rows, tool), turned=turned))
     return replace(robot_of(tree, tip, None, None, _trusted(path, table)), source=source)
 
 

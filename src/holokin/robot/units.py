@@ -19,7 +19,7 @@ TURN = 2 * np.pi * 1.001
 WIDEST = 4 * np.pi
 """Limits [rad] of most hinges at which radians are doubted: single joints turn further, no whole arm does."""
 
-TRUST = "or trust_units=True (--trust-units, trust_units = true of a robot in a file) if they are"
+TRUST = ", or trust_units=True (--trust-units, trust_units = true of a robot in a file) if they are"
 """How to overrule a doubt, behind the cure."""
 
 START = "choose another start posture, widen the limits by hk.with_limits, or ask with limits=False"
@@ -58,10 +58,11 @@ def check_metres(robot: Robot, poses: Array, tip: str | None = None) -> None:
         raise ArgumentError("the position of the first pose of the workspace", first, f"all are {said}")
 
 
-def check_radians(what: str, angles: Vector) -> None:
-    """Raises: ArgumentError where an angle of a frame is over a turn, as degrees are."""
+def check_radians(what: str, angles: Vector, overruled: str = "") -> None:
+    """Raises: ArgumentError where an angle of a frame is over a turn, as degrees are; `overruled` says how not to ask."""
     if (np.abs(angles) > TURN).any():
-        raise ArgumentError(what, np.asarray(angles).tolist(), "this looks like degrees: give radians, np.deg2rad(...)")
+        cure = f"this looks like degrees: give radians, np.deg2rad(...){overruled}"
+        raise ArgumentError(what, np.asarray(angles).tolist(), cure)
 
 
 def check_units(robot: Robot) -> None:
@@ -72,7 +73,7 @@ def check_units(robot: Robot) -> None:
     """
     for tip in robot.tips:
         if (length := mean_link(robot, tip)) > LONGEST:
-            cure = f"this looks like millimetres: give metres, {TRUST}"
+            cure = f"this looks like millimetres: give metres{TRUST}"
             raise ArgumentError(f"the average link up to {tip.name!r} [m]", float(f"{length:.3g}"), cure)
     check_limits_of_hinges(robot)
 
@@ -84,7 +85,7 @@ def check_limits_of_hinges(robot: Robot) -> None:
     wide, limited = np.count_nonzero(widest > WIDEST), np.count_nonzero(widest)
     if wide > 1 and 2 * wide > limited:
         fact = f"{wide} of {limited} hinges turn by over two turns, which looks like degrees"
-        cure = f"{fact}: give radians, np.deg2rad(...), {TRUST}"
+        cure = f"{fact}: give radians, np.deg2rad(...){TRUST}"
         raise ArgumentError(f"the widest limit of {robot.name!r} [rad]", float(widest.max()), cure)
 
 

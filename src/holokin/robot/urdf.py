@@ -20,7 +20,7 @@ from .link_shapes import LinkShape, Unread
 from .model import Robot
 from .tree import Branch, Follow, Mass, Tree, checked
 from .urdf_shapes import BROKEN, Finder, mesh_finder, shapes_of, slashed
-from .urdf_xml import essentials, read_model
+from .urdf_xml import Misread, check_numbers, essentials, read_model, turned_joints
 from .visuals import urdf_visuals
 
 _FAULTS = (SyntaxError, ValueError, AttributeError, TypeError, LookupError, AssertionError)
@@ -92,13 +92,17 @@ def urdf_text_tree(text: bytes, path: str | Path) -> Tree:
     """The same of the text of a file. Raises: RobotFileError."""
     for looks in (True, False):
         try:
-            model = _parsed(essentials(text, path, shapes=True, visuals=looks))
-            return _tree(str(path), model, Path(path).stem, mesh_finder(path))
+            root = essentials(text, path, shapes=True, visuals=looks)
+            tree = _tree(str(path), _parsed(root), Path(path).stem, mesh_finder(path))
+            return replace(tree, turned=turned_joints(root))
         except _FAULTS:
             pass  # perhaps of what is drawn, or of a shape, neither of which must hinder the kinematics
-    content, broken = _without_broken(essentials(text, path, shapes=True))
+    root = essentials(text, path, shapes=True)
+    broken = _take_out_broken(root)
     try:
-        model = _parsed(content)
+        model = _parsed(root)
+    except Misread as e:
+        raise RobotFileError(path, e.fact, e.cure) from None
     except _FAULTS as e:
         fact = str(e).splitlines()[0] if str(e) else type(e).__name__
         if isinstance(e, KeyError):
@@ -107,29 +111,32 @@ def urdf_text_tree(text: bytes, path: str | Path) -> Tree:
             fact = "an element lacks a part, such as a joint its <parent> or <child>"
         raise RobotFileError(path, f"is not a URDF that can be read ({fact})", "check it with `check_urdf`") from None
     tree, unread = _tree(str(path), model, Path(path).stem, mesh_finder(path)), Unread(str(path), BROKEN)
-    return replace(tree, shapes={**tree.shapes, **{link: (LinkShape(link, -1, np.eye(4), unread),) for link in broken}})
+    shapes = {**tree.shapes, **{link: (LinkShape(link, -1, np.eye(4), unread),) for link in broken}}
+    return replace(tree, shapes=shapes, turned=turned_joints(root))
 
 
-def _without_broken(content: bytes) -> tuple[bytes, list[str]]:
-    """A URDF without the <collision> elements of links that cannot be read with them, and the names of these links."""
-    root, broken = ElementTree.fromstring(content), []
+def _take_out_broken(root: ElementTree.Element) -> list[str]:
+    """Takes the <collision> elements out of links that cannot be read with them; the names of these links."""
+    broken = []
     for link in root.findall("link"):
         alone = ElementTree.Element("robot", {"name": "link"})
         alone.append(link)
         try:
-            _parsed(ElementTree.tostring(alone, encoding="utf-8"))
+            _parsed(alone)
         except _FAULTS:
             shapes = link.findall("collision")
             for shape in shapes:
                 link.remove(shape)
             broken += [link.get("name", "")] if shapes else []
-    return ElementTree.tostring(root, encoding="utf-8"), broken
+    return broken
 
 
-def _parsed(content: bytes) -> Any:
-    """The robot that yourdfpy reads. Raises: any of `_FAULTS`."""
+def _parsed(root: ElementTree.Element) -> Any:
+    """The robot that yourdfpy reads. Raises: Misread, any of `_FAULTS`."""
     import yourdfpy
 
+    check_numbers(root)
+    content = ElementTree.tostring(root, encoding="utf-8")
     logger = logging.getLogger("yourdfpy")
     level = logger.level
     logger.setLevel(logging.CRITICAL)  # what it has to say stands in its exceptions, too

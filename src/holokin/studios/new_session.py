@@ -63,9 +63,7 @@ LASTING = 8
 """Cycles that the pseudo-inverse makes of a loop to begin with before its drift takes it to a joint limit."""
 
 
-def open_session(
-    name: str, *, tip: str | None = None, base: str | None = None, trust_units: bool = False
-) -> Session:
+def open_session(name: str, *, tip: str | None = None, base: str | None = None, trust_units: bool = False) -> Session:
     """A session of a job (packaged, or a file), or of a robot (of the catalogue, or a file).
 
     A job gives its robot, task, start, path and strategies. A robot gets the task that leaves joints free, a start in
