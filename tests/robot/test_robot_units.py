@@ -1,4 +1,4 @@
-"""A robot in millimetres or degrees: one verdict, whichever reader brings it, and the same robot where it is overruled."""
+"""A robot in millimetres or degrees: every reader has the same verdict, and brings it where it is overruled."""
 
 from __future__ import annotations
 
@@ -127,8 +127,7 @@ def test_calibrated_axes_nearly_parallel_are_in_metres_however_far_their_frames_
 
 
 def test_most_hinges_of_many_turns_are_doubted_and_one_or_a_few_are_not(planar_3r: hk.Robot) -> None:
-    wide = {"lower": {"q1": -170.0}, "upper": {"q1": 170.0}}
-    assert hk.with_limits(planar_3r, **wide).upper[0] == 170.0
+    assert hk.with_limits(planar_3r, lower={"q1": -170.0}, upper={"q1": 170.0}).upper[0] == 170.0
     with pytest.raises(HolokinError, match="looks like degrees"):
         hk.with_limits(planar_3r, lower=-170.0, upper=170.0)
     with pytest.raises(HolokinError, match="looks like degrees"):  # a joint that hardly turns does not hide the others
@@ -160,3 +159,21 @@ def test_the_command_line_and_a_job_ask_and_are_overruled(holokin: Command, tmp_
     )
     trusted = write_job(tmp_path, robot=f"{robot}trust_units = true\n", start=start, path=path)
     assert holokin("run", trusted, "--out", out).code == 0
+
+
+def test_angles_of_frames_in_a_robot_file_are_doubted_and_may_be_believed(tmp_path: Path) -> None:
+    file = tmp_path / "arm.toml"
+    head, joints = 'source = "a test"\n', "[[joints]]\na = 0.4\n[[joints]]\na = 0.3\n"
+    urdf_joints = "[[joints]]\nxyz = [0, 0, 0.4]\n[[joints]]\nxyz = [0.3, 0, 0]\nrpy = [0, 90, 0]\n"
+    for text in (f"{head}base = {{ rpy = [0, 0, 90] }}\n{joints}", f'{head}convention = "urdf"\n{urdf_joints}'):
+        file.write_text(text)
+        with pytest.raises(HolokinError, match="rpy of .* looks like degrees"):
+            hk.load(file)
+        assert hk.load(file, trust_units=True).n == 2
+        file.write_text(f"trust_units = true\n{text}")
+        assert hk.load(file).n == 2
+        file.write_text(text.replace("rpy", "rpy_deg"))
+        assert hk.load(file).n == 2
+    file.write_text(f"trust_units = 1\n{head}{joints}")
+    with pytest.raises(HolokinError, match="trust_units is 1; give true or false"):
+        hk.load(file)

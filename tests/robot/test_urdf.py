@@ -268,7 +268,7 @@ def test_a_declaration_in_a_comment_is_none(tmp_path: Path) -> None:
 
 
 ELEMENTS = {
-    "origin": {"xyz": 3, "rpy": 3}, "axis": {"xyz": 3}, "limit": dict.fromkeys(("lower", "upper", "velocity", "effort"), 1),
+    "origin": {"xyz": 3, "rpy": 3}, "axis": {"xyz": 3}, "limit": {"lower": 1, "upper": 1, "velocity": 1, "effort": 1},
     "mimic": {"multiplier": 1, "offset": 1}, "safety_controller": {"soft_lower_limit": 1, "soft_upper_limit": 1},
 }  # fmt: skip
 

@@ -69,7 +69,7 @@ def from_dh(
     Raises:
         UnknownNameError: an unknown convention or field. ArgumentError: an unknown joint kind; numbers that look like
         degrees (an angle over a turn, limits of many turns on most hinges) or millimetres (links of over 20 m on
-        average, along the axes: a and d may be large where they cancel, as of calibrated axes that are nearly parallel).
+        average, along the axes: a and d may be large where they cancel, as of calibrated axes nearly parallel).
         NotFiniteError: a number that is not finite.
     """
     for what, text in (("the name", name), ("the tip", tip), ("the source", source), ("the convention", convention)):

@@ -14,7 +14,7 @@ CORNERS = (0.1, 0.01, 1e-3)
 """The length of a link is sqrt(d^2 + corner^2) while the points are looked for [m]: where axes meet, d has a kink."""
 
 LONGEST = 20.0
-"""Links, on average of an arm [m], at which metres are doubted: no robot has them, and in millimetres every one does."""
+"""Average link of an arm [m] at which metres are doubted: no robot has it, and in millimetres every one does."""
 
 ROUND = 1e-9
 """What round-off of lengths and poses may come to [m]."""

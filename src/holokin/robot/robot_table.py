@@ -17,6 +17,7 @@ from .dh import Convention, from_dh
 from .model import Robot
 from .models_by_name import is_model
 from .tree import MOVING, Branch, Tree, checked
+from .units import TRUST, check_radians
 
 Loader = Callable[[Mapping[str, Any]], Robot]
 """From the keys of a part, "name" and those of `load`, to its robot."""
@@ -69,8 +70,7 @@ def assembled(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
     """
     if "parts" in table:
         _one_robot_once(path, table["parts"])
-        trusted = {TRUST_UNITS: True} if table.get(TRUST_UNITS) else {}
-        parts = [_part_of_table(path, part, load, trusted) for part in table["parts"]]
+        parts = [_part_of_table(path, part, load, _trusted(path, table)) for part in table["parts"]]
         robot = compose(*parts, name=table.get("name", Path(str(path)).stem))
         robot = _tooled(path, table, robot)
     else:
@@ -81,10 +81,10 @@ def assembled(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
     return ordered(robot, table["order"]) if "order" in table else robot
 
 
-def _part_of_table(path: Any, table: Mapping[str, Any], load: Loader, more: Mapping[str, Any] = {}) -> Part:
+def _part_of_table(path: Any, table: Mapping[str, Any], load: Loader, trusted: bool = False) -> Part:
     """A part: what to load, its tool, and where it is mounted. Raises: RobotFileError, and what `load` raises."""
     _known(path, "parts", table, _PART)
-    table = {**table, **more}
+    table = {**table, TRUST_UNITS: True} if trusted else table
     for key in ("name", "on", "prefix"):
         _text(path, f"parts.{key}", {f"parts.{key}": table[key]} if key in table else {})
     _trusted(path, table)
@@ -153,17 +153,20 @@ def _robot(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
             rows.append(_branch(path, row, len(rows)) if convention == URDF else _dh_row(row))
         except (TypeError, ValueError) as problem:
             raise RobotFileError(path, f"joint {len(rows) + 1}: {problem}", "give plain numbers") from None
+    trusted = _trusted(path, table)
+    turned = {key: table[key] for key in frames} | {f"joint {i}": row for i, row in enumerate(table["joints"], 1)}
+    for what, frame in turned.items():
+        if not trusted and "rpy" in frame:
+            check_radians(f"rpy of {what}", np.array(frame["rpy"], dtype=float), TRUST)
     if convention != URDF:
-        words = {"name": name, "tip": tip, "source": source, TRUST_UNITS: _trusted(path, table)}
-        return from_dh(rows, cast(Convention, convention), **words, **matrices)
+        return from_dh(
+            rows, cast(Convention, convention), name=name, tip=tip, source=source, trust_units=trusted, **matrices
+        )
     ends = Branch("to the first joint", "fixed", "base", "0", matrices.get("base", np.eye(4)))
     tool = Branch("to the tip", "fixed", str(len(rows)), tip, matrices.get("tool", np.eye(4)))
     links = dict.fromkeys(["base", *map(str, range(len(rows) + 1)), tip])
-    turned = {key: frames[key][1] for key in frames} | {
-        row.name: given["rpy"] for row, given in zip(rows, table["joints"], strict=True) if "rpy" in given
-    }
-    tree = checked(Tree(str(path), name, links, (ends, *rows, tool), turned=turned))
-    return replace(robot_of(tree, tip, None, None, _trusted(path, table)), source=source)
+    tree = checked(Tree(str(path), name, links, (ends, *rows, tool)))
+    return replace(robot_of(tree, tip, None, None, trusted), source=source)
 
 
 def _branch(path: Any, row: Mapping[str, Any], index: int) -> Branch:

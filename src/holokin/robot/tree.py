@@ -90,8 +90,8 @@ class Loop:
 class Tree:
     """Links (each with what it weighs, or None), joints, and shapes and looks in the frames of links.
 
-    Errors name `source`, and call a link by `word`. `turned`: the angles [rad] by which origins of joints are turned, where
-    a file writes them so.
+    Errors name `source`, and call a link by `word`. `turned`: roll, pitch and yaw [rad] of joints' origins, where a
+    file writes them so.
     """
 
     source: str

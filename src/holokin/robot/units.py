@@ -59,7 +59,7 @@ def check_metres(robot: Robot, poses: Array, tip: str | None = None) -> None:
 
 
 def check_radians(what: str, angles: Vector, overruled: str = "") -> None:
-    """Raises: ArgumentError where an angle of a frame is over a turn, as degrees are; `overruled` says how not to ask."""
+    """Raises: ArgumentError where an angle of a frame is over a turn, as degrees are; `overruled`: how to say so."""
     if (np.abs(angles) > TURN).any():
         cure = f"this looks like degrees: give radians, np.deg2rad(...){overruled}"
         raise ArgumentError(what, np.asarray(angles).tolist(), cure)

@@ -67,14 +67,14 @@ def essentials(data: bytes, path: str | Path, shapes: bool = False, visuals: boo
     """The XML of a URDF's links, masses and joints alone, with `shapes` and `visuals` these too.
 
     All else is skipped, so the reader behind meets no mesh, no stranger's tag and no odd encoding; of a file that is
-    no XML to the end it would read what it can, which may be half an arm. Blank lines and comments before the <?xml ...?>
-    of a file, where XML has none, do no harm. Raises: RobotFileError.
+    no XML to the end it would read what it can, which may be half an arm. Blank lines and comments before <?xml ...?>,
+    where XML has none, do no harm. Raises: RobotFileError.
     """
     before, mark, rest = data.partition(b"<?xml")
     strange = re.sub(rb"<!--.*?-->", b"", before, flags=re.DOTALL).strip(b" \t\r\n" + BOM_UTF8)
     if mark and not strange:
-        declared, end, rest = rest.partition(b"?>")
-        data = mark + declared + end + before.replace(BOM_UTF8, b"") + rest  # so that lines keep their numbers
+        declared, closed, rest = rest.partition(b"?>")
+        data = mark + declared + closed + before.replace(BOM_UTF8, b"") + rest  # so that lines keep their numbers
     wanted = _KEPT | (_SHAPES if shapes else set()) | (_VISUALS if visuals else set())
     root: ElementTree.Element | None = None
     tags: list[str] = []

@@ -206,14 +206,10 @@ class Interpreter:
     def _of_IfExp(self, node: ast.IfExp, names: Any) -> Any:
         return self._value(node.body if self._value(node.test, names) else node.orelse, names)
 
-    def _of_Tuple(self, node: ast.Tuple, names: Any) -> Any:
-        return tuple(self._items(node.elts, names))
+    def _of_Tuple(self, node: ast.Tuple | ast.List | ast.Set, names: Any) -> Any:
+        return {ast.Tuple: tuple, ast.List: list, ast.Set: set}[type(node)](self._items(node.elts, names))
 
-    def _of_List(self, node: ast.List, names: Any) -> Any:
-        return list(self._items(node.elts, names))
-
-    def _of_Set(self, node: ast.Set, names: Any) -> Any:
-        return set(self._items(node.elts, names))
+    _of_List = _of_Set = _of_Tuple
 
     def _of_Dict(self, node: ast.Dict, names: Any) -> Any:
         table: dict[Any, Any] = {}
@@ -260,7 +256,7 @@ def _refuse_large(op: ast.operator, one: Any, other: Any) -> None:
             if isinstance(items, str | bytes | list | tuple) and isinstance(count, int):
                 _refuse_long(len(items) * count)
     if isinstance(op, ast.Mod) and isinstance(one, str | bytes):
-        form = str(one)  # with a dictionary names stand in it, which may hold digits, too
+        form = re.sub(r"\(\w*\)", "", str(one))  # plain names of a dictionary may hold digits; of others they count
         sizes = form if isinstance(other, dict) else " ".join(re.findall(r"%%|%([-#0 +\d.*]*)", form))
         values = other if isinstance(other, tuple) else (other,)
         _refuse_wide(sizes, [v for v in values if isinstance(v, int)] if "*" in sizes else [])
@@ -334,18 +330,11 @@ class _Given(dict):
         return super().__getitem__(name)
 
 
-class Fault(Exception):
-    """A file cannot be expanded: the fact, {"fault"}, with "file" and "expression" where one is refused, or "package"."""
+def answer(path: Path, args: Mapping[str, str]) -> dict[str, Any]:
+    """The expanded text of a file, {"text"}, with its "macros", and the arguments that it has, "known"; else why not.
 
-    def __init__(self, **facts: str):
-        super().__init__(facts["fault"])
-        self.facts = facts
-
-
-def expand(path: Path, args: Mapping[str, str]) -> dict[str, Any]:
-    """The expanded text of a file, {"text"}, with its "macros", and the arguments that it has, "known". Raises: Fault.
-
-    It changes the package xacro for good, and the folder it runs in: for a process of its own.
+    That is {"fault"}, with "file" and "expression" where one is refused, or with the "package" that is not found. It
+    changes the package xacro for good, and the folder it runs in: for a process of its own.
     """
     import xacro
     from xacro import substitution_args
@@ -365,11 +354,8 @@ def expand(path: Path, args: Mapping[str, str]) -> dict[str, Any]:
                 refused.update(fault=fact, expression=text.strip(), file=str(where))
             raise
 
-    def safe_eval(text: str, names: Any, _locals: Any = None) -> Any:
-        return told(lambda t: interpreter.evaluate(t, names), text)
-
     substitute = _substitutions(interpreter, substitution_args, xacro)
-    xacro.safe_eval = safe_eval
+    xacro.safe_eval = lambda text, names, _locals=None: told(lambda t: interpreter.evaluate(t, names), text)
     substitution_args._eval = lambda text, context: told(lambda t: substitute(t, context), text)
     given, macros, grab = _Given(args), [], xacro.grab_macro
     xacro.grab_macro = lambda element, table: (macros.append(element.getAttribute("name")), grab(element, table))
@@ -377,26 +363,18 @@ def expand(path: Path, args: Mapping[str, str]) -> dict[str, Any]:
     try:
         text = XacroDoc.from_file(path.name, subargs=given, resolve_packages=False).dom.toxml()
     except (RecursionError, MemoryError) as problem:
-        raise Fault(fault=_TOO_MUCH[type(problem)]) from problem
-    except Exception as problem:
+        return {"fault": _TOO_MUCH[type(problem)]}
+    except Exception as problem:  # noqa: BLE001  xacro, and what it calls, raise anything
         cause = problem
         while isinstance(inner := getattr(cause, "exc", None), Exception):  # xacro wraps what it meets
             cause = inner
         if isinstance(cause, PackageNotFoundError):
-            raise Fault(fault=str(cause), package=" ".join(map(str, cause.args))) from problem
+            return {"fault": str(cause), "package": " ".join(map(str, cause.args))}
         said = re.sub(r"<class '[\w.]+'>: ", "", str(problem)).strip()
-        raise Fault(**(refused or {"fault": said or type(problem).__name__})) from problem
+        return refused or {"fault": said or type(problem).__name__}
     if len(text) > LONGEST_TEXT:
-        raise Fault(fault=f"it gives more than {LONGEST_TEXT:,} characters")
+        return {"fault": f"it gives more than {LONGEST_TEXT:,} characters"}
     return {"text": text, "macros": macros, "known": sorted(given.asked)}
-
-
-def answer(path: Path, args: Mapping[str, str]) -> dict[str, Any]:
-    """As `expand`; else the facts of a `Fault`."""
-    try:
-        return expand(path, args)
-    except Fault as fault:
-        return fault.facts
 
 
 def _limit() -> None:

@@ -71,8 +71,8 @@ def open_session(name: str, *, tip: str | None = None, base: str | None = None, 
     pseudo-inverse drifts most.
 
     Args:
-        name: as of `holokin run` or of `hk.load`. tip, base, trust_units: of a robot, as of `hk.load`; of a model the tool at the
-            end of its longest arm by default.
+        name: as of `holokin run` or of `hk.load`. tip, base, trust_units: of a robot, as of `hk.load`; of a model the
+            tool at the end of its longest arm by default.
 
     Raises:
         ArgumentError: no joint is to spare. HolokinError: what reading jobs and robots raises.
