@@ -245,7 +245,7 @@ def test_limits_that_exclude_each_other_or_were_never_filled_in_are_told(tmp_pat
     assert hk.from_urdf(file).upper[0] == 2.0  # a follower without limits of its own
     degrees = [replace(j, lower=-170.0, upper=170.0, leader="") for j in ARM]
     file.write_text(urdf_of(degrees))
-    with pytest.raises(RobotFileError, match="look like degrees"):
+    with pytest.raises(RobotFileError, match="looks like degrees"):
         hk.from_urdf(file)
     file.write_text(urdf_of([degrees[0], ARM[1], degrees[2]]))
     assert hk.from_urdf(file).upper[1] == 170.0  # one hinge may be wound up, not all

@@ -265,3 +265,37 @@ def test_a_panda_by_five_roads_is_one_robot() -> None:
     for one in roads:
         for other in roads:
             assert_same(one, other, limits=np.isfinite([*one.max_velocity, *other.max_velocity]).all())
+
+
+HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+LINKS = """<link name="a"/><link name="b"/><joint name="j" type="revolute"><parent link="a"/><child link="b"/>
+<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>"""
+
+
+@pytest.mark.parametrize(
+    ("inside", "args", "error", "said"),
+    [
+        (f'<xacro:macro name="arm" params="p">{LINKS}</xacro:macro>', {}, RobotFileError, "only defines macros, arm; "),
+        (LINKS, {"prefix": "l_"}, UnknownNameError, "argument of .*'prefix'; known: none"),
+        (f'<xacro:arg name="prefix" default=""/>{LINKS}', {"prefx": "l_"}, UnknownNameError, "did you mean 'prefix'"),
+        ('<xacro:include filename="$(find nib)/a.xacro"/>', {}, RobotFileError, "ROS package 'nib', which is not fo"),
+    ],
+)  # fmt: skip
+def test_a_xacro_file_without_robot_argument_or_package_says_which(
+    inside: str, args: dict[str, str], error: type[Exception], said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "r.urdf.xacro").write_text(f"{HEAD}{inside}</robot>")
+    with pytest.raises(error, match=said) as caught:
+        hk.load(tmp_path / "r.urdf.xacro", args=args)
+    assert "class" not in str(caught.value)
+
+
+def test_an_argument_that_only_an_expression_asks_for_is_one(tmp_path: Path) -> None:
+    for use in ("$(eval top > 1)", "${xacro.arg('top') > '1'}", "$(arg top)"):
+        (tmp_path / "r.urdf.xacro").write_text(
+            f'{HEAD}<xacro:property name="x" value="{use}"/><link name="l${{x}}"/>{LINKS}</robot>'
+        )
+        assert hk.load(tmp_path / "r.urdf.xacro", args={"top": 2}, base="a", tip="b").n == 1
+    (tmp_path / "r.urdf.xacro").write_text(f"\n<?xml version='1.0'?>{HEAD}{LINKS}</robot>")
+    with pytest.raises(RobotFileError, match="delete what stands before"):
+        hk.load(tmp_path / "r.urdf.xacro")

@@ -139,12 +139,19 @@ Y = joint("y", "revolute", "b", "c")
         (joint("x", "floating", "a", "b"), "ab", "joint 'x' is of type 'floating'"),
         (joint("x", "planar", "a", "b"), "ab", "joint 'x' is of type 'planar'"),
         (joint("x", "hinge", "a", "b"), "ab", "joint 'x' is of type 'hinge'"),
+        (joint("x", "Revolute", "a", "b"), "ab", "joint 'x' is of type 'Revolute'; write 'revolute'"),
+        (joint("x", " FIXED", "a", "b"), "ab", "joint 'x' is of type ' FIXED'; write 'fixed'"),
+        (X.replace('xyz="0 0 1"', 'xyz="0 0 0.3 1"'), "ab", "<origin xyz='0 0 0.3 1'>, 4 numbers where 3 must stand"),
+        (X.replace('rpy="0 0 0"', 'rpy="${pi/2} 0 0"'), "ab", "an expression of xacro; .* a name that ends in .xacro"),
+        (X.replace('xyz="0 0 1"', 'xyz="0 0 0,3"'), "ab", "with a comma; write a decimal point"),
+        (X.replace('lower="-1"', 'lower=""'), "ab", "joint 'x' has <limit lower=''>, without a number"),
+        (X.replace('rpy="0 0 0"', 'rpy="90 0 0"'), "ab", "rpy of joint 'x' .* looks like degrees"),
         (X.replace(' type="revolute"', ""), "ab", "joint 'x' is of type None"),
         (X.replace("0 0 2", "0 0 0"), "ab", "joint 'x' has axis"),
         (X.replace("0 0 2", "nan 0 1"), "ab", "joint 'x' has axis"),
-        (X.replace("0 0 2", "0 1"), "ab", "joint 'x' has axis"),
+        (X.replace("0 0 2", "0 1"), "ab", "joint 'x' has <axis xyz='0 1'>, 2 numbers where 3 must stand"),
         (X.replace('xyz="0 0 1"', 'xyz="0 nan 1"'), "ab", "joint 'x' has an origin that is not finite"),
-        (X.replace('xyz="0 0 1"', 'xyz="0 one 1"'), "ab", "could not convert string to float: 'one'"),
+        (X.replace('xyz="0 0 1"', 'xyz="0 one 1"'), "ab", "joint 'x' has <origin xyz='0 one 1'>, which are no numbers"),
         (X.replace('lower="-1"', 'lower="nan"'), "ab", r"range of joint 'x' is \(nan, 2.0\)"),
         (X.replace('lower="-1"', 'lower="3"'), "ab", r"range of joint 'x' is \(3.0, 2.0\)"),
         (X.replace('velocity="3"', 'velocity="-3"'), "ab", "speed limit of joint 'x'"),
@@ -232,3 +239,68 @@ def test_unknown_links_and_joints_are_named_with_what_there_is() -> None:
         hk.from_urdf(path, tip="panda_link7").pose(np.zeros(7), "elsewhere")
     with pytest.raises(UnknownNameError, match="unknown link"):
         hk.robot.model_tips(path, base="x")
+
+
+@pytest.mark.parametrize(
+    "before", ["\n", " \n\t", "\ufeff", "\n\ufeff", "\ufeff\n", "<!-- of\nNib -->\n", "<!-- a --> <!-- <b> -->", ""]
+)
+def test_blank_lines_and_comments_before_the_declaration_do_no_harm_and_lines_keep_their_numbers(
+    before: str, tmp_path: Path
+) -> None:
+    file = write(tmp_path, X, "ab")
+    text = '<?xml version="1.0" encoding="utf-8"?>\n' + file.read_text()
+    file.write_text(before + text, "utf-8")
+    assert hk.load(file).joint_names == ("x",)
+    broken = (before + text).replace("<parent", "</parent", 1)
+    file.write_text(broken, "utf-8")
+    line = broken[: broken.index("</parent")].count("\n") + 1
+    with pytest.raises(RobotFileError, match=f"line {line}, .*correct the line"):
+        hk.load(file)
+    file.write_text(f"Nib\n{before}{text}", "utf-8")
+    with pytest.raises(RobotFileError, match=r"is not XML.*delete what stands before its <\?xml .*Nib"):
+        hk.load(file)
+
+
+def test_a_declaration_in_a_comment_is_none(tmp_path: Path) -> None:
+    file = write(tmp_path, X, "ab")
+    file.write_text("<!-- <?xml ?> -->" + file.read_text())
+    assert hk.load(file).n == 1
+
+
+ELEMENTS = {
+    "origin": {"xyz": 3, "rpy": 3}, "axis": {"xyz": 3}, "limit": {"lower": 1, "upper": 1, "velocity": 1, "effort": 1},
+    "mimic": {"multiplier": 1, "offset": 1}, "safety_controller": {"soft_lower_limit": 1, "soft_upper_limit": 1},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_of_numbers_in_a_file_that_are_too_many_too_few_or_none_joint_and_element_are_named(
+    seed: int, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(seed)
+    tag = str(rng.choice(list(ELEMENTS)))
+    name = str(rng.choice(list(ELEMENTS[tag])))
+    right = [f"{v:.3g}" for v in rng.uniform(0.1, 0.9, ELEMENTS[tag][name])]
+    spoilt = [*right, "0.5"], right[:-1], [*right[:-1], "0,5"], [*right[:-1], "${2*pi}"], [*right[:-1], "x"]
+    other = '<limit lower="-1" upper="1" velocity="1" effort="1"/>' if tag == "safety_controller" else ""
+    for words, fine in ((right, True), *((words, False) for words in spoilt)):
+        element = f'{other}<{tag} {name}="{" ".join(words)}"' + (' joint="a"/>' if tag == "mimic" else "/>")
+        file = write(tmp_path, joint_with("a") + joint_with("b", "b", "c", element), "abc")
+        if fine:
+            assert "b" in hk.robot.model_links(file)
+        else:
+            with pytest.raises(RobotFileError, match=rf"joint 'b' has <{tag} {name}=.*; (write|expand)"):
+                hk.load(file)
+
+
+def joint_with(name: str, parent: str = "a", child: str = "b", inside: str = "") -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="revolute">{ends}{inside}</joint>'
+
+
+def test_a_shape_with_too_many_numbers_is_not_read_and_hinders_no_arm(tmp_path: Path) -> None:
+    shape = '<collision><origin xyz="0 0 0.3 1"/><geometry><sphere radius="0.1"/></geometry></collision>'
+    file = write(tmp_path, X, "ab")
+    file.write_text(file.read_text().replace('<link name="b"/>', f'<link name="b">{shape}</link>'))
+    (found,) = hk.load(file).shapes
+    assert isinstance(found.shape, hk.robot.Unread)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import holokin as hk
@@ -159,13 +160,17 @@ BOMBS = {
     "long number": (robot(z="${9**9**9}"), "a whole number|too long a number"),
     "long text": (robot(z="${'a' * 10**12}"), "a text of"),
     "long range": (robot(z="${sum(range(10**15))}".replace("sum", "python.sum")), "range of more than"),
-    "wide format": (robot(z="${'%99999999999d' % 1}"), "memory"),
+    "wide format": (robot(z="${'%99999999999d' % 1}"), "a text of 1e"),
     "macro in itself": (
         robot('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>'),
         "contains itself",
     ),
     "file in itself": (robot('<xacro:include filename="robot5.xacro"/>'), "contains itself"),
     "deep expression": (robot(z=f"${{{'-' * 5000}1}}"), "nested too deep"),
+    "precise format": (robot(z="${'%.*f' % (10**9, 1.5)}"), "a text of 1e"),
+    "many zeros": (robot(z="${'1'.zfill(10**9)}"), "a text of 1e"),
+    "long replacement": (robot(z="${('1' * 10**6).replace('1', '2' * 10**6)}"), "a text of 1e"),
+    "joined texts": (robot(z="${','.join(['1' * 10**6] * 10**6)}"), "a text of 1e"),
 }
 
 
@@ -237,3 +242,22 @@ def test_expressions_of_robot_descriptions_have_the_values_of_python(text: str) 
     found = inside.evaluate(text, names)
     assert found == LAWS[text]
     assert found == eval(text, {"__builtins__": {}}, names)  # the referee
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_wide_format_is_refused_and_the_same_one_of_a_sensible_width_has_the_value_of_python(seed: int) -> None:
+    """Widths and precisions, in digits or given beside the text, of every way to format, among digits that are none."""
+    import xacro
+
+    inside = xacro_expander.xacro_interpreter(xacro)
+    names, rng = xacro.Table(xacro._global_symbols), np.random.default_rng(seed)
+    flag, value, name = rng.choice(["", "-", "0", "+"]), rng.choice(["7", "-2.5"]), f"serial{rng.integers(10**9)}"
+    form = str(rng.choice([
+        "'{name} %{flag}{w}.3f' % {value}", "'%% {name} %{flag}*.3f' % ({w}, {value})", "'%.{w}f {name}' % {value}",
+        "'%.*f' % ({w}, {value})", "'{{0:{w}.3f}} {name}'.format({value})", "'{{:{{}}}}'.format({value}, {w})",
+        "f'{{{value}:{w}.3f}} {name}'", "f'{{{value}:.{{{w}}}f}}'", "'{name}'.zfill({w})",
+    ]))  # fmt: skip
+    wide, sensible = (form.format(name=name, flag=flag, value=value, w=w) for w in (rng.integers(10**7, 10**12), 12))
+    with pytest.raises(xacro_expander.Refused, match="a text of"):
+        inside.evaluate(wide, names)
+    assert inside.evaluate(sensible, names) == eval(sensible)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .outcome import ending, show, show_rich
-from .robot_options import Base, Box, RobotOrJob, Task, Tilt, Tip
+from .robot_options import Base, Box, RobotOrJob, Task, Tilt, Tip, TrustUnits
 
 
 def advise(
@@ -17,6 +17,7 @@ def advise(
     tilt: Tilt = None,
     tip: Tip = None,
     base: Base = None,
+    trust_units: TrustUnits = False,
     task: Task = None,
     levels: Annotated[
         bool, typer.Option("--levels", help="Also say which levels of the best law serve the workspace.")
@@ -37,7 +38,9 @@ def advise(
     from ..reports.plots import write_figure
 
     with ending().telling() as say:
-        asked = question(robot, box=box, tilt=tilt, tip=tip, base=base, task=task and task.value)
+        asked = question(
+            robot, box=box, tilt=tilt, tip=tip, base=base, task=task and task.value, trust_units=trust_units
+        )
         found, write = advise_command(robot, asked, out, say, say.announce, levels)
         show_rich(lambda console: print_advice(found, console))
         say("trying the job")

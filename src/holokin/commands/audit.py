@@ -11,6 +11,7 @@ from .audit_of_dataset import audit_of_dataset, refuse_options
 from .check import RobotName, TimeColumn, TipName, Topic
 from .outcome import show, show_rich
 from .read_options import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, counts_of_words
+from .robot_options import TrustUnits
 
 if TYPE_CHECKING:
     from ..auditing import LogAudit
@@ -33,6 +34,7 @@ def audit(
     log: Logs,
     robot: RobotName,
     tip: TipName = None,
+    trust_units: TrustUnits = False,
     position: Annotated[
         bool, typer.Option("--position", help="The tool's orientation is free: look at its position alone.")
     ] = False,
@@ -93,7 +95,7 @@ def audit(
         from ..job import axis_of  # it loads the reader of job files: 13 MB
 
         about = axis_of(axis)
-    arm = load(robot, tip=tip if is_model(robot) else None)
+    arm = load(robot, tip=tip if is_model(robot) else None, trust_units=trust_units)
     of_dataset = {
         "episodes": episodes, "column": column, "poses": poses, "angles": angles, "order": order, "near": near,
     }  # fmt: skip

@@ -9,6 +9,7 @@ import typer
 
 from .outcome import show
 from .read_options import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, counts_of_words
+from .robot_options import TrustUnits
 
 Log = Annotated[Path, typer.Argument(help="A CSV file, a rosbag2 folder, or a .mcap, .db3 or .bag file.")]
 RobotName = Annotated[str, typer.Option(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")]
@@ -23,6 +24,7 @@ def check(
     log: Log,
     robot: RobotName,
     tip: TipName = None,
+    trust_units: TrustUnits = False,
     floor: Annotated[float | None, typer.Option(help="Height of the floor [m] in the frame of the base.")] = None,
     clearance: Annotated[float, typer.Option(help="The least distance wanted [m].")] = 0.01,
     radius: Annotated[
@@ -63,7 +65,7 @@ def check(
     for pair, text in zip(pairs, ignore or [], strict=True):
         if len(pair) != 2:
             raise ArgumentError("--ignore", text, "give two names, of links or the floor, with a comma between")
-    arm = load(robot, tip=tip if is_model(robot) else None)
+    arm = load(robot, tip=tip if is_model(robot) else None, trust_units=trust_units)
     motion = read_recording(
         log, arm, degrees=degrees, topic=topic, columns=columns, time=time, counts_turns=counts_turns,
         **counts_of_words(signs, offsets, scales),

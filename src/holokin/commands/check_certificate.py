@@ -10,6 +10,7 @@ import typer
 from ..base.progress import progress
 from ..errors import ArgumentError
 from .outcome import show
+from .robot_options import TrustUnits
 
 
 def check_certificate(
@@ -19,6 +20,7 @@ def check_certificate(
     ] = None,
     tip: Annotated[str | None, typer.Option(help="With --robot: the link of a model that is the tool.")] = None,
     base: Annotated[str | None, typer.Option(help="With --robot: the link of a model that stands still.")] = None,
+    trust_units: TrustUnits = False,
     sample: Annotated[
         float | None, typer.Option(help="Verify this share of the cells alone, drawn at random: 0.01 for 1 %.")
     ] = None,
@@ -40,7 +42,7 @@ def check_certificate(
     if robot is not None:
         from ..robot import load
 
-        model = load(robot, tip=tip, base=base)
+        model = load(robot, tip=tip, base=base, trust_units=trust_units)
     elif tip is not None or base is not None:
         raise ArgumentError("--tip or --base", tip or base, "it is of a robot: give --robot, too")
     if seed is not None and sample is None:

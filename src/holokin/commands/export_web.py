@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from .outcome import show
+from .robot_options import TrustUnits
 
 
 def export_web(
@@ -20,6 +21,7 @@ def export_web(
     ] = None,
     tip: Annotated[str | None, typer.Option(help="Of a model: the link that is the tool.")] = None,
     base: Annotated[str | None, typer.Option(help="Of a model: the link that stands still.")] = None,
+    trust_units: TrustUnits = False,
     cusps: Annotated[
         bool, typer.Option("--cusps", help="Look for a loop after which the joints are elsewhere, and offer it.")
     ] = False,
@@ -40,7 +42,7 @@ def export_web(
     from ..studios import open_session
     from ..studios.session_page import page_plan
 
-    plan = page_plan(open_session(name, tip=tip, base=base), strategy)
+    plan = page_plan(open_session(name, tip=tip, base=base, trust_units=trust_units), strategy)
     stopped = [f"{label}: {found}" for label, found in plan.rounds.items() if isinstance(found, HolokinError)]
     found = plan.checked(open_one_job(name)[1]) if is_job(name) else None
     for line in [*stopped, *(found.table().splitlines() if found is not None else [])]:

@@ -9,6 +9,7 @@ import typer
 
 from ..errors import ArgumentError
 from .outcome import show
+from .robot_options import TrustUnits
 
 
 def new(
@@ -22,6 +23,7 @@ def new(
     ] = None,
     tip: Annotated[str | None, typer.Option(help="With --robot: the link of a model that is the tool.")] = None,
     base: Annotated[str | None, typer.Option(help="With --robot: the link of a model that stands still.")] = None,
+    trust_units: TrustUnits = False,
 ) -> None:
     """Write a job file of your own: a copy of a packaged one, or a small circle for a robot."""
     from ..job import new_job, new_job_for
@@ -32,7 +34,7 @@ def new(
         if robot is None and link is not None:
             raise ArgumentError(f"{option} without --robot", link, "give the robot, too")
     if robot is not None:
-        new_job_for(file, robot, tip, base)
+        new_job_for(file, robot, tip, base, trust_units)
     else:
         new_job(file, template or "panda-circle")
     show(f"wrote {file}; edit it, then: holokin run {file}")

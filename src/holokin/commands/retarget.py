@@ -11,6 +11,7 @@ from .audit import Angles, Order
 from .check import RobotName, TipName
 from .outcome import ending, show
 from .read_options import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, counts_of_words
+from .robot_options import TrustUnits
 
 if TYPE_CHECKING:
     from ..base.types import Vector
@@ -26,6 +27,7 @@ def retarget(
     ],
     out: Annotated[Path, typer.Option(help="The folder of the new dataset, which does not exist yet.")],
     tip: TipName = None,
+    trust_units: TrustUnits = False,
     q0: Annotated[
         str | None, typer.Option("--q0", help="The posture that the leaf goes through; by default the first frame.")
     ] = None,
@@ -77,7 +79,7 @@ def retarget(
 
     if skip_bad and nearest:
         raise ArgumentError("--nearest beside --skip-bad", True, "give one of them")
-    arm = load(robot, tip=tip if is_model(robot) else None)
+    arm = load(robot, tip=tip if is_model(robot) else None, trust_units=trust_units)
     data = read_dataset(dataset)
     read: dict[str, Any] = {"columns": columns, "degrees": degrees, "counts_turns": counts_turns}
     read |= counts_of_words(signs, offsets, scales)

@@ -29,6 +29,9 @@ Tilt = Annotated[
 ]
 Tip = Annotated[str | None, typer.Option(help="The link that is the tool; by default the palm of the arm.")]
 Base = Annotated[str | None, typer.Option(help="The link that stands still; by default the root.")]
+TrustUnits = Annotated[
+    bool, typer.Option("--trust-units", help="The robot's numbers are in rad and m, whatever they look like.")
+]
 Task = Annotated[
     TaskKind | None, typer.Option(help="What the tool must hold: axis is its point and the direction of an axis.")
 ]

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from .outcome import show
+from .robot_options import TrustUnits
 
 
 def robots(
@@ -20,6 +21,7 @@ def robots(
     tip: Annotated[
         list[str] | None, typer.Option(help="Of a model: describe the robot that ends here; may be given again.")
     ] = None,
+    trust_units: TrustUnits = False,
 ) -> None:
     """List the robots of the catalogue with joints and reach, the chains of a model, or what one robot is.
 
@@ -40,5 +42,5 @@ def robots(
         for end, joints in model_tips(robot).items():
             show(f"{end}: {len(joints)} moving joints{': ' if joints else ''}{', '.join(joints)}")
     else:
-        for line in robot_facts(robot_of_file(robot, tip)):
+        for line in robot_facts(robot_of_file(robot, tip, trust_units)):
             show(line)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .outcome import ending, show
-from .robot_options import Base, Box, RobotOrJob, Task, Tilt, Tip
+from .robot_options import Base, Box, RobotOrJob, Task, Tilt, Tip, TrustUnits
 
 
 def sheets(
@@ -17,6 +17,7 @@ def sheets(
     tilt: Tilt = None,
     tip: Tip = None,
     base: Base = None,
+    trust_units: TrustUnits = False,
     task: Task = None,
     share: Annotated[
         float | None, typer.Option(help="Share to serve of the poses that the arm reaches; 0.995 by default.")
@@ -46,7 +47,9 @@ def sheets(
     given = {"share": share, "samples": samples, "seconds": seconds}
     options = {key: value for key, value in given.items() if value is not None}
     with ending().telling() as say:
-        asked = question(robot, box=box, tilt=tilt, tip=tip, base=base, task=task and task.value)
+        asked = question(
+            robot, box=box, tilt=tilt, tip=tip, base=base, task=task and task.value, trust_units=trust_units
+        )
         result, file = sheets_command(robot, asked, out, options, say.tell, say.announce)
         picture = file.with_suffix(".png")
         say.tell("drawing")

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from .outcome import show
+from .robot_options import TrustUnits
 
 
 def studio(
@@ -19,6 +20,7 @@ def studio(
     ] = None,
     tip: Annotated[str | None, typer.Option(help="Of a model: the link that is the tool.")] = None,
     base: Annotated[str | None, typer.Option(help="Of a model: the link that stands still.")] = None,
+    trust_units: TrustUnits = False,
     port: Annotated[int, typer.Option(help="Where the page is; the next free one if it is in use.")] = 8080,
     host: Annotated[
         str,
@@ -34,5 +36,5 @@ def studio(
     from ..studios import DEFAULT, open_session
     from ..studios.open_studio import studio as open_page
 
-    session = open_session(what or DEFAULT, tip=tip, base=base)
+    session = open_session(what or DEFAULT, tip=tip, base=base, trust_units=trust_units)
     open_page(session, port=port, host=host, browser=not no_browser, tell=show)

@@ -54,18 +54,25 @@ class Question(Value):
 
 def question(
     name: str, *, box: str | None = None, tilt: float | None = None, tip: str | None = None, base: str | None = None,
-    task: str | None = None,
+    task: str | None = None, trust_units: bool = False,
 ) -> Question:  # fmt: skip
     """What is asked about a robot or a job. Raises: as `load`, `open_job`; ArgumentError.
 
     Args:
         name: of a robot or a job.
         box: of a robot: "X Y Z HX HY HZ" [m], the centre and half the sides. tilt: of the tool in it [deg].
-        tip, base: of a robot, as of `load`. task: "pose", "axis" or "position".
+        tip, base, trust_units: of a robot, as of `load`. task: "pose", "axis" or "position".
     """
     if not is_job(name):
-        return _of_robot(name, box, tilt, tip, base, task)
-    options = {"--box": box, "--tilt": tilt, "--tip": tip, "--base": base, "--task": task}
+        return _of_robot(name, box, tilt, tip, base, task, trust_units)
+    options = {
+        "--box": box,
+        "--tilt": tilt,
+        "--tip": tip,
+        "--base": base,
+        "--task": task,
+        "--trust-units": trust_units or None,
+    }
     for option, value in options.items():
         if value is not None:
             raise ArgumentError(f"{option} beside a job", value, f"a job says all of it: write it into {name}")
@@ -73,10 +80,14 @@ def question(
 
 
 def _of_robot(
-    name: str, box: str | None, tilt: float | None, tip: str | None, base: str | None, kind: str | None
-) -> Question:
-    chain = chain_to_tool(name, tip, base)
-    keys = {"name": name} | ({"tip": chain.tip} if chain.base else {}) | ({"base": base} if base else {})
+    name: str, box: str | None, tilt: float | None, tip: str | None, base: str | None, kind: str | None,
+    trust_units: bool,
+) -> Question:  # fmt: skip
+    chain = chain_to_tool(name, tip, base, trust_units)
+    keys: dict[str, Any] = (
+        {"name": name} | ({"tip": chain.tip} if chain.base else {}) | ({"base": base} if base else {})
+    )
+    keys |= {"trust_units": True} if trust_units else {}
     task = task_of_kind(chain.robot, None, kind)
     if box is None and tilt is not None:
         raise ArgumentError("--tilt without --box", tilt, "give the box in which the tool leans, too")

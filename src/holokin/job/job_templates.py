@@ -84,20 +84,22 @@ def new_job(path: FilePath, template: str) -> None:
     write_new(path, packaged_text(template).replace("\n[expect.", f"\n{_COPIED}[expect.", 1))
 
 
-def new_job_for(path: FilePath, robot: str, tip: str | None = None, base: str | None = None) -> None:
+def new_job_for(
+    path: FilePath, robot: str, tip: str | None = None, base: str | None = None, trust_units: bool = False
+) -> None:
     """Write a job for a robot to a new file: a small circle from a regular start posture, with three strategies.
 
     Every strategy is followed round the circle before the file is written. Nothing is expected in it.
 
     Args:
-        robot: a name of the catalogue, a model or a .toml file. tip, base: as of `load`.
+        robot: a name of the catalogue, a model or a .toml file. tip, base, trust_units: as of `load`.
 
     Raises:
         JobError: the file exists. RobotFileError, UnknownNameError: of the robot. ArgumentError: a robot without
         redundancy, or one for which no such circle was found. WriteError: the system refuses the file.
     """
     check_new(path)
-    arm = load(robot, tip=tip, base=base)
+    arm = load(robot, tip=tip, base=base, trust_units=trust_units)
     task = fitting_task(arm)
     words, kind = _kind(task)
     name = robot_name(robot, path) if FilePath(robot).suffix else robot
@@ -115,7 +117,8 @@ def new_job_for(path: FilePath, robot: str, tip: str | None = None, base: str | 
                 name=toml(name),
                 chain="".join(
                     f"{key} = {toml(link)}\n" for key, link in (("tip", tip), ("base", base)) if link is not None
-                ),
+                )
+                + trust_units * "trust_units = true\n",
                 kind=kind,
                 joints=", ".join(arm.joint_names).replace("\n", " "),
                 q=start.tolist(),

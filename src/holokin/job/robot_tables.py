@@ -56,6 +56,7 @@ class ModelTable(Table):
     base: str | None = None
     locked: dict[str, Number] = Field(default={})
     args: dict[str, str | Number | bool] = Field(default={})
+    trust_units: bool = False
     tool: FrameTable | None = None
     tools: Annotated[dict[str, FrameTable], Field(min_length=1, max_length=MOST_PARTS)] | None = None
 
@@ -119,4 +120,4 @@ def robot_of_job(table: RobotTable, file: Path) -> Robot:
     given = table.model_dump(exclude_none=True, exclude_defaults=True)
     limits = {key: given.pop(key) for key in ("lower", "upper", "max_velocity") if key in given}
     robot = assembled(file, given, loaded)
-    return with_limits(robot, **limits) if limits else robot
+    return with_limits(robot, **limits, trust_units=table.trust_units) if limits else robot

@@ -106,14 +106,14 @@ def is_job(name: str) -> bool:
         return False
 
 
-def robot_of_file(name: str, tip: Sequence[str] | None = None) -> Robot:
+def robot_of_file(name: str, tip: Sequence[str] | None = None, trust_units: bool = False) -> Robot:
     """The robot of a job, or one by catalogue name or file. Raises: as `open_job` and `load`."""
     if is_job(name):
         if tip:
             raise ArgumentError("the tip", list(tip), "a job says it itself: leave it out")
         _, job, file = open_one_job(name)
         return build_robot(job, file)
-    return load(name, tip=tip or None)
+    return load(name, tip=tip or None, trust_units=trust_units)
 
 
 def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = lambda _text: None) -> JobResult:

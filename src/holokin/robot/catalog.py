@@ -15,7 +15,7 @@ from .chains import robot_of
 from .model import Robot
 from .models_by_name import MODELS, Arguments, is_model, read_tree
 from .packaged_models import is_packaged
-from .robot_table import CHAIN, robot_of_table
+from .robot_table import CHAIN, TRUST_UNITS, robot_of_table
 from .text_files import Refuse, read_toml
 
 _DEEPEST = 8
@@ -26,9 +26,9 @@ _in_use: WeakValueDictionary[str, Robot] = WeakValueDictionary()
 
 _KINDS = {
     "tip": str | Sequence[str] | None, "base": str | None, "locked": Mapping[str, float] | None,
-    "args": Arguments | None,
+    "args": Arguments | None, TRUST_UNITS: bool | None,
 }  # fmt: skip
-"""What the keys of `CHAIN` may be."""
+"""What the keys of `CHAIN`, and that of its units, may be."""
 
 
 def catalogue() -> dict[str, str]:
@@ -48,6 +48,7 @@ def load(
     base: str | None = None,
     locked: Mapping[str, float] | None = None,
     args: Arguments | None = None,
+    trust_units: bool = False,
 ) -> Robot:
     """A robot by catalogue name, by path, or by a name of the packages robot_descriptions and example-robot-data.
 
@@ -63,13 +64,17 @@ def load(
         tip, base, locked: the chain of a model, see `from_urdf`; robots of the catalogue and `.toml` files are chains
             already.
         args: names and values of a xacro file's arguments.
+        trust_units: take the numbers for rad and m, whatever they look like. Without, a file is refused whose links
+            are over 20 m long on average, as in millimetres, or that lets most hinges turn by more than two turns, as
+            in degrees.
 
     Raises:
         UnknownNameError: no such robot. RobotFileError: the file is missing or malformed, or cannot be fetched.
         ArgumentError: tip, base, locked or args for a robot that does not take them.
         MissingExtraError: the extra that reads the file (mujoco, xacro, descriptions) is not installed.
     """
-    return _loaded(name, {"tip": tip, "base": base, "locked": locked, "args": args}, 0)
+    chain = {"tip": tip, "base": base, "locked": locked, "args": args, TRUST_UNITS: trust_units}
+    return _loaded(name, chain, 0)
 
 
 def _loaded(name: str | Path, chain: Mapping[str, Any], depth: int) -> Robot:
@@ -78,7 +83,9 @@ def _loaded(name: str | Path, chain: Mapping[str, Any], depth: int) -> Robot:
     path = Path(name)
     suffix = path.suffix.lower()
     if is_model(name):
-        return robot_of(read_tree(name, chain.get("args")), chain.get("tip"), chain.get("base"), chain.get("locked"))
+        tree = read_tree(name, chain.get("args"))
+        trusted = bool(chain.get(TRUST_UNITS))
+        return robot_of(tree, chain.get("tip"), chain.get("base"), chain.get("locked"), trusted)
     for key in CHAIN:
         if chain.get(key):
             raise ArgumentError(f"{key} of {str(name)!r}", chain[key], f"only models ({', '.join(MODELS)}) take it")
@@ -97,7 +104,7 @@ def _loaded(name: str | Path, chain: Mapping[str, Any], depth: int) -> Robot:
     def part(given: Mapping[str, Any]) -> Robot:
         return _loaded(beside(given["name"], path.parent), given, depth + 1)
 
-    robot = robot_of_table(entry, table, part)
+    robot = robot_of_table(entry, table | ({TRUST_UNITS: True} if chain.get(TRUST_UNITS) else {}), part)
     return robot if suffix else _in_use.setdefault(str(name), robot)
 
 

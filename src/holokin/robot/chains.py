@@ -9,19 +9,20 @@ import numpy as np
 
 from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
-from ..errors import ArgumentError, RobotFileError, UnknownNameError
+from ..errors import ArgumentError, RobotFileError, UnknownNameError, shown
 from .joints import Body, Coordinate, Joint, Tip
 from .link_shapes import LinkShape
 from .model import Robot
 from .reroot import rerooted
 from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, root_of
-from .units import check_limits_of_hinges
+from .units import TRUST, check_radians, check_units
 from .visuals import Visual
 
 
 def robot_of(
-    tree: Tree, tip: str | Sequence[str] | None, base: str | None, locked: Mapping[str, float] | None
-) -> Robot:
+    tree: Tree, tip: str | Sequence[str] | None, base: str | None, locked: Mapping[str, float] | None,
+    trust_units: bool = False,
+) -> Robot:  # fmt: skip
     """The robot of the chains from a base to its tips, as `from_urdf` says.
 
     Raises:
@@ -43,9 +44,12 @@ def robot_of(
         builder.check_locked(by_name[joint], value)
     robot = builder.build(tips)
     try:
-        check_limits_of_hinges("the limits", np.column_stack([robot.lower, robot.upper])[robot.hinges])
+        if not trust_units:
+            for joint, rpy in tree.turned.items():
+                check_radians(f"rpy of joint {joint!r}", np.array(rpy), TRUST)
+            check_units(robot)
     except ArgumentError as problem:
-        raise tree.problem(f"has the limits {problem.value}", problem.cure) from None
+        raise tree.problem(f"{problem.what} is {shown(problem.value)}", problem.cure) from None
     return robot
 
 
@@ -87,6 +91,8 @@ class _Builder:
             begun = True
             if joint.kind not in MOVING:
                 cure = "choose base= below it: revolute, continuous, prismatic, fixed and mimic joints are supported"
+                if (plain := str(joint.kind).strip().lower()) in (*MOVING, "continuous", "fixed"):
+                    cure = f"write {plain!r}: types are in lower case"
                 raise self.tree.problem(f"joint {joint.name!r} is of type {joint.kind!r}", cure)
             axis = _axis(self.tree, joint)
             self._check_loops(joint)

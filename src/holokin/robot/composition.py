@@ -15,7 +15,7 @@ from ..symbolic.rotations import rotation_from_rpy
 from .joints import Body, Coordinate, Joint, Tip
 from .link_shapes import LinkShape
 from .model import Robot
-from .units import check_radians, check_tool
+from .units import TRUST, check_radians, check_tool
 from .visuals import Visual
 
 BASE = "base"
@@ -145,8 +145,9 @@ def ordered(robot: Robot, order: Sequence[str]) -> Robot:
 
 @typed
 def with_tool(
-    robot: Robot, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0), *, tip: str | None = None, name: str = "tool"
-) -> Robot:
+    robot: Robot, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0), *, tip: str | None = None, name: str = "tool",
+    trust_units: bool = False,
+) -> Robot:  # fmt: skip
     """The robot with a tool: a tip at xyz (3,) [m], rpy (3,) [rad] in the frame of one of its tips, which it replaces.
 
     R = Rz(yaw) Ry(pitch) Rx(roll), as in a URDF.
@@ -154,6 +155,7 @@ def with_tool(
     Args:
         tip: the tip that carries the tool, by default the first.
         name: of the new tip.
+        trust_units: take the numbers for rad and m, whatever they look like.
 
     Raises:
         UnknownNameError: no such tip. ArgumentError: another tip has that name; angles over a turn, which look like
@@ -161,8 +163,9 @@ def with_tool(
     """
     place, turn = finite("xyz of a tool", xyz, (3,)), finite("rpy of a tool", rpy, (3,))
     carrier = robot.tip(tip)
-    check_radians("rpy of a tool", turn)
-    check_tool(robot, place, carrier.name)
+    if not trust_units:
+        check_radians("rpy of a tool", turn, TRUST)
+        check_tool(robot, place, carrier.name)
     T = pose_matrix(place, turn)
     tips = [Tip(name, t.joint, t.placement @ T, t.arm_end) if t is carrier else t for t in robot.tips]
     _unlike("tip", tips)

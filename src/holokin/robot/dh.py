@@ -16,7 +16,7 @@ from ..errors import ArgumentError, NotFiniteError, UnknownNameError
 from ..symbolic.rotations import exact_rotation
 from .joints import FARTHEST, MOST_MOVING, Coordinate, Joint, Tip
 from .model import Robot
-from .units import check_limits_of_hinges, check_link, check_radians
+from .units import TRUST, check_radians, check_units
 
 Convention = Literal["standard", "modified"]
 """Where the frames of a DH table stand."""
@@ -55,6 +55,7 @@ def from_dh(
     tool: PoseLike | None = None,
     tip: str = "tool",
     source: str = "",
+    trust_units: bool = False,
 ) -> Robot:
     """A serial robot from a DH table.
 
@@ -63,10 +64,12 @@ def from_dh(
         convention: "standard" or "modified".
         base: pose (4, 4) of frame 0 in the base frame; identity by default.
         tool: pose (4, 4) of the tool in the last frame; identity by default.
+        trust_units: take the numbers for rad and m, whatever they look like.
 
     Raises:
         UnknownNameError: an unknown convention or field. ArgumentError: an unknown joint kind; numbers that look like
-        degrees (an angle over a turn, limits of many turns on every hinge) or millimetres (a link of over 20).
+        degrees (an angle over a turn, limits of many turns on most hinges) or millimetres (links of over 20 m on
+        average, along the axes: a and d may be large where they cancel, as of calibrated axes nearly parallel).
         NotFiniteError: a number that is not finite.
     """
     for what, text in (("the name", name), ("the tip", tip), ("the source", source), ("the convention", convention)):
@@ -88,8 +91,8 @@ def from_dh(
         given = (row.a, row.alpha, row.d, row.theta)
         if not np.isfinite(given).all():
             raise NotFiniteError(f"DH row of joint {label!r} (a, alpha, d, theta)", given)
-        check_radians(f"alpha and theta of joint {label!r}", np.array([row.alpha, row.theta]))
-        check_link(f"a and d of joint {label!r}", np.array([row.a, row.d]))
+        if not trust_units:
+            check_radians(f"alpha and theta of joint {label!r}", np.array([row.alpha, row.theta]), TRUST)
         link = _screw("x", row.alpha, row.a)
         motion = _screw("z", row.theta, row.d)
         # theta and d commute with the joint's own motion about or along z, so they go before it.
@@ -97,10 +100,11 @@ def from_dh(
         joints.append(Joint(label, row.kind, i - 1, placement, np.array([0.0, 0.0, 1.0]), i, foot=None if i else foot))
         coordinates.append(Coordinate(label, row.kind, row.lower, row.upper, row.max_velocity))
         before = link if convention == "standard" else np.eye(4)
-    hinges = [[c.lower, c.upper] for c in coordinates if c.kind == "revolute"]
-    check_limits_of_hinges(f"the limits of {name!r}", np.array(hinges).reshape(-1, 2))
     end = before @ (np.eye(4) if tool is None else _pose("tool", tool))
-    return Robot(name, tuple(coordinates), tuple(joints), (Tip(tip, len(joints) - 1, end),), source)
+    robot = Robot(name, tuple(coordinates), tuple(joints), (Tip(tip, len(joints) - 1, end),), source)
+    if not trust_units:
+        check_units(robot)
+    return robot
 
 
 def _row(row: DHRow | Mapping[str, Any]) -> DHRow:

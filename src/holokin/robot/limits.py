@@ -11,12 +11,10 @@ from ..base.arguments import typed
 from ..base.types import ArrayLike, Vector, numbers, one_or_each
 from ..errors import ArgumentError, ShapeError
 from .model import Robot
+from .units import TRUST, check_limits_of_hinges
 
 FASTEST = 50.0
 """Speed [rad/s, m/s] beyond which a limit is doubted: eight turns a second; limits in deg/s are beyond it."""
-
-FARTHEST_TURN = 1_000.0
-"""Turn [rad] of a joint beyond which a limit of position is doubted: 159 turns. Infinite is no limit, and is not."""
 
 GIVE_SPEEDS = "give the robot its limits: hk.with_limits(robot, max_velocity=...), or max_velocity in [robot] of a job"
 """What to do about a joint without a speed limit."""
@@ -32,6 +30,7 @@ def with_limits(
     lower: JointValues | None = None,
     upper: JointValues | None = None,
     max_velocity: JointValues | None = None,
+    trust_units: bool = False,
 ) -> Robot:
     """The robot with other limits of its joints; those that are not given stay. `math.inf` is no limit.
 
@@ -42,24 +41,25 @@ def with_limits(
         lower, upper: positions [rad; m of a prismatic joint]: one number for all joints, one for each (n,), or a
             mapping from the names of some.
         max_velocity: speeds [rad/s; m/s], likewise.
+        trust_units: take the numbers for rad and m, whatever they look like.
 
     Raises:
-        ArgumentError: lower above upper, a speed that is not positive, or limits that seem to be in degrees.
+        ArgumentError: lower above upper, a speed that is not positive, or limits that seem to be in degrees:
+        a hinge of more than 50 rad/s, or most hinges of more than two turns.
         UnknownNameError: a joint that there is not. ShapeError: not one number for each joint.
     """
     given = {"lower": lower, "upper": upper, "max_velocity": max_velocity}
     known = {what: _each(robot, what, value) for what, value in given.items() if value is not None}
-    hinges = robot.hinges
-    for what, values in known.items():
-        most = FASTEST if what == "max_velocity" else FARTHEST_TURN
-        doubted = np.isfinite(values) & (np.abs(values) > most) & hinges
-        if doubted.any():
-            i = int(np.argmax(doubted))
-            unit = "rad/s" if what == "max_velocity" else "rad"
-            cure = f"give {unit}, as np.deg2rad({values[i]:g}), or math.inf for none"
-            raise ArgumentError(f"{what} of joint {robot.joint_names[i]!r}", f"{values[i]:g} {unit}", cure)
     rows = [{what: float(values[i]) for what, values in known.items()} for i in range(robot.n)]
-    return replace(robot, coordinates=tuple(replace(c, **row) for c, row in zip(robot.coordinates, rows, strict=True)))
+    limited = tuple(replace(c, **row) for c, row in zip(robot.coordinates, rows, strict=True))
+    found = replace(robot, coordinates=limited)
+    for c, row in zip(limited, rows, strict=True):
+        if not trust_units and c.unit == "rad" and FASTEST < row.get("max_velocity", 0.0) < np.inf:
+            cure = f"give rad/s, as np.deg2rad({c.max_velocity:g}), math.inf for none{TRUST}"
+            raise ArgumentError(f"max_velocity of joint {c.name!r}", f"{c.max_velocity:g} rad/s", cure)
+    if not trust_units and known.keys() & {"lower", "upper"}:
+        check_limits_of_hinges(found)
+    return found
 
 
 def without_speed_limit(robot: Robot) -> str:

@@ -13,6 +13,9 @@ from .model import Robot
 CORNERS = (0.1, 0.01, 1e-3)
 """The length of a link is sqrt(d^2 + corner^2) while the points are looked for [m]: where axes meet, d has a kink."""
 
+LONGEST = 20.0
+"""Average link of an arm [m] at which metres are doubted: no robot has it, and in millimetres every one does."""
+
 ROUND = 1e-9
 """What round-off of lengths and poses may come to [m]."""
 
@@ -43,12 +46,8 @@ def longest_span(robot: Robot, tip: str | None = None, *, turned: bool) -> Span:
     Args:
         turned: whether the tool's rotation is known: then the span ends on the last hinge's axis; else at the tip.
     """
-    from scipy.optimize import minimize
-
     links = _Links.of(robot, robot.tip(tip), turned)
-    at = np.zeros(len(links.free))
-    for corner in CORNERS:
-        at = minimize(links.length, at, (corner,), "BFGS", jac=True).x * links.free
+    at = links.drawn_in()
     return Span(links.first(at), links.last(at), links.length(at)[0] + links.slides)
 
 
@@ -58,10 +57,19 @@ def longest_reach(robot: Robot, tip: str | None = None) -> float:
     Infinite with a slide without limits.
     """
     chosen = next((t for t in robot.tips if t.name == tip), robot.tips[0])
-    links = _Links.of(robot, chosen, turned=False)
-    origins = np.zeros(len(links.free))
-    foot = foot_of(robot.joints, chosen.joint)
-    return float(np.linalg.norm(links.first(origins) - foot)) + links.length(origins)[0] + links.slides
+    links, foot = _Links.of(robot, chosen, turned=False), foot_of(robot.joints, chosen.joint)
+    at = links.plain()
+    return float(np.linalg.norm(links.first(at) - foot)) + links.length(at)[0] + links.slides
+
+
+def mean_link(robot: Robot, tip: Tip) -> float:
+    """Average length [m] of the links from the first joint to a tip, of the shortest way along the axes.
+
+    The joints' origins would not do: those of a DH table lie anywhere on the axes, far away where these are nearly
+    parallel. What slides travel does not count.
+    """
+    links = _Links.of(robot, tip, turned=False)
+    return links.length(links.plain())[0] / max(len(links.free), 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +103,20 @@ class _Links:
             np.array([joint.placement[:3, :3] @ joint.axis for joint in joints]).reshape(-1, 3),
             free, slides, tip.placement, bool(turned and len(free) and free[-1]),
         )  # fmt: skip
+
+    def drawn_in(self) -> Vector:
+        """The points (k,) between which the links in a line are shortest."""
+        from scipy.optimize import minimize
+
+        at = np.zeros(len(self.free))
+        for corner in CORNERS:
+            at = minimize(self.length, at, (corner,), "BFGS", jac=True).x * self.free
+        return at
+
+    def plain(self) -> Vector:
+        """The joints' origins (k,), which cost nothing; where these are far apart, the points of `drawn_in`."""
+        origins = np.zeros(len(self.free))
+        return origins if self.length(origins)[0] <= LONGEST * len(origins) else self.drawn_in()
 
     def length(self, t: Vector, corner: float = 0.0) -> tuple[float, Vector]:
         """The length of the links in a line [m] and its derivative (k,): without the link before the first point and,

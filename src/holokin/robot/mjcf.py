@@ -41,6 +41,7 @@ def from_mjcf(
     base: str | None = None,
     locked: Mapping[str, float] | None = None,
     max_velocity: JointValues | None = None,
+    trust_units: bool = False,
 ) -> Robot:
     """A robot from MJCF: the chain, or chains, from `base` to `tip`, read by MuJoCo.
 
@@ -56,23 +57,25 @@ def from_mjcf(
         base: body that stays put and whose frame is used; by default the world.
         locked: joint name -> value [m or rad] of joints to hold still.
         max_velocity: speed limits [rad/s or m/s], as of `with_limits`: one for all joints, one for each, or by name.
+        trust_units: take the numbers for rad and m, whatever they look like.
 
     Raises:
         MissingExtraError: mujoco is not installed.
         RobotFileError: a missing or malformed file; on the chain a free or ball joint, a joint of a closed loop
-        (connect, weld, tendon), or one that follows another by a polynomial that is not linear.
+        (connect, weld, tendon), or one that follows another by a polynomial that is not linear; units as of
+        `from_urdf`.
         UnknownNameError: a body, site or joint that there is not. ArgumentError.
     """
     mujoco = _mujoco_module()
     if isinstance(model, mujoco.MjModel):
         name = _text(model.names, 0) or "model"
-        found = robot_of(_model_tree(model, f"mujoco.MjModel {name!r}", name), tip, base, locked)
-        return found if max_velocity is None else with_limits(found, max_velocity=max_velocity)
-    if not isinstance(model, str | Path):
+        tree = _model_tree(model, f"mujoco.MjModel {name!r}", name)
+    elif isinstance(model, str | Path):
+        tree = mjcf_text_tree(str(model)) if str(model).lstrip().startswith("<") else mjcf_tree(model)
+    else:
         raise ArgumentError("model", model, "give an MJCF file, a text of one, or a mujoco.MjModel")
-    tree = mjcf_text_tree(str(model)) if str(model).lstrip().startswith("<") else mjcf_tree(model)
-    found = robot_of(tree, tip, base, locked)
-    return found if max_velocity is None else with_limits(found, max_velocity=max_velocity)
+    found = robot_of(tree, tip, base, locked, trust_units)
+    return found if max_velocity is None else with_limits(found, max_velocity=max_velocity, trust_units=trust_units)
 
 
 def mjcf_tree(path: str | Path) -> Tree:

@@ -21,6 +21,7 @@ def from_pinocchio(
     tip: str | Sequence[str] | None = None,
     base: str | None = None,
     locked: Mapping[str, float] | None = None,
+    trust_units: bool = False,
 ) -> Robot:
     """A robot from a `pinocchio.Model`: the chain, or chains, from `base` to `tip`.
 
@@ -33,15 +34,16 @@ def from_pinocchio(
             called "name (joint)", "name (fixed_joint)". Without it the tree of frames must end in one only.
         base: frame that stays put and that poses count from; by default the universe.
         locked: joint name -> value [m or rad] of joints to hold still.
+        trust_units: take the numbers for rad and m, whatever they look like.
 
     Raises:
         ArgumentError: it is none. UnknownNameError: a frame or joint that it does not have.
         RobotFileError: on the chain a joint of several degrees of freedom, or a helical one; a branching tree
-        without `tip`.
+        without `tip`; units as of `from_urdf`.
     """
     if not all(hasattr(model, part) for part in ("jointPlacements", "frames", "lowerPositionLimit")):
         raise ArgumentError("model", model, "give a pinocchio.Model, as pinocchio.buildModelFromUrdf(file) makes it")
-    return robot_of(_tree(model), tip, base, locked)
+    return robot_of(_tree(model), tip, base, locked, trust_units)
 
 
 def _tree(model: Any) -> Tree:

@@ -17,6 +17,7 @@ from .dh import Convention, from_dh
 from .model import Robot
 from .models_by_name import is_model
 from .tree import MOVING, Branch, Tree, checked
+from .units import TRUST, check_radians
 
 Loader = Callable[[Mapping[str, Any]], Robot]
 """From the keys of a part, "name" and those of `load`, to its robot."""
@@ -27,12 +28,15 @@ URDF = "urdf"
 CHAIN = ("tip", "base", "locked", "args")
 """Keys of a part that choose from a file, as in `load`."""
 
+TRUST_UNITS = "trust_units"
+"""Key of a robot or a part whose numbers are in rad and m, whatever they look like."""
+
 _FRAME = ("xyz", "rpy", "rpy_deg")
-_TOP = ("name", "source", "convention", "base", "tool", "tools", "tip", "joints", "parts", "order")
+_TOP = ("name", "source", "convention", "base", "tool", "tools", "tip", "joints", "parts", "order", TRUST_UNITS)
 _LIMITS = ("lower", "upper", "max_velocity", "degrees")
 _DH_ROW = ("joint", "kind", "a", "d", "alpha_deg", "theta_deg", *_LIMITS)
 _URDF_ROW = ("joint", "kind", *_FRAME, "axis", *_LIMITS)
-_PART = ("name", *CHAIN, "tool", "tools", "on", *_FRAME, "prefix")
+_PART = ("name", *CHAIN, TRUST_UNITS, "tool", "tools", "on", *_FRAME, "prefix")
 _FORM = "see the packaged robots for the form"
 
 
@@ -53,6 +57,8 @@ def robot_of_table(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
         return _robot(path, table, load)
     except RobotFileError:
         raise
+    except ArgumentError as problem:
+        raise RobotFileError(path, f"{problem.what} is {shown(problem.value)}", problem.cure) from None
     except HolokinError as problem:
         raise RobotFileError(path, str(problem), "correct the file") from None
 
@@ -64,25 +70,27 @@ def assembled(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
     """
     if "parts" in table:
         _one_robot_once(path, table["parts"])
-        parts = [_part_of_table(path, part, load) for part in table["parts"]]
+        parts = [_part_of_table(path, part, load, _trusted(path, table)) for part in table["parts"]]
         robot = compose(*parts, name=table.get("name", Path(str(path)).stem))
         robot = _tooled(path, table, robot)
     else:
-        own = ("name", *CHAIN, "tool", "tools")
+        own = ("name", *CHAIN, TRUST_UNITS, "tool", "tools")
         robot = _part_of_table(path, {key: table[key] for key in own if key in table}, load).robot
     if "base_pose" in table:
         robot = with_base_pose(robot, *frame_of(path, "base_pose", table["base_pose"]))
     return ordered(robot, table["order"]) if "order" in table else robot
 
 
-def _part_of_table(path: Any, table: Mapping[str, Any], load: Loader) -> Part:
+def _part_of_table(path: Any, table: Mapping[str, Any], load: Loader, trusted: bool = False) -> Part:
     """A part: what to load, its tool, and where it is mounted. Raises: RobotFileError, and what `load` raises."""
     _known(path, "parts", table, _PART)
+    table = {**table, TRUST_UNITS: True} if trusted else table
     for key in ("name", "on", "prefix"):
         _text(path, f"parts.{key}", {f"parts.{key}": table[key]} if key in table else {})
+    _trusted(path, table)
     if "name" not in table:
         raise RobotFileError(path, "a part lacks 'name'", "name a robot of the catalogue, or a file")
-    robot = _tooled(path, table, load({key: table[key] for key in ("name", *CHAIN) if key in table}))
+    robot = _tooled(path, table, load({key: table[key] for key in ("name", *CHAIN, TRUST_UNITS) if key in table}))
     mount = {key: table[key] for key in _FRAME if key in table}
     return Part(robot, table.get("on"), *frame_of(path, "parts", mount), table.get("prefix", ""))
 
@@ -95,12 +103,13 @@ def _tooled(path: Any, table: Mapping[str, Any], robot: Robot) -> Robot:
     if "tool" in table and "tools" in table:
         raise RobotFileError(path, "has 'tool' and 'tools'", "give one of them")
     if "tool" in table:
-        return with_tool(robot, *frame_of(path, "tool", table["tool"]))
+        return with_tool(robot, *frame_of(path, "tool", table["tool"]), trust_units=_trusted(path, table))
     tools = table.get("tools", {})
     if not isinstance(tools, Mapping):
         raise RobotFileError(path, f"tools is {shown(tools, 100)}", "give a table, tip = { xyz = [x, y, z] }")
     for tip, frame in tools.items():
-        robot = with_tool(robot, *frame_of(path, f"tools.{tip}", frame), tip=tip, name=tip)
+        given = frame_of(path, f"tools.{tip}", frame)
+        robot = with_tool(robot, *given, tip=tip, name=tip, trust_units=_trusted(path, table))
     return robot
 
 
@@ -130,7 +139,8 @@ def frame_of(path: Any, key: str, table: Mapping[str, Any]) -> tuple[Vector, Vec
 def _robot(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
     name, source = str(table.get("name", Path(str(path)).stem)), table["source"]
     if "parts" in table:
-        given = {"name": name} | {key: table[key] for key in ("parts", "tool", "tools", "order") if key in table}
+        kept = ("parts", "tool", "tools", "order", TRUST_UNITS)
+        given = {"name": name} | {key: table[key] for key in kept if key in table}
         given |= {"base_pose": table["base"]} if "base" in table else {}
         return replace(assembled(path, given, load), source=source)
     frames = {key: frame_of(path, key, table[key]) for key in ("base", "tool") if key in table}
@@ -143,12 +153,20 @@ def _robot(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
             rows.append(_branch(path, row, len(rows)) if convention == URDF else _dh_row(row))
         except (TypeError, ValueError) as problem:
             raise RobotFileError(path, f"joint {len(rows) + 1}: {problem}", "give plain numbers") from None
+    trusted = _trusted(path, table)
+    turned = {key: table[key] for key in frames} | {f"joint {i}": row for i, row in enumerate(table["joints"], 1)}
+    for what, frame in turned.items():
+        if not trusted and "rpy" in frame:
+            check_radians(f"rpy of {what}", np.array(frame["rpy"], dtype=float), TRUST)
     if convention != URDF:
-        return from_dh(rows, cast(Convention, convention), name=name, tip=tip, source=source, **matrices)
+        return from_dh(
+            rows, cast(Convention, convention), name=name, tip=tip, source=source, trust_units=trusted, **matrices
+        )
     ends = Branch("to the first joint", "fixed", "base", "0", matrices.get("base", np.eye(4)))
     tool = Branch("to the tip", "fixed", str(len(rows)), tip, matrices.get("tool", np.eye(4)))
     links = dict.fromkeys(["base", *map(str, range(len(rows) + 1)), tip])
-    return replace(robot_of(checked(Tree(str(path), name, links, (ends, *rows, tool))), tip, None, None), source=source)
+    tree = checked(Tree(str(path), name, links, (ends, *rows, tool)))
+    return replace(robot_of(tree, tip, None, None, trusted), source=source)
 
 
 def _branch(path: Any, row: Mapping[str, Any], index: int) -> Branch:
@@ -198,6 +216,13 @@ def _three(path: Any, key: str, value: Any) -> Vector:
 def _text(path: Any, key: str, table: Mapping[str, Any]) -> None:
     if not isinstance(table.get(key, ""), str):
         raise RobotFileError(path, f"{key} is {shown(table[key], 100)}", "give a text in quotes")
+
+
+def _trusted(path: Any, table: Mapping[str, Any]) -> bool:
+    """What a robot or a part says of its units. Raises: RobotFileError."""
+    if not isinstance(table.get(TRUST_UNITS, False), bool):
+        raise RobotFileError(path, f"{TRUST_UNITS} is {shown(table[TRUST_UNITS], 100)}", "give true or false")
+    return table.get(TRUST_UNITS, False)
 
 
 def _known(path: Any, where: str, table: Mapping[str, Any], known: Sequence[str]) -> None:

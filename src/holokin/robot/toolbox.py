@@ -21,6 +21,7 @@ def from_roboticstoolbox(
     tip: str | Sequence[str] | None = None,
     base: str | None = None,
     locked: Mapping[str, float] | None = None,
+    trust_units: bool = False,
 ) -> Robot:
     """A robot from a `roboticstoolbox.DHRobot` or `roboticstoolbox.Robot`, with its base and tool transforms.
 
@@ -32,17 +33,19 @@ def from_roboticstoolbox(
         tip: link that carries the tool, or several. Without it the tree must end in one link only.
         base: link that stays put and that poses count from; by default the world.
         locked: joint name -> value [m or rad] of joints to hold still.
+        trust_units: take the numbers for rad and m, whatever they look like.
 
     Raises:
         ArgumentError: it is no robot of the toolbox. UnknownNameError: a link or joint that it does not have.
-        RobotFileError: a branching tree without `tip`.
+        RobotFileError: a branching tree without `tip`; units as of `from_urdf`.
     """
     if not all(hasattr(robot, part) for part in ("links", "ets", "fkine", "qlim")):
         raise ArgumentError("robot", robot, "give a robot of roboticstoolbox: a DHRobot or a Robot")
     joints = _of_table(robot) if hasattr(robot, "mdh") else _of_links(robot)
     links: dict[str, Mass | None] = dict.fromkeys(["world", *(joint.child for joint in joints)])
     name = str(robot.name or "robot")
-    return robot_of(checked(Tree(f"roboticstoolbox {name!r}", name, links, tuple(joints))), tip, base, locked)
+    tree = checked(Tree(f"roboticstoolbox {name!r}", name, links, tuple(joints)))
+    return robot_of(tree, tip, base, locked, trust_units)
 
 
 def _of_table(robot: Any) -> list[Branch]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -90,7 +90,8 @@ class Loop:
 class Tree:
     """Links (each with what it weighs, or None), joints, and shapes and looks in the frames of links.
 
-    Errors name `source`, and call a link by `word`.
+    Errors name `source`, and call a link by `word`. `turned`: roll, pitch and yaw [rad] of joints' origins, where a
+    file writes them so.
     """
 
     source: str
@@ -101,6 +102,7 @@ class Tree:
     word: str = "link"
     shapes: Mapping[str, tuple[LinkShape, ...]] = field(default_factory=dict)
     visuals: Mapping[str, tuple[Visual, ...]] = field(default_factory=dict)
+    turned: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     def problem(self, fact: str, cure: str) -> RobotFileError:
         """The error of what was read."""

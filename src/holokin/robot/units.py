@@ -7,7 +7,7 @@ import numpy as np
 from ..base.types import Array, ArrayLike, Matrix, Vector
 from ..errors import ArgumentError
 from .joints import WOUND, foot_of
-from .longest_span import longest_reach
+from .longest_span import LONGEST, longest_reach, mean_link
 from .model import Robot
 
 FAR = 100.0
@@ -17,13 +17,13 @@ TURN = 2 * np.pi * 1.001
 """Angles [rad] of a frame beyond which radians are doubted: a full turn more changes nothing."""
 
 WIDEST = 4 * np.pi
-"""Limits [rad] of every hinge at which radians are doubted: single joints turn further, no whole arm does."""
+"""Limits [rad] of most hinges at which radians are doubted: single joints turn further, no whole arm does."""
+
+TRUST = ", or trust_units=True (--trust-units, trust_units = true of a robot in a file) if they are"
+"""How to overrule a doubt, behind the cure."""
 
 START = "choose another start posture, widen the limits by hk.with_limits, or ask with limits=False"
 """The cure of a start posture beyond the joint limits."""
-
-LONGEST = 20.0
-"""A link, or a tool of an arm whose reach has no end [m], at which metres are doubted: no robot has one."""
 
 SHARE = 10.0
 """Reaches of an arm at which a tool on it is not in metres."""
@@ -58,16 +58,35 @@ def check_metres(robot: Robot, poses: Array, tip: str | None = None) -> None:
         raise ArgumentError("the position of the first pose of the workspace", first, f"all are {said}")
 
 
-def check_radians(what: str, angles: Vector) -> None:
-    """Raises: ArgumentError where an angle of a frame is over a turn, as degrees are."""
+def check_radians(what: str, angles: Vector, overruled: str = "") -> None:
+    """Raises: ArgumentError where an angle of a frame is over a turn, as degrees are; `overruled`: how to say so."""
     if (np.abs(angles) > TURN).any():
-        raise ArgumentError(what, np.asarray(angles).tolist(), "this looks like degrees: give radians, np.deg2rad(...)")
+        cure = f"this looks like degrees: give radians, np.deg2rad(...){overruled}"
+        raise ArgumentError(what, np.asarray(angles).tolist(), cure)
 
 
-def check_link(what: str, lengths: Vector) -> None:
-    """Raises: ArgumentError where a length of a link is one of no robot in metres, as millimetres are."""
-    if (np.abs(lengths) > LONGEST).any():
-        raise ArgumentError(what, np.asarray(lengths).tolist(), "this looks like millimetres: give metres")
+def check_units(robot: Robot) -> None:
+    """Raises: ArgumentError where a finished robot seems to be in millimetres, or its limits in degrees.
+
+    Every reader asks here, of what it has read: the links of each arm, wherever its frames stand on the axes, and the
+    limits of the hinges.
+    """
+    for tip in robot.tips:
+        if (length := mean_link(robot, tip)) > LONGEST:
+            cure = f"this looks like millimetres: give metres{TRUST}"
+            raise ArgumentError(f"the average link up to {tip.name!r} [m]", float(f"{length:.3g}"), cure)
+    check_limits_of_hinges(robot)
+
+
+def check_limits_of_hinges(robot: Robot) -> None:
+    """Raises: ArgumentError where the limits of most hinges that have some are many turns, as degrees are."""
+    limits = np.column_stack([robot.lower, robot.upper])[robot.hinges]
+    widest = np.where(np.isfinite(limits), np.abs(limits), 0.0).max(axis=1, initial=0.0)
+    wide, limited = np.count_nonzero(widest > WIDEST), np.count_nonzero(widest)
+    if wide > 1 and 2 * wide > limited:
+        fact = f"{wide} of {limited} hinges turn by over two turns, which looks like degrees"
+        cure = f"{fact}: give radians, np.deg2rad(...){TRUST}"
+        raise ArgumentError(f"the widest limit of {robot.name!r} [rad]", float(widest.max()), cure)
 
 
 def check_tool(robot: Robot, xyz: Vector, tip: str | None = None) -> None:
@@ -76,10 +95,3 @@ def check_tool(robot: Robot, xyz: Vector, tip: str | None = None) -> None:
     if size > (max(SHARE * reach, 1.0) if np.isfinite(reach) else LONGEST):
         cure = f"this looks like millimetres, {robot.name} reaches {reach:.3g} m: give metres"
         raise ArgumentError("xyz of a tool", np.asarray(xyz).tolist(), cure)
-
-
-def check_limits_of_hinges(what: str, limits: Matrix) -> None:
-    """Raises: ArgumentError where the limits (k, 2) [rad] of every hinge are many turns, as degrees are."""
-    widest = np.where(np.isfinite(limits), np.abs(limits), 0.0).max(axis=1, initial=0.0)
-    if np.count_nonzero(widest) > 1 and (widest[widest > 0] > WIDEST).all():
-        raise ArgumentError(what, limits.tolist(), "these look like degrees: give radians, np.deg2rad(...)")

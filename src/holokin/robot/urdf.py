@@ -20,7 +20,7 @@ from .link_shapes import LinkShape, Unread
 from .model import Robot
 from .tree import Branch, Follow, Mass, Tree, checked
 from .urdf_shapes import BROKEN, Finder, mesh_finder, shapes_of, slashed
-from .urdf_xml import essentials, read_model
+from .urdf_xml import Misread, check_numbers, essentials, read_model, turned_joints
 from .visuals import urdf_visuals
 
 _FAULTS = (SyntaxError, ValueError, AttributeError, TypeError, LookupError, AssertionError)
@@ -33,6 +33,7 @@ def from_urdf(
     tip: str | Sequence[str] | None = None,
     base: str | None = None,
     locked: Mapping[str, float] | None = None,
+    trust_units: bool = False,
 ) -> Robot:
     """A robot from a URDF: the chain, or chains, from `base` to `tip`.
 
@@ -46,14 +47,16 @@ def from_urdf(
         base: link that stays put and whose frame is used; by default the root of the tree. It may be a hand: from
             one hand of a two-armed robot to the other, the task is their relative pose and all joints share it.
         locked: joint name -> value [m or rad] of joints to hold still.
+        trust_units: take the numbers for rad and m, whatever they look like.
 
     Raises:
         RobotFileError: missing or malformed file, a joint type that cannot be used, limits that exclude each other, a
-        branching tree without `tip`.
+        branching tree without `tip`; links of over 20 m on average, which look like millimetres, or limits of most
+        hinges of more than two turns, which look like degrees.
         UnknownNameError: a link or joint that the file does not have.
         ArgumentError: a locked joint that cannot move, or a value that is no number or outside its limits.
     """
-    return robot_of(urdf_tree(path), tip, base, locked)
+    return robot_of(urdf_tree(path), tip, base, locked, trust_units)
 
 
 @typed
@@ -62,6 +65,7 @@ def from_yourdfpy(
     tip: str | Sequence[str] | None = None,
     base: str | None = None,
     locked: Mapping[str, float] | None = None,
+    trust_units: bool = False,
 ) -> Robot:
     """A robot from a `yourdfpy.URDF`; the other arguments and errors as of `from_urdf`.
 
@@ -75,7 +79,8 @@ def from_yourdfpy(
     def find(name: str) -> Path:
         return Path(slashed(name) if handler is None else handler(slashed(name)))
 
-    return robot_of(_tree(f"yourdfpy.URDF {urdf.robot.name!r}", urdf.robot, "robot", find), tip, base, locked)
+    tree = _tree(f"yourdfpy.URDF {urdf.robot.name!r}", urdf.robot, "robot", find)
+    return robot_of(tree, tip, base, locked, trust_units)
 
 
 def urdf_tree(path: str | Path) -> Tree:
@@ -87,13 +92,17 @@ def urdf_text_tree(text: bytes, path: str | Path) -> Tree:
     """The same of the text of a file. Raises: RobotFileError."""
     for looks in (True, False):
         try:
-            model = _parsed(essentials(text, path, shapes=True, visuals=looks))
-            return _tree(str(path), model, Path(path).stem, mesh_finder(path))
+            root = essentials(text, path, shapes=True, visuals=looks)
+            tree = _tree(str(path), _parsed(root), Path(path).stem, mesh_finder(path))
+            return replace(tree, turned=turned_joints(root))
         except _FAULTS:
             pass  # perhaps of what is drawn, or of a shape, neither of which must hinder the kinematics
-    content, broken = _without_broken(essentials(text, path, shapes=True))
+    root = essentials(text, path, shapes=True)
+    broken = _take_out_broken(root)
     try:
-        model = _parsed(content)
+        model = _parsed(root)
+    except Misread as e:
+        raise RobotFileError(path, e.fact, e.cure) from None
     except _FAULTS as e:
         fact = str(e).splitlines()[0] if str(e) else type(e).__name__
         if isinstance(e, KeyError):
@@ -102,29 +111,32 @@ def urdf_text_tree(text: bytes, path: str | Path) -> Tree:
             fact = "an element lacks a part, such as a joint its <parent> or <child>"
         raise RobotFileError(path, f"is not a URDF that can be read ({fact})", "check it with `check_urdf`") from None
     tree, unread = _tree(str(path), model, Path(path).stem, mesh_finder(path)), Unread(str(path), BROKEN)
-    return replace(tree, shapes={**tree.shapes, **{link: (LinkShape(link, -1, np.eye(4), unread),) for link in broken}})
+    shapes = {**tree.shapes, **{link: (LinkShape(link, -1, np.eye(4), unread),) for link in broken}}
+    return replace(tree, shapes=shapes, turned=turned_joints(root))
 
 
-def _without_broken(content: bytes) -> tuple[bytes, list[str]]:
-    """A URDF without the <collision> elements of links that cannot be read with them, and the names of these links."""
-    root, broken = ElementTree.fromstring(content), []
+def _take_out_broken(root: ElementTree.Element) -> list[str]:
+    """Takes the <collision> elements out of links that cannot be read with them; the names of these links."""
+    broken = []
     for link in root.findall("link"):
         alone = ElementTree.Element("robot", {"name": "link"})
         alone.append(link)
         try:
-            _parsed(ElementTree.tostring(alone, encoding="utf-8"))
+            _parsed(alone)
         except _FAULTS:
             shapes = link.findall("collision")
             for shape in shapes:
                 link.remove(shape)
             broken += [link.get("name", "")] if shapes else []
-    return ElementTree.tostring(root, encoding="utf-8"), broken
+    return broken
 
 
-def _parsed(content: bytes) -> Any:
-    """The robot that yourdfpy reads. Raises: any of `_FAULTS`."""
+def _parsed(root: ElementTree.Element) -> Any:
+    """The robot that yourdfpy reads. Raises: Misread, any of `_FAULTS`."""
     import yourdfpy
 
+    check_numbers(root)
+    content = ElementTree.tostring(root, encoding="utf-8")
     logger = logging.getLogger("yourdfpy")
     level = logger.level
     logger.setLevel(logging.CRITICAL)  # what it has to say stands in its exceptions, too

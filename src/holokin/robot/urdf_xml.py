@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from codecs import BOM_UTF8
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from ..errors import RobotFileError, brief
+from ..errors import RobotFileError, brief, shown
 from .text_files import read_whole
 
 LONGEST_URDF = 50_000_000
@@ -34,6 +36,22 @@ _VISUALS = {
 }  # fmt: skip
 """Those of what links look like, but for textures."""
 
+_NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3}, "axis": {"xyz": 3}, "limit": {"lower": 1, "upper": 1, "velocity": 1, "effort": 1},
+    "mimic": {"multiplier": 1, "offset": 1}, "safety_controller": {"soft_lower_limit": 1, "soft_upper_limit": 1},
+    "mass": {"value": 1}, "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
+    "box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1},
+}  # fmt: skip
+"""Elements of a URDF -> their attributes that are numbers, and how many."""
+
+
+class Misread(ValueError):
+    """An attribute of a URDF that is no numbers, or not as many as it must be: the fact and the cure."""
+
+    def __init__(self, fact: str, cure: str) -> None:
+        self.fact, self.cure = fact, cure
+        super().__init__(fact)
+
 
 def read_model(path: str | Path) -> bytes:
     """The bytes of a URDF, a xacro or an MJCF file. Raises: RobotFileError."""
@@ -45,12 +63,18 @@ def read_model(path: str | Path) -> bytes:
     return read_whole(Path(path), LONGEST_URDF, refuse)
 
 
-def essentials(data: bytes, path: str | Path, shapes: bool = False, visuals: bool = False) -> bytes:
-    """The XML of a URDF's links, masses and joints alone, with `shapes` and `visuals` these too, in UTF-8.
+def essentials(data: bytes, path: str | Path, shapes: bool = False, visuals: bool = False) -> ElementTree.Element:
+    """The XML of a URDF's links, masses and joints alone, with `shapes` and `visuals` these too.
 
     All else is skipped, so the reader behind meets no mesh, no stranger's tag and no odd encoding; of a file that is
-    no XML to the end it would read what it can, which may be half an arm. Raises: RobotFileError.
+    no XML to the end it would read what it can, which may be half an arm. Blank lines and comments before <?xml ...?>,
+    where XML has none, do no harm. Raises: RobotFileError.
     """
+    before, mark, rest = data.partition(b"<?xml")
+    strange = re.sub(rb"<!--.*?-->", b"", before, flags=re.DOTALL).strip(b" \t\r\n" + BOM_UTF8)
+    if mark and not strange:
+        declared, closed, rest = rest.partition(b"?>")
+        data = mark + declared + closed + before.replace(BOM_UTF8, b"") + rest  # so that lines keep their numbers
     wanted = _KEPT | (_SHAPES if shapes else set()) | (_VISUALS if visuals else set())
     root: ElementTree.Element | None = None
     tags: list[str] = []
@@ -81,11 +105,54 @@ def essentials(data: bytes, path: str | Path, shapes: bool = False, visuals: boo
         parser.Parse(data, True)
     except expat.ExpatError as problem:
         if root is None:
-            raise RobotFileError(path, "is not XML, so no URDF", "give the URDF file of a robot (.urdf)") from None
+            cure = "give the URDF file of a robot (.urdf)"
+            cure = (
+                f"delete what stands before its <?xml ...?>, {shown(strange.decode(errors='replace'), 60)}"
+                if mark and strange
+                else cure
+            )
+            raise RobotFileError(path, f"is not XML, so no URDF ({problem})", cure) from None
         raise RobotFileError(path, f"is not XML ({problem})", "correct the line it names") from None
     except (LookupError, ValueError) as problem:  # an encoding unknown to Python, or of several bytes a character
         raise RobotFileError(path, f"declares an encoding that is not read ({problem})", "save it as UTF-8") from None
     if root is None or root.tag != "robot":
         found = root.tag if root is not None else "missing"
         raise RobotFileError(path, f"is not a URDF, its root is <{brief(found, 60)}>", "give a URDF of a robot")
-    return ElementTree.tostring(root, encoding="utf-8")
+    return root
+
+
+def check_numbers(root: ElementTree.Element) -> None:
+    """Raises: Misread: an attribute of a link or a joint is not as many numbers as it must be."""
+    for owner in root:
+        for element in owner.iter():
+            for name, count in _NUMBERS.get(element.tag, {}).items():
+                if (text := element.get(name)) is not None and (found := _misread(text, count)):
+                    where = (
+                        f"{owner.tag} {shown(owner.get('name', ''), 100)} has <{element.tag} {name}={shown(text, 100)}>"
+                    )
+                    raise Misread(f"{where}, {found[0]}", found[1])
+
+
+def _misread(text: str, count: int) -> tuple[str, str] | None:
+    """Why a text is not so many numbers, and the cure; None where it is."""
+    words = text.split()
+    try:
+        found = len([float(word) for word in words])
+    except ValueError:
+        if "${" in text or "$(" in text:
+            return "an expression of xacro", "expand it: give the file a name that ends in .xacro; or write the numbers"
+        if "," in text:
+            return "with a comma", "write a decimal point, and blanks between numbers"
+        return "which is no number" if count == 1 else "which are no numbers", "write plain numbers, in m and rad"
+    if found == count:
+        return None
+    said = f"{found} number{'s' * (found != 1)} where {count} must stand" if found else "without a number"
+    return said, "write three numbers with blanks between them" if count == 3 else "write one number"
+
+
+def turned_joints(root: ElementTree.Element) -> dict[str, list[float]]:
+    """Joints of a URDF -> the roll, pitch and yaw of their origins, where these have some."""
+    found = {
+        joint.get("name", ""): origin.get("rpy") for joint in root.iter("joint") for origin in joint.iter("origin")
+    }
+    return {name: [float(word) for word in rpy.split()] for name, rpy in found.items() if rpy}

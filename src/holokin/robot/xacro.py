@@ -8,8 +8,9 @@ import sys
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
-from ..errors import MissingExtraError, RobotFileError, brief
+from ..errors import MissingExtraError, RobotFileError, UnknownNameError, brief
 from .mjcf import mjcf_text_tree
 from .tree import Tree
 from .urdf import urdf_text_tree
@@ -32,19 +33,27 @@ def xacro_tree(path: str | Path, args: Mapping[str, str | float | bool] | None =
 
     Raises:
         MissingExtraError: xacrodoc is not installed. RobotFileError: it cannot be expanded, or gives no robot.
+        UnknownNameError: it has no such argument.
     """
     read_model(path)  # says what is wrong with the file itself
     if find_spec("xacrodoc") is None:
         raise MissingExtraError("xacrodoc", "xacro")
     given = {name: _word(value) for name, value in (args or {}).items()}
-    text = _expanded(Path(path), given)
+    answer = _expanded(Path(path), given)
+    for name in given:
+        if name not in answer["known"]:
+            raise UnknownNameError(f"argument of {path}", name, answer["known"])
+    text, macros = answer["text"], answer["macros"]
+    if macros and "<joint" not in text:
+        fact = f"has no joints: it only defines macros, {', '.join(macros)}"
+        raise RobotFileError(path, fact, f"load a file that includes it and calls one, as <xacro:{macros[-1]} .../>")
     if "<mujoco" in text:
         return mjcf_text_tree(text, str(path))
     return urdf_text_tree(text.encode(), path)
 
 
-def _expanded(path: Path, args: Mapping[str, str]) -> str:
-    """The text that a process of its own gives. Raises: RobotFileError."""
+def _expanded(path: Path, args: Mapping[str, str]) -> dict[str, Any]:
+    """The text that a process of its own gives, with its macros and arguments. Raises: RobotFileError."""
     program = str(Path(__file__).with_name("xacro_expander.py"))
     asked = json.dumps({"path": str(path.resolve()), "args": dict(args)}).encode()
     try:
@@ -62,9 +71,15 @@ def _expanded(path: Path, args: Mapping[str, str]) -> str:
         fact = f"cannot be expanded (the expression {expression!r} of {where} is not evaluated: {answer['fault']})"
         cure = "write it with numbers, texts, lists, dictionaries and the functions of xacro"
         raise RobotFileError(path, fact, f"{cure}, or expand a file that you trust with xacro, and give the URDF")
+    if "package" in answer:
+        cure = "put its folder into one above the file, or source the ROS workspace that has it"
+        raise RobotFileError(path, f"names the ROS package {answer['package']!r}, which is not found", cure)
+    if "not at start of entity" in answer.get("fault", ""):
+        fact = f"cannot be expanded ({brief(answer['fault'])})"
+        raise RobotFileError(path, fact, "delete what stands before <?xml ...?> in it, or in a file that it includes")
     if "fault" in answer:
         raise RobotFileError(path, f"cannot be expanded ({brief(answer['fault'])})", _CURE)
-    return answer["text"]
+    return answer
 
 
 def _end(done: subprocess.CompletedProcess[bytes]) -> str:

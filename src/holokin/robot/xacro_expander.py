@@ -12,6 +12,7 @@ import ast
 import json
 import operator
 import os
+import re
 import string
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -32,7 +33,7 @@ BITS = 100_000
 """Bits of the largest whole number that a power or a shift may give; 9**9**9 has 1.2 thousand million."""
 
 LENGTH = 1_000_000
-"""Items of the longest list or text that a product may give, and of the longest range."""
+"""Items of the longest list or text that an expression may give, and of the longest range."""
 
 _BINARY: dict[type, Callable[[Any, Any], Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
@@ -69,7 +70,7 @@ class Refused(Exception):
 
 
 class _Format(string.Formatter):
-    """As `str.format`, whose fields can name attributes ('{0.__class__}'); here they cannot."""
+    """As `str.format`, whose fields can name attributes ('{0.__class__}') and have any width; here they cannot."""
 
     def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
         """As of `string.Formatter`. Raises: Refused: of a field with a part."""
@@ -77,17 +78,30 @@ class _Format(string.Formatter):
             raise Refused(f"the field {{{field_name}}} of a format names a part of a value")
         return super().get_field(field_name, args, kwargs)
 
+    def format_field(self, value: Any, format_spec: str) -> Any:
+        """As of `string.Formatter`. Raises: Refused: of a wide field."""
+        _refuse_wide(format_spec)
+        return super().format_field(value, format_spec)
+
 
 class Method:
     """A method of a value, to be called only."""
 
     def __init__(self, value: Any, name: str):
         self._call = getattr(value, name)
+        self._value, self._name = value, name
         if isinstance(value, str) and name == "format":
             self._call = lambda *args, **kwargs: _Format().vformat(value, args, kwargs)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        """What the method gives."""
+        """What the method gives. Raises: Refused: a text that would be too long."""
+        if self._name == "zfill":
+            _refuse_long(args[0] if args and isinstance(args[0], int) else 0)
+        elif self._name == "replace" and len(args) > 1 and isinstance(args[1], str):
+            _refuse_long(self._value.count(args[0]) * len(args[1]))
+        elif self._name == "join" and args:
+            args = (list(args[0]),)
+            _refuse_long(sum(len(self._value) + len(item) for item in args[0] if isinstance(item, str)))
         return self._call(*args, **kwargs)
 
 
@@ -110,7 +124,10 @@ class Interpreter:
         handler = getattr(self, f"_of_{type(node).__name__}", None)
         if handler is None:
             raise Refused(f"it holds {_WORDS.get(type(node), f'what Python calls {type(node).__name__}')}")
-        return handler(node, names)
+        value = handler(node, names)
+        if isinstance(value, str | bytes | list | tuple):
+            _refuse_long(len(value))
+        return value
 
     def _of_Constant(self, node: ast.Constant, _names: Any) -> Any:
         return node.value
@@ -189,14 +206,10 @@ class Interpreter:
     def _of_IfExp(self, node: ast.IfExp, names: Any) -> Any:
         return self._value(node.body if self._value(node.test, names) else node.orelse, names)
 
-    def _of_Tuple(self, node: ast.Tuple, names: Any) -> Any:
-        return tuple(self._items(node.elts, names))
+    def _of_Tuple(self, node: ast.Tuple | ast.List | ast.Set, names: Any) -> Any:
+        return {ast.Tuple: tuple, ast.List: list, ast.Set: set}[type(node)](self._items(node.elts, names))
 
-    def _of_List(self, node: ast.List, names: Any) -> Any:
-        return list(self._items(node.elts, names))
-
-    def _of_Set(self, node: ast.Set, names: Any) -> Any:
-        return set(self._items(node.elts, names))
+    _of_List = _of_Set = _of_Tuple
 
     def _of_Dict(self, node: ast.Dict, names: Any) -> Any:
         table: dict[Any, Any] = {}
@@ -210,7 +223,7 @@ class Interpreter:
 
     def _of_FormattedValue(self, node: ast.FormattedValue, names: Any) -> Any:
         value = _CONVERSIONS[node.conversion](self._value(node.value, names))
-        return format(value, "" if node.format_spec is None else self._value(node.format_spec, names))
+        return _Format().format_field(value, "" if node.format_spec is None else self._value(node.format_spec, names))
 
     def _items(self, nodes: list[ast.expr], names: Any) -> Iterator[Any]:
         for node in nodes:
@@ -240,8 +253,23 @@ def _refuse_large(op: ast.operator, one: Any, other: Any) -> None:
             raise Refused(f"it gives a whole number of {bits} bits" if bits < 2**64 else "it gives too long a number")
     if isinstance(op, ast.Mult):
         for items, count in ((one, other), (other, one)):
-            if isinstance(items, str | bytes | list | tuple) and isinstance(count, int) and len(items) * count > LENGTH:
-                raise Refused(f"it gives a list or a text of {len(items) * count} items")
+            if isinstance(items, str | bytes | list | tuple) and isinstance(count, int):
+                _refuse_long(len(items) * count)
+    if isinstance(op, ast.Mod) and isinstance(one, str | bytes):
+        form = re.sub(r"\(\w*\)", "", str(one))  # plain names of a dictionary may hold digits; of others they count
+        sizes = form if isinstance(other, dict) else " ".join(re.findall(r"%%|%([-#0 +\d.*]*)", form))
+        values = other if isinstance(other, tuple) else (other,)
+        _refuse_wide(sizes, [v for v in values if isinstance(v, int)] if "*" in sizes else [])
+
+
+def _refuse_wide(sizes: str, more: Iterable[int] = ()) -> None:
+    """Formats whose widths and precisions, in digits or given beside them, add up to a long text."""
+    _refuse_long(sum(min(float(digits), 1e300) for digits in re.findall(r"\d+", sizes)) + sum(map(abs, more)))
+
+
+def _refuse_long(length: float) -> None:
+    if length > LENGTH:
+        raise Refused(f"it gives a list or a text of {length:.6g} items")
 
 
 def _short_range(*args: int) -> range:
@@ -268,7 +296,9 @@ def _substitutions(interpreter: Interpreter, given: Any, xacro: Any) -> Callable
     python = dict(dict.items(xacro._global_symbols["python"]))
 
     def evaluate(text: str, context: Mapping[str, Any]) -> str:
-        arguments = {name: given.convert_value(value, "auto") for name, value in context.get("arg", {}).items()}
+        values = context.get("arg", {})
+        arguments = {name: given.convert_value(value, "auto") for name, value in values.items()}
+        values.asked.update(name for name in arguments if name in text)
         own = {"env": given._eval_env, "optenv": given._eval_optenv, "find": given._eval_find}
         own["arg"] = arguments.__getitem__
         math = dict(dict.items(xacro._global_symbols["math"]))
@@ -284,22 +314,32 @@ _TOO_MUCH: dict[type, str] = {
 }
 
 
-class Fault(Exception):
-    """A file cannot be expanded: the fact, {"fault"}, with "file" and "expression" where one is refused."""
+class _Given(dict):
+    """Values of arguments, which remembers all names that a file declares or asks for."""
 
-    def __init__(self, **facts: str):
-        super().__init__(facts["fault"])
-        self.facts = facts
+    def __init__(self, args: Mapping[str, str]):
+        super().__init__(args)
+        self.asked: set[str] = set()
+
+    def __contains__(self, name: Any) -> bool:
+        self.asked.add(name)
+        return super().__contains__(name)
+
+    def __getitem__(self, name: Any) -> Any:
+        self.asked.add(name)
+        return super().__getitem__(name)
 
 
-def expand(path: Path, args: Mapping[str, str]) -> str:
-    """The expanded text of a file. Raises: Fault.
+def answer(path: Path, args: Mapping[str, str]) -> dict[str, Any]:
+    """The expanded text of a file, {"text"}, with its "macros", and the arguments that it has, "known"; else why not.
 
-    It changes the package xacro for good, and the folder it runs in: for a process of its own.
+    That is {"fault"}, with "file" and "expression" where one is refused, or with the "package" that is not found. It
+    changes the package xacro for good, and the folder it runs in: for a process of its own.
     """
     import xacro
     from xacro import substitution_args
     from xacrodoc import XacroDoc
+    from xacrodoc.packages import PackageNotFoundError
 
     interpreter = xacro_interpreter(xacro)
     refused: dict[str, str] = {}
@@ -314,30 +354,27 @@ def expand(path: Path, args: Mapping[str, str]) -> str:
                 refused.update(fault=fact, expression=text.strip(), file=str(where))
             raise
 
-    def safe_eval(text: str, names: Any, _locals: Any = None) -> Any:
-        return told(lambda t: interpreter.evaluate(t, names), text)
-
     substitute = _substitutions(interpreter, substitution_args, xacro)
-    xacro.safe_eval = safe_eval
+    xacro.safe_eval = lambda text, names, _locals=None: told(lambda t: interpreter.evaluate(t, names), text)
     substitution_args._eval = lambda text, context: told(lambda t: substitute(t, context), text)
+    given, macros, grab = _Given(args), [], xacro.grab_macro
+    xacro.grab_macro = lambda element, table: (macros.append(element.getAttribute("name")), grab(element, table))
     os.chdir(path.parent)  # from where xacro looks for files that are named without a package
     try:
-        text = XacroDoc.from_file(path.name, subargs=dict(args), resolve_packages=False).dom.toxml()
+        text = XacroDoc.from_file(path.name, subargs=given, resolve_packages=False).dom.toxml()
     except (RecursionError, MemoryError) as problem:
-        raise Fault(fault=_TOO_MUCH[type(problem)]) from problem
-    except Exception as problem:
-        raise Fault(**(refused or {"fault": str(problem).strip() or type(problem).__name__})) from problem
+        return {"fault": _TOO_MUCH[type(problem)]}
+    except Exception as problem:  # noqa: BLE001  xacro, and what it calls, raise anything
+        cause = problem
+        while isinstance(inner := getattr(cause, "exc", None), Exception):  # xacro wraps what it meets
+            cause = inner
+        if isinstance(cause, PackageNotFoundError):
+            return {"fault": str(cause), "package": " ".join(map(str, cause.args))}
+        said = re.sub(r"<class '[\w.]+'>: ", "", str(problem)).strip()
+        return refused or {"fault": said or type(problem).__name__}
     if len(text) > LONGEST_TEXT:
-        raise Fault(fault=f"it gives more than {LONGEST_TEXT:,} characters")
-    return text
-
-
-def answer(path: Path, args: Mapping[str, str]) -> dict[str, str]:
-    """The expanded text of a file, {"text"}; else the facts of a `Fault`."""
-    try:
-        return {"text": expand(path, args)}
-    except Fault as fault:
-        return fault.facts
+        return {"fault": f"it gives more than {LONGEST_TEXT:,} characters"}
+    return {"text": text, "macros": macros, "known": sorted(given.asked)}
 
 
 def _limit() -> None:

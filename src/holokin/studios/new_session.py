@@ -63,7 +63,7 @@ LASTING = 8
 """Cycles that the pseudo-inverse makes of a loop to begin with before its drift takes it to a joint limit."""
 
 
-def open_session(name: str, *, tip: str | None = None, base: str | None = None) -> Session:
+def open_session(name: str, *, tip: str | None = None, base: str | None = None, trust_units: bool = False) -> Session:
     """A session of a job (packaged, or a file), or of a robot (of the catalogue, or a file).
 
     A job gives its robot, task, start, path and strategies. A robot gets the task that leaves joints free, a start in
@@ -71,8 +71,8 @@ def open_session(name: str, *, tip: str | None = None, base: str | None = None) 
     pseudo-inverse drifts most.
 
     Args:
-        name: as of `holokin run` or of `hk.load`. tip, base: of a robot, as of `hk.load`; of a model the tool at the
-            end of its longest arm by default.
+        name: as of `holokin run` or of `hk.load`. tip, base, trust_units: of a robot, as of `hk.load`; of a model the
+            tool at the end of its longest arm by default.
 
     Raises:
         ArgumentError: no joint is to spare. HolokinError: what reading jobs and robots raises.
@@ -80,8 +80,9 @@ def open_session(name: str, *, tip: str | None = None, base: str | None = None) 
     if name in packaged_jobs() or _is_job(name):
         short, job, file = open_one_job(name)
         return session_of_job(short, job, file)
-    chain = chain_to_tool(name, tip, base)
+    chain = chain_to_tool(name, tip, base, trust_units)
     given = {"name": name, "tip": chain.tip if is_model(name) else tip, "base": chain.base}
+    given |= {"trust_units": True} if trust_units else {}
     return session_of_robot(chain.robot, source=name, origin={k: v for k, v in given.items() if v is not None})
 
 

@@ -83,13 +83,14 @@ def check_that_joints_move(robot: Robot) -> None:
     """Raises: ArgumentError: a joint whose two limits are one, as of exporters that leave them at 0."""
     for joint in robot.coordinates:
         if joint.lower == joint.upper:
-            cure = "give it a range in the robot description, or make it a fixed joint there"
+            cure = f"give it a range in the robot description, or hold it: locked={{{joint.name!r}: {joint.lower:g}}}"
             raise ArgumentError(f"the range of joint {joint.name!r}", [joint.lower, joint.upper], cure)
 
 
 def regular_starts(task: Task) -> Matrix:
     """Start postures (k, n) in the middle of the joint limits, rounded to a hundredth, the most regular first."""
     robot = task.robot
+    check_that_joints_move(robot)
     lower, upper = robot.ranges(FREE)
     shares = np.random.default_rng(0).uniform((1 - SHARE) / 2, (1 + SHARE) / 2, (POSTURES, robot.n))
     Q = np.round(unwound(robot, lower + shares * (upper - lower)), 2)

@@ -42,7 +42,9 @@ class Chain(Value):
 
 
 @typed
-def chain_to_tool(robot: Robot | str | Path, tip: str | None = None, base: str | None = None) -> Chain:
+def chain_to_tool(
+    robot: Robot | str | Path, tip: str | None = None, base: str | None = None, trust_units: bool = False
+) -> Chain:
     """A robot, a name of the catalogue or a file as a chain; the tip of a model is `choose_tip`'s where none is given.
 
     Raises:
@@ -53,11 +55,11 @@ def chain_to_tool(robot: Robot | str | Path, tip: str | None = None, base: str |
             raise ArgumentError("the base", base, "only files of models take one: give the file, or load it so")
         return Chain(robot, None, tip or robot.tips[0].name, (), False)
     if not is_model(robot):
-        found = load(robot, tip=tip, base=base)
+        found = load(robot, tip=tip, base=base, trust_units=trust_units)
         return Chain(found, None, found.tips[0].name, (), False)
     tips = _arm_tips(robot, base)
     chosen = tip if tip is not None else tips[0]
-    found = load(robot, tip=chosen, base=base)
+    found = load(robot, tip=chosen, base=base, trust_units=trust_units)
     return Chain(found, base or model_root(robot), chosen, tuple(t for t in tips if t != chosen), tip is None)
 
 
