@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -19,7 +18,7 @@ from ..workspace_coverage.tips import Chain, chain_to_tool
 from .advice_words import axis_of, frame_words, limits_of, obstacle_words, posture_of
 from .check_tables import ChecksTable
 from .cover_strategies import workspace_of_job
-from .job_file import job_of
+from .job_file import job_of, job_table
 from .job_parts import build_tasks
 from .robot_tables import RobotTable, robot_of_job
 from .runner import is_job, open_one_job
@@ -103,7 +102,7 @@ def _of_robot(name: str, typed: Typed) -> Question:
 
 def _of_job(name: str, typed: Typed) -> Question:
     _, job, file = open_one_job(name)
-    keys: dict[str, Any] = tomllib.loads(file.read_text("utf-8"))
+    keys = job_table(file)
     robot, _, _ = build_tasks(job, file)
     keys["robot"] |= {"tip": typed.tip} if typed.tip else {}
     keys["robot"] |= {"base": typed.base} if typed.base else {}

@@ -56,7 +56,7 @@ class Form(Generic[Model]):
 
     def read(self, path: Path) -> Model:
         """A file of this form. Raises: JobError naming file, key, value and cure."""
-        return self.checked(path, _table(path, self.where))
+        return self.checked(path, job_table(path, self.where))
 
     def checked(self, path: Path, table: dict[str, Any]) -> Model:
         """The content of a file. Raises: JobError."""
@@ -79,7 +79,7 @@ def job_of(path: Path, table: dict[str, Any]) -> Job:
 
 def read_workspace_table(path: Path) -> WorkspaceTable:
     """The [workspace] of a TOML file, whatever else stands there. Raises: JobError."""
-    table = _table(path, "check the path")
+    table = job_table(path)
     if "workspace" not in table:
         raise JobError(path, "workspace", "is missing", "add a table [workspace], as of a job file")
     return _WORKSPACE.checked(path, {"workspace": table["workspace"]}).workspace
@@ -89,7 +89,9 @@ class _Workspace(Table):
     workspace: WorkspaceTable
 
 
-def _table(path: Path, where: str) -> dict[str, Any]:
+def job_table(path: Path, where: str = "check the path") -> dict[str, Any]:
+    """What stands in a job file, unchecked. Raises: JobError; `where` is the cure where there is no such file."""
+
     def refuse(key: str, fact: str, cure: str) -> JobError:
         return JobError(path, key or "file", fact, where if fact == "there is no such file" else cure)
 
