@@ -143,8 +143,14 @@ def test_half_a_turn_between_two_waypoints_is_refused_for_its_direction_is_by_ch
         return T
 
     half = poses(np.pi + draw.choice([0.0, 1e-15, -1e-12, 1e-9, -1e-6, 3e-5]))
-    doors = (hk.polyline, hk.spline, hk.path_of, lambda T: hk.spline(T, times=np.arange(k)),
-             lambda T: hk.polyline(T, closed=True), lambda T: hk.polyline(np.roll(T, -1 - i, 0), closed=True))  # fmt: skip
+    doors = (
+        hk.polyline,
+        hk.spline,
+        hk.path_of,
+        lambda T: hk.spline(T, times=np.arange(k)),
+        lambda T: hk.polyline(T, closed=True),
+        lambda T: hk.polyline(np.roll(T, -1 - i, axis=0), closed=True),
+    )
     for door in doors[:-1]:
         with pytest.raises(ArgumentError, match=rf"turn from waypoint {i}, counted from 0, to the next one .* between"):
             door(half)
