@@ -43,7 +43,7 @@ from .designing import (
     closest_holonomic,
     design,
 )
-from .errors import HolokinError
+from .errors import HolokinError, NoAttributeError
 from .export import export_c
 from .inverse_kinematics import all_postures, inverse, move_to_leaf
 from .motion import TimedTrajectory, approach, controller, drift, follow, path_spread, retime, simulate
@@ -246,4 +246,7 @@ if not TYPE_CHECKING:  # so that a misspelt name is an error of types
         rooms = {"studio": ".studios", "survey": ".surveys", "read_sheets": ".job.saved_sheets"}
         if name in rooms:
             return getattr(import_module(rooms[name], __name__), name)
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        if name.startswith("_"):  # what Python and other libraries look for
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        form = f"hk.load({name.lower()!r})" if name.lower() in robot.catalogue() else ""
+        raise NoAttributeError("holokin", name, __all__, form)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipe
 
 import holokin as hk
+from conftest import sampled
 from holokin.errors import ArgumentError, RecordingError
 
 ROWS = np.array([[400, 0, 300], [450, 20, 300], [500, 0, 310]])
@@ -122,6 +123,48 @@ def test_a_quaternion_that_flips_sign_is_repaired_and_said(tmp_path: Path) -> No
     assert "1 quaternion changes sign (line 3)" in note
     at = hk.spline(read)
     assert float(sum(segment.turn for segment in at.segments)) < np.deg2rad(60)
+
+
+@sampled(6, "seed", list(range(60)))
+def test_half_a_turn_between_two_waypoints_is_refused_for_its_direction_is_by_chance(seed: int, tmp_path: Path) -> None:
+    """The rows are named, at every door; a turn of somewhat less goes the way that it says."""
+    draw = np.random.default_rng(seed)
+    k, i = 6, int(draw.integers(0, 5))
+    axis = draw.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    points = draw.uniform(100, 500, (k, 3)).round(3)
+
+    def poses(angle: float) -> np.ndarray:
+        turns = [Rotation.random(random_state=seed)]
+        for j in range(1, k):
+            turns.append(Rotation.from_rotvec((angle if j == i + 1 else 0.3) * axis) * turns[-1])
+        T = np.tile(np.eye(4), (k, 1, 1))
+        T[:, :3, :3], T[:, :3, 3] = Rotation.concatenate(turns).as_matrix(), points / 1e3
+        return T
+
+    half = poses(np.pi + draw.choice([0.0, 1e-15, -1e-12, 1e-9, -1e-6, 3e-5]))
+    doors = (
+        hk.polyline,
+        hk.spline,
+        hk.path_of,
+        lambda T: hk.spline(T, times=np.arange(k)),
+        lambda T: hk.polyline(T, closed=True),
+        lambda T: hk.polyline(np.roll(T, -1 - i, axis=0), closed=True),
+    )
+    for door in doors[:-1]:
+        with pytest.raises(ArgumentError, match=rf"turn from waypoint {i}, counted from 0, to the next one .* between"):
+            door(half)
+    with pytest.raises(ArgumentError, match=rf"turn from waypoint {k - 1}, "):
+        doors[-1](half)
+    file = table(
+        tmp_path / "w.csv", "x_mm,y_mm,z_mm,qx,qy,qz,qw", points, Rotation.from_matrix(half[:, :3, :3]).as_quat()
+    )
+    with pytest.raises(
+        RecordingError, match=f"from line {i + 2} to line {i + 3} the tool turns by 180 degrees; .* between"
+    ):
+        hk.read_waypoints(file)
+    turned = hk.polyline(poses(np.pi - 2e-3)).segments[i].turning[1]
+    assert turned == pytest.approx((np.pi - 2e-3) * axis, abs=1e-9)
 
 
 BAD = {

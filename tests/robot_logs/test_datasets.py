@@ -117,7 +117,7 @@ def test_degrees_are_seen_and_asked_for(tmp_path: Path) -> None:
 def test_values_that_are_no_angles_at_all_are_refused(tmp_path: Path) -> None:
     given = episodes()
     given[1]["observation.state"][2, 0] = 5e4
-    with pytest.raises(RecordingError, match=r"reaches 5e\+04.*-100 to 100 must be converted"):
+    with pytest.raises(RecordingError, match=r"reaches 5e\+04.*-100 to 100, and of encoder ticks, give --scales"):
         postures(dataset(tmp_path / "far", episodes=given))
     for e in given:
         e["observation.state"][0, :3] = [100.0, -100.0, 12.0]

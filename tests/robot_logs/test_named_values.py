@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import pytest
 import holokin as hk
 import small_datasets
 from bags import JOINTS, Q, T, write_bag
-from conftest import Command
+from conftest import Command, sampled
 from holokin.errors import ArgumentError, RecordingError, UnknownNameError
 from holokin.robot_logs import joint_feature, read_dataset
 from holokin.robot_logs.dataset_columns import postures_of
@@ -134,3 +135,32 @@ def test_the_command_takes_them(tmp_path: Path, holokin: Command) -> None:
     log = str(tmp_path / "log.csv")
     assert holokin("audit", log, "--robot", "panda", *words).code == 0
     assert "give pairs like" in holokin("audit", log, "--robot", "panda", "--signs", "panda_joint2").err
+
+
+@sampled(6, "seed", list(range(60)))
+def test_encoder_ticks_are_told_from_angles_and_read_with_scales_and_zeros(seed: int, tmp_path: Path) -> None:
+    """Of random encoders; whole degrees within the limits, and a log of zeros, are no ticks."""
+    draw = np.random.default_rng(seed)
+    names = PANDA.joint_names
+    per_turn = 2.0 ** draw.integers(12, 20, 7)
+    zeros = np.round(per_turn * draw.uniform(0.3, 0.7, 7))
+    t = np.linspace(0, 4, 201)
+    size = 0.3 * (PANDA.upper - PANDA.lower)
+    q = (PANDA.lower + PANDA.upper) / 2 + size * np.sin(np.pi * t[:, None] + draw.uniform(0, 6, 7))
+    ticks = np.round(zeros + q * per_turn / (2 * np.pi))
+    file = tmp_path / "log.csv"
+
+    def read(values: np.ndarray, **said: Any) -> hk.motion.Recording:
+        np.savetxt(file, np.c_[t, values], delimiter=",", header=",".join(["t", *names]), comments="", fmt="%.10g")
+        return hk.read_recording(file, PANDA, **said)
+
+    for degrees in (None, True):
+        with pytest.raises(
+            RecordingError, match="all values are whole numbers; if they are encoder ticks, give the rad"
+        ):
+            read(ticks, degrees=degrees)
+    scales = dict(zip(names, 2 * np.pi / per_turn, strict=True))
+    offsets = dict(zip(names, zeros * 2 * np.pi / per_turn, strict=True))
+    assert np.abs(read(ticks, scales=scales, offsets=offsets).q - q).max() < np.pi / per_turn.min() + 1e-9
+    assert np.abs(read(np.round(np.rad2deg(q)), degrees=True).q - q).max() < np.pi / 360 + 1e-9
+    assert not read(np.zeros_like(q), degrees=False).q.any()

@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import numpy as np
 
-from ..errors import ArgumentError, PickleError
+from ..errors import ArgumentError, CallError, PickleError, brief
 from .types import frozen
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -22,7 +22,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 def typed(function: F) -> F:
     """A function whose arguments must be of the kinds that its signature names.
 
-    Arrays are left to the function, which knows their shapes. Raises (when called): ArgumentError.
+    Arrays are left to the function, which knows their shapes. Raises (when called): ArgumentError; CallError: there are
+    too many, too few, or some of other names.
     """
     known = list(signature(function).parameters.values())
     names = [p.name for p in known if p.kind in (Parameter.POSITIONAL_OR_KEYWORD, Parameter.POSITIONAL_ONLY)]
@@ -50,9 +51,35 @@ def typed(function: F) -> F:
         for name, value in named.items():
             if name in tests and not tests[name](value):
                 check(name, wanted[name], value)
-        return function(*arguments, **named)
+        try:
+            return function(*arguments, **named)
+        except TypeError as problem:
+            if isinstance(problem, CallError) or _bound(function, arguments, named):
+                raise
+            raise CallError(str(problem), _form(function)) from None
 
     return called  # type: ignore[return-value]
+
+
+def _bound(function: Callable[..., Any], arguments: tuple[Any, ...], named: dict[str, Any]) -> bool:
+    """Whether a function takes these arguments, whatever they are."""
+    try:
+        signature(function).bind(*arguments, **named)
+    except TypeError:
+        return False
+    return True
+
+
+def _form(function: Callable[..., Any]) -> str:
+    """How a function is called: its name, its arguments, and what they are by default."""
+    marks, parts = {Parameter.VAR_POSITIONAL: "*", Parameter.VAR_KEYWORD: "**"}, []
+    for name, one in signature(function).parameters.items():
+        value = "..." if one.kind is Parameter.KEYWORD_ONLY else ""
+        if one.default is not Parameter.empty:
+            value = "..." if callable(one.default) else brief(repr(one.default), 40)
+        if name != "self":
+            parts.append(f"{marks.get(one.kind, '')}{name}{'=' * bool(value)}{value}")
+    return f"{function.__qualname__}({', '.join(parts)})"
 
 
 def type_methods(kind: type) -> None:
@@ -68,8 +95,36 @@ def check(what: str, kind: Any, value: Any) -> None:
     if test is not None and not test(value):
         if hasattr(kind, "cure"):  # a kind of ours that says how to make one
             raise ArgumentError(what, value, kind.cure)
-        spoilt = isinstance(value, str | Path) and "\0" in str(value)
-        raise ArgumentError(what, value, f"give {_words(kind)}{' without a NUL character' if spoilt else ''}")
+        raise ArgumentError(what, value, f"give {_words(kind)}{_advice(test, kind, value)}")
+
+
+MAKERS = {
+    "Robot": "hk.load(name)",
+    "Task": "hk.pose(robot)",
+    "Constraint": "hk.lock(joint)",
+    "Strategy": "hk.holonomic(task, constraint)",
+    "Path": "hk.circle(start, center)",
+    "Region": "hk.around(q, 0.2)",
+    "Workspace": "hk.workspace(box=(center, half))",
+    "Trajectory": "hk.follow(strategy, path, q0)",
+    "TimedTrajectory": "hk.retime(trajectory, robot)",
+    "InverseKinematics": "hk.inverse(strategy, q0)",
+}
+"""The kinds that callers mix up -> a call that makes one."""
+
+
+def _advice(test: Test, kind: Any, value: Any) -> str:
+    """How to make of a value what is wanted, as far as that shows."""
+    if isinstance(value, str | Path) and "\0" in str(value):
+        return " without a NUL character"
+    made_of = getattr(value, "__annotations__", {}).get("return") if isfunction(value) else None
+    if made_of and made_of in [getattr(one, "__name__", None) for one in (kind, *get_args(kind))]:
+        return f": call the function, {value.__name__}(...)"  # type: ignore[union-attr]
+    for name in ("robot", "task", "strategy"):
+        if (part := getattr(value, name, None)) is not None and test(part):
+            return f": its .{name} is one"
+    maker = MAKERS.get(getattr(kind, "__name__", ""))
+    return f", as {maker} makes it" if maker else ""
 
 
 Test = Callable[[Any], bool]

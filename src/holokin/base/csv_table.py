@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, islice
 from math import isfinite
@@ -17,6 +18,9 @@ from .types import Matrix
 
 PIECE = 10_000
 """Rows that are text at one time: some megabytes."""
+
+_COMMA, _POINT = re.compile(r"(?<=\d),(?=\d)"), re.compile(r"\d\.\d")
+"""Decimal marks."""
 
 LONGEST_LINE = 1_000_000
 """Characters of a line; a file with a longer one is no table, and may be gigabytes of one line."""
@@ -41,27 +45,69 @@ def read_table(
     """
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:
-            lines = _lines(file, stream)
-            first = next(lines, "")
-            delimiter = max(",;\t", key=first.count)
+            first, lines, done = _from_header(_lines(file, stream))
+            delimiter = _delimiter(first)
             if delimiter not in first and '"' not in first and len(first.split()) > 1:  # as UR's RTDE client writes it
                 delimiter, first = ",", ",".join(first.split())
                 lines = (",".join(line.split()) + "\n" for line in lines)
             cells = next(csv.reader([first], delimiter=delimiter), [])
             header = [cell.strip().strip("#").strip() for cell in cells]
             if not any(header):
-                fact = "line 1 is empty, no header" if next(lines, "") else "is empty"
-                raise RecordingError(file, fact, cure)
-            done = 1
+                raise RecordingError(file, f"line {done} is empty, no header" if first else "is empty", cure)
             if number_in(header[0]) is not None:
                 if headless is None:
-                    raise RecordingError(file, "line 1 holds numbers, no header", f"name the columns: {names}")
-                header, lines, done = headless([cell.strip() for cell in cells]), chain([first], lines), 0
+                    fact = f"line {done} holds numbers, no header"
+                    raise RecordingError(file, fact, f"name the columns: {names}")
+                header, lines, done = headless([cell.strip() for cell in cells]), chain([first], lines), done - 1
+            if delimiter != ",":
+                lines = _with_points(file, lines, done)
             columns = _told_apart(file, header, wanted(header))
             yield from _pieces(file, header, columns, lines, delimiter, done, bad, labels)
     except (OSError, UnicodeError, csv.Error) as problem:
         fact = f"cannot be read as text ({shown(str(problem), 200)})"
         raise RecordingError(file, fact, "give a CSV file in UTF-8, a bag or .mcap") from None
+
+
+def _from_header(lines: Iterator[str]) -> tuple[str, Iterator[str], int]:
+    """(the header, the lines after it, the header's number): comments, from # on, and empty lines may stand before it.
+
+    A comment is the header where no other line is: numbers follow, and it has as many cells as they.
+    """
+    before: list[str] = []
+    for line in lines:
+        if line.strip() and not line.startswith("#"):
+            break
+        before.append(line)
+    else:
+        line = ""
+    mark = _delimiter(line)
+    cells = line.count(mark)
+    holds_numbers = not line or number_in(line.split(mark)[0].replace(",", ".")) is not None
+    for i, comment in reversed([*enumerate(before)]):
+        if holds_numbers and "#" in comment and (not line or cells == comment.count(mark)):
+            return comment, chain(before[i + 1 :], [line] * bool(line), lines), i + 1
+    return line, lines, len(before) + 1
+
+
+def _delimiter(line: str) -> str:
+    """What ends the cells of a line: a comma, unless a semicolon or a tab does, for then it may be a decimal mark."""
+    plain = '"' not in line
+    return next((mark for mark in ";\t" if plain and mark in line), max(",;\t", key=line.count))
+
+
+def _with_points(file: Path, lines: Iterator[str], done: int) -> Iterator[str]:
+    """Lines whose cells no comma ends, with points for decimal commas. Raises: RecordingError: the lines have both."""
+    comma = point = 0
+    for number, line in enumerate(lines, done + 1):
+        if not point and "." in line and not line.startswith("#") and _POINT.search(line):
+            point = number
+        if "," in line and not line.startswith("#"):
+            line, count = _COMMA.subn(".", line)
+            comma = comma or number * bool(count)
+        if comma and point:
+            fact = f"line {comma} has a decimal comma, line {point} a decimal point"
+            raise RecordingError(file, fact, "write all decimals with points, and no commas between thousands")
+        yield line
 
 
 class Rows(NamedTuple):
@@ -120,7 +166,7 @@ def _pieces(
             continue
         # A quoted cell may run on beyond the piece: from here to the end, or to that of a piece without quotes.
         reader = csv.reader(piece if plain else chain(piece, lines), delimiter=delimiter)
-        rows = ((done + reader.line_num, row) for row in reader if any(cell.strip() for cell in row))
+        rows = ((done + reader.line_num, row) for row in reader if _holds_values(row, len(header), wanted))
         while some := list(islice(rows, PIECE)):
             kept, numbers = _row_numbers(file, header, wanted, some, bad)
             if kept:
@@ -128,6 +174,13 @@ def _pieces(
                 words = _labels([row for _, row in kept], labels) if labels else []
                 yield Rows(np.array(numbers), texts, [line for line, _ in kept], words)
         done += reader.line_num
+
+
+def _holds_values(row: Sequence[str], width: int, wanted: Sequence[int]) -> bool:
+    """Whether a row is neither empty nor a comment, which begins with # and is no row of the header's with numbers."""
+    if not any(map(str.strip, row)):
+        return False
+    return not row[0].startswith("#") or (len(row) == width and any(number_in(row[c]) is not None for c in wanted))
 
 
 def _plain_numbers(lines: Sequence[str], wanted: Sequence[int], delimiter: str) -> Matrix | None:
@@ -172,6 +225,7 @@ def _row(file: Path, header: Sequence[str], wanted: Sequence[int], line: int, ro
         number = number_in(row[c])
         if number is None or not isfinite(number):
             fact = f"line {line}, column {shown(header[c])!r} holds {shown(row[c].strip())!r}, not a finite number"
-            raise RecordingError(file, fact, "correct or delete the line")
+            comma = _COMMA.search(row[c])
+            raise RecordingError(file, fact, "write decimals with points" if comma else "correct or delete the line")
         found.append(number)
     return found

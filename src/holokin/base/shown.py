@@ -8,9 +8,11 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import wraps
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from ..errors import NoAttributeError
 
 LONGEST = 200
 """Characters of a value's line."""
@@ -33,8 +35,18 @@ _CELL = "text-align:left;padding:.15rem .6rem;vertical-align:top"
 class Shown:
     """The parent of dataclasses that show themselves: `repr` is one line, at most 200 characters.
 
-    In a notebook it is what `str` says, or its fields, as a table. Texts are escaped there, whoever wrote them.
+    In a notebook it is what `str` says, or its fields, as a table. Texts are escaped there, whoever wrote them. A name
+    that they do not have is answered with the nearest that they have.
     """
+
+    if not TYPE_CHECKING:  # so that a misspelt name is an error of types
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_") or hasattr(type(self), name):  # what libraries look for; what a property raised
+                return object.__getattribute__(self, name)
+            kind = type(self).__name__
+            owner = f"{'an' if kind[0] in 'AEIOU' else 'a'} {kind}"
+            raise NoAttributeError(owner, name, [known for known in dir(self) if not known.startswith("_")])
 
     def __init_subclass__(cls, **more: Any) -> None:
         super().__init_subclass__(**more)

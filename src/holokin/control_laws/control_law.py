@@ -46,6 +46,7 @@ class ControlLaw(Made, Value):
         return f"{type(self).__name__}({self.name!r})"
 
 
+@typed
 def as_control_law(thing: Any) -> ControlLaw:
     """A control law of what people have: a `ControlLaw`, a `Strategy` (dq = G x'), or a function (q, pose, twist, dt).
 

@@ -129,6 +129,7 @@ def mink_law(
     return ControlLaw(name or _label("mink", posture, leaf, limits), begin)
 
 
+@typed
 def placo_law(
     robot: Robot, posture: PostureTask = PostureTask(), *, limits: bool = True, name: str | None = None
 ) -> ControlLaw:

@@ -21,6 +21,16 @@ SYNONYMS = {
 }  # fmt: skip
 """Names that people use, and keys that had another name before -> those that are known."""
 
+FORMS = {
+    "robot.pose(q)": "fk fkine forward forward_kinematics end_effector end_effector_pose tool_pose get_pose",
+    "robot.jacobian(q)": "jac jacob jacob0 jacobe geometric_jacobian get_jacobian",
+    "ik = hk.inverse(strategy, q0), and then q = ik(pose)": "ik ikine solve_ik inverse_kinematics solve",
+    "hk.follow(strategy, path, q0)": "run execute track trace plan play",
+    "hk.load(name)": "load_robot load_urdf from_file robots",
+    "hk.pose(robot)": "task pose_task frame_task",
+}
+"""What is called so -> names by which people look for it, on nouns and in the package."""
+
 LONGEST_NAME = 200
 """Characters up to which a name is compared with the known ones; the comparison takes the product of the lengths."""
 

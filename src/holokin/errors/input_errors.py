@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from .holokin_error import LONGEST, HolokinError, brief, closest, shown
+from .holokin_error import FORMS, LONGEST, HolokinError, brief, closest, shown
 
 
 class UnknownNameError(HolokinError):
@@ -13,6 +13,27 @@ class UnknownNameError(HolokinError):
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         self.kind, self.name, self.known = kind, name, tuple(known)
         super().__init__(f"unknown {brief(kind)} {shown(name, 100)}; {closest(name, self.known)}")
+
+
+class NoAttributeError(HolokinError, AttributeError):
+    """A name that a noun or the package does not have; `form` is what to write instead, where that is known.
+
+    It is Python's `AttributeError` too, so that `hasattr` and `getattr` work.
+    """
+
+    def __init__(self, owner: str, name: str, known: Iterable[str], form: str = "") -> None:
+        self.owner, self.name, self.known = owner, name, tuple(known)
+        form = form or next((form for form, names in FORMS.items() if name.lower() in names.split()), "")
+        cure = f"write {form}" if form else closest(name, self.known)
+        super().__init__(f"{brief(owner)} has no {shown(name, 100)}; {cure}")
+
+
+class CallError(HolokinError, TypeError):
+    """A call with an argument too many, too few or of another name; `form` is how the function is called."""
+
+    def __init__(self, fact: str, form: str) -> None:
+        self.fact, self.form = fact, form
+        super().__init__(f"{brief(fact)}; call it as {brief(form, LONGEST)}")
 
 
 class ShapeError(HolokinError):

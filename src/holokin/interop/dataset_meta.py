@@ -58,6 +58,9 @@ def check_meta(dataset: Dataset) -> None:
 def _statistics(dataset: Dataset) -> list[dict[str, Any]]:
     """The lines of episodes_stats.jsonl, of each episode one. Raises: RecordingError."""
     file = dataset.folder / STATS
+    if not file.exists():
+        cure = "download the dataset anew, or let LeRobot's convert_dataset_v20_to_v21.py write the file"
+        raise RecordingError(file, "there is no such file, and a dataset of v2.1 has one", cure)
     found = read_lines(file)
     sound = all(isinstance(row, dict) and isinstance(row.get("stats"), dict) for row in found)
     if not sound or [row.get("episode_index") for row in found] != list(range(len(dataset.episodes))):

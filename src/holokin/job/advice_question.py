@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -21,6 +20,7 @@ from ..workspace_coverage.tips import Chain, chain_to_tool
 from .advice_words import numbers_of
 from .check_tables import ChecksTable
 from .cover_strategies import workspace_of_job
+from .job_file import job_table
 from .job_parts import build_tasks
 from .runner import is_job, open_one_job
 
@@ -105,7 +105,7 @@ def _of_job(name: str) -> Question:
         raise ArgumentError(f"the number of redundant joints of {robot.name!r} for the job's task", 0, cure)
     space = workspace_of_job(job, task, start, file)
     chain = Chain(robot, None, task.tip or robot.tips[0].name, (), False)
-    keys = tomllib.loads(file.read_text("utf-8"))
+    keys = job_table(file)
     return Question(chain, task, space, start, *_among(job.checks, robot), (), keys, file)
 
 

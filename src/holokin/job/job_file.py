@@ -55,7 +55,7 @@ class Form(Generic[Model]):
 
     def read(self, path: Path) -> Model:
         """A file of this form. Raises: JobError naming file, key, value and cure."""
-        return self.checked(path, _table(path, self.where))
+        return self.checked(path, job_table(path, self.where))
 
     def checked(self, path: Path, table: dict[str, Any]) -> Model:
         """The content of a file. Raises: JobError."""
@@ -76,7 +76,9 @@ def job_of(path: Path, table: dict[str, Any]) -> Job:
     return _JOB.checked(path, table)
 
 
-def _table(path: Path, where: str) -> dict[str, Any]:
+def job_table(path: Path, where: str = "check the path") -> dict[str, Any]:
+    """What stands in a job file, unchecked. Raises: JobError; `where` is the cure where there is no such file."""
+
     def refuse(key: str, fact: str, cure: str) -> JobError:
         return JobError(path, key or "file", fact, where if fact == "there is no such file" else cure)
 

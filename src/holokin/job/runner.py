@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib.resources import as_file, files
@@ -32,10 +31,10 @@ from ..motion.trajectory import Status, Trajectory
 from ..motion_analysis import around, involutivity, why_elsewhere
 from ..path.synchronized_paths import AnyPath
 from ..reports.job_result import Check, JobResult, NotRun, StrategyResult
-from ..robot import Robot, catalogue, load
+from ..robot import Robot, load
 from ..strategies import HolonomicStrategy, Strategy
 from .cover_strategies import build_covering
-from .job_file import read_job
+from .job_file import job_table, read_job
 from .job_parts import build_begin, build_robot, build_strategy, build_tasks, naming
 from .metrics import METRICS, Run, apart
 from .motion_tables import TimingTable
@@ -96,13 +95,13 @@ def open_one_job(name: str) -> tuple[str, Job, FilePath]:
 
 
 def is_job(name: str) -> bool:
-    """Whether a name is that of a job: a packaged one, or a .toml file with a table [robot]."""
+    """Whether a name is that of a job: a packaged one, or a .toml file with a table of a job."""
     file = FilePath(name)
     if file.suffix.lower() != ".toml":
-        return name in packaged_jobs() and name not in catalogue()
+        return name in packaged_jobs()
     try:
-        return os.path.isfile(file) and isinstance(tomllib.loads(file.read_text("utf-8")).get("robot"), dict)
-    except (OSError, ValueError):  # who reads it as a robot says what is wrong
+        return bool({"strategies", "path", "task", "start", "robot"} & job_table(file).keys())
+    except JobError:  # who reads it as a robot says what is wrong
         return False
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 from typing import Any
 
 from ..base.types import Vector
 from ..errors import ArgumentError, UnknownNameError
+from ..robot.text_files import parse_toml
 from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.task import Task
 from .strategy_tables import KINDS, Fitted, keys_of
@@ -52,10 +52,10 @@ def leaf_of_words(text: str, task: Task, q0: Vector) -> Strategy:
 def _keys(text: str, kind: str, rest: str) -> dict[str, Any]:
     """The keys of a kind, of the words behind it. Raises: ArgumentError."""
     if "=" in rest:
-        try:
-            return tomllib.loads("\n".join(_assignments(rest)))
-        except tomllib.TOMLDecodeError as problem:
-            raise ArgumentError("--strategy", text, f"{EXAMPLE}; {problem}") from None
+        return parse_toml(
+            "\n".join(_assignments(rest)),
+            lambda _, fact, _cure: ArgumentError("--strategy", text, f"{EXAMPLE}; it {fact}"),
+        )
     words = rest.replace(",", " ").split()
     if not words:
         return {}

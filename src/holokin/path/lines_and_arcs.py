@@ -9,7 +9,7 @@ from ..base.poses import PoseLike, pose_numbers
 from ..base.types import ArrayLike, finite
 from ..errors import ArgumentError
 from .path import Path, as_point
-from .segments import arc_segment, line_segment, turn_between
+from .segments import arc_segment, line_segment, sure_turns
 from .waypoints import Waypoints, as_poses
 
 
@@ -87,7 +87,7 @@ def polyline(
     spins = np.zeros(shape) if turns is None else finite("turns", turns, shape, "one rotation vector a line")
     first = None
     if poses.rotations is not None:
-        first, spins = poses.rotations[0], turn_between(poses.rotations[:-1], poses.rotations[1:])
+        first, spins = poses.rotations[0], sure_turns(poses.rotations)
     pairs = zip(poses.points, poses.points[1:], spins, strict=False)
     return Path(tuple(line_segment(a, b, s) for a, b, s in pairs), speed, rotation=first)
 

@@ -13,7 +13,7 @@ from ..base.pose_columns import Units, pose_rows
 from ..base.poses import pose_from
 from ..base.types import Array, ArrayLike, Indices, Matrix, Vector, check_rotation, finite
 from ..errors import ArgumentError, RecordingError
-from .segments import turn_between
+from .segments import HALF_TURN, SURE, turn_between
 from .waypoints import Waypoints
 from .workspaces import TOOL_DOWN, PoseCloud, pose_cloud
 
@@ -59,7 +59,7 @@ def read_waypoints(
     if len(read.points) < 2:
         raise RecordingError(file, "has one waypoint", "give two at least")
     if read.rotations is not None:
-        _note_wide_turns(read.rotations, read.lines, read.notes)
+        _note_wide_turns(file, read.rotations, read.lines, read.notes)
     times = None if read.times is None else _from_start(file, read.times, read.lines)
     _check_rests(file, read.points, read.rotations, times, read.lines)
     return Waypoints(read.points, read.rotations, times, str(file), tuple(read.notes))
@@ -102,10 +102,14 @@ def read_workspace(
     return pose_cloud(pose_from(read.points, TOOL_DOWN if rotation is None else rotation), source)
 
 
-def _note_wide_turns(rotations: Array, lines: Indices, notes: list[str]) -> None:
+def _note_wide_turns(file: Path, rotations: Array, lines: Indices, notes: list[str]) -> None:
+    """Raises: RecordingError: half a turn, whose direction is by chance."""
     turns = np.linalg.norm(turn_between(rotations[:-1], rotations[1:]), axis=1)
-    if turns.max() > WIDE:
-        i = int(np.argmax(turns))
+    i = int(np.argmax(turns))
+    if turns[i] > SURE:
+        fact = f"from line {lines[i]} to line {lines[i + 1]} the tool turns by {np.degrees(turns[i]):.4g} degrees"
+        raise RecordingError(file, fact, HALF_TURN)
+    if turns[i] > WIDE:
         notes.append(
             f"from line {lines[i]} to line {lines[i + 1]} the tool turns by {np.degrees(turns[i]):.0f} degrees, by the "
             "shorter way: put a waypoint between if it is not meant"

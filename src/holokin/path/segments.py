@@ -8,11 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..base.types import Array, Matrix, Value, Vector, frozen
+from ..errors import ArgumentError
 from .straight_path import rotation_matrix, rotation_vector
 
 NODES, WEIGHTS = (frozen(values) for values in np.polynomial.legendre.leggauss(20))
 """Gauss-Legendre points on [-1, 1]: exact for the area of a cubic, and 1e-15 of the length of the segments of a spline,
 which bend little."""
+
+SURE = np.pi - 1e-4
+"""Turns [rad] from one waypoint to the next beyond which digits that files leave out may decide their direction."""
+
+HALF_TURN = "it is half a turn, and the last digits decide in which direction: put a waypoint between the two"
+"""What to say of longer ones."""
 
 WIDTH = 43
 """Numbers of a segment in a table."""
@@ -230,3 +237,18 @@ def _factors(angle: Array) -> tuple[Array, Array]:
 def turn_between(first: Array, last: Array) -> Array:
     """The rotation vectors (..., 3) by which rotations go over into others, by the shorter way."""
     return rotation_vector(last @ np.swapaxes(first, -1, -2))
+
+
+def sure_turns(rotations: Array) -> Matrix:
+    """The rotation vectors (k - 1, 3) from each rotation to the next, by the shorter way.
+
+    Raises:
+        ArgumentError: half a turn, whose direction is by chance.
+    """
+    turns = turn_between(rotations[:-1], rotations[1:])
+    size = np.linalg.norm(turns, axis=-1)
+    if len(size) and size.max() > SURE:
+        i = int(np.argmax(size))
+        what = f"the turn from waypoint {i}, counted from 0, to the next one"
+        raise ArgumentError(what, turns[i].tolist(), HALF_TURN)
+    return turns

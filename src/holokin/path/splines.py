@@ -13,7 +13,7 @@ from ..base.types import Array, ArrayLike, Matrix, Vector, finite, positive
 from ..errors import ArgumentError
 from .curves import cubics, evenly, of_segments, within
 from .path import CLOSED, LARGEST, Path
-from .segments import Segment, turn_between
+from .segments import Segment, sure_turns, turn_between
 from .waypoints import Poses, Waypoints, as_poses
 
 SHAPE = 1e-4
@@ -64,15 +64,15 @@ def spline(
         poses = poses.at(np.append(np.arange(len(poses)), 0))
     if len(poses) < 2:
         raise ArgumentError("the number of waypoints of a spline", len(poses), "give at least two")
+    turns = None if poses.rotations is None else sure_turns(poses.rotations)
     if times is not None:
         t = rising(times, len(poses))
         return _timed_path(cubics(t, poses, closed, 1.0), first, t)
     positive("speed", speed, "give a positive speed in m/s or rad/s")
     positive("angular_speed", angular_speed, "give a positive speed in m/s or rad/s")
     far = np.linalg.norm(np.diff(poses.points, axis=0), axis=1) / speed
-    if poses.rotations is not None:
-        turned = np.linalg.norm(turn_between(poses.rotations[:-1], poses.rotations[1:]), axis=1)
-        far = np.maximum(far, turned / angular_speed)
+    if turns is not None:
+        far = np.maximum(far, np.linalg.norm(turns, axis=1) / angular_speed)
     if not far.min() > 0:
         cure = "leave it out, or give times to rest there"
         raise ArgumentError("a waypoint that repeats the one before, number", int(np.argmin(far)) + 1, cure)

@@ -31,6 +31,7 @@ _KINDS = {
 """What the keys of `CHAIN`, and that of its units, may be."""
 
 
+@typed
 def catalogue() -> dict[str, str]:
     """Names of the robots that come with the library -> where their numbers are from."""
     found = {}

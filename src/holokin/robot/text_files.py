@@ -22,6 +22,12 @@ DEEPEST = 16
 LONGEST_KEY = 10
 """Parts of a dotted key, a.b.c. The parser's time grows with the square of them: a second at 10,000."""
 
+WINDOWS = r"write paths in single quotes, 'C:\Users\me', or with /, C:/Users/me"
+"""The cure of strings in which a backslash begins what TOML takes for another character, or for none."""
+
+_ESCAPE = re.compile(r"Unescaped '\\'|Invalid hex value|not a Unicode scalar")
+"""What Python's parser says of them."""
+
 _DOTTED = re.compile(r"""[\w"'-]+(?:[ \t]*\.[ \t]*[\w"'-]+)*""")
 
 
@@ -35,7 +41,10 @@ def read_whole(path: Path, most: int, refuse: Refuse) -> bytes:
         with path.open("rb") as stream:
             data = stream.read(most + 1)
     except (FileNotFoundError, ValueError):  # the latter for a NUL in the name
-        raise refuse("", "there is no such file", "check the path") from None
+        fact = "there is no such file"
+        if not str(path).isprintable():  # the \\r of a TOML string "C:\\robots"
+            raise refuse("", f"{fact}, and its name has control characters", WINDOWS) from None
+        raise refuse("", fact, "check the path") from None
     except OSError as problem:
         raise refuse("", f"cannot be read ({problem.strerror})", "give a file that can be read") from None
     if len(data) > most:
@@ -46,14 +55,14 @@ def read_whole(path: Path, most: int, refuse: Refuse) -> bytes:
 def read_toml(path: Path, refuse: Refuse) -> dict[str, Any]:
     """The table of a TOML file. Raises: what `refuse` makes of a file that is none, or holds what nothing can take."""
     try:
-        text = read_whole(path, LONGEST_TOML, refuse).decode("utf-8")
+        text = read_whole(path, LONGEST_TOML, refuse).decode("utf-8-sig")
     except UnicodeDecodeError as problem:
         fact = f"cannot be read: byte {problem.start + 1} is not UTF-8"
         raise refuse("", fact, "give a TOML text file, saved as UTF-8") from None
-    return _parse_toml(text, refuse)
+    return parse_toml(text, refuse)
 
 
-def _parse_toml(text: str, refuse: Refuse) -> dict[str, Any]:
+def parse_toml(text: str, refuse: Refuse) -> dict[str, Any]:
     """The same of a text. TOML's whole numbers have 64 bits; Python's parser takes longer ones, which are refused."""
     for word in _DOTTED.finditer(text):
         if word.group().count(".") >= LONGEST_KEY:
@@ -63,7 +72,8 @@ def _parse_toml(text: str, refuse: Refuse) -> dict[str, Any]:
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
-        raise refuse("", f"is not TOML: {problem}", "correct the line it names") from None
+        cure = WINDOWS if _ESCAPE.match(str(problem)) else "correct the line it names"
+        raise refuse("", f"is not TOML: {problem}", cure) from None
     except RecursionError:
         raise refuse("", deep, "take the inner ones out") from None
     except ValueError as problem:  # a whole number of more digits than Python converts, or a date that is none

@@ -230,7 +230,8 @@ def _check_unit(file: Any, robot: Robot, joints: JointFeature, ends: Matrix) -> 
     if (outside(robot, turned.min(axis=0), turned.max(axis=0)) <= 0)[robot.hinges].all():
         cure = "say --degrees (degrees=True), or --radians if it is radians after all"
         raise RecordingError(file, f"{fact}, but every joint fits in degrees", cure)
-    cure = "check robot and joints; values that LeRobot maps to -100 to 100 must be converted by the arm's calibration"
+    cure = "check robot and joints; of LeRobot's -100 to 100, and of encoder ticks, give --scales and --offsets"
+    cure += " from the calibration of the arm"
     raise RecordingError(file, f"{fact} and in degrees", cure)
 
 

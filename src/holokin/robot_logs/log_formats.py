@@ -162,5 +162,12 @@ def _in_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, count
         fact = f"joint {names[worst]} reaches {value:.4g}, far outside its limits in rad"
         fact = f"{fact}, but every joint fits in degrees"
         raise RecordingError(file, fact, "pass --degrees (degrees=True), or degrees=False if it is radians after all")
+    free = turning & ~counts.scaled(names)
+    if degrees is not False and free.any() and (q[:, free] == np.rint(q[:, free])).all():
+        over = np.where(free, outside(robot, *extremes(True)), -np.inf)
+        if over[worst := int(np.argmax(over))] > (0.0 if degrees is None else 2 * np.pi):
+            fact = f"joint {names[worst]} reaches {np.abs(ends[:, worst]).max():.0f}, and all values are whole numbers"
+            cure = "if they are encoder ticks, give the rad of a tick by --scales (scales=) and the zeros by --offsets"
+            raise RecordingError(file, fact, f"{cure}, else degrees=False for rad")
     plain = not (degrees or counts.signs or counts.offsets or counts.scales)
     return q if plain else counts.joints(names, q, units[bool(degrees)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path as FilePath
@@ -12,7 +11,7 @@ import numpy as np
 
 from ..base.types import ArrayLike, Matrix, Vector
 from ..errors import ArgumentError, HolokinError
-from ..job import Job, open_one_job, packaged_jobs
+from ..job import Job, is_job, open_one_job
 from ..job.job_parts import build_begin, build_strategy, build_tasks, naming
 from ..job.several_paths import build_paths
 from ..job.sheets_over_job import sheets_of_job
@@ -77,24 +76,13 @@ def open_session(name: str, *, tip: str | None = None, base: str | None = None, 
     Raises:
         ArgumentError: no joint is to spare. HolokinError: what reading jobs and robots raises.
     """
-    if name in packaged_jobs() or _is_job(name):
+    if is_job(name):
         short, job, file = open_one_job(name)
         return session_of_job(short, job, file)
     chain = chain_to_tool(name, tip, base, trust_units)
     given = {"name": name, "tip": chain.tip if is_model(name) else tip, "base": chain.base}
     given |= {"trust_units": True} if trust_units else {}
     return session_of_robot(chain.robot, source=name, origin={k: v for k, v in given.items() if v is not None})
-
-
-def _is_job(name: str) -> bool:
-    """Whether a TOML file holds a job; others are tables of a robot. What cannot be read is left to who reads jobs."""
-    if not name.lower().endswith(".toml") or not FilePath(name).is_file():
-        return False
-    try:
-        table = tomllib.loads(FilePath(name).read_text("utf-8"))
-    except (OSError, ValueError):
-        return True
-    return bool({"strategies", "path", "task", "start", "robot"} & table.keys())
 
 
 def session_of_job(name: str, job: Job, file: FilePath) -> Session:

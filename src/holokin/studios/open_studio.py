@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..base.arguments import check
+from ..base.arguments import check, typed
 from ..errors import ArgumentError
 from ..robot import Robot
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from .server import Studio
 
 
+@typed
 def studio(
     what: Any = None,
     *,

@@ -63,6 +63,7 @@ def chain_to_tool(
     return Chain(found, base or model_root(robot), chosen, tuple(t for t in tips if t != chosen), tip is None)
 
 
+@typed
 def choose_tip(path: str | Path, base: str | None = None) -> str:
     """The link that is the tool of a model that nobody has seen before: the first one of `_arm_tips`.
 

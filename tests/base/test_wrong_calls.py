@@ -1,0 +1,144 @@
+"""Wrong forms of calls, and names that a noun does not have: the message has the right form."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable
+from enum import Enum
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import PANDA_START, sampled
+from holokin.base.arguments import MAKERS
+from holokin.base.shown import Shown
+from holokin.errors import ArgumentError, CallError, NoAttributeError
+from holokin.errors.holokin_error import FORMS
+from public_nouns import public_classes, rooms
+
+FUNCTIONS = {
+    f"{room.__name__}.{name}": one
+    for room in rooms()
+    for name in room.__all__
+    if inspect.isfunction(one := getattr(room, name)) and (room is hk or hasattr(one, "__wrapped__"))
+}
+NOUNS = {name: one for name, one in public_classes().items() if issubclass(one, Shown) and not issubclass(one, Enum)}
+
+
+def _wrong(function: Callable[..., Any], draw: np.random.Generator) -> tuple[list[object], dict[str, object]]:
+    """Arguments of the wrong number, or one of a name that is not there; of kinds that nobody looks at."""
+    known = inspect.signature(function).parameters.values()
+    kinds = inspect.Parameter
+    places = [one for one in known if one.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
+    needed = [
+        one for one in known if one.default is kinds.empty and one.kind not in (kinds.VAR_POSITIONAL, kinds.VAR_KEYWORD)
+    ]
+    ways = ["name", *["many"] * all(one.kind is not kinds.VAR_POSITIONAL for one in known), *["few"] * bool(needed)]
+    way = ways[draw.integers(len(ways))]
+    if way == "few":
+        return [], {}
+    return [None] * (len(places) + int(draw.integers(1, 4))) if way == "many" else [], {
+        "no_such_word": 1
+    } if way == "name" else {}
+
+
+@sampled(40, "name", list(FUNCTIONS))
+def test_a_call_of_the_wrong_form_is_refused_with_the_right_one(name: str) -> None:
+    function = FUNCTIONS[name]
+    draw = np.random.default_rng(len(name))
+    for _ in range(4):
+        arguments, named = _wrong(function, draw)
+        with pytest.raises(hk.HolokinError) as told:
+            function(*arguments, **named)
+        if isinstance(told.value, CallError):  # or a kind was wrong, which is said first
+            assert isinstance(told.value, TypeError)
+            assert f"; call it as {function.__qualname__}(" in str(told.value)
+            assert all(word in told.value.form for word in inspect.signature(function).parameters)
+        else:
+            assert arguments, told.value
+
+
+def test_a_type_error_of_a_function_of_the_users_own_stays_what_it_is(planar_3r: hk.Robot) -> None:
+    with pytest.raises(hk.HolokinError) as told:
+        hk.holonomic(hk.position(planar_3r), hk.custom(lambda q: q[0] + "1", rows=1))
+    assert not isinstance(told.value, CallError)
+
+
+def _misspelt(name: str, draw: np.random.Generator) -> str:
+    """A name with one letter more, fewer, doubled or exchanged with the next."""
+    i = int(draw.integers(1, len(name) - 1))
+    return str(draw.choice([name[:i] + name[i + 1 :], name[:i] + name[i] + name[i:], name[:i] + "x" + name[i:],
+                            name[:i] + name[i + 1] + name[i] + name[i + 2 :]]))  # fmt: skip
+
+
+def test_a_misspelt_name_of_a_noun_or_of_the_package_is_answered_with_the_right_one() -> None:
+    draw = np.random.default_rng(7)
+    nouns = [(object.__new__(one), dir(one)) for one in NOUNS.values() if not inspect.isabstract(one)]
+    nouns += [(hk, hk.__all__)] * 10
+    answered = 0
+    for noun, names in nouns:
+        known = [name for name in names if len(name) > 4 and not name.startswith("_")]
+        for name in draw.choice(known, 3) if known else ():
+            word = _misspelt(str(name), draw)
+            if word in names:
+                continue
+            with pytest.raises(AttributeError) as told:
+                getattr(noun, word)
+            assert isinstance(told.value, NoAttributeError)
+            near = re.search(r"did you mean '(\w+)'", str(told.value))
+            assert near and near[1] in names, told.value
+            answered += near[1] == name
+            assert not hasattr(noun, word)
+    assert answered > 250
+
+
+def test_what_a_property_raises_is_not_taken_for_a_name_that_is_not_there() -> None:
+    class Noun(Shown):
+        @property
+        def size(self) -> int:
+            return self.parts.count  # type: ignore[attr-defined]
+
+    with pytest.raises(NoAttributeError, match="has no 'parts'"):
+        Noun().size  # noqa: B018
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_the_forms_that_messages_give_are_there(form: str, panda: hk.Robot) -> None:
+    for owner, name in re.findall(r"\b(hk|robot)\.(\w+)\(", form):
+        assert callable(getattr({"hk": hk, "robot": panda}[owner], name))
+    for word in FORMS[form].split():
+        if word not in hk.__all__:
+            with pytest.raises(NoAttributeError, match=re.escape(f"write {form}")):
+                getattr(hk, word)
+
+
+@pytest.mark.parametrize("kind", MAKERS)
+def test_what_messages_say_makes_a_noun_makes_it(kind: str) -> None:
+    function = getattr(hk, MAKERS[kind].removeprefix("hk.").partition("(")[0])
+    made = get_type_hints(inspect.unwrap(function))["return"]
+    assert kind in [parent.__name__ for one in get_args(made) or (made,) for parent in one.__mro__]
+
+
+def test_the_usual_slips_are_answered_with_the_right_form(panda: hk.Robot) -> None:
+    task = hk.pose(panda)
+    law = hk.holonomic(task, hk.linear([1, 0, -1, 0, 0, 0, 0]))
+    start = panda.pose(PANDA_START)[:3, 3]
+    circle = hk.circle(start, center=start - [0.1, 0, 0])
+    slips: dict[str, Callable[[], object]] = {
+        "write robot.pose(q)": lambda: panda.fk(PANDA_START),  # type: ignore[attr-defined]
+        "write hk.load('panda')": lambda: hk.Panda,  # type: ignore[attr-defined]
+        "write hk.follow(strategy, path, q0)": lambda: hk.run(law, circle, PANDA_START),  # type: ignore[attr-defined]
+        "give a Robot: its .robot is one": lambda: hk.audit(law, task),  # type: ignore[arg-type]
+        "give a Task, as hk.pose(robot) makes it": lambda: hk.moore_penrose(panda),  # type: ignore[arg-type]
+        "call the function, arm_angle(...)": lambda: hk.holonomic(task, hk.arm_angle),  # type: ignore[arg-type]
+        "call it as arm_angle(definition=": lambda: hk.arm_angle(panda),  # type: ignore[call-arg]
+        "call it as check(motion, robot, ": lambda: hk.check(circle, obstacles=[]),  # type: ignore[call-arg]
+        "call it as workspace(box=None, ": lambda: hk.workspace([0.5, 0, 0.4]),  # type: ignore[call-arg]
+        "call it as certify(strategy, where, q0, ": lambda: hk.certify(law, box=(start, 0.1)),  # type: ignore[call-arg]
+    }
+    for words, slip in slips.items():
+        with pytest.raises((ArgumentError, CallError, NoAttributeError), match=re.escape(words)):
+            slip()
