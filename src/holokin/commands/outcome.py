@@ -47,13 +47,13 @@ class Ending:
         """Note both signals from now on, unless this process was started to ignore them (in the background)."""
         if threading.current_thread() is not threading.main_thread():
             return
-        ends = (signal.SIGINT, signal.default_int_handler, signal.SIG_IGN), (signal.SIGTERM,) + 2 * (signal.SIG_DFL,)
-        for number, usual, last in ends:
+        for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL)):
             before = signal.getsignal(number)
             if getattr(before, "__func__", before) in (Ending._hear, usual):
                 signal.signal(number, self._hear)
                 sys.unraisablehook, sys.excepthook = self._unraisable, self._printed
-                atexit.register(signal.signal, number, last)  # nothing is left that it could stop
+        if signal.getsignal(signal.SIGINT) == self._hear:
+            atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # nothing is left that it could stop
 
     def _unraisable(self, lost: Any) -> None:
         """A KeyboardInterrupt that came where nothing can be raised is noted already, and needs no traceback."""
@@ -73,8 +73,10 @@ class Ending:
         raise KeyboardInterrupt
 
     def leave(self) -> None:
-        """Give back what `listen` took, but for the signal."""
+        """Give back what `listen` took, but for Ctrl-C."""
         sys.unraisablehook, sys.excepthook = self._hooks
+        if signal.getsignal(signal.SIGTERM) == self._hear:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
     def check(self) -> None:
         """Raises: KeyboardInterrupt: Ctrl-C or SIGTERM was heard, whatever became of it."""

@@ -167,7 +167,7 @@ class Studio:
         """
         home = os.path.expanduser("~")
         place = home if os.access(home, os.W_OK) else None
-        with suppress(OSError):  # a full disk: the address is printed, too
+        with suppress(OSError, ValueError):  # a full disk, a BROWSER that is no command: the address is printed, too
             self._opening = tempfile.TemporaryDirectory(prefix="holokin-studio-", dir=place, ignore_cleanup_errors=True)
             page = Path(self._opening.name, "open.html")
             page.touch(0o600)
