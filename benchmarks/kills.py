@@ -2,8 +2,8 @@
 
     python -m benchmarks.kills --count 200
 
-Each trial starts a run of a small job over an older result, in whose folder a user keeps files; sends SIGKILL or SIGINT
-at a random moment of the process's life; looks at the folder; lets holokin repair it as the next run does at its
+Each trial starts a run of a small job over an older result, in whose folder a user keeps files; sends SIGKILL, SIGINT
+or SIGTERM at a random moment of its life; looks at the folder; lets holokin repair it as the next run does at its
 beginning, in every tenth trial by a whole run; and looks again. Half of the moments lie in the time in which files are
 written. First a run is killed before and after each of its renames.
 """
@@ -118,14 +118,14 @@ def trial(kind: signal.Signals, moment: tuple[bool, float], folder: Path, number
     ended = f"{kind.name} -> {code}" if sent else "had ended"
     if not sent and code != 0:
         faults.append(f"exit code {code} without a signal: {said[-300:]}")
-    if sent and kind is signal.SIGINT:
-        loading = code == -signal.SIGINT or (code == 1 and "holokin" not in said)  # Python itself, not yet holokin
-        if code not in (130, 0) and not loading:
-            faults.append(f"exit code {code} after SIGINT: {said[-300:]}")
-        elif code == 130 and (not said.startswith("stopped") or said.count("\n") != 1):
-            faults.append(f"said after SIGINT: {said[-300:]}")
+    if sent and kind is not signal.SIGKILL:
+        loading = code == -kind or (code == 1 and "holokin" not in said)  # Python itself, not yet holokin
+        if code not in (128 + kind, 0) and not loading:
+            faults.append(f"exit code {code} after {kind.name}: {said[-300:]}")
+        elif code == 128 + kind and (not said.startswith("stopped") or said.count("\n") != 1):
+            faults.append(f"said after {kind.name}: {said[-300:]}")
         elif not loading and hidden(out):
-            faults.append(f"after Ctrl-C: {hidden(out)}")
+            faults.append(f"after {kind.name}: {hidden(out)}")
     found, wrong = looked_at(out, (old, new), gap=code == -signal.SIGKILL)
     if code == 0 and found != "new":
         faults.append("exit code 0 without the new result")
@@ -240,7 +240,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.kills", description=__doc__)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", choices=["SIGKILL", "SIGINT", "renames"])
+    parser.add_argument("--only", choices=["SIGKILL", "SIGINT", "SIGTERM", "renames"])
     parser.add_argument("--quick", action="store_true", help="one kill at a random moment")
     args = parser.parse_args(arguments)
     if args.quick:
@@ -252,7 +252,7 @@ def main(arguments: list[str] | None = None) -> int:
             ends, found = renames(Path(name))
         report("kill at every rename", ends, found)
         faults += found
-    for kind in (signal.SIGKILL, signal.SIGINT):
+    for kind in (signal.SIGKILL, signal.SIGINT, signal.SIGTERM):
         if args.only in (None, kind.name):
             ends, found = run(args.count, kind, args.seed)
             report(kind.name, ends, found)

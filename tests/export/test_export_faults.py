@@ -13,7 +13,7 @@ from benchmarks.kills import deadly, hidden
 import holokin as hk
 from conftest import PPR_START, sampled
 from holokin.errors import WriteError
-from holokin.export import export_c
+from holokin.export import Program, export_c
 from holokin.native_kernels import compiler
 
 STRATEGY = hk.moore_penrose(hk.position(hk.load("ppr")))
@@ -91,3 +91,21 @@ def test_an_export_that_is_refused_midway_leaves_the_old_one(tmp_path: Path, mon
         export(tmp_path, 0.002)
     assert texts(tmp_path) == old
     assert hidden(tmp_path) == []
+
+
+def test_a_program_of_two_files_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
+    """KRL has its points in a file beside the program: those of another program move the arm elsewhere."""
+    Program({"p.src": "old moves", "p.dat": "old points"}, 1, 0.0).save(tmp_path)
+    before, replace = os.replace, []
+
+    def refused(source: Path, target: Path) -> None:
+        replace.append(target)
+        if len(replace) == 2:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        before(source, target)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "replace", refused)
+        with pytest.raises(WriteError, match=r"p\.dat"):
+            Program({"p.src": "new moves", "p.dat": "new points"}, 1, 0.0).save(tmp_path)
+    assert texts(tmp_path) == {"p.src": "old moves", "p.dat": "old points"} and hidden(tmp_path) == []

@@ -14,8 +14,17 @@ from benchmarks.fuzz import harness
 from conftest import sampled
 
 
+def test_a_spoilt_map_of_sheets_is_refused_in_words_or_answers_at_its_poses() -> None:
+    """Of its bytes, arrays, headers, numbers and words: no zlib.error, no IndexError, no memory by a header's word."""
+    found = [harness.one("sheets_files", seed) for seed in range(120)]
+    assert {seed: fault for seed, _, _, fault in found if fault} == {}
+    assert 60 < sum(refusal for _, refusal, _, _ in found) < 120
+
+
 @pytest.mark.campaign
-@sampled(2, ("kind", "count"), [("survey_files", 150), ("certificate_files", 60), ("mjcf_files", 60), ("drawings", 40)])
+@sampled(2, ("kind", "count"), [
+    ("survey_files", 150), ("certificate_files", 60), ("mjcf_files", 60), ("drawings", 40), ("sheets_files", 3000),
+])  # fmt: skip
 def test_a_mutant_of_what_others_send_is_read_or_refused(kind: str, count: int) -> None:
     extras = {"mjcf_files": "mujoco", "drawings": "svgelements", "certificate_files": "flint"}
     if kind in extras:

@@ -293,7 +293,7 @@ def test_certify_writes_a_page_beside_each_certificate_and_names_it(
     assert f"wrote {folder / 'locked-certificate.html'}" in outcome.out.replace("\n", "")
     assert Page(folder / "locked-certificate.html").first.startswith("PROVEN: ")
     facts = json.loads((folder / "result.json").read_text())
-    assert facts["strategies"]["locked"]["checker"] == "verified"
+    assert facts["strategies"]["locked"]["checker"] == "verified" and facts["stopped"] is False
     assert facts["files"] == ["locked-certificate.html", "locked-certificate.json", "result.json"]
 
 
@@ -310,4 +310,5 @@ def test_ctrl_c_in_the_checker_keeps_the_certificate_and_its_page_claims_no_more
     assert outcome.code == 130
     page = Page(out / "job-proof" / "locked-certificate.html")
     assert page.first.startswith("PROVEN BUT NOT VERIFIED")
+    assert json.loads((out / "job-proof" / "result.json").read_text())["stopped"] is True
     assert json.loads((out / "job-proof" / "locked-certificate.json").read_text())["claims"]["whole"]

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import os
 import socket
+import stat
 import webbrowser
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -135,35 +138,30 @@ def test_all_answers_keep_the_address_secret_and_the_page_out_of_frames(studio: 
     assert f"connect-src 'self' ws://localhost:{port} blob: data:;" in page and "frame-ancestors 'none'" in page
 
 
-def test_the_browser_is_started_without_the_token_by_a_path_that_holds_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Arguments of programs are seen by all users of a machine."""
+def test_the_browser_is_started_by_a_file_that_only_its_user_reads(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Arguments of programs are seen by all users of a machine: they hold no address of the studio."""
     opened: list[str] = []
     monkeypatch.setattr(webbrowser, "open", opened.append)
-    studio = hk.studio("ppr-cycle", port=0, browser=True, wait=False, tell=str)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    before = os.umask(0)  # of a user whose new files all others may read and write
+    try:
+        studio = hk.studio("ppr-cycle", port=0, browser=True, wait=False, tell=str)
+    finally:
+        os.umask(before)
     try:
         port, path = place(studio)
         (address,) = opened
-        invitation = urlsplit(address)
-        assert path.strip("/") not in address and invitation.port == port
+        file = Path(urlsplit(address).path)
+        assert address.startswith("file:///") and str(port) not in address and path.strip("/") not in address
+        assert (stat.S_IMODE(file.stat().st_mode), stat.S_IMODE(file.parent.stat().st_mode)) == (0o600, 0o700)
+        assert f'content="0; url={studio.url}"' in file.read_text()
         host = f"Host: localhost:{port}\r\n"
-        assert status(answer(port, invitation.path, f"Host: evil.example:{port}\r\n", False)) == 403
-        assert status(answer(port, invitation.path, f"{host}Origin: http://evil.example\r\n", False)) == 403
-        found = answer(port, invitation.path, host, False)
-        assert status(found) == 302 and f"Location: {path}\r\n" in found
-        assert status(answer(port, invitation.path, host, False)) == 403
+        assert status(answer(port, path, host, False)) == 200
     finally:
         studio.close()
-
-
-def test_an_invitation_ends_with_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    from holokin.studios import door as doors
-
-    door = Door("127.0.0.1")
-    assert not door.invited("/") and not door.invited("/" + door.token)
-    path = door.invite()
-    clock = doors.time.monotonic() + doors.PATIENCE + 1
-    monkeypatch.setattr(doors.time, "monotonic", lambda: clock)
-    assert not door.invited(path)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_every_studio_has_a_token_of_its_own() -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+import webbrowser
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -134,3 +136,19 @@ def test_a_camera_that_somebody_moved_stays_when_the_window_changes(shown: Any) 
     until(lambda: told(shown) and camera.aspect > 1.2 * shape)
     time.sleep(0.5)
     assert camera.position == pytest.approx(moved, abs=1e-3)
+
+
+@pytest.mark.campaign
+def test_the_file_with_which_a_browser_is_started_leads_to_the_page_and_is_deleted_there(
+    shown: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    shown.studio.browse()
+    page = shown.page.context.browser.new_page()
+    page.goto(opened[0])
+    page.get_by_role("button", name="Start", exact=True).wait_for()
+    assert page.url == shown.studio.url
+    until(lambda: list(tmp_path.iterdir()) == [])
+    page.close()

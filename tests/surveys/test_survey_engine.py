@@ -113,14 +113,15 @@ def _running(file: Path, out: Path) -> tuple[subprocess.Popen[str], list[int]]:
 
 @pytest.mark.campaign
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="it looks for processes where Linux shows them")
-def test_a_survey_that_is_stopped_says_how_to_go_on_and_leaves_no_process(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM], ids=lambda kind: kind.name)
+def test_a_survey_that_is_stopped_says_how_to_go_on_and_leaves_no_process(kind: signal.Signals, tmp_path: Path) -> None:
     file, out = tmp_path / "c.toml", tmp_path / "c.sqlite"
     file.write_text(CIRCLES.replace("count = 12", "count = 300"))
     stopped, below = _running(file, out)
     assert len(below) >= 3  # a server and two workers
-    stopped.send_signal(signal.SIGINT)
+    stopped.send_signal(kind)
     said, complaint = stopped.communicate(timeout=60)
-    assert stopped.returncode == 130 and "of 600 cases are in" in said and "--resume" in said
+    assert stopped.returncode == 128 + kind and "of 600 cases are in" in said and "--resume" in said
     assert "Traceback" not in complaint
     kept = len(rows_of(out))
     killed, more = _running(file, out)

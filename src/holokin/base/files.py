@@ -17,7 +17,7 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -239,19 +239,21 @@ def alone(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Ctrl-C in the block is heard at its end. (In other threads than the main one it never is.)"""
-    before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or before is None:
-        yield
-        return
-    heard: list[tuple[int, object]] = []
-    signal.signal(signal.SIGINT, lambda number, frame: heard.append((number, frame)))
+    """Ctrl-C, and SIGTERM where it is listened to, are heard at the end of the block. (Only the main thread hears.)"""
+    heard: list[int] = []
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: handler for number, handler in before.items() if callable(handler)}
+    if threading.current_thread() is not threading.main_thread():
+        before = {}
+    for number in before:
+        signal.signal(number, lambda number, _frame: heard.append(number))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
-    if heard and callable(before):
-        before(heard[0][0], None)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    for number in heard[:1]:
+        before[signal.Signals(number)](number, None)
 
 
 def put(work: Path, target: Path, ours: set[str]) -> None:
@@ -287,11 +289,29 @@ def put(work: Path, target: Path, ours: set[str]) -> None:
     _let_go(held.parent)
 
 
-def replace_files(work: Path, folder: Path, names: list[str]) -> None:
-    """Move finished files into a folder, over those of the same names: all or, where the system refuses, none.
+def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write texts into a folder, made if need be, over files of the same names: all or, where the system refuses, none.
 
-    A name may lead into a folder of the folder, which is there.
+    Args:
+        texts: by name, which may lead into a folder of the folder.
+
+    Raises:
+        WriteError: it cannot be written.
     """
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    with writing(folder), aside(folder) as place:
+        for name, text in texts.items():
+            with writing(folder / name):
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                (place / "new" / name).parent.mkdir(parents=True, exist_ok=True)
+                (place / "new" / name).write_text(text, "utf-8", newline="\n")
+        with alone(folder), uninterrupted():
+            _replace(place / "new", folder, list(texts))
+
+
+def _replace(work: Path, folder: Path, names: list[str]) -> None:
+    """Move finished files into a folder, over those of the same names: all or, where the system refuses, none."""
     copies = work.with_name("before")
     copies.mkdir()
     done: list[str] = []

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import ArgumentError, ShapeError
 from .arguments import typed
-from .types import Array, ArrayLike, finite, numbers, tool_pose
+from .types import ROTATION, Array, ArrayLike, finite, last_row_gap, numbers, rotation_gap, tool_pose
 
 ORDERS = {"wxyz": (1, 2, 3, 0), "xyzw": (0, 1, 2, 3)}
 """Where x, y, z and the scalar w stand in a quaternion of each order."""
@@ -116,8 +116,9 @@ def tool_poses(whose: str, poses: PoseLike) -> Array:
     """Tool poses (k, 4, 4), or none. Raises: ShapeError, NotFiniteError; ArgumentError: one is no pose."""
     empty = poses.size == 0 if isinstance(poses, np.ndarray) else isinstance(poses, list | tuple) and not poses
     given = np.zeros((0, 4, 4)) if empty else given_pose(f"the poses {whose}", poses, ("k", 4, 4))
-    for i, pose in enumerate(given):
-        tool_pose(f"pose {i} {whose}", pose)
+    sound = (last_row_gap(given) < ROTATION) & (rotation_gap(given[:, :3, :3]) < ROTATION)
+    for i in np.flatnonzero(~sound):
+        tool_pose(f"pose {i} {whose}", given[i])
     return given
 
 

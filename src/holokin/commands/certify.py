@@ -75,7 +75,7 @@ def certify(
     name, opened, file = open_one_job(job)
     check_folder(out, f"{name}-proof")
     cells = CellsFiles(out / f"{name}-proof", resume) if workspace else None
-    found, words = {}, {}
+    found, words, stopped = {}, {}, True
     try:
         with ending().telling(name) as say_it:
             say = each_minute(say_it)
@@ -87,12 +87,13 @@ def certify(
                 if not isinstance(one, str):
                     say(f"{title}: the checker")
                     words[title] = ask_checker(one, check, sample)
+        stopped = False
     except BaseException:
         if cells is not None and (count := cells.count):
             show(f"{count:,} cells are kept: the same command with --resume goes on with them")
         raise
     finally:  # after Ctrl-C those that are done
-        files = write_certificates(f"{name}-proof", found, words, out, build()) if found else []
+        files = write_certificates(f"{name}-proof", found, words, out, build(), stopped) if found else []
         for written in files:
             show(f"wrote {written}")
     if cells is not None:

@@ -1,7 +1,7 @@
 """The command line: one subcommand a verb.
 
 Exit codes: 0 as expected, 1 an expectation failed, 2 bad input or a file that cannot be written, 3 a fault of holokin
-itself, 130 stopped by Ctrl-C.
+itself, 130 stopped by Ctrl-C, 143 by SIGTERM.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How a command ends: what it prints, its exit code, one sentence for every error, Ctrl-C."""
+"""How a command ends: what it prints, its exit code, one sentence for every error, Ctrl-C and SIGTERM."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ import typer
 
 from ..errors import HolokinError, UnknownNameError, WriteError
 
-BAD_INPUT, UNEXPECTED, STOPPED = 2, 3, 130
-"""Exit codes, besides 0 and 1: input or a file that cannot be used; a fault of holokin itself; Ctrl-C."""
+BAD_INPUT, UNEXPECTED, SIGNAL = 2, 3, 128
+"""Exit codes, besides 0 and 1: input or a file that cannot be used; a fault of holokin itself; stopped by Ctrl-C, which
+is signal 2, or by SIGTERM, 15."""
 
 _REFUSED = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM}
 """What the system says when it has nothing left to give: no fault of holokin."""
@@ -31,23 +32,27 @@ _LONGEST = 300
 
 
 class Ending:
-    """What is known while a command runs: whether the whole traceback is wanted, whether Ctrl-C was heard.
+    """What is known while a command runs: whether the whole traceback is wanted, which signal was heard, 0 for none.
 
-    Libraries lose some of the KeyboardInterrupts that Python raises (CasADi while it converts arguments, modules while
-    they are imported), or turn them into other errors; so it is noted when the signal comes, and `check` raises again.
+    SIGTERM, by which batch systems, containers and `timeout` stop a command, ends it as Ctrl-C does. Libraries lose
+    some of the KeyboardInterrupts that Python raises (CasADi while it converts arguments, modules while they are
+    imported), or turn them into other errors; so a signal is noted when it comes, and `check` raises again.
     """
 
     def __init__(self, whole: bool = False) -> None:
-        self.whole, self.heard = whole, False
+        self.whole, self.heard = whole, 0
         self._hooks = sys.unraisablehook, sys.excepthook
 
     def listen(self) -> None:
-        """Note Ctrl-C from now on, unless this process was started to ignore it (in the background)."""
-        before = signal.getsignal(signal.SIGINT)
-        ours = getattr(before, "__func__", before) in (Ending._hear, signal.default_int_handler)
-        if ours and threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGINT, self._hear)
-            sys.unraisablehook, sys.excepthook = self._unraisable, self._printed
+        """Note both signals from now on, unless this process was started to ignore them (in the background)."""
+        if threading.current_thread() is not threading.main_thread():
+            return
+        for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL)):
+            before = signal.getsignal(number)
+            if getattr(before, "__func__", before) in (Ending._hear, usual):
+                signal.signal(number, self._hear)
+                sys.unraisablehook, sys.excepthook = self._unraisable, self._printed
+        if signal.getsignal(signal.SIGINT) == self._hear:
             atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # nothing is left that it could stop
 
     def _unraisable(self, lost: Any) -> None:
@@ -60,17 +65,21 @@ class Ending:
         if not (self.heard and isinstance(problem, KeyboardInterrupt)):
             self._hooks[1](kind, problem, trace)
 
-    def _hear(self, *_details: object) -> None:
-        self.heard = True
+    def _hear(self, number: int, _frame: object) -> None:
+        if self.heard == number == signal.SIGTERM:
+            return  # `timeout` sends it twice, to the process and to its group: what is kept now is kept whole
+        self.heard = number
         warnings.simplefilter("ignore")  # of libraries that lost the signal and found something missing
         raise KeyboardInterrupt
 
     def leave(self) -> None:
-        """Give back what `listen` took, but for the signal."""
+        """Give back what `listen` took, but for Ctrl-C."""
         sys.unraisablehook, sys.excepthook = self._hooks
+        if signal.getsignal(signal.SIGTERM) == self._hear:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
     def check(self) -> None:
-        """Raises: KeyboardInterrupt: Ctrl-C was heard, whatever became of it."""
+        """Raises: KeyboardInterrupt: Ctrl-C or SIGTERM was heard, whatever became of it."""
         if self.heard:
             raise KeyboardInterrupt
 
@@ -91,7 +100,7 @@ class Ending:
         """Say what happened in one sentence on stderr; returns the exit code."""
         if self.heard or isinstance(problem, KeyboardInterrupt):
             complain("stopped; what is named above is complete, and nothing else was changed")
-            return STOPPED
+            return SIGNAL + (self.heard or signal.SIGINT)
         if self.whole:
             complain("".join(traceback.format_exception(problem)).rstrip())
         sentence, code = _sentence(problem)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.files import alone, aside, replace_files, uninterrupted, writing
+from ..base.files import write_texts
 from ..base.shown import Shown
 from ..base.types import ArrayLike, number, whole
 from ..errors import ArgumentError
@@ -72,7 +72,7 @@ def export_c(
         JointLimitError: with limits, the start is beyond them.
     """
     source, texts = c_texts(strategy, q0, dt, name, limits, vectors_count, origin)
-    write_texts(Path(folder), texts, f"project({source.name} C)")
+    write_export(Path(folder), texts, f"project({source.name} C)")
     return Exported(Path(folder), source.name, tuple(texts), operations_of(source))
 
 
@@ -156,7 +156,7 @@ def _stamped(texts: dict[str, str]) -> dict[str, str]:
     return {file: content.replace(STAMP, digest) for file, content in texts.items()}
 
 
-def write_texts(folder: Path, texts: dict[str, str], project: str) -> None:
+def write_export(folder: Path, texts: dict[str, str], project: str) -> None:
     """All files or, where the system refuses one, none.
 
     Args:
@@ -174,15 +174,8 @@ def write_texts(folder: Path, texts: dict[str, str], project: str) -> None:
         build = folder / "CMakeLists.txt"
         if build.exists() and project not in build.read_text("utf-8", "replace"):
             raise ArgumentError("the output folder", str(folder), "it holds another export: give each its own")
-        for file in texts:
-            (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as problem:
         why = problem.strerror if isinstance(problem, OSError) else str(problem)
         raise ArgumentError("the output folder", str(folder), f"cannot be written: {why}") from None
-    with writing(folder), aside(folder) as place:
-        for file, content in texts.items():
-            with writing(folder / file):
-                (place / "new" / file).parent.mkdir(parents=True, exist_ok=True)
-                (place / "new" / file).write_text(content, "utf-8")
-        with alone(folder), uninterrupted():
-            replace_files(place / "new", folder, list(texts))
+    write_texts(folder, texts)

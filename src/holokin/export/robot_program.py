@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.files import replacing, writing
+from ..base.files import write_texts
 from ..base.printed_units import SI
 from ..base.shown import Shown
 from ..errors import ArgumentError
@@ -47,14 +47,9 @@ class Program(Shown):
 
     @typed
     def save(self, folder: str | Path) -> tuple[Path, ...]:
-        """Write the files into a folder, made if need be; returns their paths. Raises: WriteError."""
-        folder = Path(folder)
-        with writing(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-        for name, text in self.files.items():
-            with replacing(folder / name) as part:
-                part.write_text(text, "utf-8", newline="\n")
-        return tuple(folder / name for name in self.files)
+        """Write the files into a folder, made if need be, all or none; returns their paths. Raises: WriteError."""
+        write_texts(Path(folder), self.files)
+        return tuple(Path(folder, name) for name in self.files)
 
 
 def header(

@@ -21,7 +21,7 @@ from ..strategies import HolonomicStrategy, Strategy
 from ..tasks.frames import TipFrame
 from ..tasks.task import Task
 from ..version import __version__
-from .c_folder import c_name, operations_of, write_texts
+from .c_folder import c_name, operations_of, write_export
 from .c_text import RESERVED, Source, line, text
 
 _ROS_WORDS = """
@@ -227,7 +227,7 @@ def write_package(
     texts |= {file: text(template, words) for file, template in {**files, **SHARED}.items()}
     texts["test/robot.urdf"] = _marked(to_urdf(source.strategy.task.robot))
     texts["test/python_joints.h"] = test
-    write_texts(folder, texts, f"project({words['package']} LANGUAGES C CXX)")
+    write_export(folder, texts, f"project({words['package']} LANGUAGES C CXX)")
     return tuple(texts), operations_of(source)
 
 

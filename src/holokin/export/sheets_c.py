@@ -13,7 +13,7 @@ from ..sheet_maps import Sheets
 from ..sheet_maps.pose_features import features, seen_features
 from ..sheet_maps.sheet import STATIONS
 from ..version import __version__
-from .c_folder import Exported, c_name, c_texts, operations_of, write_texts
+from .c_folder import Exported, c_name, c_texts, operations_of, write_export
 from .c_text import line
 
 PIECES = 1000
@@ -75,7 +75,7 @@ def export_sheets(
         f"{short}_sheets_selftest.c": _selftest(short, head, found),
         "CMakeLists.txt": _build(short, head, len(found)),
     }
-    write_texts(Path(folder), texts, f"project({short}_sheets C)")
+    write_export(Path(folder), texts, f"project({short}_sheets C)")
     return Exported(Path(folder), f"{short}_sheets", tuple(texts), operations)
 
 

@@ -37,6 +37,16 @@ def text_of(value: Any) -> str:
     return "".join(c if c.isprintable() else "?" for c in str(value)[:100])
 
 
+def parsed(text: str) -> Any:
+    """What a text of JSON says. Raises: ValueError: it says nothing, or too much."""
+    if text.count("[") + text.count("{") > len(text) / SPARSE + 1000:
+        raise ValueError("it has more lists than numbers, and would take more memory than its size tells")
+    try:
+        return json.loads(text)
+    except (RecursionError, MemoryError):
+        raise ValueError("it is nested too deep") from None
+
+
 def read(file: str, arity: Any) -> tuple[Any, int]:
     """(the data of a certificate's file, how many cells they have).
 
@@ -50,15 +60,10 @@ def read(file: str, arity: Any) -> tuple[Any, int]:
     if path.exists() and (not path.is_file() or path.stat().st_size > BYTES):
         raise ValueError(f"not a file of at most {BYTES:,} bytes")
     text = path.read_text("utf-8")
-    if text.count("[") + text.count("{") > len(text) / SPARSE + 1000:
-        raise ValueError("it has more lists than numbers, and would take more memory than its size tells")
-    try:
-        given = json.loads(text)
-        written = given.get("format") if isinstance(given, dict) else None
-        if written != FORMAT:
-            raise ValueError(f"its format is {text_of(written)!r}, not {FORMAT!r}; certify again")
-    except (RecursionError, MemoryError):
-        raise ValueError("it is nested too deep") from None
+    given = parsed(text)
+    written = given.get("format") if isinstance(given, dict) else None
+    if written != FORMAT:
+        raise ValueError(f"its format is {text_of(written)!r}, not {FORMAT!r}; certify again")
     data = {key: value for key, value in given.items() if key != "sha256"}
     try:
         own = json.dumps(data, allow_nan=False)
@@ -78,7 +83,7 @@ def _check_form(data: Any, arity: Any) -> None:
     level, constants, outputs = data["level"], data["constants"], data["outputs"]
     small = max(len(operations), len(constants), len(outputs), given) <= OPERATIONS and len(level) <= n <= UNKNOWNS
     need(_list(operations) and small and 0 < d <= 6, "it is too large, or has no unknowns")
-    need(_numbers(level, -1) and _numbers(constants, -1), "its level or a constant is no number")
+    need(numbers(level, -1) and numbers(constants, -1), "its level or a constant is no number")
     before = n + d + given + len(level) + len(constants)
     for k, of in enumerate(operations):
         known = _list(of) and len(of) > 0 and isinstance(of[0], str) and arity.get(of[0]) == len(of) - 1
@@ -92,18 +97,18 @@ def _check_form(data: Any, arity: Any) -> None:
     need(all(unit in ("rad", "m") for unit in units), "a joint has another unit than rad and m")
     pairs = 0 if clear is None else _check_clear(clear, len(units))
     for piece in pieces:
-        fits = _numbers(piece["q"], n) and _numbers(piece["u"], d) and _numbers(piece["numbers"], given)
+        fits = numbers(piece["q"], n) and numbers(piece["u"], d) and numbers(piece["numbers"], given)
         need(fits, "a piece has other numbers than the first")
         _check_cells(piece["cells"], n, d, pairs)
 
 
 def _check_claims(claims: Any, n: int) -> None:
     need(isinstance(claims["whole"], bool), "whole is neither true nor false")
-    need(_numbers(claims["determinant"]) and _numbers(claims["gap"]), "its determinant or gap is no number")
+    need(numbers(claims["determinant"]) and numbers(claims["gap"]), "its determinant or gap is no number")
     joints, turns = claims["joints"], claims["turns"]
     need(_list(joints) and len(joints) == 4, "it has other bounds of the joints than limits and hull")
     rows = all(_list(row) and len(row) == n for row in joints)
-    need(rows and all(x is None or (_numbers(x) and abs(x) <= FAR) for row in joints for x in row), "a bound is none")
+    need(rows and all(x is None or (numbers(x) and abs(x) <= FAR) for row in joints for x in row), "a bound is none")
     whole = turns is None or (_list(turns) and len(turns) == n and all(type(k) is int and abs(k) <= FAR for k in turns))
     need(whole, "its turns are no whole numbers, one a joint")
 
@@ -115,7 +120,7 @@ def _check_task(task: Any) -> None:
     kinds, told = task["stretches"], task["orientation"]
     fits = (told is None or isinstance(told, str)) and isinstance(task["turning"], bool)
     fits = fits and _list(task["rows"]) and len(task["rows"]) <= 6 and all(_place(i, 6) for i in task["rows"])
-    fits = fits and _numbers(task["reference"], 3, 3) and _numbers(task["axis"], 3)
+    fits = fits and numbers(task["reference"], 3, 3) and numbers(task["axis"], 3)
     need(fits, "its task is none")
     flags = kinds is None or (_list(kinds) and 0 < len(kinds) <= UNKNOWNS and all(map(_list, kinds)))
     need(flags and all(list(map(type, of)) == [bool, bool] for of in kinds or ()), "its task has no such path")
@@ -129,18 +134,18 @@ def _check_clear(clear: Any, joints: int) -> int:
     for k, joint in enumerate(tree):
         need(_place(joint["parent"], k, -1) and _place(joint["coordinate"], joints), "its joints are no tree")
         need(joint["kind"] in ("revolute", "prismatic"), "a joint of its shapes is of an unknown kind")
-        fits = _numbers(joint["placement"], 3, 3) and _numbers(joint["origin"], 3) and _numbers(joint["axis"], 3)
-        need(fits and _numbers(joint["multiplier"]) and _numbers(joint["offset"]), "a joint has other numbers")
+        fits = numbers(joint["placement"], 3, 3) and numbers(joint["origin"], 3) and numbers(joint["axis"], 3)
+        need(fits and numbers(joint["multiplier"]) and numbers(joint["offset"]), "a joint has other numbers")
     for shape in shapes:
         need(_place(shape["joint"], len(tree), -1), "a shape is on no joint")
-        need(isinstance(shape["link"], str) and _numbers(shape["radius"]) and shape["radius"] >= 0, "a shape is none")
-        need(_numbers(shape["points"], -1, 3) and 0 < len(shape["points"]) <= POINTS, "a shape has no points, or many")
-        need(_numbers(shape["holds"], -1, 3), "a corner of a mesh is no point")
-        need(_numbers(shape["normal"], 3) or shape["normal"] == [], "a half space has no normal")
+        need(isinstance(shape["link"], str) and numbers(shape["radius"]) and shape["radius"] >= 0, "a shape is none")
+        need(numbers(shape["points"], -1, 3) and 0 < len(shape["points"]) <= POINTS, "a shape has no points, or many")
+        need(numbers(shape["holds"], -1, 3), "a corner of a mesh is no point")
+        need(numbers(shape["normal"], 3) or shape["normal"] == [], "a half space has no normal")
     for pair in pairs:
         need(_list(pair["shapes"]) and len(pair["shapes"]) == 2, "a pair is of no shapes")
         need(all(_place(i, len(shapes)) for i in pair["shapes"]), "a pair is of no shapes")
-        need(_numbers(pair["apart"]) and pair["apart"] >= 0, "a pair is to be no distance apart")
+        need(numbers(pair["apart"]) and pair["apart"] >= 0, "a pair is to be no distance apart")
     return len(pairs)
 
 
@@ -150,11 +155,11 @@ def _check_cells(tree: Any, n: int, d: int, pairs: int) -> None:
     while waiting:
         part, depth = waiting.pop()
         if isinstance(part, dict):
-            fits = _numbers(part["q0"], n) and _numbers(part["V"], n, d) and _numbers(part["Q"], n, d, d)
-            fits = fits and _numbers(part["Y"], n, n) and _numbers(part.get("planes", []), pairs, 3)
+            fits = numbers(part["q0"], n) and numbers(part["V"], n, d) and numbers(part["Q"], n, d, d)
+            fits = fits and numbers(part["Y"], n, n) and numbers(part.get("planes", []), pairs, 3)
             need(fits, "a cell has other numbers than there are unknowns, sides and pairs")
         elif part is not None:
-            need(_list(part) and len(part) == 4 and _place(part[0], d) and _numbers(part[1]), "a cut of cells is none")
+            need(_list(part) and len(part) == 4 and _place(part[0], d) and numbers(part[1]), "a cut of cells is none")
             need(depth < DEEPEST, "its cells are cut too often")
             waiting += [(half, depth + 1) for half in part[2:]]
 
@@ -168,12 +173,12 @@ def _place(value: Any, end: int, first: int = 0) -> bool:
     return type(value) is int and first <= value < end
 
 
-def _numbers(value: Any, *lengths: int) -> bool:
+def numbers(value: Any, *lengths: int) -> bool:
     """Whether a value is a number; or a list of a length, -1 for any, of lists of the next one, ... of numbers."""
     if not lengths:
         return type(value) in (float, int) and -LARGEST <= value <= LARGEST
     if type(value) is not list or lengths[0] not in (-1, len(value)):
         return False
     if len(lengths) > 1:
-        return all(_numbers(one, *lengths[1:]) for one in value)
+        return all(numbers(one, *lengths[1:]) for one in value)
     return all(type(x) in (float, int) and -LARGEST <= x <= LARGEST for x in value)

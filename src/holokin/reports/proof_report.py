@@ -74,18 +74,20 @@ def print_certificates(
 
 
 def write_certificates(
-    name: str, found: dict[str, Certificate | str], words: dict[str, CheckerWord], out: FilePath, version: str
-) -> list[FilePath]:
+    name: str, found: dict[str, Certificate | str], words: dict[str, CheckerWord], out: FilePath, version: str,
+    stopped: bool,
+) -> list[FilePath]:  # fmt: skip
     """Write NAME-certificate.json and its page for each into `out/<name>`, which is replaced whole, see `renewed`.
 
     Args:
         words: of the checker; where one is missing, as after Ctrl-C, the page says that it was not run.
+        stopped: whether the command was stopped before it came to all strategies, as result.json says.
 
     Raises:
         ArgumentError: the folder exists and was not written by holokin, or cannot be made. WriteError.
     """
     files: list[str] = []
-    facts: dict[str, Any] = {"holokin": version, "strategies": {}}
+    facts: dict[str, Any] = {"holokin": version, "stopped": stopped, "strategies": {}}
     with renewed(out, name) as work:
         for label, one in found.items():
             if isinstance(one, str):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -12,11 +13,14 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.files import replacing
+from ..base.poses import tool_poses
 from ..base.types import Array, Matrix, Vector
-from ..errors import ArgumentError, SheetsFileError
-from ..path.workspaces import Box, Cylinder, PoseCloud, PoseRange, Solid, Sphere, Workspace, pose_cloud
+from ..errors import ArgumentError, HolokinError, SheetsFileError, brief
+from ..path.workspaces import Box, Cylinder, PoseCloud, PoseRange, Solid, Sphere, Workspace, pose_cloud, workspace
+from ..proof.checker_file import need, numbers, parsed
 from ..strategies import HolonomicStrategy
 from ..tasks.task import Task
+from .pose_rest import PoseRest
 from .sheet import Sheet, known
 from .sheet_map import Sheets
 from .surroundings import Surroundings
@@ -24,8 +28,15 @@ from .surroundings import Surroundings
 FORMAT = 2
 """Changed when files of before cannot be read any more."""
 
-MOST_BYTES = 1 << 30
-"""Size of a file's arrays, unpacked, from which on they are not read."""
+MOST_BYTES = 1 << 28
+"""Size of a file's arrays, unpacked, from which on they are not read: 400,000 poses of ten sheets of seven joints."""
+
+ARRAYS = {
+    "about": ("u", ("bytes",)), "q0": ("f", ("sheets", "joints")), "poses": ("f", ("poses", 4, 4)),
+    "q": ("f", ("sheets", "poses", "joints")), "labels": ("i", ("poses",)), "rest": ("i", ("poses",)),
+    "pairs": ("i", ("pairs", 2)), "cuts": ("i", ("cuts", 2)), "cloud": ("f", ("cloud", 4, 4)),
+}  # fmt: skip
+"""The arrays of a file: whole numbers without and with a sign, or others, and the shape; equal names, equal lengths."""
 
 OFF = 1e-6
 """By how much [m, rad, units of g] the postures of a file may be off their poses and leaves."""
@@ -73,28 +84,40 @@ def sheets_of_file(path: str | Path, task: Task, around: Surroundings | None, bu
         SheetsFileError: it cannot be read, or is of another robot, task or surroundings.
     """
     file = Path(path)
-    about, arrays = _read(file)
     try:
-        wanted = (task.robot.name, list(task.robot.joint_names), task.name)
-        given = (about["robot"], about["joints"], about["task"])
-        if given != wanted:
-            raise SheetsFileError(file, f"it is of {given}", f"give that robot and task, not {wanted}")
-        if about["around"] != (None if around is None else around.digest):
-            cure = "give clear_of, floor, clearance, self_collision and ignore as they were given to hk.sheets"
-            raise SheetsFileError(file, "it is of other surroundings", cure)
+        arrays = _arrays(file)
+        about = parsed(arrays.pop("about").tobytes().decode())
+        if not isinstance(about, dict) or about.get("format") != FORMAT:
+            raise SheetsFileError(file, "it is of another version", "write it again with this one")
+        _check_about(about)
+    except SheetsFileError:
+        raise
+    except Exception as problem:  # noqa: BLE001  ZIP, its packers, NumPy and JSON have errors of their own
+        fact = f"it cannot be read: {brief(problem) or type(problem).__name__}"
+        raise SheetsFileError(file, fact, "give a file that a map of sheets saved") from None
+    wanted = (task.robot.name, list(task.robot.joint_names), task.name)
+    given = (about["robot"], about["joints"], about["task"])
+    if given != wanted:
+        raise SheetsFileError(file, f"it is of {given}", f"give that robot and task, not {wanted}")
+    if about["around"] != (None if around is None else around.digest):
+        cure = "give clear_of, floor, clearance, self_collision and ignore as they were given to hk.sheets"
+        raise SheetsFileError(file, "it is of other surroundings", cure)
+    try:
         sheets = tuple(
-            _sheet(build(one["keys"], task, q0, str(one["name"])), q0, one, q, arrays["poses"])
+            _sheet(build(one["keys"], task, q0, one["name"]), q0, one, q, arrays["poses"])
             for one, q0, q in zip(about["leaves"], arrays["q0"], arrays["q"], strict=True)
         )
-        cloud = arrays["cloud"] if len(arrays.get("cloud", ())) else arrays["poses"]
+        cloud = arrays["cloud"] if len(arrays["cloud"]) else arrays["poses"]
         found = Sheets(
-            task, _workspace_of(about["workspace"], cloud), sheets, arrays["poses"], arrays["q"], arrays["labels"],
-            arrays["rest"], arrays["pairs"], arrays["cuts"], int(about["least_cuts"]),
-            int(about["least"]), int(about["candidates"]), float(about["length"]), around, bool(about["stopped"]),
+            task, _workspace_of(about["workspace"], cloud), sheets, tool_poses("of the map", arrays["poses"]),
+            arrays["q"], arrays["labels"], arrays["rest"], arrays["pairs"], arrays["cuts"], about["least_cuts"],
+            about["least"], about["candidates"], float(about["length"]), around, about["stopped"],
         )  # fmt: skip
-    except (KeyError, TypeError, ValueError) as problem:
-        raise SheetsFileError(file, f"it lacks {problem}", "write it again") from None
-    _check(file, found)
+        bad = _fault(found)
+    except (HolokinError, LookupError, TypeError, ValueError) as problem:
+        bad = brief(problem)
+    if bad:
+        raise SheetsFileError(file, bad, "it is of another model of the robot, or was changed: make the map again")
     return found
 
 
@@ -104,44 +127,68 @@ def _sheet(strategy: HolonomicStrategy, q0: Vector, about: Mapping[str, Any], q:
     return Sheet(strategy, q0, float(about["rcond"]), about["keys"], q[there], poses[there])
 
 
-def _read(file: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    try:
-        with zipfile.ZipFile(file) as packed:
-            if sum(one.file_size for one in packed.infolist()) > MOST_BYTES:
-                raise SheetsFileError(file, "it is larger than a gigabyte", "write it again with fewer samples")
-        with np.load(file, allow_pickle=False) as loaded:
-            arrays = {name: loaded[name] for name in loaded.files}
-        about = json.loads(arrays.pop("about").tobytes())
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as problem:
-        raise SheetsFileError(file, f"it cannot be read: {problem}", "give a file that a map of sheets saved") from None
-    if not isinstance(about, dict) or about.get("format") != FORMAT:
-        raise SheetsFileError(file, "it is of another version", "write it again with this one")
-    return about, arrays
+def _arrays(file: Path) -> dict[str, Any]:
+    """The arrays of a file, each of its kind and shape: what a header says is looked at before memory is taken.
+
+    Raises: RejectedError, and what ZIP files, NumPy and the system raise.
+    """
+    if file.exists():
+        need(file.is_file() and file.stat().st_size <= MOST_BYTES, f"it is no file of at most {MOST_BYTES:,} bytes")
+    arrays, lengths, total = {}, dict[str, int](), 0
+    with zipfile.ZipFile(file) as packed:
+        for name, (kind, shape) in ARRAYS.items():
+            member = packed.getinfo(f"{name}.npy")
+            plain = member.compress_type in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) and not member.flag_bits & 1
+            need(plain, "it is packed in another way than holokin packs it")
+            with packed.open(member) as stream:
+                need(np.lib.format.read_magic(stream) == (1, 0), f"{name} is no array of NumPy")
+                given, by_columns, dtype = np.lib.format.read_array_header_1_0(stream)
+                need(dtype.kind == kind and len(given) == len(shape), f"{name} is of another kind")
+                for length, word in zip(given, shape, strict=True):
+                    wanted = lengths.setdefault(word, length) if isinstance(word, str) else word
+                    need(length == wanted, "its arrays do not fit each other")
+                size = math.prod(given) * dtype.itemsize
+                total += size
+                need(total <= MOST_BYTES, f"its arrays take more than {MOST_BYTES:,} bytes: make it with fewer samples")
+                data = np.frombuffer(stream.read(size), dtype).reshape(given, order="F" if by_columns else "C")
+                need(not stream.read(1), f"{name} is longer than it says")  # at the end ZIP looks at the check sum
+                arrays[name] = data.astype({"u": "u1", "f": "f8", "i": "i8"}[kind])
+    return arrays
 
 
-def _check(file: Path, found: Sheets) -> None:
-    """The arrays fit each other, and the postures are on their leaves, at their poses, within the limits."""
-    S, k, n, bad = len(found), len(found.poses), found.task.n, None
-    shapes = [found.q.shape == (S, k, n), found.labels.shape == (k,), found.rest.shape == (k,)]
-    shapes += [bool(np.isfinite(found.poses).all())]
-    whole = all(one.dtype.kind == "i" for one in (found.labels, found.rest, found.pairs, found.cuts))
-    if (
-        not (all(shapes) and whole)
-        or found.labels.min(initial=0) < -1
-        or found.labels.max(initial=-1) >= S
-        or np.abs(found.pairs).max(initial=0) >= max(k, 1)
-        or not known(found.q[found.labels, np.arange(k)])[found.served].all()
-    ):
-        bad = "its arrays do not fit each other"
-    else:
-        for s, sheet in enumerate(found.sheets):
-            at = known(found.q[s])
-            q, T = found.q[s][at], found.poses[at]
-            error = np.abs(found.task.error(q, T[:, :3, 3], T[:, :3, :3])).max(initial=0.0) if len(q) else 0.0
-            if error > OFF or not found.task.robot.within(q).all() or max(map(sheet.off, q[:1]), default=0.0) > OFF:
-                bad = f"postures of sheet {s} do not lie at their poses, on their leaf, within the limits"
-    if bad is not None:
-        raise SheetsFileError(file, bad, "it is of another model of the robot, or was changed: make the map again")
+def _check_about(about: Mapping[str, Any]) -> None:
+    """That what a file says of its arrays has the types it should. Raises: RejectedError, LookupError, TypeError."""
+    leaves, counts = about["leaves"], (about["least"], about["least_cuts"], about["candidates"])
+    need(isinstance(leaves, list) and isinstance(about["workspace"], dict), "its sheets or its workspace are none")
+    names = [about["robot"], about["task"], *about["joints"], *(leaf["name"] for leaf in leaves)]
+    need(all(isinstance(name, str) for name in names), "a name in it is none")
+    need(all(isinstance(leaf["keys"], dict) for leaf in leaves), "a sheet has no strategy")
+    need(all(numbers(leaf["rcond"]) and leaf["rcond"] >= 0 for leaf in leaves), "the rcond of a sheet is none")
+    need(all(type(count) is int and 0 <= count < 2**31 for count in counts), "a count in it is none")
+    need(numbers(about["length"]) and about["length"] >= 0, "its length of a turn is none")
+    need(isinstance(about["stopped"], bool), "stopped is neither true nor false")
+    need(about["around"] is None or isinstance(about["around"], str), "its surroundings are none")
+
+
+def _fault(found: Sheets) -> str:
+    """What is wrong with a map: arrays that do not fit, postures off their leaves, poses or limits; "" for nothing."""
+    S, k, task = len(found), len(found.poses), found.task
+    there = known(found.q)
+    indices = (found.labels, -1, S), (found.rest, 0, len(PoseRest)), (found.pairs, 0, k), (found.cuts, 0, k)
+    fits = all(((low <= one) & (one < high)).all() for one, low, high in indices)
+    if not (fits and (there | np.isnan(found.q).all(axis=-1)).all()):
+        return "its arrays do not fit each other"
+    if not there[found.labels[found.served], np.flatnonzero(found.served)].all():
+        return "a pose is served by a sheet without a posture there"
+    for s, sheet in enumerate(found.sheets):
+        T, q = sheet.places, sheet.stations
+        off = task.error(q, T[:, :3, 3], T[:, :3, :3]).ravel() if len(q) else np.zeros(0)
+        if task.n > task.m:
+            levels = sheet.strategy.constraint_value.batch(sheet.begin).reshape(len(sheet.begin), -1)
+            off = np.concatenate([off, sheet.strategy.constraint.nearest(levels - sheet.level).ravel()])
+        if not (np.abs(off) <= OFF).all() or not task.robot.within(sheet.begin).all():
+            return f"postures of sheet {s} do not lie at their poses, on their leaf, within the limits"
+    return ""
 
 
 def _cloud(found: Sheets) -> Array:
@@ -161,8 +208,9 @@ def _workspace_keys(space: Workspace) -> dict[str, Any]:
 
 
 def _workspace_of(keys: Mapping[str, Any], poses: Array) -> Workspace:
-    if keys["kind"] == "poses":
+    """Raises: LookupError, TypeError and what `workspace` and `pose_cloud` raise: the keys are of none."""
+    kind = keys["kind"]
+    if kind == "poses":
         return pose_cloud(poses, str(keys["source"]))
-    solid, names = SOLIDS[keys["kind"]]
-    sizes = [np.array(keys["solid"][name]) if name in ("center", "sides") else keys["solid"][name] for name in names]
-    return PoseRange(solid(*sizes), np.array(keys["rotation"]), float(keys["tilt"]), float(keys["spin"]))
+    sizes = {kind: [keys["solid"][name] for name in SOLIDS[kind][1]]}
+    return workspace(**sizes, rotation=keys["rotation"], tilt=keys["tilt"], spin=keys["spin"])

@@ -11,14 +11,10 @@ import hmac
 import ipaddress
 import secrets
 import socket
-import time
 from collections.abc import Sequence
 
 BYTES = 24
 """Of a token: 192 bits, which nobody guesses."""
-
-PATIENCE = 120.0
-"""Seconds for which an invitation holds: a browser that starts on a slow disk takes half a minute."""
 
 HERE = "127.0.0.1"
 """This machine alone."""
@@ -52,7 +48,6 @@ class Door:
     def __init__(self, host: str) -> None:
         self.token = secrets.token_urlsafe(BYTES)
         self._names, self._any_address = _own_names(host), wildcard(host)
-        self._invitation, self._until = "", 0.0
 
     def stranger(self, port: int, hosts: Sequence[str], origins: Sequence[str]) -> str:
         """Why a request is not one of the studio's own page, in a sentence; empty if it may be.
@@ -70,22 +65,6 @@ class Door:
         """Whether a path begins with the token."""
         given = path.partition("?")[0].split("/")[1:2]
         return bool(given) and same(given[0], self.token)
-
-    def invite(self) -> str:
-        """A path that leads to the page once, and soon.
-
-        Programs that are started are seen by all users of a machine, with their arguments: so the browser is not
-        started with the token, but with this.
-        """
-        self._invitation, self._until = secrets.token_urlsafe(BYTES), time.monotonic() + PATIENCE
-        return f"/{self._invitation}"
-
-    def invited(self, path: str) -> bool:
-        """Whether a path is the invitation, which then holds no more."""
-        if not self._invitation or not same(path, f"/{self._invitation}"):
-            return False
-        self._invitation = ""
-        return time.monotonic() < self._until
 
     def _known(self, host: str, port: int) -> bool:
         """Whether a Host header (name:port, in small letters) names the studio."""

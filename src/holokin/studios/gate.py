@@ -17,7 +17,6 @@ from typing import Any
 
 import viser
 import websockets.asyncio.server as library
-from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from ..errors import MissingExtraError
@@ -88,10 +87,7 @@ def _guarded(door: Door, answer: Any) -> Any:
     def process(connection: library.ServerConnection, request: Request) -> Response | None:
         hosts, port = request.headers.get_all("Host"), connection.local_address[1]
         refused = door.stranger(port, hosts, request.headers.get_all("Origin"))
-        if not refused and door.invited(request.path):
-            headers = Headers({"Location": f"/{door.token}/", "Content-Length": "0"})
-            found = Response(http.HTTPStatus.FOUND, "Found", headers, b"")
-        elif refused or not door.knows(request.path):
+        if refused or not door.knows(request.path):
             found = connection.respond(http.HTTPStatus.FORBIDDEN, f"{refused or TOKEN}\n")
         else:
             found = answer(connection, replace(request, path=inner(request.path)))

@@ -6,10 +6,12 @@ import atexit
 import errno
 import os
 import socket
+import tempfile
 import threading
 import time
 import webbrowser
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +46,9 @@ OPEN = (
 )
 """What is said of a host that other machines reach."""
 
+LEADS_ON = '<!DOCTYPE html><meta http-equiv="refresh" content="0; url={url}"><a href="{url}">The studio</a>'
+"""The file with which the browser is started."""
+
 DEFAULT = "panda-circle"
 """The job that is shown when nothing is asked for."""
 
@@ -69,11 +74,11 @@ class Studio:
         from .incoming import Incoming
 
         self._lock, self._over = threading.Lock(), False
+        self._opening: tempfile.TemporaryDirectory[str] | None = None
         self.door = Door(host)
         self.server = open_server(host, _free_port(host, port), self.door, Incoming())
         found = self.server.get_port()
-        self._base = url_of(host, found)
-        self.url = f"{self._base}/{self.door.token}/"
+        self.url = f"{url_of(host, found)}/{self.door.token}/"
         self.notes: list[str] = []
         if port and found != port:
             self.notes.append(f"port {port} is in use: the page is at port {found}")
@@ -111,6 +116,7 @@ class Studio:
             return
         self._over = True
         atexit.unregister(self.close)
+        self._forget_file()
         clients = self.server.get_clients().values()
         for client in clients:
             client.add_notification("The studio was ended", ENDED, color="red", with_close_button=False)
@@ -133,6 +139,7 @@ class Studio:
 
     def _welcome(self, client: Any) -> None:
         """A browser came: its window is looked at now, and whenever its camera or its size changes."""
+        self._forget_file()
         client.camera.on_update(lambda _camera: self.page.fit(client))
         self.page.fit(client)
 
@@ -150,8 +157,23 @@ class Studio:
         return page
 
     def browse(self) -> None:
-        """Open a browser of this machine. Its arguments, which all users of the machine can see, tell no token."""
-        webbrowser.open(f"{self._base}{self.door.invite()}")
+        """Open a browser of this machine, by a file that leads to the page and that no other user can read.
+
+        All users of a machine see the arguments of its programs, so no address may be among them. The file is in the
+        home folder and not hidden, since browsers in a sandbox (snap) read no other place.
+        """
+        home = os.path.expanduser("~")
+        place = home if os.access(home, os.W_OK) else None
+        with suppress(OSError, ValueError):  # a full disk, a BROWSER that is no command: the address is printed, too
+            self._opening = tempfile.TemporaryDirectory(prefix="holokin-studio-", dir=place, ignore_cleanup_errors=True)
+            page = Path(self._opening.name, "open.html")
+            page.touch(0o600)
+            page.write_text(LEADS_ON.format(url=self.url), "utf-8")
+            webbrowser.open(page.as_uri())
+
+    def _forget_file(self) -> None:
+        if self._opening is not None:
+            self._opening.cleanup()
 
     def _reopen(self, name: str) -> None:
         """Asked for in the page, which may name packaged jobs only; what is wrong is said there."""

@@ -154,6 +154,7 @@ def _serve(pipe: Connection, board: Any, objects: Mapping[str, Any], environment
     """What a process for cases does. Ctrl-C is not for it, and it ends with the one that began it."""
     global _board
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     multiprocessing.current_process().daemon = False  # laws may have processes of their own
     os.environ.update(environment)
     keep(objects)
