@@ -37,7 +37,7 @@ def simulate_job(
     with naming(file, "task"):
         of_one_tool(task, "a simulation")
     with naming(file, "path"):
-        (path,) = paths_of(build_paths(job.path, task, start, file)[0])
+        (path,) = paths_of(build_paths(job.path, task, start, file))
     cycles = table.cycles if path.closed else 1
     with naming(file, "physics"):
         push = table.force(robot, path, cycles)
