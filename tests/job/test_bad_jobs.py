@@ -226,7 +226,7 @@ def test_out_of_reach_keeps_what_was_computed(planar_3r: hk.Robot) -> None:
         ('kind = "circle"\ncenter = [0.1, 0]\nnormal = [1, 0, 0]\nrelative = true\n', ("perpendicular",)),
         ('kind = "arc"\ncenter = [0, 0]\nangle_deg = 90\ncycles = 2\n', ("closed path",)),
         ('kind = "polyline"\npoints = [[0, 0]]\nrelative = true\n', ("at least two",)),
-        ('kind = "polyline"\npoints = [[0, 0], [0, 0]]\nrelative = true\n', ("repeated points",)),
+        ('kind = "polyline"\npoints = [[0, 0], [0, 0]]\nrelative = true\n', ("points that differ",)),
         ('kind = "polyline"\npoints = [[0, 0], [1, 0]]\n', ("away from the start of the path", "relative = true")),
         ('kind = "polyline"\npoints = [[0, 0, 0, 0], [1, 0]]\n', ("[path.points.0]",)),
         ('kind = "helix"\ncenter = [0, 0]\n', ("[path.kind] is 'helix'", "circle, arc")),

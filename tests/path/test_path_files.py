@@ -179,7 +179,7 @@ BAD = {
     "degrees": ("x_mm,y_mm,z_mm,rx_rad,ry_rad,rz_rad\n1,1,1,90,0,0\n1,1,2,1,0,0\n", "line 2 has an angle of 90 rad"),
     "angles": ("x_mm,y_mm,z_mm,roll,pitch,yaw\n1,1,1,1,0,0\n1,1,2,1,0,0\n", "say angles='deg'"),
     "order": ("x_mm,y_mm,z_mm,q1,q2,q3,q4\n1,1,1,1,0,0,0\n", "say order='xyzw' or order='wxyz'"),
-    "repeat": ("x_mm,y_mm,z_mm\n1,1,1\n1,1,1\n", "line 3 repeats line 2"),
+    "repeat": ("x_mm,y_mm,z_mm\n1,1,1\n1,1,1\n", "has one waypoint; give two at least that differ"),
     "short": ("x_mm,y_mm,z_mm\n1,1\n1,1,1\n", "line 2 has 2 cells, the header 3"),
     "header": ("1,2,3\n3,4,5\n", "line 1 holds numbers, no header"),
     "inch": ("x_mm,y_mm,z_deg\n1,1,1\n1,1,2\n", "column 'z' is in deg"),

@@ -41,7 +41,7 @@ def certify_job(
     robot, start, tasks = build_tasks(job, file)
     if not workspace:
         with naming(file, "path"):
-            where, _ = build_path(job.path, tasks[0], start, file)
+            where = build_path(job.path, tasks[0], start, file)
     elif job.workspace is None:
         raise JobError(file, "workspace", "is missing", 'add a table [workspace] of kind "box"')
     elif job.workspace.kind != "box":

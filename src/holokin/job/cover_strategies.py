@@ -87,7 +87,7 @@ def workspace_of_job(job: Job, task: Task, start: Vector, file: FilePath) -> Wor
     tool = task.robot.pose(start, task.tip)[:3, :3]
     if job.workspace is not None:
         return build_workspace(job.workspace, tool, file)
-    path, _ = build_paths(job.path, task, start, file)
+    path = build_paths(job.path, task, start, file)
     if not isinstance(path, Path):
         raise ArgumentError("the paths of several tools", len(path.paths), "this is for one tool: add a [workspace]")
     shares = np.linspace(0.0, 1.0, PLACES, endpoint=not path.closed)

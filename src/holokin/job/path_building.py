@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..base.types import Matrix, Vector
 from ..errors import ArgumentError, JobError
 from ..path import (
     Path,
+    Waypoints,
     arc,
     as_point,
     blended,
@@ -32,16 +34,17 @@ from ..tasks.task import Task
 from .path_tables import PathTable
 
 
-def build_path(table: PathTable, task: Task, q0: Vector, file: FilePath) -> tuple[Path, str]:
-    """The path of a table, and notes on its file. It begins at the tool's start point unless an entry leads to it.
+def build_path(table: PathTable, task: Task, q0: Vector, file: FilePath) -> Path:
+    """The path of a table. It begins at the tool's start point unless an entry leads to it.
 
     Raises:
         JobError, RecordingError, and what the shapes raise.
     """
     tool, F = task.pose(q0), table.frame_pose
     local = np.linalg.inv(F) @ tool if table.frame is not None else tool
-    notes: list[str] = []
-    path = _curve(table, local[:3, 3], file, notes)
+    path = _curve(table, local[:3, 3], file)
+    if table.file:
+        path = replace(path, notes=tuple(f"{table.file}: {note}" for note in path.notes))
     if table.blend is not None:
         path = blended(path, table.blend, keep_start=table.entry is None)
     if table.passes > 1:
@@ -56,10 +59,10 @@ def build_path(table: PathTable, task: Task, q0: Vector, file: FilePath) -> tupl
         raise JobError(file, "path.cycles", fact, "close the path, or leave out cycles")
     if table.entry is None:
         _check_begin(path, table, tool, task, q0, file)
-    return path, " ".join(f"{table.file}: {note}." for note in notes)
+    return path
 
 
-def _curve(table: PathTable, tool: Vector, file: FilePath, notes: list[str]) -> Path:
+def _curve(table: PathTable, tool: Vector, file: FilePath) -> Path:
     """The bare curve, in its frame, in which the tool's start point is `tool`."""
     origin = tool if table.relative else np.zeros(3)
 
@@ -76,7 +79,7 @@ def _curve(table: PathTable, tool: Vector, file: FilePath, notes: list[str]) -> 
     if kind in ("circle", "arc"):
         return _arc(table, placed(table.center or []), tool if table.at is None else placed(table.at), file)
     if kind in ("poses", "waypoints"):
-        return _through(table, origin, file, notes)
+        return _through(table, origin, file)
     at = tool if table.at is None and table.frame is None else placed(table.at or [0.0, 0.0, 0.0])
     if kind == "svg":
         return _outline(table, at, file)
@@ -105,11 +108,11 @@ def _arc(table: PathTable, center: Vector, q0: Vector, file: FilePath) -> Path:
         raise JobError(file, "path.normal", fact, cure) from None
 
 
-def _through(table: PathTable, origin: Vector, file: FilePath, notes: list[str]) -> Path:
+def _through(table: PathTable, origin: Vector, file: FilePath) -> Path:
     """Through poses or a file's waypoints: a spline, or lines."""
-    times = table.times
     if table.kind == "poses":
-        targets = np.array([pose.matrix for pose in table.poses or []]).reshape(-1, 4, 4)
+        matrices = np.array([pose.matrix for pose in table.poses or []]).reshape(-1, 4, 4)
+        read = Waypoints(matrices[:, :3, 3], matrices[:, :3, :3])
     else:
         read = read_waypoints(
             file.parent / (table.file or ""),
@@ -118,14 +121,10 @@ def _through(table: PathTable, origin: Vector, file: FilePath, notes: list[str])
             order=table.order,
             ignore=table.ignore,
         )
-        notes += read.notes
-        targets, times = read.targets, None if read.times is None else read.times.tolist()
-    targets = targets.copy()
-    places = targets[:, :3, 3] if targets.ndim == 3 else targets
-    places += origin
+    targets = replace(read, points=read.points + origin)
     if table.through == "lines":
         return polyline(targets, closed=table.closed, speed=table.speed)
-    return spline(targets, times=times, closed=table.closed, speed=table.speed)
+    return spline(targets, times=table.times, closed=table.closed, speed=table.speed)
 
 
 def _outline(table: PathTable, at: Vector, file: FilePath) -> Path:

@@ -41,7 +41,7 @@ def program_of_sheets(
     timing = timing_of(job, changes)
     _, start, tasks = build_tasks(job, file)
     with naming(file, "path"):
-        path, _ = build_paths(job.path, tasks[0], start, file)
+        path = build_paths(job.path, tasks[0], start, file)
     found = sheets_of_job(job, tasks[0], start, file, say)
     say("sheets: the path")
     motion = path_motion(found, path, start)

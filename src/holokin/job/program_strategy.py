@@ -43,7 +43,7 @@ def program_of_job(
     label, strategy, start = job_strategy(job, file, label)
     timing = timing_of(job, changes)
     with naming(file, "path"):
-        path, _ = build_paths(job.path, strategy.task, start, file)
+        path = build_paths(job.path, strategy.task, start, file)
         entry = build_entry(job, strategy, path, start)
     robot = strategy.task.robot
     walk = follow(strategy, path, entry.q0, samples=job.path.samples, cycles=job.path.cycles)

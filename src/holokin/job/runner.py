@@ -131,13 +131,13 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         with naming(file, "timing", "velocity"):
             job.timing.check(robot)
     with naming(file, "path"):
-        path, notes = build_paths(job.path, tasks[0], start, file)
+        path = build_paths(job.path, tasks[0], start, file)
     covering = build_covering(job, tasks[0], start, file)
     saved_map(job, tasks[0], file)  # a file that cannot be used is told before the work
     results: list[StrategyResult] = []
     failed: list[NotRun] = []
     first: HolokinError | None = None
-    about = f"{job.about} {notes}".strip()
+    about = " ".join([job.about, *(f"{note}." for note in path.notes)]).strip()
     for label, table in job.strategies.items():
         with naming(file, "strategies", label, "invariant"):
             invariant = table.invariants(tasks[0])

@@ -13,8 +13,8 @@ from .path_building import build_path
 from .path_tables import PathTable
 
 
-def build_paths(table: PathTable, task: Task, q0: Vector, file: FilePath) -> tuple[AnyPath, str]:
-    """The path and notes on its file, or paths of several frames run through together; one without stays where it is.
+def build_paths(table: PathTable, task: Task, q0: Vector, file: FilePath) -> AnyPath:
+    """The path, or paths of several frames run through together; one without stays where it is.
 
     Raises:
         JobError, ArgumentError: as `build_path`; more paths than frames; an entry, which serves one tool.
@@ -27,13 +27,11 @@ def build_paths(table: PathTable, task: Task, q0: Vector, file: FilePath) -> tup
         return build_path(table, task, q0, file)
     if table.entry is not None:
         raise JobError(file, "path.entry", "leads one tool to its path, the task has several", "leave it out")
-    found, notes = [], []
+    found = []
     for f, part in enumerate(parts_of(task)):
         if f > len(others):
             found.append(part.pose(q0)[:3, 3])
         else:
             its = table if f == 0 else others[f - 1].model_copy(update={"cycles": table.cycles})
-            path, note = build_path(its, part, q0, file)
-            found.append(path)
-            notes.append(note)
-    return synchronized(*found), " ".join(note for note in notes if note)
+            found.append(build_path(its, part, q0, file))
+    return synchronized(*found)

@@ -53,7 +53,7 @@ def sheets_command(
     write_sheets(found, file)
     if asked.file is None or asked.q0 is None:
         return SheetsResult(found, table.share), file
-    path, _ = build_paths(job_of(asked.file, dict(asked.keys)).path, asked.task, asked.q0, asked.file)
+    path = build_paths(job_of(asked.file, dict(asked.keys)).path, asked.task, asked.q0, asked.file)
     along = path_motion(found, path, asked.q0)
     return SheetsResult(found, table.share, along, "" if along is not None else ONE_TOOL), file
 

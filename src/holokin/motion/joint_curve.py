@@ -10,6 +10,7 @@ import numpy as np
 
 from ..base.types import Matrix, Value, Vector
 from ..errors import ArgumentError
+from ..path.waypoints import Poses, distinct
 from .trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
@@ -92,11 +93,12 @@ def joint_curve(trajectory: Trajectory) -> JointCurve:
     marks = list(trajectory.marks)
     repeats = len(marks) > 1 and bool(np.abs(trajectory.q[marks] - trajectory.q[0]).max() <= CLOSED)
     last = marks[1] if repeats else len(trajectory) - 1
-    corners = {k for k in trajectory.corners if 0 < k < last}
-    ends = [0, *sorted(corners), last]
-    turns_round = repeats and not corners and 0 not in trajectory.corners
-    stretches = [
-        Stretch(trajectory.t[a : b + 1] - trajectory.t[a], trajectory.q[a : b + 1], turns_round)
-        for a, b in pairwise(ends)
-    ]
+    t, q = trajectory.t[: last + 1], trajectory.q[: last + 1]
+    kept = distinct(Poses(q, None), t)[1]  # samples that repeat the one before, of a piece of path as short as that
+    kept[-1] = last
+    corners = np.searchsorted(kept, [k for k in trajectory.corners if 0 < k < last], side="right") - 1
+    ends = np.unique([0, *corners, len(kept) - 1]).tolist()
+    turns_round = repeats and len(ends) == 2 and 0 not in trajectory.corners
+    t, q = t[kept], q[kept]
+    stretches = [Stretch(t[a : b + 1] - t[a], q[a : b + 1], turns_round) for a, b in pairwise(ends)]
     return JointCurve(tuple(stretches), repeats)

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
-from ..base.types import Array, Flags, Matrix, Vector
+from ..base.types import Array, Flags, Indices, Matrix, Vector
 from ..errors import ArgumentError
 from .path import Path, Samples
 from .segments import Segment, cubic_segment, turn_between
-from .waypoints import Poses
+from .waypoints import Poses, returned
 
 EVEN = 0.01
 """Share by which the tool's speed on a spline without times may be off."""
@@ -38,6 +39,9 @@ ROUND = 8
 MOST = 512
 """Pieces of one interval at most: a curve that needs more has a corner or a jump there."""
 
+BLOCK = 65_536
+"""Points of a curve that are looked at together: 20 MB."""
+
 PADDING = 30
 """Rotations by which a closed series is continued at both ends: what a spline does at its end fades by 0.27 a knot."""
 
@@ -57,9 +61,8 @@ def cubics(t: Vector, poses: Poses, closed: bool, speed: float) -> list[Segment]
     """
     from scipy.interpolate import CubicSpline
 
-    points = poses.points.copy()
-    if closed:
-        points[-1] = points[0]
+    poses = returned(poses) if closed else poses
+    points = poses.points
     wraps = "periodic" if closed and len(t) > 2 else "not-a-knot"
     slopes = CubicSpline(t, points, bc_type=wraps)(t, 1)
     turns, spins = _turns(t, poses.rotations, closed)
@@ -149,15 +152,24 @@ def _evenly(
     """`evenly`, with the length of each interval measured on some pieces. Raises: ArgumentError."""
     from scipy.interpolate import PchipInterpolator
 
-    fine = np.concatenate([np.linspace(a, b, pieces, endpoint=False) for a, b in pairwise(breaks.tolist())])
-    fine = np.append(fine, breaks[-1])
-    clock = _clock(curve(fine), fine, speed, angular_speed, slowest)
-    if not (np.diff(clock) > 0).all():
+    fine = _divided(breaks, np.full(len(breaks) - 1, pieces))
+    edges = [*range(0, len(fine) - 1, BLOCK), len(fine) - 1]
+    parts = (fine[a : b + 1] for a, b in pairwise(edges))
+    steps = np.concatenate([_seconds(curve(part), part, speed, angular_speed, slowest) for part in parts])
+    if not steps.min() > 0:
         cure = "leave out repeated points, or give times to rest there"
         raise ArgumentError("the length of a piece of a curve", 0.0, cure)
-    inverse = PchipInterpolator(clock, fine)
-    pace = inverse.derivative()
+    clock = np.append(0.0, np.cumsum(steps))
     knots = clock[::pieces]
+
+    @lru_cache(maxsize=1)
+    def interpolated(k: int) -> PchipInterpolator:
+        near = slice(max(0, edges[k] - 2), edges[k + 1] + 3)  # it has the slopes of one through all: they are local
+        return PchipInterpolator(clock[near], fine[near])
+
+    def inverse(t: Vector, order: int = 0) -> Vector:
+        cuts = [0, *np.searchsorted(t, clock[edges[1:-1]]).tolist(), len(t)]
+        return np.concatenate([interpolated(k)(t[a:b], order) for k, (a, b) in enumerate(pairwise(cuts)) if a < b])
 
     def timed(t: Vector) -> Poses:
         place = np.searchsorted(knots, t).clip(0, len(knots) - 1)
@@ -171,7 +183,10 @@ def _evenly(
         for x in (at, *begun):
             sizes = np.linalg.norm(x.velocity, axis=1) / speed, np.linalg.norm(x.angular, axis=1) / angular_speed
             load = _most(*sizes)
-            uneven |= (load > 1 + EVEN) | ((load < 1 - EVEN) & (slowest * pace(x.t) < SLOW))
+            slow = load < 1 - EVEN
+            if slow.any():
+                slow[slow] = slowest * inverse(x.t[slow], 1) < SLOW
+            uneven |= (load > 1 + EVEN) | slow
         off = (np.linalg.norm(gap, axis=1) > tolerance) | (_turned(at, wanted) > TURNED)
         return off | uneven
 
@@ -185,8 +200,7 @@ def _refined(
     """The spline through a curve of time at knots, and at more of them, until no cubic of it is rough."""
     counts = np.ones(len(knots) - 1, dtype=int)
     while True:
-        pieces = zip(pairwise(knots.tolist()), counts.tolist(), strict=True)
-        t = np.concatenate([*(np.linspace(a, b, n, endpoint=False) for (a, b), n in pieces), knots[-1:]])
+        t = _divided(knots, counts)
         poses = curve(t)
         segments = cubics(t, poses, closed, speed)
         path = Path(tuple(segments), speed)
@@ -204,6 +218,12 @@ def _refined(
         counts[worse] *= 2
 
 
+def _divided(breaks: Vector, counts: Indices) -> Vector:
+    """Breaks (k + 1,) with counts - 1 points spread evenly in each of the intervals between them."""
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.append(within * np.repeat(np.diff(breaks) / counts, counts) + np.repeat(breaks[:-1], counts), breaks[-1])
+
+
 def _turned(at: Samples, wanted: Poses) -> Vector:
     """Angles (k,) between rotations and those wanted."""
     if wanted.rotations is None:
@@ -217,13 +237,13 @@ def _most(*sizes: Array) -> Array:
     return top * np.sum([(size / top) ** ROUND for size in sizes], axis=0) ** (1 / ROUND)
 
 
-def _clock(poses: Poses, s: Vector, speed: float, angular_speed: float, slowest: float) -> Vector:
-    """Seconds (k,) at which the tool gets to poses at parameters s: about the longer of moving and turning."""
+def _seconds(poses: Poses, s: Vector, speed: float, angular_speed: float, slowest: float) -> Vector:
+    """Seconds (k - 1,) from pose to pose at parameters s (k,): about the longer of moving and turning."""
     sizes = [np.linalg.norm(np.diff(poses.points, axis=0), axis=1) / speed, slowest * np.diff(s)]
     if poses.rotations is not None:
         turned = np.linalg.norm(turn_between(poses.rotations[:-1], poses.rotations[1:]), axis=1)
         sizes.append(turned / angular_speed)
-    return np.concatenate([[0.0], np.cumsum(_most(*sizes))])
+    return _most(*sizes)
 
 
 def even_curve(

@@ -10,7 +10,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Matrix, Vector, finite, not_negative, positive, whole
 from ..errors import ArgumentError
-from .path import CLOSED, CORNER, Path
+from .path import CORNER, SAME, Path
 from .segments import Segment, cubic_segment, line_segment, turn_between
 
 BACK = 175.0
@@ -150,7 +150,7 @@ def with_leads(
     before, after = [], []
     for side, (length, pieces) in enumerate(zip(lengths, (before, after), strict=True)):
         here, sign = ends.position[side], (-1.0, 1.0)[side]
-        if length > 0:
+        if length > SAME:
             velocity = ends.velocity[side]
             rate = float(np.linalg.norm(velocity))
             if along is None and not rate > CORNER * path.speed:
@@ -159,7 +159,7 @@ def with_leads(
             nominal = length * path.speed / rate if along is None else None
             pieces.append((here, here + length * way, nominal))
             here = here + length * way
-        if up.any():
+        if np.linalg.norm(up) > SAME:
             slower = None if retract_speed is None else path.speed / positive("retract_speed", retract_speed)
             pieces.append((here, here + up, None if slower is None else retract * slower))
     zero = np.zeros(3)
@@ -206,13 +206,14 @@ def passes(
 
 def _link(start: Vector, end: Vector, turn: Vector, lift: Vector) -> list[Segment]:
     """Up, across and down; straight on without a lift; nothing where the tool is there already."""
-    if float(np.linalg.norm(end - start)) <= CLOSED and float(np.linalg.norm(turn)) <= CLOSED and not lift.any():
+    moves = max(float(np.linalg.norm(end - start)), float(np.linalg.norm(turn))) > SAME
+    if not moves and not lift.any():
         return []
     zero = np.zeros(3)
     if not lift.any():
         return [line_segment(start, end, turn)]
     over = [line_segment(start, start + lift, zero)]
-    if float(np.linalg.norm(end - start)) > CLOSED or float(np.linalg.norm(turn)) > CLOSED:
+    if moves:
         over.append(line_segment(start + lift, end + lift, turn))
     return [*over, line_segment(end + lift, end, zero)]
 

@@ -10,7 +10,7 @@ from ..base.types import ArrayLike, finite
 from ..errors import ArgumentError
 from .path import Path, as_point
 from .segments import arc_segment, line_segment, sure_turns
-from .waypoints import Waypoints, as_poses
+from .waypoints import Waypoints, as_poses, distinct, meets
 
 
 @typed
@@ -67,29 +67,32 @@ def polyline(
 ) -> Path:
     """Straight lines through points or poses, between which the tool turns evenly.
 
+    A point that repeats the one before, to 1e-7 m and rad, is left out, and the path's `notes` say so.
+
     Args:
         points: (k, 3) or (k, 2) [m]; poses (k, 4, 4), whose rotations the tool takes; or `Waypoints`.
         turns: rotation vectors (segments, 3) [rad], one a line, in the base frame; by default none, or those from pose
             to pose, by the shorter way.
-        closed: adds the line back to the first point.
+        closed: adds the line back to the first point, where that is not given again as the last one.
 
     Raises:
-        ShapeError, NotFiniteError, ArgumentError: bad, too few or repeated points; poses and turns.
+        ShapeError, NotFiniteError, ArgumentError: bad or too few points; poses and turns.
     """
     poses = as_poses(points if isinstance(points, Waypoints) else _planar(points))
-    if closed:
+    if closed and (turns is not None or not meets(poses)):
         poses = poses.at(np.append(np.arange(len(poses)), 0))
-    if len(poses) < 2:
-        raise ArgumentError("the number of points of a polyline", len(poses), "give at least two")
     shape = (len(poses) - 1, 3)
     if turns is not None and poses.rotations is not None:
         raise ArgumentError("turns", "given beside poses", "leave them out: the poses say how the tool turns")
     spins = np.zeros(shape) if turns is None else finite("turns", turns, shape, "one rotation vector a line")
-    first = None
+    turned = np.append(0.0, np.cumsum(np.linalg.norm(spins, axis=1)))
+    poses, index, notes = distinct(poses, turned)
+    first, spins = None, spins[index[1:] - 1]
     if poses.rotations is not None:
         first, spins = poses.rotations[0], sure_turns(poses.rotations)
-    pairs = zip(poses.points, poses.points[1:], spins, strict=False)
-    return Path(tuple(line_segment(a, b, s) for a, b, s in pairs), speed, rotation=first)
+    segments = tuple(line_segment(a, b, s) for a, b, s in zip(poses.points, poses.points[1:], spins, strict=False))
+    said = points.notes if isinstance(points, Waypoints) else ()
+    return Path(segments, speed, rotation=first, notes=(*said, *notes))
 
 
 def _planar(points: PoseLike) -> ArrayLike:

@@ -38,6 +38,10 @@ from .straight_path import rotation_matrix
 CLOSED = 1e-9
 """Gap [m or rad] between start and end up to which a path counts as closed."""
 
+SAME = 1e-7
+"""Distance between two poses [m, rad, s] up to which they are one and the same: less than any robot can tell apart,
+and more than what drawing programs leave where an outline closes."""
+
 CORNER = 1e-6
 """Share of the tool's speed [m/s and rad/s] by which its velocity jumps at a corner: tangents of joined arcs agree to
 1e-12, and a jump of 1e-6 is a turn of 0.2 seconds of arc."""
@@ -70,12 +74,15 @@ class Path(Value):
     A segment takes max(length / speed, turn / angular_speed) seconds, one with a nominal length nominal / speed.
 
     rotation: orientation (3, 3) of the tool at the start, in the robot's base; None takes that of the start posture.
+
+    notes: what was changed in making it, such as repeated points that were left out.
     """
 
     segments: tuple[Segment, ...]
     speed: float = 0.1
     angular_speed: float = 0.5
     rotation: Matrix | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -92,7 +99,8 @@ class Path(Value):
 
     def __repr__(self) -> str:
         count = len(self.segments)
-        return f"Path({count} segment{'s' * (count > 1)}, {self.length:.4g} m, {self.duration:.4g} s)"
+        said = "".join(f"; {note}" for note in self.notes)
+        return f"Path({count} segment{'s' * (count > 1)}, {self.length:.4g} m, {self.duration:.4g} s{said})"
 
     @typed
     def __add__(self, other: Path) -> Path:
@@ -360,7 +368,7 @@ def join(*paths: Path) -> Path:
                 cure = "turn the tool on the way there, by hk.line(..., turn=...)"
                 raise ArgumentError("the difference of rotations where two paths meet", off, cure)
         segments = (*whole.segments, *path.starting_at(whole.end).segments)
-        whole = replace(whole, segments=segments, rotation=rotation)
+        whole = replace(whole, segments=segments, rotation=rotation, notes=(*whole.notes, *path.notes))
     return whole
 
 

@@ -11,10 +11,10 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.pose_columns import Units, pose_rows
 from ..base.poses import pose_from
-from ..base.types import Array, ArrayLike, Indices, Matrix, Vector, check_rotation, finite
+from ..base.types import Array, ArrayLike, Indices, Vector, check_rotation, finite
 from ..errors import ArgumentError, RecordingError
 from .segments import HALF_TURN, SURE, turn_between
-from .waypoints import Waypoints
+from .waypoints import Poses, Waypoints, distinct
 from .workspaces import TOOL_DOWN, PoseCloud, pose_cloud
 
 WIDE = np.deg2rad(170)
@@ -56,13 +56,14 @@ def read_waypoints(
     """
     file = Path(path)
     read = pose_rows(file, "waypoint", Units(units, angles, order, False, tuple(ignore)))
-    if len(read.points) < 2:
-        raise RecordingError(file, "has one waypoint", "give two at least")
-    if read.rotations is not None:
-        _note_wide_turns(file, read.rotations, read.lines, read.notes)
-    times = None if read.times is None else _from_start(file, read.times, read.lines)
-    _check_rests(file, read.points, read.rotations, times, read.lines)
-    return Waypoints(read.points, read.rotations, times, str(file), tuple(read.notes))
+    try:
+        poses, kept, notes = distinct(Poses(read.points, read.rotations), read.times)
+    except ArgumentError:
+        raise RecordingError(file, "has one waypoint", "give two at least that differ") from None
+    if poses.rotations is not None:
+        _note_wide_turns(file, poses.rotations, read.lines[kept], read.notes)
+    times = None if read.times is None else _from_start(file, read.times[kept], read.lines[kept])
+    return Waypoints(poses.points, poses.rotations, times, str(file), (*read.notes, *notes))
 
 
 @typed
@@ -124,17 +125,3 @@ def _from_start(file: Path, t: Vector, lines: Indices) -> Vector:
         fact = f"time {what} from line {lines[i]} ({t[i]:.9g} s) to line {lines[i + 1]} ({t[i + 1]:.9g} s)"
         raise RecordingError(file, fact, "give rising times in seconds")
     return t - t[0]
-
-
-def _check_rests(file: Path, points: Matrix, rotations: Array | None, times: Vector | None, lines: Indices) -> None:
-    """Raises: RecordingError: a waypoint repeats the one before, where no times say how long it rests there."""
-    if times is not None:
-        return
-    same = (points[1:] == points[:-1]).all(axis=1)
-    if rotations is not None:
-        same &= (rotations[1:] == rotations[:-1]).all(axis=(1, 2))
-    if same.any():
-        i = int(np.argmax(same))
-        raise RecordingError(
-            file, f"line {lines[i + 1]} repeats line {lines[i]}", "delete it, or give a column t of times"
-        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,9 +13,9 @@ from ..base.poses import PoseLike, pose_numbers
 from ..base.types import Array, ArrayLike, Matrix, Vector, finite, positive
 from ..errors import ArgumentError
 from .curves import cubics, evenly, of_segments, within
-from .path import CLOSED, LARGEST, Path
+from .path import LARGEST, Path
 from .segments import Segment, sure_turns, turn_between
-from .waypoints import Poses, Waypoints, as_poses
+from .waypoints import Poses, Waypoints, as_poses, distinct, meets
 
 SHAPE = 1e-4
 """How far [m] a spline at even speed may be from the spline of chord lengths through the same waypoints; of one larger
@@ -42,6 +43,7 @@ def spline(
 
     Without times the tool goes at even `speed` (to 1 %), slower where it would turn faster than `angular_speed` and
     where the path turns round on the spot. With times it is at each waypoint at its time, and its speed follows.
+    A waypoint that repeats the one before, to 1e-7 m, rad and s, is left out, and the path's `notes` say so.
 
     Args:
         points: (k, 3) or (k, 2) [m]; poses (k, 4, 4), whose rotations the tool takes; or `Waypoints`.
@@ -50,39 +52,41 @@ def spline(
         speed: of the tool [m/s]. angular_speed: [rad/s].
 
     Raises:
-        ShapeError, NotFiniteError, ArgumentError: bad, too few or repeated points, times that do not rise.
+        ShapeError, NotFiniteError, ArgumentError: bad or too few points, times that do not rise.
     """
     given = points if isinstance(points, Waypoints) else None
     if given is not None and times is None and given.times is not None:
         times = given.times
     poses = as_poses(points)
+    said = () if given is None else given.notes
     first = poses.rotations[0] if poses.rotations is not None else None
-    if closed and not _meets(poses):
-        if times is not None:
+    if times is not None:
+        if closed and not meets(poses):
             cure = "give the first waypoint again as the last one, with the time of the return"
             raise ArgumentError("the end of a closed path with times", poses.points[-1].tolist(), cure)
+        t = finite("times", times, (len(poses),), "give one for each waypoint")
+        poses, kept, notes = distinct(poses, t)
+        t = rising(t[kept], len(poses))
+        if poses.rotations is not None:
+            sure_turns(poses.rotations)
+        return replace(_timed_path(cubics(t, poses, closed, 1.0), first, t), notes=(*said, *notes))
+    if closed and not meets(poses):
         poses = poses.at(np.append(np.arange(len(poses)), 0))
-    if len(poses) < 2:
-        raise ArgumentError("the number of waypoints of a spline", len(poses), "give at least two")
+    poses, _, notes = distinct(poses)
     turns = None if poses.rotations is None else sure_turns(poses.rotations)
-    if times is not None:
-        t = rising(times, len(poses))
-        return _timed_path(cubics(t, poses, closed, 1.0), first, t)
     positive("speed", speed, "give a positive speed in m/s or rad/s")
     positive("angular_speed", angular_speed, "give a positive speed in m/s or rad/s")
     far = np.linalg.norm(np.diff(poses.points, axis=0), axis=1) / speed
     if turns is not None:
-        far = np.maximum(far, np.linalg.norm(turns, axis=1) / angular_speed)
-    if not far.min() > 0:
-        cure = "leave it out, or give times to rest there"
-        raise ArgumentError("a waypoint that repeats the one before, number", int(np.argmin(far)) + 1, cure)
+        turned = np.linalg.norm(turns, axis=1)
+        far = np.maximum(far, turned / angular_speed)
     t = np.concatenate([[0.0], np.cumsum(far)])
     size = float(np.ptp(poses.points, axis=0).max())
     if size > LARGEST:
         raise ArgumentError("the size of a curve", size, f"give metres, at most {LARGEST:g}")
     curve = of_segments(cubics(t, poses, closed, 1.0), t, first)
     segments = evenly(curve, t, closed, speed, angular_speed, SHAPE * max(1.0, size), SLOWEST)
-    return Path(tuple(segments), speed, angular_speed, first)
+    return Path(tuple(segments), speed, angular_speed, first, (*said, *notes))
 
 
 @typed
@@ -109,7 +113,7 @@ def path_of(
     if not callable(motion):
         if closed is None:
             poses = as_poses(motion)
-            closed = len(poses) > 2 and _meets(poses)
+            closed = len(poses) > 2 and meets(poses)
         return spline(motion, times=times, closed=closed)
     if times is None:
         raise ArgumentError("times", None, "give the start and the end of the motion in seconds")
@@ -122,8 +126,8 @@ def path_of(
 
     ends = curve(np.array([t[0], t[-1]]))
     if closed is None:
-        closed = _meets(ends) and _goes_on(curve, t)
-    elif closed and not _meets(ends):
+        closed = meets(ends) and _goes_on(curve, t)
+    elif closed and not meets(ends):
         raise ArgumentError("the end of a closed motion", ends.points[-1].tolist(), "let it end where it starts")
     knots = np.unique(np.concatenate([np.linspace(a, b, 9) for a, b in pairwise(t.tolist())]))
     segments = within(curve, knots, closed, positive("tolerance", tolerance), 1.0)
@@ -148,14 +152,6 @@ def rising(times: ArrayLike, count: int | None) -> Vector:
         i = int(np.argmax(~(steps > 0))) + 1
         raise ArgumentError(f"time {i}", float(t[i]), f"let it be after the one before, {t[i - 1]:g} s")
     return t
-
-
-def _meets(poses: Poses) -> bool:
-    """Whether the last pose is the first one."""
-    turned = 0.0
-    if poses.rotations is not None:
-        turned = float(np.linalg.norm(turn_between(poses.rotations[0], poses.rotations[-1])))
-    return len(poses) > 1 and max(float(np.linalg.norm(poses.points[-1] - poses.points[0])), turned) <= CLOSED
 
 
 def _goes_on(curve: Callable[[Vector], Poses], t: Vector) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import Any
@@ -17,7 +17,7 @@ from ..base.given_files import is_folder, shown
 from ..base.types import Matrix, Vector, positive
 from ..errors import ArgumentError, HolokinError, RecordingError
 from .curves import even_curve
-from .path import Path
+from .path import CLOSED, SAME, Path
 from .segments import Segment, arc_segment, line_segment
 
 LENGTHS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6, "q": 2.5e-4}
@@ -28,9 +28,6 @@ SMOOTH = np.deg2rad(1.0)
 
 EXACT = 1e-7
 """The same of lines and arcs that stay what they are."""
-
-SHORT = 1e-9
-"""Length [m] below which a piece of an outline is none."""
 
 LARGEST = 20_000_000
 """Bytes of a drawing: one of a million points."""
@@ -70,7 +67,8 @@ def read_svg(
 
     Path elements with all their commands, rectangles, circles, ellipses, lines, polylines and polygons, with their
     transforms; other things (text, images) are left out. Lines and circular arcs stay what they are; Bezier curves and
-    elliptical arcs, and what meets them without a corner, become splines. `Path.in_frame` puts them on a workpiece.
+    elliptical arcs, and what meets them without a corner, become splines. Pieces of 1e-7 m and less are left out, and
+    the path's `notes` say so. `Path.in_frame` puts them on a workpiece.
 
     Args:
         pixel: size of a pixel [m], for a drawing whose width is given in pixels or not at all: 1e-3 where the
@@ -91,25 +89,29 @@ def read_svg(
         raise RecordingError(file, "is no SVG drawing: its root is no <svg>", "save it as plain SVG")
     to_metres = _to_metres(file, drawing, pixel)
     out: list[Path] = []
-    for pieces in _outlines(file, drawing, to_metres, svgelements):
+    for drawn in _outlines(file, drawing, to_metres, svgelements):
+        pieces = [piece for piece in drawn if piece is not None]
         if len(pieces) > MOST_PIECES:
             fact = f"has an outline of {len(pieces)} pieces"
             raise RecordingError(file, fact, f"simplify it to {MOST_PIECES} at most")
         if pieces:
-            out.append(_path(file, pieces, tolerance, speed))
+            short = len(drawn) - len(pieces)
+            notes = (f"{short} of {len(drawn)} pieces left out, which are at most {SAME:g} m long",) * (short > 0)
+            out.append(replace(_path(file, pieces, tolerance, speed), notes=notes))
     if not out:
         raise RecordingError(file, "has no outlines", "convert text and images to paths in your drawing program")
     return out
 
 
-def _outlines(file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any) -> Iterator[list[_Piece]]:
-    """The pieces of each outline. Raises: RecordingError: an element whose numbers the library cannot draw."""
+def _outlines(file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any) -> Iterator[list[_Piece | None]]:
+    """The pieces of each outline, None where one is too short. Raises: RecordingError: an element whose numbers the
+    library cannot draw."""
     for element in drawing.elements():
         if not isinstance(element, svgelements.Shape) or _inside_definition(element):
             continue
         try:
             found = [
-                [p for s in outline if not isinstance(s, svgelements.Move) for p in _piece(s, to_metres, svgelements)]
+                _pieces([s for s in outline if not isinstance(s, svgelements.Move)], to_metres, svgelements)
                 for outline in svgelements.Path(element).as_subpaths()
             ]
         except Exception as problem:  # noqa: BLE001  of a shape without a start, or of numbers beyond all bounds
@@ -165,28 +167,33 @@ def _inside_definition(element: Any) -> bool:
     return str(element.values.get("visibility", "")) == "hidden" or element.values.get("display") == "none"
 
 
-def _piece(drawn: Any, to_metres: Matrix, svgelements: Any) -> list[_Piece]:
+def _pieces(drawn: list[Any], to_metres: Matrix, svgelements: Any) -> list[_Piece | None]:
+    """The pieces, None where one is too short; an end of an outline where it began is no piece."""
+    found = [_piece(one, to_metres, svgelements) for one in drawn]
+    return found[:-1] if drawn and isinstance(drawn[-1], svgelements.Close) and found[-1] is None else found
+
+
+def _piece(drawn: Any, to_metres: Matrix, svgelements: Any) -> _Piece | None:
     """The piece, if it has a length."""
     piece = _Piece(drawn, to_metres, None)
     points = piece.points(np.linspace(0.0, 1.0, 9))
-    if not np.isfinite(points).all() or np.linalg.norm(np.diff(points, axis=0), axis=1).sum() <= SHORT:
-        return []
+    if not np.isfinite(points).all() or np.linalg.norm(np.diff(points, axis=0), axis=1).sum() <= SAME:
+        return None
     a, b, zero = points[0], points[-1], np.zeros(3)
     if isinstance(drawn, svgelements.Line | svgelements.Close):
-        return [_Piece(drawn, to_metres, line_segment(a, b, zero))]
+        return _Piece(drawn, to_metres, line_segment(a, b, zero))
     if isinstance(drawn, svgelements.Arc) and abs(drawn.rx - drawn.ry) <= 1e-9 * abs(drawn.rx):
         center = to_metres @ [drawn.center.x, drawn.center.y, 1.0]
         x = a - center
-        return [
-            _Piece(drawn, to_metres, arc_segment(center, x, np.array([-x[1], x[0], 0.0]), -float(drawn.sweep), zero))
-        ]
-    return [piece]
+        arc = arc_segment(center, x, np.array([-x[1], x[0], 0.0]), -float(drawn.sweep), zero)
+        return _Piece(drawn, to_metres, arc)
+    return piece
 
 
 def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float) -> Path:
     """An outline: its smooth stretches one after the other, begun at a corner where a closed one has corners."""
     ends = pieces[0].points(np.zeros(1))[0], pieces[-1].points(np.ones(1))[0]
-    closed = float(np.linalg.norm(ends[0] - ends[1])) <= SHORT
+    closed = float(np.linalg.norm(ends[0] - ends[1])) <= SAME
     angles = [_angle(a, b) for a, b in pairwise([*pieces, pieces[0]])]  # after each piece
     smooth = [angle < SMOOTH for angle in angles]
     smooth[-1] = smooth[-1] and closed
@@ -215,9 +222,23 @@ def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float) 
             )
             raise RecordingError(file, f"{fact} ({problem.what})", problem.cure) from None
     try:
-        return Path(tuple(segments), speed)
+        return _welded(Path(tuple(segments), speed), closed)
     except HolokinError as problem:
         raise RecordingError(file, f"has an outline that no tool can follow ({problem})", "simplify it") from None
+
+
+def _welded(path: Path, closed: bool) -> Path:
+    """The path without the gaps that short pieces leave: of two segments that do not meet one that is no arc gives way."""
+    index, segments = np.arange(len(path.segments)), list(path.segments)
+    starts, ends = (path.on(index, np.full(len(index), u)).position for u in (0.0, 1.0))
+    gaps = np.roll(starts, -1, axis=0) - ends
+    for i in np.flatnonzero(np.linalg.norm(gaps, axis=1) > CLOSED)[: None if closed else -1].tolist():
+        j, along = (i + 1) % len(segments), [gaps[i], np.zeros(3), np.zeros(3)]
+        if segments[i].angle == 0.0:
+            segments[i] = replace(segments[i], along=segments[i].along + along)
+        elif segments[j].angle == 0.0:
+            segments[j] = replace(segments[j], center=segments[j].center - gaps[i], along=segments[j].along + along)
+    return replace(path, segments=tuple(segments))
 
 
 def _points(pieces: list[_Piece]) -> Callable[[Vector], Matrix]:

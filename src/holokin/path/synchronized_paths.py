@@ -10,11 +10,9 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.types import ArrayLike, Indices, Matrix, Value, Vector, finite, one_or_each, positive
 from ..errors import ArgumentError, OpenPathError
-from .path import Path, Samples, as_point, corners_of
+from .path import SAME, Path, Samples, as_point, corners_of
 from .segments import Segment, line_segment
-
-ALIKE = 1e-12
-"""Share of the whole time within which two segments end together."""
+from .waypoints import Poses, distinct, meets
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +46,11 @@ class SynchronizedPaths(Value):
     def duration(self) -> float:
         """Time for one run [s]."""
         return self.paths[0].duration
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was changed in making them, each note once."""
+        return tuple(dict.fromkeys(note for path in self.paths for note in path.notes))
 
     def table(self, start_rotation: ArrayLike) -> Matrix:
         """The rows of `Path.table` of all segments of the first frame, then of the next one's.
@@ -165,7 +168,7 @@ def synchronized(*paths: Path | ArrayLike, duration: float | None = None) -> Syn
         raise ArgumentError("the paths to synchronize", len(moving), "give at least one path; the others may be points")
     seconds = max(path.duration for path in moving) if duration is None else positive("duration", duration)
     ends = np.sort(np.concatenate([path.starts / path.duration for path in moving]))
-    ends = np.append(ends[:-1][np.diff(ends) > ALIKE], 1.0)  # of ends that fall together the last one
+    ends = np.append(ends[:-1][np.diff(ends) > SAME / seconds], 1.0)  # of ends that fall together the last one
     ends[0] = 0.0
     return SynchronizedPaths(tuple(_timed(path, ends, seconds * np.diff(ends)) for path in paths))
 
@@ -173,21 +176,22 @@ def synchronized(*paths: Path | ArrayLike, duration: float | None = None) -> Syn
 def _timed(path: Path | ArrayLike, ends: Vector, seconds: Vector) -> Path:
     """A path cut at shares of its duration, or a point at rest, whose pieces take so many seconds."""
     if isinstance(path, Path):
-        pieces, rotation = _pieces(path, ends), path.rotation
+        pieces, rotation, notes = _pieces(path, ends, SAME / float(seconds.sum())), path.rotation, path.notes
     else:
         point = as_point(path)
-        pieces, rotation = [line_segment(point, point, np.zeros(3))] * len(seconds), None
+        pieces, rotation, notes = [line_segment(point, point, np.zeros(3))] * len(seconds), None, ()
     nominal = tuple(replace(s, nominal=float(t)) for s, t in zip(pieces, seconds, strict=True))
-    return Path(nominal, speed=1.0, rotation=rotation)
+    return Path(nominal, speed=1.0, rotation=rotation, notes=notes)
 
 
-def _pieces(path: Path, ends: Vector) -> list[Segment]:
+def _pieces(path: Path, ends: Vector, alike: float) -> list[Segment]:
     times = path.starts / path.duration
     middle = (ends[:-1] + ends[1:]) / 2
     found = []
     for i, a, b in zip(np.searchsorted(times, middle, side="right") - 1, ends, ends[1:], strict=False):
-        low, high = (np.clip((np.array([a, b]) - times[i]) / (times[i + 1] - times[i]), 0.0, 1.0)).tolist()
-        low, high = (0.0 if low < 1e-9 else low), (1.0 if high > 1 - 1e-9 else high)
+        share = times[i + 1] - times[i]
+        low, high = (np.clip((np.array([a, b]) - times[i]) / share, 0.0, 1.0)).tolist()
+        low, high = (0.0 if low * share <= alike else low), (1.0 if (1 - high) * share <= alike else high)
         segment = path.segments[i]
         found.append(segment if (low, high) == (0.0, 1.0) else segment.part(low, high))
     return found
@@ -205,16 +209,16 @@ def through(
         speed: instead of seconds, how fast the point moves, in the units of the coordinates, whose squares it adds.
 
     Raises:
-        ShapeError, NotFiniteError, ArgumentError: bad, too few or repeated points.
+        ShapeError, NotFiniteError, ArgumentError: bad or too few points.
     """
     given = finite("the points to go through", points, ("k", "d"))
-    corners = np.vstack([given, given[:1]]) if closed else given
-    if len(corners) < 2 or not given.shape[1]:
-        raise ArgumentError("the number of points to go through", len(corners), "give at least two")
+    if not given.shape[1]:
+        raise ArgumentError("the coordinates of the points to go through", 0, "give at least one")
+    corners = np.vstack([given, given[:1]]) if closed and not meets(Poses(given, None)) else given
+    each = one_or_each("seconds", seconds, len(corners) - 1)
+    poses, kept, notes = distinct(Poses(corners, None))
+    corners, each = poses.points, each[kept[1:] - 1]
     moves = np.diff(corners, axis=0)
-    if not np.abs(moves).max(axis=1).all():
-        raise ArgumentError("the points to go through", given.tolist(), "leave out repeated points")
-    each = one_or_each("seconds", seconds, len(moves))
     if speed is not None:
         each = np.linalg.norm(moves, axis=1) / positive("speed", speed)
     frames = -(-given.shape[1] // 3)
@@ -229,6 +233,7 @@ def through(
                     for a, b, t in zip(line, line[1:], times, strict=False)
                 ),
                 speed=1.0,
+                notes=notes,
             )
             for line in wide.reshape(len(corners), frames, 3).swapaxes(0, 1)
         )

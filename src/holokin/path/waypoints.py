@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import dist
 
 import numpy as np
 
 from ..base.poses import PoseLike, pose_cure, pose_from, pose_numbers
-from ..base.types import Array, Matrix, Value, Vector, check_rotation, finite, right_last_row
-from ..errors import ShapeError
-from .path import as_point
+from ..base.types import Array, Indices, Matrix, Value, Vector, check_rotation, finite, right_last_row
+from ..errors import ArgumentError, ShapeError
+from .path import SAME, as_point
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +48,45 @@ class Poses(Value):
     def at(self, index: object) -> Poses:
         """Some of them."""
         return Poses(self.points[index], None if self.rotations is None else self.rotations[index])  # type: ignore[index]
+
+
+def distinct(poses: Poses, more: Vector | None = None) -> tuple[Poses, Indices, tuple[str, ...]]:
+    """The poses that are not the one before, their indices, and a note on the others.
+
+    Of poses within `SAME` of each other the first one is kept. A last pose within it of the first one becomes that.
+
+    Args:
+        more: times (k,) [s] or angles turned [rad], by which a rest or a turn on the spot is told from a repeat.
+
+    Raises:
+        ArgumentError: not even two are left.
+    """
+    columns = [poses.points] if more is None else [poses.points, more[:, None]]
+    if poses.rotations is not None:
+        columns.append(poses.rotations.reshape(-1, 9) / np.sqrt(2))  # so that the distance of two is their angle
+    rows = np.hstack(columns).tolist()
+    kept: list[int] = []
+    for i, row in enumerate(rows):
+        if not kept or dist(row, rows[kept[-1]]) > SAME:
+            kept.append(i)
+    if len(kept) < 2:
+        raise ArgumentError("the number of points that differ", len(kept), f"give two at least, {SAME:g} m apart")
+    index = np.array(kept)
+    repeats = len(rows) - len(kept)
+    notes = (f"{repeats} of {len(rows)} points left out, which repeat the one before to {SAME:g} m",) * (repeats > 0)
+    return returned(poses.at(index)), index, notes
+
+
+def meets(poses: Poses) -> bool:
+    """Whether the last pose is the first one."""
+    first, last = poses.at(0), poses.at(-1)
+    turned = 0.0 if first.rotations is None else float(np.linalg.norm(last.rotations - first.rotations)) / np.sqrt(2)
+    return float(np.hypot(np.linalg.norm(last.points - first.points), turned)) <= SAME
+
+
+def returned(poses: Poses) -> Poses:
+    """The poses, where the last one is the first one, so to the last bit."""
+    return poses.at(np.append(np.arange(len(poses) - 1), 0)) if meets(poses) else poses
 
 
 def as_poses(points: PoseLike | Waypoints) -> Poses:

@@ -97,7 +97,7 @@ def session_of_job(name: str, job: Job, file: FilePath) -> Session:
     _, start, tasks = build_tasks(job, file)
     redundant(tasks[0])
     with naming(file, "path"):
-        path, _ = build_paths(job.path, tasks[0], start, file)
+        path = build_paths(job.path, tasks[0], start, file)
     laws: list[Law] = []
     first: HolokinError | None = None
     for (label, table), task in product(job.strategies.items(), tasks):

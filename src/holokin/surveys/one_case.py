@@ -327,7 +327,7 @@ def _path(case: Case, task: Task, q0: Vector, folder: FilePath) -> Path:
 def _drawn_path(task: Task, start: tuple[float, ...], table: str, folder: FilePath) -> Path:
     """A path, kept for all laws of a loop: the length of a spline takes longer than a law to go round it."""
     path = PathTable.model_validate_json(table)
-    return build_paths(path, task, np.array(start), folder / "survey.toml")[0]  # type: ignore[return-value]
+    return build_paths(path, task, np.array(start), folder / "survey.toml")  # type: ignore[return-value]
 
 
 def _run(
