@@ -96,7 +96,7 @@ class ToolDeviation(Shown):
             getattr(self, what) <= getattr(tolerance, what) for what in ("position", "rotation", "speed", "joints")
         )
 
-    def sentences(self, unit: str, factor: float) -> list[str]:
+    def sentences(self, unit: str = "rad or m", factor: float = 1.0) -> list[str]:
         """What is kept, of the tool in mm and degrees, of the joints in `unit`, by its factor."""
         place = f"between them the tool is within {1e3 * self.position:.2g} mm"
         said = [
