@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,11 +31,11 @@ LAWS = panda_laws()
 TOOL = PANDA.pose(PANDA_START)
 
 
-def panda(**more: object) -> Session:
-    """A session of three laws on a circle of 0.1 m that begins at the tool."""
+def panda(laws: Sequence[Law] = LAWS, **more: object) -> Session:
+    """A session of laws on a circle of 0.1 m that begins at the tool."""
     loop = circle_loop(TOOL[:3, 3] - [0.1, 0, 0], 0.1, near=TOOL[:3, 3], samples=100)
     origin = Origin(ROBOT, {"kind": "pose", "orientation": "twist"}, Path.cwd())
-    return Session(LAWS, PANDA_START, loop, origin=origin, **more)  # type: ignore[arg-type]
+    return Session(laws, PANDA_START, loop, origin=origin, **more)  # type: ignore[arg-type]
 
 
 def run(session: Session, dt: float = FRAME, most: int = 5000) -> Snapshot:

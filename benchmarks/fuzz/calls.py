@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
-from holokin import constraints, control_laws, designing, motion, motion_analysis, robot_logs, strategies
+from holokin import constraints, control_laws, motion, motion_analysis, robot_logs, strategies
 
 from .nouns import MineError, kit
 from .path_calls import path_calls
@@ -230,7 +230,6 @@ def calls() -> dict[str, Call]:
         "cusps": (hk.cusps, (held, q), {"starts": 8, "limits": False}),
         "filtration": (motion_analysis.filtration, (held, q), {"most": 2}),
         "predicted_drift": (motion_analysis.predicted_drift, (law, loop, q), {}),
-        "drift_free": (motion_analysis.drift_free, (law, q), {"plane": (0, 1), "step": 0.3, "limits": False}),
         "deviation": (motion_analysis.deviation, (law, held, Q), {"columns": 2}),
         "distance_to_repeatable": (motion_analysis.distance_to_repeatable, (law, k["ball"]), {
             "ours": held, "samples": 2, "seed": 0}),
@@ -269,7 +268,6 @@ def calls() -> dict[str, Call]:
             "base": k["g"], "degree": 1, "samples": 32, "seed": 0, "length": 0.5}),
         "advise": (hk.advise, (robot, k["space"]), {
             "tip": None, "base": None, "task": "position", "q0": q, "say": lambda _: None, **shapes}),
-        "section_metrics": (designing.section_metrics, (held, k["space"], q), shapes),
         "coverage_slices": (hk.workspace_coverage.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
         "posture_reach": (hk.workspace_coverage.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),
         "Workspace.poses": (k["space"].poses, (5,), {"seed": 0}),

@@ -189,9 +189,8 @@ def things() -> dict[str, Any]:
         "filtration": lambda: motion_analysis.filtration(held, q),
         "deviation": lambda: motion_analysis.deviation(law, held, k["Q"]),
         "predicted": lambda: motion_analysis.predicted_drift(law, k["loop"], q),
-        "drift free": lambda: motion_analysis.drift_free(law, q), "objective": lambda: hk.Objective(squared_speed=1.0),
+        "objective": lambda: hk.Objective(squared_speed=1.0),
         "waypoints": lambda: hk.Waypoints(np.eye(3), None, None, "s", ()),
-        "metrics": lambda: hk.designing.section_metrics(held, space, q),
         "slices": lambda: hk.workspace_coverage.coverage_slices(held, space, q, steps=3)[0],
         "hand": lambda: hk.motion.hand_follower(k["ik"], dt=0.01, max_acceleration=1.0),
         "spread": lambda: hk.path_spread(held, k["line"], k["line"], q), "excess": lambda: k["timed"].limits,
@@ -233,9 +232,9 @@ def callables() -> Iterator[tuple[str, Callable[..., Any]]]:
 
 
 HEAVY = {
-    "studio", "audit", "advise", "design", "closest_holonomic", "coverage", "survey", "designing.section_metrics",
+    "studio", "audit", "advise", "design", "closest_holonomic", "coverage", "survey",
     "motion_analysis.distance_to_repeatable", "motion_analysis.winding", "motion.winding", "catalogue", "certify",
-    "workspace_coverage.coverage_slices", "workspace_coverage.choose_tip", "workspace_coverage.posture_reach",
+    "workspace_coverage.coverage_slices", "workspace_coverage.posture_reach",
 }  # fmt: skip
 """Calls that take long, or open pages, where a bad argument is none; `calls` has them."""
 

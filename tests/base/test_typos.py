@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin import designing, export, motion
+from holokin import export, motion
 from holokin import robot as robots
 
 ROBOT = hk.load("planar-3r")
@@ -48,7 +48,6 @@ TYPOS: dict[str, Callable[[], object]] = {
     "method of two paths": lambda: hk.path_spread(LAW, LINE, LINE, Q0, method="leafs"),  # pyright: ignore[reportArgumentType]
     "method of curvature": lambda: hk.curvature(LAW, Q0, method="hesian"),  # pyright: ignore[reportArgumentType]
     "objective": lambda: hk.design(TASK, SPACE, Q0, objective="worst_sped"),  # pyright: ignore[reportArgumentType]
-    "objective of metrics": lambda: designing.section_metrics(LAW, SPACE, Q0, objective="travle"),  # pyright: ignore
     "profile": lambda: hk.retime(walk(), ROBOT, profile="trapezoid"),  # pyright: ignore[reportArgumentType]
     "by of excess": lambda: timed().excess("differences"),  # pyright: ignore[reportArgumentType]
     "by of approach": lambda: hk.approach(LAW, LINE, Q0, by="hand"),  # pyright: ignore[reportArgumentType]
@@ -60,7 +59,7 @@ TYPOS: dict[str, Callable[[], object]] = {
 @pytest.mark.parametrize("name", TYPOS)
 def test_a_word_that_is_misspelt_is_refused_when_it_is_run(name: str) -> None:
     """In words, which name what was given."""
-    with pytest.raises(hk.HolokinError, match=r"twits|zxz|modifed|hinge|usual|leave|leafs|hesian|sped|travle|"
+    with pytest.raises(hk.HolokinError, match=r"twits|zxz|modifed|hinge|usual|leave|leafs|hesian|sped|"
                        "trapezoid|differences|hand|yml|torques"):  # fmt: skip
         TYPOS[name]()
 

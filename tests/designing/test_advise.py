@@ -31,7 +31,7 @@ from holokin.errors import (
 from holokin.job import open_job, run_job
 from holokin.path.workspaces import pose_cloud
 from holokin.reports.advice_report import bars_height, coverage_bars
-from holokin.workspace_coverage import choose_tip, fitting_task, locked_joints, regular_starts
+from holokin.workspace_coverage import fitting_task, locked_joints, regular_starts
 from holokin.workspace_coverage.candidates import Candidate, candidates
 from holokin.workspace_coverage.coordinates import chart_of, coordinates_of
 from holokin.workspace_coverage.line_ends import along_leaf, along_radial
@@ -243,7 +243,7 @@ def test_radial_lines_end_where_the_inverse_of_radial_ends(name: str) -> None:
 )  # fmt: skip
 def test_the_tip_is_the_palm_of_the_longest_arm(file: str, tip: str, joints: int) -> None:
     """Fingers, legs and heads are no arms; of two hands it is the first one in the file."""
-    found = choose_tip(urdf(file))
+    found = chain_to_tool(urdf(file)).tip
     robot = hk.from_urdf(urdf(file), tip=found)
     assert robot.n == joints
     if file != "talos_full_v2.urdf":

@@ -95,7 +95,7 @@ def test_a_file_of_poses_counts_from_the_job_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ('kind = "box"\ncenter = [1, 1]\n', ("workspace", "needs half")),
+        ('kind = "box"\ncenter = [1, 1]\n', ("workspace", "or center and half")),
         ('kind = "cylinder"\ncenter = [1, 1]\n', ("needs radius and half_height",)),
         ('kind = "sphere"\ncenter = [1, 1]\nradius = 1\nhalf = [1, 1]\n', ("does not use half",)),
         ('kind = "sphere"\ncenter = [1, 1]\nradius = 0\n', ("workspace.radius", "above 0")),

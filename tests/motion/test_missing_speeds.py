@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.designing import Objective, section_metrics
 from holokin.errors import ArgumentError, JobError
 from holokin.job import open_job, run_job
 from holokin.motion import hand_follower
@@ -73,8 +72,8 @@ DOORS = {
     "the path's speed": lambda task: hk.retime(walk_of(task), task.robot, profile="quintic", speed=1.0),
     "a hand": lambda task: hand_follower(hk.inverse(hk.holonomic(task, hk.lock(2)), Q0), dt=0.01, max_acceleration=5.0),
     "a self-motion": lambda task: self_motion_between(task, Q0, mirrored(task)),
-    "the least worst speed": lambda task: section_metrics(
-        hk.holonomic(task, hk.lock(2)), BOX, Q0, objective=Objective(worst_speed=1.0), samples=8
+    "the least worst speed": lambda task: hk.design(
+        task, BOX, Q0, degree=1, objective=hk.Objective(worst_speed=1.0), samples=8
     ),
 }
 BOX = hk.workspace(box=([1.7, 1.3, 0.0], [0.1, 0.1, 0.0]))
@@ -101,7 +100,7 @@ def test_what_judges_a_speed_says_whose_it_cannot_tell(missing: np.ndarray) -> N
     assert "cannot tell" in hk.check(timed, task.robot).table()
     assert "cannot tell" not in hk.check(walk, task.robot, limits=False).table()
     assert "cannot tell" not in hk.check(walk_of(task_of(GOOD)), task_of(GOOD).robot).table()
-    found = section_metrics(hk.holonomic(task, hk.lock(2)), BOX, Q0, samples=8)
+    found = hk.design(task, BOX, Q0, degree=1, samples=8).checked
     assert np.isnan(found.worst_speed)
     assert "speed limit" not in str(found)
     rates = hk.proof.JointRates(np.ones(3), np.zeros(3), task.robot.max_velocity)

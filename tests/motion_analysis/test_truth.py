@@ -28,7 +28,7 @@ NO_QUESTION = {
     # numbers, files and sequences: what is found is in them, and an empty sequence is False as a list is
     "DegreeTried", "NearbyCusps", "CuspWitness", "ProcessLines", "ToolTolerance", "ToolDeviation",
     "Division", "NoSeam", "Seam", "SheetPiece", "UnservedPart",
-    "Clearance", "Deviation", "DriftFree", "DriftPrediction", "Exported", "GeneralForm", "Jump", "JointLoad",
+    "Clearance", "Deviation", "DriftPrediction", "Exported", "GeneralForm", "Jump", "JointLoad",
     "BadFrames", "EqualPoses", "JointRates",
     "MoveItPackage", "Ros2ControlPackage", "LeafFunction", "JointTensors", "Accuracy", "MeasuredCurvature",
     "LeftOut", "ClosestHolonomic", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",

@@ -8,6 +8,7 @@ import pytest
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START, campaign, sampled
+from drift_free import drift_free
 from holokin.errors import ArgumentError, NotHolonomicError, RoundOffError, SingularityError
 from holokin.motion_analysis import Evidence
 from holokin.motion_analysis.curvature_of_planes import curvature_function
@@ -154,9 +155,9 @@ def test_filtration_never_calls_a_nonholonomic_law_holonomic(
 
 def test_filtration_is_not_deceived_by_a_posture_where_small_loops_do_not_drift(planar_3r: hk.Robot) -> None:
     pseudo_inverse = hk.moore_penrose(hk.position(planar_3r))
-    for free in hk.motion_analysis.drift_free(pseudo_inverse, R3_START):
+    for q, _ in drift_free(pseudo_inverse, R3_START):
         assert (
-            hk.motion_analysis.filtration(pseudo_inverse, free.q).integrability
+            hk.motion_analysis.filtration(pseudo_inverse, q).integrability
             is hk.motion_analysis.Integrability.COMPLETELY
         )
 

@@ -12,7 +12,6 @@ import pytest
 
 import holokin as hk
 from conftest import Command, assert_refused
-from holokin.designing.law_metrics import section_metrics
 from holokin.errors import HolokinError, RobotFileError
 from holokin.motion_checking import clear_postures
 from holokin.robot import Box, Capsule
@@ -138,7 +137,7 @@ def test_what_is_left_out_or_not_asked_about_may_be_unread(cell: Path) -> None:
     )
 
 
-DOORS = ("certify", "certify a path", "unique_region", "section_metrics", "design", "advise", "sheets")
+DOORS = ("certify", "certify a path", "unique_region", "design", "advise", "sheets")
 
 
 def doors(robot: hk.Robot) -> dict[str, Callable[..., Any]]:
@@ -153,7 +152,6 @@ def doors(robot: hk.Robot) -> dict[str, Callable[..., Any]]:
         "certify": lambda **a: hk.certify(strategy, space, q0, **a),
         "certify a path": lambda **a: hk.certify(strategy, hk.line(at, at + [0, 0, 1e-3]), q0, **a),
         "unique_region": lambda **a: hk.unique_region(strategy, q0, space, budget=200, **a),
-        "section_metrics": lambda **a: section_metrics(strategy, space, q0, **few, **a),
         "design": lambda **a: hk.design(task, space, q0, degree=1, **few, **a),
         "advise": lambda **a: hk.advise(robot, space, task=task, q0=q0, **a),
         "sheets": lambda **a: hk.sheets(task, space, **a),

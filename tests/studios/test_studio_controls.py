@@ -103,7 +103,7 @@ def test_a_slider_in_degrees_moves_the_arm_as_far_as_one_in_radians() -> None:
         page.set_units(units)
         choose_law(panel, "lock", studio.session)
         assert panel.self_motion.label == f"Self-motion [{units.angle}]"
-        panel.self_motion.value = units.per_radian * 0.2
+        panel.self_motion.value = units.factor("rad") * 0.2
         panel._slide()
         wanted = panda().move_self("lock", 0.2).law("lock").q
         assert np.abs(wanted - PANDA_START).max() > 0.05

@@ -84,13 +84,13 @@ def test_work_in_the_background_does_not_fail_in_silence(monkeypatch: pytest.Mon
     assert "nobody expects this" in until(lambda: (c := session.snapshot().cloud) and c.sentence)
     until(lambda: all(state.judgement for state in session.snapshot().laws))  # and the thread goes on
     monkeypatch.setattr(working, "judged", broken)
-    session.set_home(session.robot.checked(session.home + 0.01))
+    session.add_law(replace(session.laws[0], name="late"))
     until(lambda: "background work ended" in session.snapshot().fault)
     session.close()
 
 
 @pytest.mark.campaign
-def test_a_cancelled_cloud_holds_nobody_up_and_another_home_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cancelled_cloud_holds_nobody_up_and_grows_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
     from holokin.studios import clouds
 
     found = clouds.coverage
@@ -106,9 +106,9 @@ def test_a_cancelled_cloud_holds_nobody_up_and_another_home_has_none(monkeypatch
     began = time.thread_time(), time.perf_counter()
     assert session.cancel_cloud().cloud.status is CloudStatus.CANCELLED  # type: ignore[union-attr]
     assert time.perf_counter() - began[1] < 0.5
-    assert session.set_home(session.home).cloud is None
+    seen = session.snapshot().cloud
     time.sleep(1.2)  # the piece that was looked at is known by now, and wanted by nobody
-    assert session.snapshot().cloud is None
+    assert session.snapshot().cloud is seen
     session.close()
 
 
@@ -121,7 +121,7 @@ def studio() -> Iterator[Any]:
 
 
 @pytest.mark.campaign
-def test_a_law_that_comes_later_gets_a_robot_and_a_line_and_one_that_goes_takes_them_along(studio: Any) -> None:
+def test_a_law_that_comes_later_gets_a_robot_and_a_line(studio: Any) -> None:
     session, page = studio.session, studio.page
     session.add_law(replace(session.laws[0], name="late"))
     until(lambda: page.scene.names[-1] == "late" and "late" in page.panels.table.content)
@@ -130,8 +130,6 @@ def test_a_law_that_comes_later_gets_a_robot_and_a_line_and_one_that_goes_takes_
     until(lambda: session.snapshot().phase is Phase.DONE)
     until(lambda: page.drawn == session.snapshot().number)
     assert page.said == ""
-    session.remove_law("late")
-    until(lambda: len(page.scene.names) == 3 and "late" not in page.panels.table.content)
 
 
 @pytest.mark.campaign

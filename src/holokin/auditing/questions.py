@@ -17,9 +17,9 @@ from ..errors import ArgumentError, ControllerError, HolokinError
 from ..motion import simulate
 from ..motion.trajectory import Trajectory, whole_turns
 from ..motion_analysis.curvature_of_planes import pairs
-from ..motion_analysis.drift_free_sets import self_motion
 from ..path import Path
 from ..path.straight_path import rotation_vector
+from ..strategies import self_motion
 from ..tasks.task import Task
 from .equal_poses import Repeatability
 from .planes import area_unit, enclosed, plane_loop, plane_name, plane_path, sides

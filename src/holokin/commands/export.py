@@ -39,9 +39,11 @@ def export_c(
     Exits 0 when all is written (and, with --check, the self-test passes), 2 else.
     """
     from ..export import check as build_and_run
-    from ..job import export_job, open_one_job
+    from ..export import export_c as write_c
+    from ..job import exported_strategy, open_one_job
 
-    written = export_job(*open_one_job(job), out, strategy, orientation=orientation, dt=dt, prefix=name)
+    law, given = exported_strategy(*open_one_job(job), strategy, orientation=orientation, prefix=name)
+    written = write_c(law, out, dt=dt, **given)
     for file in written.files:
         show(f"wrote {out / file}")
     if check:
@@ -65,11 +67,11 @@ def export_moveit(
 
     Exits 0 when all is written, 2 else.
     """
-    from ..job import export_job_moveit, open_one_job
+    from ..export import export_moveit as write_package
+    from ..job import exported_strategy, open_one_job
 
-    written = export_job_moveit(
-        *open_one_job(job), out, strategy, orientation=orientation, prefix=name, package=package, group=group
-    )
+    law, given = exported_strategy(*open_one_job(job), strategy, orientation=orientation, prefix=name)
+    written = write_package(law, out, package=package, group=group, **given)
     for file in written.files:
         show(f"wrote {out / file}")
     show(f"in kinematics.yaml: kinematics_solver: {written.plugin}")
@@ -90,11 +92,11 @@ def export_ros2_control(
 
     Exits 0 when all is written, 2 else.
     """
-    from ..job import export_job_ros2_control, open_one_job
+    from ..export import export_ros2_control as write_package
+    from ..job import exported_strategy, open_one_job
 
-    written = export_job_ros2_control(
-        *open_one_job(job), out, strategy, orientation=orientation, prefix=name, package=package
-    )
+    law, given = exported_strategy(*open_one_job(job), strategy, orientation=orientation, prefix=name)
+    written = write_package(law, out, package=package, **given)
     for file in written.files:
         show(f"wrote {out / file}")
     show(f"in controller.yaml: type: {written.plugin}")

@@ -7,7 +7,7 @@ from .advice import Advice, Law, Part
 from .closest_strategy import ClosestHolonomic, closest_holonomic
 from .compare_laws import advise
 from .designed_law import Design, design
-from .law_metrics import SectionMetrics, section_metrics
+from .law_metrics import SectionMetrics
 from .nearby_cusps import DegreeTried, NearbyCusps
 from .objectives import Objective
 from .own_cost import OwnCost
@@ -29,5 +29,4 @@ __all__ = [
     "closest_holonomic",
     "design",
     "level_range",
-    "section_metrics",
 ]

@@ -1,26 +1,20 @@
-"""`section_metrics`: what a law with leaves does over a workspace, by the costs that designs are judged by."""
+"""`SectionMetrics`: what a law with leaves does over a workspace, by the costs that designs are judged by."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..base.arguments import typed
-from ..base.types import Array, ArrayLike, Matrix, Value, Vector, whole
+from ..base.types import Array, Matrix, Value, Vector
 from ..errors import OutOfReachError
 from ..inverse_kinematics import inverse
 from ..inverse_kinematics.solutions import InverseStatus
 from ..motion_checking.check_report import counted
 from ..motion_checking.keeping_clear import Clearances
-from ..path.workspaces import Workspace
-from ..proof.kept_apart import CLEARANCE, clearances_of
-from ..robot import LinkShape, Robot
 from ..strategies import HolonomicStrategy
-from ..workspace_coverage.coordinates import Coordinates, chart_of, coordinates_of
-from .objectives import Cost, Costs, Objective, as_objective, costs_of
-from .own_cost import OwnCost
+from ..workspace_coverage.coordinates import Coordinates
+from .objectives import Costs
 from .section import TiltedLeaves
 
 
@@ -64,41 +58,6 @@ class SectionMetrics(Value):
             f"  from one pose to another the joints differ by {np.sqrt(self.travel):.3g} rad (rms); rcond is at least "
             f"{self.rcond:.2g}{own}"
         )
-
-
-@typed
-def section_metrics(
-    strategy: HolonomicStrategy,
-    workspace: Workspace,
-    q0: ArrayLike,
-    *,
-    objective: Objective | OwnCost | Cost = "squared_speed",
-    clear_of: Sequence[LinkShape] | None = None,
-    floor: float | None = None,
-    clearance: float = CLEARANCE,
-    self_collision: bool = True,
-    ignore: Sequence[tuple[str, str]] = (),
-    shapes_of: Robot | None = None,
-    samples: int = 256,
-    seed: int = 0,
-) -> SectionMetrics:
-    """What a law does over a workspace on the leaf through `q0` (n,), a posture at any of its poses.
-
-    Args:
-        objective: whose weights of joints and turns count, and whose own costs are measured.
-        clear_of, floor, clearance, self_collision, ignore, shapes_of: whose distances are measured, as of `certify`.
-
-    Raises:
-        OutOfReachError: none of the poses is reached. ArgumentError: they all are one.
-    """
-    poses = workspace.poses(whole("samples", samples), seed)
-    q0 = strategy.task.robot.checked(q0, "the start posture")
-    Q, _ = reached(strategy, q0, poses)
-    coordinates = coordinates_of(chart_of(strategy.task, workspace.center[:3, :3]), Q)
-    asked = clear_of, floor, clearance, self_collision, ignore, shapes_of
-    apart = clearances_of(strategy.task.robot, *asked)
-    costs = costs_of(strategy.task.robot, as_objective(objective), coordinates.turns, coordinates.spread)
-    return measured(strategy, coordinates, costs, Q, len(poses), apart)
 
 
 def reached(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matrix, Array]:

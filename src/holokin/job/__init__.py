@@ -5,7 +5,7 @@ Uses all that a job may name. Read first: `schema.py`, `job_parts.py`, `runner.p
 
 from .advice_words import axis_of
 from .certify_strategies import certify_job
-from .export_strategy import export_job, export_job_moveit, export_job_ros2_control, job_strategy
+from .export_strategy import exported_strategy, job_strategy
 from .job_file import read_job
 from .job_templates import new_job, new_job_for, packaged_text
 from .program_sheets import program_of_sheets
@@ -21,9 +21,7 @@ __all__ = [
     "axis_of",
     "certify_job",
     "expand",
-    "export_job",
-    "export_job_moveit",
-    "export_job_ros2_control",
+    "exported_strategy",
     "is_job",
     "job_strategy",
     "keys_of",

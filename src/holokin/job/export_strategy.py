@@ -8,13 +8,7 @@ from typing import Any
 from ..base.types import Vector
 from ..errors import ArgumentError, UnknownNameError
 from ..export import (
-    Exported,
-    MoveItPackage,
-    Ros2ControlPackage,
     c_name,
-    export_c,
-    export_moveit,
-    export_ros2_control,
 )
 from ..strategies import Strategy
 from .job_parts import build_begin, build_strategy, build_tasks, naming
@@ -51,49 +45,15 @@ def job_strategy(
         return label, strategy, build_begin(table, strategy, start)[0]
 
 
-def export_job(
-    name: str, job: Job, file: FilePath, folder: FilePath, label: str | None = None, *,
-    orientation: str | None = None, dt: float = 0.001, prefix: str | None = None,
-) -> Exported:  # fmt: skip
-    """Write a strategy of a job as C, see `export_c`; by default it goes by the names of robot and strategy.
+def exported_strategy(
+    name: str, job: Job, file: FilePath, label: str | None = None, *, orientation: str | None = None,
+    prefix: str | None = None,
+) -> tuple[Strategy, dict[str, Any]]:  # fmt: skip
+    """A strategy of a job, and what all exports are told of it: its start, its C name, where it comes from.
 
     Raises:
-        as `job_strategy` and `export_c`.
+        as `job_strategy`.
     """
-    strategy, given = _given(name, job, file, label, orientation, prefix)
-    return export_c(strategy, folder, dt=dt, **given)
-
-
-def export_job_moveit(
-    name: str, job: Job, file: FilePath, folder: FilePath, label: str | None = None, *,
-    orientation: str | None = None, prefix: str | None = None, package: str | None = None, group: str = "arm",
-) -> MoveItPackage:  # fmt: skip
-    """Write a strategy of a job as a kinematics plugin of MoveIt 2, see `export_moveit`.
-
-    Raises:
-        as `job_strategy` and `export_moveit`.
-    """
-    strategy, given = _given(name, job, file, label, orientation, prefix)
-    return export_moveit(strategy, folder, package=package, group=group, **given)
-
-
-def export_job_ros2_control(
-    name: str, job: Job, file: FilePath, folder: FilePath, label: str | None = None, *,
-    orientation: str | None = None, prefix: str | None = None, package: str | None = None,
-) -> Ros2ControlPackage:  # fmt: skip
-    """Write a strategy of a job as a controller of ros2_control, see `export_ros2_control`.
-
-    Raises:
-        as `job_strategy` and `export_ros2_control`.
-    """
-    strategy, given = _given(name, job, file, label, orientation, prefix)
-    return export_ros2_control(strategy, folder, package=package, **given)
-
-
-def _given(
-    name: str, job: Job, file: FilePath, label: str | None, orientation: str | None, prefix: str | None
-) -> tuple[Strategy, dict[str, Any]]:
-    """A strategy of a job, and what all exports are told: its start, its C name, where it comes from."""
     label, strategy, start = job_strategy(job, file, label, orientation)
     short = c_name(f"{strategy.task.robot.name}_{label}") if prefix is None else prefix
     return strategy, {"q0": start, "name": short, "origin": f"the job {name}, strategy {label}"}

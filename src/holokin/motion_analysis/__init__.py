@@ -6,7 +6,6 @@ Uses `motion`. Read first: `curvature_of_planes.py`, `frobenius.py`, `verdict.py
 from .curvature_of_planes import MOST_JOINTS, curvature
 from .cusp_witness import CuspWitness, witness_between
 from .cuspidal_leaf import Cusps, cusps
-from .drift_free_sets import DriftFree, drift_free
 from .drift_prediction import DriftPrediction, predicted_drift
 from .ends_elsewhere import why_elsewhere
 from .frobenius import involutivity, involutivity_of
@@ -27,7 +26,6 @@ __all__ = [
     "Cusps",
     "Deviation",
     "Directions",
-    "DriftFree",
     "DriftPrediction",
     "Evidence",
     "Filtration",
@@ -48,7 +46,6 @@ __all__ = [
     "cusps",
     "deviation",
     "distance_to_repeatable",
-    "drift_free",
     "filtration",
     "general_form",
     "involutivity",

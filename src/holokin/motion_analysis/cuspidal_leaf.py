@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.poses import PoseLike, tool_poses
 from ..base.progress import progress
 from ..base.types import (
     Array,
@@ -121,14 +120,6 @@ class Cusps(NoTruthValue, Value, ask="`.cuspidal`"):
     def tool_away(self) -> Vector:
         """How far the tool is at each cusp from where it is at q0 [m], (k,)."""
         return np.linalg.norm(self.poses[:, :3, 3] - self.strategy.task.pose(self.q0)[:3, 3], axis=1)
-
-    @typed
-    def tool_away_from(self, poses: PoseLike) -> Vector:
-        """How far the tool is at each cusp from the nearest of poses (k, 4, 4) [m], (len(self),).
-
-        Where the task has an orientation a turn of one radian counts as 0.1 m. Raises: ShapeError, ArgumentError.
-        """
-        return tool_away(self.strategy.task, self.poses, tool_poses("asked about", poses))
 
     @property
     def sentence(self) -> str:

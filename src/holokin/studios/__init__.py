@@ -8,7 +8,7 @@ from .open_studio import studio
 from .playback import Motion, Recording, record, record_session
 from .server import DEFAULT, Studio
 from .session import Session
-from .session_job import to_job, write_job
+from .session_job import to_job
 from .session_laws import Law, default_laws
 from .session_loops import Loop, circle_loop, eight_loop, polygon_loop, reversed_loop
 from .session_page import PagePlan, page_plan
@@ -55,5 +55,4 @@ __all__ = [
     "studio",
     "to_job",
     "web_page",
-    "write_job",
 ]

@@ -10,6 +10,7 @@ from ..base.types import Vector
 from ..reports.palette import INK, PALE
 from ..reports.plots import thin
 from .panel_texts import block, marks, plain, put, quiet, short_names, table
+from .shown_units import joint_factors, joint_unit, largest
 from .stage import Stage
 from .states import Snapshot
 
@@ -64,7 +65,7 @@ class Charts:
         self._drawn = news
         cycles = max((len(law.drift) for law in laws), default=0)
         units, robot = self.page.units, self.page.session.robot
-        drifts = [units.largest(robot, law.drift_joints) for law in laws]
+        drifts = [largest(units, robot, law.drift_joints) for law in laws]
         if cycles:
             rows = thin(cycles + 1, KEPT)
             lines = [np.concatenate([[0.0], drift, np.full(cycles - len(drift), np.nan)]) for drift in drifts]
@@ -72,7 +73,7 @@ class Charts:
         else:
             self.drift.data = (_EMPTY, *[np.zeros(2) for _ in laws])
         joint = robot.joint_names.index(self.pick.value)
-        scale = units.scales(robot)[joint]
+        scale = joint_factors(units, robot)[joint]
         longest = max((law.t for law in laws), key=len, default=np.zeros(0))
         if len(longest) > 1:
             t = longest[thin(len(longest), KEPT)]
@@ -89,15 +90,15 @@ class Charts:
         self.pick.label = self._picked()
 
     def _title(self) -> str:
-        unit = self.page.units.joints(self.page.session.robot)
+        unit = joint_unit(self.page.units, self.page.session.robot)
         return f"**Drift**: how far the worst joint is from where it began, after each cycle [{unit}]"
 
     def _picked(self) -> str:
         """The label of the joint that is plotted, with its unit."""
-        return f"Joint [{self.page.units.joints(self.page.session.robot)}]"
+        return f"Joint [{joint_unit(self.page.units, self.page.session.robot)}]"
 
     def _scales(self, soft: bool) -> dict[str, Any]:
-        least = SOFT * self.page.units.scales(self.page.session.robot).max()
+        least = SOFT * joint_factors(self.page.units, self.page.session.robot).max()
         grows = {"min": {"pad": 0.05, "soft": 0.0, "mode": 1}, "max": {"pad": 0.05, "soft": least, "mode": 1}}
         return {"x": {"time": False}, **({"y": {"range": grows}} if soft else {})}
 
@@ -126,7 +127,7 @@ class Charts:
             bounded = bool(np.isfinite([c.lower, c.upper]).all())
             low, high = (c.lower, c.upper) if bounded else (-np.pi, np.pi)
             values = [_share(law.q[index], low, high) for law in snap.laws[:MOST]]
-            scale, unit = self.page.units.of(c.unit)
+            scale, unit = self.page.units.factor(c.unit), self.page.units.name(c.unit)
             number = plain(f"{scale * snap.laws[self.page.lead].q[index]:.{3 if scale == 1 else 1}f}", right=True)
             rows.append((plain(self._names[index]), marks(values, self.page.colors, bounded), number))
             hints.append(
@@ -134,7 +135,7 @@ class Charts:
             )
         return block(
             table(rows, hints),
-            quiet(f"Number: of the solid robot [{self.page.units.joints(robot)}]. Dark ends: limits."),
+            quiet(f"Number: of the solid robot [{joint_unit(self.page.units, robot)}]. Dark ends: limits."),
         )
 
 

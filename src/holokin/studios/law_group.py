@@ -9,16 +9,15 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..base.poses import PoseLike
-from ..base.types import Array, ArrayLike, Vector, finite, frozen, positive, whole
+from ..base.types import Array, ArrayLike, Vector, frozen, positive, whole
 from ..errors import ArgumentError, HolokinError, UnknownNameError
-from ..inverse_kinematics import move_to_leaf
 from ..robot import Robot, start_posture
 from ..tasks.task import Task
 from .drag_follower import Move, poses_of
 from .loop_follower import leaf_start
-from .runs import Run, level_slider_of, move_across, new_run, put_on_leaf, slide, slider_of
+from .runs import Run, level_slider_of, move_across, new_run, slide, slider_of
 from .session_laws import Law
-from .sliders import Slider, leaves_of
+from .sliders import Slider
 from .states import LawStatus, Snapshot
 from .two_paths import WIDTH, TwoPaths, two_paths
 
@@ -78,15 +77,6 @@ class LawGroup(ABC):
             run = self._runs[law.name] = new_run(law, leaf_start(law, self.home), self.limits)
             if not np.array_equal(self._target, self._home_target()):
                 run.put(run.follow(run.q, self._target, self._native(run)))
-            return self._changed()
-
-    def remove_law(self, name: str) -> Snapshot:
-        """One law less. Raises: UnknownNameError; ArgumentError: it is the last one."""
-        with self._lock:
-            self._run(name)
-            if len(self._runs) == 1:
-                raise ArgumentError("the law to remove", name, "it is the last one: add another first")
-            del self._runs[name]
             return self._changed()
 
     def drag(self, pose: PoseLike) -> Snapshot:
@@ -167,25 +157,14 @@ class LawGroup(ABC):
             return level_slider_of(self._run(name), row, self.limits)
 
     def move_level(self, name: str, value: float, row: int = 0) -> Snapshot:
-        """One law goes to a value of its slider, in the slider's unit, through all between. As `set_level`."""
-        with self._lock:
-            move_across(self._run(name), row, value, self.limits)
-            self._halt()
-            return self._changed()
-
-    def set_level(self, name: str, level: ArrayLike) -> Snapshot:
-        """One holonomic law goes to another leaf g(q) = level (r,), the tool still, and keeps it. The loop stops.
+        """One law goes to a value of its slider, in the slider's unit, through all between, and keeps that leaf.
 
         Raises:
             UnknownNameError; ArgumentError: a law without leaves. SingularityError, BranchError, JointLimitError: the
-                self-motion does not lead there; nothing changes then. ShapeError, NotFiniteError.
+                self-motion does not lead there; nothing changes then.
         """
         with self._lock:
-            run = self._run(name)
-            q = move_to_leaf(leaves_of(run.law), run.q, np.atleast_1d(finite("level", level)), limits=False)
-            if self.limits:
-                self.robot.check_limits(q)
-            put_on_leaf(run, q, self.limits)
+            move_across(self._run(name), row, value, self.limits)
             self._halt()
             return self._changed()
 

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ..base.printed_units import SI, PrintedUnits
 from ..errors import HolokinError
 from ..reports.palette import CLOCKWISE, COUNTER_CLOCKWISE
 from .handles import FAR, LEAST, circle_of
 from .session_loops import circle_loop, eight_loop
-from .shown_units import SI, Units
+from .shown_units import joint_unit, largest
 from .stage import Stage
 from .two_paths import LawPaths
 
@@ -79,7 +80,7 @@ class LoopPanel:
 
         @self.here.on_click
         def _(_event: Any) -> None:
-            tool = self._tool() * self.page.units.per_metre
+            tool = self._tool() * self.page.units.factor("m")
             self.center.value = tuple(float(v) for v in tool - [self.radius.value, 0.0, 0.0])
 
         self.make.on_click(lambda _event: page.ask(self._make))
@@ -96,15 +97,15 @@ class LoopPanel:
 
         self.two_paths.on_click(lambda _event: page.alone("two paths", self._two_paths))
 
-    def rescale(self, before: Units) -> None:
+    def rescale(self, before: PrintedUnits) -> None:
         """Centre and radius in the units of the page, from those before."""
-        units, ratio = self.page.units, self.page.units.per_metre / before.per_metre
+        units, ratio = self.page.units, self.page.units.factor("m") / before.factor("m")
         if ratio == 1:
             return
         with self.page.server.atomic():
             for handle, name in ((self.center, "Centre"), (self.radius, "Radius")):
                 handle.label = f"{name} [{units.length}]"
-                handle.step, handle.precision = handle.step * ratio, 1 if units.per_metre > 1 else 4
+                handle.step, handle.precision = handle.step * ratio, 1 if units.length == "mm" else 4
                 value, low, high = (_times(ratio, one) for one in (handle.value, handle.min, handle.max))
                 handle.min, handle.max, handle.value = low, high, value
 
@@ -112,7 +113,7 @@ class LoopPanel:
         return self.page.session.snapshot().target[0][:3, 3]
 
     def _make(self) -> None:
-        metre, normal = self.page.units.per_metre, np.array(self.normal.value)
+        metre, normal = self.page.units.factor("m"), np.array(self.normal.value)
         center, size = np.array(self.center.value) / metre, float(self.radius.value) / metre
         if self.shape.value == "circle":
             loop = circle_loop(center, size, normal, near=self._tool())
@@ -141,7 +142,7 @@ class LoopPanel:
         else:
             same = "the same joints" if path.spread < SAME else "other joints"
             units, robot = page.units, page.session.robot
-            apart = f"{float(units.largest(robot, path.a[-1] - path.b[-1])):.3g} {units.joints(robot)}"
+            apart = f"{float(largest(units, robot, path.a[-1] - path.b[-1])):.3g} {joint_unit(units, robot)}"
             self.answer.content = f"Both paths end at one pose, with **{same}**: {apart} apart."
         with page.own_drawing():
             self._show(path, [law.name for law in page.session.laws].index(path.name))

@@ -187,7 +187,7 @@ class PosturePanel:
 
     def _unit(self, known: Slider) -> tuple[float, str]:
         """(factor, name) with which the numbers of a slider are shown."""
-        return self.page.units.of(known.unit)
+        return self.page.units.factor(known.unit), self.page.units.name(known.unit)
 
     def _range(self, name: str, law: LawState) -> Slider | None:
         if name == SELF:

@@ -15,6 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from ..base.printed_units import SI, PrintedUnits
 from ..errors import ArgumentError, UnknownNameError
 from ..job import packaged_jobs
 from ..robot import Robot
@@ -24,7 +25,6 @@ from .meshes import GHOST, SOLID, looks_of, trimesh_package
 from .new_session import open_session, session_of_robot
 from .page_scene import name_tab, silent_viser, viser_package
 from .session import Session
-from .shown_units import SI, Units
 from .studio_page import Page
 
 PORT = 8080
@@ -147,7 +147,7 @@ class Studio:
         self.page.handles.let_go()
         self.page.ask(lambda: self.page.cameras.forget(client))
 
-    def _shown(self, session: Session, units: Units = SI) -> Page:
+    def _shown(self, session: Session, units: PrintedUnits = SI) -> Page:
         self.server.scene.reset()
         self.server.gui.reset()
         page = Page(self.server, session, self._reopen, units)

@@ -11,17 +11,16 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.poses import PoseLike
-from ..base.types import ArrayLike, frozen, not_negative, positive, whole
+from ..base.types import ArrayLike, not_negative, positive, whole
 from ..errors import ArgumentError, OpenPathError
 from ..path.workspaces import Workspace
-from ..robot import start_posture
 from .background_work import Shared, Worker, cover, look_after, look_for_cusps
 from .clouds import default_workspace
 from .law_group import LawGroup
 from .loop_clock import Playing, begin, gather, go, target_of
 from .loop_follower import leaf_start
-from .runs import Run, new_run, state_of
-from .session_laws import Law, rebuilt
+from .runs import Run, state_of
+from .session_laws import Law
 from .session_loops import Loop, entered, reversed_loop
 from .sheet_follower import Search, SheetFollower
 from .sliders import leaves_of
@@ -79,28 +78,6 @@ class Session(LawGroup):
             self.add_law(law)
         if loop is not None:
             self.set_loop(loop)
-
-    def set_home(self, q: ArrayLike) -> Snapshot:
-        """Another posture (n,) at which all laws begin; all go there, on their leaves through it.
-
-        Laws made about the start, radial and fitted ones, are made anew.
-
-        Raises:
-            JointLimitError: it is beyond the limits. HolokinError: a law is not defined there; nothing changes then.
-            ArgumentError: a task whose angles count from the start.
-        """
-        home = frozen(start_posture(self.robot, q, self.limits))
-        if self.origin is not None and "rotation-vector" in str(self.origin.task.get("orientation", "")):
-            raise ArgumentError("the start posture", home.tolist(), "the task's angles count from it: write a new job")
-        with self._lock:
-            laws = [replace(rebuilt(law, self.laws, home), level=None) for law in self.laws]
-            self._runs = {law.name: new_run(law, home, self.limits) for law in laws}
-            self.home, self._message = home, ""
-            self._target = frozen(self._home_target())
-            self.cancel_cloud()
-            self._cloud = None
-            self.cancel_cusps()
-            return self.set_loop(self._loop)
 
     @property
     def loop(self) -> Loop | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import ArgumentError
 from ..job.path_tables import MOST_STEPS
-from ..job.toml_text import table, toml, write_new
+from ..job.toml_text import table, toml
 from ..strategies import HolonomicStrategy
 from .session import Session
 from .session_laws import Law
@@ -20,14 +20,13 @@ FILES = ("name", "file")
 """Keys of a job that may hold the name of a file."""
 
 
-def to_job(session: Session, title: str | None = None, *, folder: str | os.PathLike[str] | None = None) -> str:
+def to_job(session: Session, title: str | None = None) -> str:
     """The TOML text of a job: the robot, task, home, loop and laws of a session, on their leaves.
 
     `holokin run` of it follows the same steps from the same postures, so its drifts are those that the session shows.
     Laws that no job can say, such as control laws of your own, are left out and named in a comment.
 
-    Args:
-        folder: where the file shall lie: files of the robot and path are named from there; else by their full names.
+    Files of the robot and the path are named by their full names.
 
     Raises:
         ArgumentError: no loop is set; no law that a job can say; or the robot was made in Python, so that no file or
@@ -49,10 +48,10 @@ def to_job(session: Session, title: str | None = None, *, folder: str | os.PathL
         path["cycles"] = max(1, min(cycles, MOST_STEPS // loop.samples))
     lines = [f"title = {toml(title or session.title)}\n"]
     lines += [f"# {law.name} is a control law of your own: a job cannot say it." for law in laws if law.keys is None]
-    lines.append(_part("robot", _placed(session.origin.robot, session.origin.folder, folder)))
+    lines.append(_part("robot", _placed(session.origin.robot, session.origin.folder)))
     lines.append(_part("task", session.origin.task))
     lines.append(f"# {', '.join(session.robot.joint_names)}\n{_part('start', {'q': home.tolist()})}")
-    lines.append(_part("path", _placed(path, session.origin.folder, folder)))
+    lines.append(_part("path", _placed(path, session.origin.folder)))
     written: set[str] = set()
     for law in told:
         label = law.label or law.name
@@ -60,16 +59,6 @@ def to_job(session: Session, title: str | None = None, *, folder: str | os.PathL
             lines.append(_part(f"strategies.{toml(label)}", _keys(law)))
         written.add(label)
     return "\n".join(lines)
-
-
-def write_job(session: Session, file: str | os.PathLike[str], title: str | None = None) -> None:
-    """`to_job` in a new file.
-
-    Raises:
-        JobError: it exists, or does not end in .toml. WriteError: the system refuses it. As `to_job`.
-    """
-    path = FilePath(file)
-    write_new(path, to_job(session, title, folder=path.absolute().parent))
 
 
 def _keys(law: Law) -> dict[str, Any]:
@@ -84,17 +73,13 @@ def _part(name: str, keys: Mapping[str, Any]) -> str:
     return table(name, {key: value for key, value in keys.items() if value is not None})
 
 
-def _placed(keys: Mapping[str, Any], source: FilePath, folder: str | os.PathLike[str] | None) -> dict[str, Any]:
-    """The keys with the names of files as a job in a folder writes them."""
+def _placed(keys: Mapping[str, Any], source: FilePath) -> dict[str, Any]:
+    """The keys with the full names of files."""
     found: dict[str, Any] = {}
     for key, value in keys.items():
         if isinstance(value, list) and value and all(isinstance(one, Mapping) for one in value):
-            value = [_placed(one, source, folder) for one in value]
+            value = [_placed(one, source) for one in value]
         elif key in FILES and isinstance(value, str) and FilePath(value).suffix:
-            whole = FilePath(os.path.normpath(source / value))
-            value = whole.as_posix()
-            if folder is not None:
-                near = os.path.relpath(whole, folder)
-                value = FilePath(near).as_posix() if near.count("..") < 2 else value
+            value = FilePath(os.path.normpath(source / value)).as_posix()
         found[key] = value
     return found

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from ..base.types import Value, Vector
 from ..constraints import arm_angle, find_arm, lock
 from ..control_laws import ControlLaw
 from ..errors import ArgumentError, HolokinError, NoArmError
-from ..job.strategy_tables import KINDS, Fitted
 from ..strategies import HolonomicStrategy, Strategy, holonomic, moore_penrose, radial
 from ..tasks.task import Task
 from ..workspace_coverage import locked_joints
@@ -93,19 +92,3 @@ def redundant(task: Task) -> None:
     if task.n <= task.m:
         cure = "the studio shows redundant joints: give a task with fewer rows, or a robot with more joints"
         raise ArgumentError(f"the number of joints to spare of the {task.name}", task.n - task.m, cure)
-
-
-def rebuilt(law: Law, others: Iterable[Law], home: Vector) -> Law:
-    """A law for another start posture (n,): one that is made about the start, as radial and fitted ones, is made anew.
-
-    Raises:
-        HolokinError: it cannot be made there.
-    """
-    kind = (law.keys or {}).get("kind")
-    if kind not in ("radial", "fitted"):
-        return law
-    made = KINDS[kind].model_validate(dict(law.keys or {}))
-    if isinstance(made, Fitted):
-        given = next(one for one in others if (one.label or one.name) == made.of and one.task is law.task)
-        return law if given.strategy is None else replace(law, rule=made.fit(given.strategy, home, law.name))
-    return replace(law, rule=made.build(law.task, home, law.name))

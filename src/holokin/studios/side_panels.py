@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.printed_units import PrintedUnits
 from ..job import packaged_jobs
 from .cameras import BOTTOM_SHEET
 from .loop_panel import LoopPanel
@@ -13,7 +14,7 @@ from .panel_texts import block, gauge, line, named, plain, put, quiet, swatch, t
 from .posture_panel import PosturePanel
 from .save_panel import SavePanel
 from .sheets_panel import SheetsPanel
-from .shown_units import FASTEST, SLOWEST, UNITS, USUAL, Units
+from .shown_units import FASTEST, SLOWEST, UNITS, USUAL, joint_unit, largest
 from .stage import Stage
 from .states import LawState, Phase, Snapshot
 from .work_panel import WorkPanel
@@ -80,7 +81,7 @@ class Panels:
         running = snap.phase in (Phase.RUNNING, Phase.GATHERING)
         self.start.label = "Pause" if running else "Go on" if snap.phase is Phase.PAUSED else "Start"
 
-    def rescale(self, before: Units) -> None:
+    def rescale(self, before: PrintedUnits) -> None:
         """All numbers in the units of the page, which were others before."""
         self.loop.rescale(before)
         self.posture.refit()
@@ -144,7 +145,10 @@ class Panels:
         )
 
         self.units = gui.add_dropdown(
-            "Units", tuple(UNITS), initial_value=page.units.name, hint="Of the numbers in the page, not of files"
+            "Units",
+            tuple(UNITS),
+            initial_value=f"{page.units.angle}, {page.units.length}",
+            hint="Of the numbers in the page, not of files",
         )
         self.units.on_update(lambda _event: page.ask(lambda: page.set_units(UNITS[self.units.value]), "units"))
         if page.reopen is not None:
@@ -183,14 +187,14 @@ class Panels:
 
     def _last(self, law: LawState) -> float:
         """The drift of a law after its last cycle, in the units of the page."""
-        return float(self.page.units.largest(self.page.session.robot, law.drift_joints[-1]))
+        return float(largest(self.page.units, self.page.session.robot, law.drift_joints[-1]))
 
     def _table(self, snap: Snapshot) -> str:
         rows = [
             (
                 "",
                 plain("law", grey=True),
-                plain(f"drift [{self.page.units.joints(self.page.session.robot)}]", grey=True, right=True),
+                plain(f"drift [{joint_unit(self.page.units, self.page.session.robot)}]", grey=True, right=True),
                 plain("state", grey=True, right=True),
             )
         ]

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any, Protocol
 
+from ..base.printed_units import PrintedUnits
 from .page_scene import Scene
 from .session import Session
-from .shown_units import Units
 
 
 class Stage(Protocol):
@@ -28,7 +28,7 @@ class Stage(Protocol):
     colors: tuple[str, ...]
     said: str
     reopen: Callable[[str], None] | None
-    units: Units
+    units: PrintedUnits
     drawn: int
     handles: Any
 
@@ -52,7 +52,7 @@ class Stage(Protocol):
         """A sentence for everyone, until the next."""
         ...
 
-    def set_units(self, units: Units) -> None:
+    def set_units(self, units: PrintedUnits) -> None:
         """In what numbers are shown."""
         ...
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.printed_units import SI, PrintedUnits
 from ..base.types import Matrix
 from ..errors import HolokinError
 from ..reports.palette import BAD, LOOP, law_colors
@@ -19,7 +20,6 @@ from .charts import Charts
 from .handles import Handles
 from .page_scene import Scene
 from .session import Session
-from .shown_units import SI, Units
 from .side_panels import Panels
 from .states import Phase, Snapshot
 
@@ -51,7 +51,9 @@ class Page:
         MissingExtraError: trimesh is not installed.
     """
 
-    def __init__(self, server: Any, session: Session, reopen: Callable[[str], None] | None = None, units: Units = SI):
+    def __init__(
+        self, server: Any, session: Session, reopen: Callable[[str], None] | None = None, units: PrintedUnits = SI
+    ):
         self.server, self.session, self.reopen = server, session, reopen
         self.units = units
         self.lead = next((i for i, law in enumerate(session.laws) if law.holonomic), 0)
@@ -103,7 +105,7 @@ class Page:
         """A sentence for everyone, until the next; an empty one takes it away."""
         self.said = sentence
 
-    def set_units(self, units: Units) -> None:
+    def set_units(self, units: PrintedUnits) -> None:
         """In what numbers are shown; what they mean stays the same."""
         before, self.units = self.units, units
         self.charts.forget()

@@ -130,5 +130,5 @@ def _saved_job(session: Session) -> Iterator[tuple[str, Job, FilePath]]:
     with TemporaryDirectory() as folder:
         name = file_name(session.title)
         file = FilePath(folder, f"{name}.toml")
-        file.write_text(to_job(session, folder=folder), "utf-8")
+        file.write_text(to_job(session), "utf-8")
         yield open_one_job(str(file))

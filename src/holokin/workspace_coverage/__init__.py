@@ -12,14 +12,12 @@ from .slices import Slice, coverage_slices
 from .starts import fitting_task as fitting_task
 from .starts import locked_joints as locked_joints
 from .starts import regular_starts as regular_starts
-from .tips import choose_tip
 
 __all__ = [
     "Coverage",
     "PoseStatus",
     "Reach",
     "Slice",
-    "choose_tip",
     "coverage",
     "coverage_slices",
     "posture_reach",

@@ -6,7 +6,6 @@ after the other, but a step is judged by Newton's own convergence alone, so that
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,9 +43,6 @@ STEPS = 32
 
 FAST = 25.0
 """Joint rate over a whole line [rad or m] from which a radial strategy's line counts as singular: four full turns."""
-
-Carry = Callable[[Matrix, Array], "LineEnds"]
-"""(starts (s, n), poses (k, 4, 4)) -> the ends of the lines from each start to each pose."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.types import ArrayLike, Flags, Matrix, Vector
+from ..base.types import Flags, Matrix, Vector
 from ..errors import ArgumentError
 from ..inverse_kinematics.reach import nearest_postures
 from ..robot import Robot
@@ -49,11 +49,8 @@ def fitting_task(robot: Robot, tip: str | None = None) -> Task:
     return position(robot, tip, rows=range(robot.n - 1))
 
 
-def task_of_kind(robot: Robot, tip: str | None, kind: str | None, axis: str | ArrayLike = "z") -> Task:
-    """The task of a kind, "pose", "axis" or "position", or one that fits.
-
-    Args:
-        axis: the axis about which the tool may spin, of the kind "axis".
+def task_of_kind(robot: Robot, tip: str | None, kind: str | None) -> Task:
+    """The task of a kind, "pose", "axis" (the tool may spin about its z axis) or "position", or one that fits.
 
     Raises:
         ArgumentError: no joint is left free. TaskTooLargeError.
@@ -63,7 +60,7 @@ def task_of_kind(robot: Robot, tip: str | None, kind: str | None, axis: str | Ar
     if kind == "position":
         found = position(robot, tip)
     else:
-        found = pose(robot, "axis", axis=axis, tip=tip) if kind == "axis" else pose(robot, tip=tip)
+        found = pose(robot, "axis", tip=tip) if kind == "axis" else pose(robot, tip=tip)
     if found.n == found.m:
         cure = (
             "the robot is not redundant for this task: hk.inverse finds the joints of a pose; take the task 'axis' if "

@@ -45,10 +45,10 @@ class Chain(Value):
 def chain_to_tool(
     robot: Robot | str | Path, tip: str | None = None, base: str | None = None, trust_units: bool = False
 ) -> Chain:
-    """A robot, a name of the catalogue or a file as a chain; the tip of a model is `choose_tip`'s where none is given.
+    """A robot, a name of the catalogue or a file as a chain, of a model by default to the tip of its longest arm.
 
     Raises:
-        As `choose_tip` and `load`. ArgumentError: a base for a robot that is loaded already.
+        RobotFileError: no link moves. ArgumentError: a base for a robot that is loaded already. As `load`.
     """
     if isinstance(robot, Robot):
         if base is not None:
@@ -61,16 +61,6 @@ def chain_to_tool(
     chosen = tip if tip is not None else tips[0]
     found = load(robot, tip=chosen, base=base, trust_units=trust_units)
     return Chain(found, base or model_root(robot), chosen, tuple(t for t in tips if t != chosen), tip is None)
-
-
-@typed
-def choose_tip(path: str | Path, base: str | None = None) -> str:
-    """The link that is the tool of a model that nobody has seen before: the first one of `_arm_tips`.
-
-    Raises:
-        RobotFileError: no link moves. As `model_links`.
-    """
-    return _arm_tips(path, base)[0]
 
 
 @typed
