@@ -134,6 +134,8 @@ def test_most_hinges_of_many_turns_are_doubted_and_one_or_a_few_are_not(planar_3
         hk.with_limits(planar_3r, lower=[-170.0, -5.0, -170.0], upper=[170.0, 5.0, 170.0])
     assert hk.with_limits(planar_3r, lower=-170.0, upper=170.0, trust_units=True).upper[0] == 170.0
     assert hk.with_limits(planar_3r, max_velocity=100.0, trust_units=True).max_velocity[0] == 100.0
+    fast = hk.with_limits(planar_3r, max_velocity=100.0, trust_units=True)  # as models write where they know none
+    assert hk.with_limits(fast, max_velocity={"q1": 2.0}).max_velocity.tolist() == [2.0, 100.0, 100.0]
     assert np.isinf(hk.with_limits(planar_3r, lower=-np.inf, upper=np.inf).upper).all()
 
 
@@ -167,7 +169,7 @@ def test_angles_of_frames_in_a_robot_file_are_doubted_and_may_be_believed(tmp_pa
     urdf_joints = "[[joints]]\nxyz = [0, 0, 0.4]\n[[joints]]\nxyz = [0.3, 0, 0]\nrpy = [0, 90, 0]\n"
     for text in (f"{head}base = {{ rpy = [0, 0, 90] }}\n{joints}", f'{head}convention = "urdf"\n{urdf_joints}'):
         file.write_text(text)
-        with pytest.raises(HolokinError, match="rpy of .* looks like degrees"):
+        with pytest.raises(HolokinError, match=r"rpy of .* looks like degrees"):
             hk.load(file)
         assert hk.load(file, trust_units=True).n == 2
         file.write_text(f"trust_units = true\n{text}")

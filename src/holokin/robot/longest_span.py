@@ -115,8 +115,7 @@ class _Links:
 
     def plain(self) -> Vector:
         """The joints' origins (k,), which cost nothing; where these are far apart, the points of `drawn_in`."""
-        origins = np.zeros(len(self.free))
-        return origins if self.length(origins)[0] <= LONGEST * len(origins) else self.drawn_in()
+        return self.drawn_in() if np.abs(self.offset[1:]).max() > LONGEST / 2 else np.zeros(len(self.free))
 
     def length(self, t: Vector, corner: float = 0.0) -> tuple[float, Vector]:
         """The length of the links in a line [m] and its derivative (k,): without the link before the first point and,

@@ -71,7 +71,8 @@ def check_units(robot: Robot) -> None:
     Every reader asks here, of what it has read: the links of each arm, wherever its frames stand on the axes, and the
     limits of the hinges.
     """
-    for tip in robot.tips:
+    lengths = np.abs([frame.placement[:3, 3] for frame in (*robot.joints, *robot.tips)])
+    for tip in robot.tips if lengths.max(initial=0.0) > LONGEST / 2 else ():  # else no link is that long
         if (length := mean_link(robot, tip)) > LONGEST:
             cure = f"this looks like millimetres: give metres{TRUST}"
             raise ArgumentError(f"the average link up to {tip.name!r} [m]", float(f"{length:.3g}"), cure)
@@ -80,13 +81,13 @@ def check_units(robot: Robot) -> None:
 
 def check_limits_of_hinges(robot: Robot) -> None:
     """Raises: ArgumentError where the limits of most hinges that have some are many turns, as degrees are."""
-    limits = np.column_stack([robot.lower, robot.upper])[robot.hinges]
-    widest = np.where(np.isfinite(limits), np.abs(limits), 0.0).max(axis=1, initial=0.0)
-    wide, limited = np.count_nonzero(widest > WIDEST), np.count_nonzero(widest)
-    if wide > 1 and 2 * wide > limited:
-        fact = f"{wide} of {limited} hinges turn by over two turns, which looks like degrees"
+    hinges = [(abs(c.lower), abs(c.upper)) for c in robot.coordinates if c.unit == "rad"]
+    widest = [max(ends) for pair in hinges if (ends := [v for v in pair if 0 < v < np.inf])]
+    wide = sum(most > WIDEST for most in widest)
+    if wide > 1 and 2 * wide > len(widest):
+        fact = f"{wide} of {len(widest)} hinges turn by over two turns, which looks like degrees"
         cure = f"{fact}: give radians, np.deg2rad(...){TRUST}"
-        raise ArgumentError(f"the widest limit of {robot.name!r} [rad]", float(widest.max()), cure)
+        raise ArgumentError(f"the widest limit of {robot.name!r} [rad]", max(widest), cure)
 
 
 def check_tool(robot: Robot, xyz: Vector, tip: str | None = None) -> None:
