@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ import pytest
 
 import holokin as hk
 from conftest import R3_START, Command, assert_refused, write_job
+from holokin.base.poses import pose_from
 from holokin.errors import HolokinError
+from holokin.robot.joints import Tip
 from holokin.robot.longest_span import longest_reach
 
 Row = Mapping[str, Any]
@@ -33,7 +36,9 @@ def from_toml(rows: list[Row], folder: Path, trust: bool) -> hk.Robot:
 
 
 def from_urdf(rows: list[Row], folder: Path, trust: bool) -> hk.Robot:
-    (folder / "arm.urdf").write_text(hk.to_urdf(hk.from_dh(rows, trust_units=True)))
+    text = hk.to_urdf(hk.from_dh(rows, trust_units=True))
+    ball = '<collision><origin xyz="0.1 0.2 0.3"/><geometry><sphere radius="0.01"/></geometry></collision>'
+    (folder / "arm.urdf").write_text(text.replace("</link>", f"{ball}</link>"))
     return hk.load(folder / "arm.urdf", trust_units=trust)
 
 
@@ -108,6 +113,23 @@ def test_more_robots_have_one_verdict(seed: int, tmp_path: Path) -> None:
     check_one_verdict(seed, tmp_path)
 
 
+def masses(robot: hk.Robot) -> list[tuple[int, np.ndarray]]:
+    return [(body.joint, pose_from(body.center)) for body in robot.bodies]
+
+
+def visible(robot: hk.Robot) -> list[tuple[int, np.ndarray]]:
+    return [(visual.joint, visual.placement) for visual in robot.visuals]
+
+
+def solid(robot: hk.Robot) -> list[tuple[int, np.ndarray]]:
+    return [(shape.joint, shape.placement) for shape in robot.shapes]
+
+
+def seen_at(robot: hk.Robot, q: np.ndarray, joint: int, T: np.ndarray) -> np.ndarray:
+    """Where what is fixed to a joint at T is at q, in the base frame."""
+    return replace(robot, tips=(Tip("it", joint, T),)).pose(q)
+
+
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("seed", range(2))
 def test_calibrated_axes_nearly_parallel_are_in_metres_however_far_their_frames_stand(
@@ -120,9 +142,21 @@ def test_calibrated_axes_nearly_parallel_are_in_metres_however_far_their_frames_
     rows[first] |= {"alpha": float(e), "d": float(far)}
     rows[first + 1] |= {"d": float(rng.uniform(-0.2, 0.2) - far)}
     robot = reader([{**row, "theta": 0.0} for row in rows], tmp_path, False)
+    trusted = reader([{**row, "theta": 0.0} for row in rows], tmp_path, True)  # its frames stay where they are
+    for q in rng.uniform(-3, 3, (2, robot.n)):
+        for tip in robot.tips:
+            assert robot.pose(q, tip.name) == pytest.approx(trusted.pose(q, tip.name), abs=1e-9)
+            assert robot.jacobian(q, tip.name) == pytest.approx(trusted.jacobian(q, tip.name), abs=1e-9)
+        assert max(np.abs(line).max() for line in robot.skeleton(q)) < 15 < np.abs(trusted.skeleton(q)[0]).max()
+    if reader is from_urdf:
+        for placed in (masses, visible, solid):
+            for (i, T), (k, other) in list(zip(placed(robot), placed(trusted), strict=True))[::3]:
+                assert seen_at(robot, q, i, T) == pytest.approx(seen_at(trusted, q, k, other), abs=1e-9)
     assert longest_reach(robot) < 10
     with pytest.raises(HolokinError, match="millimetres"):
         hk.with_tool(robot, [0, 0, 150])
+    if reader is from_table:  # its capsules are those of an arm, too
+        assert hk.check(np.zeros((2, robot.n)), robot, floor=-20.0, self_collision=False).passed
     assert hk.with_tool(robot, [0, 0, 150], trust_units=True).n == robot.n
 
 

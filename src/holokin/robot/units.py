@@ -7,7 +7,7 @@ import numpy as np
 from ..base.types import Array, ArrayLike, Matrix, Vector
 from ..errors import ArgumentError
 from .joints import WOUND, foot_of
-from .longest_span import LONGEST, longest_reach, mean_link
+from .longest_span import LONGEST, longest_reach, mean_link, with_near_frames
 from .model import Robot
 
 FAR = 100.0
@@ -65,18 +65,22 @@ def check_radians(what: str, angles: Vector, overruled: str = "") -> None:
         raise ArgumentError(what, np.asarray(angles).tolist(), cure)
 
 
-def check_units(robot: Robot) -> None:
-    """Raises: ArgumentError where a finished robot seems to be in millimetres, or its limits in degrees.
+def plausible(robot: Robot) -> Robot:
+    """The robot, as every reader finishes it, with its frames near its links.
 
-    Every reader asks here, of what it has read: the links of each arm, wherever its frames stand on the axes, and the
-    limits of the hinges.
+    Raises:
+        ArgumentError: it seems to be in millimetres, or its limits in degrees. What is asked are the links of each arm,
+        wherever a file puts its frames on the axes, and the limits of its hinges.
     """
     lengths = np.abs([frame.placement[:3, 3] for frame in (*robot.joints, *robot.tips)])
-    for tip in robot.tips if lengths.max(initial=0.0) > LONGEST / 2 else ():  # else no link is that long
-        if (length := mean_link(robot, tip)) > LONGEST:
-            cure = f"this looks like millimetres: give metres{TRUST}"
-            raise ArgumentError(f"the average link up to {tip.name!r} [m]", float(f"{length:.3g}"), cure)
+    if lengths.max(initial=0.0) > LONGEST / 2:  # else the average is no longer
+        for tip in robot.tips:
+            if (length := mean_link(robot, tip)) > LONGEST:
+                cure = f"this looks like millimetres: give metres{TRUST}"
+                raise ArgumentError(f"the average link up to {tip.name!r} [m]", float(f"{length:.3g}"), cure)
+        robot = with_near_frames(robot)
     check_limits_of_hinges(robot)
+    return robot
 
 
 def check_limits_of_hinges(robot: Robot) -> None:
