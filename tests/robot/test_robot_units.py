@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import R3_START, Command, assert_refused, write_job
+from conftest import Command, assert_refused, write_job
 from holokin.base.poses import pose_from
 from holokin.errors import HolokinError
 from holokin.robot.joints import Tip
@@ -173,7 +173,7 @@ def test_most_hinges_of_many_turns_are_doubted_and_one_or_a_few_are_not(planar_3
     assert np.isinf(hk.with_limits(planar_3r, lower=-np.inf, upper=np.inf).upper).all()
 
 
-def test_the_command_line_and_a_job_ask_and_are_overruled(holokin: Command, tmp_path: Path, out: Path) -> None:
+def test_the_command_line_and_a_job_ask_and_are_overruled(holokin: Command, tmp_path: Path) -> None:
     rows = [{"a": 1000.0, "lower": -3.0, "upper": 3.0} for _ in range(3)]
     (tmp_path / "mm.urdf").write_text(hk.to_urdf(hk.from_dh(rows, trust_units=True)))
     asked = ("robots", tmp_path / "mm.urdf", "--tip", "tool")
@@ -186,15 +186,8 @@ def test_the_command_line_and_a_job_ask_and_are_overruled(holokin: Command, tmp_
         assert "millimetres" in holokin(*words).err
         assert "millimetres" not in holokin(*words, "--trust-units").err
     robot = '[robot]\nname = "mm.urdf"\n'
-    start, path = (
-        f"[start]\nq = {R3_START.tolist()}\n",
-        '[path]\nkind = "polyline"\npoints = [[0, 0, 0], [9.0, 0, 0]]\nrelative = true\n',
-    )
-    assert_refused(
-        holokin("run", write_job(tmp_path, robot=robot, start=start, path=path), "--out", out), "millimetres"
-    )
-    trusted = write_job(tmp_path, robot=f"{robot}trust_units = true\n", start=start, path=path)
-    assert holokin("run", trusted, "--out", out).code == 0
+    assert_refused(holokin("robots", write_job(tmp_path, robot=robot)), "millimetres")
+    assert holokin("robots", write_job(tmp_path, robot=f"{robot}trust_units = true\n")).code == 0
 
 
 def test_angles_of_frames_in_a_robot_file_are_doubted_and_may_be_believed(tmp_path: Path) -> None:
