@@ -9,7 +9,8 @@ import pytest
 
 import holokin as hk
 from conftest import Command, assert_refused, write_job
-from holokin.errors import ExportError, HolokinError, RobotFileError
+from holokin import studios
+from holokin.errors import ArgumentError, ExportError, HolokinError, RobotFileError
 
 JOINT = (
     '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>'
@@ -122,3 +123,17 @@ def test_from_python_the_axes_are_counted_too() -> None:
     with pytest.raises(ExportError, match="KRL holds 6 axes"):
         hk.export.to_krl(timed)
     assert issubclass(ExportError, HolokinError)
+
+
+def test_a_joint_that_cannot_move_is_named_by_all_that_look_for_a_start(holokin: Command, tmp_path: Path) -> None:
+    file = model(tmp_path, ("j1", "revolute", "a", "b"), *CHAIN)
+    before, after = file.read_text().split('name="j2"')
+    still = after.replace('lower="-3" upper="3"', 'lower="0" upper="0"', 1)
+    file.write_text(f'{before}name="j2"{still}')
+    words = "the range of joint 'j2' is [0.0, 0.0]", "or hold it: locked={'j2': 0}"
+    assert_refused(holokin("new", tmp_path / "job.toml", "--robot", file), *words)
+    for ask in (lambda: studios.open_session(str(file)), lambda: hk.advise(str(file))):
+        with pytest.raises(ArgumentError) as caught:
+            ask()
+        assert all(word in str(caught.value) for word in words)
+    assert hk.load(file, locked={"j2": 0}).joint_names == ("j1", "j3")

@@ -195,3 +195,10 @@ def test_without_mujoco_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingExtraError, match=r"holokin\[mujoco\]"):
         hk.from_mjcf(ARM)
+
+
+@pytest.mark.parametrize("before", ["\n", " \n\t"])
+def test_what_mujoco_takes_before_the_declaration_is_taken(before: str, tmp_path: Path) -> None:
+    text = hk.to_mjcf(hk.load("planar-3r"))
+    (tmp_path / "arm.xml").write_text(f'{before}<?xml version="1.0"?>\n{text[text.index("<mujoco") :]}')
+    assert mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml")).nq == hk.load(tmp_path / "arm.xml").n == 3

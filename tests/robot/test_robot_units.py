@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,10 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import R3_START, Command, assert_refused, write_job
+from conftest import Command, assert_refused, write_job
+from holokin.base.poses import pose_from
 from holokin.errors import HolokinError
+from holokin.robot.joints import Tip
 from holokin.robot.longest_span import longest_reach
 
 Row = Mapping[str, Any]
@@ -33,7 +36,9 @@ def from_toml(rows: list[Row], folder: Path, trust: bool) -> hk.Robot:
 
 
 def from_urdf(rows: list[Row], folder: Path, trust: bool) -> hk.Robot:
-    (folder / "arm.urdf").write_text(hk.to_urdf(hk.from_dh(rows, trust_units=True)))
+    text = hk.to_urdf(hk.from_dh(rows, trust_units=True))
+    ball = '<collision><origin xyz="0.1 0.2 0.3"/><geometry><sphere radius="0.01"/></geometry></collision>'
+    (folder / "arm.urdf").write_text(text.replace("</link>", f"{ball}</link>"))
     return hk.load(folder / "arm.urdf", trust_units=trust)
 
 
@@ -108,6 +113,23 @@ def test_more_robots_have_one_verdict(seed: int, tmp_path: Path) -> None:
     check_one_verdict(seed, tmp_path)
 
 
+def masses(robot: hk.Robot) -> list[tuple[int, np.ndarray]]:
+    return [(body.joint, pose_from(body.center)) for body in robot.bodies]
+
+
+def visible(robot: hk.Robot) -> list[tuple[int, np.ndarray]]:
+    return [(visual.joint, visual.placement) for visual in robot.visuals]
+
+
+def solid(robot: hk.Robot) -> list[tuple[int, np.ndarray]]:
+    return [(shape.joint, shape.placement) for shape in robot.shapes]
+
+
+def seen_at(robot: hk.Robot, q: np.ndarray, joint: int, T: np.ndarray) -> np.ndarray:
+    """Where what is fixed to a joint at T is at q, in the base frame."""
+    return replace(robot, tips=(Tip("it", joint, T),)).pose(q)
+
+
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("seed", range(2))
 def test_calibrated_axes_nearly_parallel_are_in_metres_however_far_their_frames_stand(
@@ -120,9 +142,22 @@ def test_calibrated_axes_nearly_parallel_are_in_metres_however_far_their_frames_
     rows[first] |= {"alpha": float(e), "d": float(far)}
     rows[first + 1] |= {"d": float(rng.uniform(-0.2, 0.2) - far)}
     robot = reader([{**row, "theta": 0.0} for row in rows], tmp_path, False)
+    trusted = reader([{**row, "theta": 0.0} for row in rows], tmp_path, True)  # its frames stay where they are
+    Q = rng.uniform(-3, 3, (2, robot.n))
+    for q in Q:
+        for tip in robot.tips:
+            assert robot.pose(q, tip.name) == pytest.approx(trusted.pose(q, tip.name), abs=1e-9)
+            assert robot.jacobian(q, tip.name) == pytest.approx(trusted.jacobian(q, tip.name), abs=1e-9)
+        assert max(np.abs(line).max() for line in robot.skeleton(q)) < 15 < np.abs(trusted.skeleton(q)[0]).max()
+    if reader is from_urdf:
+        for placed in (masses, visible, solid):
+            for (i, T), (k, other) in list(zip(placed(robot), placed(trusted), strict=True))[::3]:
+                assert seen_at(robot, Q[0], i, T) == pytest.approx(seen_at(trusted, Q[0], k, other), abs=1e-9)
     assert longest_reach(robot) < 10
     with pytest.raises(HolokinError, match="millimetres"):
         hk.with_tool(robot, [0, 0, 150])
+    if reader is from_table:  # its capsules are those of an arm, too
+        assert hk.check(np.zeros((2, robot.n)), robot, floor=-20.0, self_collision=False).passed
     assert hk.with_tool(robot, [0, 0, 150], trust_units=True).n == robot.n
 
 
@@ -134,10 +169,12 @@ def test_most_hinges_of_many_turns_are_doubted_and_one_or_a_few_are_not(planar_3
         hk.with_limits(planar_3r, lower=[-170.0, -5.0, -170.0], upper=[170.0, 5.0, 170.0])
     assert hk.with_limits(planar_3r, lower=-170.0, upper=170.0, trust_units=True).upper[0] == 170.0
     assert hk.with_limits(planar_3r, max_velocity=100.0, trust_units=True).max_velocity[0] == 100.0
+    fast = hk.with_limits(planar_3r, max_velocity=100.0, trust_units=True)  # as models write where they know none
+    assert hk.with_limits(fast, max_velocity={"q1": 2.0}).max_velocity.tolist() == [2.0, 100.0, 100.0]
     assert np.isinf(hk.with_limits(planar_3r, lower=-np.inf, upper=np.inf).upper).all()
 
 
-def test_the_command_line_and_a_job_ask_and_are_overruled(holokin: Command, tmp_path: Path, out: Path) -> None:
+def test_the_command_line_and_a_job_ask_and_are_overruled(holokin: Command, tmp_path: Path) -> None:
     rows = [{"a": 1000.0, "lower": -3.0, "upper": 3.0} for _ in range(3)]
     (tmp_path / "mm.urdf").write_text(hk.to_urdf(hk.from_dh(rows, trust_units=True)))
     asked = ("robots", tmp_path / "mm.urdf", "--tip", "tool")
@@ -150,15 +187,8 @@ def test_the_command_line_and_a_job_ask_and_are_overruled(holokin: Command, tmp_
         assert "millimetres" in holokin(*words).err
         assert "millimetres" not in holokin(*words, "--trust-units").err
     robot = '[robot]\nname = "mm.urdf"\n'
-    start, path = (
-        f"[start]\nq = {R3_START.tolist()}\n",
-        '[path]\nkind = "polyline"\npoints = [[0, 0, 0], [9.0, 0, 0]]\nrelative = true\n',
-    )
-    assert_refused(
-        holokin("run", write_job(tmp_path, robot=robot, start=start, path=path), "--out", out), "millimetres"
-    )
-    trusted = write_job(tmp_path, robot=f"{robot}trust_units = true\n", start=start, path=path)
-    assert holokin("run", trusted, "--out", out).code == 0
+    assert_refused(holokin("robots", write_job(tmp_path, robot=robot)), "millimetres")
+    assert holokin("robots", write_job(tmp_path, robot=f"{robot}trust_units = true\n")).code == 0
 
 
 def test_angles_of_frames_in_a_robot_file_are_doubted_and_may_be_believed(tmp_path: Path) -> None:
@@ -167,7 +197,7 @@ def test_angles_of_frames_in_a_robot_file_are_doubted_and_may_be_believed(tmp_pa
     urdf_joints = "[[joints]]\nxyz = [0, 0, 0.4]\n[[joints]]\nxyz = [0.3, 0, 0]\nrpy = [0, 90, 0]\n"
     for text in (f"{head}base = {{ rpy = [0, 0, 90] }}\n{joints}", f'{head}convention = "urdf"\n{urdf_joints}'):
         file.write_text(text)
-        with pytest.raises(HolokinError, match="rpy of .* looks like degrees"):
+        with pytest.raises(HolokinError, match=r"rpy of .* looks like degrees"):
             hk.load(file)
         assert hk.load(file, trust_units=True).n == 2
         file.write_text(f"trust_units = true\n{text}")

@@ -15,7 +15,7 @@ from .link_shapes import LinkShape
 from .model import Robot
 from .reroot import rerooted
 from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, root_of
-from .units import TRUST, check_radians, check_units
+from .units import TRUST, check_radians, plausible
 from .visuals import Visual
 
 
@@ -43,14 +43,14 @@ def robot_of(
     for joint, value in held.items():
         builder.check_locked(by_name[joint], value)
     robot = builder.build(tips)
+    if trust_units:
+        return robot
     try:
-        if not trust_units:
-            for joint, rpy in tree.turned.items():
-                check_radians(f"rpy of joint {joint!r}", np.array(rpy), TRUST)
-            check_units(robot)
+        for joint, rpy in tree.turned.items():
+            check_radians(f"rpy of joint {joint!r}", np.array(rpy), TRUST)
+        return plausible(robot)
     except ArgumentError as problem:
         raise tree.problem(f"{problem.what} is {shown(problem.value)}", problem.cure) from None
-    return robot
 
 
 class _Builder:

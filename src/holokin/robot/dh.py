@@ -16,7 +16,7 @@ from ..errors import ArgumentError, NotFiniteError, UnknownNameError
 from ..symbolic.rotations import exact_rotation
 from .joints import FARTHEST, MOST_MOVING, Coordinate, Joint, Tip
 from .model import Robot
-from .units import TRUST, check_radians, check_units
+from .units import TRUST, check_radians, plausible
 
 Convention = Literal["standard", "modified"]
 """Where the frames of a DH table stand."""
@@ -102,9 +102,7 @@ def from_dh(
         before = link if convention == "standard" else np.eye(4)
     end = before @ (np.eye(4) if tool is None else _pose("tool", tool))
     robot = Robot(name, tuple(coordinates), tuple(joints), (Tip(tip, len(joints) - 1, end),), source)
-    if not trust_units:
-        check_units(robot)
-    return robot
+    return robot if trust_units else plausible(robot)
 
 
 def _row(row: DHRow | Mapping[str, Any]) -> DHRow:

@@ -53,11 +53,12 @@ def with_limits(
     rows = [{what: float(values[i]) for what, values in known.items()} for i in range(robot.n)]
     limited = tuple(replace(c, **row) for c, row in zip(robot.coordinates, rows, strict=True))
     found = replace(robot, coordinates=limited)
-    for c, row in zip(limited, rows, strict=True):
-        if not trust_units and c.unit == "rad" and FASTEST < row.get("max_velocity", 0.0) < np.inf:
+    for c, before in zip(limited, robot.coordinates, strict=True):
+        doubted = FASTEST < c.max_velocity < np.inf and c.max_velocity != before.max_velocity
+        if doubted and c.unit == "rad" and not trust_units:
             cure = f"give rad/s, as np.deg2rad({c.max_velocity:g}), math.inf for none{TRUST}"
             raise ArgumentError(f"max_velocity of joint {c.name!r}", f"{c.max_velocity:g} rad/s", cure)
-    if not trust_units and known.keys() & {"lower", "upper"}:
+    if not trust_units and (lower is not None or upper is not None):
         check_limits_of_hinges(found)
     return found
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.poses import pose_from
 from ..base.types import Array, Flags, Matrix, Value, Vector
 from .joints import Tip, foot_of, joints_above
 from .model import Robot
@@ -57,19 +58,50 @@ def longest_reach(robot: Robot, tip: str | None = None) -> float:
     Infinite with a slide without limits.
     """
     chosen = next((t for t in robot.tips if t.name == tip), robot.tips[0])
-    links, foot = _Links.of(robot, chosen, turned=False), foot_of(robot.joints, chosen.joint)
-    at = links.plain()
-    return float(np.linalg.norm(links.first(at) - foot)) + links.length(at)[0] + links.slides
+    links = _Links.of(robot, chosen, turned=False)
+    origins = np.zeros(len(links.free))
+    foot = foot_of(robot.joints, chosen.joint)
+    return float(np.linalg.norm(links.first(origins) - foot)) + links.length(origins)[0] + links.slides
 
 
 def mean_link(robot: Robot, tip: Tip) -> float:
     """Average length [m] of the links from the first joint to a tip, of the shortest way along the axes.
 
-    The joints' origins would not do: those of a DH table lie anywhere on the axes, far away where these are nearly
-    parallel. What slides travel does not count.
+    What slides travel does not count.
     """
     links = _Links.of(robot, tip, turned=False)
-    return links.length(links.plain())[0] / max(len(links.free), 1)
+    return links.length(links.drawn_in())[0] / max(len(links.free), 1)
+
+
+def with_near_frames(robot: Robot) -> Robot:
+    """The robot with the frames of joints that stand far away on their axes moved along these to the links.
+
+    A DH table puts them there where two axes are nearly parallel, as a calibration finds them. All else is as it was.
+    """
+    steps = {-1: np.zeros(3)} | dict.fromkeys(range(len(robot.joints)), np.zeros(3))
+    for tip in robot.tips:
+        chain = joints_above(robot.joints, tip.joint)[::-1]
+        for index, t in zip(chain, _Links.of(robot, tip, turned=False).drawn_in(), strict=True):
+            steps[index] = robot.joints[index].axis * (t if abs(t) > LONGEST / 2 else 0.0)
+
+    def seen(joint: int, T: Matrix) -> Matrix:
+        return pose_from(-steps[joint]) @ T
+
+    joints = [
+        replace(j, placement=seen(j.parent, j.placement) @ pose_from(steps[i])) for i, j in enumerate(robot.joints)
+    ]
+    tips = [
+        replace(t, placement=seen(t.joint, t.placement), flange=None if t.flange is None else t.flange - steps[t.joint])
+        for t in robot.tips
+    ]
+    return replace(
+        robot,
+        joints=tuple(joints),
+        tips=tuple(tips),
+        bodies=tuple(replace(body, center=body.center - steps[body.joint]) for body in robot.bodies),
+        shapes=tuple(replace(shape, placement=seen(shape.joint, shape.placement)) for shape in robot.shapes),
+        visuals=tuple(replace(visual, placement=seen(visual.joint, visual.placement)) for visual in robot.visuals),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +144,6 @@ class _Links:
         for corner in CORNERS:
             at = minimize(self.length, at, (corner,), "BFGS", jac=True).x * self.free
         return at
-
-    def plain(self) -> Vector:
-        """The joints' origins (k,), which cost nothing; where these are far apart, the points of `drawn_in`."""
-        origins = np.zeros(len(self.free))
-        return origins if self.length(origins)[0] <= LONGEST * len(origins) else self.drawn_in()
 
     def length(self, t: Vector, corner: float = 0.0) -> tuple[float, Vector]:
         """The length of the links in a line [m] and its derivative (k,): without the link before the first point and,

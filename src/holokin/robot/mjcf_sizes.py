@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from codecs import BOM_UTF8
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -172,7 +173,7 @@ class _Counter:
         parser = expat.ParserCreate("UTF-8")  # as MuJoCo reads it, whatever it declares
         parser.StartElementHandler, parser.EndElementHandler = start, lambda _tag: stack.pop()
         try:
-            parser.Parse(_PIECE.sub(_without_comments, text), True)
+            parser.Parse(_PIECE.sub(_without_comments, text).lstrip(BOM_UTF8 + b" \t\r\n"), True)
         except expat.ExpatError as problem:
             raise RobotFileError(
                 self.source, f"is no MJCF that MuJoCo reads: it is not XML ({problem})", "correct it there"

@@ -7,7 +7,7 @@ import numpy as np
 from ..base.types import Array, ArrayLike, Matrix, Vector
 from ..errors import ArgumentError
 from .joints import WOUND, foot_of
-from .longest_span import LONGEST, longest_reach, mean_link
+from .longest_span import LONGEST, longest_reach, mean_link, with_near_frames
 from .model import Robot
 
 FAR = 100.0
@@ -65,28 +65,33 @@ def check_radians(what: str, angles: Vector, overruled: str = "") -> None:
         raise ArgumentError(what, np.asarray(angles).tolist(), cure)
 
 
-def check_units(robot: Robot) -> None:
-    """Raises: ArgumentError where a finished robot seems to be in millimetres, or its limits in degrees.
+def plausible(robot: Robot) -> Robot:
+    """The robot, as every reader finishes it, with its frames near its links.
 
-    Every reader asks here, of what it has read: the links of each arm, wherever its frames stand on the axes, and the
-    limits of the hinges.
+    Raises:
+        ArgumentError: it seems to be in millimetres, or its limits in degrees. What is asked are the links of each arm,
+        wherever a file puts its frames on the axes, and the limits of its hinges.
     """
-    for tip in robot.tips:
-        if (length := mean_link(robot, tip)) > LONGEST:
-            cure = f"this looks like millimetres: give metres{TRUST}"
-            raise ArgumentError(f"the average link up to {tip.name!r} [m]", float(f"{length:.3g}"), cure)
+    lengths = np.abs([frame.placement[:3, 3] for frame in (*robot.joints, *robot.tips)])
+    if lengths.max(initial=0.0) > LONGEST / 2:  # else the average is no longer
+        for tip in robot.tips:
+            if (length := mean_link(robot, tip)) > LONGEST:
+                cure = f"this looks like millimetres: give metres{TRUST}"
+                raise ArgumentError(f"the average link up to {tip.name!r} [m]", float(f"{length:.3g}"), cure)
+        robot = with_near_frames(robot)
     check_limits_of_hinges(robot)
+    return robot
 
 
 def check_limits_of_hinges(robot: Robot) -> None:
     """Raises: ArgumentError where the limits of most hinges that have some are many turns, as degrees are."""
-    limits = np.column_stack([robot.lower, robot.upper])[robot.hinges]
-    widest = np.where(np.isfinite(limits), np.abs(limits), 0.0).max(axis=1, initial=0.0)
-    wide, limited = np.count_nonzero(widest > WIDEST), np.count_nonzero(widest)
-    if wide > 1 and 2 * wide > limited:
-        fact = f"{wide} of {limited} hinges turn by over two turns, which looks like degrees"
+    hinges = [(abs(c.lower), abs(c.upper)) for c in robot.coordinates if c.unit == "rad"]
+    widest = [max(ends) for pair in hinges if (ends := [v for v in pair if 0 < v < np.inf])]
+    wide = sum(most > WIDEST for most in widest)
+    if wide > 1 and 2 * wide > len(widest):
+        fact = f"{wide} of {len(widest)} hinges turn by over two turns, which looks like degrees"
         cure = f"{fact}: give radians, np.deg2rad(...){TRUST}"
-        raise ArgumentError(f"the widest limit of {robot.name!r} [rad]", float(widest.max()), cure)
+        raise ArgumentError(f"the widest limit of {robot.name!r} [rad]", max(widest), cure)
 
 
 def check_tool(robot: Robot, xyz: Vector, tip: str | None = None) -> None:

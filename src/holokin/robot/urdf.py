@@ -20,7 +20,7 @@ from .link_shapes import LinkShape, Unread
 from .model import Robot
 from .tree import Branch, Follow, Mass, Tree, checked
 from .urdf_shapes import BROKEN, Finder, mesh_finder, shapes_of, slashed
-from .urdf_xml import Misread, check_numbers, essentials, read_model, turned_joints
+from .urdf_xml import Misread, all_threes, check_numbers, essentials, read_model, turned_joints
 from .visuals import urdf_visuals
 
 _FAULTS = (SyntaxError, ValueError, AttributeError, TypeError, LookupError, AssertionError)
@@ -135,16 +135,20 @@ def _parsed(root: ElementTree.Element) -> Any:
     """The robot that yourdfpy reads. Raises: Misread, any of `_FAULTS`."""
     import yourdfpy
 
-    check_numbers(root)
     content = ElementTree.tostring(root, encoding="utf-8")
     logger = logging.getLogger("yourdfpy")
     level = logger.level
     logger.setLevel(logging.CRITICAL)  # what it has to say stands in its exceptions, too
     try:
+        if not all_threes(root):
+            check_numbers(root)
         return yourdfpy.URDF.load(
             io.BytesIO(content), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False,
             load_collision_meshes=False,
         ).robot  # fmt: skip
+    except _FAULTS:
+        check_numbers(root)  # says it better
+        raise
     finally:
         logger.setLevel(level)
 

@@ -133,6 +133,13 @@ def check_numbers(root: ElementTree.Element) -> None:
                     raise Misread(f"{where}, {found[0]}", found[1])
 
 
+def all_threes(root: ElementTree.Element) -> bool:
+    """Whether all vectors have three numbers: yourdfpy takes the first three of four."""
+    tags = ("origin", "axis", "box")
+    texts = (element.get(name, "0 0 0") for tag in tags for element in root.iter(tag) for name in _NUMBERS[tag])
+    return all(len(text.split()) == 3 for text in texts)
+
+
 def _misread(text: str, count: int) -> tuple[str, str] | None:
     """Why a text is not so many numbers, and the cure; None where it is."""
     words = text.split()
