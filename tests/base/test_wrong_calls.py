@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Any, get_args, get_type_hints
 
@@ -142,3 +142,47 @@ def test_the_usual_slips_are_answered_with_the_right_form(panda: hk.Robot) -> No
     for words, slip in slips.items():
         with pytest.raises((ArgumentError, CallError, NoAttributeError), match=re.escape(words)):
             slip()
+
+
+def _named(kind: str, names: Sequence[str], q: np.ndarray) -> Any:
+    if kind == "dict":
+        return dict(zip(names, q, strict=True))
+    pandas = pytest.importorskip("pandas")
+    return pandas.Series(q, index=list(names)) if kind == "row" else pandas.DataFrame([q], columns=list(names)).iloc[0]
+
+
+@pytest.mark.parametrize("kind", ["dict", "row", "line"])
+@pytest.mark.parametrize("seed", range(4))
+def test_joints_by_their_names_are_read_by_them_at_every_door(kind: str, seed: int, panda: hk.Robot) -> None:
+    """In whatever order, beside whatever else; where one is missing it is named."""
+    draw = np.random.default_rng(seed)
+    task = hk.pose(panda)
+    law = hk.holonomic(task, hk.linear([1, 0, -1, 0, 0, 0, 0]))
+    q = PANDA_START + draw.uniform(-0.1, 0.1, 7)
+    order = draw.permutation(8)
+    names = [[*panda.joint_names, "finger"][i] for i in order]
+    given = _named(kind, names, np.append(q, 0.04)[order])
+    T, twist = panda.pose(q), draw.normal(size=6) * 0.01
+    doors: dict[str, Callable[[Any], object]] = {
+        "pose": panda.pose, "jacobian": panda.jacobian, "within": panda.within, "task": task, "J": task.jacobian,
+        "error": lambda q: task.error(q, T[:3, 3], T[:3, :3]), "law": law, "g": law.g,
+        "inverse": lambda q: hk.inverse(law, q)(T),
+        "step": lambda q: hk.controller(law, dt=0.01, q0=q).step(q, T, twist),
+        "follow": lambda q: hk.follow(law, hk.line(T[:3, 3], T[:3, 3] + 0.01), q, samples=3).q,
+    }  # fmt: skip
+    for name, door in doors.items():
+        assert np.array_equal(door(given), door(q)), name
+    lacking = _named(kind, names, np.append(q, 0.04)[order])
+    del lacking["panda_joint5"]
+    for door in doors.values():
+        with pytest.raises(ArgumentError, match="lacks panda_joint5"):
+            door(lacking)
+
+
+def test_many_postures_by_names_are_put_in_order(panda: hk.Robot) -> None:
+    pandas = pytest.importorskip("pandas")
+    Q = PANDA_START + np.random.default_rng(0).uniform(-0.1, 0.1, (5, 7))
+    table = pandas.DataFrame(Q, columns=list(panda.joint_names))[list(panda.joint_names[::-1])]
+    assert np.array_equal(panda.postures(table), Q)
+    with pytest.raises(hk.HolokinError, match=r"put in order by robot.postures\(Q\)"):
+        panda.pose(table)
