@@ -66,7 +66,8 @@ def pose_of(position: ArrayLike, quaternion: ArrayLike | MatrixPose, *, order: s
     p = finite("the position", position)
     if p.ndim not in (1, 2) or p.shape[-1] != 3:
         raise ShapeError("the position", "(3,) or (k, 3)", p.shape)
-    four = finite("the quaternion", with_matrices("the rotation", quaternion))
+    turned: Any = quaternion
+    four = finite("the quaternion", turned.as_matrix() if hasattr(turned, "as_matrix") else turned)
     if four.shape == (*p.shape[:-1], 3, 3) and not order:
         for R in four.reshape(-1, 3, 3):
             check_rotation("the rotation", R)

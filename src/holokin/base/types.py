@@ -108,7 +108,8 @@ def numbers(what: str, value: Any, names: Sequence[str] = ()) -> Array:
     """
     if isinstance(value, np.ndarray) and value.dtype == np.float64:
         return np.asarray(value)
-    value = in_order(what, value, names)
+    if type(value) is not list and hasattr(value, "keys"):
+        value = in_order(what, value, names)
     try:
         given = np.asarray(value)
         if given.dtype.kind == "O":  # whole numbers beyond 64 bits, fractions, or no numbers at all

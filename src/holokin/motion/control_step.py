@@ -181,7 +181,8 @@ class _Compiled:
         if point:
             T = T[..., :3, 3].ravel()[: pose[0]] if whole else T
             v = v[..., :3].ravel()[: twist[0]] if moved else v
-        a = in_order("q", a, self.strategy.task.robot.joint_names)
+        if hasattr(a, "keys"):
+            a = in_order("q", a, self.strategy.task.robot.joint_names)
         return _numbers("q", a, (q,)), T.reshape(pose).copy(), v.reshape(twist).copy()
 
     def begin(self, _q0: Vector) -> Step:
