@@ -55,7 +55,7 @@ def values(robot: hk.Robot) -> dict[str, Any]:
         for name in dir(type(value)):
             if (
                 isinstance(getattr(type(value), name, None), property)
-                or "cached" in type(getattr(type(value), name)).__name__
+                or "cached" in type(getattr(type(value), name, None)).__name__
             ):
                 getattr(value, name)
     return found
