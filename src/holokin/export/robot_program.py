@@ -16,6 +16,7 @@ from ..base.shown import Shown
 from ..errors import ArgumentError
 from ..motion import TimedTrajectory
 from ..version import __version__
+from .c_text import line
 from .controller_moves import KINDS, ToolDeviation
 from .finer_motion import FINER
 from .process_lines import PLACES, common
@@ -107,7 +108,7 @@ def header(
 
 def _plain(words: str) -> str:
     """Words of a file on one line, without what ends a comment, a statement or a section in any language."""
-    return re.sub(r"[^ -~]|[;<>%]", "?", " ".join(words.split())).translate(str.maketrans("()", "[]"))
+    return re.sub(r"[^ -~]|[;<>%]", "?", line(words)).translate(str.maketrans("()", "[]"))
 
 
 def _resolution(timed: TimedTrajectory, found: Targets) -> list[str]:
