@@ -54,8 +54,8 @@ def values(robot: hk.Robot) -> dict[str, Any]:
             continue
         for name in dir(type(value)):
             if (
-                isinstance(getattr(type(value), name), property)
-                or "cached" in type(getattr(type(value), name)).__name__
+                isinstance(getattr(type(value), name, None), property)
+                or "cached" in type(getattr(type(value), name, None)).__name__
             ):
                 getattr(value, name)
     return found

@@ -91,3 +91,16 @@ def test_comments_over_numbers_alone_are_no_header(tmp_path: Path) -> None:
     (tmp_path / "bare.csv").write_text("# exported by CAM\n\n1;2;3\n4;5;6\n")
     with pytest.raises(RecordingError, match="line 3 holds numbers, no header; name the columns"):
         hk.read_waypoints(tmp_path / "bare.csv")
+
+
+@pytest.mark.parametrize("point", [",", "."])
+def test_a_log_without_a_header_may_have_decimal_commas(point: str, tmp_path: Path) -> None:
+    t, q = 0.01 * np.arange(40), np.round(np.random.default_rng(1).uniform(-1, 1, (40, 3)), 3)
+    lines = [";".join(f"{v:.3f}".replace(".", point) for v in row) for row in np.c_[t, q]]
+    (tmp_path / "bare.csv").write_text("\n".join(lines) + "\n")
+    assert np.abs(hk.read_recording(tmp_path / "bare.csv", ARM).q - q).max() < 1e-12
+
+
+def test_a_semicolon_in_a_name_ends_no_cell(tmp_path: Path) -> None:
+    (tmp_path / "named.csv").write_text("x_mm,y_mm,z_mm,note;s\n1,2,3,a;b\n4.5,5,6,c\n")
+    assert np.allclose(hk.read_waypoints(tmp_path / "named.csv", ignore=["note*"]).points[1], [0.0045, 0.005, 0.006])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -150,8 +151,8 @@ def test_bad_positions_quaternions_and_orders_are_refused() -> None:
     for order in ("", "WXYZ", "xyz", "wxzy", None, 4, ["wxyz"]):
         with pytest.raises(ArgumentError, match="order"):
             hk.pose_of([0, 0, 0], four, order=order)  # type: ignore[arg-type]
-    with pytest.raises(TypeError):  # no default, and no third argument without its name
-        hk.pose_of([0, 0, 0], four)  # type: ignore[call-arg]
+    with pytest.raises(ArgumentError, match="say where the scalar w stands"):  # no default
+        hk.pose_of([0, 0, 0], four)
     for p, q in (([0, 0], four), ([0, 0, 0], four[:3]), (np.zeros((2, 3)), four), ([0, 0, 0], [four]), (0.0, four),
                  (np.zeros((1, 1, 3)), np.zeros((1, 1, 4)))):  # fmt: skip
         with pytest.raises(ShapeError):
@@ -179,3 +180,28 @@ def test_what_is_no_pose_is_refused_as_arrays_are(wrong: Any) -> None:
     for place in ("ik", "ik.near", "all_postures", "spline", "in_frame", "workspace", "from_dh"):
         with pytest.raises(HolokinError):
             PLACES[place](wrong)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_rotation_needs_no_order_and_a_pair_is_told_how_to_become_a_pose(seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    turns = Rotation.random(3, random_state=seed)
+    points = draw.normal(size=(3, 3))
+    poses = hk.pose_of(points, turns.as_quat(), order="xyzw")
+    assert np.abs(hk.pose_of(points, turns) - poses).max() < 1e-15
+    assert np.abs(hk.pose_of(points, turns.as_matrix()) - poses).max() < 1e-15
+    assert np.abs(hk.pose_of(points[0], turns[0].as_matrix().tolist()) - poses[0]).max() < 1e-15
+    with pytest.raises(ArgumentError, match="left-handed"):
+        hk.pose_of(points, -turns.as_matrix())
+    ik = hk.inverse(hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2)), PANDA_START)
+    for one in (turns[0], turns[0].as_matrix(), turns[0].as_matrix().tolist()):
+        for pair in ((points[0], one), [points[0].tolist(), one]):
+            with pytest.raises(ArgumentError, match=r"give hk.pose_of\(position, rotation\)"):
+                ik(pair)  # type: ignore[arg-type]
+
+
+def test_a_pose_of_spatialmath_is_its_matrix() -> None:
+    """Which it has as `A`."""
+    T = hk.load("panda").pose(PANDA_START)
+    ik = hk.inverse(hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2)), PANDA_START)
+    assert np.array_equal(ik(SimpleNamespace(A=T)), ik(T))  # type: ignore[arg-type]

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import IRB_START
+from conftest import IRB_START, sampled
 from holokin.errors import ArgumentError
 from holokin.export import (
     ProcessLines,
@@ -125,3 +127,60 @@ def test_a_name_that_is_made_of_a_title_is_no_word_either(move: TimedTrajectory)
     assert "hk_end.script" in WRITERS["urscript"](move, about="end").files
     assert "hk_MoveL_M.mod" in to_rapid(move, about="MoveL").files
     assert "End.script" in WRITERS["urscript"](move, about="End").files  # URScript tells capitals apart
+
+
+NASTY = (
+    *(")", "(", "; ", "]]>", "%", "*/", "MSG,", "py,import os", "FOLD", "//", "M2", "//INST", "/POS", "END", "'", '"'),
+    *("LOG,", "joint 1", "\\", "G0 X0", "!", "#", "]", "\u00fc", "\u4e2d"),
+)
+CONTROLS = ("\n", "\r\n", "\t", "\x00", "\x85", "\u2028", "\u202e")
+"""Those that no joint's name may have."""
+
+START = {
+    "ls": r"\s*\d+:\s*!",
+    "inform": "'",
+    "gcode": ";",
+    **{language: rf"\s*{mark}" for language, mark in COMMENT.items()},
+}
+"""How the lines of comments begin."""
+
+
+@sampled(3, "seed", list(range(40)))
+def test_names_of_a_file_are_words_of_comments_in_every_language(seed: int, irb140: hk.Robot) -> None:
+    """Whatever they hold, the other lines of the program are those of the robot whose joints have plain names."""
+    draw = np.random.default_rng(seed)
+
+    def nasty(words: tuple[str, ...]) -> str:
+        return "".join(draw.choice(words, draw.integers(1, 9)))
+
+    names = dict.fromkeys([nasty(NASTY) for _ in range(20)])
+    robot = replace(
+        irb140, coordinates=tuple(replace(c, name=n) for c, n in zip(irb140.coordinates, names, strict=False))
+    )
+    about = nasty(NASTY + CONTROLS)
+    kept = {}
+    for arm, said in ((irb140, "law"), (robot, about)):
+        at = arm.pose(IRB_START)[:3, 3]
+        law = hk.holonomic(hk.position(arm), hk.lock(3, 4, 5))
+        walk = hk.follow(law, hk.line(at, at + [0.05, 0, 0]), IRB_START, samples=20)
+        timed = hk.retime(walk, arm, velocity=1.0, acceleration=5.0, dt=0.008)
+        for language, write in WRITERS.items():
+            files = write(timed, about=said, name="PROG").files
+            lines = [line for text in files.values() for line in text.split("\n")]
+            assert all(line.isascii() and line.replace("\t", " ").isprintable() for line in lines), (language, lines)
+            comments = [line for line in lines if re.match(START[language], line)]
+            others = [
+                re.sub(r"^ *\d+:|LINE_COUNT.*|(DATE|CREATE|MODIFIED).*", "", line)
+                for line in lines
+                if line not in comments
+            ]
+            assert kept.setdefault(language, others) == others, language
+            if language == "gcode":
+                assert not any(
+                    re.match(r";\s*(py|msg|log|debug|print|probe)", line, re.IGNORECASE) for line in comments
+                )
+                assert not any(set("()%") & set(line.partition("(G93)")[0]) for line in comments)
+            if language == "ls":
+                assert all(line.count(";") == 1 and line.endswith(" ;") for line in comments)
+            if language == "val3":
+                assert not any("]]>" in line for line in comments)

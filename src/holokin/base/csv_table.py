@@ -22,6 +22,9 @@ PIECE = 10_000
 _COMMA, _POINT = re.compile(r"(?<=\d),(?=\d)"), re.compile(r"\d\.\d")
 """Decimal marks."""
 
+_NUMBERS = re.compile(r"[-+.,;\s\deE]*")
+"""A line without names."""
+
 LONGEST_LINE = 1_000_000
 """Characters of a line; a file with a longer one is no table, and may be gigabytes of one line."""
 
@@ -50,7 +53,8 @@ def read_table(
             if delimiter not in first and '"' not in first and len(first.split()) > 1:  # as UR's RTDE client writes it
                 delimiter, first = ",", ",".join(first.split())
                 lines = (",".join(line.split()) + "\n" for line in lines)
-            cells = next(csv.reader([first], delimiter=delimiter), [])
+            plain = first if delimiter == "," else _COMMA.sub(".", first)
+            cells = next(csv.reader([plain], delimiter=delimiter), [])
             header = [cell.strip().strip("#").strip() for cell in cells]
             if not any(header):
                 raise RecordingError(file, f"line {done} is empty, no header" if first else "is empty", cure)
@@ -90,9 +94,8 @@ def _from_header(lines: Iterator[str]) -> tuple[str, Iterator[str], int]:
 
 
 def _delimiter(line: str) -> str:
-    """What ends the cells of a line: a comma, unless a semicolon or a tab does, for then it may be a decimal mark."""
-    plain = '"' not in line
-    return next((mark for mark in ";\t" if plain and mark in line), max(",;\t", key=line.count))
+    """What ends the cells of a line: the most frequent mark; of numbers alone a comma may be a decimal mark."""
+    return max(";\t" if _NUMBERS.fullmatch(line) and re.search("[;\t]", line) else ",;\t", key=line.count)
 
 
 def _with_points(file: Path, lines: Iterator[str], done: int) -> Iterator[str]:

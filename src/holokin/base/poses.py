@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import ArgumentError, ShapeError
 from .arguments import typed
-from .types import ROTATION, Array, ArrayLike, finite, last_row_gap, numbers, rotation_gap, tool_pose
+from .types import ROTATION, Array, ArrayLike, check_rotation, finite, last_row_gap, numbers, rotation_gap, tool_pose
 
 ORDERS = {"wxyz": (1, 2, 3, 0), "xyzw": (0, 1, 2, 3)}
 """Where x, y, z and the scalar w stand in a quaternion of each order."""
@@ -16,16 +16,19 @@ ORDERS = {"wxyz": (1, 2, 3, 0), "xyzw": (0, 1, 2, 3)}
 UNIT = 1e-3
 """How far from 1 the length of a quaternion may be: four digits leave 1e-4, another quantity leaves more."""
 
+TURNED = "give hk.pose_of(position, rotation)"
+"""What to do with a position and a rotation."""
+
 CURE = 'give hk.pose_of(position, quaternion, order="wxyz"), or order="xyzw": the numbers do not tell the order'
 """What to do with a position and a quaternion."""
 
 
 @runtime_checkable
 class MatrixPose(Protocol):
-    """A pose of a library that gives its matrix (4, 4) by a method, as `mink.SE3`."""
+    """A pose or rotation of a library that gives its matrix by a method, as `mink.SE3` and SciPy's `Rotation`."""
 
     def as_matrix(self) -> Any:
-        """The matrix (4, 4)."""
+        """The matrix (4, 4), or (3, 3)."""
 
 
 @runtime_checkable
@@ -42,15 +45,16 @@ PoseLike = ArrayLike | MatrixPose | HomogeneousPose
 
 
 @typed
-def pose_of(position: ArrayLike, quaternion: ArrayLike, *, order: str) -> Array:
-    """The pose of a position and a quaternion, or of many: T = [R p; 0 1].
+def pose_of(position: ArrayLike, quaternion: ArrayLike | MatrixPose, *, order: str = "") -> Array:
+    """The pose of a position and a quaternion or rotation, or of many: T = [R p; 0 1].
 
     No number of a quaternion tells whether the scalar w stands first or last: both orders are rotations. So the order
     has no default. MuJoCo, mink and Eigen's constructor have "wxyz"; ROS, SciPy and Pinocchio's arrays have "xyzw".
 
     Args:
         position: (3,) or (k, 3) [m].
-        quaternion: (4,) or (k, 4), of length 1 to 1e-3; its length is then made 1.
+        quaternion: (4,) or (k, 4), of length 1 to 1e-3; its length is then made 1. Or SciPy's `Rotation`, or rotation
+            matrices (3, 3) or (k, 3, 3), which have no order.
         order: "wxyz" or "xyzw".
 
     Returns:
@@ -59,11 +63,17 @@ def pose_of(position: ArrayLike, quaternion: ArrayLike, *, order: str) -> Array:
     Raises:
         ArgumentError: another order, or a quaternion that has not length 1. ShapeError, NotFiniteError.
     """
-    if order not in ORDERS:
-        raise ArgumentError("order", order, f"say where the scalar w stands: {' or '.join(map(repr, ORDERS))}")
-    p, four = finite("the position", position), finite("the quaternion", quaternion)
+    p = finite("the position", position)
     if p.ndim not in (1, 2) or p.shape[-1] != 3:
         raise ShapeError("the position", "(3,) or (k, 3)", p.shape)
+    turned: Any = quaternion
+    four = finite("the quaternion", turned.as_matrix() if hasattr(turned, "as_matrix") else turned)
+    if four.shape == (*p.shape[:-1], 3, 3) and not order:
+        for R in four.reshape(-1, 3, 3):
+            check_rotation("the rotation", R)
+        return pose_from(p, four)
+    if order not in ORDERS:
+        raise ArgumentError("order", order, f"say where the scalar w stands: {' or '.join(map(repr, ORDERS))}")
     if four.shape != (*p.shape[:-1], 4):
         raise ShapeError("the quaternion", (*p.shape[:-1], 4), four.shape, "give one for each position")
     length = np.linalg.norm(four, axis=-1, keepdims=True)
@@ -135,12 +145,20 @@ def with_matrices(what: str, value: Any, depth: int = 3) -> Any:
         widths = [_width(part) for part in value]
         if widths == [3, 4] or (7 in widths and len(set(widths)) > 1):
             raise ArgumentError(what, value, CURE)
-        return [with_matrices(what, part, depth - 1) for part in value]
+        parts = [with_matrices(what, part, depth - 1) for part in value]
+        if len(parts) == 2 and widths[0] == 3 and [_height(part) for part in parts] == [0, 3]:
+            raise ArgumentError(what, value, TURNED)
+        return parts
     if isinstance(value, int | float | np.ndarray | type):
         return value
     if isinstance(value, MatrixPose):
         return value.as_matrix()
-    return value.homogeneous if isinstance(value, HomogeneousPose) else value
+    return value.homogeneous if isinstance(value, HomogeneousPose) else getattr(value, "A", value)  # of spatialmath
+
+
+def _height(part: Any) -> int:
+    """Rows of a matrix, as an array or as lists; 0 of one row."""
+    return len(part) if _width(part) > 1 and _width(part[0]) > 1 else 0
 
 
 def _width(part: Any) -> int:

@@ -8,11 +8,12 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import wraps
 from html import escape
-from typing import TYPE_CHECKING, Any
+from inspect import getattr_static
+from typing import Any
 
 import numpy as np
 
-from ..errors import NoAttributeError
+from ..errors import FORMS, NoAttributeError
 
 LONGEST = 200
 """Characters of a value's line."""
@@ -35,18 +36,8 @@ _CELL = "text-align:left;padding:.15rem .6rem;vertical-align:top"
 class Shown:
     """The parent of dataclasses that show themselves: `repr` is one line, at most 200 characters.
 
-    In a notebook it is what `str` says, or its fields, as a table. Texts are escaped there, whoever wrote them. A name
-    that they do not have is answered with the nearest that they have.
+    In a notebook it is what `str` says, or its fields, as a table. Texts are escaped there, whoever wrote them.
     """
-
-    if not TYPE_CHECKING:  # so that a misspelt name is an error of types
-
-        def __getattr__(self, name: str) -> Any:
-            if name.startswith("_") or hasattr(type(self), name):  # what libraries look for; what a property raised
-                return object.__getattribute__(self, name)
-            kind = type(self).__name__
-            owner = f"{'an' if kind[0] in 'AEIOU' else 'a'} {kind}"
-            raise NoAttributeError(owner, name, [known for known in dir(self) if not known.startswith("_")])
 
     def __init_subclass__(cls, **more: Any) -> None:
         super().__init_subclass__(**more)
@@ -66,6 +57,9 @@ class Shown:
                 break
         return f"{name}({', '.join(parts)})"
 
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if not isinstance(getattr_static(type(self), name, None), _Absent)]
+
     def _repr_html_(self) -> str:
         return _table(type(self).__name__, self._shown_rows())
 
@@ -75,6 +69,25 @@ class Shown:
             found = fields(self) if is_dataclass(self) else ()
             return [(f.name.replace("_", " "), _part(getattr(self, f.name), LONGEST)) for f in found]
         return [_split(line) for line in str(self).splitlines() if line.strip()]
+
+
+class _Absent:
+    """A name that a noun does not have, under which people look for something else: reading it says what to write.
+
+    A class with `__getattr__` would do this for all names, but then reading any takes longer.
+    """
+
+    def __init__(self, name: str, form: str) -> None:
+        self.name, self.form = name, form
+
+    def __get__(self, noun: object, kind: type) -> Any:
+        owner = f"{'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}"
+        raise NoAttributeError(owner, self.name, (), self.form)
+
+
+for _form, _names in FORMS.items():
+    for _name in _names.split():
+        setattr(Shown, _name, _Absent(_name, _form))
 
 
 def _bounded(written: Callable[[Any], str]) -> Any:

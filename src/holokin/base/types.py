@@ -84,10 +84,32 @@ def _below_huge(what: str, value: float) -> float:
     return value
 
 
-def numbers(what: str, value: Any) -> Array:
-    """An array of floats. Raises: ArgumentError for what is no array of numbers: text, ragged lists, None."""
+def in_order(what: str, value: Any, names: Sequence[str]) -> Any:
+    """Values by name, as a dict or a row of pandas has them, in the order of the names; others as they are.
+
+    Raises:
+        ArgumentError: a name is missing; nobody knows the order, for there are no `names`.
+    """
+    keys = list(value.keys()) if hasattr(value, "keys") else []
+    if not any(isinstance(key, str) for key in keys):
+        return value
+    missing = [name for name in names if name not in keys]
+    if missing or not names:
+        cure = f"it lacks {', '.join(missing)}" if names else "robot.checked(q) or robot.postures(Q) has them in order"
+        raise ArgumentError(what, f"values by the names {', '.join(map(str, keys))}", cure)
+    return np.stack([np.asarray(value[name]) for name in names], axis=-1)
+
+
+def numbers(what: str, value: Any, names: Sequence[str] = ()) -> Array:
+    """An array of floats; of values by name in the order of `names`, as `in_order`.
+
+    Raises:
+        ArgumentError: no array of numbers, but text, ragged lists, None.
+    """
     if isinstance(value, np.ndarray) and value.dtype == np.float64:
         return np.asarray(value)
+    if type(value) is not list and hasattr(value, "keys"):
+        value = in_order(what, value, names)
     try:
         given = np.asarray(value)
         if given.dtype.kind == "O":  # whole numbers beyond 64 bits, fractions, or no numbers at all

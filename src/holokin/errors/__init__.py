@@ -4,6 +4,7 @@ Uses nothing. Read first: `holokin_error.py`, then the file whose name fits.
 """
 
 from .holokin_error import (
+    FORMS,
     LONGEST,
     LONGEST_NAME,
     LONGEST_PART,
@@ -74,6 +75,7 @@ from .system_errors import (
 )
 
 __all__ = [
+    "FORMS",
     "LONGEST",
     "LONGEST_NAME",
     "LONGEST_PART",

@@ -27,9 +27,8 @@ FORMS = {
     "ik = hk.inverse(strategy, q0), and then q = ik(pose)": "ik ikine solve_ik inverse_kinematics solve",
     "hk.follow(strategy, path, q0)": "run execute track trace plan play",
     "hk.load(name)": "load_robot load_urdf from_file robots",
-    "hk.pose(robot)": "task pose_task frame_task",
 }
-"""What is called so -> names by which people look for it, on nouns and in the package."""
+"""What is to be written -> names by which people look for it, on nouns and in the package."""
 
 LONGEST_NAME = 200
 """Characters up to which a name is compared with the known ones; the comparison takes the product of the lengths."""

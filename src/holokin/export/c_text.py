@@ -162,7 +162,7 @@ class Source:
             "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": task.point if position else 16 * frames,
             "twist": task.point if position else 6 * frames, "frames": frames, "matrices": int(not position),
             "poses": 16 * frames, **_pose_words(task),
-            "joints": line(", ".join(robot.joint_names)), "rows": ", ".join(task.row_names), "rates": units,
+            "joints": line(", ".join(robot.joint_names)), "rows": line(", ".join(task.row_names)), "rates": units,
             "pose_checked": _pose_checked(position, self.holonomic is not None),
             "singular_words": "J, [J; J_g] or H loses rank, the representation does, or a result overflows",
             "leaf_member": _leaf_members(self.name, r),

@@ -51,7 +51,8 @@ def to_gcode(
     short = program_name(name, about, 64, found)
     axes = _letters(found.lengths, letters)
     mode = f"G64 P{1e3 * zone:g}" if not_negative("zone", zone) else "G61"
-    facts = [f"; {line}" for line in header(timed, about, found, ["mm and degrees; F is 1/minutes (G93)"])]
+    # after the dash no comment begins with the word of a file: LinuxCNC takes py, msg and log there for commands
+    facts = [f"; - {line}" for line in header(timed, about, found, ["mm and degrees; F is 1/minutes (G93)"])]
     seconds = [10.0, *found.seconds.tolist()]
     moves = [
         [" ".join(["G1", *(f"{a}{x:.6f}" for a, x in zip(axes, row, strict=True)), f"F{60 / t:.6f}"])]

@@ -7,7 +7,6 @@ with ///NPOS, ///TOOL, ///POSTYPE PULSE, ///PULSE; //INST with ///DATE, ///ATTR,
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from datetime import datetime
 
@@ -69,8 +68,8 @@ def to_inform(
             raise ArgumentError(what, value, f"give a whole number from 0 to {most}")
     found = targets(timed, wiring, DIALECT, tolerance, lines)
     short = program_name(name, about, NAME, found).upper()
-    facts = header(timed, about, found, ["positions in pulses", f"tool {tool}, PL {zone}"], 10_000)
-    remarks = [f"'{part}" for line in facts for part in textwrap.wrap(line, REMARK)]
+    facts = header(timed, about, found, ["positions in pulses", f"tool {tool}, PL {zone}"], REMARK)
+    remarks = [f"'{line}" for line in facts]
     moves, rounded = _moves(found, speed_shares(found, speeds), zone)
     body = ["NOP", *remarks, *with_lines(found, moves), "END"]
     counts = _counts(found, pulses)

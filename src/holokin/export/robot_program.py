@@ -17,6 +17,7 @@ from ..base.shown import Shown
 from ..errors import ArgumentError
 from ..motion import TimedTrajectory
 from ..version import __version__
+from .c_text import line
 from .controller_moves import KINDS, ToolDeviation
 from .finer_motion import FINER
 from .process_lines import PLACES, common
@@ -59,8 +60,11 @@ def header(
     more: Sequence[str] = (),
     width: int = 100,
 ) -> list[str]:
-    """The facts of a program as lines of ASCII: where it is from, the law, limits, tolerances, units."""
-    lines = [f"Written by holokin {__version__}", about or "law: not told"]
+    """The facts of a program as lines of ASCII: where it is from, the law, limits, tolerances, units.
+
+    Names of files are plain words there.
+    """
+    lines = [f"Written by holokin {__version__}", _plain(about) or "law: not told"]
     lines.append(f"{timed.profile} motion of {timed.duration:.3f} s, timed at steps of {1e3 * timed.dt:g} ms")
     limits, linear = timed.limits, found is not None and found.linear
     wiring = Wiring() if found is None else found.wiring
@@ -77,7 +81,7 @@ def header(
         ]
         turned = [f"sign {wiring.signs[name]:+d}"] if name in wiring.signs else []
         turned += [f"offset {factor * wiring.offsets[name]:.6g} {unit}"] if name in wiring.offsets else []
-        lines.append(f"{name}: " + ", ".join([span, *rates, *turned]))
+        lines.append(f"{_plain(name)}: " + ", ".join([span, *rates, *turned]))
     unit, factor = units.together(timed.joint_units)
     if found is not None and found.tool is not None:
         lines += [
@@ -98,8 +102,12 @@ def header(
         a, b = (timed.t[i] for i in timed.loop)
         lines.append(f"three cycles; the one from {a:.3f} s to {b:.3f} s may be repeated")
     lines += ["The controller chooses the way to the first target: make sure that this way is free", *more]
-    plain = [re.sub(r"[^ -~]", "?", " ".join(line.split())) for line in lines]
-    return [part for line in plain for part in textwrap.wrap(line, width, break_on_hyphens=False) or [""]]
+    return [part for line in lines for part in textwrap.wrap(line, width, break_on_hyphens=False)]
+
+
+def _plain(words: str) -> str:
+    """Words of a file on one line, without what ends a comment, a statement or a section in any language."""
+    return re.sub(r"[^ -~]|[;<>%]", "?", line(words)).translate(str.maketrans("()", "[]"))
 
 
 def _resolution(timed: TimedTrajectory, found: Targets) -> list[str]:

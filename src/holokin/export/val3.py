@@ -66,7 +66,7 @@ def to_val3(
     radii, less = zones(found, not_negative("zone", zone))
     more = ["degrees, mm", f"tool {tool}, frame {base}"]
     more += [f"leave and reach are half a move at {less} targets, where that is less"] if less else []
-    facts = [f"// {line.replace(']]>', ']] >')}" for line in header(timed, about, found, more)]
+    facts = [f"// {line}" for line in header(timed, about, found, more)]
     shares = speed_shares(found, speeds)
     first = ["l_mDesc.accel=100", "l_mDesc.decel=100", "l_mDesc.vel=10", "l_mDesc.blend=off"]
     first += [*_joints("A", found, found.q[0]), f"movej(l_jA,{tool},l_mDesc)", "waitEndMove()"]

@@ -22,7 +22,7 @@ import numpy as np
 from ..base.arguments import made
 from ..base.poses import PoseLike, pose_cure, with_matrices
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Matrix, Vector, frozen, number, right_last_row
+from ..base.types import Array, ArrayLike, Matrix, Vector, frozen, in_order, number, right_last_row
 from ..control_laws.control_law import ControlLaw, Step
 from ..errors import ArgumentError, LostToolError, NativeError, NotFiniteError, ShapeError
 from ..inverse_kinematics.leaf import leaf_value
@@ -181,6 +181,8 @@ class _Compiled:
         if point:
             T = T[..., :3, 3].ravel()[: pose[0]] if whole else T
             v = v[..., :3].ravel()[: twist[0]] if moved else v
+        if hasattr(a, "keys"):
+            a = in_order("q", a, self.strategy.task.robot.joint_names)
         return _numbers("q", a, (q,)), T.reshape(pose).copy(), v.reshape(twist).copy()
 
     def begin(self, _q0: Vector) -> Step:

@@ -52,7 +52,8 @@ def read_waypoints(
     Raises:
         RecordingError: no such file, unreadable; missing columns, columns that are not understood,
             no unit; text or NaN in a cell, with line and column;
-            values that look like another unit; quaternions that are not of unit length; times that do not rise.
+            values that look like another unit; quaternions that are not of unit length; times that do not rise; half a
+            turn from a line to the next.
     """
     file = Path(path)
     read = pose_rows(file, "waypoint", Units(units, angles, order, False, tuple(ignore)))

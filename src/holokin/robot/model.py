@@ -206,25 +206,29 @@ class Robot(ByValue):
         return lines
 
     def checked(self, q: ArrayLike, what: str = "q") -> Vector:
-        """q as (n,) finite floats. Raises: ShapeError, NotFiniteError, ArgumentError if they are not numbers."""
-        array = numbers(what, q)
+        """q as (n,) finite floats; values by the joints' names, as of a dict or a row of pandas, in the robot's order.
+
+        Raises: ShapeError, NotFiniteError, ArgumentError if they are not numbers, or a joint is missing.
+        """
+        array = numbers(what, q, self.joint_names)
         if array.shape != (self.n,):
-            raise ShapeError(what, (self.n,), array.shape, f"the joints are {', '.join(self.joint_names)}")
+            many = "; many by their names are put in order by robot.postures(Q)" * (array.ndim == 2)
+            raise ShapeError(what, (self.n,), array.shape, f"the joints are {', '.join(self.joint_names)}{many}")
         if not (isfinite(sum(array.tolist())) or np.isfinite(array).all()):
             found = [f"{name} {v}" for name, v in zip(self.joint_names, array, strict=True) if not isfinite(v)]
             raise NotFiniteError(what, ", ".join(found))
         return array
 
     def postures(self, Q: ArrayLike) -> Matrix:
-        """Postures as (k, n) floats. Raises: ShapeError, ArgumentError if they are not numbers."""
-        array = numbers("the postures", Q)
+        """Postures as (k, n) floats, also of columns by the joints' names. Raises: ShapeError; ArgumentError."""
+        array = numbers("the postures", Q, self.joint_names)
         if array.ndim != 2 or array.shape[1] != self.n:
             raise ShapeError("a batch of postures", ("k", self.n), array.shape)
         return array
 
     def beyond(self, q: ArrayLike) -> Array:
         """How far joints are beyond their limits, max(lower - q, q - upper) (..., n). Raises: ShapeError."""
-        array = numbers("q", q)
+        array = numbers("q", q, self.joint_names)
         if array.shape[-1:] != (self.n,):
             raise ShapeError("q", (self.n,), array.shape, f"the joints are {', '.join(self.joint_names)}")
         return np.maximum(self.lower - array, array - self.upper)

@@ -258,9 +258,7 @@ def _text(file: Path) -> str:
             raise RecordingError(file, f"has {file.stat().st_size} bytes", "no dataset's is so long: download it anew")
         return file.read_text("utf-8")
     except FileNotFoundError:
-        cure = "give the folder of a LeRobot dataset: it has meta/info.json, and what that names"
-        if file.name != Path(INFO).name and (file.parents[1] / INFO).exists():
-            cure = "the rest of the dataset is there: download it anew, whole"
+        cure = "give the whole folder of a LeRobot dataset: it has meta/info.json, and what that names"
         raise RecordingError(file, "there is no such file", cure) from None
     except (OSError, UnicodeDecodeError) as problem:
         raise RecordingError(file, f"cannot be read ({shown(str(problem), 120)})", "download it anew") from problem

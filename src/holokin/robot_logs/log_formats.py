@@ -62,7 +62,8 @@ def read_recording(
 
     Raises:
         RecordingError: no such file, unreadable, no time column, joints missing, empty, text or NaN in a cell (with
-            its line), time that runs backward or stands still with other joints, degrees where radians are due.
+            its line), time that runs backward or stands still with other joints, degrees where radians are due,
+            encoder ticks without scales.
         MissingExtraError: a bag, and rosbags is not installed.
         ArgumentError: a topic for a CSV file, a time for a bag, a wrong number of columns.
         UnknownNameError: a column, sign, offset or scale for a joint that the robot has not.

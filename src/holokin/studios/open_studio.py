@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..base.arguments import check, typed
+from ..base.arguments import typed
 from ..errors import ArgumentError
 from ..robot import Robot
 
@@ -47,10 +47,6 @@ def studio(
         ArgumentError: a port or host that cannot be; a robot without a joint to spare.
         HolokinError: what reading the job or robot raises.
     """
-    check("port", int, port)
-    check("host", str, host)
-    check("browser", bool, browser)
-    check("wait", bool, wait)
     if not callable(tell):
         raise ArgumentError("tell", tell, "give a function of one text")
     from .server import serve

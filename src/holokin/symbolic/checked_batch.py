@@ -38,6 +38,8 @@ class CheckedBatch:
 
     def array(self, given: ArrayLike) -> Array:
         """x (n,), checked, or (k, n) as numbers, which are checked by their results. Raises: as `convert`."""
+        if hasattr(given, "keys"):  # values by name, of whose order `convert` knows
+            return self._convert(given)
         found = numbers("q", given)
         if found.ndim != 2:
             return self._convert(found)

@@ -192,7 +192,7 @@ class Task(ByValue, ABC):
         Raises:
             ShapeError, NotFiniteError, ArgumentError.
         """
-        at = numbers("q", q)
+        at = numbers("q", q, self.robot.joint_names)
         p, R = self._target(position, (3,)), self._target(rotation, (3, 3))
         if at.ndim == 2:
             return self.error_function.batch(self.robot.postures(at), p, R).reshape(len(at), self.m)
