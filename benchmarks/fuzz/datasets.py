@@ -1,4 +1,4 @@
-"""LeRobot datasets, formats v2.1 and v3.0: files broken, missing or changed in values and types; audited and retargeted."""
+"""LeRobot datasets, formats v2.1 and v3.0: broken, missing or changed files; audited and retargeted."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import holokin as hk
-from benchmarks.fuzz.jobs import broken, hostile, mutated
+from benchmarks.fuzz.jobs import NAMES, broken, mutated
 from holokin.auditing import audit_dataset
 from holokin.interop import retarget
 from holokin.robot_logs import STATE, joint_feature, read_dataset
@@ -79,7 +79,7 @@ def _parquet(data: bytes, chance: random.Random) -> bytes:
                     try:
                         table = table.set_column(i, name, pa.array(values, column.type))
                     except (pa.ArrowException, OverflowError, TypeError):
-                        table = table.set_column(i, name, pa.array([str(hostile(chance))[:99]] * len(table)))
+                        table = table.set_column(i, name, pa.array([chance.choice(NAMES)[:99]] * len(table)))
     stream = io.BytesIO()
     parquet.write_table(table, stream, row_group_size=chance.choice((None, 1, 7)))
     return stream.getvalue()
