@@ -12,6 +12,7 @@ import holokin as hk
 from benchmarks.fuzz.jobs import NAMES, broken, mutated
 from holokin.auditing import audit_dataset
 from holokin.interop import retarget
+from holokin.inverse_kinematics import InverseKinematics
 from holokin.robot_logs import STATE, joint_feature, read_dataset
 
 GOLDEN = Path(__file__).parents[2] / "tests" / "golden"
@@ -26,7 +27,7 @@ def sound(version: str) -> dict[str, bytes]:
 
 
 @cache
-def law() -> tuple[hk.Robot, hk.InverseKinematics]:
+def law() -> tuple[hk.Robot, InverseKinematics]:
     """The robot, and the leaf to which a dataset is retargeted."""
     robot = hk.load("panda")
     q0 = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
