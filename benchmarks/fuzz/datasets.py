@@ -1,4 +1,4 @@
-"""LeRobot datasets, formats v2.1 and v3.0: files broken, missing or changed in values and types; audited and retargeted."""
+"""LeRobot datasets, formats v2.1 and v3.0: broken, missing or changed files; audited and retargeted."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from functools import cache
 from pathlib import Path
 
 import holokin as hk
-from benchmarks.fuzz.jobs import broken, hostile, mutated
+from benchmarks.fuzz.jobs import NAMES, broken, mutated
 from holokin.auditing import audit_dataset
 from holokin.interop import retarget
+from holokin.inverse_kinematics import InverseKinematics
 from holokin.robot_logs import STATE, joint_feature, read_dataset
 
 GOLDEN = Path(__file__).parents[2] / "tests" / "golden"
@@ -26,7 +27,7 @@ def sound(version: str) -> dict[str, bytes]:
 
 
 @cache
-def law() -> tuple[hk.Robot, hk.InverseKinematics]:
+def law() -> tuple[hk.Robot, InverseKinematics]:
     """The robot, and the leaf to which a dataset is retargeted."""
     robot = hk.load("panda")
     q0 = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
@@ -79,7 +80,7 @@ def _parquet(data: bytes, chance: random.Random) -> bytes:
                     try:
                         table = table.set_column(i, name, pa.array(values, column.type))
                     except (pa.ArrowException, OverflowError, TypeError):
-                        table = table.set_column(i, name, pa.array([str(hostile(chance))[:99]] * len(table)))
+                        table = table.set_column(i, name, pa.array([chance.choice(NAMES)[:99]] * len(table)))
     stream = io.BytesIO()
     parquet.write_table(table, stream, row_group_size=chance.choice((None, 1, 7)))
     return stream.getvalue()

@@ -24,9 +24,10 @@ def test_a_spoilt_map_of_sheets_is_refused_in_words_or_answers_at_its_poses() ->
 @pytest.mark.campaign
 @sampled(2, ("kind", "count"), [
     ("survey_files", 150), ("certificate_files", 60), ("mjcf_files", 60), ("drawings", 40), ("sheets_files", 3000),
+    ("datasets", 1000),
 ])  # fmt: skip
 def test_a_mutant_of_what_others_send_is_read_or_refused(kind: str, count: int) -> None:
-    extras = {"mjcf_files": "mujoco", "drawings": "svgelements", "certificate_files": "flint"}
+    extras = {"datasets": "pyarrow", "mjcf_files": "mujoco", "drawings": "svgelements", "certificate_files": "flint"}
     if kind in extras:
         pytest.importorskip(extras[kind])
     found = [harness.one(kind, seed) for seed in range(count)]

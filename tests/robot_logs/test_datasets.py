@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import Command, assert_refused, sampled
 from holokin.errors import ArgumentError, RecordingError
-from holokin.robot_logs import chosen_episodes, joint_feature, pose_feature, read_dataset
+from holokin.robot_logs import chosen_episodes, joint_feature, pose_feature, read_dataset, unpacked_size
 from holokin.robot_logs.dataset_columns import postures_of, tool_poses_of
-from holokin.robot_logs.dataset_folder import read_parquet, rows
+from holokin.robot_logs.dataset_folder import batches, read_parquet, rows
 from small_datasets import write_dataset
 
 ARM = hk.load("planar-3r")
@@ -313,3 +313,36 @@ def test_a_folder_that_is_no_dataset_is_a_log_and_options_belong_to_one_of_them(
     refused = holokin("audit", str(tmp_path), "--robot", "planar-3r", "--episodes", "0:2")
     assert_refused(refused, "--episodes", "only for a LeRobot dataset")
     assert_refused(holokin("audit", str(folder), "--robot", "no-such-robot"), "unknown robot")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rows_are_read_as_they_are_and_never_take_more_memory_than_allowed(
+    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Texts that are all one, or each another one, or images: a batch has as many rows as there is room for."""
+    monkeypatch.setattr(unpacked_size, "MOST_ROWS", room := 2**20)
+    rng = np.random.default_rng(seed)
+    count, size = int(rng.integers(20, 400)), int(10 ** rng.uniform(3.5, 5))
+    one = {
+        "same": ["x" * size] * count,
+        "own": [rng.bytes(size // 2).hex() for _ in range(count)],
+        "some": [f"{k % 3}" * size for k in range(count)],
+        "image": [rng.bytes(size) for _ in range(count)],
+    }[("same", "own", "some", "image")[seed]]
+    table = pa.table({"q": pa.array(rng.normal(size=count)), "text": one})
+    parquet.write_table(table, tmp_path / "t.parquet", row_group_size=int(rng.integers(5, count)))
+    found = list(batches(tmp_path / "t.parquet", count))
+    assert pa.Table.from_batches(found).equals(table)
+    assert max(batch.nbytes for batch in found) < 2 * room + size
+    assert len(found) == 1 or sum(batch.nbytes for batch in found[:2]) > room / 2  # and not a few rows each
+
+
+def test_a_text_that_unpacks_to_thousands_of_times_its_size_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(unpacked_size, "MOST_ROWS", 2**20)
+    table = pa.table({"q": [0.0] * 2, "text": ["x" * 8 * 2**20, ""]})
+    parquet.write_table(table, tmp_path / "t.parquet", compression="zstd")
+    with pytest.raises(RecordingError, match="text unpacks to far more"):
+        next(batches(tmp_path / "t.parquet", 2))
+    assert len(next(batches(tmp_path / "t.parquet", 2, ["q"]))) == 2  # it is not needed

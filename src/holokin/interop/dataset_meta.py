@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..base.given_files import shown
 from ..errors import RecordingError
 from ..robot_logs import Dataset, Episode
 from ..robot_logs.dataset_folder import episode_files, read_json, read_lines, read_parquet
@@ -36,21 +38,39 @@ def write_meta(
         _learn_numbers(dataset, kept, firsts, learnt)
     info = dataset.info | {"features": features} | _totals(dataset, kept)
     (out / "meta" / "info.json").write_text(json.dumps(info, indent=4, ensure_ascii=False), "utf-8")
-    whole = _write_v3(dataset, kept, firsts, learnt, out) if dataset.version == "v3.0" else _write_v2(
-        dataset, kept, learnt, out
-    )  # fmt: skip
     file = dataset.folder / SUMMARY
-    if file.exists():
-        _write_summary(file, whole, learnt, len(kept) < len(dataset.episodes), out)
+    with _of_its_form(dataset):
+        whole = _write_v3(dataset, kept, firsts, learnt, out) if dataset.version == "v3.0" else _write_v2(
+            dataset, kept, learnt, out
+        )  # fmt: skip
+        if file.exists():
+            _write_summary(file, whole, learnt, len(kept) < len(dataset.episodes), out)
+
+
+@contextmanager
+def _of_its_form(dataset: Dataset) -> Iterator[None]:
+    """What metadata with other types than LeRobot's raise, as a RecordingError."""
+    import pyarrow
+
+    try:
+        yield
+    except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, pyarrow.ArrowException) as problem:
+        fact = f"holds statistics or numbers that are none ({shown(str(problem), 120)})"
+        raise RecordingError(dataset.folder / "meta", fact, "download the dataset anew") from problem
 
 
 def check_meta(dataset: Dataset) -> None:
     """Raises: RecordingError: metadata that cannot be written anew, which is so known before joints are computed."""
-    if dataset.version == "v2.1":
-        _statistics(dataset)
-    else:
-        for file in episode_files(dataset.folder):
-            read_parquet(file)
+    with _of_its_form(dataset):
+        if dataset.version == "v2.1":
+            for row in _statistics(dataset):
+                for one in row["stats"].values():
+                    as_arrays(one)
+        else:
+            for file in episode_files(dataset.folder):
+                table = read_parquet(file)
+                for row in table.select([name for name in table.column_names if name.startswith("stats/")]).to_pylist():
+                    _stats_of(row)
     if (dataset.folder / SUMMARY).exists() and not isinstance(read_json(dataset.folder / SUMMARY), dict):
         raise RecordingError(dataset.folder / SUMMARY, "has no statistics by column", "download the dataset anew")
 

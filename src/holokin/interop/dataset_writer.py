@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -19,9 +19,6 @@ from ..robot_logs.dataset_folder import batches, check_inside, numeric, reading
 from ..tasks.task import Task
 from .dataset_meta import write_meta
 from .dataset_stats import Stats, episode_stats, usual_names
-
-IMAGES = 200
-"""Rows of a data file with images that are in memory at one time: some tens of megabytes."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +115,7 @@ class _Writer:
         writer, done = None, 0
         written: list[list[Matrix]] = [[] for _ in self.changes]
         try:
-            for batch in self._batches(file, count):
+            for batch in batches(file, count):
                 parts = [q[done : done + len(batch)] for q in joints]
                 for change, q, values in zip(self.changes, parts, written, strict=True):
                     values.append(self._values(file, change, batch, q))
@@ -141,10 +138,6 @@ class _Writer:
             first += e.length
             if e.index in self.numbers:
                 self.stats[e.index][change.name] = episode_stats(mine, usual_names(self.dataset.version))
-
-    def _batches(self, file: Path, count: int) -> Iterator[Any]:
-        images = any(one["dtype"] == "image" for one in self.dataset.features.values())
-        return batches(file, count, size=IMAGES) if images else batches(file, count)
 
     def _target(self, episode: Episode) -> Path:
         """Where the file of an episode is in the new dataset, from its folder."""

@@ -46,8 +46,8 @@ def read_sheets(
         The map, as it was saved.
 
     Raises:
-        SheetsFileError: it cannot be read, or is of another robot, task or surroundings. ArgumentError: a strategy in
-        it makes no sense. UnknownNameError.
+        SheetsFileError: it cannot be read, is of another robot, task or surroundings, or holds what makes no sense.
+        ArgumentError: a floor without clear_of.
     """
     around = surroundings(clear_of, floor, clearance, self_collision, ignore, shapes_of)
     return sheets_of_file(path, task, around, _strategy)

@@ -18,6 +18,7 @@ from ..base.given_files import listed, shown
 from ..base.shown import Shown
 from ..base.types import Indices, Matrix, Value
 from ..errors import RecordingError
+from .unpacked_size import record_batches
 
 INFO = "meta/info.json"
 VERSIONS = ("v2.1", "v3.0")
@@ -170,8 +171,7 @@ def batches(file: Path, count: int, columns: Sequence[str] | None = None, size: 
         if table.metadata.num_rows != count:
             fact = f"has {table.metadata.num_rows} rows, but meta/ says {count} frames of the episodes in it"
             raise RecordingError(file, fact, "download it anew: some of its files are of another version")
-        chosen = None if columns is None else list(columns)
-        yield from table.iter_batches(batch_size=size, columns=chosen, use_threads=False)
+        yield from record_batches(file, table, columns, size)
     release()
 
 

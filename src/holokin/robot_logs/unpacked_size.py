@@ -1,4 +1,4 @@
-"""What a bag unpacks to is measured before it is unpacked: a few bytes may stand for gigabytes, or for ever."""
+"""What a bag or a dataset unpacks to is measured before it is unpacked: a few bytes may stand for gigabytes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 import sqlite3
 import struct
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,17 @@ MOST_FILE = 4 * 2**30
 
 MOST_METADATA = 2 * 2**20
 """Bytes of metadata.yaml; that of an hour of bags in parts has a tenth, and parsing takes five seconds a megabyte."""
+
+MOST_ROWS = 64 * 2**20
+"""Bytes that the rows of a dataset may unpack to that are in memory at one time."""
+
+DICTIONARY = 2**20
+"""Bytes up to which writers of parquet files keep the texts of a column in a dictionary; rows name its entries."""
+
+DENSEST = 1000
+"""How many times its size in the file a column of over `MOST_ROWS` bytes may unpack to; texts come to some 100."""
+
+_WIDTHS = {"BOOLEAN": 1, "INT32": 4, "INT64": 8, "INT96": 12, "FLOAT": 4, "DOUBLE": 8}
 
 _PIECE = 2**20
 _DEEPEST = 50  # the parser's time grows with the square of it
@@ -203,3 +214,47 @@ def check_sqlite(file: Path) -> None:
         computed = re.search(r"\bas\s*\(|\bvirtual\s+table\b", str(sql or ""), re.IGNORECASE)
         if kind not in ("table", "index") or computed:
             raise broken(file, f"its tables are computed: {sql}")
+
+
+def record_batches(file: Path, table: Any, columns: Sequence[str] | None, most: int) -> Iterator[Any]:
+    """The rows of a parquet file, some `most` together, or fewer where these would take more than `MOST_ROWS` bytes.
+
+    Raises: RecordingError: a column is a bomb.
+    """
+    import pyarrow
+
+    def joined() -> Any:
+        return waiting[0] if len(waiting) == 1 else pyarrow.Table.from_batches(waiting).combine_chunks().to_batches()[0]
+
+    few, waiting, rows, size = _rows_at_once(file, table, columns, most), [], 0, 0
+    for batch in table.iter_batches(few, columns=None if columns is None else list(columns), use_threads=False):
+        waiting.append(batch)
+        rows, size = rows + len(batch), size + batch.nbytes
+        if rows >= most or size > MOST_ROWS:
+            yield joined()
+            waiting, rows, size = [], 0, 0
+    if waiting:
+        yield joined()
+
+
+def _rows_at_once(file: Path, table: Any, columns: Sequence[str] | None, most: int) -> int:
+    """How many rows of a parquet file, 1 to `most`, unpack to `MOST_ROWS` bytes by what its footer says of its parts.
+
+    Raises: RecordingError: a column is a bomb.
+    """
+    largest = MOST_ROWS / most
+    for group in map(table.metadata.row_group, range(table.metadata.num_row_groups)):
+        size = 0
+        for part in map(group.column, range(group.num_columns)):
+            if columns is not None and not part.path_in_schema.startswith(tuple(columns)):
+                continue
+            values, width, whole = part.num_values, _WIDTHS.get(part.physical_type), part.total_uncompressed_size
+            most_of_one = MOST_ROWS * group.num_rows if width else max(MOST_ROWS, DENSEST * part.total_compressed_size)
+            if (values * width if width else whole) > most_of_one:
+                fact = f"its column {shown(part.path_in_schema)} unpacks to far more than its size in the file"
+                raise RecordingError(file, fact, "no recorder writes such a one: download it anew")
+            size += values * width if width else whole
+            if not width and part.has_dictionary_page:  # any of its texts may be that of every row
+                size += values * min(whole, DICTIONARY)
+        largest = max(largest, size / max(group.num_rows, 1))
+    return max(1, int(MOST_ROWS / largest))

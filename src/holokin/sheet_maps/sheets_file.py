@@ -38,6 +38,9 @@ ARRAYS = {
 }  # fmt: skip
 """The arrays of a file: whole numbers without and with a sign, or others, and the shape; equal names, equal lengths."""
 
+CHANGED = "it is of another model of the robot, or was changed: make the map again"
+"""The cure where a file is read, and says what cannot be."""
+
 OFF = 1e-6
 """By how much [m, rad, units of g] the postures of a file may be off their poses and leaves."""
 
@@ -115,9 +118,9 @@ def sheets_of_file(path: str | Path, task: Task, around: Surroundings | None, bu
         )  # fmt: skip
         bad = _fault(found)
     except (HolokinError, LookupError, TypeError, ValueError) as problem:
-        bad = brief(problem)
+        raise SheetsFileError(file, brief(problem), CHANGED) from None
     if bad:
-        raise SheetsFileError(file, bad, "it is of another model of the robot, or was changed: make the map again")
+        raise SheetsFileError(file, bad, CHANGED)
     return found
 
 
