@@ -267,3 +267,20 @@ def test_a_layer_goes_to_other_processes_as_workers_of_a_loader_take_it() -> Non
     for f, make in ((hk.interop.torch.inverse(ik), torch.tensor), (hk.interop.jax.inverse(ik), jnp.asarray)):
         again = pickle.loads(pickle.dumps(f))
         np.testing.assert_array_equal(np.asarray(again(make(points)).q), np.asarray(f(make(points)).q))
+
+
+def test_torch_compile_leaves_the_layer_alone_with_one_break_of_the_graph() -> None:
+    """Values and gradients to the last bit, a new batch included, and no attempt to trace into NumPy."""
+    f = hk.interop.torch.inverse(solved("planar"))
+    counters = torch._dynamo.utils.counters
+    torch._dynamo.reset()
+    counters.clear()
+    layer = torch.compile(lambda poses: 2 * f(poses)[0], backend="eager")
+    for seed in (0, 1):
+        poses = torch.tensor(poses_of("planar", 4, seed=seed)) if seed else torch.tensor(poses_of("planar", 4))
+        a, b = poses.clone().requires_grad_(), poses.clone().requires_grad_()
+        traced, plain = layer(a), 2 * f(b)[0]
+        traced.sum().backward()
+        plain.sum().backward()
+        assert torch.equal(traced, plain) and torch.equal(a.grad, b.grad)
+    assert sum(counters["graph_break"].values()) == 1

@@ -11,7 +11,7 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.pose_columns import Units, pose_rows
 from ..base.poses import pose_from
-from ..base.types import Array, ArrayLike, Indices, Matrix, Vector, check_rotation, finite
+from ..base.types import Array, ArrayLike, Indices, Vector, check_rotation, finite
 from ..errors import ArgumentError, RecordingError
 from .segments import turn_between
 from .waypoints import Poses, Waypoints, distinct
