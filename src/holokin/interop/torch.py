@@ -53,7 +53,7 @@ def inverse(ik: InverseKinematics) -> TorchInverse:
     """Inverse kinematics as a function of torch tensors, with exact first and second derivatives.
 
     It serves `backward`, `torch.func` (`grad`, `vmap`, `jacrev`, `jacfwd`, `hessian`) and `torch.autograd.gradcheck`.
-    `torch.compile` leaves it as it is: one break in the graph.
+    `torch.compile` calls it as it is, with a break of the graph.
     See `TorchInverse.__call__` for what it takes.
 
     Args:
