@@ -270,7 +270,7 @@ def test_a_layer_goes_to_other_processes_as_workers_of_a_loader_take_it() -> Non
 
 
 def test_torch_compile_calls_the_layer_as_it_is_and_traces_nothing_of_it() -> None:
-    """Values and gradients to the last bit. The graph breaks at the layer's door alone: in the caller, and in the call."""
+    """Values and gradients to the last bit. The graph breaks at the layer alone, in the caller and in the call."""
     ik = solved("planar")
     f, counters = hk.interop.torch.inverse(ik), torch._dynamo.utils.counters
     torch._dynamo.reset()

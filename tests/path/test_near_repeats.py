@@ -110,7 +110,7 @@ def test_a_motion_along_it_takes_the_time_of_the_clean_one(seed: int) -> None:
         "joined": (hk.line(a, b) + hk.line(b, c), hk.line(a, b) + hk.line(b, b + [size, 0, 0]) + hk.line(b, c)),
     }
     for name, paths in ways.items():
-        for profile in ("trapezoidal", "quintic"):
+        for profile in ("time-optimal", "quintic"):
             want, found = (
                 hk.retime(hk.follow(law, path, q0, samples=60), panda, profile=profile, acceleration=10.0)  # type: ignore[arg-type]
                 for path in paths
