@@ -29,7 +29,7 @@ def drawn(seed: int) -> tuple[Stretch, np.ndarray, np.ndarray, float]:
 def by_toppra(
     stretch: Stretch, s: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, speed: float, mean: float
 ) -> float:
-    """Seconds that toppra finds for the same curve on a grid s. It gets s / mean, for it works best where rates are about 1."""
+    """Seconds that toppra finds for the same curve on a grid s. It gets s / mean: it works best at rates near 1."""
     pytest.importorskip("toppra")  # it has wheels for Linux alone
     from toppra.algorithm import TOPPRA
     from toppra.constraint import DiscretizationType, JointAccelerationConstraint, JointVelocityConstraint
