@@ -267,3 +267,21 @@ def test_a_layer_goes_to_other_processes_as_workers_of_a_loader_take_it() -> Non
     for f, make in ((hk.interop.torch.inverse(ik), torch.tensor), (hk.interop.jax.inverse(ik), jnp.asarray)):
         again = pickle.loads(pickle.dumps(f))
         np.testing.assert_array_equal(np.asarray(again(make(points)).q), np.asarray(f(make(points)).q))
+
+
+def test_torch_compile_calls_the_layer_as_it_is_and_traces_nothing_of_it() -> None:
+    """Values and gradients to the last bit. The graph breaks at the layer alone, in the caller and in the call."""
+    ik = solved("planar")
+    f, counters = hk.interop.torch.inverse(ik), torch._dynamo.utils.counters
+    torch._dynamo.reset()
+    counters.clear()
+    layer = torch.compile(lambda poses: 2 * f(poses)[0], backend="eager")
+    for size in (0.03, 0.05):
+        poses = torch.tensor(given(ik, 4, size))
+        a, b = poses.clone().requires_grad_(), poses.clone().requires_grad_()
+        traced, plain = layer(a), 2 * f(b)[0]
+        traced.sum().backward()
+        plain.sum().backward()
+        assert torch.equal(traced, plain) and torch.equal(a.grad, b.grad)
+    (reason,) = counters["graph_break"]
+    assert "solved" in reason and counters["graph_break"][reason] == 2

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import pickle
-import sys
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_CENTER, PPR_START, sampled
-from holokin.errors import ArgumentError, MissingExtraError, ShapeError
+from holokin.errors import ArgumentError, ShapeError
 from holokin.motion import TimedTrajectory
 from holokin.motion.trajectory import Trajectory
 
@@ -51,14 +49,7 @@ def slide(ppr: hk.Robot) -> Trajectory:
 
 @pytest.fixture(scope="module")
 def fastest(circle: Trajectory, panda: hk.Robot) -> TimedTrajectory:
-    pytest.importorskip("toppra")
     return hk.retime(circle, panda, acceleration=ACCELERATION, cycles=1)
-
-
-def needs_toppra(how: dict[str, object]) -> None:
-    """Skips what is time-optimal where toppra is not installed: it has wheels for Linux alone."""
-    if how.get("profile", "time-optimal") == "time-optimal":
-        pytest.importorskip("toppra")
 
 
 def assert_within(timed: TimedTrajectory) -> None:
@@ -72,7 +63,7 @@ def assert_within(timed: TimedTrajectory) -> None:
 
 def test_the_time_is_that_of_toppra_within_two_percent(fastest: TimedTrajectory, circle: Trajectory) -> None:
     """Its own spline through the same postures, its own constraints, on a finer grid."""
-    import toppra
+    toppra = pytest.importorskip("toppra")  # it has wheels for Linux alone
     from toppra import algorithm, constraint
 
     k = circle.marks[1] + 1
@@ -99,7 +90,6 @@ def test_the_time_is_that_of_toppra_within_two_percent(fastest: TimedTrajectory,
 def test_no_limit_is_exceeded_and_the_ends_are_those_of_the_path_to_the_last_bit(
     how: dict[str, object], circle: Trajectory, panda: hk.Robot
 ) -> None:
-    needs_toppra(how)
     timed = hk.retime(circle, panda, acceleration=ACCELERATION, **how)  # type: ignore[arg-type]
     assert_within(timed)
     assert (timed.q[0] == circle.q[0]).all()
@@ -138,7 +128,6 @@ def test_the_tool_stays_on_its_circle(fastest: TimedTrajectory, panda: hk.Robot)
 
 
 def test_the_tool_keeps_the_speed_of_its_path_but_where_it_is_said(circle: Trajectory, panda: hk.Robot) -> None:
-    pytest.importorskip("toppra")
     timed = hk.retime(circle, panda, acceleration=ACCELERATION, speed=6.0, cycles=1)  # 0.6 m/s
     points, _ = panda.pose_batch(timed.q)
     speed = np.linalg.norm(np.diff(points, axis=0), axis=1) / timed.dt
@@ -164,7 +153,7 @@ def test_the_joints_rest_in_each_corner_exactly_there(square: Trajectory, panda:
 def test_one_joint_takes_the_time_of_the_closed_form(slide: Trajectory, ppr: hk.Robot, v: float, a: float) -> None:
     """L/v + v/a with a phase of constant speed, 2 sqrt(L/a) without."""
     wanted = 0.5 / v + v / a if v < np.sqrt(0.5 * a) else 2 * np.sqrt(0.5 / a)
-    for profile, more in (("trapezoidal", 2e-2), ("time-optimal", 2e-3))[: 2 if find_spec("toppra") else 1]:
+    for profile, more in (("trapezoidal", 2e-2), ("time-optimal", 2e-3)):
         timed = hk.retime(slide, ppr, velocity=v, acceleration=a, profile=profile)
         assert wanted * (1 - 1e-9) <= timed.duration <= wanted * (1 + more), profile
     timed = hk.retime(slide, ppr, velocity=v, profile="quintic")
@@ -214,7 +203,6 @@ def test_a_file_of_it_says_names_and_units(fastest: TimedTrajectory, tmp_path) -
     ids=str,
 )  # fmt: skip
 def test_senseless_limits_are_refused(how: dict[str, object], says: str, circle: Trajectory, panda: hk.Robot) -> None:
-    needs_toppra(how)
     with pytest.raises((ArgumentError, ShapeError), match=says):
         hk.retime(circle, panda, **how)  # type: ignore[arg-type]
 
@@ -222,10 +210,3 @@ def test_senseless_limits_are_refused(how: dict[str, object], says: str, circle:
 def test_another_robot_or_a_part_of_a_path_is_refused(circle: Trajectory, ppr: hk.Robot, panda: hk.Robot) -> None:
     with pytest.raises(ArgumentError, match="the one that the trajectory is of"):
         hk.retime(circle, ppr, acceleration=1.0)
-
-
-def test_without_toppra_the_error_names_the_extra(circle: Trajectory, panda: hk.Robot, monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "toppra.algorithm", None)
-    with pytest.raises(MissingExtraError, match=r"holokin\[timing\]"):
-        hk.retime(circle, panda, acceleration=ACCELERATION)
-    assert hk.retime(circle, panda, acceleration=ACCELERATION, profile="trapezoidal").duration > 0

@@ -34,8 +34,6 @@ def seconds_below(timed: TimedTrajectory, speed: float) -> float:
 @sampled(1, "seed", SEEDS)
 def test_a_ramp_on_a_straight_curve_takes_the_time_of_the_closed_form(ppr: hk.Robot, seed: int, profile: str) -> None:
     """v/a; under a limit of jerk v/a + a/j, or 2 sqrt(v/j) where the acceleration is not reached."""
-    if profile == "time-optimal":
-        pytest.importorskip("toppra")
     draw = np.random.default_rng(seed)
     speed, acceleration, jerk = 10.0 ** draw.uniform([-3, -1, 1], [0, 2, 4])
     walk = slide(ppr, 0.5, int(draw.integers(5, 200)))
@@ -61,8 +59,6 @@ def test_a_ramp_on_a_straight_curve_takes_the_time_of_the_closed_form(ppr: hk.Ro
 @sampled(1, "name", STARTS)
 @sampled(1, "seed", range(3))
 def test_ramps_do_not_depend_on_the_samples_and_a_limit_binds_in_each(seed: int, name: str, profile: str) -> None:
-    if profile == "time-optimal":
-        pytest.importorskip("toppra")
     robot, q0 = hk.load(name), STARTS[name]
     draw = np.random.default_rng(seed)
     G = hk.holonomic(hk.pose(robot), hk.lock(2))

@@ -285,7 +285,7 @@ def test_joined_paths_must_meet_in_one_orientation() -> None:
 @pytest.mark.parametrize(
     ("call", "error", "words"),
     [
-        (lambda: hk.spline([[0, 0]]), ArgumentError, "give two at least"),
+        (lambda: hk.spline([[0, 0]]), ArgumentError, "at least two"),
         (lambda: hk.spline([[0, 0], [1, np.nan]]), NotFiniteError, "NaN"),
         (lambda: hk.spline([[0, 0], [1, 0]], times=[0, 0]), ArgumentError, "after the one before"),
         (lambda: hk.spline([[0, 0], [1, 0]], times=[0, 1, 2]), ShapeError, "one for each waypoint"),

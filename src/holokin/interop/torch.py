@@ -8,10 +8,9 @@ from typing import Any
 from ..base.arguments import typed
 from ..base.types import Value
 from ..control_laws.extra_library import extra
-from ..errors import ArgumentError
 from ..inverse_kinematics import InverseKinematics
 from .joint_map import JointMap
-from .pose_tensors import JointTensors, read_tensors
+from .pose_tensors import JointTensors
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,14 +43,9 @@ class TorchInverse(Value):
         Raises:
             ArgumentError: what is no tensor of floats; quaternions without an order; third derivatives. ShapeError.
         """
-        torch = extra("torch", "torch", "interop")
-        from .torch_rules import Inverse
+        from .torch_rules import solved
 
-        turns = None if quaternions is None else _on_processor(torch, "the quaternions", quaternions)
-        wanted = _on_processor(torch, "the tool poses", poses)
-        read = read_tensors(torch, self._joints, torch.tensor, wanted, turns, order)
-        q, status = Inverse.apply(self._joints, read.given.detach(), read.p, read.R)
-        return JointTensors(q.to(dtype=poses.dtype, device=poses.device), status.to(device=poses.device))
+        return solved(self._joints, poses, quaternions, order)
 
 
 @typed
@@ -59,6 +53,7 @@ def inverse(ik: InverseKinematics) -> TorchInverse:
     """Inverse kinematics as a function of torch tensors, with exact first and second derivatives.
 
     It serves `backward`, `torch.func` (`grad`, `vmap`, `jacrev`, `jacfwd`, `hessian`) and `torch.autograd.gradcheck`.
+    `torch.compile` calls it as it is, with a break of the graph.
     See `TorchInverse.__call__` for what it takes.
 
     Args:
@@ -69,14 +64,3 @@ def inverse(ik: InverseKinematics) -> TorchInverse:
     """
     extra("torch", "torch", "interop")
     return TorchInverse(ik, JointMap(ik))
-
-
-def _on_processor(torch: Any, what: str, tensor: Any) -> Any:
-    """A tensor of floats in float64 on the processor. Raises: ArgumentError."""
-    if not isinstance(tensor, torch.Tensor):
-        raise ArgumentError(what, tensor, "give a torch tensor; ik.batch(poses) takes arrays")
-    if not tensor.is_floating_point():
-        raise ArgumentError(what, str(tensor.dtype), "give a tensor of floats, as by .float() or .double()")
-    if tensor.is_meta:
-        raise ArgumentError(what, "on the device 'meta'", "it has no numbers: give a tensor on the device of your data")
-    return tensor.to(device="cpu", dtype=torch.float64)

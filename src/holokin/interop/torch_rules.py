@@ -7,10 +7,31 @@ from typing import Any
 import numpy as np
 import torch  # pyright: ignore[reportMissingImports]
 
+from ..errors import ArgumentError
 from .joint_map import JointMap
-from .pose_tensors import TURN, angular_velocity, rotation_gradient, third_derivative
+from .pose_tensors import TURN, JointTensors, angular_velocity, read_tensors, rotation_gradient, third_derivative
 
 TURNS = torch.tensor(TURN, dtype=torch.float64)
+
+
+@torch.compiler.disable  # its compiler would trace through NumPy into native code, for minutes
+def solved(joints: JointMap, poses: Any, quaternions: Any, order: str | None) -> JointTensors:
+    """`TorchInverse.__call__`."""
+    turns = None if quaternions is None else _on_processor("the quaternions", quaternions)
+    read = read_tensors(torch, joints, torch.tensor, _on_processor("the tool poses", poses), turns, order)
+    q, status = Inverse.apply(joints, read.given.detach(), read.p, read.R)
+    return JointTensors(q.to(dtype=poses.dtype, device=poses.device), status.to(device=poses.device))
+
+
+def _on_processor(what: str, tensor: Any) -> Any:
+    """A tensor of floats in float64 on the processor. Raises: ArgumentError."""
+    if not isinstance(tensor, torch.Tensor):
+        raise ArgumentError(what, tensor, "give a torch tensor; ik.batch(poses) takes arrays")
+    if not tensor.is_floating_point():
+        raise ArgumentError(what, str(tensor.dtype), "give a tensor of floats, as by .float() or .double()")
+    if tensor.is_meta:
+        raise ArgumentError(what, "on the device 'meta'", "it has no numbers: give a tensor on the device of your data")
+    return tensor.to(device="cpu", dtype=torch.float64)
 
 
 class Inverse(torch.autograd.Function):

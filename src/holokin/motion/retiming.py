@@ -33,7 +33,7 @@ TRIES = 20
 then is the round-off of differences, 2e-9 rad/s^2 at 1 kHz, which no slower motion has less of."""
 
 STEADY = 1e-6
-"""Relative difference of the path speeds at both ends of a cycle up to which it may be repeated, toppra's own accuracy;
+"""Relative difference of the path speeds at both ends of a cycle up to which it may be repeated;
 that of accelerations may be a thousand times as large, for they are its differences on the grid."""
 
 BETWEEN = 17
@@ -83,7 +83,7 @@ def retime(
     s(t) runs through the curve q(s) by one of three profiles, within every limit at every sample, by exact derivatives
     and by differences of samples:
 
-    - "time-optimal": the fastest law under speed and acceleration, by TOPP-RA [PP18] (extra `timing`).
+    - "time-optimal": the fastest law under speed and acceleration, by reachability, TOPP-RA [PP18].
     - "trapezoidal": a ramp up, a constant rate of s, a ramp down; each ramp is as short as its own place allows.
     - "quintic": s = 10 x^3 - 15 x^4 + 6 x^5 of the time's share x, slowed until the limits hold.
 
@@ -111,7 +111,7 @@ def retime(
     Raises:
         ArgumentError: bad limits, or a joint without a speed limit; a trajectory that did not reach its end; cycles of
         one that does not repeat.
-        ShapeError: limits that are not n numbers. MissingExtraError: toppra is not installed.
+        ShapeError: limits that are not n numbers.
     """
     n = trajectory.q.shape[1]
     if trajectory.joint_names != robot.joint_names:

@@ -6,12 +6,11 @@ All laws but the quintic one have path accelerations that are constant, or linea
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ..base.types import Indices, Matrix, Value, Vector
-from ..errors import ArgumentError, MissingExtraError
+from ..errors import ArgumentError
 from .joint_curve import Stretch
 
 FINEST = 2_000
@@ -19,6 +18,9 @@ FINEST = 2_000
 
 COARSEST = 600
 """Fewest of them; joint curves with fewer samples get points between these."""
+
+FASTEST = 1e6
+"""Rate over the slowest bound of it at which the law passes where nothing moves, and nothing is limited."""
 
 STEPS_OF_RAMP, GROWTH = 64, 1.12
 """First interval of a grid as a share of the shortest ramp, and each interval over the one before."""
@@ -95,7 +97,7 @@ def time_optimal(
     speed: float,
     bare: TimeLaw | None = None,
 ) -> TimeLaw:
-    """The fastest law from rest to rest over some laps of a stretch, by TOPP-RA [PP18], that keeps ds/dt <= speed.
+    """The fastest law from rest to rest over some laps of a stretch, by reachability [PP18], that keeps ds/dt <= speed.
 
     Where the curve alone, at even ds/dt, would take more than half of a joint's jerk, ds/dt is bounded so that it
     does not: |d^3 q / ds^3| (ds/dt)^3 <= jerk / 2.
@@ -105,7 +107,7 @@ def time_optimal(
             see `_gentle`.
 
     Raises:
-        MissingExtraError: toppra is not installed. ArgumentError: it found no law.
+        ArgumentError: none was found.
     """
     grid = _grid(stretch)
     _, d1, d2, d3 = stretch.derivatives(grid)
@@ -119,8 +121,9 @@ def time_optimal(
     _, d1, d2, d3 = stretch.derivatives(s)
     caps = _caps(d1, d3, velocity, jerk, speed)
     less = np.ones(len(s)) if bare is None else _gentle(bare, s, d1, jerk)
-    scaled = less[:, None]
-    rates = _toppra(unit * s, d1 / scaled / unit, d2 / scaled / unit**2, unit * caps, acceleration) / unit
+    rates = _fastest(s, d1, d2, less[:, None] * acceleration, np.minimum(caps, FASTEST / unit))
+    if not np.isfinite(rates).all() or not (rates[:-1] + rates[1:]).min() > 0:
+        raise ArgumentError("the limits", acceleration.tolist(), "no motion was found within them: give larger ones")
     h = 2 * np.diff(s) / (rates[:-1] + rates[1:])
     t = np.concatenate([[0.0], np.cumsum(h)])
     c = np.vstack([s[:-1], rates[:-1], np.diff(rates) / h / 2])
@@ -179,42 +182,40 @@ def _gentle(bare: TimeLaw, s: Vector, d1: Matrix, jerk: Vector) -> Vector:
     return np.maximum(less, 1e-6)
 
 
-def _toppra(s: Vector, d1: Matrix, d2: Matrix, most: Vector, acceleration: Vector) -> Vector:
-    """ds/dt (k,) at s (k,) by toppra, which works best with rates near 1."""
-    try:
-        from toppra.algorithm import TOPPRA
-        from toppra.constraint import DiscretizationType, JointAccelerationConstraint
-        from toppra.constraint.linear_constraint import LinearConstraint
-        from toppra.interpolator import AbstractGeometricPath
-    except ImportError:
-        raise MissingExtraError("toppra, for time-optimal motion", "timing") from None
+def _fastest(s: Vector, d1: Matrix, d2: Matrix, acceleration: Matrix, most: Vector) -> Vector:
+    """ds/dt (k,) at s (k,), the greatest from rest to rest with |q''| <= acceleration (k, n) and ds/dt <= most [PP18].
 
-    base: Any = AbstractGeometricPath  # the declared type has properties where attributes do
+    With an even path acceleration u between two points, x = (ds/dt)^2 goes over into y = x + 2 h u, and the joints have
+    q'' = d1 u + d2 x at the first point and d1 u + d2 y at the second: |a x + b y| <= 1, a row a joint and a point. All
+    such rows hold for x = y = 0. So from 0 to some greatest x the end can be reached at rest.
+    """
+    h = 2 * np.diff(s)[:, None]
+    e1, e2 = d1 / acceleration, d2 / acceleration
+    a = np.hstack([e2[:-1] - e1[:-1] / h, -e1[1:] / h])
+    b = np.hstack([e1[:-1] / h, e2[1:] + e1[1:] / h])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        p, q = 1 / np.abs(a), 1 / np.abs(b)
+        r, w = np.where(a == 0, 0.0, b / a), np.where(b == 0, 0.0, a / b)
+    bound = most**2
 
-    class Known(base):
-        """The derivatives on the grid, where alone toppra asks for them."""
+    # The greatest x of each interval, whatever follows: that which two rows allow, or one and the bounds of x and y.
+    x = np.minimum(bound[:-1], np.maximum(p, p - r * bound[1:, None]).min(axis=1))
+    for k in range(1, a.shape[1]):
+        crossed = np.abs(a[:, k:] * b[:, :-k] - a[:, :-k] * b[:, k:])
+        both = np.abs(b[:, k:]) + np.abs(b[:, :-k])
+        x = np.minimum(x, np.divide(both, crossed, out=np.full_like(both, np.inf), where=crossed > 0).min(axis=1))
+    # The least y that it goes over into: up to there a greater y allows a greater x.
+    y = np.clip(np.where(b == 0, 0.0, -q - w * x[:, None]).max(axis=1), 0.0, bound[1:])
 
-        dof = d1.shape[1]
-        path_interval = np.array([s[0], s[-1]])
-        waypoints = None
-
-        def __call__(self, _s: Any, order: int = 0) -> Matrix:
-            return (np.zeros_like(d1), d1, d2)[order]
-
-    class Bounded(LinearConstraint):
-        """0 <= (ds/dt)^2 <= most^2."""
-
-        def compute_constraint_params(self, _path: Any, _grid: Any) -> Any:
-            return (*[None] * 6, np.column_stack([np.zeros(len(most)), np.minimum(most, 99.0) ** 2]))
-
-    bounded: Any = Bounded()
-    bounded.dof = d1.shape[1]
-    limits = JointAccelerationConstraint(acceleration, DiscretizationType.Interpolation)
-    instance = TOPPRA([bounded, limits], Known(), gridpoints=s, solver_wrapper="seidel")
-    rates: Any = instance.compute_parameterization(0.0, 0.0)[1]
-    if rates is None or not np.isfinite(rates).all():
-        raise ArgumentError("the limits", acceleration.tolist(), "toppra found no motion within them: give larger ones")
-    return np.maximum(rates, 0.0)
+    # Backward: the greatest x from which the next point's can be reached.
+    reach = np.append(x, 0.0)
+    for i in range(len(h) - 1, -1, -1):
+        reach[i] = min(x[i], np.minimum.reduce(p[i] - r[i] * min(y[i], reach[i + 1])))
+    # Forward: the greatest x that can be reached.
+    x = np.zeros(len(s))
+    for i in range(len(h)):
+        x[i + 1] = max(0.0, min(reach[i + 1], np.minimum.reduce(q[i] - w[i] * x[i])))
+    return np.sqrt(x)
 
 
 def _grid(stretch: Stretch) -> Vector:

@@ -28,9 +28,9 @@ SLOW = 0.4
 TURNED = 1e-4
 """How far [rad] the tool may be turned from the orientations of a curve gone along at even speed."""
 
-FINE = (64, 512, 4096)
+FINE, FINER, FINEST = 64, 8, 4096
 """Pieces of an interval on which its length is measured: with 64 a bend of 90 degrees is measured to 3e-5; sharper ones
-take more."""
+take 8 times as many, or 64 times."""
 
 ROUND = 8
 """Exponent of the norm that stands for the larger of two: they slow each other down by 9 % where both are alike, and by
@@ -45,6 +45,9 @@ BLOCK = 65_536
 PADDING = 30
 """Rotations by which a closed series is continued at both ends: what a spline does at its end fades by 0.27 a knot."""
 
+
+CORNER = "the time [s] of a corner or jump of a curve"
+SMOOTH = "let it be smooth between the waypoints, give times, or give a larger tolerance"
 
 Curve = Callable[[Vector], Poses]
 """s (k,) -> poses at these parameters."""
@@ -122,7 +125,10 @@ def within(curve: Curve, t: Vector, closed: bool, tolerance: float, speed: float
         off = np.linalg.norm(at.position - wanted.points, axis=1)
         return (off > tolerance) | (_turned(at, wanted) > tolerance)
 
-    return _refined(curve, t, closed, speed, rough, MOST)
+    segments, stuck, at = _refined(curve, t, closed, speed, rough, np.full(len(t) - 1, MOST))
+    if stuck.any():
+        raise ArgumentError(CORNER, at, SMOOTH)
+    return segments
 
 
 def evenly(
@@ -137,22 +143,24 @@ def evenly(
     Raises:
         ArgumentError: the curve has a corner, a jump or no length.
     """
-    for pieces in FINE[:-1]:
-        try:
-            return _evenly(curve, breaks, closed, speed, angular_speed, tolerance, slowest, pieces)
-        except ArgumentError:
-            continue
-    return _evenly(curve, breaks, closed, speed, angular_speed, tolerance, slowest, FINE[-1])
+    pieces = np.full(len(breaks) - 1, FINE)
+    while True:
+        segments, stuck, at = _evenly(curve, breaks, closed, speed, angular_speed, tolerance, slowest, pieces)
+        if not stuck.any():
+            return segments
+        pieces[stuck] *= FINER
+        if pieces.max() > FINEST:
+            raise ArgumentError(CORNER, at, SMOOTH)
 
 
 def _evenly(
     curve: Curve, breaks: Vector, closed: bool, speed: float, angular_speed: float, tolerance: float, slowest: float,
-    pieces: int,
-) -> list[Segment]:  # fmt: skip
-    """`evenly`, with the length of each interval measured on some pieces. Raises: ArgumentError."""
+    pieces: Indices,
+) -> tuple[list[Segment], Flags, float]:  # fmt: skip
+    """`evenly`, with the length of each interval measured on some pieces; as `_refined`. Raises: ArgumentError."""
     from scipy.interpolate import PchipInterpolator
 
-    fine = _divided(breaks, np.full(len(breaks) - 1, pieces))
+    fine = _divided(breaks, pieces)
     edges = [*range(0, len(fine) - 1, BLOCK), len(fine) - 1]
     parts = (fine[a : b + 1] for a, b in pairwise(edges))
     steps = np.concatenate([_seconds(curve(part), part, speed, angular_speed, slowest) for part in parts])
@@ -160,7 +168,7 @@ def _evenly(
         cure = "leave out repeated points, or give times to rest there"
         raise ArgumentError("the length of a piece of a curve", 0.0, cure)
     clock = np.append(0.0, np.cumsum(steps))
-    knots = clock[::pieces]
+    knots = clock[np.append(0, np.cumsum(pieces))]
 
     @lru_cache(maxsize=1)
     def interpolated(k: int) -> PchipInterpolator:
@@ -195,9 +203,13 @@ def _evenly(
 
 def _refined(
     curve: Curve, knots: Vector, closed: bool, speed: float, rough: Callable[[Samples, list[Samples], Poses], Flags],
-    most: int,
-) -> list[Segment]:  # fmt: skip
-    """The spline through a curve of time at knots, and at more of them, until no cubic of it is rough."""
+    most: Indices,
+) -> tuple[list[Segment], Flags, float]:  # fmt: skip
+    """The spline through a curve of time at knots, and at more of them, until no cubic of it is rough.
+
+    Returns:
+        Its cubics; intervals between knots (k,) that are still rough with the most cubics, and a time in one of them.
+    """
     counts = np.ones(len(knots) - 1, dtype=int)
     while True:
         t = _divided(knots, counts)
@@ -209,12 +221,11 @@ def _refined(
         if poses.rotations is not None:
             at = replace(at, rotation=at.rotation @ poses.rotations[0])
         found = rough(at, begun, curve((t[:-1] + t[1:]) / 2))
-        if not found.any():
-            return segments
-        worse = np.bincount(np.repeat(np.arange(len(counts)), counts), found, len(counts)) > 0
-        if counts[worse].max() >= most:
-            cure = "let it be smooth between the waypoints, give times, or give a larger tolerance"
-            raise ArgumentError("the time [s] of a corner or jump of a curve", float(t[int(np.argmax(found))]), cure)
+        interval = np.repeat(np.arange(len(counts)), counts)
+        worse = np.bincount(interval, found, len(counts)) > 0
+        stuck = worse & (counts >= most)
+        if stuck.any() or not worse.any():
+            return segments, stuck, float(t[int(np.argmax(found & stuck[interval]))])
         counts[worse] *= 2
 
 

@@ -127,6 +127,8 @@ class Path(Value):
     @cached_property
     def _rotations(self) -> Array:
         """R at the start of every segment, and at the end (segments + 1, 3, 3)."""
+        if not self._rows[:, 19:31].any():
+            return frozen(np.tile(np.eye(3), (len(self.segments) + 1, 1, 1)))
         out = [np.eye(3)]
         for segment in self.segments:
             out.append(segment.rotation @ out[-1])

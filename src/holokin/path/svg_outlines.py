@@ -228,7 +228,7 @@ def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float) 
 
 
 def _welded(path: Path, closed: bool) -> Path:
-    """The path without the gaps that short pieces leave: of two segments that do not meet one that is no arc gives way."""
+    """The path without the gaps that short pieces leave: a line or cubic gives way to the next segment."""
     index, segments = np.arange(len(path.segments)), list(path.segments)
     starts, ends = (path.on(index, np.full(len(index), u)).position for u in (0.0, 1.0))
     gaps = np.roll(starts, -1, axis=0) - ends

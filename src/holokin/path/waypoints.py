@@ -70,7 +70,7 @@ def distinct(poses: Poses, more: Vector | None = None) -> tuple[Poses, Indices, 
         if not kept or dist(row, rows[kept[-1]]) > SAME:
             kept.append(i)
     if len(kept) < 2:
-        raise ArgumentError("the number of points that differ", len(kept), f"give two at least, {SAME:g} m apart")
+        raise ArgumentError("the number of points that differ", len(kept), f"give at least two, {SAME:g} m apart")
     index = np.array(kept)
     repeats = len(rows) - len(kept)
     notes = (f"{repeats} of {len(rows)} points left out, which repeat the one before to {SAME:g} m",) * (repeats > 0)
