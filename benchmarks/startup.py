@@ -1,4 +1,6 @@
-"""What `import holokin` costs beyond `import casadi`: whole processes, alternating, medians.
+"""What it costs to start: `import holokin`, a first robot, the help of the command, beside an empty Python and CasADi.
+
+Whole processes, alternating, medians of processor time.
 
 python -m benchmarks.startup
 """
@@ -11,28 +13,33 @@ import statistics
 import subprocess
 import sys
 
+STARTS = {
+    "nothing": ["-c", "pass"],
+    "import casadi": ["-c", "import casadi"],
+    "import holokin": ["-c", "import holokin"],
+    "import holokin, load a Panda": ["-c", "import holokin; holokin.load('panda')"],
+    "holokin --help": ["-m", "holokin", "--help"],
+}
 
-def seconds(statement: str) -> float:
-    """Processor time of one fresh interpreter that runs a statement."""
+
+def seconds(words: list[str]) -> float:
+    """Processor time of one fresh interpreter with these arguments."""
     before = os.times()
-    subprocess.run([sys.executable, "-c", statement], check=True)
+    subprocess.run([sys.executable, *words], check=True, stdout=subprocess.DEVNULL)
     after = os.times()
     return sum(after[2:4]) - sum(before[2:4])
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the two medians and their difference."""
+    """Print the medians."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.startup", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="one round")
     rounds = 1 if parser.parse_args(arguments).quick else 15
-    for statement in ("import casadi", "import holokin"):
-        seconds(statement)  # fill the file cache
-    pairs = [(seconds("import casadi"), seconds("import holokin")) for _ in range(rounds)]
-    casadi, holokin = (statistics.median(column) for column in zip(*pairs, strict=True))
-    extra = statistics.median(b - a for a, b in pairs)
-    print(
-        f"import casadi {casadi:.3f} s, import holokin {holokin:.3f} s, difference {extra:.3f} s (median of {rounds})"
-    )
+    for words in STARTS.values():
+        seconds(words)  # fill the file cache
+    found = [{name: seconds(words) for name, words in STARTS.items()} for _ in range(rounds)]
+    for name in STARTS:
+        print(f"{name:30} {statistics.median(row[name] for row in found):.2f} s (median of {rounds})")
     return 0
 
 

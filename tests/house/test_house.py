@@ -42,7 +42,11 @@ LAYERS = [
     {"commands"},
     {"__main__"},
 ]
-HEAVY = ("matplotlib", "scipy", "pydantic", "typer", "rich", "yourdfpy", "PIL", "trimesh", "torch", "jax")
+APP = ("matplotlib", "pydantic", "pydantic_core", "typer", "rich")
+"""Packages of the extra `app`, which the core does without."""
+MESHES = ("yourdfpy", "trimesh", "collada", "lxml", "six", "PIL")
+"""Those that read meshes, or came with what read URDFs before."""
+HEAVY = (*APP, *MESHES, "casadi", "numpy", "scipy", "torch", "jax")
 MODULES = sorted(ROOT.rglob("*.py"))
 
 
@@ -203,10 +207,36 @@ def test_there_is_no_import_cycle() -> None:
 
 
 def test_importing_holokin_loads_nothing_heavy() -> None:
-    """`import holokin` shall cost little more than `import casadi`; benchmarks/startup.py times it."""
-    code = f"import sys, holokin; print([m for m in {HEAVY!r} if m in sys.modules])"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"
+    """`import holokin` and `holokin --help` load neither CasADi nor NumPy; benchmarks/startup.py times them."""
+    for words in (["-c", "import holokin"], ["-m", "holokin", "--help"]):
+        asked = subprocess.run([sys.executable, "-X", "importtime", *words], capture_output=True, text=True, check=True)
+        loaded = {line.rpartition("|")[2].strip() for line in asked.stderr.splitlines()}
+        assert loaded & {*HEAVY} <= ({"typer"} if "--help" in words else set())
+
+
+def test_the_core_imports_no_package_of_the_app_and_no_reader_of_meshes() -> None:
+    """But for the progress bar, which appears where rich is installed; no import is hidden in a function either."""
+    core = [m for m in MODULES if layer_of(m) != "__init__" and rank(layer_of(m)) < rank("reports")]
+    found = {
+        f"{module.relative_to(ROOT)}: {name}"
+        for module in core
+        for name, _ in imports(module)
+        if name.split(".")[0] in (*APP, *MESHES) and (module.name, name.split(".")[0]) != ("progress.py", "rich")
+    }
+    assert len(core) > 300 and found == set()
+
+
+def test_the_names_that_are_loaded_when_used_are_those_that_types_know() -> None:
+    """The table of `holokin/__init__.py`, its imports for types and `__all__` have the same names of the same homes."""
+    block = next(node for node in parsed(ROOT / "__init__.py").body if isinstance(node, ast.If))
+    typed = {
+        (f"{node.module or ''}", alias.name) for node in block.body if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }  # fmt: skip
+    table = {(home, name) for home, names in hk._HOMES.items() for name in names.split()}
+    assert {(home, name) for home, name in typed if home} == table
+    assert sorted([*(name for _, name in typed), "HolokinError"]) == hk.__all__ and {*hk.__all__} <= {*dir(hk)}
+    assert all(getattr(hk, name) is not None for name in hk.__all__)
 
 
 def test_every_public_name_has_a_docstring_with_substance() -> None:

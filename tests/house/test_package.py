@@ -91,3 +91,74 @@ def test_no_page_names_an_address_of_a_project_that_does_not_exist_yet() -> None
     for file in ("pyproject.toml", "mkdocs.yml", "CITATION.cff", "README.md"):
         text = (ROOT / file).read_text("utf-8")
         assert not re.search(r"repo_url|site_url|project\.urls|repository-code|github\.com/\w*holokin", text), file
+
+
+BARE = """
+import sys
+from importlib.machinery import PathFinder
+
+class Bare(PathFinder):
+    @classmethod
+    def find_spec(cls, name, path=None, target=None):
+        return None if name.partition(".")[0] in LEFT_OUT else super().find_spec(name, path, target)
+
+sys.meta_path[:] = [Bare if finder is PathFinder else finder for finder in sys.meta_path]
+"""
+"""Begins a program for which packages are not installed, whatever this environment has."""
+LEFT_OUT = ["pydantic", "pydantic_core", "typer", "rich", "matplotlib", "yourdfpy", "trimesh", "collada", "lxml", "six"]
+
+CORE = """
+import numpy as np
+import holokin as hk
+
+robot = hk.load(sys.argv[1], tip="tip")
+(part,) = robot.shapes
+print(part.shape.fault)
+print(hk.check([[0.1, 0.2]], robot, limits=False, floor=-1.0).unread)
+q0 = [0.3, 0.8, -0.4]
+arm = hk.from_dh([{"a": 0.3}, {"a": 0.3}, {"a": 0.2}])
+task = hk.position(arm, rows=[0, 1])
+G = hk.holonomic(task, hk.linear([0, 1, -1]))
+start = arm.pose(q0)[:3, 3]
+print(hk.drift(G, hk.circle(start, center=start - [0.05, 0, 0]), q0, cycles=2).largest.max() < 1e-10)
+for function in (hk.studio, hk.survey, hk.read_sheets):
+    try:
+        function(1)
+    except hk.HolokinError as problem:
+        print(problem)
+help(hk)
+"""
+
+
+def bare(code: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    text = f"LEFT_OUT = {LEFT_OUT!r}{BARE}{code}"
+    return subprocess.run([sys.executable, "-c", text, *map(str, arguments)], capture_output=True, text=True)
+
+
+def test_with_numpy_scipy_and_casadi_alone_a_urdf_is_read_and_a_path_followed(tmp_path: Path) -> None:
+    """The shape that is a mesh cannot be read, and says by which extra; what the app has says how to install it."""
+    file = tmp_path / "arm.urdf"
+    (tmp_path / "a.stl").write_text("solid a\nendsolid a\n")
+    ends = '<limit lower="-2" upper="2" effort="1" velocity="1"/></joint>'
+    file.write_text(
+        '<robot name="arm"><link name="base"/><link name="a"><collision><geometry><mesh filename="a.stl"/></geometry>'
+        '</collision></link><link name="tip"/><joint name="j1" type="revolute"><parent link="base"/><child link="a"/>'
+        f'<axis xyz="0 0 1"/>{ends}<joint name="j2" type="prismatic"><parent link="a"/><child link="tip"/>'
+        f'<axis xyz="1 0 0"/>{ends}</robot>'
+    )
+    done = bare(CORE, file)
+    assert done.returncode == 0, done.stderr
+    fault, unread, repeats, *needs = done.stdout.splitlines()[:6]
+    assert "pip install 'holokin[meshes]'" in fault and unread.startswith("cannot tell: the shapes of a could not")
+    assert repeats == "True"
+    for extra, line in zip(("studio", "survey", "app"), needs, strict=True):
+        assert line == f"this needs pydantic; install it with: pip install 'holokin[{extra}]'"
+
+
+def test_without_its_packages_the_command_says_in_one_line_how_to_install_them() -> None:
+    done = bare(
+        "import runpy; sys.argv = ['holokin', 'run', 'paper']; runpy.run_module('holokin', run_name='__main__')"
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    line = 'error: the command holokin needs typer, rich, pydantic, matplotlib; run: pip install "holokin[app]"\n'
+    assert done.stderr == line

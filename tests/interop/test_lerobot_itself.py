@@ -24,8 +24,7 @@ PLACE = os.environ.get("HOLOKIN_LEROBOT")
 VERSIONS = {"v2.1": "0.3.3", "v3.0": "0.4.4"}
 NEEDED = {
     "v2.1": ["datasets<=3.6.0", "av>=14.2,<16", "gymnasium<1"],
-    "v3.0": ["datasets>=4,<5", "av>=15,<16", "gymnasium", "accelerate", "pyserial", "casadi", "yourdfpy", "pydantic",
-             "typer", "rich", "matplotlib"],
+    "v3.0": ["datasets>=4,<5", "av>=15,<16", "gymnasium", "accelerate", "pyserial", "casadi"],
 }  # fmt: skip
 """Besides torch, what its loader and its pipelines import, and of v3.0 what holokin does."""
 

@@ -56,7 +56,7 @@ def test_a_urdf_read_by_mujoco_is_the_urdf_read_here(file: str, tip: str) -> Non
     from holokin.robot.urdf_xml import essentials
 
     text = re.sub(
-        "<inertial>.*?</inertial>",
+        r"<(inertial|visual|collision)\b.*?</\1>",
         "",
         ET.tostring(essentials(urdf(file).read_bytes(), file), "unicode"),
         flags=re.DOTALL,

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import re
 import sys
+from dataclasses import fields, is_dataclass
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, sampled, urdf
+from conftest import PANDA_START, sampled, urdf, urdf_files
 from holokin.errors import ArgumentError, MissingExtraError, RobotFileError, UnknownNameError
 
 TOLERANCE = 1e-12
@@ -100,6 +103,83 @@ def test_a_yourdfpy_model_is_the_urdf() -> None:
     assert [body.mass for body in one.bodies] == [body.mass for body in other.bodies]
     with pytest.raises(ArgumentError, match=r"give a yourdfpy\.URDF"):
         hk.from_yourdfpy(path)
+
+
+def assert_read_alike(mine: Any, yours: Any, where: str) -> None:
+    """Every value that holokin reads is the one that yourdfpy reads; yourdfpy's default of an axis is written out."""
+    if is_dataclass(mine):
+        for part in fields(mine):
+            value = getattr(mine, part.name)
+            if value is not None or getattr(yours, part.name, None) is not None:
+                assert_read_alike(value, getattr(yours, part.name), f"{where} {part.name}")
+    elif isinstance(mine, tuple):
+        assert len(mine) == len(yours), where
+        for k, (one, other) in enumerate(zip(mine, yours, strict=True)):
+            assert_read_alike(one, other, f"{where} {k}")
+    elif mine is None and where.endswith("axis"):
+        assert yours.tolist() == [1, 0, 0], where
+    else:
+        assert np.array_equal(mine, np.broadcast_to(yours, np.shape(mine))), where  # to the last bit
+
+
+def read_both(content: bytes, name: str) -> tuple[Any, Any]:
+    """What holokin and yourdfpy read."""
+    import yourdfpy
+
+    from holokin.robot.urdf_xml import essentials, model_of
+
+    theirs = yourdfpy.URDF.load(io.BytesIO(content), load_meshes=False, build_scene_graph=False)
+    return model_of(essentials(content, name)), theirs.robot
+
+
+def test_every_urdf_is_read_as_yourdfpy_reads_it() -> None:
+    read = 0
+    for path in urdf_files():
+        if path.name != "ur3.urdf":  # whose robot has no name
+            assert_read_alike(*read_both(path.read_bytes(), path.name), where=path.name)
+            read += 1
+    assert read > 60
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_random_urdf_is_read_as_yourdfpy_reads_it(seed: int) -> None:
+    """Each attribute and each element that may be left out is there or not, at random."""
+    rng = np.random.default_rng(seed)
+
+    def numbers(count: int = 1) -> str:
+        return " ".join(f"{value:.{rng.integers(1, 17)}g}" for value in rng.normal(0, 2, count))
+
+    def maybe(text: str) -> str:
+        return text if rng.random() < 0.6 else ""
+
+    def element(tag: str, sizes: dict[str, int], inside: str = "") -> str:
+        written = [maybe(f'{name}="{numbers(count)}"') for name, count in sizes.items()]
+        return f"<{tag} {' '.join(written)} {inside}/>"
+
+    def origin() -> str:
+        return maybe(element("origin", {"xyz": 3, "rpy": 3}))
+
+    def drawn(tag: str, inside: str = "") -> str:
+        scale = rng.choice(["", 'scale="0.001"', 'scale="1 -1 2"', 'scale="1, 2, 3"'])
+        solids = f'<mesh filename="a.stl" {scale}/>', f'<box size="{numbers(3)}"/>', f'<sphere radius="{numbers()}"/>'
+        solid = rng.choice([*solids, f'<cylinder length="{numbers()}" radius="{numbers()}"/>'])
+        return maybe(f"<{tag}>{origin()}<geometry>{solid}</geometry>{inside}</{tag}>")
+
+    moments = dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1)
+    material = f'<material name="m">{maybe(element("color", {"rgba": 4}))}</material>'
+    text = f'<robot name="r">{material}'
+    for k in range(4):
+        inertial = maybe(element("mass", {"value": 1})) + maybe(element("inertia", moments)) + origin()
+        looks = "".join(drawn("visual", maybe(material)) + drawn("collision") for _ in range(3))
+        text += f'<link name="l{k}">{maybe(f"<inertial>{inertial}</inertial>")}{looks}</link>'
+    for k in range(3):
+        inside = maybe(element("axis", {"xyz": 3})) + origin()
+        inside += maybe(element("limit", dict.fromkeys(("lower", "upper", "velocity", "effort"), 1)))
+        inside += maybe(element("mimic", {"multiplier": 1, "offset": 1}, 'joint="j0"'))
+        inside += maybe(element("safety_controller", {"soft_lower_limit": 1, "soft_upper_limit": 1}))
+        ends, kind = f'<parent link="l{k}"/><child link="l{k + 1}"/>', maybe('type="revolute"')
+        text += f'<joint name="j{k}" {kind}>{ends}{inside}</joint>'
+    assert_read_alike(*read_both(f"{text}</robot>".encode(), "random"), where="random")
 
 
 # --- xacro ---

@@ -155,7 +155,7 @@ Y = joint("y", "revolute", "b", "c")
         (X.replace('lower="-1"', 'lower="nan"'), "ab", r"range of joint 'x' is \(nan, 2.0\)"),
         (X.replace('lower="-1"', 'lower="3"'), "ab", r"range of joint 'x' is \(3.0, 2.0\)"),
         (X.replace('velocity="3"', 'velocity="-3"'), "ab", "speed limit of joint 'x'"),
-        (X.replace("<parent", "<parents"), "ab", "lacks a part"),
+        (X.replace("<parent", "<parents"), "ab", "joint .x. lacks its <parent>"),
         (joint("x", "revolute", "a", "b", '<mimic joint="x"/>'), "ab", "mimics 'x', which leads back"),
         (joint("x", "revolute", "a", "b", '<mimic joint="no"/>'), "ab", "mimics 'no', which the file does not have"),
         (joint("x", "revolute", "a", "b", '<mimic joint="y"/>') + Y.replace("revolute", "fixed"), "abc", "'fixed'"),

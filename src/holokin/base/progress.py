@@ -1,4 +1,4 @@
-"""A progress bar that appears when work takes longer than a second, on a terminal only."""
+"""A progress bar that appears when work takes longer than a second, on a terminal only, where rich is installed."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 
 DELAY = 1.0
 """Seconds before the bar appears."""
@@ -14,7 +15,7 @@ DELAY = 1.0
 @contextmanager
 def progress(label: str, total: float, *, words: bool = False) -> Iterator[Callable[..., None]]:
     """Yields `report(done)`; call it as often as you like. With `words` it is `report(done, words)`."""
-    if not sys.stderr.isatty():
+    if not sys.stderr.isatty() or find_spec("rich") is None:
         yield lambda _done, _words="": None
         return
     from rich.console import Console

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from ..errors import ArgumentError
-from ..export import LANGUAGES
 from .export_web import export_web
 from .outcome import ending, show
 
@@ -173,5 +172,17 @@ _MORE = """With it joints.csv: every sample. Limits are those of the job's [timi
 
 Where the job has [checks] and the motion fails them, nothing is written and the exit code is 1, but with --anyway."""
 
-for _name, _language in LANGUAGES.items():
-    exporting.command(_name, help=f"{_language.about}\n\n{_MORE}")(_export_motion(_name))
+_ABOUT = {
+    "ros": "ROS 2: a trajectory_msgs/JointTrajectory, as YAML.",
+    "rapid": "ABB RAPID: a module of MoveAbsJ, MoveL and MoveC.",
+    "krl": "KUKA KRL: a .src of SPTP, LIN and CIRC, and its .dat.",
+    "urscript": "Universal Robots URScript: servoj at 2 or 8 ms, else movej, movel and movec.",
+    "inform": "Yaskawa INFORM: a .JBI of MOVJ and MOVL, in pulses.",
+    "val3": "Staubli VAL3: a .pgx of movej, movel and movec.",
+    "gcode": "G-code: a .ngc of G1; the joints are the axes.",
+    "ls": "FANUC TP: an .LS of J, L and C.",
+}
+"""Each of the languages (`holokin.export.LANGUAGES`, whose writers take long to load) in one line of help."""
+
+for _name, _about in _ABOUT.items():
+    exporting.command(_name, help=f"{_about}\n\n{_MORE}")(_export_motion(_name))

@@ -1,6 +1,6 @@
 """What motion can be written in: each language with its writer, and what of a job the writer takes.
 
-A new language is a writer in a file of its own, and one more entry of `LANGUAGES`: the command line and jobs follow.
+A new language is a writer in a file of its own, one more entry of `LANGUAGES`, and a line of help in the command line.
 """
 
 from __future__ import annotations
@@ -28,10 +28,9 @@ CELL = ("tool", "base", "payload", "zone")
 
 @dataclass(frozen=True)
 class Language:
-    """A language: what it is, its writer, the writer's arguments, the length of a program's name by default, what a
+    """A language: its writer, the writer's arguments, the length of a program's name by default, what a
     job must give, and the controller's steps [s] at which every sample is sent, unless somebody asks for fewer."""
 
-    about: str
     write: Callable[..., Program]
     takes: tuple[str, ...] = COMMON
     longest: int = 64
@@ -40,33 +39,15 @@ class Language:
 
 
 LANGUAGES = {
-    "ros": Language("ROS 2: a trajectory_msgs/JointTrajectory, as YAML.", to_ros, ("about",)),
-    "rapid": Language(
-        "ABB RAPID: a module of MoveAbsJ, MoveL and MoveC.", to_rapid, (*COMMON, *CELL), longest=RAPID_NAME - 2
-    ),
-    "krl": Language(
-        "KUKA KRL: a .src of SPTP, LIN and CIRC, and its .dat.", to_krl, (*COMMON, *CELL), longest=KRL_NAME
-    ),
-    "urscript": Language(
-        "Universal Robots URScript: servoj at 2 or 8 ms, else movej, movel and movec.",
-        to_urscript,
-        (*COMMON, "tool", "payload", "zone"),
-        streams=STEPS,
-    ),
+    "ros": Language(to_ros, ("about",)),
+    "rapid": Language(to_rapid, (*COMMON, *CELL), longest=RAPID_NAME - 2),
+    "krl": Language(to_krl, (*COMMON, *CELL), longest=KRL_NAME),
+    "urscript": Language(to_urscript, (*COMMON, "tool", "payload", "zone"), streams=STEPS),
     "inform": Language(
-        "Yaskawa INFORM: a .JBI of MOVJ and MOVL, in pulses.",
-        to_inform,
-        (*COMMON, "tool", "zone", "pulses", "speeds"),
-        INFORM_NAME,
-        needs=("pulses",),
+        to_inform, (*COMMON, "tool", "zone", "pulses", "speeds"), longest=INFORM_NAME, needs=("pulses",)
     ),
-    "val3": Language(
-        "Staubli VAL3: a .pgx of movej, movel and movec.",
-        to_val3,
-        (*COMMON, "tool", "base", "zone", "speeds"),
-        VAL3_NAME,
-    ),
-    "gcode": Language("G-code: a .ngc of G1; the joints are the axes.", to_gcode, (*COMMON, "zone", "letters")),
-    "ls": Language("FANUC TP: an .LS of J, L and C.", to_fanuc, (*COMMON, *CELL, "coupled"), SHORT),
+    "val3": Language(to_val3, (*COMMON, "tool", "base", "zone", "speeds"), longest=VAL3_NAME),
+    "gcode": Language(to_gcode, (*COMMON, "zone", "letters")),
+    "ls": Language(to_fanuc, (*COMMON, *CELL, "coupled"), longest=SHORT),
 }
 """By the name of their subcommand of `holokin export`."""

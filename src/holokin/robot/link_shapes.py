@@ -13,7 +13,7 @@ import numpy as np
 
 from ..base.extra_module import extra_module
 from ..base.types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, not_negative, positive
-from ..errors import ArgumentError, RobotFileError, brief
+from ..errors import ArgumentError, MissingExtraError, RobotFileError, brief
 
 ROUGH = 1e-3
 """By how much of its size or area a mesh that is called convex may differ from its convex hull."""
@@ -251,12 +251,15 @@ class Mesh(Shape):
         cure = "put it where the robot's file says, or check without it"
         if not self.file.is_file():
             raise RobotFileError(self.file, f"there is no such mesh{self._like()}", cure)
-        import trimesh
-
+        try:
+            trimesh = extra_module("trimesh", "meshes")
+        except MissingExtraError:
+            fact = "is a mesh, which is not read without trimesh (pip install 'holokin[meshes]')"
+            raise RobotFileError(self.file, fact, "install it, or check without this mesh") from None
         try:
             mesh = trimesh.load(self.file, force="mesh")
-            points = finite("the points of a mesh", np.asarray(mesh.vertices) * self.scale)  # type: ignore[union-attr]
-            faces = self.outward(np.asarray(mesh.faces, dtype=np.int64))  # type: ignore[union-attr]
+            points = finite("the points of a mesh", np.asarray(mesh.vertices) * self.scale)
+            faces = self.outward(np.asarray(mesh.faces, dtype=np.int64))
         except Exception as problem:  # its readers raise what they like, of packages that are missing, too
             raise RobotFileError(self.file, f"cannot be read ({brief(problem, 100)})", cure) from problem
         if not len(faces):

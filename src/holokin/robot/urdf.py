@@ -1,14 +1,11 @@
-"""Robots from URDF files, read by yourdfpy: revolute, continuous, prismatic, fixed and mimic joints."""
+"""Robots from URDF files: revolute, continuous, prismatic, fixed and mimic joints."""
 
 from __future__ import annotations
 
-import io
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
@@ -16,15 +13,11 @@ from ..base.arguments import typed
 from ..base.types import Matrix
 from ..errors import ArgumentError, RobotFileError
 from .chains import robot_of
-from .link_shapes import LinkShape, Unread
 from .model import Robot
 from .tree import Branch, Follow, Mass, Tree, checked
-from .urdf_shapes import BROKEN, Finder, mesh_finder, shapes_of, slashed
-from .urdf_xml import Misread, all_threes, check_numbers, essentials, read_model, turned_joints
+from .urdf_shapes import Finder, mesh_finder, shapes_of, slashed
+from .urdf_xml import Misread, essentials, model_of, read_model, turned_joints
 from .visuals import urdf_visuals
-
-_FAULTS = (SyntaxError, ValueError, AttributeError, TypeError, LookupError, AssertionError)
-"""What yourdfpy raises of files that it cannot read."""
 
 
 @typed
@@ -90,71 +83,16 @@ def urdf_tree(path: str | Path) -> Tree:
 
 def urdf_text_tree(text: bytes, path: str | Path) -> Tree:
     """The same of the text of a file. Raises: RobotFileError."""
-    for looks in (True, False):
-        try:
-            root = essentials(text, path, shapes=True, visuals=looks)
-            tree = _tree(str(path), _parsed(root), Path(path).stem, mesh_finder(path))
-            return replace(tree, turned=turned_joints(root))
-        except _FAULTS:
-            pass  # perhaps of what is drawn, or of a shape, neither of which must hinder the kinematics
-    root = essentials(text, path, shapes=True)
-    broken = _take_out_broken(root)
+    root = essentials(text, path)
     try:
-        model = _parsed(root)
+        model = model_of(root)
     except Misread as e:
         raise RobotFileError(path, e.fact, e.cure) from None
-    except _FAULTS as e:
-        fact = str(e).splitlines()[0] if str(e) else type(e).__name__
-        if isinstance(e, KeyError):
-            fact = f"an element lacks its {e}"
-        elif isinstance(e, AttributeError):
-            fact = "an element lacks a part, such as a joint its <parent> or <child>"
-        raise RobotFileError(path, f"is not a URDF that can be read ({fact})", "check it with `check_urdf`") from None
-    tree, unread = _tree(str(path), model, Path(path).stem, mesh_finder(path)), Unread(str(path), BROKEN)
-    shapes = {**tree.shapes, **{link: (LinkShape(link, -1, np.eye(4), unread),) for link in broken}}
-    return replace(tree, shapes=shapes, turned=turned_joints(root))
-
-
-def _take_out_broken(root: ElementTree.Element) -> list[str]:
-    """Takes the <collision> elements out of links that cannot be read with them; the names of these links."""
-    broken = []
-    for link in root.findall("link"):
-        alone = ElementTree.Element("robot", {"name": "link"})
-        alone.append(link)
-        try:
-            _parsed(alone)
-        except _FAULTS:
-            shapes = link.findall("collision")
-            for shape in shapes:
-                link.remove(shape)
-            broken += [link.get("name", "")] if shapes else []
-    return broken
-
-
-def _parsed(root: ElementTree.Element) -> Any:
-    """The robot that yourdfpy reads. Raises: Misread, any of `_FAULTS`."""
-    import yourdfpy
-
-    content = ElementTree.tostring(root, encoding="utf-8")
-    logger = logging.getLogger("yourdfpy")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)  # what it has to say stands in its exceptions, too
-    try:
-        if not all_threes(root):
-            check_numbers(root)
-        return yourdfpy.URDF.load(
-            io.BytesIO(content), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False,
-            load_collision_meshes=False,
-        ).robot  # fmt: skip
-    except _FAULTS:
-        check_numbers(root)  # says it better
-        raise
-    finally:
-        logger.setLevel(level)
+    return replace(_tree(str(path), model, Path(path).stem, mesh_finder(path)), turned=turned_joints(root))
 
 
 def _tree(source: str, model: Any, name: str, find: Finder) -> Tree:
-    """The tree of a yourdfpy robot. Raises: RobotFileError."""
+    """The tree of a robot. Raises: RobotFileError."""
     if not model.joints:
         cure = "give a URDF of a robot; a xacro file is expanded when its name ends in .xacro"
         raise RobotFileError(source, "has no joints", cure)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from ..errors import ArgumentError, HolokinError
 from .link_shapes import Box, Capsule, Cylinder, LinkShape, Mesh, Shape, Unread
 
 BROKEN = "its <collision> elements cannot be read"
-"""Why nothing is known of the shapes of a URDF."""
+"""Why nothing is known of a shape of a URDF."""
 
 _ROOTS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 """Variables with folders of packages, or of installations with packages in share/."""
@@ -22,8 +22,8 @@ Finder = Callable[[str], Path]
 """From the name of a mesh in a URDF to its file."""
 
 
-def shapes_of(links: list[Any], source: str, find: Finder) -> Mapping[str, tuple[LinkShape, ...]]:
-    """Link name -> its shapes, of the links of a yourdfpy robot."""
+def shapes_of(links: Sequence[Any], source: str, find: Finder) -> Mapping[str, tuple[LinkShape, ...]]:
+    """Link name -> its shapes, of the links of a URDF."""
     return {
         link.name: tuple(_placed(link.name, c, source, find) for c in link.collisions)
         for link in links
@@ -61,12 +61,14 @@ def _packaged(name: Path, file: Path) -> Iterator[Path]:
 
 
 def _placed(link: str, collision: Any, source: str, find: Finder) -> LinkShape:
-    T = np.eye(4) if collision.origin is None else np.asarray(collision.origin, dtype=float)
+    T = np.eye(4) if collision is None or collision.origin is None else np.asarray(collision.origin, dtype=float)
+    if collision is None or not np.isfinite(T).all():
+        return LinkShape(link, -1, np.eye(4), Unread(source, BROKEN))
     try:
-        shape: Shape = shape_of(collision.geometry, find) if np.isfinite(T).all() else Unread(source, BROKEN)
+        shape = shape_of(collision.geometry, find)
     except HolokinError as problem:
         shape = Unread(source, str(problem).partition(";")[0])
-    return LinkShape(link, -1, T if np.isfinite(T).all() else np.eye(4), shape)
+    return LinkShape(link, -1, T, shape)
 
 
 def shape_of(geometry: Any, find: Finder) -> Shape:

@@ -42,11 +42,11 @@ class Visual(Value):
 
 
 def urdf_visuals(model: Any, find: Finder) -> dict[str, tuple[Visual, ...]]:
-    """Link -> what is drawn of it, of a yourdfpy robot. What cannot be understood is left out."""
+    """Link -> what is drawn of it, of a URDF. What cannot be understood is left out."""
     shared = {material.name: material for material in getattr(model, "materials", None) or ()}
     found = {}
     for link in model.links:
-        seen = [_urdf_visual(link.name, visual, shared, find) for visual in link.visuals]
+        seen = [_urdf_visual(link.name, visual, shared, find) for visual in link.visuals if visual is not None]
         found[link.name] = tuple(visual for visual in seen if visual is not None)
     return found
 
