@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from holokin.errors import ArgumentError, HolokinError
+from holokin.job.path_building import build_path
+from holokin.job.path_tables import PathTable
 from holokin.path.synchronized_paths import AnyPath
 from holokin.studios import polygon_loop
 
@@ -38,6 +40,12 @@ def drawing(points: np.ndarray, folder: Path) -> hk.Path:
     return hk.read_svg(folder / "a.svg")[0]
 
 
+def job(kind: str, points: np.ndarray) -> AnyPath:
+    robot = hk.load("planar-3r")
+    keys = {"kind": kind, "points": points.tolist(), "closed": True, "entry": "joints"}
+    return build_path(PathTable.model_validate(keys), hk.position(robot), np.array([0.3, 0.8, -0.4]), Path("job.toml"))
+
+
 DOORS: dict[str, Door] = {
     "polyline": lambda points, _: hk.polyline(points, closed=True),
     "polyline of poses": lambda points, _: hk.polyline(posed(points), closed=True),
@@ -48,6 +56,8 @@ DOORS: dict[str, Door] = {
     "file": lambda points, folder: hk.spline(filed(points, folder), closed=True),
     "file of lines": lambda points, folder: hk.polyline(filed(points, folder), closed=True),
     "drawing": drawing,
+    "job": lambda points, _: job("polyline", points),
+    "job, a spline": lambda points, _: job("spline", points),
     "studio": lambda points, _: polygon_loop(points).path,  # type: ignore[return-value]
 }
 

@@ -80,7 +80,9 @@ def distinct(poses: Poses, more: Vector | None = None) -> tuple[Poses, Indices, 
 def meets(poses: Poses) -> bool:
     """Whether the last pose is the first one."""
     first, last = poses.at(0), poses.at(-1)
-    turned = 0.0 if first.rotations is None else float(np.linalg.norm(last.rotations - first.rotations)) / np.sqrt(2)
+    turned = 0.0
+    if first.rotations is not None and last.rotations is not None:
+        turned = float(np.linalg.norm(last.rotations - first.rotations)) / np.sqrt(2)
     return float(np.hypot(np.linalg.norm(last.points - first.points), turned)) <= SAME
 
 
