@@ -99,7 +99,7 @@ def test_an_outline_with_near_repeats_is_the_clean_one_and_says_how_many_were_le
     assert np.abs(a.position - b.position).max() < 1e-6 and np.abs(a.rotation - b.rotation).max() < 1e-5
     assert len(found.corners) == len(want.corners)
     added += door == "outline given whole"  # which has two ends then
-    assert len(found.notes) == 1 and found.notes[0].startswith(f"{added} of "), (added, found.notes)
+    assert len(found.notes) == 1 and found.notes[0].startswith(f"{added} "), (added, found.notes)
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.campaign) for k in range(1, 10))])
@@ -135,7 +135,7 @@ def test_rests_and_turns_on_the_spot_are_no_repeats() -> None:
     turn = hk.polyline([a, b, b, a], turns=[[0, 0, 0], [0, 0, 1], [0, 0, 0]])
     assert turn.notes == () and len(turn.segments) == 3
     again = hk.spline([a, b, b, a], times=[0, 1, 1, 3])
-    assert again.notes == ("1 of 4 points left out, which repeat the one before to 1e-07 m",)
+    assert again.notes == ("1 repeated point left out, within 1e-07 m of the one before",)
     slow = np.cumsum(np.full((40, 1), 6e-8), axis=0) * [1, 0, 0]  # each within the tolerance of the one before
     assert hk.polyline(slow).length == pytest.approx(39 * 6e-8, rel=0.05)
 

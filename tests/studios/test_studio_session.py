@@ -42,7 +42,7 @@ def test_a_corner_clicked_twice_is_left_out_of_the_loop_and_the_session_says_so(
     corners = at + np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 1e-9, 0], [0.05, 0.05, 0]])
     shown = session.set_loop(polygon_loop(corners))
     assert session.loop is not None and len(session.loop.path.durations) == 3
-    assert shown.message == "1 of 4 points left out, which repeat the one before to 1e-07 m."
+    assert shown.message == "1 repeated point left out, within 1e-07 m of the one before."
     assert session.set_loop(polygon_loop(corners[[0, 1, 3]])).message == ""
 
 

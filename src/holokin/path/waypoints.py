@@ -73,7 +73,8 @@ def distinct(poses: Poses, more: Vector | None = None) -> tuple[Poses, Indices, 
         raise ArgumentError("the number of points that differ", len(kept), f"give at least two, {SAME:g} m apart")
     index = np.array(kept)
     repeats = len(rows) - len(kept)
-    notes = (f"{repeats} of {len(rows)} points left out, which repeat the one before to {SAME:g} m",) * (repeats > 0)
+    what = "point" if repeats == 1 else "points"
+    notes = (f"{repeats} repeated {what} left out, within {SAME:g} m of the one before",) * (repeats > 0)
     return returned(poses.at(index)), index, notes
 
 
