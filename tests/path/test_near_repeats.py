@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from holokin.errors import ArgumentError, HolokinError
+from holokin.job.path_building import build_path
+from holokin.job.path_tables import PathTable
 from holokin.path.synchronized_paths import AnyPath
 from holokin.studios import polygon_loop
 
@@ -38,6 +40,12 @@ def drawing(points: np.ndarray, folder: Path) -> hk.Path:
     return hk.read_svg(folder / "a.svg")[0]
 
 
+def job(kind: str, points: np.ndarray) -> AnyPath:
+    robot = hk.load("planar-3r")
+    keys = {"kind": kind, "points": points.tolist(), "closed": True, "entry": "joints"}
+    return build_path(PathTable.model_validate(keys), hk.position(robot), np.array([0.3, 0.8, -0.4]), Path("job.toml"))
+
+
 DOORS: dict[str, Door] = {
     "polyline": lambda points, _: hk.polyline(points, closed=True),
     "polyline of poses": lambda points, _: hk.polyline(posed(points), closed=True),
@@ -48,6 +56,8 @@ DOORS: dict[str, Door] = {
     "file": lambda points, folder: hk.spline(filed(points, folder), closed=True),
     "file of lines": lambda points, folder: hk.polyline(filed(points, folder), closed=True),
     "drawing": drawing,
+    "job": lambda points, _: job("polyline", points),
+    "job, a spline": lambda points, _: job("spline", points),
     "studio": lambda points, _: polygon_loop(points).path,  # type: ignore[return-value]
 }
 
@@ -89,7 +99,7 @@ def test_an_outline_with_near_repeats_is_the_clean_one_and_says_how_many_were_le
     assert np.abs(a.position - b.position).max() < 1e-6 and np.abs(a.rotation - b.rotation).max() < 1e-5
     assert len(found.corners) == len(want.corners)
     added += door == "outline given whole"  # which has two ends then
-    assert len(found.notes) == 1 and found.notes[0].startswith(f"{added} of "), (added, found.notes)
+    assert len(found.notes) == 1 and found.notes[0].startswith(f"{added} "), (added, found.notes)
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.campaign) for k in range(1, 10))])
@@ -125,7 +135,7 @@ def test_rests_and_turns_on_the_spot_are_no_repeats() -> None:
     turn = hk.polyline([a, b, b, a], turns=[[0, 0, 0], [0, 0, 1], [0, 0, 0]])
     assert turn.notes == () and len(turn.segments) == 3
     again = hk.spline([a, b, b, a], times=[0, 1, 1, 3])
-    assert again.notes == ("1 of 4 points left out, which repeat the one before to 1e-07 m",)
+    assert again.notes == ("1 repeated point left out, within 1e-07 m of the one before",)
     slow = np.cumsum(np.full((40, 1), 6e-8), axis=0) * [1, 0, 0]  # each within the tolerance of the one before
     assert hk.polyline(slow).length == pytest.approx(39 * 6e-8, rel=0.05)
 

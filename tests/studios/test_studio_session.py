@@ -10,7 +10,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.studios import Law, LawStatus, Phase, Session, Snapshot, circle_loop, reversed_loop, to_job
+from holokin.studios import Law, LawStatus, Phase, Session, Snapshot, circle_loop, polygon_loop, reversed_loop, to_job
 from sessions import FRAME, LAWS, PANDA, TASK, TOOL, panda, run, shifted
 
 
@@ -28,6 +28,15 @@ def test_the_ghost_of_the_pseudo_inverse_creeps_as_drift_says_and_the_holonomic_
         np.testing.assert_allclose(state.t, referee.trajectory.t, atol=1e-9)
     assert end.law("pseudo-inverse").drift[-1] > 0.4  # 0.1635, 0.3207, 0.4756 of the README
     assert end.law("lock").drift[-1] < 1e-12 and end.law("arm angle").drift[-1] < 1e-12
+
+
+def test_a_corner_clicked_twice_is_left_out_of_the_loop_and_the_session_says_so() -> None:
+    session, at = panda(), TOOL[:3, 3]
+    corners = at + np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 1e-9, 0], [0.05, 0.05, 0]])
+    shown = session.set_loop(polygon_loop(corners))
+    assert session.loop is not None and len(session.loop.path.durations) == 3
+    assert shown.message == "1 repeated point left out, within 1e-07 m of the one before."
+    assert session.set_loop(polygon_loop(corners[[0, 1, 3]])).message == ""
 
 
 def test_frames_of_any_length_and_any_speed_lead_to_the_same_joints() -> None:

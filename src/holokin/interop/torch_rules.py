@@ -14,13 +14,16 @@ from .pose_tensors import TURN, JointTensors, angular_velocity, read_tensors, ro
 TURNS = torch.tensor(TURN, dtype=torch.float64)
 
 
-@torch.compiler.disable  # its compiler would trace through NumPy into native code, for minutes
-def solved(joints: JointMap, poses: Any, quaternions: Any, order: str | None) -> JointTensors:
+def _solved(joints: JointMap, poses: Any, quaternions: Any, order: str | None) -> JointTensors:
     """`TorchInverse.__call__`."""
     turns = None if quaternions is None else _on_processor("the quaternions", quaternions)
     read = read_tensors(torch, joints, torch.tensor, _on_processor("the tool poses", poses), turns, order)
     q, status = Inverse.apply(joints, read.given.detach(), read.p, read.R)
     return JointTensors(q.to(dtype=poses.dtype, device=poses.device), status.to(device=poses.device))
+
+
+solved: Any = torch.compiler.disable(_solved)
+"""Not for torch's compiler, which would trace through NumPy into native code, for minutes."""
 
 
 def _on_processor(what: str, tensor: Any) -> Any:

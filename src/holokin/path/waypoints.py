@@ -73,14 +73,17 @@ def distinct(poses: Poses, more: Vector | None = None) -> tuple[Poses, Indices, 
         raise ArgumentError("the number of points that differ", len(kept), f"give at least two, {SAME:g} m apart")
     index = np.array(kept)
     repeats = len(rows) - len(kept)
-    notes = (f"{repeats} of {len(rows)} points left out, which repeat the one before to {SAME:g} m",) * (repeats > 0)
+    what = "point" if repeats == 1 else "points"
+    notes = (f"{repeats} repeated {what} left out, within {SAME:g} m of the one before",) * (repeats > 0)
     return returned(poses.at(index)), index, notes
 
 
 def meets(poses: Poses) -> bool:
     """Whether the last pose is the first one."""
     first, last = poses.at(0), poses.at(-1)
-    turned = 0.0 if first.rotations is None else float(np.linalg.norm(last.rotations - first.rotations)) / np.sqrt(2)
+    turned = 0.0
+    if first.rotations is not None and last.rotations is not None:
+        turned = float(np.linalg.norm(last.rotations - first.rotations)) / np.sqrt(2)
     return float(np.hypot(np.linalg.norm(last.points - first.points), turned)) <= SAME
 
 

@@ -86,10 +86,14 @@ class Session(LawGroup):
             return self._loop
 
     def set_loop(self, loop: Loop | None) -> Snapshot:
-        """Another loop; one that runs stops. It may begin away from home: laws enter it as a job's `entry` does."""
+        """Another loop; one that runs stops. It may begin away from home: laws enter it as a job's `entry` does.
+
+        The message says what was left out of its path.
+        """
         with self._lock:
             self._playing.stop()
-            self._loop, self._message = None if loop is None else entered(loop, self.task, self.home), ""
+            self._loop = None if loop is None else entered(loop, self.task, self.home)
+            self._message = " ".join(f"{note}." for note in (loop.path.notes if loop else ()))
             self._loops += 1
             self._loop_fault = ""
             for run in self._runs.values():
