@@ -215,7 +215,7 @@ def _native_steps(
                 return
 
 
-def joint_rates(strategy: Strategy, plan: Plan, q: Matrix) -> Matrix:
+def _joint_rates(strategy: Strategy, plan: Plan, q: Matrix) -> Matrix:
     """Joint rates (k, n) of a strategy at postures (k, n), one after the other of a plan from its start on."""
     rates = plan.rates_at_ends()
     index = 1 + np.arange(len(q) - 1) % plan.steps
@@ -226,7 +226,7 @@ def _record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Stat
     task = strategy.task
 
     def dq(samples: int) -> Matrix:
-        return joint_rates(strategy, plan, q[:samples])
+        return _joint_rates(strategy, plan, q[:samples])
 
     def residual(samples: int) -> Vector:
         leaf = by_leaf(strategy)
