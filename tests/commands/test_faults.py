@@ -386,3 +386,11 @@ def test_ctrl_c_is_one_line_whatever_a_library_makes_of_it(tmp_path: Path, lost:
     outcome = forked("run", write_job(tmp_path), "--out", tmp_path / "out", before=lambda: exec(setup, {}))
     assert outcome.code == 130
     assert outcome.err.startswith("stopped") and outcome.err.count("\n") == 1
+
+
+def test_the_command_writes_all_languages_that_there_are() -> None:
+    from holokin.commands.main import app
+    from holokin.export import LANGUAGES
+
+    (group,) = (one.typer_instance for one in app.registered_groups if one.name == "export")
+    assert {*LANGUAGES} <= {one.name for one in group.registered_commands}

@@ -7,12 +7,14 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from datetime import date
 from pathlib import Path
 
 import pytest
 
 import holokin as hk
+from holokin.__main__ import NEEDED
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = Path(hk.__file__).parent
@@ -91,6 +93,16 @@ def test_no_page_names_an_address_of_a_project_that_does_not_exist_yet() -> None
     for file in ("pyproject.toml", "mkdocs.yml", "CITATION.cff", "README.md"):
         text = (ROOT / file).read_text("utf-8")
         assert not re.search(r"repo_url|site_url|project\.urls|repository-code|github\.com/\w*holokin", text), file
+
+
+def test_the_core_needs_three_packages_and_the_app_those_that_the_command_asks_for() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    names = {extra: [one.split(">")[0] for one in wanted] for extra, wanted in project["optional-dependencies"].items()}
+    assert [one.split(">")[0] for one in project["dependencies"]] == ["numpy", "scipy", "casadi"]
+    assert tuple(names["app"]) == NEEDED
+    assert [
+        extra for extra in ("studio", "survey", "cluster") if not re.search(r"\bapp\b", "".join(names[extra]))
+    ] == []
 
 
 BARE = """
