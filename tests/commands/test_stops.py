@@ -65,7 +65,7 @@ def test_a_command_that_is_stopped_leaves_whole_files_that_say_so_and_no_process
     if what == "survey":
         words = ["survey", survey(tmp_path), "--out", out / "s.sqlite", "--workers", 2]
     elif what == "sheets":
-        box = ["--workspace", "box 1 0.6 0 0.5 0.5 0", "--task", "position"]
+        box = ["--box", "1 0.6 0 0.5 0.5 0", "--task", "position"]
         words = ["sheets", "planar-3r", *box, "--out", out / "s.npz"]
     else:
         words = [what, write_job(tmp_path, strategy=LAWS, path=SHORT), "--out", out]

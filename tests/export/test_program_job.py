@@ -171,7 +171,7 @@ def test_entry_program_and_table_speak_the_units_of_the_job(holokin: Command, tm
         file.write_text(re.sub("tool_tolerance = .*", "tolerance = 0.01", text), "utf-8")
         _, job, _ = open_job(str(file))
         _, strategy, q0 = job_strategy(job, file, None)
-        path, _ = build_paths(job.path, strategy.task, q0, file)
+        path = build_paths(job.path, strategy.task, q0, file)
         said, _ = entry_report(job, file, strategy, build_entry(job, strategy, path, q0))
         written = holokin("export", "rapid", file, "--out", tmp_path / name)
         rows = [line.split() for line in written.out.splitlines() if re.match(r"q\d ", line)]
