@@ -19,7 +19,7 @@ import numpy as np
 import holokin as hk
 from benchmarks.calls import in_turns, repeated
 from benchmarks.growth import START
-from holokin.motion_analysis.curvature_of_planes import curvature_function
+from holokin.analysis.curvature.curvature_of_planes import curvature_function
 
 COUNT = 200_000
 """Postures of a call, of which each takes 0.02 to 3 us."""

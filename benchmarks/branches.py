@@ -22,11 +22,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from holokin.errors import BranchError, OutOfReachError, SingularityError
+from holokin.base.errors import BranchError, OutOfReachError, SingularityError
 from holokin.export import export_c
-from holokin.inverse_kinematics.leaf import leaf_step
-from holokin.native_kernels import compiler
-from holokin.native_kernels import native_library as native
+from holokin.motion.ik.leaf import leaf_step
+from holokin.symbolic.native import compiler
+from holokin.symbolic.native import native_library as native
 
 STEPS = 3000
 PANDA = np.array([0.0, -0.3, 0.2, -2.0, 0.1, 1.8, 0.7])
@@ -60,8 +60,8 @@ def cases() -> list[Case]:
         Case(hk.holonomic(r3, hk.linear([1.0, 1, 1]), name="q1 + q2 + q3"), bent, 2.5, 0.0, 0.05),
         Case(hk.holonomic(irb, hk.coupled(1.0)), IRB, 0.4, 0.0, 0.2),
         Case(hk.holonomic(panda, hk.lock(2)), PANDA, 0.5, 0.7, 0.15),
-        Case(hk.holonomic(panda, hk.constraints.height("panda_joint4")), PANDA, 0.3, 0.4, 0.04),
-        Case(hk.holonomic(panda, hk.stationary(hk.constraints.centring_cost())), PANDA, 0.3, 0.4, 0.01),
+        Case(hk.holonomic(panda, hk.strategies.constraints.height("panda_joint4")), PANDA, 0.3, 0.4, 0.04),
+        Case(hk.holonomic(panda, hk.stationary(hk.strategies.constraints.centring_cost())), PANDA, 0.3, 0.4, 0.01),
         Case(hk.holonomic(iiwa, hk.linear([1.0, 0, -1, 0, 0, 0, 0]), name="q1 - q3"), IIWA, 0.5, 0.7, 0.2),
     ]
 

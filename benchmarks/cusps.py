@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
-from holokin.errors import HolokinError
-from holokin.workspace_coverage.starts import regular_starts
+from holokin.analysis.coverage.starts import regular_starts
+from holokin.base.errors import HolokinError
 
 STARTS = 1000
 """Starts of each search."""
@@ -92,7 +92,7 @@ def _regular(strategy: hk.Strategy, q: np.ndarray) -> bool:
     try:
         strategy(q)
     except HolokinError as problem:
-        if not isinstance(problem, hk.errors.SingularityError):
+        if not isinstance(problem, hk.base.errors.SingularityError):
             raise
         return False
     return True

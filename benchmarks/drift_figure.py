@@ -7,8 +7,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from holokin.reports.palette import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
-from holokin.reports.plots import beside
+from holokin.app.report.palette import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
+from holokin.app.report.plots import beside
 
 COLORS = {"no rule": VERMILLION, "posture": ORANGE, "to a leaf": PURPLE, "no feedback": GREEN, "holonomic": BLUE}
 MEANINGS = {

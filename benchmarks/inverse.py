@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from benchmarks.calls import Floor, in_turns
-from holokin.inverse_kinematics import InverseKinematics, InverseStatus
+from holokin.motion.ik import InverseKinematics, InverseStatus
 
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 SPACINGS = ((0.00025, 0.0005), (0.001, 0.002), (0.01, 0.02))
@@ -61,7 +61,7 @@ def laws(robot: hk.Robot) -> dict[str, tuple[hk.strategies.HolonomicStrategy, np
         "joint 3 locked": (hk.holonomic(task, hk.lock(2)), READY),
         "arm angle, elbow 60 degrees aside": (swivel, hk.move_to_leaf(swivel, READY, swivel.g(READY) - np.pi / 3)),
         "arm angle, elbow above": (swivel, READY),
-        "stationary centring": (hk.holonomic(task, hk.stationary(hk.constraints.centring_cost())), READY),
+        "stationary centring": (hk.holonomic(task, hk.stationary(hk.strategies.constraints.centring_cost())), READY),
         "radial": (hk.radial(hk.moore_penrose(task), READY), READY),
     }
 

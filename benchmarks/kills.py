@@ -23,7 +23,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from holokin.reports.result_folder import check_folder
+from holokin.app.report.result_folder import check_folder
 
 JOB = """title = "{title}"
 [robot]
@@ -89,7 +89,7 @@ def whole(folder: Path) -> str:
 
 
 def _start(file: Path, out: Path, setup: str = "") -> subprocess.Popen[str]:
-    code = f"{setup}from holokin.commands.main import main; main()"
+    code = f"{setup}from holokin.app.cli.main import main; main()"
     return subprocess.Popen(
         [sys.executable, "-c", code, "run", str(file), "--out", str(out)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -187,8 +187,8 @@ def repaired(folder: Path, titles: tuple[str, str], number: int) -> list[str]:
 
 def job(folder: Path, title: str) -> Path:
     """A job file."""
-    (folder / "job.toml").write_text(JOB.format(title=title), "utf-8")
-    return folder / "job.toml"
+    (folder / "app.job.toml").write_text(JOB.format(title=title), "utf-8")
+    return folder / "app.job.toml"
 
 
 def prepare(folder: Path) -> float:

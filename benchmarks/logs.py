@@ -18,7 +18,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import holokin as hk
-from holokin.auditing import LogVerdict, Trend
+from holokin.analysis.audit import LogVerdict, Trend
 
 Array = np.ndarray
 
@@ -62,13 +62,13 @@ class Motion:
     cycles: int
     truth: Trend
 
-    def log(self, rate: float, noise: float, seed: int) -> hk.robot_logs.Recording:
+    def log(self, rate: float, noise: float, seed: int) -> hk.analysis.audit.logs.Recording:
         """As it is logged at a rate [Hz], with noise."""
         count = round(self.cycles * SECONDS * rate) + 1
         at = np.linspace(0, len(self.q) - 1, count)
         q = CubicSpline(np.arange(len(self.q)), self.q)(at)
         q = q + noise * np.random.default_rng(seed).normal(size=q.shape)
-        return hk.robot_logs.Recording(self.setup.robot.joint_names, np.arange(count) / rate, q, self.law)
+        return hk.analysis.audit.logs.Recording(self.setup.robot.joint_names, np.arange(count) / rate, q, self.law)
 
 
 def random_arm(rng: np.random.Generator) -> hk.Robot:
@@ -184,7 +184,9 @@ def random_motion(law: str, rng: np.random.Generator, cycles: tuple[int, int] = 
             return Motion(setup, law, q, count, truth)
 
 
-def judged(motion: Motion, rate: float, seed: int, noises: tuple[float, ...] = NOISES) -> list[hk.auditing.LogAudit]:
+def judged(
+    motion: Motion, rate: float, seed: int, noises: tuple[float, ...] = NOISES
+) -> list[hk.analysis.audit.LogAudit]:
     """The audits of a motion, by rising noise."""
     whole, robot = motion.setup.task.orientation is not None, motion.setup.robot
     return [hk.audit_recording(motion.log(rate, noise, seed), robot, orientation=whole) for noise in noises]
@@ -204,7 +206,7 @@ def told(found: Trend, truth: Trend) -> str:
     return "cannot tell" if found is Trend.CANNOT_TELL else "wrong"
 
 
-def decided_by_noise(audits: list[hk.auditing.LogAudit]) -> bool:
+def decided_by_noise(audits: list[hk.analysis.audit.LogAudit]) -> bool:
     """Whether more noise decides what less noise did not, or decides it otherwise."""
     verdicts = [audit.verdict for audit in audits]
     trends = [audit.trend for audit in audits]

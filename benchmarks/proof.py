@@ -17,8 +17,8 @@ import numpy as np
 from casadi import sin
 
 import holokin as hk
-from holokin import constraints as C
 from holokin.proof import Certificate, certify
+from holokin.strategies import constraints as C
 
 PANDA = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 YUMI = np.array([0.1, -1.2, -0.9, 0.4, 0.3, 0.8, 0.2, -0.1, -1.2, 0.9, 0.4, -0.3, 0.8, -0.2])

@@ -229,7 +229,12 @@ def _tilted(_r: int, n: int, rng: np.random.Generator) -> Law:
         p = T[:, -1, :3, 3]
         return _as_values(q[:, [joint]] - gain * p[:, :1] * p[:, 1:2])
 
-    return "tilted", hk.constraints.tilted(hk.lock(joint), lambda x: gain * x[0] * x[1]), value, np.zeros(1, dtype=bool)
+    return (
+        "tilted",
+        hk.strategies.constraints.tilted(hk.lock(joint), lambda x: gain * x[0] * x[1]),
+        value,
+        np.zeros(1, dtype=bool),
+    )
 
 
 def _height(_r: int, arm: Arm, rng: np.random.Generator) -> Law:
@@ -238,7 +243,7 @@ def _height(_r: int, arm: Arm, rng: np.random.Generator) -> Law:
     def value(_q: Array, T: Array) -> Array:
         return _as_values(T[:, joint, 2:3, 3] + arm.rows[joint, 2] * T[:, joint, 2:3, 2])
 
-    return "height", hk.constraints.height(joint), value, np.zeros(1, dtype=bool)
+    return "height", hk.strategies.constraints.height(joint), value, np.zeros(1, dtype=bool)
 
 
 def _coupled(_r: int, _arm: Arm, rng: np.random.Generator) -> Law:
@@ -276,7 +281,7 @@ def _arm_angle(_r: int, _arm: Arm, rng: np.random.Generator) -> Law:
 
 def _stacked(one: Law, other: Law) -> Law:
     return (
-        f"{one[0]} over {other[0]}", hk.constraints.stack(one[1], other[1]),
+        f"{one[0]} over {other[0]}", hk.strategies.constraints.stack(one[1], other[1]),
         lambda q, T: np.concatenate([one[2](q, T), other[2](q, T)], axis=1), np.concatenate([one[3], other[3]]),
     )  # fmt: skip
 

@@ -48,7 +48,7 @@ from benchmarks.random_scenes import (
     random_solid,
 )
 from benchmarks.random_turns import turned_motion
-from holokin.errors import HolokinError
+from holokin.base.errors import HolokinError
 from holokin.proof import Certificate, certify, joint_rates
 from holokin.proof.certificate import digest
 

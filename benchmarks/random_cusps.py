@@ -17,7 +17,7 @@ import numpy as np
 
 import holokin as hk
 from benchmarks.random_arms import Array, Problem, random_posture, random_problem
-from holokin.errors import HolokinError
+from holokin.base.errors import HolokinError
 
 STARTS, BUDGET = 200, 1500
 """Starts of each search for cusps, cells of each box."""

@@ -60,7 +60,7 @@ def stationary_law(arm: Arm, rng: np.random.Generator) -> Law:
             value = (_null(_columns(arm, T)[0][:, held]) * k * (q - preferred)).sum(axis=1)
             return np.stack([value, np.ones_like(value)], axis=-1)[:, None]
 
-        cost = hk.constraints.posture_cost(preferred, k)
+        cost = hk.strategies.constraints.posture_cost(preferred, k)
         return "stationary posture", hk.stationary(cost), of_posture, np.zeros(1, dtype=bool)
 
     def of_volume(_q: Array, T: Array) -> Array:
@@ -69,7 +69,7 @@ def stationary_law(arm: Arm, rng: np.random.Generator) -> Law:
         value = -np.trace(np.linalg.solve(J @ J.swapaxes(1, 2), change @ J.swapaxes(1, 2)), axis1=1, axis2=2)
         return np.stack([value, np.ones_like(value)], axis=-1)[:, None]
 
-    cost = hk.constraints.manipulability_cost()
+    cost = hk.strategies.constraints.manipulability_cost()
     return "stationary manipulability", hk.stationary(cost), of_volume, np.zeros(1, dtype=bool)
 
 

@@ -12,7 +12,7 @@ import tempfile
 import numpy as np
 
 import holokin as hk
-from holokin.errors import ExportError, HolokinError
+from holokin.base.errors import ExportError, HolokinError
 from holokin.export import check
 
 SMALL = 11

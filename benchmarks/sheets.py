@@ -236,7 +236,7 @@ def of_these_sheets(s: hk.Sheets, paths: np.ndarray) -> np.ndarray:
             try:
                 sheet, here = s.near(pose, here)
                 loop += sheet != before
-            except hk.errors.BranchError:  # it would have to stop, and go to s(pose)
+            except hk.base.errors.BranchError:  # it would have to stop, and go to s(pose)
                 sheet, here = s(pose)
                 loop += 1
         found.append((loop, motion.changes + len(motion.divisions), fewest.changes))

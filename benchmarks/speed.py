@@ -27,9 +27,9 @@ from benchmarks.drift import versions
 from benchmarks.growth import START, Growth, environment, growth, growth_page
 from benchmarks.pose_rivals import poses_page
 from benchmarks.rivals import rivals
+from holokin.analysis.curvature.curvature_of_planes import curvature_function
 from holokin.motion import simulate
-from holokin.motion_analysis.curvature_of_planes import curvature_function
-from holokin.native_kernels.native_library import engine
+from holokin.symbolic.native.native_library import engine
 
 DT = 0.001
 ROOT = Path(__file__).resolve().parents[1]

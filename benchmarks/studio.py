@@ -21,7 +21,7 @@ from collections.abc import Callable
 import numpy as np
 
 import holokin as hk
-from holokin.studios import Law, Phase, Session, circle_loop, default_laws
+from holokin.app.studio import Law, Phase, Session, circle_loop, default_laws
 
 START = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 RATE = 30.0
@@ -110,7 +110,7 @@ def counted(counts: list[int], seconds: float) -> tuple[list[float], float]:
     ) / lasted
 
 
-def listeners(studio: hk.studios.Studio, clients: int, seconds: float) -> tuple[list[float], float]:
+def listeners(studio: hk.app.studio.Studio, clients: int, seconds: float) -> tuple[list[float], float]:
     """What comes to so many clients that listen, a second, and the share of a core."""
     ended, counts = threading.Event(), [0] * clients
     hands = [threading.Thread(target=listen, args=(studio.url, counts, i, ended), daemon=True) for i in range(clients)]
@@ -124,7 +124,7 @@ def listeners(studio: hk.studios.Studio, clients: int, seconds: float) -> tuple[
     return found
 
 
-def chromium(studio: hk.studios.Studio, seconds: float) -> tuple[list[float], float]:
+def chromium(studio: hk.app.studio.Studio, seconds: float) -> tuple[list[float], float]:
     """The same of a headless chromium that draws the page by software."""
     from playwright.sync_api import sync_playwright
 

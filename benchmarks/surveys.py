@@ -24,14 +24,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from holokin.errors import MissingExtraError
-from holokin.surveys import Store, SurveyTable, run_survey, survey_of
-from holokin.surveys.batches import SECONDS, Batches
-from holokin.surveys.cases import Cases
-from holokin.surveys.cluster import Cluster, reached, run_guarded
-from holokin.surveys.engine import AHEAD, Here, Pool
-from holokin.surveys.guarded_process import Guarded
-from holokin.surveys.one_case import Row, prepare, run_case
+from holokin.app.survey import Store, SurveyTable, run_survey, survey_of
+from holokin.app.survey.batches import SECONDS, Batches
+from holokin.app.survey.cases import Cases
+from holokin.app.survey.cluster import Cluster, reached, run_guarded
+from holokin.app.survey.engine import AHEAD, Here, Pool
+from holokin.app.survey.guarded_process import Guarded
+from holokin.app.survey.one_case import Row, prepare, run_case
+from holokin.base.errors import MissingExtraError
 
 MIDDLE = (0.2, 0.9)
 """Of the rows of a run: from the first of these shares to the second its rate is measured."""

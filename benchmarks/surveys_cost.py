@@ -21,16 +21,16 @@ from unittest.mock import patch
 import numpy as np
 
 import holokin as hk
-from holokin.surveys import survey_of
-from holokin.surveys.cases import Case, Cases
-from holokin.surveys.objects import keep
-from holokin.surveys.one_case import prepare, run_case
-from holokin.workspace_coverage import locked_joints
+from holokin.analysis.coverage import locked_joints
+from holokin.app.survey import survey_of
+from holokin.app.survey.cases import Case, Cases
+from holokin.app.survey.objects import keep
+from holokin.app.survey.one_case import prepare, run_case
 
 ROBOTS = ("panda", "iiwa14", "ur5e")
 CIRCLES = {"circle": {"kind": "circle", "size": [0.05, 0.3], "count": 100}}
 STAGES = {"start_of": "draw", "_path": "draw", "_set_up": "law", "_run": "follow", "_metrics": "metrics"}
-"""Functions of `holokin.surveys.one_case`, and the stages that they are."""
+"""Functions of `holokin.app.survey.one_case`, and the stages that they are."""
 
 
 def weighted(task: hk.Task) -> hk.Strategy:
@@ -49,12 +49,12 @@ def linear(task: hk.Task, start: np.ndarray) -> hk.Strategy:
 def arm_angle(task: hk.Task) -> hk.Strategy:
     """The arm angle, and the wrist locked; a UR5e has none, which its rows say."""
     wrist = range(task.m + 1, task.n)
-    return hk.holonomic(task, hk.constraints.stack(hk.arm_angle(), hk.lock(*wrist)))
+    return hk.holonomic(task, hk.strategies.constraints.stack(hk.arm_angle(), hk.lock(*wrist)))
 
 
 def centring(task: hk.Task, start: np.ndarray) -> hk.Strategy:
     """Stationary distance of the joints from their middles."""
-    cost = hk.constraints.centring_cost()
+    cost = hk.strategies.constraints.centring_cost()
     return hk.holonomic(task, hk.stationary(cost, free=tuple(locked_joints(task, start))))
 
 
@@ -86,7 +86,7 @@ def staged(spent: dict[str, float]) -> Iterator[None]:
 
         return called
 
-    import holokin.surveys.one_case as running
+    import holokin.app.survey.one_case as running
 
     names = {name: timed(getattr(running, name), stage) for name, stage in STAGES.items()}
     with patch.multiple(running, **names):

@@ -13,8 +13,8 @@ import argparse
 import numpy as np
 
 import holokin as hk
+from holokin.analysis.coverage import PoseStatus, posture_reach
 from holokin.strategies import HolonomicStrategy
-from holokin.workspace_coverage import PoseStatus, posture_reach
 
 from .advice import located
 
@@ -35,7 +35,7 @@ HEAD = "law | poses | reached | joint limit | leaf ends | no posture found | rco
 
 def laws(task: hk.Task) -> list[tuple[str, HolonomicStrategy, np.ndarray]]:
     """(name, law, start) of all."""
-    centring = hk.holonomic(task, hk.stationary(hk.constraints.centring_cost()))
+    centring = hk.holonomic(task, hk.stationary(hk.strategies.constraints.centring_cost()))
     return [
         ("stationary centring, on its leaf 0", centring, hk.move_to_leaf(centring, READY)),
         ("stationary centring, on the leaf of the start", centring, READY),

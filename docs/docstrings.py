@@ -60,7 +60,7 @@ class Docstrings(Extension):
     def _walk(self, thing: Object, meanings: dict[str, str]) -> None:
         if isinstance(thing, Module) and ".errors" not in thing.path:  # so that the names of errors lead to their page
             for name in meanings.keys() - thing.members.keys():
-                thing.set_member(name, Alias(name, f"holokin.errors.{name}", parent=thing))
+                thing.set_member(name, Alias(name, f"holokin.base.errors.{name}", parent=thing))
         if thing.docstring:
             thing.docstring.value = long_form(thing.docstring.value, meanings)
         enum = isinstance(thing, Class) and any(str(base) == "Enum" for base in thing.bases)

@@ -17,19 +17,19 @@ import numpy as np
 from PIL import Image
 
 import holokin as hk
-from holokin.job import open_job, run_job
-from holokin.motion_analysis.elbow_field import LeafField, sphere_of
-from holokin.motion_analysis.sphere_index import spread
-from holokin.reports.animate import cycles_frames, shown_laws
-from holokin.reports.clear_picture import box_figure
-from holokin.reports.coverage_plots import coverage_figure
-from holokin.reports.film import write_film
-from holokin.reports.job_figures import cycles_figure, robot_figure, two_paths_figure
-from holokin.reports.palette import BLUE, SKY, law_colors
-from holokin.reports.palette import VERMILLION as RED
-from holokin.reports.plots import legible, style
-from holokin.reports.region_plot import region_figure
-from holokin.reports.sheets_plot import sheets_figure
+from holokin.analysis.curvature.elbow_field import LeafField, sphere_of
+from holokin.analysis.curvature.sphere_index import spread
+from holokin.app.job import open_job, run_job
+from holokin.app.report.animate import cycles_frames, shown_laws
+from holokin.app.report.clear_picture import box_figure
+from holokin.app.report.coverage_plots import coverage_figure
+from holokin.app.report.film import write_film
+from holokin.app.report.job_figures import cycles_figure, robot_figure, two_paths_figure
+from holokin.app.report.palette import BLUE, SKY, law_colors
+from holokin.app.report.palette import VERMILLION as RED
+from holokin.app.report.plots import legible, style
+from holokin.app.report.region_plot import region_figure
+from holokin.app.report.sheets_plot import sheets_figure
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent))
@@ -197,7 +197,7 @@ def joints_over_cycles() -> None:
 def swivel() -> None:
     """Where an iiwa's elbow points, over all directions of its wrist, for two swivel angles; their poles."""
     task = hk.pose(hk.load("iiwa14"))
-    arm = hk.constraints.find_arm(task)
+    arm = hk.strategies.constraints.find_arm(task)
     figure, pair = plt.subplots(1, 2, figsize=(9.6, 5.2))
     for axes, definition, level, view in (
         (pair[0], "conventional", np.pi / 2, (0.55, -0.65, 0.62)),
@@ -205,7 +205,7 @@ def swivel() -> None:
     ):
         law = hk.holonomic(task, hk.arm_angle(definition=definition))
         start = on_sphere(law, level, (0.55, -0.62, 0.56))
-        found = hk.obstruction(law, hk.motion_analysis.Directions(), start)
+        found = hk.obstruction(law, hk.analysis.curvature.Directions(), start)
         field = LeafField(law, start, sphere_of(task, start, arm), arm)
         states, *_ = spread(field, field.start, field.sphere.direction, 2)
         globe(axes, np.array(view))
@@ -468,7 +468,7 @@ def coverage_of_a_box() -> None:
     law = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle(), name="the arm angle")
     ready = [0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4]
     box = hk.workspace(box=([0.5, 0, 0.3], [0.25, 0.4, 0.3]), tilt=np.radians(40), spin=np.radians(90))
-    slices = hk.workspace_coverage.coverage_slices(law, box, ready, steps=60)
+    slices = hk.analysis.coverage.coverage_slices(law, box, ready, steps=60)
     save(coverage_figure(hk.coverage(law, box, ready, samples=512), slices), "coverage-arm-angle")
 
 

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import holokin as hk
-from holokin.studios import PageLoop, WebPage, cusp_loop, web_page
+from holokin.app.studio import PageLoop, WebPage, cusp_loop, web_page
 
 FILE = Path(__file__).parent / "play" / "index.html"
 PICTURE = Path(__file__).parent / "pictures" / "play.png"
@@ -44,7 +44,7 @@ def laws() -> dict[str, hk.Strategy]:
 
 def cusp() -> PageLoop:
     """The loop round a cusp."""
-    witness = hk.motion_analysis.witness_between(laws()["q1 - q3 held"], *CUSP)
+    witness = hk.analysis.curvature.witness_between(laws()["q1 - q3 held"], *CUSP)
     if witness is None:
         raise SystemExit("no loop leads from one posture to the other")
     return cusp_loop(witness, "q1 - q3")

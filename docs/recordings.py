@@ -61,7 +61,7 @@ def made_of(page: Path) -> Path:
 
 def make(page: Path) -> Path:
     """Run the example of a page and record what it did."""
-    from holokin.studios import record
+    from holokin.app.studio import record
 
     title, text, example = parts(page)
     file, back = made_of(page), Path.cwd()
@@ -90,7 +90,7 @@ def on_files(files: Any, *, config: Any) -> Any:
         said = "%d recordings of the gallery are not made: their pages show pictures. `python docs/recordings.py`"
         logging.getLogger("mkdocs.hooks.recordings").info(said, missing)
     if found:
-        from holokin.studios.playback import player
+        from holokin.app.studio.playback import player
 
         files.append(File.generated(config, "gallery/recordings/player.html", content=player()))
     for name, file in found.items():

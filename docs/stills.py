@@ -21,7 +21,7 @@ from playwright.sync_api import sync_playwright
 sys.path.append(str(Path(__file__).parent))
 from recordings import HERE, made_of, pages
 
-from holokin.studios.playback import player
+from holokin.app.studio.playback import player
 
 SIZE = (800, 500)
 BAR = 40

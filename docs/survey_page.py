@@ -20,11 +20,11 @@ matplotlib.use("Agg")
 import numpy as np
 from PIL import Image
 
-from holokin.reports.plots import legible, style
-from holokin.surveys import Findings, Store, SurveyTable
-from holokin.surveys.cases import Cases
-from holokin.surveys.findings import ON_PATH, RETURNS
-from holokin.surveys.survey_figures import boxes_figure, coverage_figure, drift_figure, survival_figure
+from holokin.app.report.plots import legible, style
+from holokin.app.survey import Findings, Store, SurveyTable
+from holokin.app.survey.cases import Cases
+from holokin.app.survey.findings import ON_PATH, RETURNS
+from holokin.app.survey.survey_figures import boxes_figure, coverage_figure, drift_figure, survival_figure
 
 HERE = Path(__file__).parent
 SPOKEN_OF = {

@@ -38,7 +38,7 @@ task = hk.custom_task(ship, force, units=("100 kN",) * 3, names=("surge", "sway"
 u0 = np.array([0.3, 0.3, 0.4, 0.4, 0.5, 0.5])
 at = task(u0)
 loop = hk.circle(at, center=at - [0, 1.0, 0], normal=[1, 0, -1], speed=0.2)  # the wind turns once
-stack = hk.constraints.stack
+stack = hk.strategies.constraints.stack
 together = stack(*(hk.linear(row) for row in ([1, -1, 0, 0, 0, 0], [0, 0, 1, -1, 0, 0], [0, 0, 0, 0, 1, -1])))
 laws = {"pseudo-inverse": hk.moore_penrose(task), "pairs alike": hk.holonomic(task, together)}
 for name, law in laws.items():

@@ -24,7 +24,7 @@ motions = {}
 for name, law in laws.items():
     try:
         motions[name] = hk.follow(law, disc, q0, cycles=6, samples=120)
-    except hk.errors.PathError as stopped:
+    except hk.base.errors.PathError as stopped:
         motions[name] = stopped.trajectory
     motion = motions[name]
     after = np.abs(motion.drift_since_start()).max(axis=1).round(3)

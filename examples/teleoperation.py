@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 import holokin as hk
-from holokin.studios import Motion
+from holokin.app.studio import Motion
 
 RATE, robot = 100.0, hk.load("panda")  # poses of the hand a second
 ready = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785])

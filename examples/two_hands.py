@@ -26,7 +26,7 @@ def carried(grip: np.ndarray) -> hk.Path:
 
 
 loop = hk.synchronized(*map(carried, grips))
-angles = hk.constraints.stack(*(hk.arm_angle(tip=hand) for hand in hands))
+angles = hk.strategies.constraints.stack(*(hk.arm_angle(tip=hand) for hand in hands))
 laws = {"pseudo-inverse": hk.moore_penrose(task), "both arm angles held": hk.holonomic(task, angles)}
 motions = {}
 for name, law in laws.items():

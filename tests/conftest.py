@@ -28,8 +28,8 @@ import pytest
 from hypothesis import Phase, settings
 
 import holokin as hk
-from holokin.commands import main as cli
-from holokin.native_kernels.toolchain import compiler
+from holokin.app.cli import main as cli
+from holokin.symbolic.native.toolchain import compiler
 from sketches import sketches
 
 sys.path.append(str(Path(__file__).parents[1]))  # the benchmarks, of which some tests run a little
@@ -249,17 +249,17 @@ def out(tmp_path: Path) -> Path:
 @pytest.fixture
 def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports of this process have sketches for figures."""
-    monkeypatch.setattr("holokin.reports.job_report.figures", sketches)
+    monkeypatch.setattr("holokin.app.report.job_report.figures", sketches)
 
 
 def shell(*arguments: object) -> Outcome:
     """The command line, in a process of its own."""
-    command = [sys.executable, "-m", "holokin.commands.main", *map(str, arguments)]
+    command = [sys.executable, "-m", "holokin.app.cli.main", *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     return Outcome(done.returncode, done.stdout, done.stderr)
 
 
-def write_job(folder: Path, name: str = "job.toml", **spoilt: str) -> Path:
+def write_job(folder: Path, name: str = "app.job.toml", **spoilt: str) -> Path:
     file = folder / name
     file.write_text("".join((SOUND | spoilt).values()), "utf-8")
     return file

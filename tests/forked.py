@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from conftest import Outcome
-from holokin.commands import main as cli
+from holokin.app.cli import main as cli
 
 PATIENCE = 280
 """Seconds after which a child is ended that hangs."""

@@ -68,8 +68,8 @@ if __name__ == "__main__":
     in_lerobot(python, "make", str(place), str(GOLDEN / "episodes.npz"))
     (GOLDEN / "episodes.npz").unlink()
     robot = hk.load("panda")
-    from holokin.interop import retarget
-    from holokin.robot_logs import joint_feature, read_dataset
+    from holokin.analysis.audit.logs import joint_feature, read_dataset
+    from holokin.learning import retarget
 
     data = read_dataset(place)
     ik = hk.inverse(hk.holonomic(hk.pose(robot), hk.lock("panda_joint3")), Q0, limits=True)

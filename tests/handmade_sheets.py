@@ -8,9 +8,9 @@ import casadi as ca
 import numpy as np
 
 import holokin as hk
-from holokin.sheet_maps import PoseRest, Sheet, Sheets
-from holokin.sheet_maps.pose_features import turn_length
-from holokin.sheet_maps.sheet import known
+from holokin.analysis.sheets import PoseRest, Sheet, Sheets
+from holokin.analysis.sheets.pose_features import turn_length
+from holokin.analysis.sheets.sheet import known
 
 LIMIT = np.radians(150)
 

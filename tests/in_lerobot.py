@@ -85,7 +85,7 @@ def drive(file: Path) -> dict:
     from lerobot.processor.converters import robot_action_observation_to_transition, transition_to_robot_action
 
     import holokin as hk
-    from holokin.interop import lerobot_step
+    from holokin.learning import lerobot_step
 
     robot = hk.load("panda")
     given = np.load(file)

@@ -335,7 +335,7 @@ def pytest_runtest_call(item) -> None:
     test, run = f"{item.path.parent.name}/{item.path.name}::{item.originalname}", item.runtest
 
     def watched() -> None:
-        sys.modules["holokin.robot.catalog"]._in_use.clear()  # a robot in use is not read again
+        sys.modules["holokin.robot.formats.catalog"]._in_use.clear()  # a robot in use is not read again
         _SEEN.append(set())
         try:
             run()

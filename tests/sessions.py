@@ -9,7 +9,7 @@ import numpy as np
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.studios import Law, Origin, Phase, Session, Snapshot, circle_loop
+from holokin.app.studio import Law, Origin, Phase, Session, Snapshot, circle_loop
 
 PANDA = hk.load("panda")
 TASK = hk.pose(PANDA)

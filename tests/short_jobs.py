@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from holokin.job import open_job, run_job
-from holokin.reports.job_result import JobResult
+from holokin.app.job import open_job, run_job
+from holokin.app.report.job_result import JobResult
 
 
 def shortened(name: str = "ppr-cycle", *, strategies: dict | None = None, **path: object) -> JobResult:

@@ -13,14 +13,14 @@ class Sketch:
 
 
 def sketches(_result: object) -> list[tuple[str, str, Sketch]]:
-    """Instead of `holokin.reports.job_figures.figures`."""
+    """Instead of `holokin.app.report.job_figures.figures`."""
     return [("sketch", "a sketch", Sketch())]
 
 
 SKETCHED = f"""
 import sys
 sys.path.append({str(Path(__file__).parent)!r})
-import holokin.reports.job_report, sketches
-holokin.reports.job_report.figures = sketches.sketches
+import holokin.app.report.job_report, sketches
+holokin.app.report.job_report.figures = sketches.sketches
 """
 """Python for a process of its own, whose reports then have sketches."""

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 import holokin as hk
-from holokin.errors import SurveyError
-from holokin.surveys import Store, run_survey, survey_of
+from holokin.app.survey import Store, run_survey, survey_of
+from holokin.base.errors import SurveyError
 
 LONGEST = 0.25
 """Seconds of a coordinator's life, at most."""

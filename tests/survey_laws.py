@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
-from holokin.control_laws import ControlLaw
-from holokin.surveys import Store, SurveyTable, survey_of
+from holokin.app.survey import Store, SurveyTable, survey_of
+from holokin.motion.control import ControlLaw
 
 
 def _acting(act: Any) -> Any:

@@ -18,7 +18,11 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
-from holokin import constraints, control_laws, motion, motion_analysis, robot_logs, strategies
+from holokin import motion, strategies
+from holokin.analysis import curvature
+from holokin.analysis.audit import logs
+from holokin.motion import control
+from holokin.strategies import constraints
 
 from .nouns import MineError, kit
 from .path_calls import path_calls
@@ -191,22 +195,22 @@ def calls() -> dict[str, Call]:
         "obstruction": (hk.obstruction, (held, loop, q), {"samples": 8}),
         "winding": (motion.winding, (held, loop, q), following),
         "inverse": (hk.inverse, (held, q), {}),
-        "interop.torch.inverse": (hk.interop.torch.inverse, (k["ik"],), {}),
-        "interop.jax.inverse": (hk.interop.jax.inverse, (k["ik"],), {}),
+        "learning.torch.inverse": (hk.learning.torch.inverse, (k["ik"],), {}),
+        "learning.jax.inverse": (hk.learning.jax.inverse, (k["ik"],), {}),
         "numeric": (strategies.numeric, (task, law), {"q0": q, "name": "n", "accuracy": 1e-6}),
-        "measured_curvature": (motion_analysis.measured_curvature, (strategies.numeric(task, law), q), {}),
+        "measured_curvature": (curvature.measured_curvature, (strategies.numeric(task, law), q), {}),
         "move_to_leaf": (hk.move_to_leaf, (held, q), {"level": [0.31]}),
         "controller": (hk.controller, (held,), {
             "dt": 0.01, "q0": q, "gain": 1.0, "constraint_gain": 1.0, "limits": True}),
-        "closed_loop": (_begun(control_laws.closed_loop), (law, 10.0), {}),
-        "damped": (_begun(control_laws.damped), (task,), {"damping": 0.05, "gain": 1.0, "name": "n"}),
-        "gradient_projection": (_begun(control_laws.gradient_projection), (task, k["cost"]), {
+        "closed_loop": (_begun(control.closed_loop), (law, 10.0), {}),
+        "damped": (_begun(control.damped), (task,), {"damping": 0.05, "gain": 1.0, "name": "n"}),
+        "gradient_projection": (_begun(control.gradient_projection), (task, k["cost"]), {
             "weight": 1.0, "gain": 1.0, "name": "n"}),
-        "repetitive_motion": (_begun(control_laws.repetitive_motion), (task,), {
+        "repetitive_motion": (_begun(control.repetitive_motion), (task,), {
             "rate": 1.0, "gain": 1.0, "limits": False, "name": "n"}),
-        "asymptotically_cyclic": (_begun(control_laws.asymptotically_cyclic), (task, k["g"], [0.3]), {
+        "asymptotically_cyclic": (_begun(control.asymptotically_cyclic), (task, k["g"], [0.3]), {
             "constraint_gain": 1.0, "gain": 1.0, "exact": False, "name": "n"}),
-        "impedance_with_memory": (_begun(control_laws.impedance_with_memory), (task, k["cost"]), {
+        "impedance_with_memory": (_begun(control.impedance_with_memory), (task, k["cost"]), {
             "force": [0.0, 0.0], "name": "n"}),
         **{name: (getattr(hk, name), (held, q), {
             "cost": 1.0, "gain": 0.5, "lm_damping": 0.0, "prefix": "", "joints": list(robot.joint_names)})
@@ -216,25 +220,25 @@ def calls() -> dict[str, Call]:
             "q0": q, "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0,
             "metrics": {"length": len}}),
         "around": (hk.around, (q, 0.1), {}),
-        "box": (motion_analysis.box, (q - 0.1, q + 0.1), {}),
-        "ball": (motion_analysis.ball, (q, 0.1), {"along": 0.0}),
-        "ball_postures": (motion_analysis.ball_postures, (law, k["ball"], 2), {"seed": 0}),
+        "box": (curvature.box, (q - 0.1, q + 0.1), {}),
+        "ball": (curvature.ball, (q, 0.1), {"along": 0.0}),
+        "ball_postures": (curvature.ball_postures, (law, k["ball"], 2), {"seed": 0}),
         "involutivity": (hk.involutivity, (law, region), {
             "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
-        "involutivity_of": (motion_analysis.involutivity_of, (lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], 3), {
+        "involutivity_of": (curvature.involutivity_of, (lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], 3), {
             "region": region, "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
         "curvature": (hk.curvature, (law, q), {"method": "auto"}),
         "unique_region": (hk.unique_region, (held, q), {"limits": False, "budget": 40, "say": str}),
-        "witness_between": (hk.motion_analysis.witness_between, (held, q, q), {"via": 8, "limits": False}),
-        "why_elsewhere": (hk.motion_analysis.why_elsewhere, (held, hk.follow(held, loop, q)), {}),
+        "witness_between": (hk.analysis.curvature.witness_between, (held, q, q), {"via": 8, "limits": False}),
+        "why_elsewhere": (hk.analysis.curvature.why_elsewhere, (held, hk.follow(held, loop, q)), {}),
         "cusps": (hk.cusps, (held, q), {"starts": 8, "limits": False}),
-        "filtration": (motion_analysis.filtration, (held, q), {"most": 2}),
-        "predicted_drift": (motion_analysis.predicted_drift, (law, loop, q), {}),
-        "deviation": (motion_analysis.deviation, (law, held, Q), {"columns": 2}),
-        "distance_to_repeatable": (motion_analysis.distance_to_repeatable, (law, k["ball"]), {
+        "filtration": (curvature.filtration, (held, q), {"most": 2}),
+        "predicted_drift": (curvature.predicted_drift, (law, loop, q), {}),
+        "deviation": (curvature.deviation, (law, held, Q), {"columns": 2}),
+        "distance_to_repeatable": (curvature.distance_to_repeatable, (law, k["ball"]), {
             "ours": held, "samples": 2, "seed": 0}),
-        "leaf_function": (motion_analysis.leaf_function, (held, q), {"radius": 0.01, "samples": 1, "seed": 0}),
-        "general_form": (motion_analysis.general_form, (law, q), {"reference": q}),
+        "leaf_function": (curvature.leaf_function, (held, q), {"radius": 0.01, "samples": 1, "seed": 0}),
+        "general_form": (curvature.general_form, (law, q), {"reference": q}),
         "export_c": (hk.export_c, (law, "out"), {
             "q0": q, "dt": 0.01, "name": "law", "limits": True, "vectors_count": 1, "origin": "fuzz"}),
         "export_moveit": (hk.export.export_moveit, (held, "out"), {
@@ -242,12 +246,12 @@ def calls() -> dict[str, Call]:
             "origin": "fuzz"}),
         "export_ros2_control": (hk.export.export_ros2_control, (held, "out"), {
             "q0": q, "package": "law_controller", "name": "law", "vectors_count": 1, "origin": "fuzz"}),
-        "Recording": (robot_logs.Recording, (("a", "b", "c"), t, np.zeros((3, 3)), "here"), {"notes": ()}),
-        "audit_recording": (hk.audit_recording, (robot_logs.Recording(tuple(robot.joint_names), t, np.zeros((3,
+        "Recording": (logs.Recording, (("a", "b", "c"), t, np.zeros((3, 3)), "here"), {"notes": ()}),
+        "audit_recording": (hk.audit_recording, (logs.Recording(tuple(robot.joint_names), t, np.zeros((3,
             3)), "here"),
             robot), {"tip": None, "orientation": None, "tolerance": 1e-3, "length_scale": 0.1}),
-        "read_dataset": (robot_logs.read_dataset, (Path("no folder"),), {}),
-        "lerobot_step": (hk.interop.lerobot_step, (k["ik"],), {
+        "read_dataset": (logs.read_dataset, (Path("no folder"),), {}),
+        "lerobot_step": (hk.learning.lerobot_step, (k["ik"],), {
             "degrees": True, "step": 0.1, "prefix": "ee", "motors": None}),
         "read_recording": (hk.read_recording, ("no.csv", robot), {
             "degrees": False, "topic": None, "columns": "q_%d", "time": "t"}),
@@ -268,8 +272,8 @@ def calls() -> dict[str, Call]:
             "base": k["g"], "degree": 1, "samples": 32, "seed": 0, "length": 0.5}),
         "advise": (hk.advise, (robot, k["space"]), {
             "tip": None, "base": None, "task": "position", "q0": q, "say": lambda _: None, **shapes}),
-        "coverage_slices": (hk.workspace_coverage.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
-        "posture_reach": (hk.workspace_coverage.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),
+        "coverage_slices": (hk.analysis.coverage.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
+        "posture_reach": (hk.analysis.coverage.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),
         "Workspace.poses": (k["space"].poses, (5,), {"seed": 0}),
         "Coverage.save": (k["covered"].save, ("covered.csv",), {}),
         "Robot.pose": (robot.pose, (q,), {"tip": "tool"}),

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import holokin as hk
 from benchmarks.fuzz.jobs import NAMES, broken, mutated
-from holokin.auditing import audit_dataset
-from holokin.interop import retarget
-from holokin.inverse_kinematics import InverseKinematics
-from holokin.robot_logs import STATE, joint_feature, read_dataset
+from holokin.analysis.audit import audit_dataset
+from holokin.analysis.audit.logs import STATE, joint_feature, read_dataset
+from holokin.learning import retarget
+from holokin.motion.ik import InverseKinematics
 
 GOLDEN = Path(__file__).parents[2] / "tests" / "golden"
 _NUMBERS = (0, -1, 1, 2, 3, 2**31, 2**62, 1e300, -1e-300, float("nan"), float("inf"), None)

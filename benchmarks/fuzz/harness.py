@@ -26,7 +26,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from holokin.errors import HolokinError
+from holokin.base.errors import HolokinError
 
 SECONDS = 20
 """Longest time of one mutant [s]."""

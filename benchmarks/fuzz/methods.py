@@ -25,9 +25,10 @@ import mujoco
 import numpy as np
 
 import holokin as hk
-from holokin import motion_analysis, strategies
+from holokin import strategies
+from holokin.analysis import curvature
+from holokin.base.errors import HolokinError, MissingExtraError
 from holokin.base.printed_units import PrintedUnits
-from holokin.errors import HolokinError, MissingExtraError
 from holokin.path.workspaces import Box, Cylinder, Sphere, pose_cloud
 from holokin.symbolic import SX, factorise, symbol
 
@@ -106,8 +107,8 @@ def _special() -> dict[str, dict[str, Any]]:
     panda, q7 = hk.pose(hk.load("panda")), symbol("q", 7)
     arm = {"task": panda, "k": panda.kinematics(q7), "q": q7}
     return {
-        "constraints.find_arm": {"task": panda}, "Arm.places": {"task": panda}, "Arm.expressions": arm,
-        "strategies.inertia_weighted": {"task": panda}, "motion_analysis.general_form": {"strategy": k["held"],
+        "strategies.constraints.find_arm": {"task": panda}, "Arm.places": {"task": panda}, "Arm.expressions": arm,
+        "strategies.inertia_weighted": {"task": panda}, "analysis.curvature.general_form": {"strategy": k["held"],
         "q": k["q"]},
         **{f"StackedTask.{name}": own for name, own in both.items()}, "StackedTask.margin_expression": wide,
         "Solid.points": cube, "Solid.contains": cube,
@@ -115,11 +116,11 @@ def _special() -> dict[str, dict[str, Any]]:
         "SynchronizedPaths.table": {"start_rotation": np.tile(np.eye(3), (2, 1))},
         "SynchronizedPaths.part": {"start": 0.1}, "Path.cut": {"start": 0.0, "stop": 1.0},
         "Robot.kinematics_at": {"joint": 0},
-        "lock": {"joints": (0,)}, "constraints.height": {"joints": ("q2",)},
-        "constraints.stack": {"constraints": (k["g"],)},
-        "constraints.total": {"constraints": (k["g"], k["g"]), "weights": (1.0, 2.0)},
-        "Coverage.count": {"status": hk.workspace_coverage.PoseStatus.REACHED}, "robot.model_tips": {"path": "no.urdf"},
-        "Solutions.count": {"status": hk.inverse_kinematics.InverseStatus.REACHED},
+        "lock": {"joints": (0,)}, "strategies.constraints.height": {"joints": ("q2",)},
+        "strategies.constraints.stack": {"constraints": (k["g"],)},
+        "strategies.constraints.total": {"constraints": (k["g"], k["g"]), "weights": (1.0, 2.0)},
+        "Coverage.count": {"status": hk.analysis.coverage.PoseStatus.REACHED}, "robot.model_tips": {"path": "no.urdf"},
+        "Solutions.count": {"status": hk.motion.ik.InverseStatus.REACHED},
         "robot.model_links": {"path": "no.urdf"},
         "strategies.from_transport": {
             "task": hk.position(hk.load("ppr")), "K": lambda x, z: [x[0] - np.cos(z), x[1] - np.sin(z), z],
@@ -127,14 +128,14 @@ def _special() -> dict[str, dict[str, Any]]:
         "export.write_mcap": {"folder": "bag"}, "export.export_moveit": {"folder": "moveit"},
         "export.export_ros2_control": {"folder": "ros2_control"},
         "export.export_sheets": {"found": k["sheets"], "folder": "sheets"},
-        "sheet_maps.self_motion_between": {"qa": k["q"], "qb": k["q"]},
-        "designing.level_range": {"workspace": k["space"]},
+        "analysis.sheets.self_motion_between": {"qa": k["q"], "qb": k["q"]},
+        "analysis.design.level_range": {"workspace": k["space"]},
         "proof.joint_rates": {"certificate": things()["certificate"]},
         "proof.region_of": {"certificate": hk.certify(k["held"], k["space"], k["q"], budget=60)},
         "Sheets.certified": {"sheet": 0, "workspace": k["space"]},
         "Mesh.outward": {"faces": np.zeros((1, 3), dtype=int)},
         "Trajectory.printed": {"units": PrintedUnits()},
-        "motion_analysis.witness_between": {"first": k["q"], "second": np.array([0.3, 0.2, 0.5])},
+        "analysis.curvature.witness_between": {"first": k["q"], "second": np.array([0.3, 0.2, 0.5])},
         "strategies.right_inverse": {"G": _pseudo_inverse},
     }  # fmt: skip
 
@@ -164,7 +165,7 @@ def things() -> dict[str, Any]:
     two, walk, law, space = k["two"], k["walk"], k["law"], k["space"]
     pair = hk.stacked(hk.position(two, tip=two.tips[0].name, rows=[0]), hk.position(two, tip="elbow", rows=[1]))
     around = hk.follow(held, k["loop"], q, samples=40, cycles=4)
-    log = hk.robot_logs.Recording(tuple(robot.joint_names), around.t, around.q, "here")
+    log = hk.analysis.audit.logs.Recording(tuple(robot.joint_names), around.t, around.q, "here")
     made: dict[str, Callable[[], Any]] = {
         "ik": lambda: hk.inverse(held, q), "verdict": lambda: hk.involutivity(held, k["region"], samples=4),
         "controller": lambda: hk.controller(held, dt=0.02, q0=q), "constraint": lambda: hk.lock(2),
@@ -176,7 +177,7 @@ def things() -> dict[str, Any]:
         "stacked": lambda: pair, "synchronized": lambda: hk.synchronized(k["loop"], k["loop"]),
         "rows": lambda: strategies.pfaffian(task, lambda q: [[q[0], 1.0, 0.0]]), "radial": lambda: hk.radial(law, q),
         "null basis": lambda: hk.null_basis(task, lambda q: [[1, 0], [0, 1], [q[0], 0]]),
-        "arm": lambda: hk.constraints.find_arm(hk.pose(hk.load("panda"))),
+        "arm": lambda: hk.strategies.constraints.find_arm(hk.pose(hk.load("panda"))),
         "other solids": lambda: Cylinder(np.zeros(3), 0.1, 0.2), "sphere": lambda: Sphere(np.zeros(3), 0.1),
         "box": lambda: Box(np.zeros(3), np.ones(3)), "cloud": lambda: pose_cloud(np.array([k["pose"]])),
         "audit": lambda: hk.audit(k["closed"], robot, task, [k["loop"]], q0=q, dt=0.5, cycles=3),
@@ -186,12 +187,12 @@ def things() -> dict[str, Any]:
         "obstruction": lambda: hk.obstruction(held, k["loop"], q, samples=8),
         "program": lambda: hk.export.to_rapid(k["timed"], wiring=k["wiring"]),
         "self-motion": lambda: strategies.self_motion(task, q, step=0.2, length=1.0),
-        "filtration": lambda: motion_analysis.filtration(held, q),
-        "deviation": lambda: motion_analysis.deviation(law, held, k["Q"]),
-        "predicted": lambda: motion_analysis.predicted_drift(law, k["loop"], q),
+        "filtration": lambda: curvature.filtration(held, q),
+        "deviation": lambda: curvature.deviation(law, held, k["Q"]),
+        "predicted": lambda: curvature.predicted_drift(law, k["loop"], q),
         "objective": lambda: hk.Objective(squared_speed=1.0),
         "waypoints": lambda: hk.Waypoints(np.eye(3), None, None, "s", ()),
-        "slices": lambda: hk.workspace_coverage.coverage_slices(held, space, q, steps=3)[0],
+        "slices": lambda: hk.analysis.coverage.coverage_slices(held, space, q, steps=3)[0],
         "hand": lambda: hk.motion.hand_follower(k["ik"], dt=0.01, max_acceleration=1.0),
         "spread": lambda: hk.path_spread(held, k["line"], k["line"], q), "excess": lambda: k["timed"].limits,
         "link shape": lambda: hk.obstacle("ball", hk.robot.Capsule(0.1)),
@@ -233,8 +234,8 @@ def callables() -> Iterator[tuple[str, Callable[..., Any]]]:
 
 HEAVY = {
     "studio", "audit", "advise", "design", "closest_holonomic", "coverage", "survey",
-    "motion_analysis.distance_to_repeatable", "motion_analysis.winding", "motion.winding", "catalogue", "certify",
-    "workspace_coverage.coverage_slices", "workspace_coverage.posture_reach",
+    "analysis.curvature.distance_to_repeatable", "analysis.curvature.winding", "motion.winding", "catalogue", "certify",
+    "analysis.coverage.coverage_slices", "analysis.coverage.posture_reach",
 }  # fmt: skip
 """Calls that take long, or open pages, where a bad argument is none; `calls` has them."""
 
@@ -242,9 +243,9 @@ HEAVY = {
 ABSENT = {
     "audit_recording", "from_mjcf", "from_pinocchio", "from_roboticstoolbox", "from_urdf", "from_yourdfpy",
     "read_recording", "read_svg", "read_waypoints", "read_workspace", "robot.model_links",
-    "robot.model_tips", "strategies.inertia_weighted", "read_sheets", "interop.retarget", "auditing.audit_dataset",
-    "robot_logs.chosen_episodes", "robot_logs.has_joints", "robot_logs.is_dataset", "robot_logs.joint_feature",
-    "robot_logs.pose_feature", "robot_logs.read_dataset", "robot_logs.read_runs",
+    "robot.model_tips", "strategies.inertia_weighted", "read_sheets", "learning.retarget", "analysis.audit.audit_dataset",
+    "analysis.audit.logs.chosen_episodes", "analysis.audit.logs.has_joints", "analysis.audit.logs.is_dataset", "analysis.audit.logs.joint_feature",
+    "analysis.audit.logs.pose_feature", "analysis.audit.logs.read_dataset", "analysis.audit.logs.read_runs",
 }  # fmt: skip
 """Those whose good arguments would be files, models of other packages, logs or datasets: other fuzzers have them."""
 

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
-from holokin import constraints, control_laws, motion_analysis
+from holokin.analysis import curvature
+from holokin.motion import control
+from holokin.strategies import constraints
 
 
 class MineError(Exception):
@@ -38,10 +40,10 @@ def kit() -> dict[str, Any]:
         "two": replace(robot, tips=(*robot.tips, hk.robot.Tip("elbow", 0, np.eye(4)))),
         "elbow": hk.position(robot, rows=[0]),
         "Q": q + 0.01 * rng.normal(size=(40, 3)), "pose": robot.pose(q), "start": start,
-        "turn": hk.pose(robot), "region": hk.around(q, 0.1), "ball": motion_analysis.ball(q, 0.05), "g": hk.lock(0),
+        "turn": hk.pose(robot), "region": hk.around(q, 0.1), "ball": curvature.ball(q, 0.05), "g": hk.lock(0),
         "cost": constraints.posture_cost(q), "weight": np.diag([1.0, 2.0, 3.0]), "ik": hk.inverse(held, q),
-        "servo": hk.controller(held, dt=0.01, q0=q), "closed": control_laws.closed_loop(law),
-        "leaf": motion_analysis.leaf_function(held, q, samples=1), "line": hk.line(start, start + [0.02, 0, 0]),
+        "servo": hk.controller(held, dt=0.01, q0=q), "closed": control.closed_loop(law),
+        "leaf": curvature.leaf_function(held, q, samples=1), "line": hk.line(start, start + [0.02, 0, 0]),
         "timed": hk.retime(walk, robot, acceleration=1.0, velocity=1.0, profile="trapezoidal", dt=0.01),
         "wiring": hk.export.Wiring(axes=(*robot.joint_names, 0.0, 0.0, 0.0)),
         "space": space, "covered": hk.coverage(held, space, q, samples=4),

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.fuzz.jobs import broken
-from holokin.job.toml_text import toml
-from holokin.surveys.survey_file import read_survey
+from holokin.app.job.toml_text import toml
+from holokin.app.survey.survey_file import read_survey
 
 SOUND = """title = "Arms"
 robots = ["planar-3r", {name = "panda", tool = {xyz = [0, 0, 0.1]}}]

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.fuzz.jobs import broken
-from holokin.errors import HolokinError
-from holokin.surveys import Findings, Store, repeated, run_survey, write_survey_report
-from holokin.surveys.repeated_case import case_of
-from holokin.surveys.survey_file import read_survey
+from holokin.app.survey import Findings, Store, repeated, run_survey, write_survey_report
+from holokin.app.survey.repeated_case import case_of
+from holokin.app.survey.survey_file import read_survey
+from holokin.base.errors import HolokinError
 
 SURVEY = """title = "Arms"
 robots = ["planar-3r"]

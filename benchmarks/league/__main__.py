@@ -20,8 +20,8 @@ from benchmarks.league.league_entries import ENTRIES, OURS
 from benchmarks.league.league_figure import league_figure
 from benchmarks.league.league_page import league_text
 from benchmarks.league.played import Played, play
-from holokin.errors import HolokinError
-from holokin.reports.plots import write_figure
+from holokin.app.report.plots import write_figure
+from holokin.base.errors import HolokinError
 
 ROOT = Path(__file__).resolve().parents[2]
 

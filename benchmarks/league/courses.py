@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from benchmarks import drift
-from holokin.errors import MissingExtraError
-from holokin.inverse_kinematics.plan import make_plan
+from holokin.base.errors import MissingExtraError
+from holokin.motion.ik.plan import make_plan
 from holokin.motion.simulation import step_targets, steps_between
 from holokin.robot import to_mjcf, to_urdf
 

@@ -15,48 +15,27 @@ from importlib.util import find_spec
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from .errors import HolokinError, MissingExtraError, NoAttributeError
+from .base.errors import HolokinError, MissingExtraError, NoAttributeError
 from .version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from . import (
-        auditing,
-        constraints,
-        control_laws,
-        designing,
-        export,
-        interop,
-        inverse_kinematics,
-        motion,
-        motion_analysis,
-        motion_checking,
-        proof,
-        robot,
-        robot_logs,
-        sheet_maps,
-        strategies,
-        workspace_coverage,
-    )
-    from .auditing import audit, audit_recording
+    from . import analysis, export, learning, motion, proof, robot, strategies
+    from .analysis.audit import audit, audit_recording
+    from .analysis.audit.logs import read_recording
+    from .analysis.coverage import Coverage, coverage
+    from .analysis.curvature import Verdict, around, curvature, cusps, involutivity, obstruction
+    from .analysis.design import Advice, ClosestHolonomic, Design, Objective, advise, closest_holonomic, design
+    from .analysis.sheets import Sheets, sheets, write_sheets
+    from .app.job.saved_sheets import read_sheets
+    from .app.studio import studio
+    from .app.survey import survey
     from .base.poses import pose_of
-    from .constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
-    from .control_laws import ControlLaw, mink_task, pink_task
-    from .designing import (
-        Advice,
-        ClosestHolonomic,
-        Design,
-        Objective,
-        advise,
-        closest_holonomic,
-        design,
-    )
     from .export import export_c
-    from .inverse_kinematics import all_postures, inverse, move_to_leaf
-    from .job.saved_sheets import read_sheets
     from .motion import TimedTrajectory, approach, controller, drift, follow, path_spread, retime, simulate
+    from .motion.checks import CheckReport, check
+    from .motion.control import ControlLaw, mink_task, pink_task
+    from .motion.ik import all_postures, inverse, move_to_leaf
     from .motion.trajectory import Status, Trajectory
-    from .motion_analysis import Verdict, around, curvature, cusps, involutivity, obstruction
-    from .motion_checking import CheckReport, check
     from .path import (
         Path,
         Waypoints,
@@ -102,15 +81,11 @@ if TYPE_CHECKING:
         with_shape,
         with_tool,
     )
-    from .robot_logs import read_recording
-    from .sheet_maps import Sheets, sheets, write_sheets
     from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
-    from .studios import studio
-    from .surveys import survey
-    from .tasks.frame_task import stacked
-    from .tasks.task import Task
-    from .tasks.task_kinds import custom_task, line_of_sight, pose, position, relative_pose
-    from .workspace_coverage import Coverage, coverage
+    from .strategies.constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
+    from .strategies.tasks.frame_task import stacked
+    from .strategies.tasks.task import Task
+    from .strategies.tasks.task_kinds import custom_task, line_of_sight, pose, position, relative_pose
 
 __all__ = [
     "Advice",
@@ -137,13 +112,13 @@ __all__ = [
     "Workspace",
     "advise",
     "all_postures",
+    "analysis",
     "approach",
     "arc",
     "arm_angle",
     "around",
     "audit",
     "audit_recording",
-    "auditing",
     "blended",
     "catalogue",
     "certify",
@@ -151,8 +126,6 @@ __all__ = [
     "circle",
     "closest_holonomic",
     "compose",
-    "constraints",
-    "control_laws",
     "controller",
     "coordinates",
     "coupled",
@@ -162,7 +135,6 @@ __all__ = [
     "custom",
     "custom_task",
     "design",
-    "designing",
     "drift",
     "export",
     "export_c",
@@ -175,11 +147,10 @@ __all__ = [
     "from_urdf",
     "from_yourdfpy",
     "holonomic",
-    "interop",
     "inverse",
-    "inverse_kinematics",
     "involutivity",
     "join",
+    "learning",
     "line",
     "line_of_sight",
     "linear",
@@ -188,8 +159,6 @@ __all__ = [
     "mink_task",
     "moore_penrose",
     "motion",
-    "motion_analysis",
-    "motion_checking",
     "move_to_leaf",
     "null_basis",
     "obstacle",
@@ -213,8 +182,6 @@ __all__ = [
     "relative_pose",
     "retime",
     "robot",
-    "robot_logs",
-    "sheet_maps",
     "sheets",
     "simulate",
     "spiral",
@@ -237,23 +204,22 @@ __all__ = [
     "with_shape",
     "with_tool",
     "workspace",
-    "workspace_coverage",
     "write_sheets",
 ]
 
 _HOMES = {
-    "auditing": "audit audit_recording",
+    "analysis.audit": "audit audit_recording",
     "base.poses": "pose_of",
-    "constraints": "Constraint arm_angle coupled custom linear lock stationary",
-    "control_laws": "ControlLaw mink_task pink_task",
-    "designing": "Advice ClosestHolonomic Design Objective advise closest_holonomic design",
+    "strategies.constraints": "Constraint arm_angle coupled custom linear lock stationary",
+    "motion.control": "ControlLaw mink_task pink_task",
+    "analysis.design": "Advice ClosestHolonomic Design Objective advise closest_holonomic design",
     "export": "export_c",
-    "inverse_kinematics": "all_postures inverse move_to_leaf",
-    "job.saved_sheets": "read_sheets",
+    "motion.ik": "all_postures inverse move_to_leaf",
+    "app.job.saved_sheets": "read_sheets",
     "motion": "TimedTrajectory approach controller drift follow path_spread retime simulate",
     "motion.trajectory": "Status Trajectory",
-    "motion_analysis": "Verdict around curvature cusps involutivity obstruction",
-    "motion_checking": "CheckReport check",
+    "analysis.curvature": "Verdict around curvature cusps involutivity obstruction",
+    "motion.checks": "CheckReport check",
     "path": "Path Waypoints arc blended circle figure_eight join line passes path_of polyline raster"
     " read_svg read_waypoints read_workspace spiral spline with_leads",
     "path.synchronized_paths": "synchronized through",
@@ -261,20 +227,20 @@ _HOMES = {
     "proof": "Certificate certify unique_region",
     "robot": "Part Robot catalogue compose coordinates from_dh from_mjcf from_pinocchio from_roboticstoolbox from_urdf"
     " from_yourdfpy load obstacle to_mjcf to_urdf with_base_pose with_capsules with_limits with_shape with_tool",
-    "robot_logs": "read_recording",
-    "sheet_maps": "Sheets sheets write_sheets",
+    "analysis.audit.logs": "read_recording",
+    "analysis.sheets": "Sheets sheets write_sheets",
     "strategies": "Strategy holonomic moore_penrose null_basis radial weighted",
-    "studios": "studio",
-    "surveys": "survey",
-    "tasks.frame_task": "stacked",
-    "tasks.task": "Task",
-    "tasks.task_kinds": "custom_task line_of_sight pose position relative_pose",
-    "workspace_coverage": "Coverage coverage",
+    "app.studio": "studio",
+    "app.survey": "survey",
+    "strategies.tasks.frame_task": "stacked",
+    "strategies.tasks.task": "Task",
+    "strategies.tasks.task_kinds": "custom_task line_of_sight pose position relative_pose",
+    "analysis.coverage": "Coverage coverage",
 }
 """Module of the package -> the public names that it has: it is loaded when one of them is first asked for."""
 
-_APP = {"job": "app", "reports": "app", "commands": "app", "surveys": "survey", "studios": "studio"}
-"""Folders whose packages an extra installs."""
+_APP = {"app.studio": "studio", "app.survey": "survey"}
+"""Folders of the applications whose packages an extra of their own installs; that of the others is `app`."""
 
 
 def __dir__() -> list[str]:
@@ -303,13 +269,13 @@ if not TYPE_CHECKING:  # so that a misspelt name is an error of types
 
 def _loaded(home: str) -> ModuleType:
     """A module of the package. Raises: MissingExtraError: an extra installs what it needs."""
-    room = home.partition(".")[0]
+    room = ".".join(home.split(".")[:2])
     try:
         return import_module(f".{home}", __name__)
     except ModuleNotFoundError as problem:
-        if room not in _APP or not problem.name or problem.name.startswith(__name__):
+        if not room.startswith("app") or not problem.name or problem.name.startswith(__name__):
             raise
-        raise MissingExtraError(problem.name, _APP[room]) from None
+        raise MissingExtraError(problem.name, _APP.get(room, "app")) from None
 
 
 def _refusing(problem: MissingExtraError) -> Callable[..., Any]:

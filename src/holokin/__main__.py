@@ -15,7 +15,7 @@ def main() -> None:
             f'error: the command holokin needs {", ".join(missing)}; run: pip install "holokin[app]"', file=sys.stderr
         )
         sys.exit(2)
-    from .commands.main import main as run
+    from .app.cli.main import main as run
 
     run()
 

@@ -20,7 +20,7 @@ from conftest import (
     assert_untouched,
     write_job,
 )
-from holokin.errors import (
+from holokin.base.errors import (
     ArgumentError,
     ConstraintRowsError,
     ExpressionError,
@@ -32,8 +32,8 @@ from holokin.errors import (
     UnknownNameError,
 )
 from holokin.path.workspaces import Box, Cylinder, Sphere
+from holokin.strategies.tasks.frame_task import FrameTask
 from holokin.symbolic import SX
-from holokin.tasks.frame_task import FrameTask
 
 PLANAR = {
     "robot": '[robot]\nname = "planar-3r"\n',
@@ -91,7 +91,11 @@ def test_constraint_rows_must_make_up_for_the_missing_task_rows(panda: hk.Robot,
         (ppr, hk.position(ppr), hk.linear(np.eye(3)[:2])),
         (panda, hk.pose(panda), hk.lock(0, 1)),
         (panda, hk.position(panda), hk.lock("panda_joint1")),
-        (panda, hk.position(panda), hk.constraints.stack(hk.lock(0, 1), hk.linear(np.eye(7)[:1]), hk.lock(2, 3))),
+        (
+            panda,
+            hk.position(panda),
+            hk.strategies.constraints.stack(hk.lock(0, 1), hk.linear(np.eye(7)[:1]), hk.lock(2, 3)),
+        ),
     ):
         with pytest.raises(ConstraintRowsError) as caught:
             hk.holonomic(task, g)
@@ -183,7 +187,7 @@ def test_a_tool_pointing_straight_down_is_a_representation_singularity_of_zyz(pa
     hk.moore_penrose(twist)(q)  # neither the arm nor the strategy is singular
     for strategy in (
         hk.moore_penrose(hk.pose(panda, "zyz")),
-        hk.holonomic(hk.position(panda), hk.constraints.stack(hk.coupled(1.0, "zyz"), hk.lock(2))),
+        hk.holonomic(hk.position(panda), hk.strategies.constraints.stack(hk.coupled(1.0, "zyz"), hk.lock(2))),
     ):
         with pytest.raises(SingularityError) as caught:
             strategy(q)
@@ -227,7 +231,7 @@ def test_a_singular_start_is_refused_with_its_kind(
     [
         (lambda _r, _t: hk.moore_penrose("panda"), "task is 'panda'; give a Task"),
         (lambda r, _t: hk.pose(r, tip=["hand"]), r"tip is \['hand'\]; give text or None"),
-        (lambda _r, t: hk.constraints.stack(t, t), "give a Constraint"),
+        (lambda _r, t: hk.strategies.constraints.stack(t, t), "give a Constraint"),
         (lambda r, _t: FrameTask(r, "twist", ("x",), np.eye(3)), "rows of a task"),
         (lambda r, _t: FrameTask(r, None, (0, 9), np.eye(3)), "each of 0 to 5 at most once"),
         (lambda r, _t: FrameTask(r, "quaternion", (0, 1), np.eye(3)), "unknown orientation"),
@@ -335,8 +339,8 @@ def test_numbers_that_no_float_or_no_thing_can_have_are_refused(planar_3r: hk.Ro
         ("yourdfpy", lambda: hk.from_yourdfpy(task)),
         ("at most 1e", lambda: hk.spline(points, speed=1e308)),
         ("at most 1e", lambda: hk.figure_eight([0.4, 0, 0.2], 0.2, 0.1, [0, 0, 1], speed=1e308)),
-        ("radius is -1", lambda: hk.motion_analysis.leaf_function(strategy, q, radius=-1)),
-        ("joints is", lambda: hk.constraints.height(10**5000)),
+        ("radius is -1", lambda: hk.analysis.curvature.leaf_function(strategy, q, radius=-1)),
+        ("joints is", lambda: hk.strategies.constraints.height(10**5000)),
     ]
     for words, call in calls:
         with pytest.raises(ArgumentError, match=words):

@@ -13,8 +13,13 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin import constraints, control_laws, inverse_kinematics, motion, motion_analysis, robot_logs, surveys
-from holokin.errors import HolokinError
+from holokin import motion
+from holokin.analysis import curvature
+from holokin.analysis.audit import logs
+from holokin.app import survey
+from holokin.base.errors import HolokinError
+from holokin.motion import control, ik
+from holokin.strategies import constraints
 
 Q = np.array([0.3, 0.7, -0.5])
 
@@ -24,26 +29,26 @@ def values(robot: hk.Robot) -> dict[str, Any]:
     task, start = hk.pose(robot, rows=[0, 1]), robot.pose(Q)[:3, 3]
     law, held = hk.moore_penrose(task), hk.holonomic(task, hk.lock(0))
     loop = hk.circle(start, start + [0.02, 0, 0])
-    ik, leaf = hk.inverse(held, Q), motion_analysis.leaf_function(held, Q, samples=1)
+    ik, leaf = hk.inverse(held, Q), curvature.leaf_function(held, Q, samples=1)
     found = {
         "robot": robot, "task": task, "pseudo-inverse": law, "held": held, "circle": loop,
         "polyline": hk.polyline([[0, 0], [1, 0], [1, 1]], turns=[[0, 0, 0.1]] * 2), "region": hk.around(Q, 0.1),
-        "ball": motion_analysis.ball(Q, 0.1), "weighted": hk.weighted(task, np.diag([1.0, 2.0, 3.0])),
+        "ball": curvature.ball(Q, 0.1), "weighted": hk.weighted(task, np.diag([1.0, 2.0, 3.0])),
         "self-motion": hk.strategies.self_motion(task, Q, length=0.2), "verdict": hk.involutivity(law,
         hk.around(Q, 0.1)),
         "inverse": ik, "leaf function": leaf, "servo": hk.controller(held, dt=0.01, q0=Q),
         "walk": hk.follow(law, loop, Q, samples=8), "drift": hk.drift(held, loop, Q, samples=8),
         "spread": hk.path_spread(law, loop, loop.reversed(), Q, samples=8),
-        "predicted drift": motion_analysis.predicted_drift(law, loop, Q),
-        "winding": motion.winding(law, loop, Q, samples=8), "general form": motion_analysis.general_form(held, Q),
-        "simulate": hk.simulate(control_laws.closed_loop(law), task, loop, Q, dt=0.1),
-        "controller": control_laws.closed_loop(law),
-        "distance_to_repeatable": motion_analysis.distance_to_repeatable(law, motion_analysis.ball(Q, 0.02), samples=2),
-        "deviation": motion_analysis.deviation(law,
+        "predicted drift": curvature.predicted_drift(law, loop, Q),
+        "winding": motion.winding(law, loop, Q, samples=8), "general form": curvature.general_form(held, Q),
+        "simulate": hk.simulate(control.closed_loop(law), task, loop, Q, dt=0.1),
+        "controller": control.closed_loop(law),
+        "distance_to_repeatable": curvature.distance_to_repeatable(law, curvature.ball(Q, 0.02), samples=2),
+        "deviation": curvature.deviation(law,
         held, [Q]),
-        "filtration": motion_analysis.filtration(law, Q),
-        "audit": hk.audit(control_laws.closed_loop(law), robot, task, [loop], q0=Q, dt=0.2),
-        "recording": robot_logs.Recording(tuple(robot.joint_names), np.arange(3.0), np.zeros((3, 3)), "here"),
+        "filtration": curvature.filtration(law, Q),
+        "audit": hk.audit(control.closed_loop(law), robot, task, [loop], q0=Q, dt=0.2),
+        "recording": logs.Recording(tuple(robot.joint_names), np.arange(3.0), np.zeros((3, 3)), "here"),
         "radial": hk.radial(law, Q), "stack": constraints.stack(hk.lock(0), hk.linear([1, 0, 0])),
         "stationary": hk.stationary(constraints.posture_cost(Q)), "impedance": hk.strategies.impedance(task,
         constraints.posture_cost(Q)),
@@ -104,10 +109,10 @@ def test_no_array_that_a_value_keeps_can_be_written_to(everything: dict[str, Any
         (np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]]), lambda task, P: hk.polyline(P)),
         (np.array([0.0, 0.0, 1.0]), lambda task, p: hk.line(p, p + 1)),
         (Q.copy(), lambda task, q: hk.inverse(hk.holonomic(task, hk.lock(0)), q)),
-        (Q.copy(), lambda task, q: motion_analysis.leaf_function(hk.holonomic(task, hk.lock(0)), q, samples=1)),
-        (Q.copy(), lambda task, q: motion_analysis.ball(q, 0.1)),
+        (Q.copy(), lambda task, q: curvature.leaf_function(hk.holonomic(task, hk.lock(0)), q, samples=1)),
+        (Q.copy(), lambda task, q: curvature.ball(q, 0.1)),
         (np.eye(3), lambda task, R: hk.pose(task.robot, "rotation-vector", reference=R, rows=[0, 1, 2])),
-        (np.zeros((3, 3)), lambda task, q: robot_logs.Recording(("a", "b", "c"), np.arange(3.0), q, "here")),
+        (np.zeros((3, 3)), lambda task, q: logs.Recording(("a", "b", "c"), np.arange(3.0), q, "here")),
     ],
 )
 def test_a_value_does_not_change_with_the_array_that_it_was_made_from(
@@ -130,9 +135,9 @@ def answer(task: hk.Task, value: Any) -> Any:
         return value(Q).tolist()
     if isinstance(value, hk.Path):
         return value.at(np.linspace(0, value.duration, 5)).position.tolist()
-    if isinstance(value, inverse_kinematics.InverseKinematics):
+    if isinstance(value, ik.InverseKinematics):
         return value(task.robot.pose(Q + 0.02)).tolist()
-    if isinstance(value, motion_analysis.LeafFunction):
+    if isinstance(value, curvature.LeafFunction):
         return value(Q + 0.02).tolist()
     return [np.asarray(getattr(value, f.name)).tolist() for f in dataclasses.fields(value)]
 
@@ -146,9 +151,7 @@ def test_public_values_are_pickled_and_copied_and_answer_as_before(
         for other in (there, twin, same):
             assert type(other) is type(value), name
             assert all(not array.flags.writeable for _, array in kept(other, name, set())), name
-        asked = (
-            hk.Strategy | hk.Constraint | inverse_kinematics.InverseKinematics | motion_analysis.LeafFunction | hk.Path
-        )
+        asked = hk.Strategy | hk.Constraint | ik.InverseKinematics | curvature.LeafFunction | hk.Path
         if isinstance(value, asked):
             if isinstance(value, hk.Constraint) and value.rows != 1:
                 continue
@@ -201,7 +204,7 @@ def test_an_error_comes_from_another_process_as_it_was(planar_3r: hk.Robot) -> N
         lambda: hk.load("pandda"),
         lambda: hk.circle(tool, center=[0, 0, 0], speed=-1.0),
         lambda: hk.follow(law, hk.polyline([tool, 9 * tool]), Q),
-        lambda: surveys.Store.opened(Path("nowhere.sqlite"), None).__enter__(),
+        lambda: survey.Store.opened(Path("nowhere.sqlite"), None).__enter__(),
     ]
     for ask in asked:
         with pytest.raises(HolokinError) as told:

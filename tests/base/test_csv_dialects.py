@@ -9,7 +9,7 @@ import pytest
 
 import holokin as hk
 from conftest import sampled
-from holokin.errors import RecordingError
+from holokin.base.errors import RecordingError
 
 ARM = hk.load("planar-3r")
 COMMENTS = ("# exported by CAM", "# units: mm", "#", "# 12.5.2026, 10:30; part 7, rev. 2.1", "")

@@ -14,8 +14,9 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, sampled, urdf
-from holokin import constraints, strategies
-from holokin.robot.catalog import catalogue
+from holokin import strategies
+from holokin.robot.formats.catalog import catalogue
+from holokin.strategies import constraints
 
 
 def panda(**more: Any) -> hk.Robot:

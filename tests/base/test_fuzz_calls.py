@@ -11,7 +11,7 @@ import pytest
 from benchmarks.fuzz import calls, harness
 
 import holokin as hk
-from holokin.errors import ArgumentError, HolokinError
+from holokin.base.errors import ArgumentError, HolokinError
 
 
 @pytest.mark.campaign

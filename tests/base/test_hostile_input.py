@@ -12,11 +12,11 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, SOUND, Command, assert_refused, assert_untouched, write_job
-from holokin.errors import ArgumentError, BranchError, ExpressionError, JobError, RobotFileError
-from holokin.inverse_kinematics.plan import make_plan
-from holokin.inverse_kinematics.reach import out_of_reach
-from holokin.job import open_job, read_job
-from holokin.motion_analysis import MOST_JOINTS
+from holokin.analysis.curvature import MOST_JOINTS
+from holokin.app.job import open_job, read_job
+from holokin.base.errors import ArgumentError, BranchError, ExpressionError, JobError, RobotFileError
+from holokin.motion.ik.plan import make_plan
+from holokin.motion.ik.reach import out_of_reach
 from holokin.symbolic import parse, symbol
 
 POINTS = ", ".join(["[0, 0]"] * 10_001)
@@ -210,7 +210,7 @@ def test_a_leaf_that_ends_is_not_told_to_be_the_end_of_reach(panda: hk.Robot) ->
     gaps = (np.abs(least_squares(lambda q: task.error(q, *target), q, bounds=bounds).fun).max() for q in starts)
     assert any(gap < 1e-6 for gap in gaps)
     with pytest.raises(BranchError):
-        hk.follow(hk.holonomic(task, hk.constraints.height("panda_joint4")), circle, PANDA_START, samples=30)
+        hk.follow(hk.holonomic(task, hk.strategies.constraints.height("panda_joint4")), circle, PANDA_START, samples=30)
 
 
 @pytest.mark.parametrize(("beyond", "missing"), [(0.2, 0.2), (0.01, 0.01), (-0.01, None)])

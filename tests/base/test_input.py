@@ -10,9 +10,9 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_START, SOUND, Command, assert_refused, assert_untouched, sampled, urdf, write_job
-from holokin.errors import ArgumentError, ExpressionError, NotFiniteError, OutOfReachError
-from holokin.job import open_job, read_job
-from holokin.job.strategy_tables import MoorePenrose
+from holokin.app.job import open_job, read_job
+from holokin.app.job.strategy_tables import MoorePenrose
+from holokin.base.errors import ArgumentError, ExpressionError, NotFiniteError, OutOfReachError
 
 # --- in Python ------------------------------------------------------------------------------------------------
 
@@ -41,7 +41,7 @@ def test_a_count_is_a_whole_number_of_at_least_one(ppr: hk.Robot, count: object)
     path = hk.circle(strategy.task(PPR_START), [1.2, 0.4])
     for call in (
         lambda: hk.involutivity(strategy, hk.around(PPR_START, 0.1), samples=count),
-        lambda: hk.motion_analysis.involutivity_of(lambda q: [[1], [0], [q[1]]], 3, samples=count),
+        lambda: hk.analysis.curvature.involutivity_of(lambda q: [[1], [0], [q[1]]], 3, samples=count),
         lambda: hk.follow(strategy, path, PPR_START, samples=count),
         lambda: hk.follow(strategy, path, PPR_START, cycles=count),
     ):
@@ -188,7 +188,7 @@ def test_a_start_in_degrees_is_recognised(holokin: Command, tmp_path: Path, out:
     start = "[start]\nq = [10, 70, 10, 20, 50, 30]\n"
     file = write_job(tmp_path, robot=robot, path=path, start=start)
     outcome = holokin("run", file, "--out", out)
-    assert_refused(outcome, "job.toml", "[start.q]", "joint 'q2' at 70 rad", "degrees = true")
+    assert_refused(outcome, "app.job.toml", "[start.q]", "joint 'q2' at 70 rad", "degrees = true")
     assert_untouched(out)
     turned = write_job(tmp_path, robot=robot, path=path, start=start + "degrees = true\n")
     assert holokin("run", turned, "--out", out).code == 0
@@ -259,6 +259,6 @@ def test_a_value_that_does_not_fit_is_told_in_plain_words_what_does(
     holokin: Command, tmp_path: Path, out: Path, spoilt: dict[str, str], words: str
 ) -> None:
     outcome = holokin("run", write_job(tmp_path, **spoilt), "--out", out)
-    assert_refused(outcome, "job.toml", words)
+    assert_refused(outcome, "app.job.toml", words)
     assert not any(word in outcome.err for word in ("Input", "valid", "change it"))
     assert_untouched(out)

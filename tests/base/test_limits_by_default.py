@@ -12,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import holokin as hk
-from holokin.errors import HolokinError, JointLimitError
-from holokin.inverse_kinematics import InverseStatus
+from holokin.base.errors import HolokinError, JointLimitError
+from holokin.motion.ik import InverseStatus
 from holokin.strategies import HolonomicStrategy
 from public_nouns import public_classes, rooms
 
 SPACE = hk.workspace(box=([1.2, 0.8], [0.05, 0.05]))
-FORMULAS = {"control_laws.repetitive_motion"}
+FORMULAS = {"motion.control.repetitive_motion"}
 """Published with limits and without: two laws, whose motions are judged by who runs them."""
 
 DOORS: dict[str, Callable[[HolonomicStrategy, np.ndarray], object]] = {
@@ -34,9 +34,9 @@ DOORS: dict[str, Callable[[HolonomicStrategy, np.ndarray], object]] = {
     "certify": lambda law, q: hk.certify(law, around(law, q), q),
     "unique_region": lambda law, q: hk.unique_region(law, q, SPACE),
     "cusps": hk.cusps,
-    "serving_levels": lambda law, q: hk.designing.level_range(law, SPACE, q),
+    "serving_levels": lambda law, q: hk.analysis.design.level_range(law, SPACE, q),
     "self_motion": lambda law, q: hk.strategies.self_motion(law.task, q),
-    "witness_between": lambda law, q: hk.motion_analysis.witness_between(law, q, q),
+    "witness_between": lambda law, q: hk.analysis.curvature.witness_between(law, q, q),
     "nearest": lambda law, q: hk.inverse(law, q, limits=False).nearest([1.0, 1.0], limits=True),
 }
 
@@ -76,7 +76,7 @@ def test_every_argument_and_field_that_is_called_limits_is_true_by_default() -> 
             told[name] = parameter.default
     empty = inspect.Parameter.empty
     wrong = {name: value for name, value in told.items() if value not in (True, empty) and name not in FORMULAS}
-    assert wrong == {"inverse_kinematics.InverseKinematics.nearest": None}  # as `inverse` was told
+    assert wrong == {"motion.ik.InverseKinematics.nearest": None}  # as `inverse` was told
     assert len(told) > 30
 
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.errors import ArgumentError, HolokinError, NotFiniteError, ShapeError
+from holokin.base.errors import ArgumentError, HolokinError, NotFiniteError, ShapeError
 from holokin.robot import DHRow
 
 mink = pytest.importorskip("mink")

@@ -13,7 +13,10 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START, R3_START, Command, assert_refused, urdf, write_job
-from holokin.errors import (
+from holokin.app.job.advice_job import _workspace_keys
+from holokin.app.job.advice_question import question
+from holokin.app.job.strategy_tables import Fitted
+from holokin.base.errors import (
     ArgumentError,
     BranchError,
     JointLimitError,
@@ -22,9 +25,6 @@ from holokin.errors import (
     RecordingError,
     StartError,
 )
-from holokin.job.advice_job import _workspace_keys
-from holokin.job.advice_question import question
-from holokin.job.strategy_tables import Fitted
 from holokin.path.workspaces import PoseRange, pose_cloud
 from holokin.robot import doubtful_unit
 from holokin.robot.longest_span import longest_reach
@@ -33,7 +33,7 @@ BETWEEN = np.array([0.3, 0.9, 0.0])
 
 
 @pytest.fixture
-def two_links(monkeypatch: pytest.MonkeyPatch, planar_3r: hk.Robot) -> hk.inverse_kinematics.InverseKinematics:
+def two_links(monkeypatch: pytest.MonkeyPatch, planar_3r: hk.Robot) -> hk.motion.ik.InverseKinematics:
     """Two links in a plane, joint 1 from 0 to 2 rad, whose third joint is locked."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     first, *others = planar_3r.coordinates

@@ -15,9 +15,9 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, sampled
 from holokin.base.arguments import MAKERS
+from holokin.base.errors import ArgumentError, CallError, NoAttributeError
+from holokin.base.errors.holokin_error import FORMS
 from holokin.base.shown import Shown
-from holokin.errors import ArgumentError, CallError, NoAttributeError
-from holokin.errors.holokin_error import FORMS
 from public_nouns import public_classes, rooms
 
 FUNCTIONS = {

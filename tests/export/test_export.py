@@ -16,9 +16,9 @@ import holokin as hk
 from chains import chain, shared_bend
 from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched, sampled
 from exported import LEAF, ON_ANYTHING, SANITIZE, STRICT, program, rates
-from holokin.errors import ArgumentError, ExportError, SingularityError
+from holokin.app.job import job_strategy, open_job, packaged_jobs
+from holokin.base.errors import ArgumentError, ExportError, SingularityError
 from holokin.export import Exported, c_name, check, export_c
-from holokin.job import job_strategy, open_job, packaged_jobs
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 compiled = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler here")

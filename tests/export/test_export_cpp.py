@@ -11,7 +11,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_START, sampled
-from holokin.errors import ArgumentError
+from holokin.base.errors import ArgumentError
 from holokin.export import Exported, export_c
 
 STRICT = ("-std=c++17", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", "-fno-exceptions")

@@ -12,9 +12,9 @@ from benchmarks.kills import deadly, hidden
 
 import holokin as hk
 from conftest import PPR_START, sampled
-from holokin.errors import WriteError
+from holokin.base.errors import WriteError
 from holokin.export import Program, export_c
-from holokin.native_kernels import compiler
+from holokin.symbolic.native import compiler
 
 STRATEGY = hk.moore_penrose(hk.position(hk.load("ppr")))
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")

@@ -12,7 +12,7 @@ import pytest
 import holokin as hk
 from conftest import sampled
 from holokin.export import check
-from holokin.native_kernels import compiler
+from holokin.symbolic.native import compiler
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
 

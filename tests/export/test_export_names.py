@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.errors import ArgumentError
+from holokin.base.errors import ArgumentError
 from holokin.export import check
-from holokin.export.self_test import WARNINGS
-from holokin.native_kernels import compiler
+from holokin.export.c.self_test import WARNINGS
+from holokin.symbolic.native import compiler
 
 NASTY = [
     "??/", "*??/", "ends with ??/", "\\", "*\\", "*/ #error", "/*/", "// x \\", "a\nb", "\u202e } ; \u2066", "\u200f",

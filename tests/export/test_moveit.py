@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import PANDA_START
 from holokin.export import MoveItPackage, export_moveit
-from holokin.inverse_kinematics import InverseStatus
+from holokin.motion.ik import InverseStatus
 from moveit_plugins import NO_SOLUTION, SUCCESS, TIMED_OUT, Answers, Plugin, ask
 from ros_plugins import STUBS, driver, found_by_pluginlib, includes, library, run
 

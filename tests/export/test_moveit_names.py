@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.commands.main import app
-from holokin.errors import ArgumentError, ExportError
+from holokin.app.cli.main import app
+from holokin.base.errors import ArgumentError, ExportError
 from holokin.export import MoveItPackage, export_moveit
 from moveit_plugins import SUCCESS, Plugin, ask
 from ros_plugins import driver, library
@@ -69,7 +69,7 @@ def test_what_has_no_leaf_or_several_tips_is_refused(tmp_path: Path) -> None:
     panda, arms = hk.pose(hk.load("panda")), hk.load("yumi")
     six = hk.load("ur5e")
     both = hk.stacked(hk.position(arms, arms.tips[0].name), hk.position(arms, arms.tips[1].name))
-    locked = hk.constraints.stack(*(hk.lock(i) for i in range(arms.n - both.m)))
+    locked = hk.strategies.constraints.stack(*(hk.lock(i) for i in range(arms.n - both.m)))
     refusals = [
         (hk.moore_penrose(panda), PANDA_START, "has no constraint"),
         (hk.holonomic(both, locked), np.full(arms.n, 0.3), "is not about one tip"),

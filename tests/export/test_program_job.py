@@ -15,12 +15,12 @@ import grammars_more
 import holokin as hk
 import referees
 from conftest import Command, sampled
-from holokin.errors import HolokinError
-from holokin.job import open_job, program_of_job, run_job
-from holokin.job.export_strategy import job_strategy
-from holokin.job.path_entry import build_entry, entry_report
-from holokin.job.several_paths import build_paths
-from holokin.robot_logs import read_recording
+from holokin.analysis.audit.logs import read_recording
+from holokin.app.job import open_job, program_of_job, run_job
+from holokin.app.job.export_strategy import job_strategy
+from holokin.app.job.path_entry import build_entry, entry_report
+from holokin.app.job.several_paths import build_paths
+from holokin.base.errors import HolokinError
 
 TORCH = np.array([[0.0, 0.0, 1.0, 0.05], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0]])
 

@@ -12,7 +12,7 @@ import pytest
 
 import holokin as hk
 from conftest import IRB_START, sampled
-from holokin.errors import ArgumentError
+from holokin.base.errors import ArgumentError
 from holokin.export import (
     ProcessLines,
     ToolTolerance,

@@ -14,7 +14,8 @@ import grammars
 import grammars_more
 import holokin as hk
 from conftest import IRB_START, PANDA_START, Command, sampled
-from holokin.errors import ArgumentError, ExportError, MissingExtraError, UnknownNameError
+from holokin.app.job import open_job, program_of_job, run_job
+from holokin.base.errors import ArgumentError, ExportError, MissingExtraError, UnknownNameError
 from holokin.export import (
     ProcessLines,
     Program,
@@ -27,7 +28,6 @@ from holokin.export import (
     to_urscript,
     write_mcap,
 )
-from holokin.job import open_job, program_of_job, run_job
 from holokin.motion import TimedTrajectory
 
 ABOUT = "wrist held: q4, q5, q6 stay \u00fc"

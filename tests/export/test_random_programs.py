@@ -11,7 +11,7 @@ import controllers
 import grammars
 import grammars_more
 import holokin as hk
-from holokin.errors import ExportError, HolokinError
+from holokin.base.errors import ExportError, HolokinError
 from holokin.export import ToolTolerance, Wiring, to_fanuc, to_inform, to_krl, to_rapid, to_urscript, to_val3
 from holokin.robot import DHRow
 

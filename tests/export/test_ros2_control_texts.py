@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 import holokin as hk
 from conftest import PANDA_START, campaign
 from control_plugins import BuiltController, Outcome, posed, update_all
-from holokin.commands.main import app
-from holokin.errors import ArgumentError, ExportError
+from holokin.app.cli.main import app
+from holokin.base.errors import ArgumentError, ExportError
 from holokin.export import Ros2ControlPackage, export_ros2_control
 from holokin.robot import to_urdf
 from ros_plugins import STUBS, driver, found_by_pluginlib, includes, library, run

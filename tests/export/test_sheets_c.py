@@ -12,9 +12,9 @@ import pytest
 
 import holokin as hk
 from handmade_sheets import OVERLAPPING_START, overlapping_law, planar_map, planar_task
-from holokin.errors import ArgumentError, BranchError, ExportError
+from holokin.analysis.sheets.surroundings import Surroundings
+from holokin.base.errors import ArgumentError, BranchError, ExportError
 from holokin.export import export_sheets
-from holokin.sheet_maps.surroundings import Surroundings
 
 
 @pytest.fixture(scope="module")

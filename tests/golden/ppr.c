@@ -1072,7 +1072,7 @@ static void hk_completed_body(const hk_t *restrict x, hk_t *restrict y) {
   const hk_t v22 = x[11];
   y[11] = v22;
 }
-/* Which postures lie on one branch of a leaf: the tubes of inverse_kinematics/branch.py. hk_extended_body takes q and gives A and
+/* Which postures lie on one branch of a leaf: the tubes of motion/ik/branch.py. hk_extended_body takes q and gives A and
    A^-1, (n, n) each by rows; hk_change_body the pairs of dA/dq_k, k slowest, then columns. HK_ROWS: task rows;
    hk_turns: the first of the three angular rows of each rotation among them, HK_TURNS of these; HK_ANGLES: 1 where there
    are angular rows besides. */
@@ -1270,7 +1270,7 @@ static hk_t hk_branch_step(hk_branch *branch, const hk_t *a, const hk_t *b, hk_t
   return hk_shrink(change);
 }
 
-/* Newton on [f(q) - x; g(q) - c] in steps that keep to one branch: the rules of inverse_kinematics/leaf.py. hk_leaf_body takes
+/* Newton on [f(q) - x; g(q) - c] in steps that keep to one branch: the rules of motion/ik/leaf.py. hk_leaf_body takes
    (q, p, R, c) and gives (dq, rcond, margin, sign of det). */
 typedef struct {
   hk_t singular, representation, contraction, almost, done, smallest, creep, side;

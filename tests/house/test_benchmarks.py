@@ -16,9 +16,9 @@ from benchmarks.calls import Floor, in_turns, repeated
 import holokin as hk
 from conftest import PANDA_START, campaign
 from forked import child
-from holokin.native_kernels import native_library as native
-from holokin.native_kernels.background import idle
-from holokin.native_kernels.evaluator import HEAVY
+from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native.background import idle
+from holokin.symbolic.native.evaluator import HEAVY
 
 ROOT = Path(__file__).parents[2]
 FILES = [
@@ -36,7 +36,10 @@ OF_ITS_OWN = (
 """These measure what a process imports and keeps, or need native code: they are begun as a user begins them."""
 QUICK = ("benchmarks.growth", "benchmarks.selftests")
 """These take a second each; the others are of the campaign."""
-ELSEWHERE = {"benchmarks.drift": "tests/house/test_docs.py", "benchmarks.logs": "tests/auditing/test_log_campaign.py"}
+ELSEWHERE = {
+    "benchmarks.drift": "tests/house/test_docs.py",
+    "benchmarks.logs": "tests/analysis/audit/test_log_campaign.py",
+}
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 
 

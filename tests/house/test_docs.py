@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from conftest import campaign
-from holokin.job import open_job, packaged_jobs
+from holokin.app.job import open_job, packaged_jobs
 from printed import assert_alike
 
 ROOT = Path(__file__).parents[2]

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 import holokin as hk
-from holokin import errors
+from holokin.base import errors
 
 ROOT = Path(hk.__file__).parent
 LAYERS = [

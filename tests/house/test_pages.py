@@ -174,10 +174,10 @@ def test_every_core_name_is_in_the_overview_and_leads_somewhere(site: Path) -> N
 @pytest.mark.campaign
 def test_errors_in_docstrings_become_a_list_of_cross_references(site: Path) -> None:
     page = (site / "api" / "constraints" / "index.html").read_text("utf-8")
-    part = page[page.index('id="holokin.constraints.posture_cost"') :]
-    part = part[: part.index('id="holokin.constraints.stack"')]
+    part = page[page.index('id="holokin.strategies.constraints.posture_cost"') :]
+    part = part[: part.index('id="holokin.strategies.constraints.stack"')]
     for error in ("NotFiniteError", "ArgumentError", "ShapeError"):
-        assert f'href="../errors/#holokin.errors.{error}"' in part, error
+        assert f'href="../errors/#holokin.base.errors.{error}"' in part, error
 
 
 @pytest.mark.campaign

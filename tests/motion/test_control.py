@@ -13,8 +13,7 @@ from scipy.optimize import minimize
 import holokin as hk
 from conftest import PANDA_START
 from conftest import R3_START as START
-from holokin.control_laws import as_control_law
-from holokin.errors import (
+from holokin.base.errors import (
     ArgumentError,
     ControllerError,
     OpenPathError,
@@ -24,6 +23,7 @@ from holokin.errors import (
     UnknownNameError,
 )
 from holokin.motion import LoopWatch
+from holokin.motion.control import as_control_law
 from holokin.motion.trajectory import Status
 
 
@@ -53,7 +53,7 @@ def test_a_strategy_driven_by_small_steps_does_what_following_does(task: hk.Task
 
 def test_feedback_brings_the_tool_back_at_its_gain(task: hk.Task, planar_3r: hk.Robot) -> None:
     """A resting target 1 cm beside the tool: the error falls as (1 - K dt)^k."""
-    law = hk.control_laws.closed_loop(hk.moore_penrose(task), gain=8.0).begin(START)
+    law = hk.motion.control.closed_loop(hk.moore_penrose(task), gain=8.0).begin(START)
     pose = planar_3r.pose(START)
     pose[0, 3] += 0.01
     q, dt = START.copy(), 1e-3
@@ -65,16 +65,21 @@ def test_feedback_brings_the_tool_back_at_its_gain(task: hk.Task, planar_3r: hk.
 
 def test_repetitive_motion_closes_with_the_inverse_square_of_its_rate_T9(task: hk.Task, loop: hk.Path) -> None:
     a, b = (
-        closure(hk.control_laws.repetitive_motion(task, rate, gain=100), task, loop, 1 / 8000) for rate in (80.0, 240.0)
+        closure(hk.motion.control.repetitive_motion(task, rate, gain=100), task, loop, 1 / 8000)
+        for rate in (80.0, 240.0)
     )
     assert a / b == pytest.approx(9, rel=0.1)
     assert closure(hk.moore_penrose(task), task, loop, 1 / 2000) > 50 * a
 
 
 def test_repetitive_motion_is_gradient_projection_on_the_first_posture(task: hk.Task, loop: hk.Path) -> None:
-    a = hk.simulate(hk.control_laws.repetitive_motion(task, 5.0), task, loop, START, dt=0.01).q
+    a = hk.simulate(hk.motion.control.repetitive_motion(task, 5.0), task, loop, START, dt=0.01).q
     b = hk.simulate(
-        hk.control_laws.gradient_projection(task, hk.constraints.posture_cost(START), 5.0), task, loop, START, dt=0.01
+        hk.motion.control.gradient_projection(task, hk.strategies.constraints.posture_cost(START), 5.0),
+        task,
+        loop,
+        START,
+        dt=0.01,
     ).q
     assert np.abs(a - b).max() < 1e-12
 
@@ -84,7 +89,7 @@ def test_repetitive_motion_within_limits_is_the_same_until_a_limit_binds(panda: 
     point = panda.pose(PANDA_START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0], speed=0.3)
     free, held = (
-        hk.simulate(hk.control_laws.repetitive_motion(task, 2.0, limits=limits), task, loop, PANDA_START, dt=0.02)
+        hk.simulate(hk.motion.control.repetitive_motion(task, 2.0, limits=limits), task, loop, PANDA_START, dt=0.02)
         for limits in (False, True)
     )
     assert np.abs(free.q - held.q).max() < 1e-6
@@ -95,14 +100,14 @@ def test_repetitive_motion_within_limits_is_the_same_until_a_limit_binds(panda: 
         coordinates=tuple(replace(c, max_velocity=v) for c, v in zip(panda.coordinates, speeds, strict=True)),
     )
     bound = hk.simulate(
-        hk.control_laws.repetitive_motion(hk.pose(slow), 2.0, limits=True), hk.pose(slow), loop, PANDA_START, dt=0.02
+        hk.motion.control.repetitive_motion(hk.pose(slow), 2.0, limits=True), hk.pose(slow), loop, PANDA_START, dt=0.02
     )
     assert np.abs(bound.dq[:, 4]).max() == pytest.approx(0.9 * wrist, rel=1e-6)
     assert bound.tracking_error() < 2e-3
     slower = replace(panda, coordinates=tuple(replace(c, max_velocity=0.05) for c in panda.coordinates))
     with pytest.raises(ControllerError, match="no joint rates within the limits"):
         hk.simulate(
-            hk.control_laws.repetitive_motion(hk.pose(slower), 2.0, limits=True),
+            hk.motion.control.repetitive_motion(hk.pose(slower), 2.0, limits=True),
             hk.pose(slower),
             loop,
             PANDA_START,
@@ -113,9 +118,9 @@ def test_repetitive_motion_within_limits_is_the_same_until_a_limit_binds(panda: 
 def test_gradient_projection_in_plain_numpy(panda: hk.Robot) -> None:
     task = hk.pose(panda)
     preferred = PANDA_START + 0.2
-    law = hk.control_laws.gradient_projection(task, hk.constraints.posture_cost(preferred), 3.0, gain=4.0).begin(
-        PANDA_START
-    )
+    law = hk.motion.control.gradient_projection(
+        task, hk.strategies.constraints.posture_cost(preferred), 3.0, gain=4.0
+    ).begin(PANDA_START)
     rng = np.random.default_rng(0)
     for _ in range(5):
         q, twist = PANDA_START + rng.uniform(-0.2, 0.2, 7), rng.uniform(-1, 1, 6)
@@ -129,7 +134,9 @@ def test_gradient_projection_in_plain_numpy(panda: hk.Robot) -> None:
 
 def test_a_posture_task_repeats_but_joints_depend_on_the_way_and_the_speed(task: hk.Task, loop: hk.Path) -> None:
     """What the audit is for: after some cycles it comes home, yet a pose has no joints of its own."""
-    law = hk.control_laws.gradient_projection(task, hk.constraints.posture_cost(START + [0.4, -0.3, 0.2]), 1.0, gain=50)
+    law = hk.motion.control.gradient_projection(
+        task, hk.strategies.constraints.posture_cost(START + [0.4, -0.3, 0.2]), 1.0, gain=50
+    )
     walk = hk.simulate(law, task, loop, START, dt=1 / 400, cycles=12)
     each = np.abs(walk.drift()).max(axis=1)
     assert each[-1] < 1e-3 * each[0]
@@ -145,11 +152,11 @@ def test_damping_bounds_the_joints_where_the_pseudo_inverse_has_none(task: hk.Ta
     stretched = np.array([0.3, 0.0, 0.0])
     outward = np.append(planar_3r.pose(stretched)[:2, 3], np.zeros(4))
     pose = planar_3r.pose(stretched)
-    dq = hk.control_laws.damped(task, 0.1).begin(stretched)(stretched, pose, outward, 1e-9)
+    dq = hk.motion.control.damped(task, 0.1).begin(stretched)(stretched, pose, outward, 1e-9)
     J = task.jacobian(stretched)
     assert np.abs(dq - J.T @ np.linalg.solve(J @ J.T + 0.01 * np.eye(2), outward[:2])).max() < 1e-7
     with pytest.raises(SingularityError):
-        hk.control_laws.closed_loop(hk.moore_penrose(task)).begin(stretched)(stretched, pose, outward, 1e-9)
+        hk.motion.control.closed_loop(hk.moore_penrose(task)).begin(stretched)(stretched, pose, outward, 1e-9)
 
 
 def test_asymptotic_cyclicity_nears_its_leaf_at_its_gain_and_then_comes_home(task: hk.Task, loop: hk.Path) -> None:
@@ -157,7 +164,7 @@ def test_asymptotic_cyclicity_nears_its_leaf_at_its_gain_and_then_comes_home(tas
     value = hk.holonomic(task, g).constraint_value
     leaf = value(START) + 0.2
     walk = hk.simulate(
-        hk.control_laws.asymptotically_cyclic(task, g, leaf, 2.0), task, loop, START, dt=1 / 2000, cycles=4
+        hk.motion.control.asymptotically_cyclic(task, g, leaf, 2.0), task, loop, START, dt=1 / 2000, cycles=4
     )
     gaps = [value(walk.q[k]) - leaf for k in walk.marks]
     assert gaps == pytest.approx([-0.2 * np.exp(-2.0 * t) for t in range(5)], rel=2e-2)
@@ -171,7 +178,7 @@ def test_the_projected_form_of_asymptotic_cyclicity_is_cyclic_to_first_order_onl
     leaf = START[1] - START[2]
     off = []
     for mu in (20.0, 40.0):
-        law = hk.control_laws.asymptotically_cyclic(task, g, leaf, mu, exact=False)
+        law = hk.motion.control.asymptotically_cyclic(task, g, leaf, mu, exact=False)
         walk = hk.simulate(law, task, loop, START, dt=1 / 2000, cycles=2)
         off.append(np.abs(walk.q[walk.marks[1] :] @ [0.0, 1.0, -1.0] - leaf).max())
     assert off[0] > 1e-4
@@ -181,8 +188,8 @@ def test_the_projected_form_of_asymptotic_cyclicity_is_cyclic_to_first_order_onl
 # --- Mussa-Ivaldi and Hogan, T8 ---
 
 
-def stiff(n: int) -> hk.constraints.Cost:
-    return hk.constraints.posture_cost(np.linspace(0.1, 0.6, n), np.linspace(1.0, 2.0, n))
+def stiff(n: int) -> hk.strategies.constraints.Cost:
+    return hk.strategies.constraints.posture_cost(np.linspace(0.1, 0.6, n), np.linspace(1.0, 2.0, n))
 
 
 def planar(n: int) -> hk.Robot:
@@ -245,7 +252,7 @@ def test_impedance_with_memory_comes_home_from_any_start(task: hk.Task, loop: hk
     """Variant (iii): repeatable, whatever force the run begins with; but the leaf depends on it."""
     ends = []
     for force in (None, [0.3, -0.2]):
-        law = hk.control_laws.impedance_with_memory(task, stiff(3), force)
+        law = hk.motion.control.impedance_with_memory(task, stiff(3), force)
         assert closure(law, task, loop, 1 / 200, cycles=2) < 1e-9
         ends.append(hk.simulate(law, task, loop.part(0, 0.5), START, dt=1 / 200).q[-1])
     assert np.abs(ends[0] - ends[1]).max() > 1e-4
@@ -266,7 +273,7 @@ def test_impedance_with_memory_solves_its_own_equations(task: hk.Task, loop: hk.
     half = loop.duration / 2
     theirs = solve_ivp(flow, (0, half), np.concatenate([START, [0, 0]]), rtol=1e-10, atol=1e-12).y[:3, -1]
     ours = hk.simulate(
-        hk.control_laws.impedance_with_memory(task, stiff(3)), task, loop.part(0, 0.5), START, dt=1 / 400
+        hk.motion.control.impedance_with_memory(task, stiff(3)), task, loop.part(0, 0.5), START, dt=1 / 400
     ).q[-1]
     assert np.abs(ours - theirs).max() < 1e-5
 
@@ -316,7 +323,7 @@ def test_a_law_that_blocks_is_left_behind(task: hk.Task, loop: hk.Path) -> None:
 def test_what_is_no_law_or_run_is_refused(task: hk.Task, loop: hk.Path, planar_3r: hk.Robot) -> None:
     with pytest.raises(ArgumentError, match="the control law"):
         as_control_law(3)
-    law = hk.control_laws.closed_loop(hk.moore_penrose(task))
+    law = hk.motion.control.closed_loop(hk.moore_penrose(task))
     for arguments, error in (
         ({"dt": 0.0}, ArgumentError),
         ({"dt": np.nan}, ArgumentError),
@@ -331,14 +338,14 @@ def test_what_is_no_law_or_run_is_refused(task: hk.Task, loop: hk.Path, planar_3
     ):
         with pytest.raises(error):
             hk.simulate(**({"law": law, "task": task, "path": loop, "q0": START} | arguments))
-    twist, springs = hk.pose(hk.load("panda")), hk.constraints.posture_cost(PANDA_START)
+    twist, springs = hk.pose(hk.load("panda")), hk.strategies.constraints.posture_cost(PANDA_START)
     for make, error, said in (
-        (lambda: hk.control_laws.damped(task, -1.0), ArgumentError, "-1.0"),
-        (lambda: hk.control_laws.closed_loop(hk.moore_penrose(task), np.nan), ArgumentError, "nan"),
-        (lambda: hk.control_laws.asymptotically_cyclic(task, hk.lock(0), [1.0, 2.0]), ShapeError, r"\(1,\)"),
-        (lambda: hk.control_laws.impedance_with_memory(twist, springs), ArgumentError, "coordinates"),
+        (lambda: hk.motion.control.damped(task, -1.0), ArgumentError, "-1.0"),
+        (lambda: hk.motion.control.closed_loop(hk.moore_penrose(task), np.nan), ArgumentError, "nan"),
+        (lambda: hk.motion.control.asymptotically_cyclic(task, hk.lock(0), [1.0, 2.0]), ShapeError, r"\(1,\)"),
+        (lambda: hk.motion.control.impedance_with_memory(twist, springs), ArgumentError, "coordinates"),
         (lambda: hk.strategies.impedance(twist, springs), ArgumentError, "coordinates"),
-        (lambda: hk.control_laws.impedance_with_memory(task, stiff(3), [1.0]), ShapeError, r"\(2,\)"),
+        (lambda: hk.motion.control.impedance_with_memory(task, stiff(3), [1.0]), ShapeError, r"\(2,\)"),
         (lambda: hk.strategies.impedance(task, stiff(3), force="brute"), UnknownNameError, "brute"),
     ):
         with pytest.raises(error, match=said):

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START, sampled
-from holokin.auditing.equal_poses import Repeatability
-from holokin.errors import ArgumentError, ControllerError, NotFiniteError, ShapeError, SingularityError
+from holokin.analysis.audit.equal_poses import Repeatability
+from holokin.base.errors import ArgumentError, ControllerError, NotFiniteError, ShapeError, SingularityError
 from holokin.motion.step_expression import StepStatus
 
 START = np.array([0.3, 0.9, 0.7])
@@ -155,9 +155,9 @@ def test_without_limits_it_is_the_textbooks_law(panda: hk.Robot, orientation: st
     strategy, free = hk.holonomic(task, g), hk.moore_penrose(task)
     far = {"limits": False, "most_error": np.inf}
     c = hk.controller(strategy, dt=DT, q0=PANDA_START, gain=20.0, constraint_gain=30.0, **far)
-    cyclic = hk.control_laws.asymptotically_cyclic(task, g, c.leaf, 30.0, 20.0)
+    cyclic = hk.motion.control.asymptotically_cyclic(task, g, c.leaf, 30.0, 20.0)
     plain = hk.controller(free, dt=DT, gain=20.0, **far)
-    for ours, law in ((c, cyclic), (plain, hk.control_laws.closed_loop(free, 20.0))):
+    for ours, law in ((c, cyclic), (plain, hk.motion.control.closed_loop(free, 20.0))):
         a, b = ours.begin(PANDA_START), law.begin(PANDA_START)
         for k in range(4):
             q, pose, twist = wanted(panda, PANDA_START, k)

@@ -10,7 +10,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_CENTER, PPR_START
-from holokin.errors import (
+from holokin.base.errors import (
     ArgumentError,
     BranchError,
     JointLimitError,
@@ -177,7 +177,7 @@ def test_singularities_are_told_apart() -> None:
 
 
 def test_a_region_of_singular_postures_only_cannot_be_judged(planar_3r: hk.Robot) -> None:
-    with pytest.raises(hk.errors.EmptyRegionError):
+    with pytest.raises(hk.base.errors.EmptyRegionError):
         hk.involutivity(hk.moore_penrose(hk.position(planar_3r)), hk.around(np.zeros(3), 0.0))
 
 

@@ -7,9 +7,9 @@ import pytest
 
 import holokin as hk
 from conftest import campaign, sampled
-from holokin.errors import ArgumentError, JointLimitError, ShapeError
-from holokin.inverse_kinematics import InverseStatus
+from holokin.base.errors import ArgumentError, JointLimitError, ShapeError
 from holokin.motion import hand_follower
+from holokin.motion.ik import InverseStatus
 
 STARTS = {"panda": [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5], "iiwa14": [0.1, 0.6, 0.0, -1.4, 0.0, 1.1, 0.0]}
 

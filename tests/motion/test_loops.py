@@ -13,7 +13,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, campaign, sampled
-from holokin.errors import (
+from holokin.base.errors import (
     LimitReachedError,
     OutOfReachError,
     PathError,
@@ -21,11 +21,11 @@ from holokin.errors import (
     ShapeError,
     SingularityError,
 )
-from holokin.inverse_kinematics.leaf import leaf_step
-from holokin.inverse_kinematics.native_follower import NativeFollower
 from holokin.motion import follow_path as following
-from holokin.native_kernels import native_library as native
+from holokin.motion.ik.leaf import leaf_step
+from holokin.motion.ik.native_follower import NativeFollower
 from holokin.symbolic import function as function_module
+from holokin.symbolic.native import native_library as native
 
 Patch = pytest.MonkeyPatch
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")

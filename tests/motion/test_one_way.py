@@ -11,11 +11,11 @@ import pytest
 from rich.console import Console
 
 from conftest import sampled
-from holokin.job import open_job, run_job
+from holokin.app.job import open_job, run_job
+from holokin.app.report.job_report import write_report
+from holokin.app.report.job_result import JobResult
+from holokin.app.report.job_table import print_result, rows
 from holokin.motion.trajectory import Status
-from holokin.reports.job_report import write_report
-from holokin.reports.job_result import JobResult
-from holokin.reports.job_table import print_result, rows
 
 JOB = """
 title = "a path"
@@ -40,7 +40,7 @@ limits = false
 
 
 def done(folder: Path, points: np.ndarray, more: str = "") -> JobResult:
-    file = folder / "job.toml"
+    file = folder / "app.job.toml"
     file.write_text(JOB.format(points=[[*map(float, point), 0.0] for point in points], more=more))
     return run_job(*open_job(str(file)))
 

@@ -11,7 +11,7 @@ import pytest
 
 import holokin as hk
 from conftest import sampled
-from holokin.errors import ArgumentError, LostToolError, ShapeError, SingularityError, UnknownNameError
+from holokin.base.errors import ArgumentError, LostToolError, ShapeError, SingularityError, UnknownNameError
 from holokin.motion import Controller, StepStatus
 from holokin.motion.control_step import LEAST_RCOND, MOST_ERROR
 from holokin.motion.step_expression import UNLIMITED

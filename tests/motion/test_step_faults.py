@@ -18,11 +18,11 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, campaign, sampled
-from holokin.errors import ArgumentError, HolokinError, ShapeError
+from holokin.base.errors import ArgumentError, HolokinError, ShapeError
 from holokin.motion.step_expression import StepStatus
-from holokin.native_kernels import kernel
-from holokin.native_kernels import native_library as native
 from holokin.symbolic import Function, symbol
+from holokin.symbolic.native import kernel
+from holokin.symbolic.native import native_library as native
 
 Patch = pytest.MonkeyPatch
 POSE = hk.load("panda").pose(PANDA_START)

@@ -9,7 +9,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_CENTER, PPR_START, sampled
-from holokin.errors import ArgumentError, ShapeError
+from holokin.base.errors import ArgumentError, ShapeError
 from holokin.motion import TimedTrajectory
 from holokin.motion.trajectory import Trajectory
 

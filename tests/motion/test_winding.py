@@ -7,8 +7,8 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_START, sampled
-from holokin.auditing.planes import plane_loop
-from holokin.errors import OpenPathError, PathError
+from holokin.analysis.audit.planes import plane_loop
+from holokin.base.errors import OpenPathError, PathError
 from holokin.motion import Cause
 from holokin.symbolic import cos, horzcat, sin
 
@@ -121,10 +121,10 @@ def test_only_what_can_be_followed_is_judged(ppr: hk.Robot, half_the_polar_angle
 @pytest.mark.campaign
 def test_an_audit_round_the_base_tells_turns_from_curvature(planar_3r: hk.Robot) -> None:
     task = hk.position(planar_3r)
-    law = hk.control_laws.closed_loop(hk.holonomic(task, hk.lock(2)))
+    law = hk.motion.control.closed_loop(hk.holonomic(task, hk.lock(2)))
     loop = hk.circle(planar_3r.pose(R3_START)[:3, 3], [0, 0, 0], speed=4.0)
     found = hk.audit(law, planar_3r, task, [loop], q0=R3_START, dt=0.01, cycles=3)
-    assert found.verdict is hk.auditing.Repeatability.DRIFTS
+    assert found.verdict is hk.analysis.audit.Repeatability.DRIFTS
     assert "whole turns in the first cycle: q1 by +1" in found["cycles"].sentence
     assert "small loops at the start do not drift" in found.sentence
     curved = hk.audit(hk.moore_penrose(task), planar_3r, task, q0=R3_START, dt=0.02, cycles=3)

@@ -10,11 +10,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from holokin.errors import ArgumentError, HolokinError
-from holokin.job.path_building import build_path
-from holokin.job.path_tables import PathTable
+from holokin.app.job.path_building import build_path
+from holokin.app.job.path_tables import PathTable
+from holokin.app.studio import polygon_loop
+from holokin.base.errors import ArgumentError, HolokinError
 from holokin.path.synchronized_paths import AnyPath
-from holokin.studios import polygon_loop
 
 Door = Callable[[np.ndarray, Path], AnyPath]
 
@@ -43,7 +43,9 @@ def drawing(points: np.ndarray, folder: Path) -> hk.Path:
 def job(kind: str, points: np.ndarray) -> AnyPath:
     robot = hk.load("planar-3r")
     keys = {"kind": kind, "points": points.tolist(), "closed": True, "entry": "joints"}
-    return build_path(PathTable.model_validate(keys), hk.position(robot), np.array([0.3, 0.8, -0.4]), Path("job.toml"))
+    return build_path(
+        PathTable.model_validate(keys), hk.position(robot), np.array([0.3, 0.8, -0.4]), Path("app.job.toml")
+    )
 
 
 DOORS: dict[str, Door] = {

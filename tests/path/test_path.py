@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from holokin.errors import ArgumentError, NotFiniteError, OpenPathError, ShapeError
+from holokin.base.errors import ArgumentError, NotFiniteError, OpenPathError, ShapeError
 from holokin.path.straight_path import straight
 
 POINTS = np.array([[0, 0, 0], [0.1, 0, 0.05], [0.1, 0.2, 0], [-0.1, 0.1, 0.1]])

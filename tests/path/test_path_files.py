@@ -11,7 +11,7 @@ from scipy.special import ellipe
 
 import holokin as hk
 from conftest import sampled
-from holokin.errors import ArgumentError, RecordingError
+from holokin.base.errors import ArgumentError, RecordingError
 
 ROWS = np.array([[400, 0, 300], [450, 20, 300], [500, 0, 310]])
 TURNS = Rotation.from_euler("xyz", [[180, 0, 0], [170, 5, 10], [160, 0, 20]], degrees=True)

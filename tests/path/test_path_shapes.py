@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 import holokin as hk
-from holokin.errors import ArgumentError, NotFiniteError, ShapeError
+from holokin.base.errors import ArgumentError, NotFiniteError, ShapeError
 
 POINTS = np.array([[0.4, 0, 0.3], [0.5, 0.1, 0.32], [0.45, 0.2, 0.3], [0.35, 0.15, 0.25], [0.3, 0.0, 0.3]])
 TURNS = np.array([[0, 0, 0], [0.2, 0, 0.1], [0.3, 0.4, 0], [0, 0.2, -0.3], [-0.2, 0, 0]])

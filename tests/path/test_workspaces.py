@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from holokin.errors import ArgumentError, NotFiniteError, RecordingError, ShapeError
+from holokin.base.errors import ArgumentError, NotFiniteError, RecordingError, ShapeError
 from holokin.path.workspaces import PoseCloud, pose_cloud
 
 COUNT = 4096

@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 import holokin as hk
 from conftest import campaign
-from holokin.commands.main import app
-from holokin.errors import ArgumentError, CertificateError, ExpressionError, StartError
+from holokin.app.cli.main import app
+from holokin.base.errors import ArgumentError, CertificateError, ExpressionError, StartError
 from holokin.proof import Certificate, Extent
 from holokin.proof.binding import unlike
 from holokin.proof.certificate import digest

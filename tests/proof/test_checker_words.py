@@ -113,7 +113,7 @@ def test_the_time_is_limited(loop: Data, file: Path) -> None:
     file.write_text(json.dumps(loop | {"sha256": digest(loop)}) + "\n", "utf-8")
     with pytest.raises(TimeoutError):
         checker.check(str(file), seconds=0.0)
-    with pytest.raises(hk.errors.CertificateError, match="--seconds"):
+    with pytest.raises(hk.base.errors.CertificateError, match="--seconds"):
         recheck(file, seconds=0.0)
 
 
@@ -136,7 +136,7 @@ def test_ctrl_c_ends_the_checking_of_the_command_line_without_a_traceback(loop: 
     file.write_text(json.dumps(loop | {"sha256": digest(loop)}) + "\n", "utf-8")
     code = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "  # a background job ignores it
-        "from holokin.commands import main; from holokin.proof import checker; "
+        "from holokin.app.cli import main; from holokin.proof import checker; "
         "checker.below = lambda *_: signal.raise_signal(signal.SIGINT); "
         f"sys.argv = ['holokin', 'check-certificate', {str(file)!r}]; main.main()"
     )

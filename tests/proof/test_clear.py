@@ -11,7 +11,7 @@ import pytest
 
 import holokin as hk
 from conftest import sampled
-from holokin.errors import ArgumentError, UnknownNameError
+from holokin.base.errors import ArgumentError, UnknownNameError
 from holokin.proof.certificate import Certificate, Extent, digest
 from holokin.proof.kept_apart import kept_apart
 from holokin.proof.recheck import recheck

@@ -14,7 +14,7 @@ import pytest
 import holokin as hk
 from conftest import sampled
 from forged import cells, changed
-from holokin.errors import ArgumentError
+from holokin.base.errors import ArgumentError
 from holokin.proof.certificate import digest
 from holokin.proof.checker_word import Outcome, ask_checker
 from holokin.proof.recheck import recheck

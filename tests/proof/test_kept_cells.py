@@ -14,7 +14,7 @@ import pytest
 
 import holokin as hk
 from conftest import Command, sampled
-from holokin.errors import ArgumentError
+from holokin.base.errors import ArgumentError
 from holokin.proof.certificate import Certificate, digest
 from holokin.proof.kept_cells import count_kept
 from holokin.robot import Box

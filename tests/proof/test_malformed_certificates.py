@@ -21,7 +21,7 @@ import pytest
 import holokin as hk
 from conftest import campaign
 from forged import Data, assert_true, cells, changed, parabola
-from holokin.errors import CertificateError
+from holokin.base.errors import CertificateError
 from holokin.proof.certificate import digest
 from holokin.proof.recheck import recheck
 from holokin.robot import Box

@@ -9,10 +9,10 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, sampled
-from holokin import constraints as C
-from holokin.errors import ArgumentError
+from holokin.base.errors import ArgumentError
 from holokin.proof import certify, equation
 from holokin.proof.path_postures import walked
+from holokin.strategies import constraints as C
 from roots import near_panda, roots_are_where_they_should_be
 
 HANDS = ("left_flange", "right_flange")

@@ -10,10 +10,10 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, R3_START, sampled
-from holokin import constraints as C
 from holokin.proof import certify
 from holokin.proof.certificate import Extent
 from holokin.robot import link_jacobian
+from holokin.strategies import constraints as C
 from holokin.symbolic import SX, Function, symbol
 from holokin.symbolic.null_space import every_minor, minors_expression
 from holokin.symbolic.rotations import log_s2, log_so3, one_formula

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 import holokin as hk
 from conftest import SOUND
-from holokin.commands.main import app
-from holokin.errors import JobError, JointLimitError, MissingExtraError
+from holokin.app.cli.main import app
+from holokin.base.errors import JobError, JointLimitError, MissingExtraError
 from holokin.proof import Certificate, Extent
 
 SLIDING = np.array([0.25, 0.0, 0.7])
@@ -23,7 +23,7 @@ SLIDING = np.array([0.25, 0.0, 0.7])
 @pytest.fixture(autouse=True)
 def pictureless(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages of proofs have no picture: what they say is looked at."""
-    monkeypatch.setattr("holokin.reports.proof_page.drawable", lambda _found: False)
+    monkeypatch.setattr("holokin.app.report.proof_page.drawable", lambda _found: False)
 
 
 @pytest.fixture(scope="module")

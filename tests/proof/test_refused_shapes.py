@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.errors import ArgumentError, HolokinError
+from holokin.base.errors import ArgumentError, HolokinError
 from holokin.robot import Box, Capsule, Hull, LinkShape, Mesh
 
 pytest.importorskip("coal")

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import holokin as hk
-from holokin.commands.main import app
+from holokin.app.cli.main import app
 from holokin.proof import Certificate, Extent
 from holokin.proof.path_proof import FINE, Pathway
 from holokin.proof.revisits import ONCE, Parts, Revisits
@@ -23,7 +23,7 @@ PLANAR, Q = hk.load("planar-3r"), np.array([-3.0, 0.9, 0.9])
 @pytest.fixture(autouse=True)
 def pictureless(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages of proofs have no picture: what they say is looked at."""
-    monkeypatch.setattr("holokin.reports.proof_page.drawable", lambda _found: False)
+    monkeypatch.setattr("holokin.app.report.proof_page.drawable", lambda _found: False)
 
 
 def tool(robot: hk.Robot, q: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ import pytest
 
 import holokin as hk
 from conftest import Command
-from holokin.errors import ArgumentError
+from holokin.base.errors import ArgumentError
 from holokin.proof import Certificate
 from holokin.proof.certificate import digest
 from holokin.proof.recheck import recheck

@@ -11,16 +11,16 @@ import pytest
 
 import holokin as hk
 from conftest import campaign, sampled, urdf
-from holokin.errors import ArgumentError, BranchError, HolokinError, NoProofError, OutsideRegionError
-from holokin.inverse_kinematics import InverseStatus
+from holokin.app.report.region_plot import region_figure
+from holokin.base.errors import ArgumentError, BranchError, HolokinError, NoProofError, OutsideRegionError
+from holokin.motion.ik import InverseStatus
 from holokin.motion.trajectory import Status
 from holokin.proof import UniqueRegion, checker
-from holokin.reports.region_plot import region_figure
 
 PANDA = np.array([0.0, -0.6, 0.0, -2.2, 0.0, 1.6, 0.8])
 LAWS = {
     "lock 3": hk.lock(2), "q1 - q3": hk.linear([1, 0, -1, 0, 0, 0, 0]), "arm angle": hk.arm_angle(),
-    "tilted": hk.constraints.tilted(hk.lock(2), lambda x: 0.3 * x[0] * x[1]),
+    "tilted": hk.strategies.constraints.tilted(hk.lock(2), lambda x: 0.3 * x[0] * x[1]),
 }  # fmt: skip
 FEW, SOME = 100, 800
 """Cells that a proof may examine: of a box, and of a square about the base."""

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import Command, assert_refused, urdf, write_job
-from holokin.errors import ArgumentError, RobotFileError, UnknownNameError
-from holokin.job import open_job
-from holokin.job.job_parts import build_robot
+from holokin.app.job import open_job
+from holokin.app.job.job_parts import build_robot
+from holokin.base.errors import ArgumentError, RobotFileError, UnknownNameError
 from holokin.robot import Capsule, with_capsules
 
 
@@ -198,7 +198,7 @@ def test_a_tool_and_a_mounting_of_one_robot_in_a_job(tmp_path: Path) -> None:
 def test_a_composition_that_makes_no_sense_is_refused_by_key(
     holokin: Command, tmp_path: Path, robot: str, words: tuple[str, ...]
 ) -> None:
-    assert_refused(holokin("run", write_job(tmp_path, robot=robot), "--out", tmp_path / "o"), "job.toml", *words)
+    assert_refused(holokin("run", write_job(tmp_path, robot=robot), "--out", tmp_path / "o"), "app.job.toml", *words)
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.errors import HolokinError
+from holokin.base.errors import HolokinError
 
 ARM = hk.load("so101")
-HELD = hk.constraints.stack(hk.lock("wrist_roll"), hk.linear([0, 1, 1, 1, 0]))
+HELD = hk.strategies.constraints.stack(hk.lock("wrist_roll"), hk.linear([0, 1, 1, 1, 0]))
 START = np.array([0.2, -0.6, 0.6, 0.4, 0.1])
 
 

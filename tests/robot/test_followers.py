@@ -11,7 +11,7 @@ import pytest
 
 import holokin as hk
 from conftest import campaign
-from holokin.errors import ArgumentError, RobotFileError
+from holokin.base.errors import ArgumentError, RobotFileError
 
 URDF_JOINT = """<joint name="{0.name}" type="revolute"><parent link="{0.parent}"/><child link="{0.name}_link"/>
 <axis xyz="0 0 1"/><origin xyz="0.3 0 0"/><limit lower="{0.lower!r}" upper="{0.upper!r}" velocity="{0.speed!r}"

@@ -8,7 +8,7 @@ import pytest
 
 import holokin as hk
 from conftest import sampled, urdf
-from holokin.errors import MassError
+from holokin.base.errors import MassError
 from holokin.robot import mass_matrix_expression, potential_expression
 from holokin.symbolic import Function, symbol
 

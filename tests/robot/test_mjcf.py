@@ -12,7 +12,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, urdf
-from holokin.errors import ArgumentError, MassError, MissingExtraError, RobotFileError, UnknownNameError
+from holokin.base.errors import ArgumentError, MassError, MissingExtraError, RobotFileError, UnknownNameError
 from mjcf_bench import ARM, site_pose
 
 mujoco = pytest.importorskip("mujoco")
@@ -53,7 +53,7 @@ def test_file_text_and_live_model_are_one_robot(tmp_path: Path) -> None:
     [("panda.urdf", "panda_hand_tcp"), ("xarm7.urdf", "link_eef"), ("tiago.urdf", "arm_7_link")],
 )
 def test_a_urdf_read_by_mujoco_is_the_urdf_read_here(file: str, tip: str) -> None:
-    from holokin.robot.urdf_xml import essentials
+    from holokin.robot.formats.urdf_xml import essentials
 
     text = re.sub(
         r"<(inertial|visual|collision)\b.*?</\1>",

@@ -10,7 +10,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, urdf
-from holokin.errors import ArgumentError, NotFiniteError, ShapeError, UnknownNameError
+from holokin.base.errors import ArgumentError, NotFiniteError, ShapeError, UnknownNameError
 from mjcf_bench import ARM, site_pose
 
 mujoco = pytest.importorskip("mujoco")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.errors import RobotFileError
-from holokin.robot.mjcf_sizes import sizes_of
+from holokin.base.errors import RobotFileError
+from holokin.robot.formats.mjcf_sizes import sizes_of
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -14,9 +14,9 @@ import pytest
 
 import holokin as hk
 from conftest import campaign, sampled, urdf, urdf_files
-from holokin.errors import RobotFileError
-from holokin.robot import models_by_name as reading
-from holokin.robot import urdf as urdf_reading
+from holokin.base.errors import RobotFileError
+from holokin.robot.formats import models_by_name as reading
+from holokin.robot.formats import urdf as urdf_reading
 
 TOLERANCE = 1e-12
 POSTURES = 3

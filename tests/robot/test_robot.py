@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START, urdf
-from holokin.errors import (
+from holokin.base.errors import (
     ArgumentError,
     JointLimitError,
     NotFiniteError,

@@ -12,8 +12,8 @@ import pytest
 
 import holokin as hk
 from conftest import Command, assert_refused, write_job
+from holokin.base.errors import HolokinError
 from holokin.base.poses import pose_from
-from holokin.errors import HolokinError
 from holokin.robot.joints import Tip
 from holokin.robot.longest_span import longest_reach
 

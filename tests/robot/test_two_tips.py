@@ -9,9 +9,9 @@ import pytest
 
 import holokin as hk
 from conftest import Command, assert_refused
-from holokin.errors import RobotFileError, UnknownNameError
-from holokin.job import open_job, robot_of_file, run_job
-from holokin.job.job_parts import build_robot
+from holokin.app.job import open_job, robot_of_file, run_job
+from holokin.app.job.job_parts import build_robot
+from holokin.base.errors import RobotFileError, UnknownNameError
 
 
 def _link(name: str, length: float) -> str:

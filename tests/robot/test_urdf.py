@@ -9,7 +9,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, urdf
-from holokin.errors import ArgumentError, RobotFileError, UnknownNameError
+from holokin.base.errors import ArgumentError, RobotFileError, UnknownNameError
 
 
 def test_a_robot_may_have_several_tips() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, sampled, urdf
-from holokin.errors import ArgumentError, ShapeError
+from holokin.base.errors import ArgumentError, ShapeError
 from holokin.robot import LinkShape, servo, weighed
 from holokin.robot.capsules import between
 from holokin.robot.links import drawn_links, merged, solid

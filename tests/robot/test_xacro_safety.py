@@ -13,8 +13,8 @@ import pytest
 
 import holokin as hk
 from conftest import Command, assert_refused, write_job
-from holokin.errors import RobotFileError
-from holokin.robot import xacro_expander
+from holokin.base.errors import RobotFileError
+from holokin.robot.formats import xacro_expander
 
 pytest.importorskip("xacrodoc")
 
@@ -186,7 +186,7 @@ def test_a_file_made_to_take_for_ever_is_given_up(tmp_path: Path, monkeypatch: p
         f'<xacro:macro name="m{i + 1}">{f"<xacro:m{i}/>" * 10}</xacro:macro>' for i in range(12)
     )  # 10^12 elements
     (tmp_path / "laughs.xacro").write_text(robot(f'<xacro:macro name="m0"><a/></xacro:macro>{nested}<xacro:m12/>'))
-    monkeypatch.setattr("holokin.robot.xacro._WAIT", 1.5)
+    monkeypatch.setattr("holokin.robot.formats.xacro._WAIT", 1.5)
     with pytest.raises(RobotFileError, match=r"takes longer than 1\.5 s"):
         hk.load(tmp_path / "laughs.xacro")
 

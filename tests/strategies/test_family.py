@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.errors import ArgumentError, ShapeError
-from holokin.motion_analysis.repeatable_distance import ball_postures
+from holokin.analysis.curvature.repeatable_distance import ball_postures
+from holokin.base.errors import ArgumentError, ShapeError
 from papers_arm import de_luca_frame, paper_frame
 
 
@@ -98,12 +98,12 @@ def test_a_transport_that_does_not_fit_is_refused_with_what_fails(ppr: hk.Robot)
 @pytest.mark.campaign
 def test_a_fitted_twin_is_exactly_holonomic_and_nears_the_twin_with_its_degree(panda_given: hk.Strategy) -> None:
     twin = hk.radial(panda_given, PANDA_START)
-    Q = ball_postures(panda_given, hk.motion_analysis.ball(PANDA_START, 0.1, along=0.2), 120)
-    other = ball_postures(panda_given, hk.motion_analysis.ball(PANDA_START, 0.09, along=0.15), 60, seed=5)
+    Q = ball_postures(panda_given, hk.analysis.curvature.ball(PANDA_START, 0.1, along=0.2), 120)
+    other = ball_postures(panda_given, hk.analysis.curvature.ball(PANDA_START, 0.09, along=0.15), 60, seed=5)
     away = []
     for degree in (2, 4):
         fit = hk.strategies.fitted(twin, Q, degree=degree, rows=(0, 1, 2))
-        away.append(hk.motion_analysis.deviation(twin, fit, other, columns=3).rms)
+        away.append(hk.analysis.curvature.deviation(twin, fit, other, columns=3).rms)
         assert hk.involutivity(fit, hk.around(PANDA_START, 0.1), samples=8).relative < 1e-11
     assert away[0] < 0.03
     assert away[1] < 0.002
@@ -125,7 +125,7 @@ def test_a_twin_is_fitted_also_where_its_label_wraps() -> None:
     assert labels.min() < -3
     assert labels.max() > 3
     fit = hk.strategies.fitted(twin, Q)
-    assert hk.motion_analysis.deviation(twin, fit, Q).largest < 1e-3
+    assert hk.analysis.curvature.deviation(twin, fit, Q).largest < 1e-3
 
 
 def test_a_fit_is_refused_what_cannot_determine_it(panda_given: hk.Strategy) -> None:

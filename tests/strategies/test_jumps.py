@@ -8,8 +8,8 @@ from casadi import atan2, ceil, fabs, floor, fmin, fmod, if_else, sign
 
 import holokin as hk
 from conftest import PANDA_START, R3_START, campaign, sampled
-from holokin.errors import JumpError
-from holokin.inverse_kinematics import InverseStatus
+from holokin.base.errors import JumpError
+from holokin.motion.ik import InverseStatus
 from holokin.strategies import may_jump, pfaffian
 
 JUMPS = {
@@ -126,7 +126,9 @@ def test_the_cut_of_an_angle_is_no_jump_where_rows_are_angles(planar_3r: hk.Robo
         assert "atan2" in verdict.sentence or angular
 
 
-@pytest.mark.parametrize("g", [hk.lock(2), hk.arm_angle(), hk.linear(np.arange(1.0, 8.0)), hk.constraints.height(3)])
+@pytest.mark.parametrize(
+    "g", [hk.lock(2), hk.arm_angle(), hk.linear(np.arange(1.0, 8.0)), hk.strategies.constraints.height(3)]
+)
 def test_the_library_s_own_constraints_have_no_switches(panda: hk.Robot, g: hk.Constraint) -> None:
     G = hk.holonomic(hk.pose(panda), g)
     assert may_jump(G) == ()

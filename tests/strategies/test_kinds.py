@@ -13,10 +13,10 @@ import pytest
 
 import holokin as hk
 from conftest import PPR_START
+from holokin.base.errors import ArgumentError
 from holokin.base.types import kept
-from holokin.errors import ArgumentError
-from holokin.inverse_kinematics.branch import extended_jacobian
-from holokin.inverse_kinematics.leaf import leaf_step
+from holokin.motion.ik.branch import extended_jacobian
+from holokin.motion.ik.leaf import leaf_step
 from holokin.motion.integrate_velocity import path_rate
 from holokin.strategies import FrameStrategy, HolonomicStrategy, KernelStrategy, RowStrategy, fitted, pfaffian
 
@@ -60,7 +60,7 @@ def test_what_is_built_of_a_strategy_is_built_once_and_goes_with_it(ppr_task: hk
     held = hk.holonomic(ppr_task, hk.linear([-0.5, -0.5, 1]))
     for verb in (leaf_step, path_rate, extended_jacobian):
         assert verb(held) is verb(held)
-    hk.curvature(held, PPR_START), hk.motion_analysis.filtration(held, PPR_START)
+    hk.curvature(held, PPR_START), hk.analysis.curvature.filtration(held, PPR_START)
     hk.follow(held, hk.line(*(held.task.robot.pose(PPR_START)[:3, 3] + s for s in (0.0, 0.01))), PPR_START, samples=3)
     gone = weakref.ref(held)
     del held
@@ -90,7 +90,7 @@ def test_the_inverse_weight_is_that_of_weighted(ppr: hk.Robot) -> None:
 
 def test_a_frame_that_is_not_finite_is_told_and_no_singularity(ppr: hk.Robot) -> None:
     law = hk.null_basis(hk.position(ppr), lambda q: [[1 / (q[0] - q[0]), 0], [0, 1], [0, 0]])
-    with pytest.raises(hk.errors.NotFiniteError, match="division by zero"):
+    with pytest.raises(hk.base.errors.NotFiniteError, match="division by zero"):
         law([0.1, 0.2, 0.3])
 
 

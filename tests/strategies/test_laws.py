@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START, R3_START, sampled, urdf
-from holokin.errors import BranchError
+from holokin.base.errors import BranchError
 from holokin.strategies import HolonomicStrategy
-from holokin.tasks.orientation_rows import ORIENTATIONS
+from holokin.strategies.tasks.orientation_rows import ORIENTATIONS
 from papers_arm import de_luca_g, paper_frame
 
 ASIDE = PANDA_START + np.array([0, 0, 0.7, 0, 0, 0, 0])  # the Panda's elbow aside: on top its height cannot steer it
@@ -82,7 +82,7 @@ def _curved() -> Makers:
 
 def _flat() -> Makers:
     """Strategies with leaves: from a constraint, an involutive N_G, springs of one redundant joint, or a transport."""
-    stacked = hk.constraints.stack(hk.lock("q4"), hk.linear([[0, 0, 0, 0, 1, 0.5], [1, 0, 0, 0, 0, 1]]))
+    stacked = hk.strategies.constraints.stack(hk.lock("q4"), hk.linear([[0, 0, 0, 0, 1, 0.5], [1, 0, 0, 0, 0, 1]]))
     angles = hk.coupled([[0, 2, 0], [0.5, 0, 0], [0, 0, 1]], "rpy")
     slopes = np.array([[1, 0, -1, 0, 0.2, 0, 0], [0, 0, 0.3, 0, 0, 0, 1]])
     return {
@@ -114,16 +114,18 @@ def paper_inverse(q: ca.SX) -> list:
 
 def _more() -> Makers:
     """Every other constraint and holonomic strategy of the library."""
-    springs = hk.constraints.posture_cost(R3_START - 0.3, [1.0, 2.0, 3.0])
-    tilt = hk.constraints.tilted(hk.arm_angle(), lambda x: 0.5 * x[0] - ca.sin(x[1]) + x[2] ** 2)
+    springs = hk.strategies.constraints.posture_cost(R3_START - 0.3, [1.0, 2.0, 3.0])
+    tilt = hk.strategies.constraints.tilted(hk.arm_angle(), lambda x: 0.5 * x[0] - ca.sin(x[1]) + x[2] ** 2)
     postures = PANDA_START + np.random.default_rng(0).uniform(-0.4, 0.4, (300, 7))
     constraints = {
         "arm angle": hk.arm_angle(),
         "conventional arm angle": hk.arm_angle(definition="conventional"),
-        "stationary posture": hk.stationary(hk.constraints.posture_cost(PANDA_START - 0.2)),
-        "stationary centring free": hk.stationary(hk.constraints.centring_cost(), free=("panda_joint5",)),
+        "stationary posture": hk.stationary(hk.strategies.constraints.posture_cost(PANDA_START - 0.2)),
+        "stationary centring free": hk.stationary(hk.strategies.constraints.centring_cost(), free=("panda_joint5",)),
         "tilted": tilt,
-        "total": hk.constraints.total(hk.lock(2), hk.constraints.height("panda_joint4"), weights=[1.0, 0.5]),
+        "total": hk.strategies.constraints.total(
+            hk.lock(2), hk.strategies.constraints.height("panda_joint4"), weights=[1.0, 0.5]
+        ),
     }
     out = {f"panda {name}": (PANDA_START, lambda g=g: hk.holonomic(ARM, g)) for name, g in constraints.items()}
 
@@ -138,16 +140,19 @@ def _more() -> Makers:
         )  # fmt: skip
 
     return out | {
-        "aside height": (ASIDE, lambda: hk.holonomic(ARM, hk.constraints.height("panda_joint4"))),
+        "aside height": (ASIDE, lambda: hk.holonomic(ARM, hk.strategies.constraints.height("panda_joint4"))),
         "best stationary manipulability": (
             BEST,
-            lambda: hk.holonomic(ARM, hk.stationary(hk.constraints.manipulability_cost())),
+            lambda: hk.holonomic(ARM, hk.stationary(hk.strategies.constraints.manipulability_cost())),
         ),
         "iiwa14 rpy arm angle": (IIWA_START, lambda: hk.holonomic(TURNED, hk.arm_angle())),
         "iiwa14 rpy radial": (IIWA_START, lambda: hk.radial(hk.moore_penrose(TURNED), IIWA_START, steps=2)),
         "panda radial": (PANDA_START, lambda: hk.radial(hk.moore_penrose(ARM), PANDA_START, steps=2)),
         "panda fitted": (PANDA_START, fitted),
-        "panda gravity": (PANDA_START, lambda: hk.holonomic(_heavy(), hk.stationary(hk.constraints.gravity_cost()))),
+        "panda gravity": (
+            PANDA_START,
+            lambda: hk.holonomic(_heavy(), hk.stationary(hk.strategies.constraints.gravity_cost())),
+        ),
         "3r impedance": (R3_START, lambda: hk.strategies.impedance(R3, springs)),
         "3r impedance by stiffness": (R3_START, lambda: hk.strategies.impedance(R3, springs, force="stiffness")),
         "ppr given": (PPR_START, lambda: hk.strategies.right_inverse(PPR, paper_inverse)),

@@ -12,7 +12,7 @@ from scipy.linalg import subspace_angles
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
-from holokin.job import job_strategy, open_job
+from holokin.app.job import job_strategy, open_job
 from holokin.symbolic import lie_bracket, pairwise_brackets, solve
 from papers_arm import C3, G22, G23, J18, N19, NG20, NG25, S3, Q, de_luca_frame, de_luca_g, paper_frame
 from sympy_bridge import to_sympy
@@ -100,7 +100,7 @@ def test_our_brackets_of_20_22_23_and_25_vanish_exactly() -> None:
         value = to_sympy(ours, q, Q)
         assert (value - bracket(exact[:, 0], exact[:, 1])).applyfunc(sp.simplify) == sp.zeros(3, 1)
         assert value.applyfunc(sp.simplify) == sp.zeros(3, 1)
-        assert hk.motion_analysis.involutivity_of(frame, 3).holonomic
+        assert hk.analysis.curvature.involutivity_of(frame, 3).holonomic
 
 
 def test_our_lie_bracket_agrees_with_sympy(ppr: hk.Robot) -> None:
@@ -148,7 +148,7 @@ def test_our_extended_jacobian_is_24_its_determinant_minus_one_and_its_kernel_25
     assert sp.simplify(NG25.row_join(N19).det()) == 1
     strategy, by_frame = hk.holonomic(task, hk.custom(de_luca_g)), hk.null_basis(task, de_luca_frame)
     for q in np.random.default_rng(7).uniform(-3, 3, (10, 3)):
-        form = hk.motion_analysis.general_form(strategy, q)
+        form = hk.analysis.curvature.general_form(strategy, q)
         assert pytest.approx(numeric(J24, q), abs=1e-14) == form.J_A
         assert np.linalg.det(form.J_A) == pytest.approx(-1, abs=1e-13)
         assert np.abs(form.J_G @ numeric(NG25, q)).max() < 1e-14
@@ -272,7 +272,7 @@ def test_a_holonomic_strategy_has_a_nonsingular_H_and_10_to_14_hold(name: str) -
         J_A = np.vstack([J, J_G])  # (11)
         N_G = np.linalg.svd(J_G)[2][J_G.shape[0] :].T
         H = np.hstack([N_G, task.null_space(q)])
-        form = hk.motion_analysis.general_form(strategy, q)
+        form = hk.analysis.curvature.general_form(strategy, q)
         assert subspace_angles(form.N_G, N_G).max() < 1e-7
         assert pytest.approx(np.hstack([form.N_G, task.null_space(q)]), abs=1e-15) == form.H
         assert pytest.approx(J_A, abs=1e-13) == form.J_A

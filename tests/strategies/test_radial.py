@@ -7,7 +7,7 @@ import pytest
 
 import holokin as hk
 from conftest import IIWA_START, PANDA_START, PPR_CENTER, PPR_RADIUS, R3_START, campaign, sampled
-from holokin.errors import ArgumentError, SingularityError
+from holokin.base.errors import ArgumentError, SingularityError
 from papers_arm import paper_frame
 
 CENTER_START = np.array([PPR_CENTER[0] - np.cos(0.8), PPR_CENTER[1] - np.sin(0.8), 0.8])

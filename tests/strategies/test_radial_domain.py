@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 import holokin as hk
 from conftest import IIWA_START, PANDA_START, PPR_CENTER, PPR_RADIUS, sampled
-from holokin.errors import SingularityError, SingularityKind
+from holokin.base.errors import SingularityError, SingularityKind
 
 CENTER_START = np.array([PPR_CENTER[0] - np.cos(0.8), PPR_CENTER[1] - np.sin(0.8), 0.8])
 R3_START = np.array([0.3, 0.9, 0.7])

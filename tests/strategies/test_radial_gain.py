@@ -7,9 +7,9 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, sampled
+from holokin.base.errors import SingularityError, SingularityKind
 from holokin.base.types import Array
-from holokin.errors import SingularityError, SingularityKind
-from holokin.native_kernels import native_library as native
+from holokin.symbolic.native import native_library as native
 
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 

@@ -16,18 +16,18 @@ import holokin as hk
 from chains import chain
 from conftest import IIWA_START, IRB_START, PANDA_START, PPR_START, SOUND, campaign, sampled
 from exported import LEAF, ON_ANYTHING, SANITIZE, STRICT, program
+from holokin.app.job import open_job, run_job
+from holokin.base.errors import JobError, SingularityError
 from holokin.base.types import Array
-from holokin.errors import JobError, SingularityError
-from holokin.export.self_test import check
-from holokin.inverse_kinematics.branch import extended_jacobian
-from holokin.inverse_kinematics.leaf import leaf_step
-from holokin.inverse_kinematics.rays import rays_from
-from holokin.job import open_job, run_job
+from holokin.export.c.self_test import check
 from holokin.motion import control_step
-from holokin.native_kernels import inverse_kernel, transport
-from holokin.native_kernels import native_library as native
-from holokin.native_kernels.kernel import BatchKernel
+from holokin.motion.ik.branch import extended_jacobian
+from holokin.motion.ik.leaf import leaf_step
+from holokin.motion.ik.rays import rays_from
 from holokin.strategies import pfaffian
+from holokin.symbolic.native import inverse_kernel, transport
+from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native.kernel import BatchKernel
 
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 
@@ -48,7 +48,7 @@ LAWS: dict[str, Callable[[], Law]] = {
         pfaffian(hk.pose(hk.load("panda")), lambda q: [[1, ca.sin(q[2]), 0, 0.3 * q[0], 1, 0, 0]]), PANDA_START, 2,
     ),
     "stationary": lambda: (
-        hk.holonomic(hk.pose(hk.load("panda")), hk.stationary(hk.constraints.centring_cost())), PANDA_START, 1,
+        hk.holonomic(hk.pose(hk.load("panda")), hk.stationary(hk.strategies.constraints.centring_cost())), PANDA_START, 1,
     ),
     "four redundant joints": lambda: (hk.moore_penrose(hk.position(hk.load("panda"))), PANDA_START, 2),
     "rotation vectors": lambda: (

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START
-from holokin.motion_analysis.curvature_of_planes import curvature_function
+from holokin.analysis.curvature.curvature_of_planes import curvature_function
 from holokin.symbolic import directional, jacobian, lie_bracket, pairwise_brackets
 from papers_arm import G22, N19, S3, paper_frame
 from sympy_bridge import to_sympy
@@ -48,7 +48,7 @@ def test_a_null_space_basis_is_involutive_lemma_III_1_36() -> None:
         assert here == theirs.subs(point) != sp.zeros(4, 1)
         assert J_here * here == sp.zeros(2, 1)  # (36)
     basis = ca.Function("N", [q], [N])
-    assert hk.motion_analysis.involutivity_of(basis, 4, hk.around(np.zeros(4), 0.3)).holonomic
+    assert hk.analysis.curvature.involutivity_of(basis, 4, hk.around(np.zeros(4), 0.3)).holonomic
 
 
 def test_equation_34_needs_its_brackets_and_35_is_J_times_the_bracket_E1() -> None:
@@ -121,7 +121,7 @@ def test_a_weighted_strategy_is_involutive_exactly_when_W_JT_is(ppr: hk.Robot) -
         strategy = hk.weighted(task, lambda q, W=weight: ca.inv(W(q)))
         assert hk.involutivity(strategy, region).holonomic is expected
         assert (
-            hk.motion_analysis.involutivity_of(lambda q, weight=weight: weight(q) @ J(q).T, 3, region).holonomic
+            hk.analysis.curvature.involutivity_of(lambda q, weight=weight: weight(q) @ J(q).T, 3, region).holonomic
             is expected
         )
 

@@ -12,10 +12,10 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, sampled
-from holokin.native_kernels import native_library as native
-from holokin.robot.catalog import catalogue
+from holokin.robot.formats.catalog import catalogue
 from holokin.symbolic import Function, symbol
 from holokin.symbolic import function as function_module
+from holokin.symbolic.native import native_library as native
 
 Patch = pytest.MonkeyPatch
 PANDA = hk.load("panda")

@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from conftest import sampled as some_of
-from holokin.errors import ExpressionError
+from holokin.base.errors import ExpressionError
 from holokin.symbolic import intervals as iv
 from holokin.symbolic.interval_function import _NAMES, _RULES, IntervalFunction, operation_list
 from holokin.symbolic.intervals import Interval

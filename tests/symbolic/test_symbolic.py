@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from holokin.errors import ArgumentError, ExpressionError, ShapeError
+from holokin.base.errors import ArgumentError, ExpressionError, ShapeError
 from holokin.symbolic import Function, factorise, hessian, jacobian, parse, solve, symbol
 from holokin.symbolic.rotations import log_so3, quaternion_wxyz, rotation_about, rpy_angles, wrapped, zyz_angles
 
@@ -260,7 +260,7 @@ def test_a_function_that_was_not_written_for_symbols_is_told_with_its_cure(plana
         lambda: hk.strategies.pfaffian(task, write)(q),
         lambda: hk.strategies.right_inverse(task, write),
         lambda: hk.custom_task(planar_3r, write, units=("rad",)),
-        lambda: hk.motion_analysis.involutivity_of(write, 3),
+        lambda: hk.analysis.curvature.involutivity_of(write, 3),
     )
     for door in doors:
         with pytest.raises(ArgumentError if kind == "two arguments" else ExpressionError, match=words):

@@ -55,7 +55,7 @@ def radial(task: hk.Task, arm: Arm) -> hk.Strategy:
 
 def resting(task: hk.Task, arm: Arm) -> hk.Strategy:
     """The posture of least distance from the start: what a posture task strives for."""
-    return hk.holonomic(task, hk.stationary(hk.constraints.posture_cost(arm.start)))
+    return hk.holonomic(task, hk.stationary(hk.strategies.constraints.posture_cost(arm.start)))
 
 
 def settings(arm: Arm) -> Iterator[Setting]:

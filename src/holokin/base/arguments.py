@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import numpy as np
 
-from ..errors import ArgumentError, CallError, PickleError, brief
+from .errors import ArgumentError, CallError, PickleError, brief
 from .types import frozen
 
 F = TypeVar("F", bound=Callable[..., Any])

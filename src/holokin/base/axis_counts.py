@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..errors import ArgumentError, UnknownNameError
 from .arguments import check
+from .errors import ArgumentError, UnknownNameError
 from .types import Array, Flags, Value, Vector, number
 
 

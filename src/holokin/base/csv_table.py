@@ -12,7 +12,7 @@ from typing import NamedTuple, TextIO
 
 import numpy as np
 
-from ..errors import RecordingError
+from .errors import RecordingError
 from .given_files import shown
 from .types import Matrix
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from ..errors import MissingExtraError
+from .errors import MissingExtraError
 
 
 def extra_module(module: str, extra: str, package: str = "") -> Any:

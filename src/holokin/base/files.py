@@ -22,7 +22,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from ..errors import WriteError
+from .errors import WriteError
 
 try:
     import fcntl

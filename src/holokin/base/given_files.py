@@ -6,7 +6,7 @@ import stat
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..errors import RecordingError
+from .errors import RecordingError
 
 
 def is_folder(file: Path) -> bool:

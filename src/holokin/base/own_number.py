@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import OwnFunctionError
+from .errors import OwnFunctionError
 
 
 def own_number(what: str, function: Callable[..., Any], *given: Any) -> float | None:

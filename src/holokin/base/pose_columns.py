@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import ArgumentError, RecordingError
 from .csv_table import read_table
+from .errors import ArgumentError, RecordingError
 from .given_files import is_folder, listed, shown
 from .poses import ORDERS, UNIT
 from .time_columns import UNITS, WORDS, TimeColumns, time_columns, unit_of

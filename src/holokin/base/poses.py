@@ -6,8 +6,8 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..errors import ArgumentError, ShapeError
 from .arguments import typed
+from .errors import ArgumentError, ShapeError
 from .types import ROTATION, Array, ArrayLike, check_rotation, finite, last_row_gap, numbers, rotation_gap, tool_pose
 
 ORDERS = {"wxyz": (1, 2, 3, 0), "xyzw": (0, 1, 2, 3)}

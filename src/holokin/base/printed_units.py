@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import ArgumentError
+from .errors import ArgumentError
 from .types import Vector
 
 WORDS = {

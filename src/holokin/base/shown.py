@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import FORMS, NoAttributeError
+from .errors import FORMS, NoAttributeError
 
 LONGEST = 200
 """Characters of a value's line."""

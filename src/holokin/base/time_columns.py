@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import RecordingError
+from .errors import RecordingError
 from .given_files import listed
 from .types import Vector
 

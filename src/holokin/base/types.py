@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Concatenate, NoReturn, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import AmbiguousTruthError, ArgumentError, NotFiniteError, ShapeError
+from .errors import AmbiguousTruthError, ArgumentError, NotFiniteError, ShapeError
 from .shown import Shown
 
 Array = NDArray[np.float64]

@@ -4,25 +4,25 @@ programs.
 Uses `motion` and `sheet_maps`. Read first: `c_folder.py`, `robot_program.py`.
 """
 
-from .c_folder import Exported, export_c
-from .c_folder import c_name as c_name
-from .controller_moves import ToolDeviation, ToolTolerance
-from .fanuc import to_fanuc
-from .gcode import to_gcode
-from .inform import to_inform
-from .krl import to_krl
-from .languages import LANGUAGES as LANGUAGES
-from .moveit_package import MoveItPackage, export_moveit
-from .process_lines import ProcessLines
-from .program_targets import Wiring
-from .rapid import to_rapid
-from .robot_program import Program
-from .ros import to_ros, write_mcap
-from .ros2_control_package import Ros2ControlPackage, export_ros2_control
-from .self_test import check as check
-from .sheets_c import export_sheets
-from .urscript import to_urscript
-from .val3 import to_val3
+from .c.c_folder import Exported, export_c
+from .c.c_folder import c_name as c_name
+from .c.self_test import check as check
+from .c.sheets_c import export_sheets
+from .programs.controller_moves import ToolDeviation, ToolTolerance
+from .programs.fanuc import to_fanuc
+from .programs.gcode import to_gcode
+from .programs.inform import to_inform
+from .programs.krl import to_krl
+from .programs.languages import LANGUAGES as LANGUAGES
+from .programs.process_lines import ProcessLines
+from .programs.program_targets import Wiring
+from .programs.rapid import to_rapid
+from .programs.robot_program import Program
+from .programs.ros import to_ros, write_mcap
+from .programs.urscript import to_urscript
+from .programs.val3 import to_val3
+from .ros.moveit_package import MoveItPackage, export_moveit
+from .ros.ros2_control_package import Ros2ControlPackage, export_ros2_control
 
 __all__ = [
     "Exported",

@@ -7,18 +7,18 @@ from typing import Literal, get_args
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError, PathError, SingularityError
 from ..base.poses import pose_from
 from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector, positive, whole
-from ..errors import ArgumentError, PathError, SingularityError
-from ..inverse_kinematics.leaf import leaf_value, move_to_leaf
-from ..inverse_kinematics.posture_search import all_postures
-from ..inverse_kinematics.reach import nearest_postures
 from ..path import Path, line_segment
 from ..path.straight_path import straight
 from ..strategies import HolonomicStrategy, Strategy
-from ..tasks.task import of_one_tool
+from ..strategies.tasks.task import of_one_tool
 from .follow_path import follow
+from .ik.leaf import leaf_value, move_to_leaf
+from .ik.posture_search import all_postures
+from .ik.reach import nearest_postures
 from .trajectory import Measures, Status, Trajectory
 
 Way = Literal["joints", "tool"]

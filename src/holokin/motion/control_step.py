@@ -20,16 +20,16 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import made
+from ..base.errors import ArgumentError, LostToolError, NativeError, NotFiniteError, ShapeError
 from ..base.poses import PoseLike, pose_cure, with_matrices
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Matrix, Vector, frozen, in_order, number, right_last_row
-from ..control_laws.control_law import ControlLaw, Step
-from ..errors import ArgumentError, LostToolError, NativeError, NotFiniteError, ShapeError
-from ..inverse_kinematics.leaf import leaf_value
-from ..native_kernels import LARGEST, StepKernel, StepMemory, enabled, engine, tell
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy, check_solved
 from ..symbolic import Function
+from ..symbolic.native import LARGEST, StepKernel, StepMemory, enabled, engine, tell
+from .control.control_law import ControlLaw, Step
+from .ik.leaf import leaf_value
 from .machine_step import machine_step
 from .step_expression import AT_LIMIT, Rates, StepStatus, has_leaf, step_function
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError, OpenPathError
 from ..base.types import ArrayLike, Indices, Matrix, NoTruthValue, Value, Vector
-from ..errors import ArgumentError, OpenPathError
 from ..path.synchronized_paths import AnyPath, paths_of
 from ..strategies import Strategy
 from .follow_path import Following, follow

@@ -14,8 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import OpenPathError, PathError, SingularityError
 from ..base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector
-from ..errors import OpenPathError, PathError, SingularityError
 from ..path import Path, Segment
 from ..strategies import Strategy
 from .follow_path import Following, by_leaf, follow

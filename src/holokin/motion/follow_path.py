@@ -9,10 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from ..base.arguments import typed
-from ..base.progress import progress
-from ..base.tolerances import TOLERANCES
-from ..base.types import ArrayLike, Matrix, Vector, whole
-from ..errors import (
+from ..base.errors import (
     ArgumentError,
     BranchError,
     JointLimitError,
@@ -25,15 +22,18 @@ from ..errors import (
     SingularityKind,
     TrackingError,
 )
-from ..errors.motion_errors import KEPT
-from ..inverse_kinematics.branch import branch_code
-from ..inverse_kinematics.leaf import jump_problem, leaf_step, leaf_stepper, native_leaf
-from ..inverse_kinematics.native_follower import NativeFollower
-from ..inverse_kinematics.plan import Plan, check_start, make_plan
-from ..inverse_kinematics.reach import out_of_reach
+from ..base.errors.motion_errors import KEPT
+from ..base.progress import progress
+from ..base.tolerances import TOLERANCES
+from ..base.types import ArrayLike, Matrix, Vector, whole
 from ..path.synchronized_paths import AnyPath
 from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy, first_jump, jump_near, may_jump
+from .ik.branch import branch_code
+from .ik.leaf import jump_problem, leaf_step, leaf_stepper, native_leaf
+from .ik.native_follower import NativeFollower
+from .ik.plan import Plan, check_start, make_plan
+from .ik.reach import out_of_reach
 from .integrate_velocity import native_velocity, path_rate, velocity_stepper
 from .recorded_trajectory import record
 from .trajectory import Status, Trajectory

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError
 from ..base.extra_module import extra_module
 from ..base.poses import PoseLike
 from ..base.types import ArrayLike, NoTruthValue, Value, Vector, frozen, number, one_or_each
-from ..errors import ArgumentError
-from ..inverse_kinematics.inverse_function import InverseKinematics
-from ..inverse_kinematics.nearest_pose import Nearest
 from ..robot import speed_limits
+from .ik.inverse_function import InverseKinematics
+from .ik.nearest_pose import Nearest
 
 LONGEST = 1.0
 """Longest period of a loop [s]: a longer one is in milliseconds."""

@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..base.errors import TrackingError
 from ..base.tolerances import TOLERANCES
 from ..base.types import Vector, kept
-from ..errors import TrackingError
-from ..inverse_kinematics.native_follower import NativeFollower
-from ..inverse_kinematics.plan import Plan
-from ..native_kernels import VelocityRules
 from ..strategies import NumericStrategy, Strategy, checked_rate
 from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol
+from ..symbolic.native import VelocityRules
+from .ik.native_follower import NativeFollower
+from .ik.plan import Plan
 
 
 @kept

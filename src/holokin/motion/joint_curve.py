@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..base.errors import ArgumentError
 from ..base.types import Matrix, Value, Vector
-from ..errors import ArgumentError
 from ..path.waypoints import Poses, distinct
 from .trajectory import Status, Trajectory
 

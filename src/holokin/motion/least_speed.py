@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..tasks.task import Task
+from ..strategies.tasks.task import Task
 from .trajectory import Trajectory
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Vector
-from ..native_kernels import Port, StepMemory
 from ..symbolic import Function
+from ..symbolic.native import Port, StepMemory
 from .step_expression import AT_LIMIT, Rates, StepStatus
 
 

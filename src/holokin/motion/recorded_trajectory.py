@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from ..base.types import Matrix, Vector
-from ..inverse_kinematics.plan import BLOCK, Plan
-from ..tasks.task import Task
+from ..strategies.tasks.task import Task
+from .ik.plan import BLOCK, Plan
 from .trajectory import Measures, Status, Trajectory
 
 

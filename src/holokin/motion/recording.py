@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from ..base.arguments import check
+from ..base.errors import ArgumentError, NotFiniteError, ShapeError
 from ..base.types import Indices, Matrix, Value, Vector, frozen, numbers
-from ..errors import ArgumentError, NotFiniteError, ShapeError
 
 GAP = 10.0
 """A step longer than this many median steps is a gap: something is missing there."""

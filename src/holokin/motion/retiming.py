@@ -9,8 +9,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError
 from ..base.types import HUGE, ArrayLike, Matrix, Vector, numbers, positive, whole
-from ..errors import ArgumentError
 from ..robot import GIVE_SPEEDS, Robot, speed_limits
 from .joint_curve import Stretch, joint_curve
 from .time_law import FINEST, TimeLaw, quintic, smoothed, time_optimal

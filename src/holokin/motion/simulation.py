@@ -10,15 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError, ControllerError, HolokinError, OpenPathError
 from ..base.poses import pose_from
 from ..base.progress import progress
 from ..base.types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
-from ..control_laws.control_law import ControlLaw, Step, as_control_law
-from ..errors import ArgumentError, ControllerError, HolokinError, OpenPathError
-from ..inverse_kinematics.plan import Plan, check_start, make_plan
 from ..path.segments import turn_between
 from ..path.synchronized_paths import AnyPath
-from ..tasks.task import Task
+from ..strategies.tasks.task import Task
+from .control.control_law import ControlLaw, Step, as_control_law
+from .ik.plan import Plan, check_start, make_plan
 from .recorded_trajectory import record
 from .trajectory import Status, Trajectory
 

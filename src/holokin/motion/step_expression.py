@@ -9,10 +9,10 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from ..base.types import NoTruthValue, Vector
-from ..control_laws.control_law import feedback, tracking, wanted_symbols
 from ..robot import Coordinate
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic import SX, Function, fabs, fmax, fmin, if_else, symbol, vec, vertcat
+from .control.control_law import feedback, tracking, wanted_symbols
 
 UNLIMITED = {"rad": 2 * np.pi, "m": 2.0}
 """Speed [unit/s] of a joint that has no limit of its own: a turn a second, which few arms reach, and what fast linear

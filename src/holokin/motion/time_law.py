@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.errors import ArgumentError
 from ..base.types import Indices, Matrix, Value, Vector
-from ..errors import ArgumentError
 from .joint_curve import Stretch
 
 FINEST = 2_000

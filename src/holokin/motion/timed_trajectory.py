@@ -10,11 +10,11 @@ from typing import Any, Literal
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError
 from ..base.files import write_csv
 from ..base.printed_units import SI, PrintedUnits
 from ..base.shown import Shown
 from ..base.types import Matrix, Value, Vector, number_or_none
-from ..errors import ArgumentError
 from .trajectory import Trajectory
 
 NOTHING = 1e-6

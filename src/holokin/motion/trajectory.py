@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError
 from ..base.files import write_csv
 from ..base.printed_units import SI, PrintedUnits
 from ..base.types import Indices, Matrix, NoTruthValue, Value, Vector, frozen
-from ..errors import ArgumentError
 
 
 def whole_turns(difference: Matrix | Vector, units: tuple[str, ...], tolerance: float = 1e-6) -> Indices:

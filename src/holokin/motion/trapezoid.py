@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.errors import ArgumentError
 from ..base.types import Flags, Vector
-from ..errors import ArgumentError
 from .joint_curve import Stretch
 from .time_law import FINEST, TimeLaw, of_accelerations
 

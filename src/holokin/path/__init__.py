@@ -5,14 +5,14 @@ Uses `symbolic`. Read first: `path.py`, `segments.py`.
 
 from .curves import even_curve
 from .editing import blended, passes, with_leads
+from .files.pose_table import read_waypoints, read_workspace
+from .files.svg_outlines import read_svg
 from .lines_and_arcs import arc, circle, line, polyline
 from .path import Path, Samples, as_point, corners_of, frame_pose, join
 from .path import locate as locate
-from .pose_table import read_waypoints, read_workspace
 from .segments import Segment, arc_segment, line_segment
 from .splines import path_of, spline
 from .surfaces import figure_eight, raster, spiral
-from .svg_outlines import read_svg
 from .waypoints import Waypoints
 
 __all__ = [

@@ -13,8 +13,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..base.errors import ArgumentError
 from ..base.types import Array, Flags, Indices, Matrix, Vector
-from ..errors import ArgumentError
 from .path import Path, Samples
 from .segments import Segment, cubic_segment, turn_between
 from .waypoints import Poses, returned

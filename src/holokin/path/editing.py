@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError
 from ..base.types import ArrayLike, Matrix, Vector, finite, not_negative, positive, whole
-from ..errors import ArgumentError
 from .path import CORNER, SAME, Path
 from .segments import Segment, cubic_segment, line_segment, turn_between
 

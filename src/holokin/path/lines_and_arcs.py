@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError
 from ..base.poses import PoseLike, pose_numbers
 from ..base.types import ArrayLike, finite
-from ..errors import ArgumentError
 from .path import Path, as_point
 from .segments import arc_segment, line_segment, sure_turns
 from .waypoints import Waypoints, as_poses, distinct, meets

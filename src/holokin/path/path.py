@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError, OpenPathError, ShapeError
 from ..base.poses import PoseLike, pose_cure, pose_from, pose_numbers
 from ..base.types import (
     Array,
@@ -30,7 +31,6 @@ from ..base.types import (
     tool_pose,
     whole,
 )
-from ..errors import ArgumentError, OpenPathError, ShapeError
 from ..symbolic.rotations import rotation_from_rpy
 from .segments import Segment, derivatives, positions
 from .straight_path import rotation_matrix

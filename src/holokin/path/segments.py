@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.errors import ArgumentError
 from ..base.types import Array, Matrix, Value, Vector, frozen
-from ..errors import ArgumentError
 from .straight_path import rotation_matrix, rotation_vector
 
 NODES, WEIGHTS = (frozen(values) for values in np.polynomial.legendre.leggauss(20))

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError
 from ..base.poses import PoseLike, pose_numbers
 from ..base.types import Array, ArrayLike, Matrix, Vector, finite, positive
-from ..errors import ArgumentError
 from .curves import cubics, evenly, of_segments, within
 from .path import LARGEST, Path
 from .segments import Segment, sure_turns, turn_between

@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError
 from ..base.types import Array, ArrayLike, Matrix, Value, Vector, finite, positive, whole
-from ..errors import ArgumentError
 from .curves import evenly
 from .path import LARGEST, Path, as_point, join
 from .segments import line_segment

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError, OpenPathError
 from ..base.types import ArrayLike, Indices, Matrix, Value, Vector, finite, one_or_each, positive
-from ..errors import ArgumentError, OpenPathError
 from .path import SAME, Path, Samples, as_point, corners_of
 from .segments import Segment, line_segment
 from .waypoints import Poses, distinct, meets

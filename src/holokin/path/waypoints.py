@@ -7,9 +7,9 @@ from math import dist
 
 import numpy as np
 
+from ..base.errors import ArgumentError, ShapeError
 from ..base.poses import PoseLike, pose_cure, pose_from, pose_numbers
 from ..base.types import Array, Indices, Matrix, Value, Vector, check_rotation, finite, right_last_row
-from ..errors import ArgumentError, ShapeError
 from .path import SAME, as_point
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError, ShapeError
 from ..base.poses import PoseLike, pose_from, tool_poses
 from ..base.types import (
     Array,
@@ -26,7 +27,6 @@ from ..base.types import (
     positive,
     whole,
 )
-from ..errors import ArgumentError, ShapeError
 from .path import as_point
 
 TOOL_DOWN = frozen(np.diag([1.0, -1.0, -1.0]))

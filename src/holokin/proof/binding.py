@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import HolokinError
+from ..base.errors import HolokinError
 from ..robot import Robot
+from ..strategies.tasks.frame_task import FrameTask
+from ..strategies.tasks.frames import TipFrame
 from ..symbolic import symbol, vertcat
 from ..symbolic.interval_function import operation_list
-from ..tasks.frame_task import FrameTask
-from ..tasks.frames import TipFrame
 from .equation import Equation
 from .lowering import lowered
 from .shape_binding import other_shapes

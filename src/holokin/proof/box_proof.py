@@ -8,15 +8,15 @@ from functools import cached_property
 
 import numpy as np
 
+from ..base.errors import ArgumentError, HolokinError
 from ..base.poses import pose_from
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
-from ..errors import ArgumentError, HolokinError
-from ..inverse_kinematics import inverse
-from ..inverse_kinematics.leaf import leaf_follower, leaf_step, newton_on_leaf, straight_path
+from ..motion.ik import inverse
+from ..motion.ik.leaf import leaf_follower, leaf_step, newton_on_leaf, straight_path
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
-from ..tasks.free_motion import completed, completing, free_directions, leaves_free
-from ..tasks.task import Task
+from ..strategies.tasks.free_motion import completed, completing, free_directions, leaves_free
+from ..strategies.tasks.task import Task
 from .bounds import UP
 from .cell_search import TUBE, Domain, on_grid, proven
 from .certificate import Boxes, Covered, Extent

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import NoProofError
 from ..base.sure_digits import at_least, share_text
 from ..base.types import ArrayLike, Vector, joined, whole
-from ..errors import NoProofError
 from ..path.synchronized_paths import AnyPath
 from ..path.workspaces import Workspace
 from ..robot import LinkShape, Robot, start_posture

@@ -9,9 +9,9 @@ from enum import Enum
 from pathlib import Path as FilePath
 
 from ..base.arguments import typed
+from ..base.errors import CertificateError, MissingExtraError
 from ..base.extra_module import extra_module
 from ..base.types import NoTruthValue, Value, not_negative
-from ..errors import CertificateError, MissingExtraError
 from ..version import build
 from .binding import described
 from .certificate import Certificate, digest

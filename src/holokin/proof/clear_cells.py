@@ -24,12 +24,12 @@ from typing import Any
 
 import numpy as np
 
+from ..base.errors import brief
 from ..base.sure_digits import at_least
 from ..base.types import Array, Indices, Matrix, Value, Vector, some
-from ..errors import brief
-from ..motion_checking.check_report import counted, left_out_words
-from ..motion_checking.gaps import FloorGap, Gap, LinkGap, segment_step
-from ..motion_checking.pairs import POSTURES, Pairs
+from ..motion.checks.check_report import counted, left_out_words
+from ..motion.checks.gaps import FloorGap, Gap, LinkGap, segment_step
+from ..motion.checks.pairs import POSTURES, Pairs
 from ..robot import LinkShape, Robot, joints_above
 from ..symbolic import symbol, vertcat
 from ..symbolic.interval_function import IntervalFunction

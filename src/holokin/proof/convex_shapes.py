@@ -11,8 +11,8 @@ from itertools import product
 
 import numpy as np
 
+from ..base.errors import ArgumentError
 from ..base.types import Matrix, Value, Vector
-from ..errors import ArgumentError
 from ..robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape
 
 AROUND = 16

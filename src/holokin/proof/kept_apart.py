@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ..base.errors import ArgumentError
 from ..base.types import Matrix, Vector, number
-from ..errors import ArgumentError
-from ..motion_checking.gaps import FLOOR
-from ..motion_checking.keeping_clear import Clearances, posture_clearances
+from ..motion.checks.gaps import FLOOR
+from ..motion.checks.keeping_clear import Clearances, posture_clearances
 from ..robot import LinkShape, Mesh, Robot, chain_length, foot_of
 from ..strategies import HolonomicStrategy
 from .clear_cells import ClearCells, joints_of, shape_pairs

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.errors import ArgumentError, WriteError
 from ..base.types import Flags, Matrix, Value, Vector
-from ..errors import ArgumentError, WriteError
 from ..version import __version__
 from .certificate import Boxes
 from .tube import Cells, Findings

@@ -10,7 +10,7 @@ import numpy as np
 from ..base.poses import pose_from
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, Flags, Matrix, Vector
-from ..inverse_kinematics import inverse
+from ..motion.ik import inverse
 from ..path.workspaces import PoseRange, workspace
 from ..robot import reach
 from ..strategies import HolonomicStrategy

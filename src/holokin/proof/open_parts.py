@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from ..base.types import Array, Indices, Matrix, Value, Vector
-from ..inverse_kinematics import InverseKinematics, InverseStatus
+from ..motion.ik import InverseKinematics, InverseStatus
 from .box_proof import PoseRegion
 from .certificate import Certificate
 from .clear_cells import ClearCells

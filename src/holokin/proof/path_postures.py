@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.errors import BranchError, SingularityError, TrackingError
 from ..base.types import Matrix, Vector
-from ..errors import BranchError, SingularityError, TrackingError
-from ..inverse_kinematics.leaf import LeafPath, leaf_follower, leaf_step, leaf_value, newton_on_leaf
-from ..inverse_kinematics.plan import Plan, check_start, make_plan
+from ..motion.ik.leaf import LeafPath, leaf_follower, leaf_step, leaf_value, newton_on_leaf
+from ..motion.ik.plan import Plan, check_start, make_plan
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy
 from .certificate import Extent

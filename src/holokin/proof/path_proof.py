@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, joined, kept
-from ..inverse_kinematics.plan import Plan, make_plan, turned
+from ..motion.ik.plan import Plan, make_plan, turned
 from ..path.straight_path import rotation_vector
 from ..path.synchronized_paths import AnyPath
 from ..strategies import HolonomicStrategy
+from ..strategies.tasks.free_motion import completing, leaves_free
 from ..symbolic.intervals import Interval
-from ..tasks.free_motion import completing, leaves_free
 from .bounds import UP, norm
 from .cell_search import AIM, TUBE, Domain, on_grid
 from .certificate import Boxes, Covered, Extent

@@ -18,16 +18,16 @@ from typing import Any, Literal
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError
 from ..base.poses import PoseLike, tool_poses
 from ..base.sure_digits import at_least, percentages
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, kept, some, whole
-from ..errors import ArgumentError
-from ..inverse_kinematics import InverseKinematics, inverse
-from ..inverse_kinematics.quiet_answers import leads_to
+from ..motion.ik import InverseKinematics, inverse
+from ..motion.ik.quiet_answers import leads_to
 from ..path.workspaces import PoseRange
 from ..robot import LinkShape, Robot
 from ..strategies import HolonomicStrategy, Strategy
-from ..tasks.task import of_one_tool
+from ..strategies.tasks.task import of_one_tool
 from .box_proof import PoseRegion
 from .certificate import Certificate
 from .certify_leaf import certificate, demands, provable, question, start_of

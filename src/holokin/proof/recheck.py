@@ -7,7 +7,7 @@ from itertools import count
 from pathlib import Path as FilePath
 from random import randrange
 
-from ..errors import ArgumentError, CertificateError, MissingExtraError, brief
+from ..base.errors import ArgumentError, CertificateError, MissingExtraError, brief
 from ..robot import Robot
 from .binding import unlike
 from .shape_binding import unsaid

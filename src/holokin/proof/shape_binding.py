@@ -6,8 +6,8 @@ import json
 from itertools import chain, combinations, product
 from typing import Any
 
-from ..errors import brief
-from ..motion_checking.gaps import FLOOR
+from ..base.errors import brief
+from ..motion.checks.gaps import FLOOR
 from ..robot import Robot, with_capsules
 from .clear_cells import joints_of, shape_of
 from .convex_shapes import convex

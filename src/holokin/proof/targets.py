@@ -12,8 +12,8 @@ from math import factorial
 
 import numpy as np
 
+from ..base.errors import ArgumentError
 from ..base.types import Array, Matrix, Value, Vector
-from ..errors import ArgumentError
 from ..symbolic import SX, cos, sin, sumsqr, vertcat
 from ..symbolic.rotations import skew
 

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..base.errors import ArgumentError
 from ..base.types import Matrix, Vector
-from ..errors import ArgumentError
+from ..strategies.tasks.frame_task import FrameTask, parts_of
+from ..strategies.tasks.free_motion import free_directions
+from ..strategies.tasks.orientation_rows import AxisDirection
+from ..strategies.tasks.task import Task
 from ..symbolic import SX, vertcat
 from ..symbolic.rotations import frame_about
-from ..tasks.frame_task import FrameTask, parts_of
-from ..tasks.free_motion import free_directions
-from ..tasks.orientation_rows import AxisDirection
-from ..tasks.task import Task
 
 ALIGNED = 1e-9
 """By how much [-] a free axis may differ from the tool's z axis and count as that."""

@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError, UnknownNameError
 from ..base.poses import pose_from
 from ..base.types import ArrayLike, Matrix, Vector, finite, positive
-from ..errors import ArgumentError, UnknownNameError
 from .composition import pose_matrix
 from .joints import joints_above
-from .link_shapes import Capsule, LinkShape, Shape
 from .model import Robot
+from .shapes.link_shapes import Capsule, LinkShape, Shape
 
 SLENDER = 20.0
 """Length of an arm over the radius of its capsules: 7 cm for a Panda, 6 cm for a UR5e."""

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..base.errors import ArgumentError, RobotFileError, UnknownNameError, shown
 from ..base.tolerances import TOLERANCES
 from ..base.types import Matrix, Vector
-from ..errors import ArgumentError, RobotFileError, UnknownNameError, shown
 from .joints import Body, Coordinate, Joint, Tip
-from .link_shapes import LinkShape
 from .model import Robot
 from .reroot import rerooted
+from .shapes.link_shapes import LinkShape
+from .shapes.visuals import Visual
 from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, root_of
 from .units import TRUST, check_radians, plausible
-from .visuals import Visual
 
 
 def robot_of(

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..base.arguments import check, typed
+from ..base.errors import ArgumentError, UnknownNameError
 from ..base.poses import pose_from
 from ..base.types import ArrayLike, Matrix, Value, Vector, finite
-from ..errors import ArgumentError, UnknownNameError
 from ..symbolic.rotations import rotation_from_rpy
 from .joints import Body, Coordinate, Joint, Tip
-from .link_shapes import LinkShape
 from .model import Robot
+from .shapes.link_shapes import LinkShape
+from .shapes.visuals import Visual
 from .units import TRUST, check_radians, check_tool
-from .visuals import Visual
 
 BASE = "base"
 """What a part stands on when it stands on the ground, in `Part.on`."""

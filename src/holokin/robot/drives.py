@@ -8,8 +8,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError
 from ..base.types import ArrayLike, Value, Vector, positive
-from ..errors import ArgumentError
 from ..symbolic import Function, symbol
 from .inertia import mass_matrix_expression
 from .links import weighed

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError, ShapeError
 from ..base.types import ArrayLike, one_or_each
-from ..errors import ArgumentError, ShapeError
 from .joints import Coordinate
 from .model import Robot
 

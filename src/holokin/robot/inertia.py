@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.errors import MassError
 from ..base.poses import pose_from
 from ..base.types import Vector
-from ..errors import MassError
 from ..symbolic import SX, dot
 from .joints import Body
 from .model import Robot

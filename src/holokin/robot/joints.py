@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.errors import ArgumentError
 from ..base.shown import Shown
 from ..base.types import Matrix, Value, Vector, number
-from ..errors import ArgumentError
 from ..symbolic import SX
 
 FARTHEST = 1e6

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError, ShapeError
 from ..base.types import ArrayLike, Vector, numbers, one_or_each
-from ..errors import ArgumentError, ShapeError
 from .model import Robot
 from .units import TRUST, check_limits_of_hinges
 

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError
 from ..base.types import Matrix, positive
-from ..errors import ArgumentError
 from .capsules import chain_length, with_capsules
 from .joints import Body, Joint
-from .link_shapes import Capsule, LinkShape
 from .model import Robot
+from .shapes.link_shapes import Capsule, LinkShape
 from .tree import motion
 
 THICKNESS = 0.04

@@ -12,9 +12,9 @@ import numpy as np
 
 from ..base.arguments import check, typed
 from ..base.by_value import ByValue
+from ..base.errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError, shown
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Flags, Matrix, Vector, finite, frozen, kept, numbers, one_or_each
-from ..errors import ArgumentError, JointLimitError, NotFiniteError, ShapeError, UnknownNameError, shown
 from ..symbolic import (
     SX,
     Evaluator,
@@ -30,9 +30,9 @@ from ..symbolic import (
 )
 from ..symbolic.rotations import rotation_about
 from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Kinematics, Tip, joint_rows, joints_above
-from .link_shapes import LinkShape
 from .model_joints import ModelJoints, places_in, put_into, taken_from
-from .visuals import Visual
+from .shapes.link_shapes import LinkShape
+from .shapes.visuals import Visual
 
 
 @dataclass(frozen=True, eq=False)

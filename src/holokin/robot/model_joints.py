@@ -10,8 +10,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ..base.errors import ArgumentError, NotFiniteError, ShapeError, UnknownNameError
 from ..base.types import Array, ArrayLike, Flags, Indices, Value, finite, numbers
-from ..errors import ArgumentError, NotFiniteError, ShapeError, UnknownNameError
 from ..symbolic import wrapped
 
 _CURE = "name the model's joint with one degree of freedom for each of the robot's: joints=[...]"

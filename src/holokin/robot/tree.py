@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..base.errors import ArgumentError, RobotFileError, UnknownNameError
 from ..base.types import Array, Matrix, Value, Vector
-from ..errors import ArgumentError, RobotFileError, UnknownNameError
 from .joints import FARTHEST, Coordinate
-from .link_shapes import LinkShape
-from .visuals import Visual
+from .shapes.link_shapes import LinkShape
+from .shapes.visuals import Visual
 
 MOVING = ("revolute", "prismatic")
 """The kinds of joints that move here; "fixed" ones do not, and all others are refused where a chain needs them."""

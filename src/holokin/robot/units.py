@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.errors import ArgumentError
 from ..base.types import Array, ArrayLike, Matrix, Vector
-from ..errors import ArgumentError
 from .joints import WOUND, foot_of
 from .longest_span import LONGEST, longest_reach, mean_link, with_near_frames
 from .model import Robot

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import made
+from ..base.errors import ArgumentError, ShapeError
 from ..base.types import ArrayLike, finite, frozen, whole
-from ..constraints import Constraint
-from ..errors import ArgumentError, ShapeError
 from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, as_map, factorise, jacobian, symbol
-from ..tasks.task import Task
+from .constraints import Constraint
 from .right_inverses import holonomic
 from .strategy_kinds import HolonomicStrategy
+from .tasks.task import Task
 
 CHECKED = 1e-8
 """Largest error of K, z, Phi and its inverse at the places where they are checked [m, rad]."""

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.errors import SingularityError
 from ..base.types import Array, Matrix, Value, Vector, kept
-from ..errors import SingularityError
 from ..symbolic import SX, Formula, Function, jacobian, switches, switches_of, vertcat
 from .strategy import Strategy
 from .strategy_kinds import HolonomicStrategy

@@ -10,12 +10,12 @@ from typing import Any, final
 import numpy as np
 
 from ..base.arguments import made
+from ..base.errors import ArgumentError, FunctionError, HolokinError, NotFiniteError, ShapeError, SingularityError
 from ..base.types import Array, ArrayLike, Matrix, Vector, number, numbers
-from ..errors import ArgumentError, FunctionError, HolokinError, NotFiniteError, ShapeError, SingularityError
-from ..tasks.task import Task
 from .gain_expressions import Expressions
 from .right_inverses import check_postures
 from .strategy import Strategy
+from .tasks.task import Task
 
 AGAIN = 1e-6
 """Difference of G [joint unit / task unit] between two calls at one posture that is no noise: as large as what J G may

@@ -10,13 +10,13 @@ from collections.abc import Callable
 from typing import Literal
 
 from ..base.arguments import made, typed
-from ..constraints import Cost
-from ..errors import ArgumentError, ShapeError, UnknownNameError
+from ..base.errors import ArgumentError, ShapeError, UnknownNameError
 from ..robot import Kinematics, mass_matrix_expression
 from ..symbolic import SX, as_map, factorise, hessian, jacobian, symbol
 from ..symbolic.null_space import null_space_expression
-from ..tasks.task import Task
+from .constraints import Cost
 from .strategy_kinds import RowStrategy
+from .tasks.task import Task
 
 Force = Literal["pseudo-inverse", "stiffness"]
 """How the force at the tool is found from the joint torques: by J^+, or by the inverse that the stiffness weights."""

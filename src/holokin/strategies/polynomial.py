@@ -13,16 +13,16 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from ..base.arguments import made
+from ..base.errors import ArgumentError
 from ..base.types import ArrayLike, Matrix, finite, frozen, whole
-from ..constraints import Constraint, nothing_jumps
-from ..errors import ArgumentError
 from ..robot import Kinematics
 from ..symbolic import SX, Function, as_expression, jacobian, symbol, vertcat
 from ..symbolic.null_space import null_space
-from ..tasks.task import Task
+from .constraints import Constraint, nothing_jumps
 from .right_inverses import holonomic
 from .strategy import Field
 from .strategy_kinds import HolonomicStrategy
+from .tasks.task import Task
 
 Terms = tuple[tuple[int, ...], ...]
 """For each monomial the variables that it multiplies; () is the constant."""

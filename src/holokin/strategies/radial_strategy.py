@@ -12,28 +12,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from ..base.arguments import made
+from ..base.errors import ArgumentError
 from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Vector, frozen, whole
-from ..constraints import Constraint
-from ..errors import ArgumentError
 from ..robot import start_posture
-from ..symbolic import (
-    SX,
-    Transport,
-    as_map,
-    fmax,
-    fmin,
-    if_else,
-    norm_2,
-    symbol,
-    transport,
-    vertcat,
-)
-from ..tasks.task import Task
+from ..symbolic import SX, Transport, as_map, fmax, fmin, if_else, norm_2, symbol, transport, vertcat
+from .constraints import Constraint
 from .right_inverses import holonomic
 from .self_motion_label import Label, label_of
 from .strategy import Strategy
 from .strategy_kinds import HolonomicStrategy
+from .tasks.task import Task
 
 ARRIVED = 0.01
 """How far the integrated transport may miss the centre, as a share of the joints' way. Of 960 random postures of four

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import made
+from ..base.errors import ArgumentError, NotFiniteError, ShapeError
 from ..base.types import ArrayLike, finite, frozen
-from ..constraints import Constraint, as_gain
-from ..errors import ArgumentError, NotFiniteError, ShapeError
 from ..symbolic import SX, Function, solve, symbol, written
-from ..tasks.task import Task
+from .constraints import Constraint, as_gain
 from .strategy_kinds import FrameStrategy, HolonomicStrategy, RowStrategy
+from .tasks.task import Task
 
 
 @made

@@ -15,8 +15,8 @@ from ..base.types import Matrix, Vector
 from ..robot import Robot
 from ..symbolic import SX, atan2, cos, exp, fabs, factorise, sin, vertcat
 from ..symbolic.null_space import null_space, null_space_expression
-from ..tasks.task import Task
 from .self_motions import self_motion
+from .tasks.task import Task
 
 STEP = 0.05
 """Arc length between the postures that the curve is traced by [joint units]."""

@@ -13,12 +13,12 @@ from functools import cached_property
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import ArgumentError, SingularityError, SingularityKind
 from ..base.types import MOST, Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, frozen
-from ..errors import ArgumentError, SingularityError, SingularityKind
 from ..robot import Robot, start_posture
 from ..symbolic import wrapped
 from ..symbolic.null_space import null_vector
-from ..tasks.task import Task
+from .tasks.task import Task
 
 CORRECTIONS = 2
 """Newton corrections of a step. A step of 0.2 leaves 1e-3, the first one 1e-6 of it, the second one round-off."""

@@ -16,13 +16,13 @@ import numpy as np
 
 from ..base.arguments import Made
 from ..base.by_value import ByValue
+from ..base.errors import NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Matrix, Vector
-from ..errors import NotFiniteError, ShapeError, SingularityError, SingularityKind
 from ..robot import Kinematics
 from ..symbolic import SX, Evaluator, Function, Transport, as_expression, symbol
-from ..tasks.task import Task
 from .gain_expressions import Expressions
+from .tasks.task import Task
 
 Field = Callable[[Task, Kinematics, SX], SX]
 """An expression of the posture: (task, kinematics, q) -> matrix."""

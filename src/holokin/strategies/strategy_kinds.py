@@ -10,11 +10,11 @@ from typing import ClassVar, final
 import numpy as np
 
 from ..base.arguments import typed
+from ..base.errors import NotFiniteError, SingularityError, SingularityKind
 from ..base.tolerances import TOLERANCES
 from ..base.types import ArrayLike, Matrix, Vector
-from ..constraints import Constraint
-from ..errors import NotFiniteError, SingularityError, SingularityKind
 from ..symbolic import SX, Evaluator, Function, Transport, fmin, vertcat
+from .constraints import Constraint
 from .gain_expressions import FrameExpressions, RowExpressions
 from .strategy import FORMULA, Field, Strategy
 

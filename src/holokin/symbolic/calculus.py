@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from ..errors import ArgumentError
+from ..base.errors import ArgumentError
 
 
 def jacobian(expression: ca.SX, q: ca.SX) -> ca.SX:

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.errors import ShapeError
 from ..base.types import Array, ArrayLike, Flags, Matrix, numbers, whole
-from ..errors import ShapeError
-from ..native_kernels.evaluator import Doubt
-from ..native_kernels.program import Shapes
+from .native.evaluator import Doubt
+from .native.program import Shapes
 
 PIECE = 100_000
 """Samples that are checked at once, so that only the results grow with their number."""

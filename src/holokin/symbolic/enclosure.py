@@ -16,9 +16,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..errors import NativeError
-from ..native_kernels.emit import emit
+from ..base.errors import NativeError
 from .function import Function
+from .native.emit import emit
 
 Pair = tuple[ca.SX, ca.SX]
 """(mid, rad >= 0)."""

@@ -10,8 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..base.errors import ArgumentError, ExpressionError, HolokinError, ShapeError, brief, closest
 from ..base.types import number
-from ..errors import ArgumentError, ExpressionError, HolokinError, ShapeError, brief, closest
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: getattr(ca, name)

@@ -13,17 +13,17 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..base.errors import ExpressionError, NativeError, ShapeError
 from ..base.types import Array, ArrayLike, numbers
-from ..errors import ExpressionError, NativeError, ShapeError
-from ..native_kernels.evaluator import Doubt, Evaluator, weak
-from ..native_kernels.inverse_kernel import InverseKernel
-from ..native_kernels.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel, follow_code
-from ..native_kernels.native_library import allowed, enabled, tell
-from ..native_kernels.program import Port, program
-from ..native_kernels.source import body
-from ..native_kernels.transport import Transport
 from .checked_batch import CheckedBatch
 from .linear import System
+from .native.evaluator import Doubt, Evaluator, weak
+from .native.inverse_kernel import InverseKernel
+from .native.kernel import LARGEST, LARGEST_VECTOR, BatchKernel, FollowKernel, follow_code
+from .native.native_library import allowed, enabled, tell
+from .native.program import Port, program
+from .native.source import body
+from .native.transport import Transport
 
 NATIVE_FROM = 50_000
 """Samples from which a batch is worth a compiler's second, once: about half a second of the virtual machine."""

@@ -8,8 +8,8 @@ from typing import Any
 import casadi as ca
 
 from ..base.types import Vector
-from ..native_kernels.transport import Pieces, Transport
 from .calculus import gradient, staged
+from .native.transport import Pieces, Transport
 
 
 def runge_kutta(rate: Callable[[Any, Any], Any], y: Any, h: float, start: Any, middle: Any, end: Any) -> Any:

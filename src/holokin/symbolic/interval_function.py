@@ -13,8 +13,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..base.errors import ExpressionError
 from ..base.types import Array, Flags, Indices, Vector
-from ..errors import ExpressionError
 from . import intervals as iv
 from .intervals import Interval
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from ..native_kernels.program import System
+from .native.program import System
 
 DENSE_FROM = 10
 """Order from which a square system is left to numbers. Measured (docs/speed.md): as C both take the same time from

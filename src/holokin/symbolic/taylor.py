@@ -16,7 +16,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from ..errors import NativeError
+from ..base.errors import NativeError
 
 _UNARY = {
     ca.OP_NEG: "hk_model_scale({0}, HK_C(-1), {1})",

@@ -1,0 +1,266 @@
+"""The tool's path by arc length, free of pauses and encoder noise; a long log is looked at a block at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.types import Array, Indices, Matrix, Vector, frozen
+from ...robot import Robot
+
+NOISE_STEPS = 12.0
+"""Anchors are this many noise levels apart or more, so that noise adds no length."""
+
+BLOCK = 50_000
+"""Samples whose tool poses are in memory at one time: five megabytes."""
+
+
+WHOLE, FREE = frozen(np.eye(3)), frozen(np.zeros((3, 0)))
+"""Axes of the tool (3, a), as columns, whose directions belong to its path: all, of a pose; none, of a position."""
+
+
+def tool_points(position: Matrix, rotation: Array, axes: Matrix, length_scale: float) -> Matrix:
+    """Poses as points (k, d) whose distance is sqrt(|dp|^2 + (l 2 sin(angle/2))^2), l the length scale [m/rad].
+
+    A rotation enters by its nine entries, since |R - S|_F = 2 sqrt(2) sin(angle/2), and one axis a by the direction
+    R a, since |R a - S a| = 2 sin(angle/2).
+    """
+    if not axes.shape[1]:
+        return position
+    weight = length_scale / np.sqrt(2) if axes.shape[1] == 3 else length_scale
+    turned = rotation if axes is WHOLE else rotation @ axes
+    return np.hstack([position, weight * turned.reshape(len(position), 3 * axes.shape[1])])
+
+
+def noise_level(x: Matrix) -> float:
+    """Size (rms norm) of white noise on samples (k, d) of a smooth motion: sixth differences forget the motion."""
+    return _level(_sixth(x)) if len(x) >= 8 else 0.0
+
+
+def _sixth(x: Matrix) -> Vector:
+    return np.linalg.norm(np.diff(x, 6, axis=0), axis=1)
+
+
+def _level(sixth: Vector) -> float:
+    return float(np.median(sixth)) / np.sqrt(924.0)
+
+
+def encoder_levels(q: Matrix) -> Vector:
+    """Standard deviation of white noise on each joint of a log q (k, n).
+
+    sigma = median |d^6 q| / (0.6745 sqrt(924)); 924 is the sum of the squared binomials, 0.6745 the median of
+    |N(0, 1)|.
+    """
+    return np.array([noise_level(column[:, None]) for column in q.T]) / 0.6745
+
+
+def rounding_of(q: Matrix) -> float:
+    """To how much the numbers of a log q (k, n) are rounded [rad or m]: the last decimal that they have in rad, or in
+    degrees, or single precision; else what double precision leaves of a sum of some joints."""
+    some = q[:: max(1, len(q) // 300)]
+    if np.array_equal(some, some.astype(np.float32)):
+        return float(np.abs(some).max() * np.finfo(np.float32).eps)
+    for decimals in range(1, 12):
+        for unit in (1.0, 180 / np.pi):
+            scaled = some * unit * 10.0**decimals
+            if (np.abs(scaled - np.round(scaled)) <= 1e-3 + 1e-14 * np.abs(scaled)).all():
+                return 10.0**-decimals / unit
+    return 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class ToolMotion:
+    """Tool points of postures q (k, n), computed when they are asked for: those of a long log fill the memory.
+
+    q may be in single precision, too.
+    """
+
+    robot: Robot
+    q: Matrix
+    tip: str | None
+    axes: Matrix
+    length_scale: float
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @cached_property
+    def _all(self) -> Matrix | None:
+        return self._points(slice(None)) if len(self.q) <= BLOCK else None
+
+    def _points(self, rows: slice | NDArray[np.integer[Any]]) -> Matrix:
+        position, rotation = self.robot.pose_batch(self.q[rows].astype(float, copy=False), self.tip)
+        return tool_points(position, rotation, self.axes, self.length_scale)
+
+    def at(self, rows: slice | NDArray[np.integer[Any]]) -> Matrix:
+        """Tool points of some samples."""
+        if self._all is not None:
+            return self._all[rows]
+        if isinstance(rows, slice) or len(rows) <= BLOCK:
+            return self._points(rows)
+        return np.vstack([self._points(rows[i : i + BLOCK]) for i in range(0, len(rows), BLOCK)])
+
+    def blocks(self, start: int = 0, stop: int | None = None, before: int = 0) -> Iterator[tuple[int, Matrix]]:
+        """(first sample, points) of successive blocks; each begins `before` samples early, where there are any."""
+        end = len(self) if stop is None else stop
+        for i in range(start, end, BLOCK):
+            first = max(i - before, start)
+            yield first, self.at(slice(first, min(i + BLOCK, end)))
+
+    def extent_and_noise(self) -> tuple[float, float]:
+        """Size of the box that the tool points fill, and their noise level [m]."""
+        sixth, low, high = [], np.inf, -np.inf
+        for _, z in self.blocks(before=6):
+            low, high = np.minimum(low, z.min(axis=0)), np.maximum(high, z.max(axis=0))
+            if len(z) > 6:
+                sixth.append(_sixth(z))
+        noise = _level(np.concatenate(sixth)) if len(self) >= 8 else 0.0
+        return float(np.linalg.norm(high - low)), noise
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPath:
+    """Anchors: samples `index` (k,) at arc lengths s (k,) with tool points z (k, d); `joints`: all postures; `ends`:
+    whether the path goes on to the end of the log; beyond: how far the tool runs between the last two samples [m], and
+    may have run on after the last."""
+
+    index: Indices
+    s: Vector
+    z: Matrix
+    joints: Matrix
+    step: float
+    ends: bool = True
+    beyond: float = 0.0
+
+    @property
+    def length(self) -> float:
+        """Distance travelled [m]."""
+        return float(self.s[-1])
+
+    @cached_property
+    def point(self) -> Curve:
+        """z of s, a smooth curve through the anchors that does not swing at corners (Akima)."""
+        return Curve(self.s, self.z)
+
+    @cached_property
+    def posture(self) -> Curve:
+        """q of s."""
+        return Curve(self.s, self.joints[self.index])
+
+    def sample(self, s: Vector) -> Vector:
+        """Sample positions at arc lengths."""
+        return np.interp(s, self.s, self.index.astype(float))
+
+    def arc(self, samples: Vector) -> Vector:
+        """Arc lengths at sample positions."""
+        return np.interp(samples, self.index.astype(float), self.s)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A smooth curve through values (k, d) at rising s (k,), which runs on straight beyond its ends."""
+
+    s: Vector
+    values: Matrix
+
+    @cached_property
+    def _akima(self) -> Any:
+        from scipy.interpolate import Akima1DInterpolator
+
+        return Akima1DInterpolator(self.s, self.values)
+
+    def __call__(self, s: Vector | float) -> Array:
+        """Values (..., d) at s (...); beyond the ends along the tangents there."""
+        at = np.asarray(s, dtype=float)
+        inside = np.clip(at, self.s[0], self.s[-1])
+        values = self._akima(inside)
+        over = at - inside
+        return values + over[..., None] * self._akima(inside, 1) if over.any() else values
+
+    def slope(self, s: Vector | float) -> Array:
+        """Derivatives (..., d) at s (...), beyond the ends those there."""
+        return self._akima(np.clip(np.asarray(s, dtype=float), self.s[0], self.s[-1]), 1)
+
+
+def tool_path(
+    motion: ToolMotion, step: float, noise: float, *, start: int = 0, most: int | None = None
+) -> ToolPath:  # fmt: skip
+    """Keep samples a step [m] apart, corners and tips of turns; what happens while the tool rests is left out.
+
+    Args:
+        start: the first sample looked at. most: end after so many anchors, and so many steps of length.
+    """
+    margin = NOISE_STEPS / 2 * noise
+    index, ends = _anchors(motion, step, max(margin, 1e-3 * step), start, most)
+    for _ in range(2):
+        index = _with_corners(motion, index, max(margin, 0.02 * step))
+    z = motion.at(index)
+    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(z, axis=0), axis=1))])
+    if most is not None and s[-1] > most * step:
+        ends, keep = False, max(int(np.searchsorted(s, most * step)), 2)
+        index, s, z = index[:keep], s[:keep], z[:keep]
+    last = motion.at(np.array([len(motion) - 2, len(motion) - 1])) if len(motion) > 1 else z[:2]
+    beyond = float(np.linalg.norm(last[1] - last[0])) if ends and len(s) > 1 else 0.0
+    return ToolPath(index, s, z, motion.q, step, ends, min(beyond, float(np.median(np.diff(s)))) if len(s) > 1 else 0.0)
+
+
+def _anchors(motion: ToolMotion, step: float, margin: float, start: int, most: int | None) -> tuple[Indices, bool]:
+    """The first sample that is `step` [m] from the last one kept, again and again; at the end the farthest, if it is
+    over a margin away. And whether that end was reached."""
+    kept, here = [start], motion.at(slice(start, start + 1))[0]
+    farthest, tip = 0.0, -1  # since the last one kept
+    for first, z in motion.blocks(start, before=1):
+        far = (np.linalg.norm(np.diff(z, axis=0), axis=1) > step).tolist()
+        i, chunk = (0 if first == start else 1), 32
+        while i < len(z):
+            if i and first + i - 1 == kept[-1] and far[i - 1]:
+                kept.append(first + i)
+                here, farthest, chunk, i = z[i], 0.0, 32, i + 1
+                continue
+            gap = z[i : i + chunk] - here
+            squares = np.einsum("ij,ij->i", gap, gap)
+            hit = squares > step * step
+            found = int(np.argmax(hit))
+            if hit[found]:
+                i += found
+                kept.append(first + i)
+                here, farthest, chunk, i = z[i], 0.0, 32, i + 1
+                continue
+            best = int(np.argmax(squares))
+            if squares[best] > farthest:
+                farthest, tip = float(squares[best]), first + i + best
+            i, chunk = i + chunk, min(2 * chunk, 8192)
+        if most is not None and len(kept) >= most:
+            return np.array(kept), False
+    if farthest > margin * margin:
+        kept.append(tip)
+    return np.array(kept), True
+
+
+def _with_corners(motion: ToolMotion, index: Indices, margin: float) -> Indices:
+    """Anchors, and between two of them the sample farthest from their chord, if over a margin [m] off it."""
+    count = len(index) - 1
+    ends = motion.at(index)
+    worst, at = np.full(count, margin), np.full(count, -1)
+    for first, z in motion.blocks(int(index[0]), int(index[-1])):
+        samples = np.arange(first, first + len(z))
+        interval = np.searchsorted(index, samples, side="right") - 1
+        start, chord = ends[interval], ends[interval + 1] - ends[interval]
+        squared = np.maximum(np.einsum("ij,ij->i", chord, chord), 1e-300)
+        lever = z - start
+        share = np.clip(np.einsum("ij,ij->i", lever, chord) / squared, 0.0, 1.0)
+        off = np.linalg.norm(lever - share[:, None] * chord, axis=1)
+        begins = np.flatnonzero(np.diff(interval, prepend=-1))
+        here = interval[begins]
+        most = np.maximum.reduceat(off, begins)
+        over = here[most > worst[here]]
+        if len(over):
+            worst[here] = np.maximum(worst[here], most)
+            rows = np.flatnonzero((off == worst[interval]) & np.isin(interval, over))
+            at[interval[rows[::-1]]] = samples[rows[::-1]]  # the first of equals
+    return np.sort(np.concatenate([index, at[at >= 0]]))

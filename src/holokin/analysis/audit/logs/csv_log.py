@@ -1,0 +1,182 @@
+"""Reads joints over time from CSV files: their stamps, and joints in the robot's order."""
+
+from __future__ import annotations
+
+import re
+from array import array
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ....base.csv_table import Rows, read_table
+from ....base.errors import RecordingError
+from ....base.time_columns import UNITS, WORDS, TimeColumns, no_time, time_columns, unit_in, unit_of
+from ....base.types import Matrix, Vector
+from ....robot import Robot
+from .headless import guessed, numbered
+from .joint_columns import (
+    NUMBER,
+    Columns,
+    column_named,
+    columns_named,
+    joint_columns,
+    names_beside,
+    plain_name,
+    scale_of,
+)
+from .log_samples import Samples
+
+CURE = "log a header and at least two cycles"
+_WHOLE = re.compile(r"[+-]?\d{1,19}")
+
+
+def read_csv(
+    file: Path, robot: Robot, columns: Columns | None = None, time: str | None = None, *, skip_bad: bool = False
+) -> Samples:
+    """The samples of a CSV file; columns and time name its columns, of a file without a header by their numbers.
+
+    skip_bad: rows that cannot be read are left out and counted; else the first one is refused.
+
+    Raises:
+        RecordingError. UnknownNameError, ArgumentError: as `columns_named`.
+    """
+    times: list[TimeColumns] = []
+    notes: list[str] = []
+    bad: list[RecordingError] | None = [] if skip_bad else None
+
+    def headless(cells: Sequence[str]) -> list[str]:
+        if columns is None and time is None:
+            names, note = guessed(file, cells, robot)
+            notes.append(note)
+            return names
+        first = "" if time is not None else "column 1 was taken for the time, "
+        notes.append(f"no header: {first}columns by their numbers")
+        return [*(["t"] if time is None else ["1"]), *numbered(cells)[1:]]
+
+    scales: list[float] = []
+    labels: list[int] = []
+    joints: list[_JointsByName] = []
+
+    def wanted(names: Sequence[str]) -> list[int]:
+        header = [plain_name(name) for name in names]
+        if time is None:
+            found = time_columns(names)
+            if found is None:
+                raise no_time(file, header)
+            times.append(found)
+        else:
+            place = column_named(file, header, time, "the time")
+            times.append(TimeColumns((place,), unit_in(names[place])))
+        beside = names_beside(header)
+        others = lambda joints: joint_columns(file, header, robot, joints)  # noqa: E731
+        if columns is not None:
+            places = columns_named(file, header, robot, columns, others)
+        else:
+            places = [] if beside and not set(robot.joint_names) <= set(header) else others(robot.joint_names)
+        if beside and set(places) <= set(beside):
+            given = [list(beside).index(place) for place in places] or None
+            joints.append(_JointsByName(file, robot, given, isinstance(columns, str) and NUMBER in columns))
+            labels.extend(beside.values())
+            notes.append(f"joints by their names in {names[labels[0]]} to {names[labels[-1]]}")
+            places = list(beside)
+        scales.extend(scale_of(names[place]) for place in places)
+        return [*times[0].places, *places]
+
+    stamps: _Stamps | None = None
+    q, numbers = array("d"), array("q")
+    cure = "t and the robot's joints"
+    for rows in read_table(file, wanted, CURE, cure, headless=headless, bad=bad, labels=labels):
+        count = len(times[0].places)
+        stamps = stamps or _Stamps(times[0])
+        stamps.add(rows.table[:, :count], rows.texts)
+        values = rows.table[:, count:] * scales
+        q.frombytes((joints[0].ordered(values, rows) if joints else values).tobytes())
+        numbers.extend(rows.lines)
+    if stamps is None:
+        raise RecordingError(file, "has a header but no samples", "log at least two cycles")
+    if bad:
+        rows = "1 row was" if len(bad) == 1 else f"{len(bad)} rows were"
+        notes.append(f"{rows} left out that could not be read; the first: {bad[0].fact}")
+    t, origin = stamps.seconds(file, notes)
+    lines, said = np.frombuffer(numbers, dtype=np.int64), any(scale != 1.0 for scale in scales)
+    return Samples(t, np.frombuffer(q).reshape(len(t), -1), "line", lines, notes, said, origin)
+
+
+class _JointsByName:
+    """Puts values into the robot's order, row by row, where each row names its joints.
+
+    given: places of the joints among the names, as the user says them, for names that are not the robot's. pattern:
+    they follow from a pattern, which says no joint's name; else the names must not say otherwise.
+    """
+
+    def __init__(self, file: Path, robot: Robot, given: Sequence[int] | None, pattern: bool) -> None:
+        self.file, self.robot, self.given, self.pattern = file, robot, given, pattern
+        self.known: dict[tuple[str, ...], Sequence[int]] = {}
+
+    def ordered(self, values: Matrix, rows: Rows) -> Matrix:
+        """Values (k, c) of the named joints -> (k, n). Raises: RecordingError."""
+        places = np.empty((len(values), self.robot.n), dtype=np.intp)
+        for k, names in enumerate(rows.labels):
+            if names not in self.known:
+                self.known[names] = self._places(names, rows.lines[k])
+            places[k] = self.known[names]
+        return np.take_along_axis(values, places, axis=1)
+
+    def _places(self, names: Sequence[str], line: int) -> Sequence[int]:
+        joints = self.robot.joint_names
+        try:
+            found = joint_columns(self.file, names, self.robot, joints, f"names in line {line}")
+        except RecordingError:
+            if self.given is None or self.known:
+                raise
+            return self.given
+        if self.given is not None and not self.pattern and list(self.given) != found:
+            i = next(i for i in range(len(joints)) if self.given[i] != found[i])
+            fact = f"line {line} names {names[self.given[i]]!r} where --columns says {joints[i]!r}"
+            raise RecordingError(self.file, fact, "leave out --columns (columns=...): the names in the file are used")
+        return found
+
+
+class _Stamps:
+    """Times, piece by piece: as numbers, and as exact integers as long as all are whole."""
+
+    def __init__(self, columns: TimeColumns) -> None:
+        self.split, self.unit, self.whole, self.origin = columns.split, columns.unit, not columns.split, 0.0
+        self.values, self.ticks = array("d"), array("q")
+
+    def add(self, table: Matrix, texts: Sequence[str]) -> None:
+        """Add the time columns of some rows, and the text of the first."""
+        if self.split:
+            self.origin = self.origin if self.values else float(table[0, 0])
+            with np.errstate(over="ignore"):
+                self.values.frombytes((table[:, 0] - self.origin + 1e-9 * table[:, 1]).tobytes())
+            return
+        self.values.frombytes(table[:, 0].tobytes())
+        if self.whole and all(_WHOLE.fullmatch(text) for text in texts):
+            try:
+                self.ticks.extend(int(text) for text in texts)
+            except OverflowError:
+                self.whole = False
+        else:
+            self.whole = False
+
+    def seconds(self, file: Path, notes: list[str]) -> tuple[Vector, float]:
+        """(seconds since the first stamp, that stamp), or (seconds, 0.0) of small ones; differences of whole stamps are
+        exact. The unit is that of the header, else that of `unit_of`.
+        """
+        t = np.frombuffer(self.values)
+        if self.split:
+            return t, self.origin
+        first = float(t[0])
+        with np.errstate(over="ignore"):  # an infinite span is refused later, as all over three centuries
+            if self.whole and np.abs(t).max() < 2**62:  # no difference overflows
+                ticks = np.frombuffer(self.ticks, dtype=np.int64)
+                since = (ticks - ticks[0]).astype(float)
+            else:
+                since = t - first
+            unit = self.unit or unit_of(file, t, steady=True)
+            if self.unit is None and unit != "s":
+                notes.append(f"stamps read as {WORDS[unit]}")
+            size = UNITS[unit]
+            return (since * size, first * size) if abs(first * size) > 1e6 or size < 1 else (t, 0.0)

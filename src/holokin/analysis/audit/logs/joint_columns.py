@@ -1,0 +1,135 @@
+"""Columns of a log that somebody else named: which of them is which joint, and which the time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from math import pi
+from pathlib import Path
+
+from ....base.errors import ArgumentError, RecordingError, UnknownNameError, closest
+from ....base.given_files import listed, shown
+from ....robot import Robot
+from .log_samples import joints_missing
+
+Columns = str | Sequence[str] | Mapping[str, str]
+"""Columns of the joints: names in the robot's order; joint -> name; or text, "a, b, c", "elbow=a, wrist=b", "q_%d"."""
+
+NUMBER = "%d"
+"""Stands in a pattern for the number of a joint, counted from 0, or from 1 where the file has no column with 0."""
+
+
+_OTHER = re.compile(
+    r"(^|[^a-z])(d|dq|vel|velocity|velocities|eff|effort|torque|tau|acc|accel|acceleration|current|desired|target|cmd|"
+    r"command|commanded|goal|error)([^a-z]|$)"
+)
+_NAMES = re.compile(r"(.*?)name(\W?\d+\W?)")
+_POSITION = re.compile(r"[./_: ](position|positions|pos|q|actual)$", re.IGNORECASE)
+
+
+def plain_name(name: str) -> str:
+    """The name of a column without a unit in brackets that is understood, as in "time [s]"; with another as it is."""
+    return re.sub(r"\s*\[(s|rad|m|deg|mm)\]$", "", name)
+
+
+def scale_of(name: str) -> float:
+    """By what a column is multiplied to be in rad or m: of "NAME [deg]" and "NAME [mm]"; 1 without these units."""
+    unit = re.search(r"\[(deg|mm)\]$", name)
+    return 1.0 if unit is None else {"deg": pi / 180, "mm": 1e-3}[unit[1]]
+
+
+def column_named(file: Path, header: Sequence[str], name: str, what: str, noun: str = "column") -> int:
+    """The place of a column, or another noun. Raises: RecordingError, which names the nearest."""
+    name = plain_name(name)
+    if name in header:
+        return header.index(name)
+    fact = f"there is no {noun} {shown(name)!r} for {what}"
+    raise RecordingError(file, fact, closest(name, [shown(column) for column in header if column]))
+
+
+def columns_named(
+    file: Path, header: Sequence[str], robot: Robot, columns: Columns, others: Callable[[Sequence[str]], list[int]],
+    noun: str = "column",
+) -> list[int]:  # fmt: skip
+    """The places of the robot's joints, in its order.
+
+    Args:
+        others: finds the joints that a mapping does not name.
+
+    Raises:
+        RecordingError: the file has no such column. ArgumentError: too few or too many, or one column for two joints.
+        UnknownNameError: a joint that the robot has not.
+    """
+    names = _in_words(header, robot, columns) if isinstance(columns, str) else columns
+    if isinstance(names, Mapping):
+        for joint in names:
+            if joint not in robot.joint_names:
+                raise UnknownNameError(f"joint of {robot.name!r}", joint, robot.joint_names)
+        chosen = {joint: names[joint] for joint in robot.joint_names if joint in names}
+    else:
+        if len(names) != robot.n:
+            order = ", ".join(robot.joint_names)
+            cure = f'name {robot.n} columns in the order {order}, or a pattern "q_{NUMBER}", or joint=column'
+            raise ArgumentError("columns", columns, cure)
+        chosen = dict(zip(robot.joint_names, names, strict=True))
+    for joint, name in chosen.items():
+        if not isinstance(name, str):
+            raise ArgumentError(f"the column of joint {joint!r}", name, "give its name in the header")
+    found = {joint: column_named(file, header, name, f"joint {joint!r}", noun) for joint, name in chosen.items()}
+    rest = [joint for joint in robot.joint_names if joint not in found]
+    found |= dict(zip(rest, others(rest), strict=True))
+    places = [found[joint] for joint in robot.joint_names]
+    for i, place in enumerate(places):
+        if place in places[:i]:
+            two = f"{robot.joint_names[places.index(place)]} and {robot.joint_names[i]}"
+            raise ArgumentError("columns", columns, f"{noun} {header[place]!r} cannot be both {two}: give each its own")
+    return places
+
+
+def _in_words(header: Sequence[str], robot: Robot, text: str) -> Sequence[str] | Mapping[str, str]:
+    """Columns as they are typed."""
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) == 1 and NUMBER in text and parts[0] not in header:
+        first = 0 if text.strip().replace(NUMBER, "0") in header else 1
+        return [text.strip().replace(NUMBER, str(first + i)) for i in range(robot.n)]
+    pairs = [part.partition("=") for part in parts]
+    if all(between for _, between, _ in pairs) and not set(parts) <= set(header):
+        return {joint.strip(): column.strip() for joint, _, column in pairs}
+    return parts
+
+
+def names_beside(header: Sequence[str]) -> dict[int, int]:
+    """Columns of positions, and beside each the column that names its joint in every row, as `field.name0` names that
+    of `field.position0`."""
+    found = {}
+    for i, column in enumerate(header):
+        match = _NAMES.fullmatch(column)
+        position = f"{match[1]}position{match[2]}" if match else ""
+        if position in header:
+            found[header.index(position)] = i
+    return found
+
+
+def joint_columns(
+    file: Path, header: Sequence[str], robot: Robot, joints: Sequence[str], what: str = "columns"
+) -> list[int]:
+    """The places of joints by their own names, with or without a prefix. Raises: RecordingError."""
+    chosen, missing = [], []
+    for joint in joints:
+        exact = [i for i, column in enumerate(header) if column == joint]
+        ends = re.compile(rf"(^|[^A-Za-z0-9]){re.escape(joint)}$")
+        near = exact or [i for i, column in enumerate(header) if ends.search(_POSITION.sub("", column))]
+        if len(near) > 1 and not exact:
+            rates = [i for i in near if _OTHER.search(header[i].lower().replace(joint.lower(), ""))]
+            near = [i for i in near if i not in rates]
+        if len(near) > 1:
+            names = listed([repr(header[i]) for i in near])
+            fact = f"joint {joint!r} could be any of the {what} {names}"
+            raise RecordingError(file, fact, "keep or name one of them, by --columns (columns=...)")
+        if near:
+            chosen.append(near[0])
+        else:
+            missing.append(joint)
+    if missing:
+        raise joints_missing(file, missing, header, what, robot)
+    return chosen

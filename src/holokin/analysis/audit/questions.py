@@ -1,0 +1,390 @@
+"""The questions that `audit` asks of a law. Each runs it, through `simulate`, and judges where the joints end.
+
+A question answers with a sentence and its metrics, by name [joint units unless the name says else].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...base.errors import ArgumentError, ControllerError, HolokinError
+from ...base.types import Matrix, Vector
+from ...motion import simulate
+from ...motion.control import ControlLaw
+from ...motion.trajectory import Trajectory, whole_turns
+from ...path import Path
+from ...path.straight_path import rotation_vector
+from ...strategies import self_motion
+from ...strategies.tasks.task import Task
+from ..curvature.curvature_of_planes import pairs
+from .equal_poses import Repeatability
+from .planes import area_unit, enclosed, plane_loop, plane_name, plane_path, sides
+
+Answer = tuple[str, dict[str, float]]
+
+NO_DRIFT = 1e-5
+"""Drift [joint units] of a loop of 0.07 m by 0.07 m that is none: a curvature of 0.002 per square metre."""
+
+FOLLOWED = 0.3
+"""Tool error, as a share of the loop's reach from its start, beyond which the law did not go round the loop: a law that
+stands still, or leaves the orientation alone, drifts nowhere. Soft laws with errors of 3 cm on 0.14 m still count."""
+
+SIZES = (1.0, 0.5, 0.25)
+"""Sizes of the loop in a plane, as a share of `planes.SIDES`: where the tool cannot go round one, the next is tried."""
+
+SMALL = 0.7
+"""Size of the small loops, and half of it, as a share of `planes.SIDES`: 0.07 m or 0.14 rad, of an area like that of a
+circle of 0.04 m in radius."""
+
+TURNED, HURRIED, BENT = 0.5, 0.05, 0.05
+"""Change up to which a law is of the form dq = G(q) x', as a share of a small loop's drift: of that drift when the loop
+is reversed, when it is gone round at half the speed, and of where the joints end when stairs replace a line. There
+each is 0 but for terms of higher order in the size and for the error of the step: 0.015, 0.0005 and 0.003 were met."""
+
+STAIRS = 8
+"""Stairs instead of a straight line, and twice as many: a side of 7 cm in 4 s is then 6 steps of 0.02 s long."""
+
+AREA = (2.8, 5.6)
+"""Ratio of the drifts of two small loops, one twice as large, that is near to 4, that of their areas: half-way, on a
+scale of ratios, to 2, that of lengths, and to 8, that of a curvature that is 0 at the start and rises from there."""
+
+LEAST_SMALL = 0.02
+"""Drift of the smaller loop, as a share of the larger one's, below which the larger one is reversed and slowed."""
+
+ALIKE = 1e-6
+"""Difference of two answers, as a share of the answer, up to which they are the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class AuditSetup:
+    """What every question needs."""
+
+    law: ControlLaw
+    task: Task
+    q0: Vector
+    dt: float
+    cycles: int
+    patience: float
+    tolerance: float
+
+    @cached_property
+    def tool(self) -> Matrix:
+        """The tool pose (4, 4) at the start."""
+        return self.task.pose(self.q0)
+
+    def run(self, path: Path, q0: Vector | None = None, *, cycles: int = 1, dt: float | None = None) -> Trajectory:
+        """One run of the law. Raises: ControllerError."""
+        return self.run_of(self.law, path, q0, cycles=cycles, dt=dt)
+
+    def run_of(
+        self, law: ControlLaw, path: Path, q0: Vector | None = None, *, cycles: int = 1, dt: float | None = None
+    ) -> Trajectory:
+        """One run of another law, such as this one watched. Raises: ControllerError."""
+        begin = self.q0 if q0 is None else q0
+        return simulate(law, self.task, path, begin, dt=dt or self.dt, cycles=cycles, patience=self.patience)
+
+    def first_walk(self, path: Path) -> Trajectory:
+        """All cycles round a loop. Raises: ControllerError."""
+        return self.run(path, cycles=self.cycles)
+
+    def loop(self, plane: tuple[int, int], scale: float = 1.0) -> Path:
+        """`plane_loop` from the start. Raises: SingularityError."""
+        return plane_loop(self.task, self.tool[:3, 3], self.tool[:3, :3], *plane, scale)
+
+    def went_round(self, walk: Trajectory, path: Path) -> str:
+        """Why the tool did not go along the path; empty if it did."""
+        at = path.at(np.linspace(0.0, path.duration, 65))
+        reach = {
+            "m": float(np.linalg.norm(at.position - path.start, axis=1).max()),
+            "rad": float(np.linalg.norm(rotation_vector(at.rotation), axis=1).max()),
+        }
+        for unit, far in reach.items():
+            off = walk.tracking_error(unit)
+            if off > FOLLOWED * far and off > self.tolerance:
+                return (
+                    f"the tool did not follow: up to {off:.3g} {unit} off, on a path that leads {far:.3g} {unit} away"
+                )
+        return ""
+
+
+def largest(difference: Vector) -> float:
+    """The largest joint's difference."""
+    return float(np.abs(difference).max())
+
+
+def ask_cycles(setup: AuditSetup, path: Path) -> Answer:
+    """Drift per cycle and after all, how it goes on, and the worst tracking. Raises: ControllerError."""
+    walk = setup.run(path, cycles=setup.cycles)
+    unfollowed = setup.went_round(walk, path)
+    if unfollowed:
+        raise ControllerError(setup.law.name, unfollowed, walk)
+    fine = setup.run(path, dt=setup.dt / 2)
+    each = np.abs(walk.drift()).max(axis=1)
+    total = largest(walk.drift_since_start()[-1])
+    finer = fine.drift()[0]
+    law = largest(2 * finer - walk.drift()[0])  # the step's share falls with the step: this is what is left of it
+    metrics = {
+        "first": float(each[0]), "last": float(each[-1]), "after_all": total, "first_without_step": law,
+        "tracking_m": walk.tracking_error(), "tracking_rad": walk.tracking_error("rad"),
+    }  # fmt: skip
+    track = f"tracks to {1e3 * metrics['tracking_m']:.3g} mm"
+    if walk.tracking_error("rad") > 0:
+        track += f", {metrics['tracking_rad']:.2g} rad"
+    sentences = {
+        Repeatability.REPEATS: f"back within {max(float(each.max()), total):.1e} after {setup.cycles} cycles",
+        Repeatability.BUT_FOR_THE_STEP: f"drifts {each[0]:.2g} a cycle, by its step of {setup.dt:g} s alone",
+        Repeatability.CONVERGES: f"drifts {each[0]:.3g} in the first cycle, {each[-1]:.2g} in the last: converges",
+        Repeatability.DRIFTS: f"drifts {each[0]:.3g} in the first cycle, {each[-1]:.3g} in cycle {setup.cycles}, "
+        f"{total:.3g} in all",
+    }
+    wound = whole_turns(2 * finer - walk.drift()[0], walk.joint_units, setup.tolerance)
+    turned = [f"{name} by {k:+d}" for name, k in zip(walk.joint_names, wound, strict=True) if k]
+    if turned:
+        track = f"whole turns in the first cycle: {', '.join(turned)}; {track}"
+    return f"{sentences[of_cycles(metrics, setup.tolerance, setup.cycles)]}; {track}", metrics
+
+
+def of_cycles(metrics: dict[str, float], tolerance: float, cycles: int) -> Repeatability:
+    """What the cycles of one loop say."""
+    first, last = metrics["first"], metrics["last"]
+    if max(first, metrics["after_all"]) <= tolerance:
+        return Repeatability.REPEATS
+    if step_alone(first, metrics["first_without_step"], tolerance) and metrics["after_all"] <= 1.5 * cycles * first:
+        return Repeatability.BUT_FOR_THE_STEP
+    if last <= 0.5 * first or (last <= tolerance < first):
+        return Repeatability.CONVERGES
+    return Repeatability.DRIFTS
+
+
+def step_alone(drift: float, without_step: float, tolerance: float) -> bool:
+    """Whether a drift beyond the tolerance is the error of the step and no more."""
+    return without_step <= min(tolerance, 0.1 * drift)
+
+
+@dataclass(frozen=True)
+class PlaneDrift:
+    """One loop in the plane of two task rows: its drift.
+
+    plane: (i, j); name: of the two rows. drift [joint units]: the largest joint's, without the share of the step;
+    as_run: with it. per_area: drift over the area enclosed [unit]. size: the loop's sides, 1 for 0.1 m or 0.2 rad
+    (of loops that were given: the root of the area). untested: why nothing is known of this plane; empty if something
+    is. failed: the law failed there.
+    """
+
+    plane: tuple[int, int]
+    name: str
+    drift: float = float("nan")
+    as_run: float = float("nan")
+    per_area: float = float("nan")
+    unit: str = ""
+    size: float = 0.0
+    untested: str = ""
+    failed: bool = False
+
+    @property
+    def tested(self) -> bool:
+        """Whether a loop enclosed area in this plane, and the tool went round it."""
+        return not self.untested
+
+
+def ask_plane(setup: AuditSetup, plane: tuple[int, int]) -> PlaneDrift:
+    """The drift of one loop in a plane. A law's fault there is told in the answer."""
+    name, unfollowed = plane_name(setup.task, *plane), ""
+    try:
+        for size in SIZES:
+            path = setup.loop(plane, size)
+            walk = setup.run(path)
+            why = setup.went_round(walk, path)
+            unfollowed = unfollowed or why
+            if not why:
+                return _plane_drift(setup, plane, name, path, walk, size)
+    except ControllerError as problem:
+        return PlaneDrift(plane, name, untested=problem.fact, failed=True)
+    except ArgumentError:
+        raise
+    except HolokinError as problem:
+        return PlaneDrift(plane, name, untested=str(problem), failed=True)
+    return PlaneDrift(plane, name, untested=unfollowed)
+
+
+def _plane_drift(
+    setup: AuditSetup, plane: tuple[int, int], name: str, path: Path, walk: Trajectory, size: float
+) -> PlaneDrift:  # fmt: skip
+    drift = walk.drift()[0]
+    as_run = largest(drift)
+    if as_run > NO_DRIFT:
+        drift = 2 * setup.run(path, dt=setup.dt / 2).drift()[0] - drift
+    a, b = sides(setup.task, *plane)
+    area = a * b * abs(float(enclosed(setup.task, path, setup.tool[:3, :3])[plane]))
+    unit = f"{walk.joint_units[int(np.abs(drift).argmax())]} per {area_unit(setup.task, *plane)}"
+    return PlaneDrift(plane, name, largest(drift), as_run, largest(drift) / area, unit, size)
+
+
+def worst_plane(planes: Sequence[PlaneDrift]) -> PlaneDrift | None:
+    """The plane whose loop drifts most."""
+    known = [p for p in planes if p.tested and np.isfinite(p.drift)]
+    return max(known, key=lambda p: p.drift, default=None)
+
+
+def tell_planes(setup: AuditSetup, planes: Sequence[PlaneDrift]) -> Answer:
+    """The planes in one sentence: the worst, and those that were not tested."""
+    worst = worst_plane(planes)
+    metrics = {p.name: p.drift for p in planes if p.tested and np.isfinite(p.drift)}
+    said = []
+    if worst is not None:
+        long = zip(sides(setup.task, *worst.plane, worst.size), worst.plane, strict=True)
+        a, b = (f"{side:g} {setup.task.units[k]}" for side, k in long)
+        metrics["worst_per_area"] = worst.per_area
+        said.append(
+            f"{len(metrics) - 1} of {len(planes)} tested, one loop each: the largest drift, {worst.drift:.2g}, is in "
+            f"{worst.name}, with a loop of {a} by {b} ({worst.per_area:.3g} {worst.unit})"
+        )
+        if step_alone(worst.as_run, worst.drift, setup.tolerance):
+            said[-1] += f" ({worst.as_run:.2g} with the error of the step)"
+    elif any(p.tested for p in planes):
+        said.append(f"your loops enclose area in {', '.join(p.name for p in planes if p.tested)}")
+    elif not planes:
+        said.append("a task of one row has none: every closed path goes there and back")
+    said += [f"NOT tested: {told}" for told in by_reason([p for p in planes if not p.failed])]
+    return "; ".join(said), metrics
+
+
+def by_reason(planes: Sequence[PlaneDrift]) -> list[str]:
+    """The planes that were not tested, those with one reason together: "x-y, x-z (why)"."""
+    reasons: dict[str, list[str]] = {}
+    for p in planes:
+        if p.untested:
+            reasons.setdefault(p.untested, []).append(p.name)
+    return [f"{', '.join(names)} ({why})" for why, names in reasons.items()]
+
+
+def ask_two_paths(setup: AuditSetup, path: Path) -> Answer:
+    """Two paths to one tool pose from the start. Raises: ControllerError."""
+    a, b = path.halves()
+    fresh = largest(setup.run(a).q[-1] - setup.run(b).q[-1])
+    finer = largest(setup.run(a, dt=setup.dt / 2).q[-1] - setup.run(b, dt=setup.dt / 2).q[-1])
+    metrics = {"apart": fresh, "of_the_step": 2 * abs(fresh - finer)}
+    same = fresh <= setup.tolerance + metrics["of_the_step"]
+    return f"{'the same' if same else 'not the same'} joints by two paths to one pose: {fresh:.2g} apart", metrics
+
+
+def ask_speed(setup: AuditSetup, path: Path) -> Answer:
+    """The same half loop at half and at twice the speed; the step is scaled along, so its error is not counted.
+
+    Raises:
+        ControllerError.
+    """
+    half = path.part(0.0, 0.5)
+    ends = [setup.run(half.at_speed(path.speed * k, path.angular_speed * k)).q[-1] for k in (0.5, 1.0, 2.0)]
+    scaled = setup.run(half.at_speed(path.speed * 2, path.angular_speed * 2), dt=setup.dt / 2).q[-1]
+    apart = max(largest(ends[0] - ends[1]), largest(ends[2] - ends[1]))
+    step = 2 * largest(ends[2] - scaled)
+    same = apart <= setup.tolerance + step
+    metrics = {"apart": apart, "of_the_step": step}
+    said = f"the joints {'do not depend' if same else 'depend'} on the speed"
+    ends = f"at half and at twice the speed they end at most {apart:.2g} from where they end at the normal speed"
+    return f"{said}: {ends}", metrics
+
+
+def ask_start(setup: AuditSetup, path: Path) -> Answer:
+    """From another posture with the same tool pose: does the difference stay, or does the law forget it?
+
+    Raises:
+        ControllerError.
+    """
+    if setup.task.n - setup.task.m != 1:
+        return "not asked: only the self-motions of one redundant joint are curves", {}
+    curve = self_motion(setup.task, setup.q0, step=0.02, length=0.1, limits=bool(setup.task.robot.within(setup.q0)))
+    other = curve.q[int(np.argmax(np.abs(curve.s)))]
+    before = largest(other - setup.q0)
+    ends = [setup.run(path, q, cycles=setup.cycles).q[-1] for q in (setup.q0, other)]
+    after = largest(ends[1] - ends[0])
+    metrics = {"before": before, "after": after}
+    said = "forgets" if after < 0.5 * before else "keeps"
+    two = f"two runs, from different postures, are {before:.2g} apart at first and {after:.2g} apart"
+    return f"{said} its start: {two} after {setup.cycles} cycles", metrics
+
+
+def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
+    """Is the law of the form dq = G(q) x'? Then small loops drift back if reversed, and alike at half the speed.
+
+    And does it go as well by fine stairs as straight, as it does where dq is linear in x'? Then a loop drifts by
+    area times curvature: as the size squared where that is alike all over the loop, else as it may.
+
+    Raises:
+        ControllerError, SingularityError.
+    """
+    if plane is None:
+        return "not asked: a task of one row has no plane to loop in", {}
+    name = plane_name(setup.task, *plane)
+    (big, shared), (small, _) = (_loop_drift(setup, plane, scale) for scale in (SMALL, SMALL / 2))
+    larger = largest(small) < LEAST_SMALL * largest(big)  # then the small one is next to its own round-off and step
+    scale, forward = (SMALL, big) if larger else (SMALL / 2, small)
+    back, _ = _loop_drift(setup, plane, scale, backward=True)
+    slow, _ = _loop_drift(setup, plane, scale, seconds=8.0)
+    size = max(largest(forward), 1e-15)
+    a, b = sides(setup.task, *plane, scale)
+    metrics = {
+        "ratio": largest(big) / max(largest(small), 1e-15), "turned": largest(forward + back) / size,
+        "hurried": largest(forward - slow) / size, "drift_per_area": size / (a * b),
+    }  # fmt: skip
+    metrics["drift"] = 0.0 if largest(big) <= max(NO_DRIFT, 0.1 * shared) else largest(big)
+    if not metrics["drift"]:
+        return f"none drifts in {name}: {largest(big):.1e} at the most", metrics
+    facts = (
+        f"in {name}: a loop of twice the size drifts {metrics['ratio']:.2f} times as far; the drift forward plus "
+        f"the drift backward is {metrics['turned']:.0%} of the drift forward; half the speed changes the drift by "
+        f"{metrics['hurried']:.0%}"
+    )
+    if metrics["turned"] < TURNED and metrics["hurried"] < HURRIED:
+        metrics["stairs"] = _stairs_gap(setup, plane, scale) / size
+        change = f"change it by {metrics['stairs']:.0%}"
+        facts += f", many small steps, each along one task row, instead of straight lines {change}"
+    if not metrics.get("stairs", np.inf) < BENT:
+        law = "With this form, (1) a loop of twice the size drifts about 4 times as far where the curvature is about "
+        law += "constant, (2) the drifts forward and backward cancel, (3) another speed gives the same drift, (4) many "
+        law += "small steps, each along one task row, lead to the same joints as straight lines"
+        return f"not of the form dq = G(q) x', because the drifts do not fit it ({facts}). {law}", metrics
+    per = f"{metrics['drift_per_area']:.3g} per {area_unit(setup.task, *plane)}"
+    curved = ""
+    if metrics["ratio"] >= AREA[1]:
+        curved = " with a curvature that rises from about 0 at the start"
+    elif metrics["ratio"] <= AREA[0]:
+        curved = " with a curvature that changes within the loops"
+    return f"obey the area law{curved} ({facts}): a local strategy dq = G(q) x', {per}", metrics
+
+
+def _stairs_gap(setup: AuditSetup, plane: tuple[int, int], scale: float) -> float:
+    """How far joints by ever finer stairs end from those by the straight line, less the area between, which falls."""
+    ends = []
+    for stairs in (0, STAIRS, 2 * STAIRS):
+        path = plane_path(setup.task, setup.tool[:3, 3], setup.tool[:3, :3], *plane, scale, stairs)
+        slower = path.duration / 4.0
+        path = path.at_speed(path.speed * slower, path.angular_speed * slower)
+        q, finer = (setup.run(path, dt=dt).q[-1] for dt in (setup.dt, setup.dt / 2))
+        ends.append(2 * finer - q)
+    straight, coarse, fine = ends
+    return largest(2 * fine - coarse - straight)
+
+
+def _loop_drift(
+    setup: AuditSetup, plane: tuple[int, int], scale: float, *, backward: bool = False, seconds: float = 4.0
+) -> tuple[Vector, float]:  # fmt: skip
+    """(drift (n,) of a small loop without the share of the step, that share)."""
+    loop = setup.loop(plane, scale)
+    loop = loop.reversed() if backward else loop
+    slower = loop.duration / seconds
+    loop = loop.at_speed(loop.speed * slower, loop.angular_speed * slower)
+    d, finer = (setup.run(loop, dt=dt).drift()[0] for dt in (setup.dt, setup.dt / 2))
+    return 2 * finer - d, largest(finer - d)  # the step's share falls with the step
+
+
+def widest(setup: AuditSetup, planes: Sequence[PlaneDrift]) -> tuple[int, int] | None:
+    """The plane for small loops: that which drifts most, else that in which the loops enclose most area."""
+    worst = worst_plane(planes) or max((p for p in planes if p.tested), key=lambda p: p.size, default=None)
+    every = pairs(setup.task.m)
+    return worst.plane if worst is not None else every[0] if every else None

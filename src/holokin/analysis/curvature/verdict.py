@@ -1,0 +1,179 @@
+"""`Verdict`: what `involutivity` found, where, and what is known beyond the postures judged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+
+from ...base.arguments import typed
+from ...base.errors import posture_text
+from ...base.shown import Shown
+from ...base.types import NoTruthValue, Value, Vector
+from ...strategies import Jump
+from .region import Region
+
+
+class Evidence(Enum):
+    """What is known of the postures between those judged, when no curvature was found."""
+
+    CONSTRAINT = (
+        "its planes are normal to the gradient of its constraint, so wherever that is smooth and [J; J_g] regular the "
+        "curvature vanishes: the sampling checks the program"
+    )
+    TRIGONOMETRIC = (
+        "its planes are written with + - * / sin and cos alone, so on every connected set of regular postures its "
+        "curvature, in exact numbers, vanishes throughout or only on a thin set; in a small place between the samples "
+        "it can still stand out, as with high powers; thorough=True looks at more"
+    )
+    SAMPLED = (
+        "nothing is known of the postures between, since its planes are also written with {others}, with which "
+        "curvature can be confined to a small place; thorough=True looks at more"
+    )
+    DIFFERENCES = (
+        "nothing is known of the postures between, and jumps are not sought, since it is a Python function; a whole "
+        "number for `thorough` looks at so many postures"
+    )
+
+
+@dataclass(frozen=True)
+class Accuracy(Shown):
+    """How well curvature is known that was computed by differences of values.
+
+    error: what a relative curvature [1/rad] may be wrong by, at the worst posture judged. noise: of the values of G,
+    a standard deviation [their units]. step: the shortest one of the differences [joint units].
+    """
+
+    error: float
+    noise: float
+    step: float
+
+    def __str__(self) -> str:
+        return (
+            f"by differences of values with a noise of {self.noise:.0e}, over steps down to {self.step:.0e}, it is "
+            f"known to {self.error:.0e} per rad"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
+    """What `involutivity` found at the postures that it judged.
+
+    `witness` is the posture, and `plane` = (i, j) the plane, where the curvature stands out most: `defect`
+    [`unit`] is |F_ij| there and `relative` [1/rad] |F_ij| / (|G_i| |G_j|), free of the task's units: how fast
+    the planes turn out of themselves per joint motion along them. It decides: not holonomic <=> at a posture judged
+    relative > `tolerance` and it stands out of its round-off, which is measured there (see `roundoff`). A holonomic
+    verdict's `tolerance` is what counts as zero at its witness, that round-off included.
+
+    `samples` postures were judged; `singular` ones were left out, and `undecided` ones, at which round-off passes 1e-6.
+    A verdict of holonomic holds for the postures judged; `evidence` says what is known of those between. For
+    operations `others` in the planes (exp, tanh, if_else, ...) that is nothing: an analytic bump narrower than the
+    gaps between the samples is not seen.
+
+    `may_jump` names the operations of the law's formula that may jump (if_else, floor, ...). Places where they turn
+    over are sought in the region, and `jumps` holds those where g jumps, or where the planes do so that the two sides
+    lead the joints elsewhere: then the law is not holonomic, whether it is `curved` or not. A jump of g alone leaves it
+    holonomic between the jumps; a leaf ends there, and `follow` and `inverse` stop.
+
+    Even with no curvature anywhere in the region, only small closed paths of the tool are sure to bring the joints
+    back: one round a cusp, or round a place where the strategy is not defined, may not (theory 7.3). On the PPR arm
+    dq_3 = d(atan2(y, x)) / 2 is holonomic, and one round of the origin turns q_3 by pi.
+    """
+
+    holonomic: bool
+    defect: float
+    unit: str
+    relative: float
+    tolerance: float
+    witness: Vector
+    plane: tuple[int, int]
+    direction: Vector
+    samples: int
+    singular: int
+    undecided: int
+    region: Region
+    evidence: Evidence
+    others: tuple[str, ...] = ()
+    subject: str = field(default="strategy")
+    jumps: tuple[Jump, ...] = ()
+    may_jump: tuple[str, ...] = ()
+    curved: bool = False
+    rows: tuple[tuple[str, str], ...] = ()
+    """(name, unit) of the two task rows of `plane`; none for a bare distribution."""
+    accuracy: Accuracy | None = None
+    """How well the curvature is known of a strategy that is a Python function; None of a formula, to round-off."""
+
+    @property
+    def sentence(self) -> str:
+        """The verdict for everybody."""
+        if not self.rows:
+            word, where = ("involutive", "stay in it") if self.holonomic else ("NOT involutive", "leave it")
+            place = f" at the {self.samples} postures judged" if self.holonomic else ""
+            return f"{self.subject} is {word}{place}: the Lie brackets of its fields {where}"
+        if self.holonomic:
+            return (
+                f"{self.subject}, is holonomic at the {self.samples} postures judged{self._between}: where that holds, "
+                "small closed paths of the tool bring the joints back to their start"
+            )
+        if not self.curved:
+            jump = max(self.jumps, key=lambda one: one.planes)
+            return (
+                f"{self.subject}, is NOT holonomic: its planes jump at q = {posture_text(jump.q)} ({jump.what}), where "
+                f"the two sides lead the joints elsewhere, by {jump.planes:.2g} of their motion: a loop of the tool "
+                "across that place leaves them away from their start"
+            )
+        sides = " by ".join(f"0.1 {unit}" for _, unit in self.rows)
+        joint = self.unit.partition("/")[0].replace("joint unit", "m or rad")
+        return (
+            f"{self.subject}, is NOT holonomic: at one posture (the witness) the curvature says that a small loop of "
+            f"the tool of {sides} in {self._plane} leaves the joints about {0.01 * self.defect:.2g} {joint} away from "
+            "their start"
+        )
+
+    @property
+    def reach(self) -> str:
+        """What the verdict says of the postures between those judged, and of long closed paths."""
+        if not self.holonomic:
+            return "one posture is enough to show it"
+        between = self.evidence.value.format(others=", ".join(self.others))
+        if self.may_jump and not self.jumps:
+            between += f"; its formula may jump ({', '.join(self.may_jump)}): no jump was found within the region"
+        return between + ("; a long closed path of the tool may end with other joints" if self.rows else "")
+
+    @property
+    def details(self) -> str:
+        """The figures behind the sentence, and how far it reaches."""
+        return self.told()
+
+    @typed
+    def told(self, names: Sequence[str] = ()) -> str:
+        """`details`, with the joints' names (n,) where postures stand, if they are given."""
+        at = f"{'' if names else 'q = '}{posture_text(self.witness, names)}"
+        left = [f"{self.singular} singular ones"] if self.singular else []
+        left += [f"{self.undecided} whose curvature round-off hides"] if self.undecided else []
+        skipped = f", {' and '.join(left)} left out" if left else ""
+        known = "" if self.accuracy is None else f"; {self.accuracy}"
+        return (
+            f"defect {self.defect:.3g} {self.unit} in {self._plane} at {at}; {self.relative:.2g} per rad "
+            f"of joint motion, where up to {self.tolerance:.0e} counts as zero{known}; {self.samples} postures judged"
+            f"{skipped}, within {self.region.told(names)}; {self.reach}"
+        )
+
+    @property
+    def _between(self) -> str:
+        """What is to be said of jumps of g."""
+        if not self.jumps:
+            return ""
+        jump = max(self.jumps, key=lambda one: one.level)
+        return (
+            f", between the jumps of its g, as by {jump.level:.3g} at q = {posture_text(jump.q)} ({jump.what}), where "
+            "leaves end and `follow` and `inverse` stop"
+        )
+
+    @property
+    def _plane(self) -> str:
+        names = [name for name, _ in self.rows] or [f"field {k + 1}" for k in self.plane]
+        return f"the {'-'.join(dict.fromkeys(names))} {'plane' if self.rows else 'bracket'}"
+
+    def __str__(self) -> str:
+        return f"{self.sentence}\n  {self.details}"

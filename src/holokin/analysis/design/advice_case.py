@@ -1,0 +1,315 @@
+"""`Case`: a task and a workspace for which laws are tried, and what is found out of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import ArgumentError, HolokinError, OutOfReachError
+from ...base.types import Array, Flags, Matrix, Vector
+from ...motion.checks.check_report import keeps
+from ...motion.checks.keeping_clear import Clearances
+from ...path.workspaces import PoseRange, Workspace, pose_cloud
+from ...robot import check_metres
+from ...strategies.tasks.task import Task
+from ..coverage.candidates import Candidate, candidates
+from ..coverage.coordinates import chart_of, coordinates_of
+from ..coverage.cover_workspace import coverage
+from ..coverage.coverage_result import Coverage, Reach
+from ..coverage.proposed_workspace import reached
+from ..coverage.served_part import largest_part
+from ..coverage.starts import postures_at
+from .advice import CLOSE, EQUAL, PROVABLE, ROOM, Law, Part, alike, ranked
+from .designed_law import Design, design
+from .excess import PARTLY, Excess, Free, beyond_limits, least_near, ratio, rival_of
+from .lower_bound import least_costs
+from .nearby_cusps import MORE_SPEED, NearbyCusps, cusps_near, said_of
+from .objectives import Objective, costs_of
+from .same_laws import distinct, strategy_of
+from .serving_levels import LevelRange, level_range
+from .trials import Poses, Trial, clear_share, posed, tried
+
+POSES, SCREENED = 256, 4
+"""Poses by which laws are compared; every fourth of them chooses leaves. Of even points, 256 tell a share to 2 %."""
+
+DEGREE, DESIGNED = 2, 128
+"""Degree of the polynomials of laws that are designed, and poses that they are made for."""
+
+FASTER = 0.95
+"""Mean squared joint speed, over that of the law designed from the best, of one from another leaf, where both serve,
+from which on a law is designed from that one, too: designs over two laws from one start came out alike to 0.1 %."""
+
+GOALS = {
+    "": {"objective": Objective(squared_speed=1.0), "limits": True},
+    ", off limits": {"objective": Objective(squared_speed=1.0, joint_limits=1.0), "limits": False},
+}
+"""What they are designed for: the least joint speed within the joint limits; where that covers less than the base does,
+a compromise between joint speed and distance to limits."""
+
+MOST = 3
+"""Laws that serve alike whose cusps are looked for, until one has none near the workspace."""
+
+PARTS = 3
+"""Laws whose part of the workspace is looked for where none serves the whole."""
+
+FAR = 2.0
+"""Margin of a designed law, over that which it was to keep at least, from which on limits have not held it."""
+
+FREE = 1e9
+"""Distance from the middle of a joint's range, over half of it, that no joint gets to."""
+
+
+class Case:
+    """A task and a workspace, with what is found out of them on the way to an advice."""
+
+    def __init__(
+        self, task: Task, workspace: Workspace, q0: Vector | None, apart: Clearances | None, proven: Mapping[str, Any],
+        say: Callable[[str], None],
+    ) -> None:  # fmt: skip
+        self.task, self.workspace, self.apart, self.proven, self.say = task, workspace, apart, proven, say
+        T = workspace.poses(POSES)
+        check_metres(task.robot, T, task.tip)
+        say("which poses can be reached")
+        self.Q, self.reach = reached(task, T, q0)
+        if not self.reach.within.any():
+            raise _nothing(task, workspace, self.reach)
+        self.starts = q0[None] if q0 is not None else self._starts(T)
+        self.coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), self.Q[self.reach.anyhow])
+        self.costs = costs_of(task.robot, Objective(squared_speed=1.0), self.coordinates.turns, self.coordinates.spread)
+        self.poses = posed(task, T, self.Q, self.coordinates, self.costs, apart)
+        self.trials: dict[str, Trial] = {}
+        self.made: dict[str, Design] = {}
+        self.checked: dict[str, Coverage] = {}
+        self.cusps: dict[str, NearbyCusps] = {}
+        self.passed_over: Law | None = None
+
+    def _starts(self, T: Array) -> Matrix:
+        """Start postures at the centre, or at the pose nearest to it that is reached."""
+        center = self.workspace.center
+        order = np.argsort(np.linalg.norm(T[:, :3, 3] - center[:3, 3], axis=1), kind="stable")
+        for at in [center, *T[order[self.reach.within[order]]]]:
+            found = postures_at(self.task, at)
+            free = found if self.apart is None else found[self.apart.clear(found)]
+            if len(free):
+                return free
+        return self.Q[self.reach.within][:1]
+
+    def ranked(self) -> tuple[Law, ...]:
+        """All laws, on their best leaves, the best one looked at closely."""
+        rough = self.poses.some(slice(None, None, SCREENED))
+        trials: list[Trial] = []
+        for candidate in candidates(self.task, self.starts):
+            self.say(candidate.name)
+            found = tried(candidate, self.starts, rough)
+            if found:
+                best = ranked(found)[0]
+                trials += tried(_there(candidate), best.q0[None], self.poses)
+        if not trials:
+            raise ArgumentError("the laws that fit", 0, "give another start posture: all are singular at this one")
+        trials = distinct(ranked(trials))
+        trials += self._designed(trials)
+        self.trials = {trial.candidate.name: trial for trial in trials}
+        self.floor = self._floor(trials)
+        laws = ranked(self._law(trial) for trial in trials)
+        while laws[0].name not in self.checked:
+            self.say(f"{laws[0].name}, pose by pose")
+            laws[0] = self._looked_at(laws[0])
+            laws = ranked(laws)
+        return tuple(self._without_cusps(laws))
+
+    def _without_cusps(self, laws: list[Law]) -> list[Law]:
+        """Other things equal, a law without a cusp near the workspace comes first."""
+        best = laws[0]
+        most = MORE_SPEED * best.squared_speed
+        equal = [one for one in laws[1:] if alike(one, best) and one.squared_speed <= most]
+        for law in [best, *equal][:MOST]:
+            self.say(f"{law.name}, its cusps")
+            self.cusps[law.name] = found = cusps_near(law.strategy, law.q0, self.workspace)
+            if found.clear:
+                law = law if law.name in self.checked else self._looked_at(law)
+                if alike(law, best):
+                    self.passed_over = None if law.name == best.name else best
+                    return [law, *(one for one in laws if one.name != law.name)]
+        return laws
+
+    def levels(self, law: Law) -> tuple[LevelRange | None, Sequence[str]]:
+        """The levels of a law that serve the workspace; and what is said of them."""
+        self.say(f"{law.name}, its levels")
+        try:
+            found = level_range(law.strategy, self.workspace, law.q0, say=self.say)
+        except HolokinError as problem:  # of several rows
+            return None, [f"Levels were not looked for: {problem}."]
+        blind = "" if self.apart is None else " Collisions were not looked at for them."
+        return found, [f"Of {law.name!r}, {found.served}.{blind}"]
+
+    def of_cusps(self, law: Law) -> Sequence[str]:
+        """What is said of the cusps of the law that was chosen."""
+        first = self.passed_over or law
+        return said_of(law.name, first.name, self.cusps, law.squared_speed / first.squared_speed - 1)
+
+    def _designed(self, trials: list[Trial]) -> list[Trial]:
+        """Laws designed from the best of the others, and over the one that is faster from elsewhere."""
+        # derivatives of a cost's gradient make designs over stationary laws three times as slow
+        plain = [t for t in trials if t.candidate.strategy is not None and t.candidate.kind != "stationary"]
+        plain = [t for t in plain if t.coverage > PARTLY] or plain[:1]
+        if not plain or not plain[0].served.any():
+            return []
+        found = self._designed_over(plain[0])
+        best = ranked(found or plain[:1])[0]
+        gains = {i: _gain(t, best) for i, t in enumerate(plain[1:], 1)}
+        if gains and min(gains.values()) < FASTER:
+            found += self._designed_over(plain[min(gains, key=lambda i: gains[i])])
+        return found
+
+    def _designed_over(self, trial: Trial) -> list[Trial]:
+        """Laws designed from one, on its leaf, until one covers as much."""
+        law, found = trial.candidate, []
+        for words, goal in GOALS.items():
+            name = f"designed from {law.name}{words}"
+            self.say(name)
+            try:
+                made = self._design(trial, margin=self._room if goal["limits"] else 0.0, **goal)
+            except HolokinError:  # no law where there is none: the others stay
+                continue
+            designed = Candidate(name, made.polynomial.keys_over(law.keys), self.task, made.strategy)
+            self.made[name] = made
+            found += tried(designed, made.q0[None], self.poses)
+            if found[-1].coverage >= trial.coverage - EQUAL:
+                break
+        return found
+
+    def _design(self, trial: Trial, **goal: Any) -> Design:
+        """A design over a law, for the poses that it serves; where these are few, for all that any posture reaches."""
+        if self.apart is not None:
+            goal |= dict(self.proven) | {"clearance": self.apart.wanted + PROVABLE}
+        base = None if trial.candidate.strategy is None else trial.candidate.strategy.constraint
+        within = self.reach.within
+        which = within if trial.coverage < within.mean() - EQUAL else trial.served
+        space = self.workspace if which.all() else pose_cloud(self.poses.T[which])
+        return design(self.task, space, trial.q0, base=base, degree=DEGREE, samples=DESIGNED, **goal)
+
+    @property
+    def _room(self) -> float:
+        """A distance to limits that designs keep [rad or m]: what `easy` asks of the joint with the least range."""
+        return ROOM * float(np.min(2 * self.costs.half[np.isfinite(self.costs.half)], initial=1.0))
+
+    def _floor(self, trials: list[Trial]) -> Vector:
+        """The least squared joint speed (k,) of the postures found at the poses that the best law reaches, else NaN."""
+        best, found = ranked(trials)[0], np.full(len(self.poses), np.nan)
+        if best.reached.any():
+            p, R = self._targets(best.reached)
+            free = np.full(self.task.n, FREE)
+            known = least_costs(self.coordinates, self.costs, best.q[best.reached], p, R, free)
+            found[best.reached] = known.squared_speed
+        return found
+
+    def _targets(self, which: Flags) -> tuple[Matrix, Array]:
+        T = self.poses.T[which]
+        return np.ascontiguousarray(T[:, :3, 3]), np.ascontiguousarray(T[:, :3, :3])
+
+    def _law(self, trial: Trial) -> Law:
+        c, robot = trial.candidate, self.task.robot
+        return Law(
+            c.name, trial.same, c.keys, strategy_of(trial), trial.q0, trial.coverage, trial.served, trial.easy,
+            trial.margin, robot.joint_names[trial.joint], trial.least_rcond, trial.squared_speed,
+            ratio(trial, self.floor), _least(trial.clearance), trial.clear,
+        )  # fmt: skip
+
+    def _looked_at(self, law: Law) -> Law:
+        """A law with its coverage as `coverage` finds it, pose by pose."""
+        found = coverage(law.strategy, self.workspace, law.q0, samples=POSES, reach=self.reach)
+        clearance, wanted = None, 0.0
+        if self.apart is not None:
+            clearance, wanted = np.full(len(found), np.nan), self.apart.wanted
+            clearance[found.reached] = near = self.apart.least(found.q[found.reached], wanted)
+            found = found.blocked(lambda _: keeps(near, wanted))
+        self.checked[law.name] = found
+        served = found.reached
+        rcond = float(found.rcond[served].min()) if served.any() else 0.0
+        easy = law.easy + found.share - law.coverage
+        return replace(
+            law, coverage=found.share, served=served, easy=easy, rcond=rcond, clearance=_least(clearance),
+            clear=clear_share(served, clearance, wanted),
+        )  # fmt: skip
+
+    def floor_of(self, law: Law) -> float:
+        """The mean of the floor where a law serves; NaN where it serves nothing."""
+        known = self.floor[law.served & np.isfinite(self.floor)]
+        return float(known.mean()) if len(known) else np.nan
+
+    def excess(self, laws: tuple[Law, ...]) -> Excess | None:
+        """Why the best law is above the least joint speed; None where it is close to it."""
+        best = self.trials[laws[0].name]
+        which = best.served & np.isfinite(self.floor)
+        if not which.any() or laws[0].speed <= 1 + CLOSE:
+            return None
+        near = least_near(self.coordinates, self.costs, best.q[which], *self._targets(which))
+        near = float(np.minimum(near, best.speed[which]).mean() / self.floor[which].mean())
+        others = [trial for name, trial in self.trials.items() if name != laws[0].name]
+        rival = rival_of(best, others, self.floor, self.reach.within)
+        return Excess(near, self.task.n - self.task.m == 1, self._free(laws[0]), rival)
+
+    def _free(self, law: Law) -> Free | None:
+        """The best law designed without the limits; None where it keeps away from them, or none is found."""
+        made = self.made.get(law.name)
+        if made is not None and law.margin > FAR * ROOM:
+            return None
+        self.say(f"{law.name}, joint limits aside")
+        trial = self.trials[law.name]
+        if made is not None:
+            trial = replace(trial, candidate=replace(trial.candidate, strategy=made.base))
+        elif trial.candidate.kind == "stationary":  # over these a design is slow
+            return None
+        try:
+            made = self._design(trial, limits=False)
+        except HolokinError:
+            return None
+        free = tried(Candidate(law.name, {"kind": "designed"}, self.task, made.strategy), made.q0[None], self.poses)
+        which = free[0].reached & np.isfinite(self.floor)
+        return Free(ratio(free[0], self.floor, limits=False), beyond_limits(free[0], which), int(which.sum()))
+
+    def part(self, laws: tuple[Law, ...]) -> Part | None:
+        """The largest part of the workspace that one of the best laws serves."""
+        if not isinstance(self.workspace, PoseRange):
+            return None
+        best: Part | None = None
+        for law in laws[:PARTS]:
+            self.say(f"the part of the workspace that {law.name} serves")
+            candidate = Candidate(law.name, law.keys, self.task, None if law.keys["kind"] == "radial" else law.strategy)
+
+            def serves(T: Array, law: Law = law, candidate: Candidate = candidate) -> bool:
+                still = np.zeros((len(T), self.task.m, 0))
+                poses = Poses(T, still, self.costs.joints, self.apart)
+                return bool(tried(candidate, law.q0[None], poses)[0].served.all())
+
+            found = largest_part(self.workspace, serves)
+            if found is not None and (best is None or found[0] > best.share):
+                best = Part(law, *found)
+        return best
+
+
+def _least(clearance: Vector | None) -> float:
+    """The least of clearances (k,), those not looked at left out; infinite where there are none."""
+    return np.inf if clearance is None else float(np.min(clearance[~np.isnan(clearance)], initial=np.inf))
+
+
+def _nothing(task: Task, workspace: Workspace, reach: Reach) -> OutOfReachError:
+    name = f"the workspace of {task.robot.name!r}, {workspace},"
+    if reach.anyhow.any():
+        return OutOfReachError(f"{name} is reached by postures beyond the joint limits alone", "move or turn it")
+    cure = "move it nearer to the base; lengths are in metres, angles in degrees on the command line and rad in Python"
+    return OutOfReachError(f"{name} is out of reach altogether: no posture was found at any of its poses", cure)
+
+
+def _gain(trial: Trial, best: Trial) -> float:
+    """The mean squared joint speed of a law over that of the best one, where both serve; infinite where they do not."""
+    both = trial.served & best.served
+    return float(trial.speed[both].mean() / best.speed[both].mean()) if both.any() else np.inf
+
+
+def _there(candidate: Candidate) -> Candidate:
+    """The same, from a start that is on its leaf already."""
+    return replace(candidate, level=None)

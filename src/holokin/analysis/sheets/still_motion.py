@@ -1,0 +1,366 @@
+"""Motions of the joints between two postures of one tool pose, with the tool still."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from ...base.arguments import typed
+from ...base.errors import ArgumentError
+from ...base.tolerances import TOLERANCES
+from ...base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector
+from ...motion.checks import Clear
+from ...motion.joint_curve import Stretch
+from ...robot import Robot, speed_limits
+from ...strategies.self_motions import CurveEnd, SelfMotion, SelfMotions, joint_gap, least_motion
+from ...strategies.tasks.task import Task
+
+STEP = 0.1
+"""Arc length [joint units] between the postures of a self-motion that is traced."""
+
+LENGTH = 8 * np.pi
+"""Arc length [joint units] up to which it is traced each way: those of seven-joint arms are 10 to 15 long."""
+
+SAME = 1e-6
+"""Difference [joint units] below which postures are one; of poses [m, rad] below which they are one."""
+
+SINGULAR = 1e-6
+"""Smallest over largest singular value of J below which a posture is singular: a self-motion branches there."""
+
+STILL = 1e-10
+"""By how much [m, rad] the tool may move between the postures of a motion, joints on the spline through them."""
+
+FINER = 6
+"""Times that the postures of a motion are doubled at most to keep the tool still between them."""
+
+LEAST = 8
+"""Steps of a motion at least."""
+
+CORRECTIONS = 4
+"""Newton corrections of a posture that is 1e-3 off: at round-off after three."""
+
+NEARER = 5
+"""Steps to the place of a self-motion that is nearest to a posture; they converge as its bend times the distance."""
+
+TINY = 1e-12
+"""Keeps a quotient finite."""
+
+ARCS, ENOUGH = 32, 4
+"""Curves that are tried where several joints are redundant, wider and wider; so many in any case."""
+
+LOOK = 0.01
+"""Motion of a joint [joint units] between two looks at what a motion is to keep clear of: a centimetre at 1 m."""
+
+BETWEEN = 8
+"""Instants between two postures at which limits are looked at; a parabola through three of them has the extremum."""
+
+ROUNDS = 16
+"""Rounds of a closed self-motion at most, where each turns a hinge."""
+
+
+class Hindrance(NoTruthValue, Enum, ask="`is Hindrance.NOT_REDUNDANT`"):
+    """Why the arm cannot go from one posture to another with its tool still; the text says it in words."""
+
+    NOT_REDUNDANT = "no joint is redundant: the tool moves with every motion of the joints"
+    APART = "the postures belong to different self-motions: none leads from one to the other"
+    TURNS = "the postures differ by whole turns of joints that the self-motion does not make"
+    LIMITS = "joint limits end the self-motion before it comes to the other posture"
+    BLOCKED = "every self-motion between the postures comes too near to an obstacle, the floor or another link"
+    SINGULAR = "the self-motion leads to a singular posture before it comes to the other one"
+    LENGTH = "the self-motion was followed for {length:.0f} joint units each way and did not come to the other posture"
+    NOT_FOUND = "no self-motion between the postures was found; that does not prove that there is none"
+    NO_POSE = "no pose that was looked at is served by both sheets"
+    NOT_ALLOWED = "no change is allowed there"
+
+    @property
+    def text(self) -> str:
+        """The cause in words."""
+        return self.value.format(length=LENGTH)
+
+
+@dataclass(frozen=True, eq=False)
+class StillMotion(NoTruthValue, Value, ask="`.hindrance`"):
+    """Joints q (k, n) at times t (k,) [s] between two postures of one tool pose; the tool stays where it is.
+
+    The times are those at which the fastest joint just keeps its speed limit, at an even rate along the curve; the time
+    for accelerating is not in them. hindrance: why there is no motion; then there are no rows.
+    """
+
+    q: Matrix
+    t: Vector
+    hindrance: Hindrance | None = None
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes; infinite where there is none."""
+        return float(self.t[-1]) if len(self.t) else float("inf")
+
+    def reversed(self) -> StillMotion:
+        """The way back."""
+        return StillMotion(self.q[::-1], self.seconds - self.t[::-1], self.hindrance) if len(self.t) else self
+
+
+def _hindered(n: int, why: Hindrance) -> StillMotion:
+    """None, for n joints."""
+    return StillMotion(np.zeros((0, n)), np.zeros(0), why)
+
+
+def straight_seconds(a: Array, b: Array, robot: Robot) -> Array:
+    """The least time (...) [s] between postures (..., n) at the joints' speed limits; NaN where one is unknown.
+
+    Of a joint without a limit 1 rad/s or 1 m/s is taken: only to compare motions, for none is timed without limits.
+    """
+    speeds = np.where(np.isfinite(robot.max_velocity), robot.max_velocity, 1.0)
+    return np.asarray(np.max(np.abs(a - b) / speeds, axis=-1))
+
+
+@typed
+def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear | None = None) -> StillMotion:
+    """The fastest motion found from one posture to another of the same tool pose, with the tool still.
+
+    With one redundant joint the postures of a pose are curves: those through qa are traced both ways. A whole turn of a
+    hinge makes another posture. With several redundant joints straight lines and arcs between the postures are
+    projected onto the postures of the pose, which need not find a motion where there is one.
+
+    Args:
+        qa, qb: postures (n,) within the joint limits.
+        clear: which postures (k, n) keep clear of obstacles, as of `clear_postures`; it is asked at steps of 0.01 rad.
+
+    Returns:
+        The motion, or the reason why there is none.
+
+    Raises:
+        ArgumentError: the postures have different tool poses; a joint has no speed limit. JointLimitError, ShapeError,
+        NotFiniteError.
+    """
+    a, b = (task.robot.checked(q, what) for q, what in ((qa, "the first posture"), (qb, "the second posture")))
+    task.robot.check_limits(a)
+    task.robot.check_limits(b)
+    gap = np.abs(task.error(b, *task.place(a))).max()
+    if not gap < SAME:
+        raise ArgumentError(
+            "the second posture", b.tolist(), f"its tool pose is {gap:.3g} off: give two postures of one pose"
+        )
+    return still_motions(task, a[None], b[None], clear, thorough=True)[0]
+
+
+def still_motions(
+    task: Task, A: Matrix, B: Matrix, clear: Clear | None, thorough: bool = False
+) -> list[StillMotion]:  # fmt: skip
+    """The motions from postures A (k, n) to B (k, n), each at one tool pose; or why there is none.
+
+    thorough: whether curves that end at joint limits are followed beyond, so that it is known whether they would come
+    to the other posture.
+    """
+    same = np.abs(A - B).max(axis=1, initial=0.0) < SAME
+    if same.any():
+        others = iter(still_motions(task, A[~same], B[~same], clear, thorough))
+        return [_rest(a) if one else next(others) for a, one in zip(A, same, strict=True)]
+    if task.n == task.m:
+        return [_hindered(task.n, Hindrance.NOT_REDUNDANT) for _ in A]
+    if task.n - task.m > 1:
+        return [_projected(task, a, b, clear) for a, b in zip(A, B, strict=True)]
+    found, near = _traced(task, A, B, clear, True)
+    again = [i for i, one in enumerate(found) if one.hindrance is Hindrance.LIMITS and (thorough or near[i])]
+    if again:
+        for i, one in zip(again, _traced(task, A[again], B[again], clear, False)[0], strict=True):
+            found[i] = one
+    return found
+
+
+def _rest(q: Vector) -> StillMotion:
+    return StillMotion(q[None], np.zeros(1))
+
+
+def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
+    """The fastest of some motions between two postures (n,): a line, and arcs beside it, held at the pose."""
+    rng, gap = np.random.default_rng(0), float(np.linalg.norm(b - a))
+    place, motions = task.place(a), []
+    for k in range(ARCS):
+        c = (a + b) / 2 + rng.standard_normal(task.n) * gap * k / ARCS
+        u = np.linspace(0.0, 1.0, 1 + max(LEAST, int(np.ceil(2 * gap / STEP))))[1:-1, None]
+        way = held(task, (1 - u) ** 2 * a + 2 * u * (1 - u) * c + u**2 * b, *place)
+        motion = _checked_motion(task, np.vstack([a, way, b]), clear)
+        motions += [motion] if motion.hindrance is None else []
+        if motions and k >= ENOUGH:
+            break
+    return min(motions, key=lambda one: one.seconds) if motions else _hindered(task.n, Hindrance.NOT_FOUND)
+
+
+def _traced(
+    task: Task, A: Matrix, B: Matrix, clear: Clear | None, limits: bool
+) -> tuple[list[StillMotion], list[bool]]:  # fmt: skip
+    """(the motions, whether the other posture is near an end of the curve: it may lie a step farther, at a limit)."""
+    found, near = [_hindered(task.n, Hindrance.SINGULAR) for _ in A], [False for _ in A]
+    sigma = np.linalg.svd(task.jacobian_batch(A)[0], compute_uv=False)
+    good = np.flatnonzero(sigma[:, -1] > SINGULAR * sigma[:, 0])
+    if len(good):
+        curves = SelfMotions.through(task, A[good]).traced(A[good], step=STEP, length=LENGTH, limits=limits)
+        for i, curve in zip(good.tolist(), curves, strict=True):
+            found[i] = _along(_Line.of(curve), A[i], B[i], clear)
+            ends = curve.q[[0, -1]]
+            near[i] = bool(np.linalg.norm(joint_gap(task.robot, ends, B[i]), axis=1).min() < 3 * STEP)
+    return found, near
+
+
+@dataclass(frozen=True, eq=False)
+class _Line(Value):
+    """A self-motion q (k, n) at arc lengths s (k,), 0 at the posture from which it was traced.
+
+    Of a closed one the last posture is the first, `wind` (n,) whole turns on.
+    """
+
+    task: Task
+    q: Matrix
+    s: Vector
+    wind: Vector
+    closed: bool
+    why: Hindrance
+
+    @classmethod
+    def of(cls, curve: SelfMotion) -> _Line:
+        """That of a self-motion. `why`: what is the matter where a posture is not on it."""
+        ends = {
+            CurveEnd.LIMIT: Hindrance.LIMITS, CurveEnd.SINGULAR: Hindrance.SINGULAR,
+            CurveEnd.LENGTH: Hindrance.LENGTH,
+        }  # fmt: skip
+        why = next((ends[one] for one in ends if one in curve.endings), Hindrance.APART)
+        q, s, wind = curve.q, curve.s, np.zeros(curve.q.shape[1])
+        if curve.closed:
+            wind = np.round((q[-1] - q[0]) / (2 * np.pi)) * curve.task.robot.hinges
+            q = np.vstack([q, q[0] + 2 * np.pi * wind])
+            s = np.append(s, s[-1] + np.linalg.norm(q[-1] - q[-2]))
+        return cls(curve.task, q, s, wind, curve.closed, why)
+
+    @property
+    def length(self) -> float:
+        """Of one round."""
+        return float(self.s[-1] - self.s[0])
+
+    def at(self, s: Vector) -> Matrix:
+        """Postures (k, n) at arc lengths (k,), beyond the ends of a closed one as well; the tool is exactly still."""
+        laps = np.floor((s - self.s[0]) / self.length) if self.closed else np.zeros(len(s))
+        inside = s - laps * self.length
+        q = np.column_stack([np.interp(inside, self.s, joint) for joint in self.q.T])
+        begin = self.q[int(np.argmin(np.abs(self.s)))]
+        return held(self.task, q, *self.task.place(begin)) + 2 * np.pi * laps[:, None] * self.wind
+
+    def places(self, b: Vector) -> list[float]:
+        """Arc lengths, within one round, at which it passes a posture (n,), whole turns of hinges taken off."""
+        robot = self.task.robot
+        d = np.linalg.norm(joint_gap(robot, self.q, b), axis=1)
+        before, after = np.append(np.inf, d[:-1]), np.append(d[1:], np.inf)
+        found: list[float] = []
+        for j in np.flatnonzero((d <= before) & (d <= after) & (d < 2 * STEP)):
+            s = float(self.s[j])
+            for _ in range(NEARER):
+                low, here, high = self.at(np.array([s - 0.1 * STEP, s, s + 0.1 * STEP]))
+                tangent = (high - low) / (0.2 * STEP)
+                s += float(joint_gap(robot, b, here) @ tangent / max(float(tangent @ tangent), TINY))
+                if not self.closed:
+                    s = float(np.clip(s, self.s[0], self.s[-1]))
+            known = any(abs(s - other) < SAME or abs(abs(s - other) - self.length) < SAME for other in found)
+            if not known and np.abs(joint_gap(robot, b, self.at(np.array([s]))[0])).max() < SAME:
+                found.append(s)
+        return found
+
+    def ends(self, b: Vector) -> tuple[list[float], Hindrance]:
+        """(arc lengths at which it is the posture b (n,), whole turns included, why there is none)."""
+        found, why = [], self.why
+        for s in self.places(b):
+            why = Hindrance.TURNS
+            turns = np.round((b - self.at(np.array([s]))[0]) / (2 * np.pi)) * self.task.robot.hinges
+            if not self.wind.any():
+                if not turns.any():
+                    found += [s, s - np.copysign(self.length, s)] if self.closed else [s]
+            else:
+                m = round(float(turns @ self.wind / (self.wind @ self.wind)))
+                if abs(m) <= ROUNDS and np.array_equal(turns, m * self.wind):
+                    found.append(s + m * self.length)
+        return found, why
+
+
+def _along(line: _Line, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
+    """The fastest motion along a self-motion from its own posture a (n,) to b (n,)."""
+    ends, why = line.ends(b)
+    motions = []
+    for end in ends:
+        way = line.at(np.linspace(0.0, end, 1 + max(LEAST, int(np.ceil(abs(end) / STEP)))))
+        motion = _checked_motion(line.task, np.vstack([a, way[1:-1], b]), clear)
+        why = why if motion.hindrance is None else motion.hindrance
+        if motion.hindrance is None:
+            motions.append(motion)
+    return min(motions, key=lambda one: one.seconds) if motions else _hindered(line.task.n, why)
+
+
+def _checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
+    """The motion through postures (k, n) of one tool pose, with so many between them that the tool is still.
+
+    Splines through them keep the tool still to `STILL`, and within the limits; postures are clear at every one of them.
+    """
+    robot, (p, R) = task.robot, task.place(q[0])
+    speeds = speed_limits(robot)
+    if not np.isfinite(q).all():
+        return _hindered(task.n, Hindrance.SINGULAR)
+    most = STILL + 2 * float(np.abs(_off(task, q[-1:], p, R)).max())  # the two postures need not agree to round-off
+    for _ in range(FINER):
+        curve = Stretch(_way(q, speeds), q)
+        s = (curve.s[:-1] + curve.s[1:]) / 2
+        middle = curve.derivatives(s, 0)[0]
+        if np.abs(_off(task, middle, p, R)).max() < most:
+            break
+        found = held(task, middle, p, R)
+        if not np.isfinite(found).all() or np.abs(found - middle).max() > STEP:
+            return _hindered(task.n, Hindrance.SINGULAR)
+        q = np.insert(q, np.arange(1, len(q)), found, axis=0)
+    else:
+        return _hindered(task.n, Hindrance.SINGULAR)
+    if not _within(robot, curve):
+        return _hindered(task.n, Hindrance.LIMITS)
+    if clear is not None and not clear(_closely(curve)).all():
+        return _hindered(task.n, Hindrance.BLOCKED)
+    rate = float(np.max(np.abs(curve.derivatives(_finely(curve.s), 1)[1]) / speeds))
+    return StillMotion(q, rate * curve.s)
+
+
+def held(task: Task, q: Matrix, p: Vector, R: Matrix) -> Matrix:
+    """Postures (k, n) with the tool at p (3,), R (3, 3): those given, corrected by the least motions."""
+    for _ in range(CORRECTIONS):
+        q = q + least_motion(task.jacobian_batch(q)[0], _off(task, q, p, R)[:, :, None])[:, :, 0]
+    return q
+
+
+def _off(task: Task, q: Matrix, p: Vector, R: Matrix) -> Matrix:
+    k = len(q)
+    e = task.error_function.batch(q, np.broadcast_to(p, (k, *p.shape)), np.broadcast_to(R, (k, *R.shape)))
+    return np.asarray(e).reshape(k, -1)
+
+
+def _way(q: Matrix, speeds: Vector) -> Vector:
+    """How long (k,) the way along postures (k, n) is, joints measured by their speeds [s]."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0) / speeds, axis=1))])
+
+
+def _finely(s: Vector) -> Vector:
+    share = np.arange(BETWEEN) / BETWEEN
+    return np.append((s[:-1, None] + share * np.diff(s)[:, None]).ravel(), s[-1])
+
+
+def _closely(curve: Stretch) -> Matrix:
+    """Postures of a curve between which no joint moves by more than `LOOK`."""
+    steps = np.maximum(1, np.ceil(np.abs(np.diff(curve.q, axis=0)).max(axis=1) / LOOK)).astype(int)
+    s = [a + (b - a) * np.arange(k) / k for a, b, k in zip(curve.s[:-1], curve.s[1:], steps.tolist(), strict=True)]
+    return curve.derivatives(np.append(np.concatenate(s), curve.s[-1]), 0)[0]
+
+
+def _within(robot: Robot, curve: Stretch) -> bool:
+    """Whether a curve keeps the limits, between its postures as well: a parabola through three has its extremum."""
+    q = curve.derivatives(_finely(curve.s), 0)[0]
+    a, b, c = q[:-2], q[1:-1], q[2:]
+    bend = a - 2 * b + c
+    turn = ((b - a) * (c - b) < 0) & (bend != 0)
+    top = np.where(turn, b - (c - a) ** 2 / np.where(turn, 8 * bend, 1.0), b)
+    every = np.vstack([q, top])
+    return bool(((every >= robot.lower - TOLERANCES.limit) & (every <= robot.upper + TOLERANCES.limit)).all())

@@ -1,0 +1,144 @@
+"""`holokin audit`: judges a log of joint motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .audit_of_dataset import audit_of_dataset, refuse_options
+from .check import RobotName, TimeColumn, TipName, Topic
+from .outcome import show, show_rich
+from .read_options import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, counts_of_words
+from .robot_options import TrustUnits
+
+if TYPE_CHECKING:
+    from ...analysis.audit import LogAudit
+
+Logs = Annotated[
+    list[Path],
+    typer.Argument(
+        help="CSV files, rosbag2 folders, .mcap, .db3 or .bag files: several are one log. Or the folder of a LeRobot "
+        "dataset."
+    ),
+]
+Episodes = Annotated[str | None, typer.Option(help="Of a dataset: the episodes, as 0:10,12 for 0 to 9, and 12.")]
+Angles = Annotated[
+    str | None, typer.Option(help="Of --poses: rad or deg, the unit of roll, pitch, yaw and rotation vectors.")
+]
+Order = Annotated[str | None, typer.Option(help="Of --poses with numbered quaternions: xyzw or wxyz.")]
+
+
+def audit(
+    log: Logs,
+    robot: RobotName,
+    tip: TipName = None,
+    trust_units: TrustUnits = False,
+    position: Annotated[
+        bool, typer.Option("--position", help="The tool's orientation is free: look at its position alone.")
+    ] = False,
+    axis: Annotated[
+        str | None, typer.Option(help='The tool may spin about this axis: x, y, z or a direction like "0 0.5 1".')
+    ] = None,
+    degrees: Degrees = None,
+    topic: Topic = None,
+    columns: Columns = None,
+    time: TimeColumn = None,
+    counts_turns: CountsTurns = False,
+    signs: Signs = None,
+    offsets: Offsets = None,
+    scales: Scales = None,
+    skip_bad: Annotated[
+        bool, typer.Option("--skip-bad", help="Leave out rows of a CSV that cannot be read, and count them.")
+    ] = False,
+    split: Annotated[
+        bool, typer.Option("--split", help="Audit each run of the log: cut where the clock is set back or all rests.")
+    ] = False,
+    idle: Annotated[float, typer.Option(help="With --split: the rest in s at which it is cut.")] = 5.0,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="Joint distance in rad or m that counts as equal; by default 1e-3, of a dataset 1e-2."),
+    ] = None,
+    episodes: Episodes = None,
+    column: Annotated[
+        str | None, typer.Option(help="Of a dataset: the column with the joints, by default observation.state.")
+    ] = None,
+    poses: Annotated[
+        str | None, typer.Option(help="Of a dataset: a column with tool poses, to compare instead of the joints' own.")
+    ] = None,
+    angles: Angles = None,
+    order: Order = None,
+    near: Annotated[
+        float | None, typer.Option(help="Of a dataset: distance in m of tool poses that are compared, by default 5e-3.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option("--json", help="Write the findings to this file.")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="Write a figure to this file (.png, .svg, .pdf).")] = None,
+) -> None:
+    """Judge a log of joint motion: are the joints the same after each cycle of the tool?
+
+    Of a LeRobot dataset: are the joints the same wherever the tool pose is, in all episodes?
+
+    Exits 0 when they are in every comparison that the log allows, 1 when they are not, 2 when the log does not decide,
+    and on bad input. Of several runs the gravest counts; a run without two cycles is named, and counts only if all are
+    so.
+    """
+    from ...analysis.audit import audit_recording
+    from ...analysis.audit.logs import is_dataset, read_runs
+    from ...base.errors import ArgumentError, RecordingError
+    from ...robot import is_model, load
+
+    if position and axis is not None:
+        raise ArgumentError("--position beside --axis", axis, "give one of them")
+    about = None
+    if axis is not None:
+        from ..job import axis_of  # it loads the reader of job files: 13 MB
+
+        about = axis_of(axis)
+    arm = load(robot, tip=tip if is_model(robot) else None, trust_units=trust_units)
+    of_dataset = {
+        "episodes": episodes, "column": column, "poses": poses, "angles": angles, "order": order, "near": near,
+    }  # fmt: skip
+    read = {"degrees": degrees, "columns": columns, "counts_turns": counts_turns}
+    read |= counts_of_words(signs, offsets, scales)
+    if len(log) == 1 and is_dataset(log[0]):
+        refuse_options("a log", topic=topic, time=time, skip_bad=skip_bad or None, split=split or None)
+        tool = {"tip": tip, "orientation": False if position else None, "axis": about}
+        audit_of_dataset(log[0], arm, tool, of_dataset, read, tolerance, json, plot)
+    refuse_options("a LeRobot dataset, which has meta/info.json", **of_dataset)
+    from ..report.log_report import log_figure, print_audit, save_log_audits
+    from ..report.plots import write_figure
+
+    runs = read_runs(
+        log, arm, split=split, idle=idle, topic=topic, time=time, skip_bad=skip_bad, **read
+    )  # fmt: skip
+    found: list[LogAudit] = []
+    left_out: list[RecordingError] = []
+    for run in runs:
+        try:
+            found.append(
+                audit_recording(
+                    run,
+                    arm,
+                    tip=tip,
+                    orientation=False if position else None,
+                    axis=about,
+                    tolerance=1e-3 if tolerance is None else tolerance,
+                )
+            )
+        except RecordingError as problem:
+            left_out.append(problem)
+    if not found:
+        raise left_out[0]
+    if json is not None:
+        save_log_audits(found, json)
+    if plot is not None:
+        for k, one in enumerate(found):
+            file = plot if len(found) == 1 else plot.with_stem(f"{plot.stem}-{k + 1}")
+            write_figure(lambda one=one: log_figure(one), file)
+    for one in found:
+        show_rich(lambda console, one=one: print_audit(one, console))
+    for problem in left_out:
+        show(f"not audited: {problem.path}: {problem.fact}")
+    codes = {one.exit_code for one in found}
+    raise typer.Exit(1 if 1 in codes else 2 if 2 in codes else 0)

@@ -1,0 +1,104 @@
+"""`holokin certify`: proves leaves of a job."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ...base.errors import ArgumentError
+from ...version import build
+from .export import OneJob
+from .outcome import complain, ending, show, show_rich
+
+MINUTE = 60.0
+"""Seconds from line to line on stderr, where that is no terminal."""
+
+
+def each_minute(say: Callable[[str], None]) -> Callable[[str], None]:
+    """What is said goes to the line of a terminal; where there is none, some of it is printed, a line a minute."""
+    last = time.monotonic()
+
+    def told(text: str) -> None:
+        nonlocal last
+        say(text)
+        if not sys.stderr.isatty() and time.monotonic() - last > MINUTE:
+            last = time.monotonic()
+            complain(text)
+
+    return told
+
+
+def certify(
+    job: OneJob,
+    workspace: Annotated[
+        bool, typer.Option("--workspace", help="Over the box of its [workspace], not along its path.")
+    ] = False,
+    part: Annotated[
+        bool, typer.Option("--part", help="With --workspace: prove as much of the box as can be proven.")
+    ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="With --workspace: go on with the cells of a run that was stopped.")
+    ] = False,
+    budget: Annotated[int | None, typer.Option(help="Cells that may be examined for each strategy.")] = None,
+    check: Annotated[
+        float, typer.Option(min=0.0, help="Seconds that the checker may take for each certificate; 0: it is not run.")
+    ] = 60.0,
+    sample: Annotated[
+        float | None, typer.Option(help="Share of the cells that the checker verifies, as 0.01; by default all.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the certificates.")] = Path("out"),
+) -> None:
+    """Prove, for each strategy with leaves of a job, that the joints return with the tool, on its path or in a box.
+
+    Writes OUT/<job>-proof/<strategy>-certificate.json, and beside it a page to print, <strategy>-certificate.html.
+    With python-flint the checker verifies each certificate, and the page says so. With --workspace the cells that are
+    done lie in OUT/<job>-proof-<strategy>.cells until the certificates are written: a run that was stopped, or killed,
+    goes on from there with --resume. Exits 0 when all of it is proven of
+    every strategy with leaves, 1 when not, or when the checker rejects a certificate, 2 on bad input.
+    """
+    from ...proof.checker_word import Outcome, ask_checker
+    from ..job import certify_job, open_one_job
+    from ..report.cells_files import CellsFiles
+    from ..report.proof_report import print_certificates, write_certificates
+    from ..report.result_folder import check_folder
+
+    for option, given in (("--part", part), ("--resume", resume)):
+        if given and not workspace:
+            raise ArgumentError(option, given, "it is about the box of the workspace: say --workspace, too")
+    if sample is not None and not 0 < sample <= 1:
+        raise ArgumentError("--sample", sample, "give the share of the cells that is verified, as 0.01")
+    name, opened, file = open_one_job(job)
+    check_folder(out, f"{name}-proof")
+    cells = CellsFiles(out / f"{name}-proof", resume) if workspace else None
+    found, words, stopped = {}, {}, True
+    try:
+        with ending().telling(name) as say_it:
+            say = each_minute(say_it)
+            more = {} if cells is None else {"cells_file": cells.of}
+            for title, one in certify_job(
+                opened, file, workspace=workspace, part=part, budget=budget, say=say, **more
+            ):  # fmt: skip
+                found[title] = one
+                if not isinstance(one, str):
+                    say(f"{title}: the checker")
+                    words[title] = ask_checker(one, check, sample)
+        stopped = False
+    except BaseException:
+        if cells is not None and (count := cells.count):
+            show(f"{count:,} cells are kept: the same command with --resume goes on with them")
+        raise
+    finally:  # after Ctrl-C those that are done
+        files = write_certificates(f"{name}-proof", found, words, out, build(), stopped) if found else []
+        for written in files:
+            show(f"wrote {written}")
+    if cells is not None:
+        cells.remove()
+    show_rich(lambda console: print_certificates(opened.title, found, words, console))
+    proven = [one for one in found.values() if not isinstance(one, str)]
+    rejected = any(word.outcome is Outcome.REJECTED for word in words.values())
+    raise typer.Exit(0 if proven and all(one.whole for one in proven) and not rejected else 1)

@@ -1,0 +1,82 @@
+"""`holokin check`: a log, or a trajectory in a file, looked at for limits, collisions and the floor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .outcome import show
+from .read_options import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, counts_of_words
+from .robot_options import TrustUnits
+
+Log = Annotated[Path, typer.Argument(help="A CSV file, a rosbag2 folder, or a .mcap, .db3 or .bag file.")]
+RobotName = Annotated[str, typer.Option(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")]
+TipName = Annotated[str | None, typer.Option(help="The link that is the tool; by default the robot's own.")]
+Topic = Annotated[
+    str | None, typer.Option(help="JointState topic of a bag; by default /joint_states, or the only one.")
+]
+TimeColumn = Annotated[str | None, typer.Option(help="Name of the time column of a CSV.")]
+
+
+def check(
+    log: Log,
+    robot: RobotName,
+    tip: TipName = None,
+    trust_units: TrustUnits = False,
+    floor: Annotated[float | None, typer.Option(help="Height of the floor [m] in the frame of the base.")] = None,
+    clearance: Annotated[float, typer.Option(help="The least distance wanted [m].")] = 0.01,
+    radius: Annotated[
+        float | None, typer.Option(help="Of the capsules [m] that stand for links without shapes.")
+    ] = None,
+    margin: Annotated[float, typer.Option(help="How far joints keep from their limits [rad, m].")] = 0.0,
+    ignore: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Links, or a link and the floor, that may touch, like 'link5,hand' or 'hand,*'; may be given again."
+        ),
+    ] = None,
+    position: Annotated[
+        bool, typer.Option("--position", help="The tool's orientation is free: singularities of its position alone.")
+    ] = False,
+    degrees: Degrees = None,
+    topic: Topic = None,
+    columns: Columns = None,
+    time: TimeColumn = None,
+    counts_turns: CountsTurns = False,
+    signs: Signs = None,
+    offsets: Offsets = None,
+    scales: Scales = None,
+    json: Annotated[Path | None, typer.Option("--json", help="Write what is found to this file.")] = None,
+) -> None:
+    """Look at a motion for exceeded limits, singularities, self-collision and the floor.
+
+    Exits 0 when nothing is found, 1 when something is or a shape could not be read, 2 on bad input.
+    """
+    from ...analysis.audit.logs import read_recording
+    from ...base.errors import ArgumentError
+    from ...motion import checks
+    from ...robot import is_model, load, with_capsules
+    from ...strategies.tasks.task_kinds import pose
+    from ...strategies.tasks.task_kinds import position as position_of
+
+    pairs = [tuple(part.strip() for part in text.split(",")) for text in ignore or []]
+    for pair, text in zip(pairs, ignore or [], strict=True):
+        if len(pair) != 2:
+            raise ArgumentError("--ignore", text, "give two names, of links or the floor, with a comma between")
+    arm = load(robot, tip=tip if is_model(robot) else None, trust_units=trust_units)
+    motion = read_recording(
+        log, arm, degrees=degrees, topic=topic, columns=columns, time=time, counts_turns=counts_turns,
+        **counts_of_words(signs, offsets, scales),
+    )  # fmt: skip
+    free = position or arm.n < 6
+    found = checks.check(
+        motion, arm if radius is None else with_capsules(arm, radius), task=position_of(arm) if free else pose(arm),
+        floor=floor, clearance=clearance, ignore=[(a, b) for a, b in pairs], margin=margin,
+    )  # fmt: skip
+    if json is not None:
+        found.save(json)
+    for line in found.table().splitlines():
+        show(line)
+    raise typer.Exit(0 if found.passed else 1)

@@ -1,0 +1,188 @@
+"""`holokin export`: a strategy as C, and the motion of a job as a robot program."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ...base.errors import ArgumentError
+from .export_web import export_web
+from .outcome import ending, show
+
+OneJob = Annotated[str, typer.Argument(metavar="JOB", help="A packaged job (`holokin jobs`) or a .toml file.")]
+Folder = Annotated[Path, typer.Option(help="The folder to write.")]
+StrategyName = Annotated[str | None, typer.Option(help="The strategy's name in the job; needed where it has several.")]
+Orientation = Annotated[
+    str | None, typer.Option(help="One of the job's representations of orientation; by default its first.")
+]
+Prefix = Annotated[str | None, typer.Option(help="Prefix of the C names; by default that of robot and strategy.")]
+
+exporting = typer.Typer(help="Write a strategy for a controller.", no_args_is_help=True, rich_markup_mode=None)
+
+
+@exporting.command("c")
+def export_c(
+    job: OneJob,
+    out: Folder,
+    strategy: StrategyName = None,
+    orientation: Orientation = None,
+    dt: Annotated[float, typer.Option(help="Step of the control loop in seconds, a default the C may change.")] = 1e-3,
+    name: Prefix = None,
+    check: Annotated[bool, typer.Option("--check", help="Build and run the self-test with the compiler here.")] = False,
+) -> None:
+    """Write a strategy as C99: library, headers of C and C++, self-test with its vectors, README.md.
+
+    Exits 0 when all is written (and, with --check, the self-test passes), 2 else.
+    """
+    from ...export import check as build_and_run
+    from ...export import export_c as write_c
+    from ..job import exported_strategy, open_one_job
+
+    law, given = exported_strategy(*open_one_job(job), strategy, orientation=orientation, prefix=name)
+    written = write_c(law, out, dt=dt, **given)
+    for file in written.files:
+        show(f"wrote {out / file}")
+    if check:
+        for line in build_and_run(written):
+            show(line)
+
+
+@exporting.command("moveit")
+def export_moveit(
+    job: OneJob,
+    out: Folder,
+    strategy: StrategyName = None,
+    orientation: Orientation = None,
+    name: Prefix = None,
+    package: Annotated[
+        str | None, typer.Option(help="Name of the package; by default the C name and _moveit_plugin.")
+    ] = None,
+    group: Annotated[str, typer.Option(help="The planning group, for config/kinematics.yaml.")] = "arm",
+) -> None:
+    """Write a strategy as a kinematics plugin for MoveIt 2: a package of ROS 2 with the C, its tests and a README.md.
+
+    Exits 0 when all is written, 2 else.
+    """
+    from ...export import export_moveit as write_package
+    from ..job import exported_strategy, open_one_job
+
+    law, given = exported_strategy(*open_one_job(job), strategy, orientation=orientation, prefix=name)
+    written = write_package(law, out, package=package, group=group, **given)
+    for file in written.files:
+        show(f"wrote {out / file}")
+    show(f"in kinematics.yaml: kinematics_solver: {written.plugin}")
+
+
+@exporting.command("ros2-control")
+def export_ros2_control(
+    job: OneJob,
+    out: Folder,
+    strategy: StrategyName = None,
+    orientation: Orientation = None,
+    name: Prefix = None,
+    package: Annotated[
+        str | None, typer.Option(help="Name of the package; by default the C name and _controller.")
+    ] = None,
+) -> None:
+    """Write a strategy as a controller for ros2_control: a package of ROS 2 with the C, its tests and a README.md.
+
+    Exits 0 when all is written, 2 else.
+    """
+    from ...export import export_ros2_control as write_package
+    from ..job import exported_strategy, open_one_job
+
+    law, given = exported_strategy(*open_one_job(job), strategy, orientation=orientation, prefix=name)
+    written = write_package(law, out, package=package, **given)
+    for file in written.files:
+        show(f"wrote {out / file}")
+    show(f"in controller.yaml: type: {written.plugin}")
+
+
+def _speed(text: str) -> float | str:
+    """A number, or "fastest", which [timing] judges."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _export_motion(language: str) -> Callable[..., None]:
+    """The command that writes a job's motion in a language."""
+
+    def command(
+        job: OneJob,
+        out: Folder,
+        strategy: StrategyName = None,
+        sheets: Annotated[
+            bool, typer.Option("--sheets", help="The path over the job's [sheets], in place of a strategy.")
+        ] = False,
+        name: Annotated[str | None, typer.Option(help="The program's name; by default robot and strategy.")] = None,
+        acceleration: Annotated[float | None, typer.Option(help="Of all joints [rad/s^2, m/s^2].")] = None,
+        jerk: Annotated[float | None, typer.Option(help="Of all joints [rad/s^3, m/s^3]; by default no limit.")] = None,
+        profile: Annotated[str | None, typer.Option(help="time-optimal, trapezoidal or quintic.")] = None,
+        speed: Annotated[
+            str | None, typer.Option(help="The most of the path's own speed, by default 1; `fastest` for any.")
+        ] = None,
+        dt: Annotated[float | None, typer.Option(help="The controller's step in seconds.")] = None,
+        anyway: Annotated[bool, typer.Option("--anyway", help="Write it also where the job's [checks] fail.")] = False,
+    ) -> None:
+        from ..job import open_one_job, program_of_job, program_of_sheets
+
+        most = None if speed is None else _speed(speed)
+        given = {"acceleration": acceleration, "jerk": jerk, "profile": profile, "speed": most, "dt": dt}
+        changes = {key: value for key, value in given.items() if value is not None}
+        if sheets and strategy is not None:
+            raise ArgumentError("--strategy", strategy, "--sheets takes the place of a strategy: leave one out")
+        opened = open_one_job(job)
+        units = opened[1].printed_units
+        if sheets:
+            with ending().telling() as say:
+                program, timed, found = program_of_sheets(*opened, language, short=name, changes=changes, say=say)
+        else:
+            program, timed, found = program_of_job(*opened, language, strategy, short=name, changes=changes)
+        if found is not None:
+            for line in found.table(units).splitlines():
+                show(line)
+            if not (found.passed or anyway):
+                show("nothing was written: the motion fails the job's [checks]; cure it, or give --anyway")
+                raise typer.Exit(1)
+        for file in [*program.save(out), out / "joints.csv"]:
+            if file.name == "joints.csv":
+                timed.save(file, units)
+            show(f"wrote {file}")
+        unit, factor = units.together(timed.joint_units)
+        if program.tool is None:
+            far = f"{factor * program.deviation:.2g} {unit}"
+            show(f"{program.targets} targets, even motion between them within {far}")
+        else:
+            show("\n".join([f"{program.targets} targets", *program.tool.sentences(unit, factor)]))
+        for note in program.notes:
+            show(note)
+        show(timed.table(units))
+
+    return command
+
+
+exporting.command("web")(export_web)
+
+_MORE = """With it joints.csv: every sample. Limits are those of the job's [timing], or given here.
+
+Where the job has [checks] and the motion fails them, nothing is written and the exit code is 1, but with --anyway."""
+
+_ABOUT = {
+    "ros": "ROS 2: a trajectory_msgs/JointTrajectory, as YAML.",
+    "rapid": "ABB RAPID: a module of MoveAbsJ, MoveL and MoveC.",
+    "krl": "KUKA KRL: a .src of SPTP, LIN and CIRC, and its .dat.",
+    "urscript": "Universal Robots URScript: servoj at 2 or 8 ms, else movej, movel and movec.",
+    "inform": "Yaskawa INFORM: a .JBI of MOVJ and MOVL, in pulses.",
+    "val3": "Staubli VAL3: a .pgx of movej, movel and movec.",
+    "gcode": "G-code: a .ngc of G1; the joints are the axes.",
+    "ls": "FANUC TP: an .LS of J, L and C.",
+}
+"""Each of the languages (`holokin.export.LANGUAGES`, whose writers take long to load) in one line of help."""
+
+for _name, _about in _ABOUT.items():
+    exporting.command(_name, help=f"{_about}\n\n{_MORE}")(_export_motion(_name))

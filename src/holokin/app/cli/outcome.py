@@ -1,0 +1,237 @@
+"""How a command ends: what it prints, its exit code, one sentence for every error, Ctrl-C and SIGTERM."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import errno
+import io
+import os
+import signal
+import sys
+import threading
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
+from typing import Any
+
+import typer
+
+from ...base.errors import HolokinError, UnknownNameError, WriteError
+
+BAD_INPUT, UNEXPECTED, SIGNAL = 2, 3, 128
+"""Exit codes, besides 0 and 1: input or a file that cannot be used; a fault of holokin itself; stopped by Ctrl-C, which
+is signal 2, or by SIGTERM, 15."""
+
+_REFUSED = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM}
+"""What the system says when it has nothing left to give: no fault of holokin."""
+
+_LONGEST = 300
+"""Characters of an unexpected error's own words in the sentence; `--traceback` has them all."""
+
+
+class Ending:
+    """What is known while a command runs: whether the whole traceback is wanted, which signal was heard, 0 for none.
+
+    SIGTERM, by which batch systems, containers and `timeout` stop a command, ends it as Ctrl-C does. Libraries lose
+    some of the KeyboardInterrupts that Python raises (CasADi while it converts arguments, modules while they are
+    imported), or turn them into other errors; so a signal is noted when it comes, and `check` raises again.
+    """
+
+    def __init__(self, whole: bool = False) -> None:
+        self.whole, self.heard = whole, 0
+        self._hooks = sys.unraisablehook, sys.excepthook
+
+    def listen(self) -> None:
+        """Note both signals from now on, unless this process was started to ignore them (in the background)."""
+        if threading.current_thread() is not threading.main_thread():
+            return
+        for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL)):
+            before = signal.getsignal(number)
+            if getattr(before, "__func__", before) in (Ending._hear, usual):
+                signal.signal(number, self._hear)
+                sys.unraisablehook, sys.excepthook = self._unraisable, self._printed
+        if signal.getsignal(signal.SIGINT) == self._hear:
+            atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # nothing is left that it could stop
+
+    def _unraisable(self, lost: Any) -> None:
+        """A KeyboardInterrupt that came where nothing can be raised is noted already, and needs no traceback."""
+        if not (self.heard and isinstance(lost.exc_value, KeyboardInterrupt)):
+            self._hooks[0](lost)
+
+    def _printed(self, kind: Any, problem: Any, trace: Any) -> None:
+        """The same, as `sys.excepthook`, where compiled code prints it first, as Cython does."""
+        if not (self.heard and isinstance(problem, KeyboardInterrupt)):
+            self._hooks[1](kind, problem, trace)
+
+    def _hear(self, number: int, _frame: object) -> None:
+        if self.heard == number == signal.SIGTERM:
+            return  # `timeout` sends it twice, to the process and to its group: what is kept now is kept whole
+        self.heard = number
+        warnings.simplefilter("ignore")  # of libraries that lost the signal and found something missing
+        raise KeyboardInterrupt
+
+    def leave(self) -> None:
+        """Give back what `listen` took, but for Ctrl-C."""
+        sys.unraisablehook, sys.excepthook = self._hooks
+        if signal.getsignal(signal.SIGTERM) == self._hear:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+    def check(self) -> None:
+        """Raises: KeyboardInterrupt: Ctrl-C or SIGTERM was heard, whatever became of it."""
+        if self.heard:
+            raise KeyboardInterrupt
+
+    @contextlib.contextmanager
+    def telling(self, name: str = "") -> Iterator[Telling]:
+        """Tell on a terminal what goes on; what is said names the job, if it has a name."""
+        from rich.console import Console
+        from rich.text import Text
+
+        progress = Console(stderr=True)
+        if not progress.is_terminal:
+            yield Telling(self, name, None)
+            return
+        with progress.status(Text(f"{name} ...".lstrip())) as status:
+            yield Telling(self, name, status)
+
+    def tell(self, problem: BaseException, job: str = "") -> int:
+        """Say what happened in one sentence on stderr; returns the exit code."""
+        if self.heard or isinstance(problem, KeyboardInterrupt):
+            complain("stopped; what is named above is complete, and nothing else was changed")
+            return SIGNAL + (self.heard or signal.SIGINT)
+        if self.whole:
+            complain("".join(traceback.format_exception(problem)).rstrip())
+        sentence, code = _sentence(problem)
+        complain(f"error: {f'{job}: ' if job else ''}{sentence}")
+        return code
+
+
+_running: ContextVar[Ending] = ContextVar("how the command that runs will end")
+_running.set(Ending())
+
+
+def set_ending(one: Ending) -> None:
+    """Of the command that runs from now on."""
+    _running.set(one)
+
+
+def ending() -> Ending:
+    """Of the command that runs."""
+    return _running.get()
+
+
+def _sentence(problem: BaseException) -> tuple[str, int]:
+    """What a user reads of an error, and the exit code."""
+    if isinstance(problem, HolokinError):
+        listed = isinstance(problem, UnknownNameError) and problem.kind in ("job", "robot")
+        return f"{problem}{' (`holokin jobs` and `holokin robots` list what there is)' if listed else ''}", BAD_INPUT
+    if isinstance(problem, OSError) and problem.errno in _REFUSED:
+        where = f" ({problem.filename})" if problem.filename else ""
+        return f"the system refused to go on: {problem.strerror}{where}; make room and run it again", BAD_INPUT
+    if isinstance(problem, MemoryError):
+        return "there is not enough memory; ask for fewer samples or cycles", BAD_INPUT
+    words = " ".join(f"{type(problem).__name__}: {problem}".split())
+    words = words if len(words) <= _LONGEST else f"{words[:_LONGEST]}..."
+    frames = traceback.extract_tb(problem.__traceback__)
+    where = f" (in {frames[-1].name}, line {frames[-1].lineno} of {os.path.basename(frames[-1].filename)})"
+    return (
+        f"holokin failed where it should not: {words}{where if frames else ''}; the same command with --traceback "
+        "shows the rest: please send that, with the files it reads, to the authors of holokin",
+        UNEXPECTED,
+    )
+
+
+class Telling:
+    """Hears what a command does, for a line of the terminal that the next one replaces."""
+
+    def __init__(self, ending: Ending, name: str, status: Any) -> None:
+        self._ending, self._name, self._status = ending, name, status
+
+    def __call__(self, text: str) -> None:
+        """Say what goes on now. Raises: KeyboardInterrupt: Ctrl-C was heard."""
+        self._ending.check()
+        self.tell(text)
+
+    def tell(self, text: str) -> None:
+        """The same of what Ctrl-C may end by itself, keeping what it has: nothing is raised."""
+        if self._status is not None:
+            from rich.text import Text
+
+            self._status.update(Text(f"{self._name}: {text}" if self._name else text))
+
+    def announce(self, text: str) -> None:
+        """Print a line that stays."""
+        if self._status is not None:
+            self._status.stop()
+        show(text)
+        if self._status is not None:
+            self._status.start()
+
+
+def complain(text: str) -> None:
+    """Print to stderr, if it can be written."""
+    try:
+        typer.echo(text, err=True)
+    except OSError:
+        _mute(sys.stderr)
+
+
+def show(text: str, *, newline: bool = True) -> None:
+    """Print to stdout; in silence once its reader has gone.
+
+    Raises:
+        WriteError: it cannot be written; what is printed later is dropped.
+    """
+    try:
+        typer.echo(text, nl=newline)
+    except BrokenPipeError:
+        _mute(sys.stdout)
+    except OSError as problem:
+        _mute(sys.stdout)
+        raise WriteError("the standard output", problem) from problem
+
+
+def show_rich(draw: Callable[[Any], None]) -> None:
+    """Print what a function draws on a Rich console: in colour on a terminal, else 120 columns wide.
+
+    Raises:
+        WriteError: as `show`, which does the printing, since Rich itself ends the process when its reader goes.
+    """
+    from rich.console import Console
+
+    screen, text = Console(), io.StringIO()
+    width = screen.width if screen.is_terminal else 120
+    draw(Console(file=text, force_terminal=screen.is_terminal, width=width))
+    show(text.getvalue(), newline=False)
+
+
+def _mute(stream: Any) -> None:
+    """From now on a stream leads nowhere, and what it still holds is dropped when it closes."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+
+
+def prepare_streams() -> None:
+    """Let the streams show names that their encoding does not have, as escapes."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+
+
+def finish(code: int) -> int:
+    """Flush the streams at the end of a command; returns its exit code, 2 where the output was lost."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            if stream is not None:
+                stream.flush()
+        except BrokenPipeError:
+            _mute(stream)
+        except OSError as problem:
+            _mute(stream)
+            complain(f"error: {WriteError('the standard output', problem)}")
+            code = max(code, BAD_INPUT)
+    return code

@@ -1,0 +1,46 @@
+"""`holokin robots`: lists the catalogue, the chains of a model, or the joints and tool frames of one robot."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from .outcome import show
+from .robot_options import TrustUnits
+
+
+def robots(
+    robot: Annotated[
+        str | None,
+        typer.Argument(
+            help="A URDF, xacro or MJCF file: list its tips and the joints that lead there. A catalogue name, a .toml "
+            "file or a job: describe this robot."
+        ),
+    ] = None,
+    tip: Annotated[
+        list[str] | None, typer.Option(help="Of a model: describe the robot that ends here; may be given again.")
+    ] = None,
+    trust_units: TrustUnits = False,
+) -> None:
+    """List the robots of the catalogue with joints and reach, the chains of a model, or what one robot is.
+
+    The reach is the largest distance of the (first) tip from the base's origin within the joint limits, as computed.
+    """
+    from ...base.errors import ArgumentError
+    from ...robot import catalogue, is_model, load, model_tips, reach
+    from ..job import robot_of_file
+    from ..report.robot_facts import robot_facts
+
+    if robot is None:
+        if tip:
+            raise ArgumentError("--tip", tip, "give the file of a model, too")
+        for name, source in catalogue().items():
+            arm = load(name)
+            show(f"{name:13} {arm.n:2} joints   reach {reach(arm):6.3f} m   {source}")
+    elif is_model(robot) and not tip:
+        for end, joints in model_tips(robot).items():
+            show(f"{end}: {len(joints)} moving joints{': ' if joints else ''}{', '.join(joints)}")
+    else:
+        for line in robot_facts(robot_of_file(robot, tip, trust_units)):
+            show(line)

@@ -1,0 +1,73 @@
+"""`holokin run`: does jobs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ...base.errors import ArgumentError
+from ...version import build
+from .outcome import ending, show, show_rich
+
+if TYPE_CHECKING:
+    from ..job import Job
+
+
+def run(
+    jobs: Annotated[
+        list[str], typer.Argument(metavar="JOB...", help="Packaged jobs (`holokin jobs`), 'paper', or .toml files.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
+    units: Annotated[
+        str | None, typer.Option(help='Print in these units: "degrees", "mm" or "degrees,mm"; by default rad and m.')
+    ] = None,
+    animate: Annotated[bool, typer.Option("--animate", help="Make films of the two paths and of the cycles.")] = False,
+) -> None:
+    """Do jobs: a table each in the terminal, figures, trajectories and a report in OUT/<job>/.
+
+    Exits 0 when every expectation of every job holds, 1 when one fails, 2 when a strategy cannot be run, after the
+    others have been, and on bad input: of the command or of a job file before anything runs, else of the jobs that
+    cannot be done or written, after the others have been; 3 where holokin itself failed at one.
+    """
+    from ...base.printed_units import printed_units
+    from ..job import run_job
+    from ..report.animate import animate as draw
+    from ..report.job_report import write_report
+    from ..report.job_table import print_result
+    from ..report.result_folder import check_folder
+
+    opened, code = _opened(jobs), 0
+    if units is not None:
+        printed_units(units)
+        opened = [(name, job.model_copy(update={"units": units}), file) for name, job, file in opened]
+    for name, _, _ in opened:
+        check_folder(out, name)
+    for name, job, file in opened:
+        with ending().telling(name) as say:
+            try:
+                result = run_job(name, job, file, say)
+                say("drawing")
+                extra = (lambda folder, result=result, say=say: draw(result, folder, say)) if animate else None
+                folder = write_report(result, out, build(), extra)
+                show_rich(lambda console, result=result: print_result(result, console))
+                show(f"  {result.seconds:.1f} s, report: {folder / 'report.html'}\n")
+                code = max(code, result.exit_code)
+            except Exception as problem:  # noqa: BLE001  whatever happens to one job, the others are done
+                ending().check()
+                code = max(code, ending().tell(problem, name if len(opened) > 1 else ""))
+    raise typer.Exit(code)
+
+
+def _opened(names: list[str]) -> list[tuple[str, Job, Path]]:
+    """(short name, job, file) of each job, once. Raises: ArgumentError when two would write one folder."""
+    from ..job import expand, open_job
+
+    found: dict[str, tuple[str, Job, Path]] = {}
+    for name, job, file in map(open_job, expand(names)):
+        other = found.setdefault(name.casefold(), (name, job, file))[2]
+        if other.absolute() != file.absolute():
+            cure = f"{other} and {file} would write into one folder: rename one, or run them with an --out each"
+            raise ArgumentError("the name of two jobs", name, cure)
+    return list(found.values())

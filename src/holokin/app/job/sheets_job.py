@@ -1,0 +1,65 @@
+"""What `holokin sheets` does, of a robot or a job."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path as FilePath
+from typing import Any
+
+from ...analysis.coverage.proposed_workspace import first_start, proposed_workspace
+from ...analysis.sheets import sheets, write_sheets
+from ...base.errors import ArgumentError, JobError
+from ..report.sheets_result import SheetsResult
+from .advice_question import Question
+from .check_tables import ChecksTable
+from .job_file import job_of
+from .schema import SheetsTable
+from .several_paths import build_paths
+from .sheets_over_job import ONE_TOOL, kept_clear, path_motion, searched
+from .table_values import filled
+
+
+def sheets_command(
+    name: str,
+    asked: Question,
+    out: FilePath | None,
+    options: Mapping[str, Any],
+    say: Callable[[str], None],
+    announce: Callable[[str], None],
+) -> tuple[SheetsResult, FilePath]:
+    """(the sheets of a robot or a job with the motion along the job's path, the file to which they were written).
+
+    Args:
+        out: by default the file that the job's [sheets] name, or one called after the robot or the job.
+        options: keys of [sheets] that were typed; they go before those of the job.
+
+    Raises:
+        WriteError, JobError: the file exists; said before anything is looked at. As `sheets`.
+    """
+    table = filled(SheetsTable, "sheets", {**asked.keys.get("sheets", {}), **options})
+    file = out or _named(name, table, asked)
+    if file.suffix != ".npz":
+        raise ArgumentError("--out", str(file), "give a name that ends in .npz")
+    if os.path.lexists(file):
+        raise JobError(file, "--out", "exists already", "choose another name, or delete it first")
+    space = asked.workspace
+    if space is None:
+        space = proposed_workspace(asked.task, first_start(asked.task) if asked.q0 is None else asked.q0)
+    checks = asked.keys.get("checks")
+    around = kept_clear(filled(ChecksTable, "checks", checks), asked.task.robot) if checks else {}
+    announce(f"{asked.chain}: {space}. This takes up to {table.seconds + 60:.0f} s.")
+    found = sheets(asked.task, space, say=say, **searched(table), **around)
+    write_sheets(found, file)
+    if asked.file is None or asked.q0 is None:
+        return SheetsResult(found, table.share), file
+    path = build_paths(job_of(asked.file, dict(asked.keys)).path, asked.task, asked.q0, asked.file)
+    along = path_motion(found, path, asked.q0)
+    return SheetsResult(found, table.share, along, "" if along is not None else ONE_TOOL), file
+
+
+def _named(name: str, table: SheetsTable, asked: Question) -> FilePath:
+    """The file of a job's [sheets], or one called after what was asked about."""
+    if table.file is not None and asked.file is not None:
+        return asked.file.parent / table.file
+    return FilePath(f"sheets-{FilePath(name).stem}.npz")

@@ -1,0 +1,212 @@
+"""The advice on a robot's law: table for the terminal, figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+
+from ...analysis.design import Advice, Law
+from ...base.errors import brief
+from ...base.types import Vector
+from ...robot import LinkShape, Robot
+from .coverage_plots import CAUSES, coverage_cloud
+from .job_table import Column
+from .palette import GOOD, GREY, HOLONOMIC, INK, WARNING
+from .plots import PAGE
+from .robot_panels import Actor, draw_panel, stage_of
+from .words import on_figure
+
+MOST_LAWS = 12
+"""Laws in the figure: the best ones."""
+
+COLUMNS: tuple[Column, ...] = (
+    ("law", "left"), ("workspace\nreached", "right"), ("nearest limit\n[of its range]", "right"), ("joint", "left"),
+    ("rcond\nmin", "right"), ("joint speed^2\n/ least", "right"),
+)  # fmt: skip
+"""Headings of the table, and how their columns are aligned."""
+
+CLEARANCE: Column = ("clearance\nmin [m]", "right")
+"""The heading of the column before the last, where clearance was asked for."""
+
+
+def print_advice(advice: Advice, console: Any) -> None:
+    """Print the laws as a table, the best first, and the reasons below."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(brief(advice.subject, 600)), title_justify="left", title_style="bold", header_style="dim")
+    columns = (*COLUMNS[:-1], CLEARANCE, COLUMNS[-1]) if advice.asked else COLUMNS
+    for heading, justify in columns:
+        table.add_column(Text(heading), justify=justify, no_wrap=heading not in ("law", "joint"))
+    for i, law in enumerate(advice.laws):
+        said = cells(law)
+        said[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.asked else []
+        table.add_row(*(Text(cell, style=GOOD if i == 0 else "") for cell in said))
+    console.print(table)
+    if advice.proposed:
+        console.print(f"  Not given, so chosen here: {_chosen(advice)}.", style=WARNING, markup=False, highlight=False)
+    if advice.offers:
+        taken = "position" if advice.task.orientation is None else "axis"
+        console.print(f"  The task is '{taken}': {advice.offers}.", style=WARNING, markup=False, highlight=False)
+    for law in advice.laws:
+        if law.same:
+            said = f"{law.name} stands for {', '.join(law.same)}, too: the same joint rates at every pose"
+            console.print(f"  {said}.", markup=False, highlight=False)
+    for sentence in advice.reasons:
+        console.print(f"  {sentence}", markup=False, highlight=False)
+
+
+def cells(law: Law) -> list[str]:
+    """What the table says of a law."""
+    return [
+        brief(law.name),
+        f"{law.coverage:.1%}",
+        f"{law.margin:.1%}" if np.isfinite(law.margin) and law.served.any() else "-",
+        brief(law.joint) if np.isfinite(law.margin) and law.served.any() else "-",
+        f"{law.rcond:.2g}" if np.isfinite(law.rcond) and law.served.any() else "-",
+        f"{law.speed:.3f}" if np.isfinite(law.speed) else "-",
+    ]
+
+
+def _chosen(advice: Advice) -> str:
+    """What was not given, with what it is."""
+    known = {"tip": f"the tip ({advice.chain.tip})", "task": f"the task ({advice.work})"}
+    known["q0"] = "the start posture"
+    return ", ".join(known.get(word, f"the {word}") for word in advice.proposed)
+
+
+def advice_figure(advice: Advice, obstacles: Sequence[LinkShape] = (), robot: Robot | None = None) -> Any:
+    """The laws as bars of coverage and of joint speed, and below them the robot with what the best of them reaches.
+
+    Args:
+        obstacles: what stands still round the robot.
+        robot: the same with what it carries; by default the robot of the advice.
+    """
+    from matplotlib.figure import Figure
+
+    laws, every = advice.laws[:MOST_LAWS], len(advice.laws)
+    robot = advice.task.robot if robot is None else robot
+    points = advice.coverage.poses[:, :3, 3]
+    stage = stage_of(robot, advice.q0[None], extra=points, obstacles=obstacles, ratio=(0.5, 0.8))
+    subject = fill(on_figure(f"{advice.work}; {advice.workspace}", 300), LETTERS)
+    wide, tall = stage.scene.shape
+    scene, bars = SCENE * tall / wide, bars_height(laws)
+    top = 0.65 + 0.15 * subject.count("\n")
+    below = 0.75 if robot.planar else 0.45  # the names of the axes, and the causes
+    size = (PAGE, top + 0.35 + bars + 0.95 + scene + below)
+    figure = Figure(figsize=size)
+
+    def place(left: float, from_top: float, width: float, height: float) -> Any:
+        """Axes at a place in inches."""
+        return figure.add_axes((left / size[0], 1 - (from_top + height) / size[1], width / size[0], height / size[1]))
+
+    first = coverage_bars(place(BARS[0], top + 0.35, BAR, bars), laws)
+    _speed_bars(place(BARS[1], top + 0.35, BAR, bars), laws)
+    shown = f"the {len(laws)} best of {every} laws" if every > len(laws) else f"{every} laws"
+    first.set_title(f"{shown}, by coverage, margins, joint speed", loc="left", fontsize=10, color=INK)
+    panel = place((PAGE - SCENE) / 2, top + 0.35 + bars + 0.95, SCENE, scene)
+    title = f"start posture, and {len(points)} poses of the workspace"
+    draw_panel(panel, stage, [Actor(advice.q0, HOLONOMIC)], title=title)
+    coverage_cloud(panel, advice.coverage, seen=stage.scene.view.seen(points))
+    _legend(figure, advice)
+    head = fill(f"{on_figure(advice.task.robot.name)}: {on_figure(advice.best.name, 90)}", HEAD)
+    figure.text(0.015, 1 - 0.1 / size[1], head, fontsize=11, fontweight="bold", va="top")
+    figure.text(0.015, 1 - (0.35 + 0.17 * head.count("\n")) / size[1], subject, fontsize=9, color="#4b5563", va="top")
+    return figure
+
+
+THICK, LEAST = 1.3, 2.2
+"""Thickness of a bar, and least distance of two, in lines of text."""
+
+LINE = 0.125
+"""Height of a line of text [inch]."""
+
+BARS, BAR = (2.25, 4.8), 2.3
+"""Where the two panels of bars begin, and their width [inch]."""
+
+SCENE = 5.8
+"""Width of the robot's picture [inch]."""
+
+LETTERS, HEAD = 96, 72
+"""In a line of the subject, and of the head."""
+
+
+def bars_height(laws: tuple[Law, ...]) -> float:
+    """The height of the bars [inch], greater where the names of laws are long."""
+    return LINE * max(_rows(laws)[1], 6.0)
+
+
+def _label(law: Law) -> str:
+    """The name of a law in lines."""
+    return fill(on_figure(law.name, 120), 31)
+
+
+def _rows(laws: tuple[Law, ...]) -> tuple[Vector, float]:
+    """Where the bar of each law stands, and where the last one ends, in lines of text: names do not overlap."""
+    lines = np.array([max(LEAST, _label(law).count("\n") + 1.5) for law in laws])
+    ends = np.cumsum(lines)
+    return ends - lines / 2, float(ends[-1])
+
+
+CUT = (64.0, 67.0)
+"""Where two white strokes cut a bar that is longer than its axis [% of the axis]."""
+
+
+def coverage_bars(axes: Any, laws: tuple[Law, ...]) -> Any:
+    """The share of the workspace that each law reaches, the best law on top."""
+    rows, end = _rows(laws)
+    axes.barh(rows, [100 * law.coverage for law in laws], color=_colors(laws), height=THICK)
+    axes.set_yticks(rows, [_label(law) for law in laws], fontsize=8, linespacing=1.0)
+    axes.set_ylim(end, 0)
+    axes.set_xlim(0, 100)
+    axes.tick_params(axis="x", labelsize=8)
+    axes.set_xlabel("workspace reached [%]", fontsize=9)
+    axes.grid(axis="y", visible=False)
+    return axes
+
+
+def _speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
+    """The mean squared joint speed of each law above the least found at each pose; longer ones are cut, and two
+    strokes through them show it.
+    """
+    (rows, end), excess = _rows(laws), np.array([100 * (law.speed - 1) for law in laws])
+    shown = np.minimum(np.nan_to_num(excess, nan=0.0), 100 * (most - 1))
+    axes.barh(rows, shown, color=_colors(laws), height=THICK)
+    for row, value in zip(rows, excess, strict=True):
+        text = "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
+        inside = np.isfinite(value) and value > 70 * (most - 1)
+        at = min(value, 100 * (most - 1)) - 2 if inside else np.nan_to_num(value) + 2
+        side, color = ("right", "white") if inside else ("left", INK)
+        axes.text(at, row, text, va="center", ha=side, fontsize=8, color=color)
+        if np.isfinite(value) and value > 100 * (most - 1):
+            for x in CUT:
+                place = np.array([x - 1.5, x + 1.5]) * (most - 1)
+                axes.plot(place, [row + 0.6 * THICK, row - 0.6 * THICK], color="white", linewidth=2)
+    axes.set_yticks(rows, [])
+    axes.set_ylim(end, 0)
+    axes.set_xlim(0, 100 * (most - 1))
+    axes.tick_params(axis="x", labelsize=8)
+    axes.set_xlabel("joint speed squared, above least [%]", fontsize=9)
+    axes.grid(axis="y", visible=False)
+    return axes
+
+
+def _colors(laws: tuple[Law, ...]) -> list[str]:
+    return [HOLONOMIC if i == 0 else GREY for i in range(len(laws))]
+
+
+def _legend(figure: Any, advice: Advice) -> None:
+    """The causes for which poses are not reached."""
+    from matplotlib.lines import Line2D
+
+    found = advice.coverage
+    marks = [("#1f7a6b", "reached", int(found.reached.sum()))]
+    marks += [(color, name, found.count(cause)) for cause, (color, name) in CAUSES.items() if found.count(cause)]
+    handles = [
+        Line2D([], [], color=color, marker="o", linestyle="", markersize=6, label=f"{name}: {count}")
+        for color, name, count in marks
+    ]
+    figure.legend(handles=handles, loc="lower center", fontsize=8, ncols=min(len(handles), 4))

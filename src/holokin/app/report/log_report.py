@@ -1,0 +1,120 @@
+"""The audit of a recorded log: table for the terminal, figure, JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from ...analysis.audit import DatasetAudit, LogAudit, LogVerdict
+from ...base.files import write_json
+from .job_figures import margins
+from .palette import BAD, GOOD, INK, PALE, WARNING, color_of
+from .plots import thin
+from .robot_panels import Actor, Curve, draw_panel, stage_of
+from .words import joint_unit, on_figure
+
+MOST_JOINTS = 4
+"""Joints in the figure: those that move most."""
+
+MOST_ARMS = 4
+"""Postures in the figure: at the start pose, after so many cycles at most."""
+
+
+def print_audit(audit: LogAudit | DatasetAudit, console: Any) -> None:
+    """Print the findings as a table, and the sentence of the verdict below in its colour."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(show_header=False)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column()
+    for what, finding in audit.rows():
+        table.add_row(what, Text(finding))
+    console.print(table)
+    color = {LogVerdict.REPEATS: GOOD, LogVerdict.UNDECIDED: WARNING}.get(audit.verdict, BAD)
+    console.print(Text(audit.sentence(), style=color), highlight=False)
+
+
+def save_log_audits(audits: Sequence[LogAudit], file: FilePath) -> None:
+    """Write `LogAudit.summary` as JSON; of several runs a list of them, under "runs". Raises: WriteError."""
+    found = [audit.summary() for audit in audits]
+    write_json(file, found[0] if len(found) == 1 else {"runs": found})
+
+
+def log_figure(audit: LogAudit) -> Any:
+    """Joints at the cycles' start pose against the cycle number, and the tool's path, cycles by colour."""
+    word = f"{audit.verdict.name.lower()}, trend: {audit.trend.name.lower().replace('_', ' ')}"
+    figure, left, right = two_panels(f"{on_figure(FilePath(audit.recording.source).name)}: {word}")
+    _joints_at_start(left, audit)
+    _tool_cycles(right, audit)
+    return figure
+
+
+def two_panels(title: str) -> tuple[Any, Any, Any]:
+    """(a figure with a title, its left and its right axes), for what joints do and where the tool is."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.4, 4.6))
+    margins(figure, left=0.85, right=0.35, bottom=0.65, top=0.75, width_gap=0.85, grid=(1, 2))
+    figure.suptitle(title, fontsize=12, fontweight="bold", x=0.02, ha="left")
+    return figure, figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
+
+
+def _joints_at_start(axes: Any, audit: LogAudit) -> Any:
+    """Joints at the start pose after each cycle, less their start, for the joints that move most; tolerance in grey."""
+    shift = np.vstack([np.zeros(audit.robot.n), audit.since_start])
+    order = np.argsort(-np.abs(shift).max(axis=0), kind="stable")[:MOST_JOINTS]
+    numbers = np.arange(len(shift))
+    allowed = audit.tolerance + audit.noise_floor
+    axes.axhspan(-allowed, allowed, color=PALE, zorder=0, label=f"tolerance {allowed:.2g}")
+    marker = "o-" if len(shift) <= 60 else "-"
+    for i, joint in enumerate(sorted(order)):
+        name = on_figure(audit.robot.joint_names[joint])
+        axes.plot(numbers, shift[:, joint], marker, color=color_of(i), linewidth=1.6, markersize=3.5, label=name)
+    most = max(float(np.abs(shift).max()), 2 * allowed)
+    axes.set_ylim(-1.15 * most, 1.15 * most)
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.set_xlabel("cycles done")
+    axes.set_ylabel(f"less its start value [{joint_unit(audit.robot)}]")
+    which = "Joints" if len(order) == audit.robot.n else f"The {len(order)} joints that move most,"
+    axes.set_title(f"{which} at the start pose", loc="left", color=INK, fontsize=10)
+    axes.legend(fontsize=8, loc="best")
+    return axes
+
+
+def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
+    """The tool's path, cycles by colour, the path in and out in grey, and the arm at the start pose after some."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize, to_hex
+
+    robot, log, cycles = audit.robot, audit.recording, audit.cycles
+    at = thin(len(log), 20_000)
+    points, _ = audit.task.poses(log.q[at])
+    colors = colormaps["viridis"]
+    count = len(cycles)
+
+    def color(done: int) -> str:
+        return to_hex(colors(0.9 - 0.8 * done / count))
+
+    first = np.vstack(
+        [audit.visits[0, 0 if cycles.direction[0] > 0 else -1] + shift for shift in (0.0, *audit.since_start)]
+    )
+    shown = [int(i) for i in thin(count + 1, MOST_ARMS)]
+    stage = stage_of(robot, first[shown], [Curve(points, PALE)], pairs=[(first[0], first[-1])])
+    outlines = [Actor(first[i], color(i), "outline") for i in shown[1:]]
+    draw_panel(
+        axes, stage, [Actor(first[0], color(0)), *outlines], title="Path of the tool, and the arm at the start pose"
+    )
+    seen = stage.scene.view.seen(points)
+    axes.plot(*seen[:, :2].T, color="#c9cdd4", linewidth=1.0, zorder=3)
+    for i in thin(count, 30):
+        here = (at >= cycles.q0[i]) & (at <= cycles.stop[i])
+        if here.any():
+            axes.plot(*seen[here, :2].T, color=color(int(i) + 1), linewidth=1.3, zorder=4)
+    bar = ScalarMappable(Normalize(0, count), colors.reversed())
+    axes.figure.colorbar(bar, ax=axes, shrink=0.6, pad=0.04, label="cycles done", ticks=[0, count])
+    return axes

@@ -1,0 +1,278 @@
+"""Drawing, one thing a function: each takes an Axes and returns it.
+
+As in the paper, the clockwise path is solid and the counter-clockwise one dashed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import ArgumentError
+from ...base.files import replacing
+from ...base.types import Indices, Vector
+from ...motion.trajectory import Status, Trajectory
+from ...robot import Robot
+from .palette import CLOCKWISE, COLORS, COUNTER_CLOCKWISE, GREY, HOLONOMIC, INK, LIMIT, PALE, color_of
+from .words import on_figure
+
+DIRECTIONS = {
+    "clockwise": {"color": CLOCKWISE, "linestyle": "-", "linewidth": 2.4},
+    "counter-clockwise": {"color": COUNTER_CLOCKWISE, "linestyle": (0, (4, 1.5)), "linewidth": 1.8},
+}
+"""How the two paths are drawn."""
+
+NAMED = 7
+"""Joints in a panel that have a colour each: those that move most. The others are grey, and named together."""
+
+LABELS = 8
+"""Laws with a label each in the picture of drift; of more, the holonomic ones have one together."""
+
+ROUND_OFF = 1e-9
+"""Drift [rad or m] below which a law is counted to those that come back to the start."""
+
+PAGE, TYPE = 7.3, 8.0
+"""Width of a page [inches], to which wider figures are made smaller, and the smallest type on it [points]."""
+
+_STYLE = {
+    "font.size": 10,
+    "axes.titlesize": 11,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#6b7280",
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "xtick.color": "#4b5563",
+    "ytick.color": "#4b5563",
+    "axes.grid": True,
+    "grid.color": "#e5e7eb",
+    "grid.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "svg.hashsalt": "holokin",
+}
+
+
+def write_figure(draw: Callable[[], Any], file: FilePath) -> None:
+    """Write the figure that `draw` makes as an image of the file's type, PNG where its name has no ending.
+
+    Raises:
+        ArgumentError: there is no such type. WriteError: the system refuses the file.
+    """
+    from matplotlib import rc_context
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    kind = file.suffix[1:].lower() or "png"
+    known = FigureCanvasBase.get_supported_filetypes()
+    if kind not in known:
+        raise ArgumentError("the file to write", str(file), f"it cannot be written: choose of {', '.join(known)}")
+    with rc_context(style()), replacing(file) as part:
+        figure = legible(draw())
+        figure.savefig(part, format=kind, dpi=130, facecolor="white")
+
+
+def legible(figure: Any) -> Any:
+    """The figure, its smallest type no smaller than `TYPE` where it is as wide as a `PAGE`."""
+    from matplotlib.text import Text
+
+    least = TYPE * max(1.0, figure.get_figwidth() / PAGE)
+    for axes in figure.axes:
+        for axis in axes._axis_map.values():  # ticks that are not made yet, too
+            axis.set_tick_params(labelsize=max(least, *(t.get_fontsize() for t in axis.get_ticklabels()), 0.0))
+    for text in figure.findobj(Text):
+        text.set_fontsize(max(least, text.get_fontsize()))
+    return figure
+
+
+def style() -> Any:
+    """matplotlib settings of every figure."""
+    return dict(_STYLE)
+
+
+def thin(count: int, most: int = 600) -> Indices:
+    """Indices of at most `most` samples, ends included: pictures need no more."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))
+
+
+def joint_histories(
+    axes: Any, clockwise: Trajectory, counter: Trajectory, joint: int, robot: Robot | None = None
+) -> Any:
+    """One joint over time, by both ways, with the gap at the end or crosses where they stop. [ZR11, Figs 4, 5, 8]
+
+    Of a robot with limits these are lines, or where they are far beyond the panel, numbers at its right edge.
+    """
+    stops: list[float] = []
+    for walk, (label, style) in zip((clockwise, counter), DIRECTIONS.items(), strict=True):
+        keep = thin(len(walk))
+        axes.plot(walk.t[keep], walk.q[keep, joint], label=label, **style)
+        if walk.status is not Status.COMPLETE:
+            stops.append(float(walk.t[-1]))
+        end = "o" if walk.status is Status.COMPLETE else "X"
+        axes.plot(walk.t[-1], walk.q[-1, joint], end, color=style["color"], markersize=5 if end == "o" else 8)
+    gap = abs(clockwise.q[-1, joint] - counter.q[-1, joint])
+    unit = clockwise.joint_units[joint]
+    low, high = axes.get_ylim()
+    least = 0.02 if unit == "rad" else 0.01  # a joint that stands still shall look it
+    if high - low < least:
+        axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)
+    if robot is not None:
+        _limit_lines(axes, float(robot.lower[joint]), float(robot.upper[joint]))
+    ending = f"stopped at {' and '.join(f'{t:.3g}' for t in stops)} s" if stops else _gap(gap, unit)
+    axes.set_title(f"{on_figure(clockwise.joint_names[joint], 30)}: {ending}", loc="left", color=INK, fontsize=10)
+    axes.set_ylabel(unit)
+    return axes
+
+
+def _limit_lines(axes: Any, lower: float, upper: float) -> Any:
+    """The limits of what is drawn: a line each where it is near, else its number beside an arrow at the right edge."""
+    low, high = axes.get_ylim()
+    near = [x for x in (lower, upper) if low - 0.6 * (high - low) <= x <= high + 0.6 * (high - low)]
+    for limit in near:
+        axes.axhline(limit, color=LIMIT, linewidth=1.6, linestyle=(0, (1, 1)), label="limit", zorder=1.5)
+    if near:
+        pad = 0.06 * (high - low)
+        axes.set_ylim(min([low, *(x - pad for x in near)]), max([high, *(x + pad for x in near)]))
+    for limit, arrow, y in ((lower, "\u2193", 0.0), (upper, "\u2191", 1.0)):
+        if np.isfinite(limit) and limit not in near:
+            axes.text(
+                1.01, y, f"{arrow} {limit:.3g}", transform=axes.transAxes, ha="left", va="bottom" if y == 0 else "top",
+                fontsize=7.5, color=_LIMIT_TEXT,
+            )  # fmt: skip
+    return axes
+
+
+def joint_cycles(axes: Any, walk: Trajectory, named: Sequence[int] | None = None) -> Any:
+    """Every joint's departure from its start over the cycles. [ZR11, Fig. 6]
+
+    Args:
+        named: the joints in colours, by default all; the others are grey.
+    """
+    keep = thin(len(walk), 900)
+    shift = walk.q - walk.q[0]
+    named = range(len(walk.joint_names)) if named is None else named
+    rest = [j for j in range(len(walk.joint_names)) if j not in named]
+    for joint in rest:
+        label = f"grey: {', '.join(on_figure(walk.joint_names[j], 30) for j in rest)}" if joint == rest[0] else None
+        axes.plot(walk.t[keep], shift[keep, joint], color="#c3c8d0", linewidth=1.0, label=label or "_grey", zorder=1.8)
+    for place, joint in enumerate(named):
+        name = on_figure(walk.joint_names[joint], 30)
+        axes.plot(
+            walk.t[keep], shift[keep, joint], color=color_of(place), linewidth=1.7, label=name,
+            linestyle="-" if place < len(COLORS) else (0, (4, 1.5)),
+        )  # fmt: skip
+    axes.grid(axis="x", visible=False)  # the ends of the cycles are lines enough
+    for mark in walk.marks[1:]:
+        axes.axvline(walk.t[mark], color=PALE, linewidth=0.8, zorder=0)
+    axes.axhline(0, color=GREY, linewidth=0.8, zorder=1)
+    axes.set_xlabel("time [s]")
+    return axes
+
+
+def movers(walks: Sequence[Trajectory], most: int = NAMED) -> list[int]:
+    """The joints that move most in some motions, in their own order; all where there are few."""
+    reach = np.max([np.abs(walk.q - walk.q[0]).max(axis=0) for walk in walks], axis=0)
+    if len(reach) <= most:
+        return list(range(len(reach)))
+    return sorted(int(j) for j in np.argsort(-reach, kind="stable")[:most])
+
+
+def drift_per_cycle(axes: Any, walks: dict[str, Trajectory], colors: Sequence[str] | None = None) -> Any:
+    """Largest joint drift after 1, 2, ... cycles, on a logarithmic scale down to round-off, each line with its name.
+
+    Of many laws those without drift have one name together, and of the others the last ones.
+    """
+    sizes = {name: np.abs(walk.drift_since_start()).max(axis=1) for name, walk in walks.items()}
+    colors = [color_of(i) for i in range(len(sizes))] if colors is None else colors
+    told: list[tuple[float, str, str]] = []
+    order = sorted(sizes, key=lambda name: -sizes[name][-1])
+    for (name, values), color in zip(sizes.items(), colors, strict=True):
+        cycles, shown = np.arange(1, len(values) + 1), np.maximum(values, 1e-17)
+        alone = len(sizes) <= LABELS or (values.max() > ROUND_OFF and name in order[: LABELS - 2])
+        paint = color if alone else HOLONOMIC if values.max() <= ROUND_OFF else GREY
+        axes.semilogy(cycles, shown, "o-", color=paint, linewidth=1.8 if alone else 1.0, markersize=4, label=name)
+        if alone:
+            told.append((float(shown[-1]), name, color))
+    if len(sizes) > LABELS:
+        told += _together(sizes, {name for _, name, _ in told})
+    axes.axhspan(1e-18, 1e-12, color="#f3f4f6", zorder=0)
+    axes.text(0.01, 0.02, "below 1e-12: round-off", transform=axes.transAxes, ha="left", color="#6b7280", fontsize=9)
+    axes.set_ylim(1e-17, 10)
+    axes.set_xlabel("cycles done")
+    units = dict.fromkeys(unit for walk in walks.values() for unit in walk.joint_units)
+    axes.set_ylabel(f"joint drift, largest joint [{' or '.join(units)}]")
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.set_xlim(0.7, max(len(v) for v in sizes.values()) + 0.3)
+    beside(axes, told)
+    return axes
+
+
+def _together(sizes: dict[str, Vector], alone: set[str]) -> list[tuple[float, str, str]]:
+    """Labels for the laws that have none of their own: how many, and how far they drift."""
+    found = []
+    rest = {name: values for name, values in sizes.items() if name not in alone}
+    for back, color in ((True, HOLONOMIC), (False, "#6b7280")):
+        group = [v for v in rest.values() if (v.max() <= ROUND_OFF) == back]
+        if group:
+            ends = [float(v[-1]) for v in group]
+            what = "laws come back to the start" if back else "more laws drift"
+            place = float(np.exp(np.mean(np.log(np.maximum(ends, 1e-17)))))
+            found.append((place, f"{len(group)} {what}, at most {max(ends):.1g}", color))
+    return found
+
+
+def beside(axes: Any, told: Sequence[tuple[float, str, str]], least: float = 0.058) -> None:
+    """Names (height in data, text, colour) right of the axes, none over another, joined to the ends of their lines."""
+    places = [float(axes.transAxes.inverted().transform(axes.transData.transform((0, y)))[1]) for y, _, _ in told]
+    order = sorted(range(len(told)), key=lambda i: places[i])
+    spread: list[float] = []
+    for i in order:
+        spread.append(max(places[i], spread[-1] + least if spread else 0.02))
+    over = spread[-1] - 0.98 if spread else 0.0
+    if over > 0:  # from the top downwards
+        for k in range(len(spread) - 1, -1, -1):
+            spread[k] = min(spread[k], 0.98 if k == len(spread) - 1 else spread[k + 1] - least)
+    for at, i in zip(spread, order, strict=True):
+        _, text, color = told[i]
+        axes.plot([1.0, 1.03], [places[i], at], color=color, linewidth=0.8, transform=axes.transAxes, clip_on=False)
+        axes.text(1.04, at, text, transform=axes.transAxes, va="center", fontsize=9, color=_readable(color))
+
+
+def joint_ranges(axes: Any, robot: Robot, walks: dict[str, Trajectory], colors: Sequence[str]) -> Any:
+    """What each law uses of each joint's range: 0 and 1 are its limits. Joints without limits are left out."""
+    travel = robot.upper - robot.lower
+    limited = np.flatnonzero(np.isfinite(travel) & (travel > 0))
+    thick = 0.72 / max(len(walks), 1)
+    for i, ((name, walk), color) in enumerate(zip(walks.items(), colors, strict=True)):
+        share = (walk.q[:, limited] - robot.lower[limited]) / travel[limited]
+        low, high = share.min(axis=0), share.max(axis=0)
+        rows = np.arange(len(limited)) + (i - (len(walks) - 1) / 2) * thick
+        axes.barh(rows, np.maximum(high - low, 0.004), left=low, height=0.85 * thick, color=color, label=name, zorder=2)
+    for x in (0.0, 1.0):
+        axes.axvline(x, color=LIMIT, linewidth=1.6, linestyle=(0, (1, 1)))
+    axes.set_yticks(range(len(limited)), [on_figure(robot.joint_names[j], 24) for j in limited])
+    axes.set_ylim(len(limited) - 0.5, -0.5)
+    low, high = axes.get_xlim()
+    axes.set_xlim(min(low, -0.02), max(high, 1.02))
+    axes.set_xticks([0, 0.25, 0.5, 0.75, 1], ["lower limit", "25 %", "50 %", "75 %", "upper limit"])
+    axes.grid(axis="y", visible=False)
+    return axes
+
+
+_LIMIT_TEXT = "#8f3f6b"
+"""Of the colour of limits, dark enough for small letters."""
+
+
+def _readable(color: str) -> str:
+    """A colour for letters: the pale ones of the palette are darkened."""
+    from matplotlib.colors import to_rgb
+
+    red, green, blue = to_rgb(color)
+    light = 0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2
+    return color if light < 0.25 else "#" + "".join(f"{round(158 * part):02x}" for part in (red, green, blue))
+
+
+def _gap(gap: float, unit: str) -> str:
+    return "ends agree" if gap < 1e-9 else f"ends {gap:.3g} {unit} apart"

@@ -1,0 +1,140 @@
+"""The picture of a certificate: the robot at its start, with the path or the box that the proof is about."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from ...base.types import Matrix, Vector
+from ...path import Path
+from ...path.synchronized_paths import paths_of
+from ...path.workspaces import Box, PoseRange, Workspace
+from ...proof import Certificate
+from ...strategies.tasks.frame_task import FrameTask, parts_of
+from ...strategies.tasks.frames import TipFrame
+from .palette import GREY, HOLONOMIC, LOOP, VERMILLION
+from .proof_words import proven_time
+from .robot_panels import Actor, Curve, draw_panel, stage_of
+
+SAMPLES = 120
+"""Points of a path in the picture."""
+
+DASH = 2
+"""Points of a dash, and of a gap, of what is not proven."""
+
+SIZE = (7.6, 4.6)
+"""Of the picture [inch]."""
+
+AXES_WORDS = (
+    "Rods at the base and the tool: x red, y green, z blue. Beside it along axes of the base, the tool at the start as "
+    "a dot."
+)
+"""What else is to be seen."""
+
+MARGIN = 0.12
+"""Room round a path or a box in its views from above and from the side, over its size."""
+
+
+def start_of(found: Certificate) -> Vector:
+    """The posture (n,) on the leaf that the file names: the start, or the leaf's posture in the middle of a box."""
+    return found.anchors.q[0][: found.equation.joints]
+
+
+def drawable(found: Certificate) -> bool:
+    """Whether its tool poses are places in the frame of the robot's base."""
+    task = found.equation.strategy.task
+    tools = task.spatial and all(
+        isinstance(part, FrameTask) and isinstance(part.frame, TipFrame) for part in parts_of(task)
+    )
+    return bool(task.robot.tips) and tools
+
+
+def proof_figure(found: Certificate) -> Any:
+    """The robot at its start; the path or the box in green, what is not proven of it dashed and grey."""
+    from matplotlib.figure import Figure
+
+    robot, q = found.equation.strategy.task.robot, start_of(found)
+    curves = _curves(found)
+    figure = Figure(figsize=SIZE)
+    stage = stage_of(robot, q[None], curves)
+    place = (0.08, 0.09, 0.53, 0.87) if robot.planar else (0.01, 0.01, 0.6, 0.98)
+    draw_panel(figure.add_axes(place), stage, [Actor(q, HOLONOMIC)], curves)
+    _view(figure.add_axes((0.72, 0.58, 0.26, 0.38)), found, curves, (0, 1))
+    if not robot.planar:
+        _view(figure.add_axes((0.72, 0.09, 0.26, 0.38)), found, curves, (0, 2))
+    return figure
+
+
+def _view(axes: Any, found: Certificate, curves: list[Curve], plane: tuple[int, int]) -> None:
+    """The path or the box along two axes of the base, to a scale, with the start of the tools."""
+    i, j = plane
+    for curve in curves:
+        dash = "--" if curve.dash else "-"
+        axes.plot(curve.points[:, i], curve.points[:, j], color=curve.color, linestyle=dash, linewidth=1.3)
+    robot, q = found.equation.strategy.task.robot, start_of(found)
+    tips = {part.tip for part in parts_of(found.equation.strategy.task)}
+    for p in (robot.pose(q, tip)[:3, 3] for tip in tips):
+        axes.plot(p[i], p[j], "o", color=HOLONOMIC, markersize=4)
+    shown = np.vstack([curve.points for curve in curves])[:, [i, j]]
+    middle, half = (shown.min(axis=0) + shown.max(axis=0)) / 2, max(np.ptp(shown, axis=0).max() / 2, 1e-3)
+    reach = (1 + 2 * MARGIN) * half
+    axes.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach))
+    axes.set_aspect("equal")
+    axes.set_xlabel(f"{'xyz'[i]} [m]", fontsize=8)
+    axes.set_ylabel(f"{'xyz'[j]} [m]", fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.locator_params(nbins=4)
+
+
+def picture_words(found: Certificate) -> str:
+    """What to see in it."""
+    box = isinstance(found.asked, PoseRange)
+    what = "the box of tool positions" if box else "the path"
+    return f"The robot at the posture below. {_colors(found, what)} {AXES_WORDS}"
+
+
+def _colors(found: Certificate, what: str) -> str:
+    if found.whole:
+        return f"Green: {what}."
+    if found.covered:
+        return f"Red: {what}, along which the joints do not return or are not shown to."
+    return f"Green: what is proven of {what}. Dashed grey: what is not."
+
+
+def _curves(found: Certificate) -> list[Curve]:
+    space = found.asked
+    if isinstance(space, PoseRange) and isinstance(space.solid, Box):
+        color = LOOP if found.whole else GREY
+        return [Curve(edge, color, 0 if found.whole else DASH) for edge in edges_of(space.solid)]
+    if isinstance(space, Workspace):
+        return []
+    color = LOOP if found.whole or not found.covered else VERMILLION
+    return [curve for path in paths_of(space) for curve in _parts(found, path, color)]
+
+
+def _parts(found: Certificate, path: Path, color: str) -> list[Curve]:
+    """The proven part of a path, and the rest."""
+    end = proven_time(found, path)
+    listed = []
+    if end > 0:
+        listed.append(Curve(_points(path, 0.0, end), color))
+    if end < path.duration:
+        listed.append(Curve(_points(path, end, path.duration), GREY, DASH))
+    return listed
+
+
+def _points(path: Path, start: float, stop: float) -> Matrix:
+    """Points (k, 3), with all ends of segments among them."""
+    inside = path.starts[(path.starts > start) & (path.starts < stop)]
+    return path.at(np.unique(np.concatenate([np.linspace(start, stop, SAMPLES), inside]))).position
+
+
+def edges_of(box: Box) -> list[Matrix]:
+    """The edges (k, 3) of a box that have an extent."""
+    corners = [np.array(c) for c in product((-1.0, 1.0), repeat=3)]
+    pairs = [(a, b) for a in corners for b in corners if (b - a).sum() == 2 and np.count_nonzero(b - a) == 1]
+    steps = np.linspace(0, 1, 12)[:, None]
+    edges = [box.center + box.half * (a + steps * (b - a)) for a, b in pairs]
+    return [edge for edge in edges if np.ptp(edge, axis=0).any()]

@@ -1,0 +1,368 @@
+"""What the page of a certificate says in words: its first line, what is claimed, and what is not proven."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from ...base.errors import brief
+from ...base.sure_digits import at_least, at_most
+from ...path import Path
+from ...path.synchronized_paths import paths_of
+from ...path.workspaces import Workspace
+from ...proof import Certificate, Extent, joint_rates
+from ...proof.checker_word import CheckerWord, Outcome
+from ...proof.proven_region import region_of
+from ...strategies.tasks.task import Task
+from .clear_words import assumed_words, nearest_of, refuted_by
+from .words import joint_unit
+
+PROVEN, NOT_PROVEN, DIFFER = "proven", "NOT proven", "NO: they differ"
+
+ALWAYS = (
+    "The real robot. The proof is about the lengths and axes of the model, as numbers in the computer. Calibration, "
+    "tolerances of manufacture, bending, backlash and temperature are not in it.",
+    "The controller. It may not reach the commanded joints, and what it does between two samples of its clock is not "
+    "in the proof.",
+    "Dynamics: speeds, accelerations, torques, forces, braking distances, and whether the motion can be made in a "
+    "given time.",
+    "Safety functions of the robot, or that a person near it is safe.",
+)
+"""What no certificate proves."""
+
+COLLISIONS = "Collisions: of the robot with itself, with its surroundings, of its cables and its load."
+"""What is not proven where no distances are asked for."""
+
+MOST_NAMED = 12
+"""Pairs that are named in a sentence, at most."""
+
+COMPARE = (
+    "That the strategy, the path or the box, and the model are those that you mean: compare them with yours.",
+    "That nobody has changed this page. Whoever doubts it verifies the file of the certificate, which the SHA-256 "
+    "below tells.",
+)
+"""What a reader must look at."""
+
+
+@final
+@dataclass(frozen=True)
+class Claim:
+    """A statement, whether it is proven, and what the checker says of it."""
+
+    text: str
+    proven: str
+    checked: str
+
+
+@final
+@dataclass(frozen=True)
+class Verdict:
+    """The first line of the page, the sentence below it, and whether the line is good news."""
+
+    line: str
+    sentence: str
+    good: bool
+
+
+def _pose_word(task: Task) -> str:
+    """What a task asks of the tool."""
+    if not task.spatial:
+        return "value of the task"
+    if task.frames > 1:
+        return "poses of the tools"
+    return "tool position" if task.orientation is None else "tool pose"
+
+
+def proven_time(found: Certificate, path: Path) -> float:
+    """The time [s] up to which a path is proven."""
+    boxes = found.proven.boxes
+    if not len(boxes):
+        return 0.0
+    if found.covered:
+        return path.duration
+    last = int(boxes.piece.max())
+    share = float(boxes.high[boxes.piece == last, 0].max())
+    return float(path.starts[last] + share * path.durations[last])
+
+
+def share_words(found: Certificate) -> str:
+    """How much of the path or the box is proven, rounded down."""
+    if isinstance(found.asked, Workspace):
+        share, what = region_of(found).share, "of the box"
+    else:
+        path = paths_of(found.asked)[0]
+        share, what = proven_time(found, path) / path.duration, "of the path, by its time"
+    if found.covered:
+        return f"all {what.partition(',')[0]}"
+    return f"{np.floor(1e4 * min(share, 0.9999)) / 100:.4g} % {what}"
+
+
+def place_words(found: Certificate) -> str:
+    """What the cells cover."""
+    if isinstance(found.asked, Workspace):
+        return "the box" if found.covered else "the part of the box that is proven"
+    return "the path" if found.covered else "the part of the path that is proven"
+
+
+def verdict(found: Certificate, word: CheckerWord) -> Verdict:
+    """What the page says first: never more than the certificate, and nothing good where the checker rejects it."""
+    if word.outcome is Outcome.REJECTED:
+        line = "NOT VALID: the independent checker rejects this certificate"
+        return Verdict(line, "Do not rely on anything that this page says. The reason stands under Checker.", False)
+    if not len(found):
+        return Verdict("NOTHING IS PROVEN", found.theorem, False)
+    pose = _pose_word(found.equation.strategy.task)
+    if found.extent is Extent.ELSEWHERE:
+        line = f"the path meets one {pose} twice, with other joints"
+        line = "this closed path ends with other joints" if _ends_elsewhere(found) else line
+        return Verdict(f"THE JOINTS DO NOT RETURN: {line}", f"It is proven that {found.returning}.", False)
+    if found.extent is Extent.RETURN:
+        only = "Only this is proven: along the path the joints are a continuous function of the place."
+        line = "NOT PROVEN that the joints return with the tool"
+        return Verdict(line, f"{only} {_capital(found.returning)}.", False)
+    if not found.whole:
+        stop = f" The proof stopped at {found.where}." if found.where else ""
+        worst = refuted_by(found)
+        if worst is not None:
+            stop = f" In the rest it is REFUTED: {worst}."
+        return Verdict(f"NOT ALL IS PROVEN: only {share_words(found)}", f"{_capital(found.extent.cause)}.{stop}", False)
+    verified = word.outcome is Outcome.VERIFIED
+    known = "PROVEN" if verified else "PROVEN BUT NOT VERIFIED"
+    limits = "" if found.limits is not None else " Joint limits are not part of the proof."
+    return Verdict(f"{known}: {_good(found, pose)}", _sentence(found) + _apart(found) + limits, verified)
+
+
+def _apart(found: Certificate) -> str:
+    """What is proven of distances, for the sentence below the first line."""
+    near, clear = nearest_of(found), found.demands.clear
+    if clear is None or not len(found):
+        return ""
+    if near is None:
+        return " There the shapes that are listed below do not touch."
+    asked = f"of those that are to keep {clear.looked_at.wanted:g} m apart, " if clear.looked_at.wanted else ""
+    return (
+        f" There the shapes that are listed below keep apart: {asked}{_pair(near.names)} are the nearest, by "
+        f"{at_least(near.bound)} m or more."
+    )
+
+
+def _ends_elsewhere(found: Certificate) -> bool:
+    """Whether it is the end of a closed path at which the joints are others, and not a place on the way."""
+    closed = not isinstance(found.asked, Workspace) and found.asked.closed
+    return found.extent is Extent.ELSEWHERE and closed and not np.isfinite(found.gap)
+
+
+def checker_words(found: Certificate, word: CheckerWord) -> str:
+    """What the checker says, in the box of the first line."""
+    if word.outcome is Outcome.REJECTED:
+        return f"REJECTED by the independent checker: {word.text.partition(': ')[2]}"
+    if word.outcome is Outcome.NONE:
+        return f"NOT verified by the independent checker: {word.text}."
+    if word.outcome is Outcome.SAMPLED:
+        what = word.text.splitlines()[1].strip()
+        return (
+            f"NOT verified as a whole: by the independent checker, in {word.seconds:.3g} s, {what}; no fault was found."
+        )
+    took = f"by the independent checker in {word.seconds:.3g} s"
+    if found.whole or (_ends_elsewhere(found) and _drift_verified(word)):
+        return f"Verified {took}."
+    if found.extent is Extent.ELSEWHERE:
+        return f"Verified {took}, except that the joints differ: it does not say so."
+    return f"What is proven is verified {took}; it is not all that was asked."
+
+
+def _drift_verified(word: CheckerWord) -> bool:
+    """Whether the checker itself says that a closed path ends with other joints."""
+    return word.outcome is Outcome.VERIFIED and "the joints do NOT return" in word.text
+
+
+def _good(found: Certificate, pose: str) -> str:
+    if isinstance(found.asked, Workspace):
+        return f"while the tool stays in this box, the same {pose} has the same joints"
+    if not found.asked.closed:
+        return "along this path the joints are one continuous function of the place"
+    if found.turns.any():
+        return "this closed path returns the joints, except for whole turns"
+    return "this closed path returns the joints to their start"
+
+
+def _sentence(found: Certificate) -> str:
+    """What follows from a whole proof, for a reader without mathematics."""
+    same = _pose_word(found.equation.strategy.task)
+    if isinstance(found.asked, Workspace):
+        return (
+            "The model of the robot, started at the posture below and moved by the strategy, comes back to the same "
+            "joints after every loop of the tool inside the box, at any speed and any number of times."
+        )
+    if not found.asked.closed:
+        return f"Where the path meets a {same} again, the joints are the same, except for whole turns."
+    if found.turns.any():
+        return (
+            "After the path the joints are at their start but for the whole turns that are named below: the robot "
+            "looks the same, but cables are wound up, and joints with limits must be turned back."
+        )
+    return (
+        "The model of the robot, started at the posture below and moved by the strategy, is at the same posture after "
+        "each cycle, at any speed and any number of times."
+    )
+
+
+def claims(found: Certificate, word: CheckerWord) -> list[Claim]:
+    """The statements of a certificate, one by one, with who says so."""
+    says, place = word.outcome.value, place_words(found)
+    if not len(found):
+        return [Claim(f"Anything about {_asked(found)}.", NOT_PROVEN, says)]
+    derivative = found.equation.derivative
+    proven = PROVEN if word.outcome is not Outcome.REJECTED else "claimed only"
+    text = (
+        f"For every {'pose' if isinstance(found.asked, Workspace) else 'place'} of {place} there is exactly one "
+        f"posture near the predicted one. It is a continuous function, and |det {derivative}| >= "
+        f"{at_least(found.determinant)}: no singular posture is met."
+    )
+    listed = [Claim(text, proven, says), *_limit_claims(found, proven, says), *_clear_claims(found, proven, says)]
+    listed += _rate_claims(found, proven)
+    if isinstance(found.asked, Workspace):
+        text = f"Every loop of the tool inside {place} that begins on this posture function brings the joints back."
+        listed.append(Claim(text, proven, f"{says}: it follows from the first line"))
+    else:
+        listed += _path_claims(found, proven, word)
+    robot = brief(found.equation.strategy.task.robot.name)
+    same = "compared: the same" if word.compared else "not compared"
+    what = "The task's rows and the limits" if found.limits is not None else "The task's rows"
+    listed.append(Claim(f"{what} in the file are those of the model of the robot {robot}.", "-", same))
+    return listed
+
+
+def _asked(found: Certificate) -> str:
+    return "the box" if isinstance(found.asked, Workspace) else "the path"
+
+
+def _limit_claims(found: Certificate, proven: str, says: str) -> list[Claim]:
+    if found.limits is None:
+        return [Claim("No joint leaves its limits.", f"{NOT_PROVEN}: not asked", "-")]
+    if not np.isfinite(found.to_limit).any():
+        return [Claim("No joint leaves its limits.", "the model has none", "-")]
+    i, robot = int(np.argmin(found.to_limit)), found.equation.strategy.task.robot
+    joint, near = brief(robot.joint_names[i]), f"{at_least(float(found.to_limit[i]))} {robot.coordinates[i].unit}"
+    place = place_words(found)
+    text = f"Over {place} every joint stays within its limits, the nearest ({joint}) by {near} or more."
+    return [Claim(text, proven, says)]
+
+
+def _clear_claims(found: Certificate, proven: str, says: str) -> list[Claim]:
+    """The distances of shapes, where they were asked for."""
+    clear = found.demands.clear
+    if clear is None:
+        return []
+    least, place, listed = found.findings.apart.min(axis=0), place_words(found), []
+    for asked in sorted({float(wanted) for wanted in clear.wanted}, reverse=True):
+        these = [p for p, wanted in enumerate(clear.wanted) if wanted == asked]
+        names = list(dict.fromkeys(clear.pairs[p].names for p in these))
+        i = min(these, key=lambda p: least[p])
+        near = f"the nearest are {_pair(clear.pairs[i].names)}, {at_least(float(least[i]))} m apart or more"
+        what = f"at least {asked:g} m apart" if asked else "apart: they do not touch"
+        text = f"Over {place} the shapes of {_pairs(names)} are {what}; {near}."
+        listed.append(Claim(text, proven, f"{says}: the distance asked for"))
+    return listed
+
+
+def _pair(names: tuple[str, str]) -> str:
+    return f"{brief(names[0])} and {brief(names[1])}"
+
+
+def _pairs(names: list[tuple[str, str]]) -> str:
+    more = f" and {len(names) - MOST_NAMED} more pairs" if len(names) > MOST_NAMED else ""
+    return "; ".join(_pair(of) for of in names[:MOST_NAMED]) + more
+
+
+def _rate_claims(found: Certificate, proven: str) -> list[Claim]:
+    """How fast the tool may be, where all joints have speed limits."""
+    rates = joint_rates(found)
+    if not (np.isfinite(rates.tool_speed) and rates.tool_speed > 0):
+        return []
+    turning = ", if it does not turn" if rates.per_turn.any() else ""
+    text = (
+        f"Over {place_words(found)} no joint is faster than its limit while the tool moves at "
+        f"{at_least(rates.tool_speed)} m/s or slower{turning}."
+    )
+    return [Claim(text, proven, "it does not look at this")]
+
+
+def _collisions(found: Certificate) -> str:
+    """What of collisions is not proven."""
+    clear = found.demands.clear
+    if clear is None:
+        return COLLISIONS
+    known = {pair.names for pair in clear.pairs}
+    out: dict[str, list[tuple[str, str]]] = {}
+    for one in clear.looked_at.left_out:
+        if one.pair not in known:
+            out.setdefault(one.reason, []).append(one.pair)
+    bare = sorted({one.link for one in clear.looked_at.unseen})
+    parts = [
+        "Collisions with anything that is not named above, of cables, and of shapes that bend or are held otherwise"
+    ]
+    parts += [f"Pairs left out, {reason}: {_pairs(pairs)}" for reason, pairs in out.items()]
+    parts += [f"Links without a shape: {brief(', '.join(bare))}"] if bare else []
+    parts += [assumed] if (assumed := assumed_words(found)) else []
+    return ". ".join(parts) + "."
+
+
+def _path_claims(found: Certificate, proven: str, word: CheckerWord) -> list[Claim]:
+    """That the joints return, at the end of a closed path and elsewhere."""
+    listed, robot, says = [], found.equation.strategy.task.robot, word.outcome.value
+    if found.turns.any() or np.isfinite(found.gap):
+        turned = f", except for the whole turns {found.turns.astype(int).tolist()}" if found.turns.any() else ""
+        within = f"within {at_most(gap_of(found))} {joint_unit(robot)}{turned}"
+        text = f"At the end of the closed path the joints are those of its beginning, {within}."
+        listed.append(Claim(text, proven, says))
+    elif not isinstance(found.asked, Workspace) and found.asked.closed:
+        told, checked = (
+            (DIFFER, says if _drift_verified(word) else "-") if _ends_elsewhere(found) else (NOT_PROVEN, "-")
+        )
+        listed.append(Claim("At the end of the closed path the joints are those of its beginning.", told, checked))
+    again = f"the path meets a {_pose_word(found.equation.strategy.task)} again, the joints are the same"
+    told = proven if found.whole else NOT_PROVEN
+    told = DIFFER if found.extent is Extent.ELSEWHERE and not _ends_elsewhere(found) else told
+    listed.append(Claim(f"Wherever else {again}, except for whole turns.", told, "it does not look at this"))
+    return listed
+
+
+def gap_of(found: Certificate) -> float:
+    """How far from the start the joints may end on a closed path: what the file claims, and the checker verifies."""
+    return float(found.data["claims"]["gap"])
+
+
+def not_proven(found: Certificate, word: CheckerWord) -> list[str]:
+    """What a reader might think is proven, and is not."""
+    box = isinstance(found.asked, Workspace)
+    others = "loops that leave it" if box else "other paths"
+    listed = [
+        f"Anything outside {place_words(found)}: {others}, another start, another level, another tool.",
+        *ALWAYS[:2],
+        _collisions(found),
+        *ALWAYS[2:],
+    ]
+    if found.limits is None:
+        listed.insert(1, "Joint limits: the proof was made without them.")
+    elif not np.isfinite(found.to_limit).all():
+        listed.insert(1, f"Limits of the joints that have none in the model: {_unlimited(found)}.")
+    if not box and found.covered:
+        listed.append(
+            "By the checker: places where the path crosses itself or runs along itself. Only the program that made the "
+            "certificate looked at them."
+        )
+    if not word.compared:
+        listed.append("By the checker: that the file is about the robot that is named here. The two were not compared.")
+    return [*listed, *COMPARE]
+
+
+def _unlimited(found: Certificate) -> str:
+    names = found.equation.strategy.task.robot.joint_names
+    return brief(", ".join(name for name, left in zip(names, found.to_limit, strict=True) if not np.isfinite(left)))
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

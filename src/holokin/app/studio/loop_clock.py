@@ -1,0 +1,128 @@
+"""The loop of a session as it runs: its clock, and the steps that all laws make in a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...base.errors import HolokinError
+from ...base.types import Array, Vector, frozen
+from .drag_follower import Move
+from .loop_follower import Walk, loop_start, poses_at, walk
+from .runs import Run
+from .session_loops import Loop
+from .states import LawStatus, Phase
+
+GATHER = 0.8
+"""Seconds in which the joints go to where a loop begins."""
+
+RETRY = 8
+"""Frames after which a law that stopped tries to take part again."""
+
+
+@dataclass(eq=False)
+class Playing:
+    """Where a loop is. `ends`: the time at the end of each step of a cycle [s]."""
+
+    phase: Phase = Phase.IDLE
+    factor: float = 1.0
+    cycles: int | None = None
+    time: float = 0.0
+    step: int = 0
+    cycle: int = 0
+    frames: int = 0
+    gathered: float = 0.0
+    ends: Vector = field(default_factory=lambda: np.zeros(1))
+
+    @property
+    def progress(self) -> float:
+        """Share of the cycle that is done."""
+        return 1.0 if self.phase is Phase.DONE else self.step / len(self.ends)
+
+    def stop(self) -> None:
+        """The loop runs no more."""
+        self.phase = Phase.IDLE
+
+
+def begin(playing: Playing, runs: Iterable[Run], loop: Loop, home: Vector, limits: bool) -> str:
+    """Get the laws ready for a loop. A law that cannot begin says why; the sentence of the first where none can."""
+    plans, first = [], ""
+    for run in runs:
+        run.forget()
+        try:
+            start: Vector = frozen(loop_start(run.law, loop, home))
+            run.q0, run.walk = start, walk(run.law, loop, start, limits)
+            plans.append(run.walk.plan)
+        except HolokinError as problem:
+            run.status, run.sentence, run.whole = LawStatus.STOPPED, f"It cannot begin the loop: {problem}.", False
+            first = first or run.sentence
+    if not plans:
+        return first
+    playing.ends = np.cumsum(plans[0].h)
+    playing.time, playing.step, playing.cycle, playing.gathered = 0.0, 0, 0, 0.0
+    playing.phase = Phase.GATHERING
+    return ""
+
+
+def target_of(playing: Playing, runs: Iterable[Run]) -> Array | None:
+    """Where the tools are wanted now (F, 4, 4); None where no law takes part."""
+    plan = next((run.walk.plan for run in runs if run.walk is not None), None)
+    if plan is None:
+        return None
+    return frozen(poses_at(plan, playing.step if playing.step or not playing.cycle else len(playing.ends)))
+
+
+def gather(playing: Playing, runs: Iterable[Run], dt: float) -> None:
+    """The joints go evenly to where each law begins the loop; then it runs."""
+    before, playing.gathered = playing.gathered, min(GATHER, playing.gathered + dt)
+    there = playing.gathered >= GATHER
+    share = 1.0 if there else (playing.gathered - before) / (GATHER - before)
+    for run in runs:
+        if run.walk is not None and run.q0 is not None:
+            run.put(Move(run.q0 if there else run.q + share * (run.q0 - run.q), LawStatus.FOLLOWING))
+            if there:
+                run.history.add(np.zeros(1), run.q0[None])
+    if there:
+        playing.phase = Phase.RUNNING
+
+
+def go(playing: Playing, runs: Iterable[Run], dt: float, wait: bool) -> None:
+    """All laws go on by a time of the loop [s], in whole steps; `wait`: as of a `Follower`, of laws not compiled."""
+    steps, length = len(playing.ends), float(playing.ends[-1])
+    playing.time += dt
+    playing.frames += 1
+    lap, rest = divmod(playing.time, length)
+    goal = int(lap) * steps + int(np.searchsorted(playing.ends, rest + 1e-9 * length, side="right"))
+    last = np.inf if playing.cycles is None else playing.cycles * steps
+    if goal >= last:
+        goal, playing.time = int(last), length * last / steps
+    done = playing.cycle * steps + playing.step
+    while done < goal:
+        first = done % steps
+        until = min(steps, first + goal - done)
+        for run in runs:
+            if run.walk is not None:
+                _steps(playing, run, run.walk, (first, until), wait)
+        done += until - first
+        playing.cycle, playing.step = divmod(done, steps)
+    if done >= last:
+        playing.phase = Phase.DONE
+
+
+def _steps(playing: Playing, run: Run, walked: Walk, steps: tuple[int, int], wait: bool) -> None:
+    """Steps of one law in one cycle, and its drift where the cycle ends."""
+    first, until = steps
+    run.curves, run.levels, run.state = {}, {}, None
+    if run.status is LawStatus.FOLLOWING:
+        rows, (run.status, run.sentence) = walked.run(run.q, first, until)
+        if len(rows):
+            run.q = frozen(rows[-1])
+            run.history.add(playing.cycle * playing.ends[-1] + playing.ends[first : first + len(rows)], rows)
+        run.whole &= run.status is LawStatus.FOLLOWING
+    elif playing.frames % RETRY == 0:
+        run.put(run.follow(run.q, poses_at(walked.plan, until), wait or run.ready))
+    if until == len(playing.ends) and run.q0 is not None:
+        error = run.q - run.q0 if run.whole else np.full(len(run.q), np.nan)
+        run.drifts = frozen(np.vstack([run.drifts, error]))

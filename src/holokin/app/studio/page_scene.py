@@ -1,0 +1,367 @@
+"""What stands in the page: the robot, a translucent ghost for each law, the loop, traces, frames, floor and camera."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from ...base.extra_module import extra_module
+from ...base.poses import pose_from
+from ...base.types import ArrayLike, Indices, Matrix, Vector
+from ...robot import LinkShape, Robot, Tip, reach
+from ..report.palette import GREY, LOOP, color_of, rgb
+from .meshes import GHOST, SOLID, THING, frames_of, looks_of, quaternions, shape_mesh, trimesh_package
+
+OPACITY = 0.62
+"""Of a ghost that stands well away from the robot; the colours of four on top of each other are still told apart."""
+
+ALONE = 0.4
+"""Of the only ghost that there is: the robot is seen through it."""
+
+APART = 0.03
+"""Distance [rad or m] to the robot at which a ghost has its name; a link this far away [m] is fully seen."""
+
+TOUCHING = 0.003
+"""Distance [m] to the robot's own link below which a ghost's link is not drawn: two surfaces in one place flicker."""
+
+SAME = 0.001
+"""Distance [m] below which of two ghosts' links only the first is drawn; up to TOUCHING the other comes in softly."""
+
+FOV = np.deg2rad(40.0)
+"""Of the camera, upright: as of a 50 mm lens."""
+
+_PLAIN_ADDRESS = (
+    'const at = new URL(location.href); at.searchParams.delete("websocket"); history.replaceState(null, "", at.href);'
+)
+
+_FLOOR = (246, 247, 249)
+_CELL, _SECTION = (228, 231, 235), (208, 213, 220)
+
+
+def viser_package() -> Any:
+    """The module viser. Raises: MissingExtraError."""
+    return extra_module("viser", "studio")
+
+
+@contextmanager
+def silent_viser() -> Iterator[None]:
+    """viser prints by the console that rich shares; while this lasts, that says nothing. Other prints are heard."""
+    import rich
+
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before
+
+
+def name_tab(server: Any, title: str) -> None:
+    """The title of the tab of all browsers, and its address without what viser adds.
+
+    viser has no call for it; without its message the title is viser's.
+    """
+    try:
+        from viser._messages import RunJavascriptMessage
+
+        server.gui._websock_interface.queue_message(
+            RunJavascriptMessage(source=f"document.title = {json.dumps(title)};{_PLAIN_ADDRESS}")
+        )
+    except (ImportError, AttributeError):
+        return
+
+
+class Scene:
+    """The three-dimensional part of the page, of one robot. All it is told are joints and poses.
+
+    Args:
+        server: a viser.ViserServer; whatever is drawn is shared by all its browsers.
+        robot: what is drawn, with its own meshes, or capsules where it has none.
+        q: the posture to begin with (n,) [rad or m].
+        triangles: of the robot's links together at most, about.
+
+    Raises:
+        MissingExtraError: trimesh is not installed.
+    """
+
+    def __init__(self, server: Any, robot: Robot, q: ArrayLike, triangles: int = SOLID):
+        self.server, self.robot = server, robot
+        self.looks, self.remarks = looks_of(robot, triangles)
+        self.q0 = np.asarray(q, dtype=float)
+        self.lead = 0
+        self.colors: tuple[str, ...] = ()
+        self.names: tuple[str, ...] = ()
+        self._solid: list[Any] = []
+        self._ghosts: list[Any] = []
+        self._start: list[Any] = []
+        self._labels: list[Any] = []
+        self._lines: dict[str, tuple[Any, str]] = {}
+        self._joints: Indices = np.array([look.joint + 1 for look in self.looks])
+        self._scales = np.zeros(0)
+        self._sizes = [float(np.linalg.norm(look.points, axis=1).max()) for look in self.looks]
+        self._elbow = elbow_joint(robot, self.q0)
+        self._floor()
+        self._draw_robot()
+
+    def set_laws(self, names: Sequence[str], colors: Sequence[str] = (), lead: int = 0) -> None:
+        """A ghost for each law, in its colour (#RRGGBB); that of the `lead` is the robot itself, in its own colours."""
+        self.names, self.lead = tuple(names), lead
+        self.colors = tuple(colors) or tuple(color_of(i) for i in range(len(names)))
+        for handle in [*self._ghosts, *self._labels, *(line for line, _ in self._lines.values())]:
+            handle.remove()
+        self._ghosts, self._labels, self._lines = [], [], {}
+        tints = linear([rgb(color) for color in self.colors])
+        count = len(tints)
+        for look in looks_of(self.robot, GHOST)[0] if count else ():
+            self._ghosts.append(
+                self.server.scene.add_batched_meshes_simple(
+                    f"/ghosts/{look.joint + 1}",
+                    look.points,
+                    look.triangles,
+                    np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+                    np.zeros((count, 3)),
+                    batched_colors=tints,
+                    batched_opacities=np.zeros(count),
+                    batched_scales=np.zeros(count),
+                    opacity=1.0,
+                    lod="off",
+                    cast_shadow=False,
+                    receive_shadow=False,
+                )
+            )
+        for index, name in enumerate(self.names if count <= _LABELLED else ()):
+            label = self.server.scene.add_label(f"/names/{index}", name, anchor="bottom-center", visible=False)
+            self._labels.append(label)
+        self._scales = 0.996 - 0.002 * (np.arange(count) % 6)  # within one another, where two stand in one place
+        self.show(np.tile(self.q0, (count, 1)))
+
+    def show(self, Q: ArrayLike) -> None:
+        """The robots of all laws at their postures Q (k, n) [rad or m]."""
+        postures = np.asarray(Q, dtype=float)
+        if not len(postures):
+            postures, lead = self.q0[None], 0
+        else:
+            lead = self.lead
+        positions, turns = frames_of(self.robot, postures)
+        elbows = positions[self._elbow + 1]
+        with self.server.atomic():
+            for handle, frame in zip(self._solid, self._joints, strict=True):
+                handle.position, handle.wxyz = positions[frame, lead], turns[frame, lead]
+            for handle, frame, size in zip(self._ghosts, self._joints, self._sizes, strict=True):
+                opacity = seen(positions[frame], turns[frame], lead, size)
+                handle.batched_positions, handle.batched_wxyzs = positions[frame], turns[frame]
+                handle.batched_opacities = opacity.astype(np.float32)
+                handle.batched_scales = ((opacity > 0) * self._scales).astype(np.float32)
+            for index, label in enumerate(self._labels):
+                label.visible = bool(np.linalg.norm(elbows[index] - elbows[lead]) > APART)
+                label.position = elbows[index] + [0.0, 0.0, _ABOVE]
+
+    def show_start(self, q: ArrayLike | None) -> None:
+        """A grey ghost at the posture from which the laws started (n,), or none."""
+        for handle in self._start:
+            handle.remove()
+        self._start = []
+        if q is None:
+            return
+        positions, turns = frames_of(self.robot, np.asarray(q, dtype=float)[None])
+        for look in looks_of(self.robot, GHOST)[0]:
+            handle = self.server.scene.add_mesh_simple(
+                f"/start/{look.joint + 1}", look.points, look.triangles, color=rgb(GREY), opacity=0.25,
+                position=positions[look.joint + 1, 0], wxyz=turns[look.joint + 1, 0], cast_shadow=False,
+                receive_shadow=False,
+            )  # fmt: skip
+            self._start.append(handle)
+
+    def stand(self, things: Sequence[LinkShape]) -> Matrix:
+        """Draw what stands around the robot, and return points (k, 3) [m] round it: corners of boxes.
+
+        Raises: RobotFileError, from a mesh that cannot be read.
+        """
+        corners = [np.zeros((0, 3))]
+        for index, thing in enumerate(things):
+            mesh = shape_mesh(thing, THING)
+            self.server.scene.add_mesh_simple(
+                f"/things/{index}", mesh.vertices, mesh.faces, color=THING, flat_shading=True
+            )
+            corners.append(_corners(np.asarray(mesh.vertices)))
+        return np.concatenate(corners)
+
+    def path(self, points: ArrayLike, name: str = "loop", color: str = LOOP) -> None:
+        """The line that the tool shall follow, through points (k, 3) [m]; fewer than two take it away."""
+        self._line(f"/paths/{name}", np.asarray(points, dtype=float).reshape(-1, 3), color, 0.006)
+
+    def trace(self, law: int, points: ArrayLike, part: str = "tool") -> None:
+        """The line that a part of a law's robot went, through points (k, 3) [m]."""
+        self._line(f"/traces/{part}/{law}", np.asarray(points, dtype=float), self.colors[law], 0.004)
+
+    def points_of(self, Q: ArrayLike, tip: Tip | None = None) -> tuple[Matrix, Matrix]:
+        """Where a tool (k, 3) and the elbow (k, 3) are at postures Q (k, n); the elbow moves most while tools stand."""
+        positions, turns = frames_of(self.robot, np.asarray(Q, dtype=float))
+        tip = self.robot.tip() if tip is None else tip
+        rotations = rotations_of(turns[tip.joint + 1])
+        return positions[tip.joint + 1] + rotations @ tip.placement[:3, 3], positions[self._elbow + 1]
+
+    def ball(self, point: ArrayLike | None, color: str, name: str, radius: float = 0.015) -> None:
+        """A small ball at a point (3,) [m], or None to take it away."""
+        if point is None:
+            self.server.scene.remove_by_name(f"/balls/{name}")
+            return
+        where = np.asarray(point, dtype=float)
+        self.server.scene.add_icosphere(f"/balls/{name}", radius, color=rgb(color), position=where, cast_shadow=False)
+
+    def cloud(self, points: ArrayLike, colors: ArrayLike, size: float = 0.008) -> None:
+        """Points (k, 3) [m] with colours (k, 3), 0 to 255; none takes them away."""
+        places = np.asarray(points, dtype=np.float32).reshape(-1, 3)
+        if not len(places):
+            self.server.scene.remove_by_name("/cloud")
+            return
+        tints = np.asarray(colors, dtype=np.uint8).reshape(-1, 3)
+        self.server.scene.add_point_cloud("/cloud", places, tints, point_size=size, point_shape="circle")
+
+    def box(self, q: ArrayLike | None = None) -> tuple[Vector, Vector]:
+        """The least and largest x, y, z (3,) [m] of what is drawn of the robot at a posture, by default the first."""
+        points = self.drawn(q)
+        return points.min(axis=0), points.max(axis=0)
+
+    def drawn(self, q: ArrayLike | None = None) -> Matrix:
+        """Points (k, 3) [m] round what is drawn of the robot at a posture, by default the first: corners of boxes."""
+        posture = self.q0 if q is None else np.asarray(q, dtype=float)
+        positions, turns = frames_of(self.robot, posture[None])
+        rotations = rotations_of(turns[:, 0])
+        ends = [
+            positions[look.joint + 1, 0] + _corners(look.points) @ rotations[look.joint + 1].T for look in self.looks
+        ]
+        return np.concatenate(ends) if ends else np.zeros((1, 3))
+
+    def outlook(self, more: ArrayLike = ()) -> tuple[Vector, Matrix]:
+        """(unit vector (3,) to the camera, points (k, 3) [m] to be seen): the arm from the side, and more points."""
+        low, high = self.box()
+        points = np.vstack([self.drawn(), np.asarray(more, dtype=float).reshape(-1, 3)])
+        tool = self.robot.pose(self.q0)[:3, 3] if self.robot.tips else (low + high) / 2
+        reached = tool[:2] - low[:2]
+        ahead = float(np.arctan2(*(tool[:2])[::-1])) if np.linalg.norm(reached) > 1e-6 else 0.0
+        side = ahead - np.deg2rad(62.0)
+        up = np.deg2rad(72.0 if self.robot.planar else 20.0)
+        return np.array([np.cos(side) * np.cos(up), np.sin(side) * np.cos(up), np.sin(up)]), points
+
+    def look_from(self, place: Vector, at: Vector) -> None:
+        """Where the camera of a browser begins, and returns to on "reset view"."""
+        camera = self.server.initial_camera
+        camera.position, camera.look_at, camera.fov, camera.near = place, at, FOV, 0.02
+
+    def _floor(self) -> None:
+        away = max(float(np.linalg.norm(joint.start)) for joint in self.robot.joints) if self.robot.tips else 0.0
+        size = 2.0 * float(np.ceil(min(away + reach(self.robot), 20.0))) if self.robot.tips else 2.0
+        self.server.scene.set_up_direction("+z")
+        scene = self.server.scene
+        scene.configure_default_lights(False)
+        scene.configure_environment_map(None)
+        scene.add_light_hemisphere(
+            "/lights/sky", sky_color=(255, 255, 255), ground_color=(205, 210, 220), intensity=2.1
+        )
+        scene.add_light_directional("/lights/key", intensity=1.7, cast_shadow=True, position=(1.5, -2.0, 4.0))
+        scene.add_light_directional("/lights/fill", intensity=0.5, position=(-2.0, 3.0, 2.0))
+        scene.add_grid(
+            "/floor", size, size, cell_size=0.1, cell_color=_CELL, section_size=0.5, section_color=_SECTION,
+            plane_color=_FLOOR, plane_opacity=1.0, shadow_opacity=0.2, fade_distance=6.0 * size,
+            position=(0.0, 0.0, min(0.0, float(self.box()[0][2])) if self.robot.planar else 0.0),
+        )  # fmt: skip
+
+    def _draw_robot(self) -> None:
+        tm = trimesh_package()
+        for look in self.looks:
+            dull = tm.visual.TextureVisuals(
+                material=tm.visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.7)
+            )
+            tints = linear(look.colors)
+            dull.vertex_attributes["color"] = np.column_stack([tints, np.full(len(tints), 255, dtype=np.uint8)])
+            mesh = tm.Trimesh(look.points, look.triangles, visual=dull, process=False)
+            _ = mesh.vertex_normals  # written only where they are known already; without them all is drawn flat
+            self._solid.append(
+                self.server.scene.add_mesh_trimesh(f"/robot/{look.joint + 1}", mesh, receive_shadow=False)
+            )
+
+    def _line(self, name: str, points: Matrix, color: str, thickness: float) -> None:
+        handle = self._lines.get(name)
+        segments = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32) if len(points) > 1 else None
+        if segments is None:
+            self.server.scene.remove_by_name(name)
+            self._lines.pop(name, None)
+        elif handle is None or handle[1] != color:
+            line = self.server.scene.add_line_segments(name, segments, rgb(color), thickness=thickness)
+            self._lines[name] = line, color
+        else:
+            handle[0].points = segments
+
+
+_LABELLED = 6
+"""Laws at most that have their names beside their elbows: more names hide the robots."""
+
+_ABOVE = 0.09
+"""How far a name stands above its elbow [m]."""
+
+
+def elbow_joint(robot: Robot, q: Vector) -> int:
+    """The joint whose frame moves most while the tools stand still; -1 for a robot that cannot move so."""
+    if not robot.tips:
+        return len(robot.joints) - 1
+    J = np.vstack([robot.jacobian(q, tip=tip.name) for tip in robot.tips])
+    _, s, Vt = np.linalg.svd(J)
+    rest = Vt[int((s > 1e-6 * s[0]).sum()) :]
+    if not len(rest):
+        return max(len(robot.joints) // 2 - 1, -1)
+    step = 1e-4
+    moved = np.concatenate([frames_of(robot, np.array([q + step * v, q - step * v]))[0] for v in rest], axis=1)
+    lengths = np.linalg.norm(moved[:, ::2] - moved[:, 1::2], axis=2).max(axis=1)
+    return int(np.argmax(lengths)) - 1
+
+
+def seen(positions: Matrix, turns: Matrix, lead: int, size: float) -> Vector:
+    """The opacity (k,) of a link of each ghost, of their frames (k, 3), (k, 4).
+
+    None where it is within the robot's own, or where a ghost before it is.
+
+    Args:
+        size: distance [m] from the frame to the farthest point of the link.
+    """
+    turned = 2 * np.sqrt(np.clip(1 - (turns @ turns.T) ** 2, 0.0, 1.0))
+    away = np.linalg.norm(positions[:, None] - positions, axis=2) + size * turned
+    most = ALONE if len(away) == 2 else OPACITY
+    opacity = most * np.clip((away[lead] - TOUCHING) / (APART - TOUCHING), 0.0, 1.0) ** 0.5
+    before = np.tri(len(away), k=-1, dtype=bool)  # of two ghosts in one place the first is drawn
+    before[:, lead] = False
+    nearest = np.where(before, away, np.inf).min(axis=1)
+    return opacity * np.clip((nearest - SAME) / (TOUCHING - SAME), 0.0, 1.0)
+
+
+def linear(colors: ArrayLike) -> Any:
+    """Colours (..., 3), 0 to 255, as the page takes those of points and ghosts: by light."""
+    share = np.asarray(colors, dtype=float).reshape(-1, 3) / 255
+    light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.round(255 * light).astype(np.uint8).reshape(np.shape(colors)[:-1] + (3,))
+
+
+def rotations_of(turns: Matrix) -> Matrix:
+    """Rotations (k, 3, 3) of quaternions w, x, y, z (k, 4)."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_quat(turns[:, [1, 2, 3, 0]]).as_matrix()
+
+
+def pose_of(position: ArrayLike, wxyz: ArrayLike) -> Matrix:
+    """The pose (4, 4) of a handle: where it is (3,) [m] and its quaternion w, x, y, z (4,)."""
+    return pose_from(position, rotations_of(np.asarray(wxyz, dtype=float)[None])[0])
+
+
+def wxyz_of(pose: Matrix) -> Vector:
+    """The quaternion w, x, y, z (4,) of a pose (4, 4)."""
+    return quaternions(pose[None, :3, :3])[0]
+
+
+def _corners(points: Matrix) -> Matrix:
+    low, high = points.min(axis=0), points.max(axis=0)
+    return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])

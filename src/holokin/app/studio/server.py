@@ -1,0 +1,245 @@
+"""`Studio`: serves the page of a job or a robot."""
+
+from __future__ import annotations
+
+import atexit
+import errno
+import os
+import socket
+import tempfile
+import threading
+import time
+import webbrowser
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from ...base.errors import ArgumentError, UnknownNameError
+from ...base.printed_units import SI, PrintedUnits
+from ...robot import Robot
+from ..job import packaged_jobs
+from .background_work import failure
+from .door import HERE, Door, loopback, wildcard
+from .meshes import GHOST, SOLID, looks_of, trimesh_package
+from .new_session import open_session, session_of_robot
+from .page_scene import name_tab, silent_viser, viser_package
+from .session import Session
+from .studio_page import Page
+
+PORT = 8080
+"""Where the page is, unless it is in use."""
+
+TRIED = 50
+"""Ports that are tried."""
+
+FAREWELL = 1.0
+"""Seconds for the last words to reach browsers: the server ends its sending threads without waiting for them."""
+
+ENDED = "Nothing moves any more on this page. Start the studio again: it prints a new address."
+"""What browsers are told in the end."""
+
+OPEN = (
+    "the page is open to the network at {host}, and nothing is encrypted: whoever knows its address, {url}, can move "
+    "the robots of the page, open packaged jobs in it, and download what it shows; whoever listens on the way reads "
+    "it all, the token, too"
+)
+"""What is said of a host that other machines reach."""
+
+LEADS_ON = '<!DOCTYPE html><meta http-equiv="refresh" content="0; url={url}"><a href="{url}">The studio</a>'
+"""The file with which the browser is started."""
+
+DEFAULT = "panda-circle"
+"""The job that is shown when nothing is asked for."""
+
+
+What = str | Path | Robot | Session | None
+"""What can be shown."""
+
+
+class Studio:
+    """A page that is served until `close`. `hk.studio` makes one.
+
+    Attributes:
+        url: where the page is, with its token: who has it can open the page.
+        notes: what is to be said of it: another port than asked for, a host that others reach.
+
+    Raises:
+        MissingExtraError: viser is not installed, or is one that cannot be guarded.
+    """
+
+    def __init__(self, session: Session, port: int = PORT, host: str = HERE):
+        viser_package()
+        from .gate import open_server
+        from .incoming import Incoming
+
+        self._lock, self._over = threading.Lock(), False
+        self._opening: tempfile.TemporaryDirectory[str] | None = None
+        self.door = Door(host)
+        self.server = open_server(host, _free_port(host, port), self.door, Incoming())
+        found = self.server.get_port()
+        self.url = f"{url_of(host, found)}/{self.door.token}/"
+        self.notes: list[str] = []
+        if port and found != port:
+            self.notes.append(f"port {port} is in use: the page is at port {found}")
+        if not loopback(host):
+            self.notes.append(OPEN.format(host=host, url=f"{url_of(_known_as(host), found)}/{self.door.token}/"))
+        self.page = self._shown(session)
+        atexit.register(self.close)  # native code of its threads must not run while Python goes down
+        self.server.on_client_connect(self._welcome)
+        self.server.on_client_disconnect(self._farewell)
+
+    @property
+    def session(self) -> Session:
+        """What the page shows now."""
+        return self.page.session
+
+    def open(self, name: str) -> None:
+        """Show another job or robot instead. Raises: what `open_session` raises, and the page stays as it is."""
+        session = open_session(name)
+        for triangles in (SOLID, GHOST):  # what takes time, and may fail, while the page before stands
+            looks_of(session.robot, triangles)
+        with self._lock:
+            before = self.page
+            before.close()
+            try:
+                self.page = self._shown(session, before.units)
+            except BaseException:
+                session.close()
+                self.page = self._shown(before.session, before.units)
+                raise
+            before.session.close()
+
+    def close(self) -> None:
+        """End page and server. Browsers that look at it are told."""
+        if self._over:
+            return
+        self._over = True
+        atexit.unregister(self.close)
+        self._forget_file()
+        clients = self.server.get_clients().values()
+        for client in clients:
+            client.add_notification("The studio was ended", ENDED, color="red", with_close_button=False)
+            client.flush()
+        self.page.close()
+        self.page.session.close()
+        time.sleep(FAREWELL if clients else 0.0)
+        with silent_viser():
+            self.server.stop()
+
+    def wait(self) -> None:
+        """Until Ctrl-C, which ends the page."""
+        try:
+            while True:
+                time.sleep(0.5)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            self.close()
+
+    def _welcome(self, client: Any) -> None:
+        """A browser came: its window is looked at now, and whenever its camera or its size changes."""
+        self._forget_file()
+        client.camera.on_update(lambda _camera: self.page.fit(client))
+        self.page.fit(client)
+
+    def _farewell(self, client: Any) -> None:
+        self.page.handles.let_go()
+        self.page.ask(lambda: self.page.cameras.forget(client))
+
+    def _shown(self, session: Session, units: PrintedUnits = SI) -> Page:
+        self.server.scene.reset()
+        self.server.gui.reset()
+        page = Page(self.server, session, self._reopen, units)
+        session.start_work()
+        page.start()
+        name_tab(self.server, f"{session.source or session.title} - holokin studio")
+        return page
+
+    def browse(self) -> None:
+        """Open a browser of this machine, by a file that leads to the page and that no other user can read.
+
+        All users of a machine see the arguments of its programs, so no address may be among them. The file is in the
+        home folder and not hidden, since browsers in a sandbox (snap) read no other place.
+        """
+        home = os.path.expanduser("~")
+        place = home if os.access(home, os.W_OK) else None
+        with suppress(OSError, ValueError):  # a full disk, a BROWSER that is no command: the address is printed, too
+            self._opening = tempfile.TemporaryDirectory(prefix="holokin-studio-", dir=place, ignore_cleanup_errors=True)
+            page = Path(self._opening.name, "open.html")
+            page.touch(0o600)
+            page.write_text(LEADS_ON.format(url=self.url), "utf-8")
+            webbrowser.open(page.as_uri())
+
+    def _forget_file(self) -> None:
+        if self._opening is not None:
+            self._opening.cleanup()
+
+    def _reopen(self, name: str) -> None:
+        """Asked for in the page, which may name packaged jobs only; what is wrong is said there."""
+        try:
+            if name not in packaged_jobs():
+                raise UnknownNameError("job of the page", name, packaged_jobs())
+            self.open(name)
+        except Exception as problem:  # noqa: BLE001  the page that was there stands, and says it
+            self.page.say(failure(f"{name} was not opened", problem))
+
+
+def serve(what: What, port: int, host: str, browser: bool, wait: bool, tell: Callable[[str], Any]) -> Studio:
+    """Open a page; as `hk.studio` says."""
+    if not 0 <= port <= 65535:
+        raise ArgumentError("port", port, "give one from 1024 to 65535, or 0 for any")
+    viser_package()
+    trimesh_package()
+    made = Studio(_session(what), port, host)
+    for note in made.notes:
+        tell(note)
+    tell(f"the studio is at {made.url}{'; press Ctrl-C here, in the terminal, to end it' if wait else ''}")
+    if browser:
+        made.browse()
+    if wait:
+        made.wait()
+    return made
+
+
+def _free_port(host: str, port: int) -> int:
+    """The first port from one on that is free at an address; 0 stays 0, which is any.
+
+    Raises:
+        ArgumentError: the address is none of this machine, or no port is free.
+    """
+    found = port
+    for found in range(port, min(port + TRIED, 65536)):
+        try:
+            family, kind, _, _, place = socket.getaddrinfo(host, found, type=socket.SOCK_STREAM)[0]
+            with socket.socket(family, kind) as one:
+                one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0 if os.name == "nt" else 1)
+                one.bind(place)
+            return found
+        except (socket.gaierror, UnicodeError):
+            break
+        except OSError as problem:
+            if problem.errno not in (errno.EADDRINUSE, errno.EACCES):
+                break
+    else:
+        raise ArgumentError("port", port, f"no port from it to {found} is free: choose another one")
+    raise ArgumentError("the host", host, "give an address of this machine, such as 127.0.0.1 or 0.0.0.0")
+
+
+def url_of(host: str, port: int) -> str:
+    """Where a browser of this machine finds a server; an IPv6 address stands in brackets (RFC 3986, section 3.2.2)."""
+    name = "localhost" if host == HERE or wildcard(host) else f"[{host}]" if ":" in host else host
+    return f"http://{name}:{port}"
+
+
+def _known_as(host: str) -> str:
+    """By which name other machines find a host."""
+    return socket.gethostname() or host if wildcard(host) else host
+
+
+def _session(what: What) -> Session:
+    if isinstance(what, Session):
+        return what
+    if isinstance(what, Robot):
+        return session_of_robot(what, source=what.name)
+    return open_session(str(what or DEFAULT))

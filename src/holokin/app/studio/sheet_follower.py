@@ -1,0 +1,257 @@
+"""A dragged arm that takes the joints of a map of sheets, and changes its sheet with its tool at rest."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...analysis.sheets import Sheets, StillMotion, self_motion_between
+from ...base.errors import HolokinError, NoSheetError
+from ...base.types import Array, Matrix, Value, Vector
+from .background_work import Shared, Worker, failure
+from .drag_follower import Move, follower
+from .runs import Run, put_on_leaf
+from .states import LawStatus
+
+FASTEST_CHANGE = 0.6
+"""Seconds in which a change is shown at least: a faster one would not be seen."""
+
+SAME = 1e-6
+"""Difference [joint units] below which postures are one."""
+
+LOOKED_FOR = "Why no sheet serves this pose is being looked for."
+
+Search = Callable[[Callable[[str], None]], Sheets]
+"""What makes or reads the map; it tells a function what it does."""
+
+
+class _EndedError(Exception):
+    """The session was closed while sheets were searched for."""
+
+
+@dataclass(frozen=True, eq=False)
+class SheetState(Value):
+    """What a page is told of the sheets of a session.
+
+    count: sheets of the map, 0 while there is none. law: the one whose arm follows them, or empty. sheet: that which
+    serves the target, -1 for none. sentence: what the arm does; why: why no sheet serves the target. searching: what
+    goes on while the map is made. about: what the map serves.
+    """
+
+    count: int
+    law: str
+    sheet: int
+    sentence: str
+    why: str
+    searching: str
+    about: str
+
+
+@dataclass(eq=False)
+class _Change:
+    """A self-motion that is shown, at a time [s] of it and so at a posture q (n,); then the arm goes on to poses."""
+
+    motion: StillMotion
+    target: Array
+    q: Vector
+    at: float = 0.0
+
+
+class SheetFollower:
+    """The map of a session, and the law whose arm follows it. Its session calls it under its lock."""
+
+    def __init__(self, shared: Shared, search: Search) -> None:
+        """No map yet: `find` makes it, in a thread."""
+        self._shared, self._search = shared, search
+        self.found: Sheets | None = None
+        self._change: _Change | None = None
+        self._known: dict[tuple[bytes, int], StillMotion] = {}  # from where the arm rests
+        self._why: tuple[bytes, str] = (b"", "")
+        self._state = SheetState(0, "", -1, "", "", "", "")
+        self._finder: Worker | None = None
+        self._asker: Worker | None = None
+
+    @property
+    def state(self) -> SheetState:
+        """What there is now, as a value."""
+        run = self._run
+        return replace(self._state, law="" if run is None else run.law.name)
+
+    @property
+    def _run(self) -> Run | None:
+        """The law whose arm follows the sheets; none once a slider or another start has given it its leaf back."""
+        return next((run for run in self._shared.runs() if run.follow == self._move), None)
+
+    def find(self) -> None:
+        """Make the map in a thread; nothing happens while that is done, or where there is one."""
+        if self.found is None and (self._finder is None or not self._finder.alive):
+            self._tell(searching="The sheets are looked for.")
+            self._finder = Worker("holokin-studio-sheets", self._find, self._lost)
+
+    def _find(self, closed: threading.Event) -> None:
+        def say(text: str) -> None:
+            if closed.is_set():
+                raise _EndedError
+            with self._shared.lock:
+                self._tell(searching=f"{text.removeprefix('sheets: ')} ...")
+
+        found = self._search(say)
+        with self._shared.lock:
+            if not closed.is_set():
+                self.found = found
+                self._tell(count=len(found), searching="", about=found.sentence)
+
+    def _lost(self, problem: Exception) -> None:
+        with self._shared.lock:
+            said = "" if isinstance(problem, _EndedError) else failure("The sheets were not found", problem)
+            self._tell(searching=said)
+
+    def look(self, poses: Array) -> None:
+        """Which sheet serves tool poses (1, 4, 4) to which no arm was taken by them."""
+        if self.found is not None and self._run is None:
+            try:
+                sheet = self.found(poses[0])[0]
+            except NoSheetError:
+                self._unserved(poses[0])
+            else:
+                self._tell(sheet=sheet, sentence="", why="")
+
+    def take(self, run: Run, target: Array) -> None:
+        """A law's arm follows the sheets from now on: it goes to them by a self-motion where there is one, else it is
+        put there."""
+        self.release()
+        if self.found is None:
+            return
+        run.follow = self._move
+        run.put(self._move(run.q, target, True))
+        if self._change is None and run.status is not LawStatus.FOLLOWING and self._state.sheet < 0:
+            try:
+                sheet, q = self.found(target[0])
+            except NoSheetError:
+                return
+            self._tell(sheet=sheet, sentence=f"No self-motion led to sheet {sheet}: the arm was put there.")
+            run.put(Move(q, LawStatus.FOLLOWING))
+
+    def release(self, limits: bool = True) -> None:
+        """The arm follows its law again, on the leaf through the posture where it stands."""
+        run, self._change = self._run, None
+        if run is not None:
+            run.follow = follower(run.law, run.q, limits)
+            put_on_leaf(run, run.q, limits)
+            run.put(Move(run.q, LawStatus.FOLLOWING))
+            self._tell(sentence="")
+
+    def advance(self, dt: float) -> bool:
+        """A change that is shown goes on by a time [s]; whether there was one."""
+        change, run = self._change, self._run
+        if change is None or run is None or not np.array_equal(run.q, change.q):  # it was moved by somebody
+            self._change = None
+            return False
+        seconds = change.motion.seconds
+        change.at += dt * seconds / max(seconds, FASTEST_CHANGE)
+        if change.at < seconds:
+            change.q = _posture_at(change.motion, change.at)
+            run.put(Move(change.q, LawStatus.STOPPED, self._state.sentence))
+            return True
+        self._change, self._known = None, {}
+        run.put(self._move(change.motion.q[-1], change.target, True))
+        return True
+
+    def _move(self, q: Vector, poses: Array, _wait: bool) -> Move:
+        """The joints of the sheet on which the arm stands; another one only where that does not serve, by a change."""
+        if self._change is not None and np.array_equal(q, self._change.q):
+            self._change.target = poses
+            return Move(q, LawStatus.STOPPED, self._state.sentence)
+        self._change, found = None, self.found
+        if found is None:
+            return Move(q, LawStatus.STOPPED, "There is no map of sheets.")
+        try:
+            wanted, there = found.near(poses[0], q)
+            if wanted in found.of(q):  # the arm stands on it, and it leads there
+                self._tell(sheet=wanted, sentence=f"Sheet {wanted} serves.", why="")
+                return Move(there, LawStatus.FOLLOWING)
+            return self._begin(found, q, poses, wanted)
+        except NoSheetError:
+            self._unserved(poses[0])
+            return Move(q, LawStatus.OUT_OF_REACH, "No sheet serves this pose; drag the tool back.")
+        except HolokinError as problem:
+            self._tell(sheet=-1, sentence=str(problem), why="")
+            return Move(q, LawStatus.STOPPED, str(problem))
+
+    def _begin(self, found: Sheets, q: Vector, poses: Array, wanted: int) -> Move:
+        """Begin a self-motion to a sheet that serves the target, at the pose where the arm rests; or say why not."""
+        here, there = (found.postures(T[None])[:, 0] for T in (found.task.pose(q), poses[0]))
+        serves = np.flatnonzero(np.isfinite(there).all(axis=1))
+        reason = ""
+        for second in sorted(serves.tolist(), key=lambda s: s != wanted):
+            if not np.isfinite(here[second]).all():
+                reason = reason or f"sheet {second} does not serve the pose where the arm rests"
+                continue
+            on, _ = found.sheets[second].reached(here[[second]], poses, found.clear)
+            if not np.abs(on[0] - there[second]).max() < SAME:  # NaN is not
+                reason = reason or f"sheet {second} does not lead straight from there to the tool"
+                continue
+            motion = self._motion(found, q, here[second], second)
+            if motion.hindrance is None:
+                self._change = _Change(motion, poses, q)
+                first = min(found.of(q), default=-1)
+                way = f"Goes to sheet {second}" if first < 0 else f"Changes from sheet {first} to sheet {second}"
+                self._tell(sheet=second, sentence=f"{way}, the tool at rest: {motion.seconds:.2f} s.", why="")
+                return Move(q, LawStatus.STOPPED, self._state.sentence)
+            reason = reason or motion.hindrance.text
+        said = f"The arm rests: it would have to change to sheet {wanted}, and no self-motion leads there: {reason}."
+        self._tell(sheet=-1, sentence=said, why="")
+        return Move(q, LawStatus.STOPPED, said)
+
+    def _motion(self, found: Sheets, q: Vector, to: Vector, second: int) -> StillMotion:
+        key = (q.tobytes(), second)
+        if key not in self._known:
+            self._known = {k: v for k, v in self._known.items() if k[0] == key[0]}
+            self._known[key] = self_motion_between(found.task, q, to, found.clear)
+        return self._known[key]
+
+    def _unserved(self, pose: Matrix) -> None:
+        """No sheet serves a pose (4, 4): why, is looked for in a thread, the last pose first."""
+        key = pose.tobytes()
+        self._tell(sheet=-1, sentence="No sheet serves this pose.", why=LOOKED_FOR if self._why[0] != key else "")
+        if self._why[0] == key:
+            self._tell(why=self._why[1])
+            return
+        self._why = (key, LOOKED_FOR)
+        if self._asker is None or not self._asker.alive:
+            self._asker = Worker("holokin-studio-why", self._ask, self._unknown)
+
+    def _ask(self, closed: threading.Event) -> None:
+        while not closed.is_set():
+            with self._shared.lock:
+                (key, known), found = self._why, self.found
+                if known != LOOKED_FOR or found is None:
+                    self._asker = None
+                    return
+            text = found.why(np.frombuffer(key).reshape(4, 4)).text
+            with self._shared.lock:
+                if self._why[0] == key:
+                    self._why = (key, text)
+                    if self._state.sheet < 0 and self._state.why:
+                        self._tell(why=f"{text[:1].upper()}{text[1:]}.")
+
+    def _unknown(self, problem: Exception) -> None:
+        self._shared.tell_failure("Why no sheet serves the pose was not found", problem)
+
+    def _tell(self, **changed: object) -> None:
+        self._state = replace(self._state, **changed)  # type: ignore[arg-type]
+        self._shared.changed()
+
+    def close(self) -> None:
+        """End its threads; a search ends at its next step."""
+        for worker in (self._finder, self._asker):
+            if worker is not None:
+                worker.close(patience=2.0)
+
+
+def _posture_at(motion: StillMotion, t: float) -> Vector:
+    """The joints (n,) of a motion at a time [s], even between its rows."""
+    return np.array([np.interp(t, motion.t, column) for column in motion.q.T])

@@ -1,0 +1,194 @@
+"""Sliders: along a self-motion, with the tool still; and across the leaves of a holonomic law."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...analysis.coverage import locked_joints
+from ...base.errors import ArgumentError, HolokinError
+from ...base.types import Vector
+from ...motion.ik.leaf import REGULAR, PathEnd, leaf_follower, leaf_value, leaf_walk, straight_path
+from ...strategies import HolonomicStrategy, SelfMotion
+from ...strategies.self_motions import SelfMotions
+from ...strategies.tasks.task import Task
+from .session_laws import Law
+
+STEP = 0.02
+"""Arc length between the postures of a curve [joint units]."""
+
+LENGTH = 4 * np.pi
+"""Longest self-motion that is traced each way [joint units]."""
+
+MOVE = 0.05
+"""Joint motion of one step across the leaves [joint units]."""
+
+STEPS = 400
+"""Steps across the leaves each way: 20 rad of joint motion."""
+
+DEGREES = "deg"
+
+ENDINGS = {
+    "closed": "it comes back to itself",
+    "limit": "a joint meets its limit",
+    "singular": "the arm or the law is singular",
+    "length": "it is followed no farther",
+}
+"""Why a slider ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slider:
+    """What a slider shows: its value now, from `low` to `high`, and why it ends there.
+
+    unit: "rad" or "m" of joints (of both: joint units), "deg" of an angle of the arm, "" of another level.
+    closed: whether it comes round, so that low and high are one posture. label: what it moves, in a few words.
+    """
+
+    name: str
+    label: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    closed: bool
+    why_low: str
+    why_high: str
+
+
+def self_motion_curve(task: Task, q: Vector, limits: bool, direction: int = 0) -> SelfMotion:
+    """The postures with the tool where it is at q (n,), on either side of it.
+
+    With several redundant joints the curve that begins in the direction in which one of them moves alone, the others
+    following as little as they can: `direction` counts the joints of `locked_joints`.
+
+    Raises:
+        ArgumentError: no such direction, or no joint is to spare.
+    """
+    free = task.n - task.m
+    if not 0 <= direction < free:
+        cure = f"the {task.name} leaves {free} joints free: give a number from 0 to {free - 1}"
+        raise ArgumentError("the direction of the self-motion", direction, cure)
+    pulled = None if free == 1 else np.eye(task.n)[[locked_joints(task, q)[direction]]]
+    motions = SelfMotions.through(task, q[None])
+    return motions.traced(q[None], step=STEP, length=LENGTH, limits=limits, directions=pulled)[0]
+
+
+def along(curve: SelfMotion, s: float) -> Vector:
+    """The posture (n,) at an arc length s of a curve, with the tool exactly still.
+
+    Raises:
+        ArgumentError: the curve does not reach so far.
+    """
+    low, high = float(curve.s[0]), float(curve.s[-1])
+    slack = 1e-9 * max(1.0, high - low)
+    if not low - slack <= s <= high + slack:
+        raise ArgumentError("the place on the self-motion", s, f"give a number from {low:.4g} to {high:.4g}")
+    return curve.at(s)
+
+
+def self_slider(law: Law, curve: SelfMotion, s: float, direction: int = 0) -> Slider:
+    """The slider along a curve, at the place s."""
+    task, robot = law.task, law.task.robot
+    units = {c.unit for c in robot.coordinates}
+    middle = curve.q[int(np.argmin(np.abs(curve.s)))]
+    label = "self-motion"
+    if task.n - task.m > 1:
+        label = f"self-motion, by {robot.joint_names[locked_joints(task, middle)[direction]]}"
+    why = [ENDINGS[ending] for ending in curve.endings]
+    unit = units.pop() if len(units) == 1 else "joint units"
+    return Slider(law.name, label, s, float(curve.s[0]), float(curve.s[-1]), unit, curve.closed, why[0], why[1])
+
+
+def level_slider(law: Law, q: Vector, limits: bool, row: int = 0) -> Slider:
+    """The slider of a row of the level g(q) of a holonomic law, from a posture (n,), the tool and the other rows still.
+
+    Raises:
+        ArgumentError: a law without leaves, or no such row.
+    """
+    strategy = leaves_of(law)
+    level = leaf_value(strategy, q)
+    if not 0 <= row < len(level):
+        raise ArgumentError("the row of the level", row, f"give a number from 0 to {len(level) - 1}")
+    ends, angular = [], strategy.constraint.angular[row]
+    for sign in (-1.0, 1.0):
+        reached, why = _across(strategy, q, row, sign, limits)
+        ends.append((level[row] + sign * reached, why))
+    closed = all(why == "closed" for _, why in ends)
+    (low, why_low), (high, why_high) = ends
+    scale, unit = (180 / np.pi, DEGREES) if angular else (1.0, _unit(law, row))
+    label = strategy.constraint.name if len(level) == 1 else f"{strategy.constraint.name}, row {row + 1}"
+    return Slider(
+        law.name, label, float(level[row] * scale), float(low * scale), float(high * scale), unit, closed,
+        ENDINGS[why_low], ENDINGS[why_high],
+    )  # fmt: skip
+
+
+def across(law: Law, q: Vector, slider: Slider, value: float, row: int) -> Vector:
+    """The posture (n,) at a value of a slider whose value at q (n,) it knows, gone to through all between.
+
+    Raises:
+        ArgumentError: the slider does not go so far. SingularityError, BranchError: the leaves end before.
+    """
+    strategy = leaves_of(law)
+    slack = 1e-9 * max(1.0, abs(slider.high - slider.low))
+    if not slider.low - slack <= value <= slider.high + slack:
+        raise ArgumentError("the level", value, f"give a number from {slider.low:.4g} to {slider.high:.4g}")
+    moved = value - slider.value
+    change = np.zeros(law.task.n - law.task.m)
+    change[row] = np.deg2rad(moved) if slider.unit == DEGREES else moved
+    here, level = law.task.place(q), leaf_value(strategy, q)
+    return leaf_follower(strategy, q)(q, straight_path(law.task, here, here, (level, level + change)))
+
+
+def leaves_of(law: Law) -> HolonomicStrategy:
+    """The strategy of a law with leaves. Raises: ArgumentError: it has none."""
+    if not isinstance(law.rule, HolonomicStrategy):
+        raise ArgumentError("the law", law.name, HolonomicStrategy.cure)
+    return law.rule
+
+
+def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limits: bool) -> tuple[float, str]:
+    """How far a row of the level goes one way with the tool still, and why no farther."""
+    task, robot = strategy.task, strategy.task.robot
+    walk = leaf_walk(strategy, q)
+    here, unit = task.place(q), np.eye(task.n - task.m)[row]
+    at, c, gone = q, leaf_value(strategy, q), 0.0
+    wide, full = MOVE, 2 * np.pi if strategy.constraint.angular[row] else np.inf
+    for _ in range(STEPS):
+        rate = _null_rate(strategy, at, sign * unit)
+        if rate is None:
+            return gone, "singular"
+        size = min(wide / max(float(np.abs(rate).max()), 1e-12), full - gone)
+        new, ended = walk(at, straight_path(task, here, here, (c, c + sign * size * unit)))
+        beyond = ended is PathEnd.REACHED and limits and not robot.within(new)
+        if ended is not PathEnd.REACHED or beyond:
+            if wide < MOVE / 100:
+                return gone, "limit" if beyond else "singular"
+            wide /= 4
+            continue
+        at, c, gone = new, c + sign * size * unit, gone + size
+        if gone >= full - 1e-12:
+            return gone, "closed"
+    return gone, "length"
+
+
+def _null_rate(strategy: HolonomicStrategy, q: Vector, wanted: Vector) -> Vector | None:
+    """dq (n,) with J dq = 0 and J_g dq as wanted; None where [J; J_g] is near singular."""
+    if not strategy.gain(q)[1] > REGULAR:
+        return None
+    try:
+        stacked = np.vstack([strategy.task.jacobian(q), strategy.rows(q)])
+        rate = np.linalg.solve(stacked, np.concatenate([np.zeros(strategy.task.m), wanted]))
+    except (HolokinError, np.linalg.LinAlgError):
+        return None
+    return np.asarray(rate, dtype=float) if np.isfinite(rate).all() else None
+
+
+def _unit(law: Law, row: int) -> str:
+    """The unit of a level that is no angle of the arm, where the kind of its law tells."""
+    kind, robot = (law.keys or {}).get("kind"), law.task.robot
+    if kind == "lock":
+        return robot.coordinates[robot.joint_index((law.keys or {})["joints"][row])].unit
+    return "m" if kind == "height" else ""

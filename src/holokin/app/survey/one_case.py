@@ -1,0 +1,385 @@
+"""One case of a survey: a law goes round a loop, and what happened becomes a row."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import math
+import time
+import zlib
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import lru_cache
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from ...analysis.coverage import regular_starts
+from ...base.errors import ArgumentError, HolokinError, JointLimitError, PathError, SingularityError
+from ...base.errors.motion_errors import KEPT
+from ...base.tolerances import TOLERANCES
+from ...base.types import Vector
+from ...motion import follow, simulate
+from ...motion.control import ControlLaw
+from ...motion.follow_path import build_native
+from ...motion.least_speed import over_least_speed
+from ...motion.trajectory import Status, Trajectory
+from ...path import Path
+from ...robot import Robot, beside, without_speed_limit
+from ...robot.longest_span import longest_reach
+from ...strategies import Strategy
+from ...strategies.tasks.task import Task
+from ..job.path_tables import PathTable
+from ..job.robot_tables import RobotTable, robot_of_job
+from ..job.several_paths import build_paths
+from ..job.strategy_tables import StrategyTable
+from ..job.task_tables import TaskTable
+from .cases import Case, Cases, robot_table
+from .objects import OBJECT, given, given_path, when_replaced
+from .own_metrics import own_metrics
+from .survey_laws import Given, built, of_the_start, resolved
+from .survey_loops import drawn
+from .survey_tables import LoopTable
+
+KEPT_LAWS = 64
+"""Laws whose functions a process keeps: some tens of megabytes."""
+
+STEP = 0.02
+"""Longest step of a control law [s]: a large, slow loop gets more of them than samples."""
+
+LOST = 0.05
+"""Distance of the tool from its path [m] at which a control law has lost it: it would go on, but no work would."""
+
+
+class CaseStatus(StrEnum):
+    """What became of a case; its words are those of the files."""
+
+    COMPLETE = "complete"
+    LIMIT = "limit"
+    OUT_OF_REACH = "out of reach"
+    SINGULAR = "singular"
+    BRANCH = "branch"
+    LOST = "lost"
+    FAULT = "fault"
+
+
+STATUSES = {
+    Status.COMPLETE: CaseStatus.COMPLETE, Status.LIMIT: CaseStatus.LIMIT, Status.OUT_OF_REACH: CaseStatus.OUT_OF_REACH,
+    Status.SINGULAR: CaseStatus.SINGULAR, Status.BRANCH: CaseStatus.BRANCH, Status.LOST: CaseStatus.LOST,
+    Status.FAULT: CaseStatus.FAULT,
+}  # fmt: skip
+
+METRICS = {
+    "cycles": "complete cycles before it stopped",
+    "drift": "largest joint error after the first cycle [rad, m]",
+    "drift_mean": "the same, mean over its cycles",
+    "drift_last": "the same of its last complete cycle: what is left when a law has converged",
+    "drift_total": "largest joint error between the start and the end of its last cycle [rad, m]",
+    "tracking": "largest error of the tool's position [m]",
+    "sigma": "smallest singular value of J on its way",
+    "margin": "smallest distance of a joint to its limits, as a share of its range",
+    "joint_path": "length of the joints' path in the first cycle [rad, m]",
+    "cost": "the same as a multiple of the least: of the pseudo-inverse at the same postures",
+    "peak_speed": "largest joint speed as a share of its limit",
+}
+
+
+Ready = tuple[Task, Vector, Strategy | ControlLaw]
+"""Task, start posture (n,) and law of a case."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of a case."""
+
+    id: str
+    number: int
+    names: dict[str, str]
+    status: CaseStatus
+    reason: str
+    metrics: dict[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
+
+
+def fault(case: Case, reason: str, seconds: float = 0.0) -> Row:
+    """The row of a case that could not be run."""
+    return Row(case.id, case.number, case.names, CaseStatus.FAULT, reason, {}, seconds)
+
+
+@lru_cache(maxsize=8)
+def _robot(table: str, folder: FilePath) -> Robot:
+    content = robot_table(json.loads(table))
+    if str(content.get("name", "")).startswith(OBJECT):
+        return given(content["name"])
+    return robot_of_job(RobotTable.model_validate(content), folder / "survey.toml")
+
+
+@lru_cache(maxsize=16)
+def _starts(robot: str, task: str, folder: FilePath) -> np.ndarray:
+    arm = _robot(robot, folder)
+    middle = np.clip(0.0, arm.lower, arm.upper)
+    return regular_starts(TaskTable.model_validate_json(task).tasks(arm, middle)[0])
+
+
+def start_of(case: Case, folder: FilePath) -> Vector:
+    """The start posture (n,). Raises: ArgumentError: there is none of this kind."""
+    robot, task = json.dumps(case.robot, sort_keys=True), json.dumps(case.task, sort_keys=True)
+    arm, index = _robot(robot, folder), case.start["index"]
+    if case.start["kind"] == "regular":
+        found = _starts(robot, task, folder)
+        if index >= len(found):
+            raise ArgumentError("regular", index + 1, f"{arm.name} has {len(found)} such start postures")
+        return found[index]
+    rng = np.random.default_rng([case.start["seed"], zlib.crc32(robot.encode()), index])
+    lower, upper = (np.clip(b, -np.pi, np.pi) for b in (arm.lower, arm.upper))
+    margin = case.start["margin"]
+    return np.round(lower + (upper - lower) * rng.uniform(margin, 1 - margin, arm.n), 4)
+
+
+def _path_table(case: Case, folder: FilePath) -> dict[str, Any]:
+    """The [path] table of its loop, drawn from what tells the loop, not from its place in the survey."""
+    arm = _robot(json.dumps(case.robot, sort_keys=True), folder)
+    told = json.dumps([case.robot, case.task, case.start, case.loop["table"]], sort_keys=True)
+    rng = np.random.default_rng([case.loop["seed"], zlib.crc32(told.encode()), case.loop["index"]])
+    length = longest_reach(arm)
+    table = LoopTable.model_validate(case.loop["table"])
+    found = drawn(table, length if np.isfinite(length) else 1.0, arm.planar, rng)
+    return found | {"samples": case.rest["samples"], "cycles": case.rest["cycles"]}
+
+
+def _job(case: Case, strategies: dict[str, Any], folder: FilePath) -> dict[str, Any]:
+    return {
+        "title": f"case {case.id}: {case.law} on {case.names['robot']}",
+        "robot": robot_table(case.robot), "task": case.task, "start": {"q": start_of(case, folder).tolist()},
+        "path": _path_table(case, folder), "strategies": strategies,
+    }  # fmt: skip
+
+
+def repeating_job(case: Case, cases: Cases) -> tuple[dict[str, Any], str]:
+    """(a job of a case, why it does not repeat the case); files of robots count from the root, not from the survey.
+
+    Jobs do not run control laws: in place of one the job has the pseudo-inverse, and says so.
+
+    Raises:
+        HolokinError: there is no robot, task or start of the case, or its loop is of a survey in Python.
+    """
+    task = _task(json.dumps([case.robot, case.task], sort_keys=True), cases.folder)
+    if case.loop["table"]["kind"] == "given":
+        raise ArgumentError("the loop", case.names["loop"], "a survey in Python was given it: go round it there")
+    law = resolved(cases.table.laws, case.law, task, start_of(case, cases.folder))[case.law]
+    if isinstance(law, StrategyTable):
+        job, why = _job(case, {case.law: law.model_dump(exclude_unset=True)}, cases.folder), ""
+    else:
+        job = _job(case, {"moore-penrose": {"kind": "moore-penrose"}}, cases.folder)
+        why = (
+            f"Jobs do not run control laws or functions of yours, as {case.law!r}: this job has the pseudo-inverse, "
+            "round the same loop from the same start. "
+        )
+        by = f"In Python holokin.app.survey.repeat(RESULTS, {case.id!r}) runs the law itself."
+        why += "A survey in Python was given the law: run it there." if isinstance(law, Given) else by
+        job |= {"title": f"not case {case.id}, but its loop with the pseudo-inverse, on {case.names['robot']}"}
+        job |= {"about": why}
+    return job | {"robot": _anywhere(job["robot"], cases.folder)}, why
+
+
+def _anywhere(robot: dict[str, Any], folder: FilePath) -> dict[str, Any]:
+    """A [robot] table whose files are found from any folder."""
+    found = dict(robot)
+    if found.get("name"):
+        found["name"] = str(beside(found["name"], folder.absolute()))
+    if found.get("parts"):
+        found["parts"] = [_anywhere(part, folder) for part in found["parts"]]
+    return found
+
+
+def repeat_case(case: Case, cases: Cases) -> tuple[Trajectory, str]:
+    """(what the joints did, why it stopped; empty where it did not) of a case, as `run_case` has it in its row.
+
+    Raises:
+        HolokinError: what its row gives as the reason.
+    """
+    (walk, reason, _), _, _ = _walk(case, cases)
+    return walk, reason
+
+
+def run_case(case: Case, cases: Cases, ready: Ready | None = None) -> Row:
+    """A case from its start to the end of its loop or to where it stops. What fails is said in the row."""
+    began = time.perf_counter()
+    try:
+        walk, law, task = _walk(case, cases, ready)
+    except HolokinError as problem:
+        cause = problem.__cause__ or problem
+        status = CaseStatus.SINGULAR if isinstance(cause, SingularityError) else CaseStatus.FAULT
+        status = CaseStatus.LIMIT if isinstance(cause, JointLimitError) else status
+        return Row(case.id, case.number, case.names, status, str(problem), {}, time.perf_counter() - began)
+    walk, reason, cause = walk
+    metrics = _metrics(walk, law, task)
+    status = STATUSES[walk.status if cause is None else cause]
+    own, problems = _own(walk, cases)
+    if problems:  # a fault, so that --again does it again once the function is right
+        status, reason = CaseStatus.FAULT, "; ".join([*filter(None, [reason]), *problems])
+    metrics |= own
+    return Row(case.id, case.number, case.names, status, reason, metrics, time.perf_counter() - began)
+
+
+def _own(walk: Trajectory, cases: Cases) -> tuple[dict[str, float], list[str]]:
+    """The metrics of the user's own, and what went wrong with them."""
+    if not cases.table.metrics:
+        return {}, []
+    try:
+        own, problems = own_metrics(cases.table.metrics, walk, cases.folder)
+    except HolokinError as problem:
+        return {}, [str(problem)]
+    return own, [str(problem) for problem in problems]
+
+
+def prepare(case: Case, cases: Cases) -> Ready | None:
+    """What `run_case` takes: robot, task, law and native code are built, if later cases share them, and kept.
+
+    None where it fails: `run_case` tells why.
+    """
+    importlib.import_module("scipy.spatial.transform")  # paths load it when they are first sampled
+    with suppress(HolokinError):
+        return _set_up(case, cases)
+    return None
+
+
+def _walk(
+    case: Case, cases: Cases, ready: Ready | None = None
+) -> tuple[tuple[Trajectory, str, Status | None], Strategy | ControlLaw, Task]:
+    task, q0, law = ready or _set_up(case, cases)
+    return _run(law, task, _path(case, task, q0, cases.folder), q0, case.rest), law, task
+
+
+def _set_up(case: Case, cases: Cases) -> Ready:
+    """Task, start posture and law of a case; task and law, with its native code, are kept."""
+    q0 = start_of(case, cases.folder)
+    told = json.dumps([case.robot, case.task], sort_keys=True)
+    task = _task(told, cases.folder)
+    laws = resolved(cases.table.laws, case.law, task, q0)
+    key = [
+        told,
+        str(cases.folder),
+        *(f"{name}: {law!r}" for name, law in laws.items()),
+        *(q0.tolist() if of_the_start(laws) else []),
+    ]
+
+    def make() -> Strategy | ControlLaw:
+        law = built(laws, case.law, task, q0, cases.folder)
+        if isinstance(law, Strategy):
+            build_native(law)
+        return law
+
+    return task, q0, _law(str(key), make)
+
+
+@lru_cache(maxsize=16)
+def _task(told: str, folder: FilePath) -> Task:
+    robot, task = json.loads(told)
+    arm = _robot(json.dumps(robot, sort_keys=True), folder)
+    middle = np.clip(0.0, arm.lower, arm.upper)
+    found = TaskTable.model_validate(task).tasks(arm, middle)[0]
+    if found.n <= found.m:
+        fact = f"{found.n} joints for {found.m} rows"
+        raise ArgumentError(f"the task {found.name!r}", fact, "no joint is redundant: choose a task of fewer rows")
+    return found
+
+
+_laws: dict[str, Strategy | ControlLaw] = {}
+
+
+def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | ControlLaw:
+    """A law, kept while it is among the last ones that were asked for."""
+    found = _laws.pop(key, None)
+    if found is None:
+        found = make()
+    _laws[key] = found
+    while len(_laws) > KEPT_LAWS:
+        del _laws[next(iter(_laws))]
+    return found
+
+
+@when_replaced
+def forget_built() -> None:
+    """Build anew what cases share: robots, tasks, laws and paths."""
+    for known in (_robot, _starts, _task, _drawn_path):
+        known.cache_clear()
+    _laws.clear()
+
+
+def _path(case: Case, task: Task, q0: Vector, folder: FilePath) -> Path:
+    if case.loop["table"]["kind"] == "given":
+        return given_path(case.loop["table"]["key"], task.pose(q0))
+    table = json.dumps(_path_table(case, folder), sort_keys=True)
+    return _drawn_path(task, tuple(q0.tolist()), table, folder)
+
+
+@lru_cache(maxsize=4)
+def _drawn_path(task: Task, start: tuple[float, ...], table: str, folder: FilePath) -> Path:
+    """A path, kept for all laws of a loop: the length of a spline takes longer than a law to go round it."""
+    path = PathTable.model_validate_json(table)
+    return build_paths(path, task, np.array(start), folder / "survey.toml")  # type: ignore[return-value]
+
+
+def _run(
+    law: Strategy | ControlLaw, task: Task, path: Path, q0: Vector, rest: dict[str, Any]
+) -> tuple[Trajectory, str, Status | None]:
+    """(what the joints did, why it stopped, how it ended where the record does not know)."""
+    try:
+        if isinstance(law, Strategy):
+            walk = follow(
+                law, path, q0, samples=rest["samples"], cycles=rest["cycles"], limits=rest["limits"], native=True
+            )
+            return walk, "", None
+        steps = rest["samples"] * math.ceil(path.duration / rest["samples"] / STEP)
+        walk = simulate(law, task, path, q0, dt=path.duration / steps, cycles=rest["cycles"])
+    except PathError as problem:
+        if problem.trajectory is None:
+            raise
+        return problem.trajectory, str(problem).removesuffix(f"; {KEPT}"), None
+    return _while_it_holds(walk, task.robot, rest["limits"])
+
+
+def _while_it_holds(walk: Trajectory, robot: Robot, limits: bool) -> tuple[Trajectory, str, Status | None]:
+    """What a control law did until it first left the joint limits, or the path; and which."""
+    beyond = robot.beyond(walk.q) > TOLERANCES.limit
+    metres = [i for i, unit in enumerate(walk.row_units) if unit == "m"]
+    off = np.linalg.norm(walk.error[:, metres], axis=1) > LOST
+    ended = (beyond.any(axis=1) & limits) | off
+    if not ended.any():
+        return walk, "", None
+    k = int(np.argmax(ended))
+    if limits and beyond[k].any():
+        joint = robot.joint_names[int(np.argmax(beyond[k]))]
+        return walk.until(k), f"went beyond a limit of {joint!r}, which nothing stopped", Status.LIMIT
+    return walk.until(k), f"the tool was more than {LOST:g} m away from the path", Status.LOST
+
+
+def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[str, float]:
+    robot = task.robot
+    found = dict.fromkeys(METRICS, float("nan")) | {"cycles": float(walk.cycles)}
+    if walk.cycles:
+        each = np.abs(walk.drift()).max(axis=1)
+        found |= {
+            "drift": float(each[0]), "drift_mean": float(each.mean()), "drift_last": float(each[-1]),
+            "drift_total": float(np.abs(walk.drift_since_start()[-1]).max()),
+        }  # fmt: skip
+    once = walk.until(walk.marks[1] + 1) if walk.cycles else walk
+    q = once.q
+    bounded = np.isfinite(robot.upper - robot.lower)
+    if bounded.any():
+        room = np.minimum(walk.q - robot.lower, robot.upper - walk.q)[:, bounded]
+        found["margin"] = float((room / (robot.upper - robot.lower)[bounded]).min())
+    if len(q) > 1:
+        found |= {
+            "joint_path": float(np.linalg.norm(np.diff(q, axis=0), axis=1).sum()),
+            "cost": over_least_speed(task, once),
+            "sigma": float(once.sigma.min()),
+        }
+        if not without_speed_limit(robot):
+            found["peak_speed"] = float((np.abs(once.dq) / robot.max_velocity).max())
+    found["tracking"] = walk.tracking_error("m")
+    return found

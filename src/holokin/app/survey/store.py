@@ -1,0 +1,239 @@
+"""The rows of a survey in an SQLite file: whole rows or none, each once, whatever is killed and when.
+
+SQLite of the standard library, and not Parquet: a row that is committed survives `kill -9`, a case has one row by its
+key, one file holds it all while it grows, and pandas reads it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+
+from ...base.errors import ArgumentError, SurveyError, WriteError
+from ...version import __version__
+from .one_case import METRICS, Row
+from .survey_tables import SurveyTable
+
+NAMES = ("robot", "task", "loop", "law")
+COLUMNS = ("id", "number", *NAMES, "status", "reason", "seconds", *METRICS)
+FORM = 2
+"""Of the file; a later form is another number."""
+
+KINDS: dict[str, tuple[type, ...]] = {"number": (int,), **dict.fromkeys(("id", *NAMES, "status", "reason"), (str,))}
+"""Of the values of columns; the others hold numbers, or nothing."""
+
+DIGITS = 19
+"""Of a number that SQLite does not hold."""
+
+
+def fingerprint(table: SurveyTable) -> str:
+    """A hash of what a survey asks; not of its title, of how many cases, or of how long one may take."""
+    aside = {"title", "about", "cases", "time_limit"} | (set() if table.metrics else {"metrics"})
+    content = table.model_dump(mode="json", exclude=aside)
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+class Store:
+    """An open results file. Only the process that opened it writes."""
+
+    def __init__(self, file: Path, connection: sqlite3.Connection) -> None:
+        self.file = file
+        self._db = connection
+
+    @classmethod
+    @contextmanager
+    def opened(
+        cls, file: Path, table: SurveyTable | None, folder: Path = Path(), *, resume: bool = False
+    ) -> Iterator[Store]:
+        """A results file, made for a survey where it is not there; for reading alone without a table.
+
+        Raises:
+            SurveyError: it is there already and resume is False; it is of another survey, or no results file.
+            WriteError: the system refuses it.
+        """
+        if file.is_dir():
+            raise SurveyError(file, "is a folder", "give a file, as out/arms.sqlite")
+        new = not file.exists()
+        if table is None and new:
+            raise SurveyError(file, "there is no such file", "run the survey first")
+        if table is not None and not new and not resume:
+            cure = "say --resume, in Python resume=True, to go on, or delete it"
+            raise SurveyError(file, "holds results already", cure)
+        db: sqlite3.Connection | None = None
+        try:
+            with _system(file):
+                db = _connected(file, reading=table is None)
+                store = cls(file, db)
+                if table is not None and store._empty():
+                    store._make(table, folder)  # also where one was killed before its first write
+            store._check(table)
+            yield store
+        except sqlite3.DatabaseError as problem:
+            raise SurveyError(file, f"is no results file of a survey ({problem})", "give another file") from None
+        finally:
+            if db is not None:
+                db.close()
+
+    @cached_property
+    def _own(self) -> tuple[str, ...]:
+        """The metrics of the user's own, which have a column each."""
+        return tuple(self.content().metrics)
+
+    @property
+    def _columns(self) -> tuple[str, ...]:
+        return (*COLUMNS, *self._own)
+
+    def _empty(self) -> bool:
+        return self._db.execute("SELECT COUNT(*) FROM sqlite_master").fetchone() == (0,)
+
+    def _make(self, table: SurveyTable, folder: Path) -> None:
+        kinds = {"id": "TEXT PRIMARY KEY", "number": "INTEGER NOT NULL"}
+        kinds |= dict.fromkeys((*NAMES, "status", "reason"), "TEXT NOT NULL")
+        columns = ", ".join(f"{name} {kinds.get(name, 'REAL')}" for name in (*COLUMNS, *map(_quoted, table.metrics)))
+        with self._db:
+            self._db.execute("BEGIN IMMEDIATE")
+            if not self._empty():  # another one was quicker
+                return
+            self._db.execute(
+                "CREATE TABLE survey (form INTEGER, fingerprint TEXT, version TEXT, folder TEXT, content TEXT)"
+            )
+            self._db.execute(f"CREATE TABLE cases ({columns}) WITHOUT ROWID")
+            content = json.dumps(table.model_dump(mode="json", exclude_unset=True))
+            facts = (FORM, fingerprint(table), __version__, str(folder), content)
+            self._db.execute("INSERT INTO survey VALUES (?, ?, ?, ?, ?)", facts)
+
+    def _check(self, table: SurveyTable | None) -> None:
+        if table is None and self._empty():
+            raise SurveyError(self.file, "is no results file of a survey (it is empty)", "give another file")
+        found = self._db.execute("SELECT form, fingerprint FROM survey").fetchone()
+        if found is None or found[0] != FORM:
+            raise SurveyError(self.file, "has another form than this version writes", "run the survey anew")
+        if table is not None and found[1] != fingerprint(table):
+            cure = "give another file with --out, in Python out="
+            raise SurveyError(self.file, "holds the results of another survey", cure)
+
+    def add(self, rows: Sequence[Row], faults: Mapping[int, str] = MappingProxyType({})) -> None:
+        """Keep rows: all of them or none. One that is there stays as it is, unless it is a fault.
+
+        Args:
+            faults: number of a case -> id of the row that its row takes the place of, though the id is another one now.
+
+        Raises:
+            WriteError.
+        """
+        columns = self._columns
+        marks = ", ".join("?" * len(columns))
+        new = ", ".join(f"{_quoted(name)} = excluded.{_quoted(name)}" for name in columns[1:])
+        values = [
+            [
+                row.id, row.number, *(row.names[name] for name in NAMES), row.status, row.reason, row.seconds,
+                *(row.metrics.get(metric) for metric in (*METRICS, *self._own)),
+            ]
+            for row in rows
+        ]  # fmt: skip
+        gone = [(faults[row.number],) for row in rows if row.number in faults]
+        with _system(self.file), self._db:
+            self._db.executemany("DELETE FROM cases WHERE id = ? AND status = 'fault'", gone)
+            self._db.executemany(
+                f"INSERT INTO cases VALUES ({marks}) ON CONFLICT (id) DO UPDATE SET {new} WHERE status = 'fault'",
+                values,
+            )
+
+    def done(self, *, faults: bool = True) -> set[str]:
+        """The ids of the cases that have a row, with or without those that are faults."""
+        which = "" if faults else " WHERE status <> 'fault'"
+        return {found for (found,) in self._db.execute(f"SELECT id FROM cases{which}")}
+
+    def faults(self) -> dict[int, str]:
+        """Number -> id of the cases that are faults."""
+        return dict(self._db.execute("SELECT number, id FROM cases WHERE status = 'fault'"))
+
+    def most_frequent_fault(self) -> tuple[str, int, int]:
+        """(its reason, how many have it, how many faults there are in all)."""
+        asked = "SELECT reason, COUNT(*) FROM cases WHERE status = 'fault' GROUP BY reason ORDER BY 2 DESC, 1"
+        found = self._db.execute(asked).fetchall()
+        return (*found[0], sum(count for _, count in found)) if found else ("", 0, 0)
+
+    def __len__(self) -> int:
+        return int(self._db.execute("SELECT COUNT(*) FROM cases").fetchone()[0])
+
+    def rows(self) -> Iterator[dict[str, object]]:
+        """All rows, by the number of the case: column -> value."""
+        cursor = self._db.execute(f"SELECT {', '.join(map(_quoted, self._columns))} FROM cases ORDER BY number")
+        for values in cursor:
+            yield self._row(values)
+
+    def _row(self, values: Sequence[object]) -> dict[str, object]:
+        """Column -> value, each of its kind: SQLite keeps any value in any column. Raises: SurveyError."""
+        row = dict(zip(self._columns, values, strict=True))
+        for name, value in row.items():
+            kinds = KINDS.get(name, (float, int, type(None)))
+            if not isinstance(value, kinds):
+                fact = f"has a row whose {name} is {str(value)[:40]!r}, which no survey writes"
+                raise SurveyError(self.file, fact, "run the survey anew")
+        return row
+
+    def row_of(self, case: str) -> dict[str, object]:
+        """The row of a case by its id, or by its number. Raises: ArgumentError: there is none."""
+        columns = ", ".join(map(_quoted, self._columns))
+        found = self._db.execute(f"SELECT {columns} FROM cases WHERE id = ?", (case,)).fetchone()
+        if found is None and case.isdecimal() and len(case) < DIGITS:
+            found = self._db.execute(f"SELECT {columns} FROM cases WHERE number = ?", (int(case),)).fetchone()
+        if found is None:
+            cure = f"give the id of one of the {len(self):,} rows, or its number, from 0"
+            raise ArgumentError("the case", case, cure)
+        return self._row(found)
+
+    def folder(self) -> Path:
+        """From which files of robots counted."""
+        (found,) = self._db.execute("SELECT folder FROM survey").fetchone()
+        if not isinstance(found, str) or "\0" in found:
+            raise SurveyError(self.file, "names no folder that its robots are in", "run the survey anew")
+        return Path(found)
+
+    def content(self) -> SurveyTable:
+        """The survey that the results are of."""
+        (found,) = self._db.execute("SELECT content FROM survey").fetchone()
+        try:
+            return SurveyTable.model_validate_json(found)
+        except ValueError:
+            fact = "is no results file of this version: the survey in it cannot be read"
+            raise SurveyError(self.file, fact, "run the survey anew") from None
+
+
+def _connected(file: Path, reading: bool) -> sqlite3.Connection:
+    """The file as SQLite has it; of media that cannot be written as it lies there, without a journal beside it."""
+    db = sqlite3.connect(file, timeout=10.0)
+    try:
+        db.execute("PRAGMA journal_mode = WAL")
+        if reading:
+            db.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()
+        return db
+    except sqlite3.OperationalError:
+        db.close()
+        if not reading:
+            raise
+        return sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+    except sqlite3.DatabaseError:
+        db.close()
+        raise
+
+
+def _quoted(name: str) -> str:
+    """A column as SQLite reads it; no name of a column has a quotation mark."""
+    return f'"{name}"'
+
+
+@contextmanager
+def _system(file: Path) -> Iterator[None]:
+    """What the system refuses becomes a typed error; rows that are written stay."""
+    try:
+        yield
+    except sqlite3.OperationalError as problem:
+        raise WriteError(file, OSError(str(problem))) from problem

@@ -1,0 +1,118 @@
+"""Yaskawa INFORM: a job .JBI of MOVJ and MOVL to positions in pulses.
+
+Grammar: Yaskawa, "DX200 / YRC1000 Options: Instructions for INFORM Language" (MOVJ, MOVL, DOUT, TIMER, comments of at
+most 32 characters), and "DX200 Options: Instructions for Data Transmission Function" (the form of a job file: //POS
+with ///NPOS, ///TOOL, ///POSTYPE PULSE, ///PULSE; //INST with ///DATE, ///ATTR, ///GROUP1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+
+import numpy as np
+
+from ...base.arguments import typed
+from ...base.errors import ArgumentError, ExportError
+from ...base.types import Matrix, positive, whole
+from ...motion import TimedTrajectory
+from .controller_moves import ToolTolerance
+from .process_lines import Dialect, ProcessLines
+from .program_targets import Targets, Wiring, speed_shares, targets, with_lines
+from .robot_program import Program, header, program_name
+
+NAME, REMARK = 32, 32
+"""Characters of a job's name and of a comment."""
+
+LEVELS = 8
+"""The largest position level, PL."""
+
+DIALECT = Dialect(
+    "INFORM", "DOUT OT#({number}) {state}", "TIMER T={seconds:.2f}", ("OFF", "ON"), external=3,
+    kinds=("joint", "linear"), forbidden=r"^/|^END\b|^NOP\b|^'.{33}",
+)  # fmt: skip
+
+
+@typed
+def to_inform(
+    timed: TimedTrajectory, pulses: Sequence[float], *, name: str | None = None, about: str = "",
+    wiring: Wiring | None = None, tolerance: float | ToolTolerance = 2e-3, lines: ProcessLines | None = None,
+    speeds: Sequence[float] | None = None, zone: int = 1, tool: int = 0, written: datetime | None = None,
+) -> Program:  # fmt: skip
+    """An INFORM job NAME.JBI of one robot, with up to three base axes; positions are in pulses.
+
+    A MOVJ has a share of the axes' greatest speed (VJ, in hundredths of a per cent), since INFORM knows no time of a
+    move; a MOVL has its speed (V, in tenths of mm/s). The notes of the program say how much these roundings change the
+    speed. There are no circular moves.
+
+    Args:
+        pulses: of each axis, the robot's six and then the base axes [pulses per degree, or per mm of sliding ones], as
+            the controller's parameters have them.
+        name: of the job, at most 32 letters, digits and underscores.
+        about: a line of the header: the law.
+        wiring: of the controller's axes: S, L, U, R, B, T, and base axes as external ones.
+        tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool.
+        lines: of the process.
+        speeds: greatest speeds of the joints [rad/s or m/s] as the controller knows them; by default the limits of the
+            motion.
+        zone: 0 to 8, the position level PL of targets passed without a stop; corners and the end are PL=0.
+        tool: number of the tool.
+        written: the date in the header; by default now.
+
+    Raises:
+        ExportError: a robot of other than six axes; a move too slow or too fast for VJ or V.
+        ArgumentError: bad names, numbers, wiring or lines.
+    """
+    for what, value, most in (("zone", zone, LEVELS), ("tool", tool, 63)):
+        if whole(what, value, 0) > most:
+            raise ArgumentError(what, value, f"give a whole number from 0 to {most}")
+    found = targets(timed, wiring, DIALECT, tolerance, lines)
+    short = program_name(name, about, NAME, found).upper()
+    facts = header(timed, about, found, ["positions in pulses", f"tool {tool}, PL {zone}"], REMARK)
+    remarks = [f"'{line}" for line in facts]
+    moves, rounded = _moves(found, speed_shares(found, speeds), zone)
+    body = ["NOP", *remarks, *with_lines(found, moves), "END"]
+    counts = _counts(found, pulses)
+    bases = counts.shape[1] - found.own
+    date = written or datetime.now()
+    text = ["/JOB", f"//NAME {short}", "//POS", f"///NPOS {len(counts)},{len(counts) * bool(bases)},0,0,0,0"]
+    text += [f"///TOOL {tool}", "///POSTYPE PULSE", "///PULSE"]
+    text += [f"C{i:05d}={','.join(map(str, row[: found.own]))}" for i, row in enumerate(counts)]
+    text += [f"BC{i:05d}={','.join(map(str, row[found.own :]))}" for i, row in enumerate(counts) if bases]
+    text += ["//INST", f"///DATE {date:%Y/%m/%d %H:%M}", "///ATTR SC,RW", f"///GROUP1 RB1{',BS1' * bool(bases)}"]
+    note = f"the roundings of VJ and V change the speed of a move by up to {100 * rounded:.2g} %"
+    files = {f"{short}.JBI": "\n".join([*text, *body, ""])}
+    return Program(files, len(found.q), found.deviation, found.tool, (note,))
+
+
+def _counts(found: Targets, pulses: Sequence[float]) -> Matrix:
+    """Pulses of every target (k, axes). Raises: ArgumentError."""
+    if len(pulses) != found.q.shape[1]:
+        cure = f"give one for each of {found.q.shape[1]} axes, pulses per degree or per mm"
+        raise ArgumentError("the pulses of the axes", list(pulses), cure)
+    each = np.array([positive("the pulses of an axis", abs(x)) * np.sign(x) for x in pulses])
+    return np.rint(found.shown() * each).astype(int)
+
+
+def _moves(found: Targets, shares: Matrix, zone: int) -> tuple[list[list[str]], float]:
+    """(the instruction of each move, the largest share by which rounding changes a speed). Raises: ExportError."""
+    bases = found.q.shape[1] > found.own
+    text = [[f"MOVJ {_position(0, bases)} VJ=10.00 PL=0"]]
+    largest = 0.0
+    for i, (move, share) in enumerate(zip(found.moves, shares.tolist(), strict=True), 1):
+        joint = move.kind == "joint"
+        exact = 100.0 * share if joint else 1e3 * move.speed
+        value = round(exact, 2 if joint else 1)
+        word, least, most = ("VJ", 0.01, 100.0) if joint else ("V", 0.1, 1500.0)
+        if not least <= value <= most:
+            fact = f"the move to target {i + 1} needs {word}={exact:.3g}, and INFORM takes {least:g} to {most:g}"
+            raise ExportError(fact, "change the speed of the path, or take linear moves")
+        largest = max(largest, abs(value / exact - 1.0))
+        level = 0 if i == len(found.moves) or found.stops[i] else zone
+        verb = f"MOVJ {_position(i, bases)} VJ={value:.2f}" if joint else f"MOVL {_position(i, bases)} V={value:.1f}"
+        text.append([f"{verb} PL={level}"])
+    return text, largest
+
+
+def _position(i: int, bases: bool) -> str:
+    return f"C{i:05d} BC{i:05d}" if bases else f"C{i:05d}"

@@ -1,0 +1,98 @@
+"""ABB RAPID: `MoveAbsJ`, `MoveL` and `MoveC` to joint targets, in the times and at the speeds of the timed trajectory.
+
+Grammar: ABB, "Technical reference manual: RAPID Instructions, Functions and Data types" (3HAC050917), MoveAbsJ, MoveL,
+MoveC, CirPathMode, CalcRobT, GripLoad, SetDO, jointtarget, robjoint, extjoint; "RAPID kernel" (3HAC050946), identifiers
+of at most 32 characters.
+"""
+
+from __future__ import annotations
+
+from ...base.arguments import typed
+from ...base.types import not_negative
+from ...motion import TimedTrajectory
+from .controller_moves import ToolTolerance
+from .process_lines import Dialect, ProcessLines
+from .program_targets import Targets, Wiring, targets, with_lines, zones
+from .robot_program import Program, checked_name, header, program_name
+
+NAME = 32
+"""Characters of a RAPID identifier."""
+
+UNUSED = "9E+09"
+"""What stands for an external axis that there is not."""
+
+DIALECT = Dialect(
+    "RAPID", "SetDO do{number},{state}", "WaitTime {seconds:g}", ("0", "1"),
+    external=6, forbidden=r"^\s*(END)?(PROC|MODULE|FUNC|TRAP)\b", end=";",
+)  # fmt: skip
+
+
+@typed
+def to_rapid(
+    timed: TimedTrajectory, *, name: str | None = None, about: str = "", wiring: Wiring | None = None,
+    tolerance: float | ToolTolerance = 2e-3, lines: ProcessLines | None = None, zone: str | float = "z1",
+    tool: str = "tool0", base: str | None = None, payload: str | None = None,
+) -> Program:  # fmt: skip
+    """A RAPID module NAME.mod with one procedure of moves to joint targets in degrees, external axes in degrees or mm.
+
+    A `MoveAbsJ` has its time as \\T. A `MoveL` or `MoveC` has its speed as \\V in mm/s; it goes to
+    CalcRobT(jointtarget), the pose with the axis configuration that the controller itself computes of our joints. The
+    first move goes to the start at v100 and stops; corners and the end are `fine`, the others have the zone.
+
+    Args:
+        name: of the procedure, at most 30 letters, digits and underscores; the module has _M at its end.
+        about: a line of the header: the law.
+        wiring: of the controller's axes: six of the robot, six external ones (a YuMi's seventh axis is the first).
+        tolerance: of the joints [rad or m], see `Program.deviation`, or of the tool. A controller smooths between
+            targets in its own way.
+        lines: of the process. "output 3 on" sets the signal do3.
+        zone: of targets passed without a stop: the name of zonedata, or a radius [m].
+        tool, base, payload: names of the tooldata, the wobjdata and the loaddata; base and payload may be left out.
+
+    Raises:
+        ExportError: a robot of other than six axes, external ones left out. ArgumentError: bad names, wiring or lines.
+    """
+    found = targets(timed, wiring, DIALECT, tolerance, lines)
+    short = program_name(name, about, NAME - 2, found, (zone, tool, base, payload))
+    for what in (zone, tool, base, payload):
+        if isinstance(what, str):
+            checked_name(what, NAME, "RAPID", program=False)
+    places, reduced = _zones(found, zone)
+    used = tool if base is None else f"{tool}\\WObj:={base}"
+    more = [f"degrees, external axes degrees or mm; zone {zone}, tool {used}", *reduced]
+    text = [f"MODULE {short}_M", *(f"  ! {line}" for line in header(timed, about, found, more, 76))]
+    text += [line for i in range(len(found.q)) for line in _declared(f"p{i + 1}", found, i)]
+    text += [line for i in found.via for line in _declared(f"c{i + 2}", found, i, via=True)]
+    moves = [[f"    MoveAbsJ p1\\NoEOffs,v100,fine,{used};"]]
+    for i, (move, seconds) in enumerate(zip(found.moves, found.seconds, strict=True), 2):
+        way, end = f"{places[i - 1]},{used};", f"CalcRobT(p{i},{used})"
+        if move.kind == "joint":
+            moves.append([f"    MoveAbsJ p{i}\\NoEOffs,v1000\\T:={seconds:.4f},{way}"])
+        elif move.kind == "linear":
+            moves.append([f"    MoveL {end},v1000\\V:={1e3 * move.speed:.3f},{way}"])
+        else:
+            moves.append([f"    MoveC CalcRobT(c{i},{used}),{end},", f"      v1000\\V:={1e3 * move.speed:.3f},{way}"])
+    load = [] if payload is None else [f"GripLoad {payload};"]
+    body = with_lines(found, moves)
+    if found.via:  # the tool turns evenly from the start to the end of an arc, not along with the arc
+        body = ["CirPathMode\\ObjectFrame;", *body, "CirPathMode\\PathFrame;"]
+    text += ["", f"  PROC {short}()", *(f"    {line.strip()}" for line in [*load, *body])]
+    text += ["  ENDPROC", "ENDMODULE", ""]
+    return Program({f"{short}_M.mod": "\n".join(text)}, len(found.q), found.deviation, found.tool)
+
+
+def _declared(name: str, found: Targets, i: int, via: bool = False) -> list[str]:
+    row = found.shown(found.via[i] if via else found.q[i])
+    own = ",".join(f"{x:.6f}" for x in row[: found.own])
+    other = [f"{x:.6f}" for x in row[found.own :]]
+    return [f"  CONST jointtarget {name}:=[[{own}],", f"    [{','.join(other + [UNUSED] * (6 - len(other)))}]];"]
+
+
+def _zones(found: Targets, zone: str | float) -> tuple[list[str], list[str]]:
+    """The zone of each target, and what the header says of them. The controller itself halves named ones."""
+    if isinstance(zone, str):
+        last = len(found.q) - 1
+        return ["fine" if i in (0, last) or stop else zone for i, stop in enumerate(found.stops)], []
+    radii, less = zones(found, not_negative("zone", zone))
+    said = [f"the zone is half a move at {less} targets, where that is less"] if less else []
+    return [f"z1\\Z:={1e3 * radius:.3f}" if radius else "fine" for radius in radii], said

@@ -1,0 +1,166 @@
+"""What all robot programs share: their files, their names, and the facts of their headers."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...base.arguments import typed
+from ...base.errors import ArgumentError
+from ...base.files import write_texts
+from ...base.printed_units import SI
+from ...base.shown import Shown
+from ...motion import TimedTrajectory
+from ...version import __version__
+from ..c.c_text import line
+from .controller_moves import KINDS, ToolDeviation
+from .finer_motion import FINER
+from .process_lines import PLACES, common
+from .program_targets import Targets, Wiring
+from .reserved_names import taken
+
+
+@dataclass(frozen=True)
+class Program(Shown):
+    """A robot program: its files by name, and how it was cut down from the samples.
+
+    `targets` are the joint targets; `deviation` [rad or m] is how far the joints would be from the timed trajectory
+    if they moved evenly from target to target. `tool` is how far the tool and the joints are from it as the
+    controller moves, where the program was written to a tolerance of the tool, else None. `notes` say what a user
+    should know of this program.
+    """
+
+    files: Mapping[str, str]
+    targets: int
+    deviation: float
+    tool: ToolDeviation | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """The first file, the program itself."""
+        return next(iter(self.files.values()))
+
+    @typed
+    def save(self, folder: str | Path) -> tuple[Path, ...]:
+        """Write the files into a folder, made if need be, all or none; returns their paths. Raises: WriteError."""
+        write_texts(Path(folder), self.files)
+        return tuple(Path(folder, name) for name in self.files)
+
+
+def header(
+    timed: TimedTrajectory,
+    about: str,
+    found: Targets | None,
+    more: Sequence[str] = (),
+    width: int = 100,
+) -> list[str]:
+    """The facts of a program as lines of ASCII: where it is from, the law, limits, tolerances, units.
+
+    Names of files are plain words there.
+    """
+    lines = [f"Written by holokin {__version__}", _plain(about) or "law: not told"]
+    lines.append(f"{timed.profile} motion of {timed.duration:.3f} s, timed at steps of {1e3 * timed.dt:g} ms")
+    limits, linear = timed.limits, found is not None and found.linear
+    wiring = Wiring() if found is None else found.wiring
+    units = SI if found is None else found.dialect.units
+    told = [("speed", "velocity", "")]
+    told += [] if linear else [("acc", "acceleration", "^2"), ("jerk", "jerk", "^3")]
+    for i, (name, si) in enumerate(zip(timed.joint_names, timed.joint_units, strict=True)):
+        unit, factor = units.name(si), units.factor(si)
+        span = f"{factor * limits.lower[i]:.6g} to {factor * limits.upper[i]:.6g} {unit}"
+        rates = [
+            f"{what} {factor * getattr(limits, rate)[i]:.6g} {unit}/s{power}"
+            for what, rate, power in told
+            if np.isfinite(getattr(limits, rate)[i])
+        ]
+        turned = [f"sign {wiring.signs[name]:+d}"] if name in wiring.signs else []
+        turned += [f"offset {factor * wiring.offsets[name]:.6g} {unit}"] if name in wiring.offsets else []
+        lines.append(f"{_plain(name)}: " + ", ".join([span, *rates, *turned]))
+    unit, factor = units.together(timed.joint_units)
+    if found is not None and found.tool is not None:
+        lines += [
+            f"{len(found.t)} joint targets, {_counted(found)}",
+            *found.tool.sentences(unit, factor),
+            *_resolution(timed, found),
+        ]
+    elif found is not None and len(found.t) == len(timed):
+        lines.append(f"{len(found.t)} joint targets, one for each step")
+    elif found is not None:
+        within = f"within {factor * found.deviation:.2g} {unit}"
+        lines.append(f"{len(found.t)} joint targets; even motion between them is {within} of the timed motion")
+    if linear:
+        lines.append("on linear and circular moves the controller chooses acc and jerk of the joints: none are stated")
+    if found is not None and found.asked:
+        lines += _reason(found, timed)
+    if timed.loop is not None:
+        a, b = (timed.t[i] for i in timed.loop)
+        lines.append(f"three cycles; the one from {a:.3f} s to {b:.3f} s may be repeated")
+    lines += ["The controller chooses the way to the first target: make sure that this way is free", *more]
+    return [part for line in lines for part in textwrap.wrap(line, width, break_on_hyphens=False)]
+
+
+def _plain(words: str) -> str:
+    """Words of a file on one line, without what ends a comment, a statement or a section in any language."""
+    return re.sub(r"[^ -~]|[;<>%]", "?", line(words)).translate(str.maketrans("()", "[]"))
+
+
+def _resolution(timed: TimedTrajectory, found: Targets) -> list[str]:
+    """How far apart the instants are at which deviations are measured, and the samples, of which targets are some."""
+    fastest, step = float("nan") if found.tool is None else found.tool.fastest, 1e3 * timed.dt
+    moved = f"in this time the tool moves at most {fastest * step / FINER:.2g} mm along the path"
+    way = f"; {moved}" if np.isfinite(fastest) else ""
+    lines = f"the lines that switch the process on and off are at multiples of {step:g} ms"
+    return [f"deviations are measured every {step / FINER:g} ms{way}", lines]
+
+
+def _counted(found: Targets) -> str:
+    """How many moves of each kind there are."""
+    kinds = [move.kind for move in found.moves]
+    return ", ".join(f"{kinds.count(kind)} {kind} moves" for kind in KINDS if kind in kinds)
+
+
+def _reason(found: Targets, timed: TimedTrajectory) -> list[str]:
+    """Why there are joint moves beside linear and circular ones."""
+    ends = dict(enumerate(found.samples[1:], 2))
+    joint = [i for i, move in enumerate(found.moves, 2) if move.kind == "joint" and ends[i] > timed.begin]
+    said = ["joint moves on the way to the path"] if timed.begin else []
+    if not joint:
+        return [*said, "no other joint moves: the controller's own inverse gives our joints on the path"]
+    shown = ", ".join(map(str, joint[:6])) + (", ..." if len(joint) > 6 else "")
+    why = "there no linear or circular move keeps the tolerances, or the arm is nearly singular"
+    return [*said, f"joint moves to targets {shown}: {why}"]
+
+
+def checked_name(
+    given: str, longest: int, language: str, program: bool = True, used: Sequence[str] = ()
+) -> str:  # fmt: skip
+    """The name of a program, or of a tool or frame. Raises: ArgumentError: the language refuses it, or has it."""
+    if not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{longest - 1}}}", given):
+        cure = f"{language} takes a letter, then letters, digits and _, at most {longest} in all"
+        raise ArgumentError("name", given, cure)
+    if why := taken(given, language, program, used):
+        raise ArgumentError("name", given, f"{why}: give another one, such as {f'hk_{given}'[:longest]}")
+    return given
+
+
+def program_name(given: str | None, about: str, longest: int, found: Targets, names: Sequence[object] = ()) -> str:
+    """The name of a program that is given, or one made of a text. Raises: ArgumentError: as `checked_name`.
+
+    Args:
+        found: the targets, whose process has names of its own.
+        names: of tools, frames and loads; what is no text is left aside.
+    """
+    language = found.dialect.language
+    own = [line for place in PLACES for line in getattr(found.lines, place) if not common(line)]
+    used = [*own, *(word for word in names if isinstance(word, str))]
+    if given is not None:
+        return checked_name(given, longest, language, used=used)
+    words = re.sub(r"[^A-Za-z0-9]+", "_", about or "holokin").strip("_")
+    name = ("hk_" + words if not words[:1].isalpha() else words)[:longest].rstrip("_")
+    return f"hk_{name}"[:longest] if taken(name, language, used=used) else name

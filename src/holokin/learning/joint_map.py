@@ -1,0 +1,151 @@
+"""Inverse kinematics of a batch of tool poses with its exact derivatives, in NumPy: what torch and JAX call.
+
+The tools move with the twist t = (v, w) (6F,), the velocities (3F,) of all frames and then their angular velocities.
+The joints then move by
+
+    dq = D t,  D = G(q) E(R) (n, 6F),
+
+with the strategy G and the rates E of the task's rows. `slopes` has the derivatives of D, for second derivatives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..base.types import ROTATION, Array, Indices, Matrix, Value, Vector, rotation_gap
+from ..motion.ik import InverseKinematics
+from ..strategies import HolonomicStrategy
+from ..strategies.tasks.task import Task
+from ..symbolic import SX, Function, horzcat, jacobian, symbol, vec, vertcat
+from ..symbolic.rotations import skew
+
+NATIVE_FROM = 64
+"""Poses from which native code is worth its compiler, which takes a second once: a policy is trained in many steps."""
+
+NATIVE_SLOPES_FROM = 2_000
+"""The same for second derivatives, whose code is ten times as long."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointMap(Value):
+    """q(pose) of `hk.inverse`, over batches, with its derivatives. Rows that were not reached have NaN and zeros."""
+
+    ik: InverseKinematics
+
+    @property
+    def task(self) -> Task:
+        """Of the strategy."""
+        return self.ik.strategy.task
+
+    @property
+    def start(self) -> tuple[Vector, Array]:
+        """Positions (3F,) and rotations (F, 3, 3) of the tools at the start."""
+        p, R = self.task.place(self.ik.q0)
+        return p, R.reshape(-1, 3, 3)
+
+    @property
+    def shapes(self) -> tuple[tuple[int, ...], ...]:
+        """The shapes of one pose: a pose, positions, fewer positions."""
+        frames = self.task.frames
+        return ((4, 4), (3,), (2,)) if frames == 1 else ((frames, 4, 4), (frames, 3), (self.task.point,))
+
+    def solve(self, given: Array, R: Array) -> tuple[Matrix, Indices]:
+        """Joints (k, n), NaN where a pose is not reached, and an `InverseStatus` (k,) for each.
+
+        Args:
+            given: poses or positions, as `ik.batch` takes them.
+            R: of poses, the rotations (k, F, 3, 3) nearest to theirs. They take the place of those that are rotations
+                up to rounding; what is none keeps its status.
+        """
+        poses = np.array(given, dtype=float)
+        if poses.shape[-2:] == (4, 4):
+            turned = poses[..., :3, :3]
+            rounded = rotation_gap(turned) < ROTATION
+            turned[...] = np.where(rounded[..., None, None], R.reshape(turned.shape), turned)
+        found = self.ik.batch(poses)
+        return found.q, found.status
+
+    def gain(self, q: Matrix, R: Array) -> Array:
+        """D = G(q) E(R) (k, n, 6F) at joints (k, n) and rotations (k, F, 3, 3); zeros where q is not finite."""
+        sound = np.isfinite(q).all(axis=1)
+        D = np.zeros((len(q), self.task.n, 6 * self.task.frames))
+        if sound.any():
+            D[sound] = self._G(q[sound]) @ self._E(R[sound])
+        return D
+
+    def slopes(self, q: Matrix, R: Array) -> tuple[Array, Array]:
+        """The derivatives of D by the joints (k, n, 6F, n) and by turns of the rotations (k, n, 6F, 3F).
+
+        A turn w (3F,) is the angular velocity of R' = w x R, frame by frame.
+        """
+        n, frames = self.task.n, self.task.frames
+        sound = np.isfinite(q).all(axis=1)
+        by_joints, by_turns = np.zeros((len(q), n, 6 * frames, n)), np.zeros((len(q), n, 6 * frames, 3 * frames))
+        if sound.any():
+            k, m = int(sound.sum()), self.task.m
+            at = _stacked(R[sound])
+            dG = self._gain_slopes.batch(q[sound], native_from=NATIVE_SLOPES_FROM).reshape(
+                k, n, n, m
+            )  # (k, i, by, row)
+            dE = self._rate_slopes.batch(at, native_from=NATIVE_SLOPES_FROM).reshape(k, 6 * frames, m, 3 * frames)
+            by_joints[sound] = np.einsum("kijm,kmt->kitj", dG, self._E(R[sound]))
+            by_turns[sound] = np.einsum("kim,ktmw->kitw", self._G(q[sound]), dE)
+        return by_joints, by_turns
+
+    def _G(self, q: Matrix) -> Array:
+        G, _, _ = self.ik.strategy.gain.batch(q, native_from=NATIVE_FROM)
+        return G.reshape(len(q), self.task.n, self.task.m)
+
+    def _E(self, R: Array) -> Array:
+        return self._rates.batch(_stacked(R), native_from=NATIVE_FROM).reshape(
+            len(R), self.task.m, 6 * self.task.frames
+        )
+
+    @cached_property
+    def _rates(self) -> Function:
+        R, E = _rates_of(self.task)
+        return Function("pose_rates", {"R": R}, {"E": E})
+
+    @cached_property
+    def _rate_slopes(self) -> Function:
+        """R -> dE / dw (6F m, 3F), the rows of the columns of E one below the other."""
+        R, E = _rates_of(self.task)
+        turn = symbol("turn", 3 * self.task.frames)
+        turned = vertcat(*(skew(turn[i : i + 3]) @ R[i : i + 3, :] for i in range(0, 3 * self.task.frames, 3)))
+        slopes = jacobian(vec(E), vec(R)) @ jacobian(vec(turned), turn)
+        return Function("pose_rate_slopes", {"R": R}, {"dE": slopes})
+
+    @cached_property
+    def _gain_slopes(self) -> Function:
+        return _slopes_of_gain(self.ik.strategy)
+
+
+def _slopes_of_gain(strategy: HolonomicStrategy) -> Function:
+    """q -> dG / dq_j (n, n m), side by side: with M = [J; J_g], dG = -M^-1 (dM) G, so no factorisation is derived."""
+    e, m = strategy.expressions, strategy.task.m
+    G = e.rate(SX.eye(m), written_out=True).X
+    tool, rule = [], []
+    for j in range(strategy.task.n):
+        tool.append(_slope(e.J, e.q[j]) @ G)
+        rule.append(_slope(e.planes, e.q[j]) @ G)
+    found = e.rate(horzcat(*tool), horzcat(*rule), written_out=True)
+    return Function("gain_slopes", {"q": e.q}, {"dG": -found.X})
+
+
+def _slope(M: SX, variable: SX) -> SX:
+    return jacobian(vec(M), variable).reshape(M.shape)
+
+
+def _rates_of(task: Task) -> tuple[SX, SX]:
+    """(R (3F, 3), E (m, 6F)): the rates of the task's rows by the twist of the tools."""
+    _, R = task.target_symbols()
+    v, w = symbol("v", 3 * task.frames), symbol("w", 3 * task.frames)
+    return R, jacobian(task.rates_expression(R, v, w), vertcat(v, w))
+
+
+def _stacked(R: Array) -> Array:
+    """Rotations (k, F, 3, 3) one below the other (k, 3F, 3)."""
+    return np.ascontiguousarray(R.reshape(len(R), -1, 3))

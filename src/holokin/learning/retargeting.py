@@ -1,0 +1,214 @@
+"""`retarget`: a LeRobot dataset with its joints on one leaf, so that a tool pose has one posture in all episodes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ..analysis.audit.logs import Dataset, JointFeature
+from ..base.arguments import typed
+from ..base.errors import ArgumentError
+from ..base.files import aside, writing
+from ..base.shown import Shown
+from ..base.types import NoTruthValue, Value
+from ..motion.ik import InverseKinematics, InverseStatus
+from .dataset_meta import check_meta
+from .dataset_writer import Change, write_changed
+from .new_joints import JUMPED, NewJoints, Source, new_joints
+
+WHY = {
+    JUMPED: "the joints jump",
+    InverseStatus.LIMIT: "beyond the joint limits",
+    InverseStatus.LEAF_ENDS: "the leaf ends before",
+    InverseStatus.SINGULAR: "singular",
+    InverseStatus.NOT_CONVERGED: "not reached",
+    InverseStatus.OUTSIDE: "outside the region",
+    InverseStatus.NOT_A_ROTATION: "no rotation",
+    InverseStatus.JUMP: "the rule jumps",
+}
+"""Why a frame has no posture, in words."""
+
+
+MOST_LINES = 12
+"""Bad episodes that are told; `bad` has all."""
+
+
+@dataclass(frozen=True)
+class BadFrames(Shown):
+    """Frames of an episode that have no posture on the leaf: the column, how many, the first, and why."""
+
+    episode: int
+    column: str
+    count: int
+    first: int
+    why: str
+
+    def __str__(self) -> str:
+        many = "1 frame" if self.count == 1 else f"{self.count} frames"
+        return f"episode {self.episode}: {many} of {self.column}, the first is {self.first}: {self.why}"
+
+
+@dataclass(frozen=True, eq=False)
+class Retargeted(NoTruthValue, Value, ask="`.written`"):
+    """What `retarget` did; `str` says it.
+
+    written: the new dataset, or None where frames are bad and nothing was asked for them. bad: of each episode and
+    column. left_out: episodes that the new dataset does not have. kept: how far the tool is from its pose at most,
+    before the joints are rounded to the numbers of the dataset [m or rad]; rounded: the same of what was written.
+    nearest: frames with the nearest pose in place of their own, and how far [m] that is at most.
+    """
+
+    written: Path | None
+    joints: Path | None
+    frames: int
+    columns: tuple[str, ...]
+    bad: tuple[BadFrames, ...]
+    left_out: tuple[int, ...]
+    kept: float
+    rounded: float
+    nearest: tuple[int, float]
+
+    def __str__(self) -> str:
+        lines = [str(one) for one in self.bad[:MOST_LINES]]
+        if len(self.bad) > MOST_LINES:
+            lines.append(
+                f"... and {len(self.bad) - MOST_LINES} more, {sum(one.count for one in self.bad)} frames in all"
+            )
+        if self.written is None:
+            return "\n".join([*lines, f"no dataset was written; the joints that were computed are in {self.joints}"])
+        if self.left_out:
+            lines.append(f"left out: episodes {', '.join(map(str, self.left_out))}")
+        if self.nearest[0]:
+            lines.append(f"{self.nearest[0]} frames have the nearest pose, up to {1e3 * self.nearest[1]:.3g} mm away")
+        lines.append(f"{self.frames} frames of {', '.join(self.columns)} written to {self.written}")
+        lines.append(
+            f"tool poses are kept to {self.kept:.1g} m or rad, and to {self.rounded:.1g} in the numbers written"
+        )
+        return "\n".join(lines)
+
+
+@typed
+def retarget(
+    dataset: Dataset,
+    ik: InverseKinematics,
+    sources: Sequence[Source],
+    out: Path,
+    *,
+    tip: str | None = None,
+    bad: Literal["refuse", "skip", "nearest"] = "refuse",
+    double: bool = False,
+    threads: int | None = None,
+) -> Retargeted:
+    """Write a dataset whose joints are the function `ik` of the tool pose. All other columns stay as they are.
+
+    Args:
+        sources: columns of joints, which get new values, or of tool poses, beside which a column NAME.joints is put.
+        out: the folder of the new dataset, which does not exist yet.
+        tip: the link whose pose the strategy keeps; by default the robot's own.
+        bad: of frames without a posture: "refuse" writes no dataset, but the joints found, as OUT-joints.parquet;
+            "skip" leaves out their episodes; "nearest" takes the nearest pose of the leaf.
+        double: write joints in double precision; by default in that of the dataset, which rounds them.
+
+    Raises:
+        RecordingError: a dataset that cannot be read. ArgumentError: no columns; a folder that exists. WriteError.
+    """
+    if bad not in ("refuse", "skip", "nearest"):
+        raise ArgumentError("bad", bad, 'say "refuse", "skip" or "nearest"')
+    if not sources:
+        raise ArgumentError("the columns to retarget", list(sources), "name one that has the joints or a tool pose")
+    if os.path.lexists(out):
+        raise ArgumentError("the folder of the new dataset", str(out), "it exists: choose another name")
+    check_meta(dataset)
+    with writing(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+    with aside(out.parent) as work:
+        found = new_joints(dataset, ik, sources, tip, bad == "nearest", work, threads)
+        bads = _bad_frames(dataset, found)
+        at_nearest = sum(int((one.before != one.status).sum()) for one in found) if bad == "nearest" else 0
+        facts = {
+            "bad": tuple(bads), "columns": tuple(_column(one.source) for one in found),
+            "kept": max(one.kept for one in found), "nearest": (at_nearest, max(one.moved for one in found)),
+        }  # fmt: skip
+        if bads and bad != "skip":
+            with writing(out):
+                file = _keep_joints(dataset, ik, found, work, out)
+            return Retargeted(None, file, 0, left_out=(), rounded=np.nan, **facts)
+        left = tuple(sorted({one.episode for one in bads}))
+        if len(left) == len(dataset.episodes):
+            raise ArgumentError(
+                "episodes without a bad frame", 0, "choose another strategy or q0: nothing would be left"
+            )
+        changes = [Change(one.source, one.file, _column(one.source), double) for one in found]
+        with writing(out):
+            rounded = write_changed(dataset, ik.strategy.task, changes, left, work / "new", _about(ik, tip))
+            os.rename(work / "new", out)
+        frames = dataset.frames - sum(dataset.episodes[i].length for i in left)
+        rounded = max(rounded, facts["kept"])
+        return Retargeted(out, None, frames, left_out=left, rounded=rounded, **facts)
+
+
+def _column(source: Source) -> str:
+    """The column that gets the joints."""
+    return source.name if isinstance(source, JointFeature) else f"{source.name}.joints"
+
+
+def _bad_frames(dataset: Dataset, found: Sequence[NewJoints]) -> list[BadFrames]:
+    out = []
+    for one in found:
+        wrong = np.flatnonzero((one.status < 0) | (one.status > InverseStatus.CLAMPED))
+        begins = np.array([e.first for e in dataset.episodes])
+        of = np.searchsorted(begins, wrong, side="right") - 1
+        for e in np.unique(of):
+            mine = wrong[of == e]
+            kinds, counts = np.unique(one.status[mine], return_counts=True)
+            why = ", ".join(
+                WHY.get(int(kind), InverseStatus(int(kind)).name.lower()) for kind in kinds[np.argsort(-counts)]
+            )
+            out.append(BadFrames(int(e), one.source.name, len(mine), int(mine[0] - begins[e]), why))
+    return sorted(out, key=lambda b: (b.episode, b.column))
+
+
+def _about(ik: InverseKinematics, tip: str | None) -> dict[str, Any]:
+    """What the new dataset says of how it was made."""
+    robot = ik.strategy.task.robot
+    return {
+        "robot": robot.name, "strategy": ik.strategy.name, "task": ik.strategy.task.name, "tip": tip,
+        "joints": list(robot.joint_names), "q0": ik.q0.tolist(), "joint limits": ik.limits,
+    }  # fmt: skip
+
+
+def _keep_joints(
+    dataset: Dataset, ik: InverseKinematics, found: Sequence[NewJoints], work: Path, out: Path
+) -> Path:  # fmt: skip
+    """All joints that were computed, in a parquet file beside the folder that was not made."""
+    import pyarrow
+    from pyarrow import parquet
+
+    robot = ik.strategy.task.robot
+    names = list(robot.joint_names)
+    target, part, writer = out.with_name(f"{out.name}-joints.parquet"), work / "joints.parquet", None
+    try:
+        for one in found:
+            with one.file.open("rb") as stream:
+                for episode in dataset.episodes:
+                    q = np.fromfile(stream, count=episode.length * robot.n).reshape(-1, robot.n)
+                    status = one.status[episode.first : episode.first + episode.length]
+                    words = [WHY.get(int(s), InverseStatus(int(s)).name.lower()) if s else "" for s in status]
+                    table = pyarrow.table(
+                        {
+                            "column": [one.source.name] * len(q), "episode_index": [episode.index] * len(q),
+                            "frame_index": np.arange(len(q)), **dict(zip(names, q.T.copy(), strict=True)), "bad": words,
+                        }
+                    )  # fmt: skip
+                    writer = writer or parquet.ParquetWriter(part, table.schema)
+                    writer.write_table(table)
+    finally:
+        if writer is not None:
+            writer.close()
+    os.replace(part, target)
+    return target

@@ -1,0 +1,255 @@
+"""`CheckReport`: what was found of a motion, and what was not looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.arguments import typed
+from ...base.errors import brief
+from ...base.files import write_json
+from ...base.printed_units import SI, PrintedUnits
+from ...base.shown import Shown
+from ...base.types import Array, Flags, NoTruthValue, number_or_none
+
+MOST_TOLD = 20
+"""Findings in a table; a cyclic motion may have one in every cycle."""
+
+UNREAD_CURE = (
+    "put the files where the robot's file says, let a capsule stand for such a link (a radius for its joint, by name), "
+    'or ignore the link ("NAME, *")'
+)
+"""What helps where shapes could not be read."""
+
+
+class FindingKind(Enum):
+    """What is wrong with a motion; the text is what a table calls it."""
+
+    COLLISION = "collision"
+    CLEARANCE = "too near"
+    POSITION = "joint limit"
+    VELOCITY = "speed"
+    ACCELERATION = "acceleration"
+    JERK = "jerk"
+    SINGULARITY = "near singular"
+    JUMP = "jump of posture"
+
+
+@dataclass(frozen=True)
+class Finding(Shown):
+    """Something that a motion does and should not.
+
+    Attributes:
+        kind: what it is.
+        what: the joint, the two links, or the task that it is about; of a jump the joint that moves most.
+        start, stop: when it begins and ends [s].
+        time, index: when it is worst [s], and the sample at or just before that.
+        value: the worst value: a distance [m], negative for a depth; a joint's position, speed, ...; rcond; or how far
+            the tool is off its straight way in the middle of a jump.
+        limit: what it is held against, in the same unit.
+        unit: of both.
+    """
+
+    kind: FindingKind
+    what: tuple[str, ...]
+    start: float
+    stop: float
+    time: float
+    index: int
+    value: float
+    limit: float
+    unit: str
+
+    @property
+    def is_least(self) -> bool:
+        """True where the limit is a least value, and not a largest one."""
+        return self.kind in (FindingKind.COLLISION, FindingKind.CLEARANCE, FindingKind.SINGULARITY)
+
+    @typed
+    def printed(self, units: PrintedUnits) -> Finding:
+        """The same in other units."""
+        by = units.factor(self.unit)
+        return replace(self, value=by * self.value, limit=by * self.limit, unit=units.name(self.unit))
+
+    def __str__(self) -> str:
+        when = f"{self.start:.3f} to {self.stop:.3f} s" if self.stop > self.start else f"{self.start:.3f} s"
+        least = "least rcond" if self.kind is FindingKind.SINGULARITY else "least distance"
+        most = "the tool off its way by" if self.kind is FindingKind.JUMP else "worst"
+        worst = f"{least if self.is_least else most} {self.value:.4g} {self.unit}".rstrip()
+        wanted = f"{'required:' if self.is_least else 'limit'} {self.limit:.4g} {self.unit}".rstrip()
+        return f"{self.kind.value}: {' and '.join(self.what)}, {when}, {worst} at {self.time:.3f} s ({wanted})"
+
+
+@dataclass(frozen=True)
+class Clearance(Shown):
+    """How near two things come: `least` found [m] at `time` [s], and `bound`, what it is at least all the way [m].
+
+    wanted: the distance it is held against [m]; 0 where two are always nearer than the clearance, so that only a
+    collision is told.
+
+    Of meshes these are distances of their convex hulls, which are no larger than theirs, as long as they are above the
+    clearance that was wanted; below it they are their own. A bound below 0 says nothing of how deep meshes are.
+    """
+
+    pair: tuple[str, str]
+    least: float
+    time: float
+    bound: float
+    wanted: float
+
+
+@dataclass(frozen=True)
+class LeftOut(Shown):
+    """Two links whose distance was not looked at, or not held against the clearance, and why."""
+
+    pair: tuple[str, str]
+    reason: str
+
+
+def left_out_words(pairs: Sequence[LeftOut]) -> list[str]:
+    """All pairs that were left out, named, a sentence for each reason."""
+    found: dict[str, list[str]] = {}
+    for one in pairs:
+        found.setdefault(one.reason, []).append(" and ".join(one.pair))
+    return [f"left out, {reason}: {', '.join(names)}" for reason, names in found.items()]
+
+
+@dataclass(frozen=True)
+class Unseen(Shown):
+    """A link without a shape that can be looked at, and why.
+
+    unread: whether its file has a shape for it that was to be looked at and could not be read: then nothing can be
+    told of it.
+    """
+
+    link: str
+    reason: str
+    unread: bool = False
+
+
+def cannot_tell(unseen: Sequence[Unseen]) -> str:
+    """The verdict on distances where shapes could not be read; empty where all were."""
+    names = dict.fromkeys(one.link for one in unseen if one.unread)
+    return f"cannot tell: the shapes of {brief(', '.join(names))} could not be read" if names else ""
+
+
+def keeps(distances: Array | float, limits: Array | float) -> Flags:
+    """Which distances [m] keep their limits [m]. Two things that touch collide, whatever is asked of them."""
+    return np.greater_equal(distances, limits) & np.greater(distances, 0)
+
+
+def counted(distances: Array | float, limits: Array | float, wanted: float) -> Array:
+    """The distances (..., P) [m] of pairs that tell the clearance, infinite for the others.
+
+    Args:
+        limits: what is asked of each pair (P,) [m]: a pair that is always nearer than is `wanted` is not held against
+            it, and counts only where it touches.
+    """
+    return np.where(np.less(limits, wanted) & np.greater(distances, 0), np.inf, distances)
+
+
+@dataclass(frozen=True)
+class CheckReport(NoTruthValue, ask="`.passed`"):
+    """What `check` found of a motion.
+
+    Attributes:
+        findings: sorted by time; none is well.
+        samples, duration: of the motion; [s].
+        wanted: the clearance that was asked for [m].
+        pairs: the clearances of all pairs that were looked at, the nearest first.
+        left_out: pairs that were not.
+        unseen: links without a shape.
+        remarks: what else was not looked at, or was assumed.
+        observations: what the motion does that is no fault: self-motions, and large steps where no task was given.
+    """
+
+    findings: tuple[Finding, ...]
+    samples: int
+    duration: float
+    wanted: float = 0.0
+    pairs: tuple[Clearance, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+    unseen: tuple[Unseen, ...] = ()
+    remarks: tuple[str, ...] = field(default=())
+    observations: tuple[str, ...] = field(default=())
+
+    @property
+    def passed(self) -> bool:
+        """True when nothing was found, and the shapes of all links were read that were to be looked at."""
+        return not self.findings and not self.unread
+
+    @property
+    def unread(self) -> str:
+        """That nothing can be told of links whose shapes could not be read; empty where all were."""
+        return cannot_tell(self.unseen)
+
+    @property
+    def trouble(self) -> str:
+        """Why the motion does not pass, in a sentence: the first finding, or what cannot be told; empty if it does."""
+        return str(self.findings[0]) if self.findings else self.unread
+
+    @property
+    def nearest(self) -> Clearance | None:
+        """The pair that gives the least distance: of those held against the clearance, and those that touch."""
+        told = [one for one in self.pairs if np.isfinite(counted(one.least, one.wanted, self.wanted))]
+        return min(told, key=lambda one: one.least, default=None)
+
+    @property
+    def clearance(self) -> float:
+        """The least distance found [m], that of `nearest`.
+
+        NaN where no pair was held against the clearance, or where shapes could not be read.
+        """
+        return float("nan") if self.nearest is None or self.unread else self.nearest.least
+
+    @property
+    def bound(self) -> float:
+        """What `clearance` is at least on the whole motion [m], joints going straight from sample to sample."""
+        judged = [one.bound for one in self.pairs if np.isfinite(counted(one.least, one.wanted, self.wanted))]
+        return float("nan") if self.unread else min(judged, default=float("nan"))
+
+    @typed
+    def table(self, units: PrintedUnits = SI) -> str:
+        """Lines of text: the findings, the least distance, and what was not looked at."""
+        return "\n".join([*self.told(units), *self.notes(units)])
+
+    @typed
+    def told(self, units: PrintedUnits = SI) -> list[str]:
+        """The findings as sentences, the first of many; and that nothing was found, or that it cannot be told."""
+        some = [str(finding.printed(units)) for finding in self.findings[:MOST_TOLD]]
+        more = len(self.findings) - len(some)
+        some += [f"and {more} more"] if more > 0 else []
+        return [*some, f"{self.unread}; {UNREAD_CURE}"] if self.unread else some or ["nothing found"]
+
+    @typed
+    def notes(self, units: PrintedUnits = SI) -> list[str]:
+        """Sentences: the least distance, what was not looked at, and what was assumed."""
+        lines: list[str] = []
+        if near := self.nearest:
+            by, unit, digits = units.factor("m"), units.name("m"), 4 if units.length == "m" else 1
+            told = f"; on the whole motion at least {by * self.bound:.{digits}f} {unit}" if self.bound > 0 else ""
+            least = f"{'of what was read: ' if self.unread else ''}least distance {by * near.least:.{digits}f} {unit}"
+            lines.append(f"{least}, {' and '.join(near.pair)} at {near.time:.3f} s{told}; {len(self.pairs)} pairs")
+        lines += [f"not looked at: {one.link}: {one.reason}" for one in self.unseen]
+        return [*self.observations, *lines, *left_out_words(self.left_out), *self.remarks]
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready facts."""
+        return {
+            "passed": self.passed, "unread": self.unread, "samples": self.samples, "duration": self.duration,
+            "wanted": self.wanted, "clearance": number_or_none(self.clearance), "bound": number_or_none(self.bound),
+            "findings": [vars(one) | {"kind": one.kind.name.lower()} for one in self.findings],
+            "pairs": [vars(one) for one in self.pairs], "left_out": [vars(one) for one in self.left_out],
+            "unseen": [vars(one) for one in self.unseen], "remarks": list(self.remarks),
+            "observations": list(self.observations),
+        }  # fmt: skip
+
+    @typed
+    def save(self, path: str | Path) -> None:
+        """Write `summary` as JSON, complete or not at all. Raises: WriteError."""
+        write_json(path, self.summary())

@@ -1,0 +1,241 @@
+"""Which postures lie on one branch of a leaf: tubes in which no two postures have the same tool pose and level.
+
+E(q; x) = 0 is [f(q) - x; g(q) - c] = 0, A(q) its Jacobian, Y = A(center)^-1. In a tube about a straight piece of joint
+motion, center + t half with |t| <= 1 and everything within `radius` of it, let
+
+    ||1 - Y A(q)|| <= change < 1      (the mean value of the second derivative, enclosed over the tube).
+
+A step from a to b in the tube keeps to the branch when a ball about each point of the chord holds exactly one solution:
+by the contraction principle, when |Y E| on the chord, eta, is at most (1 - change) times what the tube leaves for the
+ball [Deu04, section 2.1]. eta <= 1/8 sup |d^2 (Y E) / dt^2|, as E = 0 at both ends. Then A is regular along the way, no
+fold lies between, and b is what continuous motion reaches from a.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ...base.errors import NativeError
+from ...base.tolerances import TOLERANCES
+from ...base.types import Array, Matrix, Vector, kept
+from ...strategies import HolonomicStrategy, RowExpressions
+from ...symbolic import SX, Enclosure, Function, jacobian, short, vertcat
+
+THICKNESS = 0.125
+"""Radius of a tube over half its length: thick enough for the bend of usual paths, thin enough to enclose little."""
+
+DOUBT = 1.5
+"""Factor on changes that are sampled and not enclosed: the second derivative may be larger between the samples."""
+
+SWITCH = 1e-3
+"""Half length of a tube up to which it is sampled where it has no enclosure: formulas that switch, fmax or a power of
+1.5 at 0, have none there, and are regular all the same."""
+
+DIRECTIONS = 8
+"""Directions across a tube in which a change is sampled, at most; of more joints than that a share is looked at."""
+
+RESTS = 1e-12
+"""Curve of a target's way [m or rad] that is none: what does not move the joints then rests."""
+
+LAID = 8
+"""Tubes tried for one step, shorter and shorter, before the step itself is called too long."""
+
+LONGEST = 0.1
+"""Half length [joint units] of a tube to begin with."""
+
+TINY = 1e-300
+"""A change that is none: an arm of slides alone has the same Jacobian everywhere."""
+
+SHORT = 40_000
+"""Operations, equal ones counted apart, up to which the derivative of the extended Jacobian is enclosed; it takes less
+to sample longer ones."""
+
+
+def turning(strategy: HolonomicStrategy) -> RowExpressions:
+    """The expressions with the geometric rows of a full orientation, which turn whatever its representation does."""
+    e, task = strategy.expressions, strategy.task
+    return replace(e, J=task.turning_expression(e.kinematics, e.J)) if task.rotations else e
+
+
+@kept
+def extended_jacobian(strategy: HolonomicStrategy) -> Function:
+    """q -> (A, A^-1) of the extended Jacobian A = [J; J_g] (n, n), unchecked.
+
+    A full orientation turns with its geometric rows, whatever its representation: the postures are the same.
+    """
+    strategy = strategy.looped
+    e, m, one = turning(strategy), strategy.task.m, SX.eye(strategy.task.n)
+    found = e.rate(one[:m, :], one[m:, :])
+    outputs = {"A": vertcat(e.J, e.planes), "inverse": found.X}
+    return Function("extended", {"q": e.q}, outputs, found.system, strategy.transport)
+
+
+@kept
+def enclosed_change(strategy: HolonomicStrategy) -> Enclosure | None:
+    """q -> dA/dq_k of the extended Jacobian, (n n n,), k slowest, then columns, enclosed over boxes of q.
+
+    None where an enclosure would be too long, or too wide to be of use: factorisations, which copysign tells,
+    widen it without end, and so do the steps of a loop.
+    """
+    if strategy.looped is not strategy:
+        return None
+    e, n = turning(strategy), strategy.task.n
+    A = vertcat(e.J, e.planes)
+    if not short(A, e.q, SHORT // n):
+        return None
+    slopes = jacobian(A, e.q)
+    try:
+        return Enclosure("hk_change_body", {"q": e.q}, slopes) if short(slopes, e.q, SHORT) else None
+    except NativeError:
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """center, half (n,), radius [joint units]; change; bend >= |Y D^2E [half, half]| over it; inverse: size of the
+    columns of Y for the task rows."""
+
+    center: Vector
+    half: Vector
+    radius: float
+    change: float
+    bend: float
+    inverse: float
+
+    @cached_property
+    def _along(self) -> Vector:
+        return self.half / (self.half @ self.half)
+
+    def place(self, q: Vector) -> tuple[float, Vector]:
+        """(share t from -1 to 1 along the tube, offset (n,) from its axis there) of a posture."""
+        offset = q - self.center
+        t = min(1.0, max(-1.0, float(self._along @ offset)))
+        return t, offset - t * self.half
+
+    def links(self, a: tuple[float, Vector], b: tuple[float, Vector], curve: float) -> bool:
+        """True when a posture at the place b is on the branch of one at the place a.
+
+        curve: |d^2 x / dt^2| of the tool on the way, t from 0 to 1.
+        """
+        (s, u), (t, v) = a, b
+        off, apart, along = max(float(u @ u), float(v @ v)), v - u, abs(t - s)
+        if not (self.change <= TOLERANCES.change and off < self.radius * self.radius):
+            return False
+        away = float(apart @ apart) ** 0.5
+        second = along * along * self.bend + (2 * along + away / self.radius) * self.change * away
+        return off**0.5 + (second + self.inverse * curve) / 8 / (1 - self.change) <= self.radius
+
+
+def lay_tube(strategy: HolonomicStrategy, center: Vector, half: Vector) -> Tube:
+    """The tube about center +- half (n,), its change enclosed, or, where the strategy has no enclosure, sampled."""
+    n, radius = len(center), THICKNESS * _length(half)
+    A, Y = extended_jacobian(strategy)(center)
+    change = bend = np.inf
+    enclosure = enclosed_change(strategy)
+    if enclosure is not None:
+        change, bend = _enclosed(enclosure, center, half, radius, Y)
+    if enclosure is None or (not np.isfinite(change) and radius <= THICKNESS * SWITCH):
+        change, bend = _sampled(strategy, center, half, radius, A, Y)
+    for (
+        first
+    ) in strategy.task.rotations:  # the rotation vector of the error turns its axes, by at most 0.6 of its length
+        rows = slice(first, first + 3)
+        change += 1.2 * radius * n**0.5 * _length(Y[:, rows]) * _length(A[rows])
+    return Tube(center, half, radius, change, bend, _length(Y[:, : strategy.task.m]))
+
+
+def _enclosed(enclosure: Enclosure, center: Vector, half: Vector, radius: float, Y: Matrix) -> tuple[float, float]:
+    """(change, bend) from enclosures of dA/dq_k over the box around the tube; infinite where they are."""
+    n, far, size = len(center), np.abs(half), np.abs(Y)
+    mid, rad = (values.reshape(n, n * n) for values in enclosure.function(center, far + radius))
+    if not np.isfinite(rad.sum() + mid.sum()):
+        return np.inf, np.inf
+    # rows of mid and rad are dA/dq_k by columns, so A^T stands in each
+    near = (far @ rad).reshape(n, n) @ size.T
+    middle = (half @ mid).reshape(n, n) @ Y.T
+    across = np.abs(mid.reshape(-1, n) @ Y.T) + rad.reshape(-1, n) @ size.T
+    return _length(np.abs(middle) + near) + radius * _length(across), _length(np.abs(half @ middle) + far @ near)
+
+
+def _length(values: Array) -> float:
+    """The Frobenius norm."""
+    return float(np.vdot(values, values)) ** 0.5
+
+
+def _sampled(
+    strategy: HolonomicStrategy, center: Vector, half: Vector, radius: float, A: Matrix, Y: Matrix
+) -> tuple[float, float]:
+    """(change, bend) from A at the tube's ends and quarters and off its middle in a few perpendicular directions."""
+    n, shares = len(center), np.array([-1.0, -0.5, 0.5, 1.0])
+    count = min(n, DIRECTIONS)
+    waves = np.cos(np.pi / n * np.outer(np.arange(count), np.arange(n) + 0.5)) * (2 / n) ** 0.5
+    waves[0] /= 2**0.5
+    points = center + np.vstack([shares[:, None] * half, radius * waves])
+    changes = Y @ (extended_jacobian(strategy).batch(points)[0].reshape(-1, n, n) - A)
+    sizes = np.sum(changes**2, axis=(1, 2))
+    change = DOUBT * (sizes[:4].max() ** 0.5 + (n / count * sizes[4:].sum()) ** 0.5)
+    return float(change), DOUBT * max(_length(changes[i] @ half) for i in (0, 3))
+
+
+def branch_code(strategy: HolonomicStrategy) -> str:
+    """C that branch.c needs: numbers, the extended Jacobian and, where there is one, the enclosure of its change."""
+    task, change = strategy.task, enclosed_change(strategy)
+    numbers = {
+        "CHANGE": TOLERANCES.change, "THICKNESS": THICKNESS, "DOUBT": DOUBT, "LAID": LAID, "RESTS": RESTS,
+        "LONGEST": LONGEST, "DIRECTIONS": DIRECTIONS, "SWITCH": SWITCH, "TURNS": len(task.rotations),
+        "ANGLES": int(task.by_angles), "ROWS": task.m,
+    }  # fmt: skip
+    head = "".join(f"#define HK_{key} {value}\n" for key, value in numbers.items())
+    head += f"static const int hk_turns[] = {{{', '.join(map(str, task.rotations or (0,)))}}};\n"
+    enclosed = "" if change is None else f"#define HK_ENCLOSED\n{change.c}"
+    return head + extended_jacobian(strategy).c("hk_extended_body") + enclosed
+
+
+class Branch:
+    """The branch on which a walk is: the tube where it has got to, and how long a tube may be there."""
+
+    def __init__(self, strategy: HolonomicStrategy) -> None:
+        self._strategy = strategy
+        self._tube: Tube | None = None
+        self._at: tuple[float, Vector] = (0.0, np.zeros(0))
+        self._length = LONGEST
+
+    def step(self, a: Vector, b: Vector, curve: float) -> float:
+        """How long the next step may be, as a share of this one.
+
+        1 to 2 when b is on the branch of a, where the last step led; below 1 when this one is too long to tell.
+        """
+        if self._tube is not None:
+            there = self._tube.place(b)
+            if self._tube.links(self._at, there, curve):
+                self._at = there
+                return 2.0
+        move = b - a
+        size = float(np.linalg.norm(move))
+        if size == 0.0:  # the target rests, or it comes back within the step
+            return 2.0 if curve <= RESTS else 0.5
+        change = np.inf
+        for _ in range(LAID):
+            length = max(self._length, size / 2)
+            half = move * (length / size)
+            tube = lay_tube(self._strategy, a + half, half)
+            change, there = tube.change, tube.place(b)
+            if tube.links(tube.place(a), there, curve):
+                self._tube, self._at = tube, there
+                self._length = length * min(1.5, (0.7 * TOLERANCES.change / max(change, TINY)) ** 0.5)
+                return min(2.0, max(1.0, 2 * self._length / size))
+            if length <= size / 2:
+                break
+            self._length = length * _shrink(change)
+        self._tube = None
+        return _shrink(change)
+
+
+def _shrink(change: float) -> float:
+    """By how much to shorten a tube: its change grows with the length at least in proportion."""
+    if not np.isfinite(change):
+        return 1 / 64
+    return 0.5 if change <= TOLERANCES.change else max(1 / 64, min(0.9, 0.8 * TOLERANCES.change / change))

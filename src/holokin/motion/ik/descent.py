@@ -1,0 +1,200 @@
+"""The path down to the nearest pose: projected steps of Newton's method, in the tool's own coordinates.
+
+With e, c and their slopes A of `edge`, each step solves
+
+    min  z^T B z / 2 - e^T z   with   A z >= -c,
+
+where B is the second derivative of |e|^2 / 2 - lambda c: that of c is how the edge bends [NW06, section 18.1]. Far from
+the edge B = 1. The tool moves by z as far as the distance falls, and goes back onto the edge, which is curved. At the
+end e = -A^T lambda with lambda >= 0: what is missing is normal to the edge, and points out of it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...base.types import Matrix, Vector
+from . import edge as edges
+from .edge import Edge, Goal, Look
+
+TRUST = 0.1
+"""First step of the tool [m]; steps that succeed double it."""
+
+DONE = 1e-10
+"""Step of the tool [m] below which the path down has ended: round-off of a few metres is a ten thousandth of it."""
+
+WITHIN = 1e-10
+"""Overshoot of a constraint, in metres of the tool, that counts as none."""
+
+NEAR = 1e-4
+"""Overshoot of a constraint [m] with which a step goes on; the next one takes it back. From a larger one the tool goes
+back at once, since beyond the margin, some millimetres away, there is a singular posture."""
+
+STEPS = 60
+"""Steps of the tool on one path down, at most; some five are usual."""
+
+AMPLE = 1.5
+"""A step over how far its joint goes, up to which that is far enough."""
+
+HALVINGS = 30
+"""Times that one step is halved before there is none."""
+
+RETURNS = 12
+"""Steps back to the edge after one step along it, at most; two are usual, more where a path ends at a fold."""
+
+DESCENT = 1e-4
+"""Share of the expected decrease that a step must bring. [NW06, section 3.1]"""
+
+SMALL, CONTRACTION = 1e-5, 0.5
+"""A step of the tool [m] that is good where the next one is shorter by this ratio, whatever round-off makes of the
+distance."""
+
+FAST = 0.1
+"""Ratio of two successive steps up to which the curvature need not be looked at again."""
+
+TIGHT = 0.01
+"""Distance of a constraint [m] within which curvatures tell of the edge."""
+
+DEPENDENT = 1e-12
+"""What keeps constraints that depend on each other apart, as a share: together they share their multipliers."""
+
+SPREAD = 1e-6
+"""Motion of the tool [m] over which slopes are differenced for curvatures, which need but a few digits."""
+
+CURVED = 0.05
+"""Least curvature of the model: behind a hollow edge that of the distance may be negative."""
+
+_NAMES = (
+    "TRUST DONE WITHIN NEAR STEPS AMPLE HALVINGS RETURNS DESCENT SMALL CONTRACTION FAST TIGHT DEPENDENT SPREAD CURVED"
+)
+CONSTANTS = {name: globals()[name] for name in _NAMES.split()} | {
+    name: getattr(edges, name) for name in ("UNMOVED", "SAME", "NARROW", "COARSE", "LEAP", "BEGUN", "FEW")
+}
+"""All of them, for native code."""
+
+
+def projection(at: Look, e: Vector, M: Matrix | None) -> tuple[Vector, Vector]:
+    """The z (m,) with the least z^T M^-1 z / 2 - e^T z and A z >= -c, M = 1 by default; its multipliers (k,).
+
+    By active sets: constraints enter one at a time, the most violated first. [LH95, section 23.3]
+    """
+    A, c = at.A, at.c
+    if not len(c):
+        return e if M is None else M @ e, c
+    free, MA = (e, A.T) if M is None else (M @ e, M @ A.T)
+    H, b = A @ MA, A @ free + c
+    H[np.diag_indices(len(c))] *= 1 + DEPENDENT
+    held: list[int] = []
+    forces = np.zeros(len(c))
+    for _ in range(3 * len(c) + 3):
+        slack = H @ forces + b
+        slack[held] = np.inf
+        worst = int(np.argmin(slack))
+        if not slack[worst] < -1e-14 * (1 + abs(b[worst])):
+            break
+        held.append(worst)
+        while held:
+            now, wanted = forces[held], np.linalg.solve(H[np.ix_(held, held)], -b[held])
+            if (wanted > 0).all():
+                forces[held] = wanted
+                break
+            shares = np.where(wanted > 0, np.inf, now / np.maximum(now - wanted, 1e-300))
+            first = int(np.argmin(shares))
+            forces[held] = now + shares[first] * (wanted - now)
+            forces[held[first]] = 0.0
+            del held[first]
+    return free + MA @ forces, forces
+
+
+def inside(edge: Edge, at: Look | None, goal: Goal, careful: bool) -> Look | None:
+    """The nearest posture within the constraints, if a few steps lead to it."""
+    longest = TRUST
+    for _ in range(RETURNS):
+        if at is None or at.excess <= WITHIN:
+            return at
+        z, _ = projection(at, np.zeros(len(at.e)), None)
+        size = float(np.linalg.norm(z))
+        there = edge.moved(at, z, min(1.0, longest / max(size, 1e-300)), goal, careful)
+        longest = min(size, longest) / 4 if there is None else 2 * longest
+        at = there or at
+    return at if at is not None and at.excess <= WITHIN else None
+
+
+def descend(
+    edge: Edge, at: Look, goal: Goal, careful: bool, q0: Vector, step: Vector | None = None, least: float = 0.0
+) -> tuple[Look, Look | None]:
+    """The end of the path down from a posture within the constraints; and the place on it up to which no joint moves
+    by more than a step (n,) from its beginning, None where that is its end.
+
+    least: share of the distance below which a step along the edge is not worth it.
+    """
+    cut, trust, M, fresh, safe = None, TRUST, None, False, at
+    z, forces = projection(at, at.e, None)
+    for _ in range(STEPS):
+        if not fresh:
+            held = at.c[forces > 0]
+            fresh = bool(held.size) and held.max() <= TIGHT
+            M = compliance(edge, at, forces, goal) if fresh else None
+            z, forces = projection(at, at.e, M)
+        size, weight = float(np.linalg.norm(z)), 2 * float(forces.sum())
+        if not size > (max(DONE, least * at.distance) if weight > 0 else DONE):
+            break
+        along, share = z if weight > 0 else None, min(1.0, trust / size)
+        while share * size > DONE:
+            there, hoped = edge.moved(at, along, share, goal, careful), DESCENT * share * float(at.e @ z)
+            if there is not None and (there.excess > NEAR or at.merit(weight) - there.merit(weight) < hoped):
+                small = size <= SMALL and there.excess <= NEAR
+                there = there if small else inside(edge, there, goal, careful)
+            if there is not None:
+                further, forces = projection(there, there.e, M)
+                ratio = float(np.linalg.norm(further)) / size
+                lower = at.merit(weight) - there.merit(weight) >= hoped
+                if lower or (size <= SMALL and share == 1.0 and ratio <= CONTRACTION):
+                    break
+            share /= 2
+        else:
+            break
+        if step is not None and cut is None and least_ratio(there.q, q0, step) < 1.0:
+            cut = part(edge, at, along, share, goal, careful, q0, step) or safe
+        at, z, fresh = there, further, fresh and ratio <= FAST and share == 1.0
+        trust = 2 * max(share * size, TRUST / 4)
+        safe = at if at.excess <= WITHIN else safe
+    return inside(edge, at, goal, careful) or safe, cut
+
+
+def part(
+    edge: Edge, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool, q0: Vector, step: Vector
+) -> Look | None:
+    """Along a motion of the tool as far as no joint goes farther from its beginning than a step; None for nowhere."""
+    best, low, high = None, 0.0, 2.0 * share
+    for _ in range(HALVINGS):
+        there = inside(edge, edge.moved(at, z, share, goal, careful), goal, careful)
+        ratio = 0.0 if there is None else least_ratio(there.q, q0, step)
+        if there is not None and ratio >= 1.0:
+            best, low = there, share
+            if ratio <= AMPLE or share >= 1.0:
+                break
+        else:
+            high = share
+        share = min(1.0, 0.99 * ratio * share)
+        share = share if low < share < high else (low + high) / 2
+    return best
+
+
+def compliance(edge: Edge, at: Look, forces: Vector, goal: Goal) -> Matrix:
+    """The inverse of the second derivative by z of |e|^2 / 2 - forces c, made positive definite."""
+    pull = at.e + at.A.T @ forces
+    H = np.empty((len(pull), len(pull)))
+    for k in range(len(pull)):
+        there = edge.look(at.q + SPREAD * at.S[:, k], goal, at)
+        H[:, k] = (pull - there.e - there.A.T @ forces) / SPREAD
+    H = (H + H.T) / 2
+    held = at.A[forces > 0]
+    H += 10 * np.linalg.norm(H) * held.T @ held  # which changes nothing while they are held
+    values, vectors = np.linalg.eigh(H)
+    return vectors / np.maximum(values, CURVED) @ vectors.T
+
+
+def least_ratio(q: Vector, q0: Vector, step: Vector) -> float:
+    """The least ratio of a step to how far its joint is from its beginning: below 1 one is farther than a step."""
+    return float(np.min(step / np.maximum(np.abs(q - q0), 1e-300)))

@@ -1,0 +1,372 @@
+"""Inverse kinematics as a function: the joints that the straight path from the start reaches on its leaf g(q) = c."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...base.arguments import check, typed
+from ...base.errors import ArgumentError, BranchError, OutsideRegionError
+from ...base.poses import PoseLike, pose_numbers
+from ...base.types import ArrayLike, Matrix, Value, Vector, frozen, positive, whole
+from ...robot import start_posture
+from ...strategies import HolonomicStrategy, Strategy, may_jump
+from ...symbolic.native import engine, weak
+from .edge import Edge
+from .given_poses import GivenPoses
+from .leaf import leaf_value, level_towards, with_leaves
+from .nearest_pose import LENGTH, MARGIN, Nearest, edge_at, edge_of, nearest, steps_of
+from .pose_paths import PosePaths
+from .solutions import InverseStatus, PoseSet, Solutions
+
+AGREE = 1e-6
+"""Joints [joint unit] that differ less are one posture."""
+
+
+@dataclass(frozen=True, eq=False)
+class InverseKinematics(Value):
+    """pose -> q on one leaf of a strategy, on the branch of its start. Make one with `inverse`.
+
+    `ik(pose)` begins at the start, `ik.near(pose, q)` at a posture nearby, such as the last answer; `ik.batch(poses)`
+    does the first for many poses.
+
+    A pose is an array, or a pose of another library (`mink.SE3`, `pinocchio.SE3`); `pose_of` makes one of a quaternion.
+
+    Where nothing is redundant, r = n - m = 0, there is no leaf to choose: the branch of the start is followed.
+
+    What the task leaves free of a pose, as the spin of an "axis" task, is no demand: it is taken from the posture at
+    which a path begins, so that poses which the task cannot tell apart have the same joints.
+
+    With `level=c` a call answers on the leaf g(q) = c (r,) in place of that of the start: `ik(pose, level=c)` is a
+    function of the pose and of c, as of the hand and of the elbow of an operator. Rows that are angles go to theirs by
+    the shorter way from the start.
+
+    With a `region`, over which the joints are proven to be one function of the pose, poses outside are refused.
+    Inside, `ik(pose)`, `ik.near(pose, q)` and `ik.batch(poses)` have the same joints for ever.
+    """
+
+    strategy: HolonomicStrategy
+    q0: Vector
+    limits: bool = True
+    region: PoseSet | None = None
+
+    def __call__(self, pose: PoseLike, level: ArrayLike | None = None) -> Vector:
+        """q (n,) of a tool pose (4, 4), or of a position (3,) or (2,) with the orientation of the start.
+
+        Of a task of several frames poses are (F, 4, 4), or points (F, 3), or the numbers of a `custom_task` (d,).
+
+        Reached from the start along the straight line to it (turning evenly about one axis), so it is a
+        function of the pose: the same pose gives the same joints to the last bit. The posture of the pose keeps the
+        joint limits, unless `inverse` was told not to look at them; those on the way to it need not.
+
+        Args:
+            level: c (r,), or one number for all rows; by default that of the start. The path leads straight from level
+                to level, too.
+
+        Raises:
+            SingularityError, BranchError: the leaf does not reach so far on a straight line. JumpError: g jumps on it.
+            OutOfReachError: no posture of the arm at all reaches it, which takes up to a second to find out.
+            JointLimitError: the posture is beyond the joint limits.
+            OutsideRegionError: only with a region: the pose does not belong to it.
+            ShapeError, NotFiniteError, ArgumentError: a bad pose or level; a level beside a region.
+        """
+        if level is None:
+            return self._calls[0](pose)
+        return self._cold_at(*self._given.one(pose), self._at_level(level))
+
+    def agrees(self, q: ArrayLike, level: ArrayLike | None = None) -> bool:
+        """Whether a posture q (n,) is the one that `ik(pose, level)` gives for its tool pose, to 1e-6 [joint units].
+
+        A loop of `near` may be on another posture of the leaf: round a hole of the workspace or a cusp, or a full turn
+        of a joint further. This asks once, by one cold call, as between two tasks or in the background of a loop.
+
+        Raises: as `ik(pose)`; ShapeError, NotFiniteError: q.
+        """
+        posture = self.strategy.task.robot.checked(q, "the posture")
+        p, R = self.strategy.task.place(posture)
+        paths = self._paths if level is None else self._at_level(level)
+        return bool(np.abs(self._cold_at(p, R, paths) - posture).max() < AGREE)
+
+    def near(self, pose: PoseLike, q: ArrayLike, level: ArrayLike | None = None) -> Vector:
+        """The same, reached from a posture q (n,) on the same branch: the faster, the nearer q is.
+
+        The path leads straight from the tool pose at q, and from the level g(q) to that of the leaf: q need not lie
+        exactly on it, as measured joints do not. The answer does. It is that of `ik(pose, level)` wherever the two
+        paths to the pose, from the start by q and straight from the start, can be drawn into one another without
+        passing a place where the leaf ends. They differ only where such a place lies between them: round a hole of the
+        workspace, or by a full turn of a joint.
+
+        What a call encloses about its posture serves the next ones of its thread, so that threads may share `near`.
+
+        Raises:
+            BranchError: q lies on another branch than the start; with a region, from q another posture is reached than
+                that of `ik(pose)`.
+            As `ik(pose)`, but for OutOfReachError, for which a loop would wait.
+        """
+        if level is None:
+            return self._calls[1](pose, q)
+        return self._warm_at(pose, q, self._at_level(level))
+
+    def batch(self, poses: PoseLike, threads: int | None = None, level: ArrayLike | None = None) -> Solutions:
+        """q of many poses (k, 4, 4), or positions (k, 3) or (k, 2), each as `ik(pose, level)` finds it.
+
+        No pose raises: `status` tells what became of each. `threads`: all processors by default. `level`: one (r,) for
+        all poses, or a row for each (k, r).
+
+        Raises:
+            ShapeError, ArgumentError: poses that are no array of poses, or levels that are none.
+        """
+        if threads is not None:
+            whole("threads", threads)
+        given = self._given.shaped("each of the tool poses", pose_numbers("tool poses", poses))
+        p, R = self._given.places(given)
+        last, status = np.full((len(given), len(self.q0)), np.nan), self._given.refused(p, R)
+        paths, sound = self._paths_of(level, len(given)), np.flatnonzero(status == InverseStatus.REACHED)
+        if self.region is not None:
+            begin = self.region.near(p[sound], R[sound])[0]
+            inside = np.isfinite(begin).all(axis=1)
+            status[sound[~inside]] = InverseStatus.OUTSIDE
+            for i, q in zip(sound[inside], begin[inside], strict=True):
+                last[i], status[i] = paths[i].go(p[i], R[i], q)
+        elif len(set(map(id, paths))) == 1:
+            last[sound], status[sound] = paths[0].go_all(p[sound], R[sound], threads)
+        else:
+            for i in sound:
+                last[i], status[i] = paths[i].go(p[i], R[i], self.q0)
+        if may_jump(self.strategy):
+            for i in np.flatnonzero(np.isfinite(last).all(axis=1)):
+                jump = paths[i].jump(p[i], R[i], self.q0, last[i], InverseStatus(int(status[i])))
+                status[i] = status[i] if jump is None else InverseStatus.JUMP
+        q = last.copy()
+        q[status != InverseStatus.REACHED] = np.nan
+        return Solutions(q, status, last)
+
+    def nearest(
+        self, pose: PoseLike, q: ArrayLike | None = None, *, length: float = LENGTH, rcond: float = MARGIN,
+        limits: bool | None = None, step: ArrayLike | None = None, level: ArrayLike | None = None,
+    ) -> Nearest:  # fmt: skip
+        """The posture of the leaf whose tool pose is nearest to one that may be out of reach.
+
+            min |p - p_d|^2 + length^2 angle^2   over the leaf, with rcond(q) >= rcond, within the joint limits
+
+        A pose that `ik(pose)` reaches within these bounds has its joints, but for rare misses. Towards another the tool
+        goes as far as it can: from the start, `ik.nearest(pose)`, a function of the pose alone; or from the last
+        answer, `ik.nearest(pose, q)`, for a loop, in which it slides along the edge of what it reaches.
+
+        The answer moves continuously with the pose wherever one place of the edge is nearest. Midway between two that
+        are equally near, as in the middle of a hole of the workspace, no function of the pose can be continuous, and
+        `ik.nearest(pose)` jumps. From the last answer the tool stays on its side while there is a nearest place; where
+        that ceases, it slides along the edge to the next. A hand that comes back from round a hole finds the joints a
+        full turn away from those of `ik(pose)`, or on another branch. They go there, in one call without `step`, which
+        is a jump. With it they go in small steps, while the tool leaves the hand: the hand at rest has it again after
+        the joints' way over the step, at most two times.
+
+        Args:
+            pose: (4, 4), or a position (3,) or (2,) with the orientation of the start.
+            q: the last answer (n,), or where the joints are, to begin from; by default the start.
+            length: what a radian counts in metres [m].
+            rcond: how near to singular postures the tool goes, from 0 to 1; see `Nearest`.
+            limits: whether to keep to the joint limits; by default as `inverse` was told.
+            step: how far each joint may move in this call, a number or (n,) [joint units]: its speed limit times the
+                period of the loop. Only with q.
+            level: c (r,), or one number for all rows; by default that of the start. The search then begins at the
+                posture of that level with the tool pose of the start, to which the arm goes by self-motion. With q and
+                `step` the level may change from call to call, as an operator's elbow does.
+
+        Returns:
+            Nearest: joints, the tool's pose, a status, what is missing. With q, a pose that is not finite, or whose
+            rotation is none, gives its status and nothing else: q stays as it was given, so that the robot rests.
+
+        Raises:
+            ShapeError: what is no pose. ArgumentError: numbers that are not positive; a start beyond the edge itself; a
+                step without q; a level beside a region. JointLimitError: with limits, the start is beyond them.
+            SingularityError, BranchError: at the tool pose of the start the level is not reached. NotFiniteError: q.
+            NotFiniteError, ArgumentError: only without q: a bad pose, as of `ik(pose)`.
+        """
+        given = self._given.shaped("a tool pose", pose_numbers("a tool pose", pose)[None])[0]
+        if self.strategy.task.frames > 1:
+            raise ArgumentError("the frames of the task", self.strategy.task.frames, "the nearest pose is asked of one")
+        begin, (p, R) = None, self._given.places(given[None])
+        if q is None:
+            self._given.one(given)
+        else:
+            begin = np.ascontiguousarray(self.strategy.task.robot.checked(q, "the posture to begin from"))
+        if step is not None and q is None:
+            raise ArgumentError("q", None, "step limits the motion from the last answer: give that as q, or no step")
+        most = None if step is None else steps_of(step, len(self.q0))
+        check("limits", bool | None, limits)
+        asked = self.limits if limits is None else bool(limits)
+        if positive("rcond", rcond) > 1:
+            raise ArgumentError("rcond", rcond, "give a number from 0 to 1")
+        edge, goal = self._edge(level, positive("length", length), float(rcond), asked), (p[0], R[0])
+        return nearest(edge, goal, lambda: InverseStatus(int(self._given.refused(p, R)[0])), begin, most)
+
+    @property
+    def sentence(self) -> str:
+        """What it answers for, and in which region it is proven to be one function of the pose."""
+        limits = "postures beyond the joint limits are refused" if self.limits else "joint limits are not looked at"
+        said = f"inverse kinematics of {self.strategy.name} of {self.strategy.task.robot.name} through q0; {limits}"
+        if self.region is None:
+            cure = "hk.unique_region(strategy, q0) proves one, hk.cusps(ik) looks for loops that do not return"
+            return f"{said}; no region was asked for where the joints are one function of the pose: {cure}"
+        return f"{said}; its region: {self.region}"
+
+    def __str__(self) -> str:
+        return self.sentence
+
+    @property
+    def engine(self) -> str:
+        """One line that says what runs. It is built, or loaded, if it is not yet there: ask before a loop begins.
+
+        `nearest` has native code of its own, which its first call builds or loads: call it once before a loop begins.
+        """
+        _ = self._calls
+        return engine() if self._paths.kernel is not None else "CasADi's virtual machine"
+
+    def _cold(self, pose: PoseLike) -> Vector:
+        """`ik(pose)` of any pose: the joints, or an error."""
+        return self._cold_at(*self._given.one(pose), self._paths)
+
+    def _cold_at(self, p: Vector, R: Matrix, paths: PosePaths) -> Vector:
+        """The same of a position and a rotation."""
+        return paths.reach(p, R, self.q0 if self.region is None else self._inside(p, R)[0], search=True)
+
+    def _warm(self, pose: PoseLike, q: ArrayLike) -> Vector:
+        """`ik.near(pose, q)` of any pose."""
+        return self._warm_at(pose, q, self._paths)
+
+    def _warm_at(self, pose: PoseLike, q: ArrayLike, paths: PosePaths) -> Vector:
+        """The same on any leaf."""
+        p, R = self._given.one(pose)
+        begin = self.strategy.task.robot.checked(q, "the posture to begin from")
+        there = None if self.region is None else self._inside(p, R)
+        found = paths.reach(p, R, begin)
+        if there is not None and not np.linalg.norm(found - there[0]) <= there[1]:
+            fact = "from this posture the pose is reached with other joints than those of ik(pose)"
+            raise BranchError(fact, "go back by the path that was come, or stop and move the joints to ik(pose)")
+        return found
+
+    def _edge(self, level: ArrayLike | None, *more: Any) -> Edge:
+        """The edge of the leaf of the start; or of another level, of which the last one is kept."""
+        if level is None:
+            return edge_of(self.strategy, tuple(self.q0.tolist()), *more)
+        paths = self._at_level(level)
+        if not self._last_edge or self._last_edge[0] != (paths, more):
+            q0 = paths.reach(*self._place, self.q0)
+            self._last_edge[:] = (paths, more), edge_at(self.strategy, q0, *more)
+        return self._last_edge[1]
+
+    def _paths_of(self, level: ArrayLike | None, count: int) -> list[PosePaths]:
+        """Those of each of many poses, the same for all or not."""
+        if level is None:
+            return [self._paths] * count
+        given = np.asarray(level)
+        rows = given if given.ndim == 2 and len(given) == count else [level] * min(count, 1)
+        found = [self._at_level(row) for row in rows]
+        return found if len(found) == count else found * count
+
+    def _inside(self, p: Vector, R: Matrix) -> tuple[Vector, float]:
+        """(a posture near that of the region's function at a pose, how far about it there is none but that)."""
+        near, alone = self.region.near(p[None], R[None])  # type: ignore[union-attr]
+        if not np.isfinite(near).all():
+            raise OutsideRegionError(p)
+        return near[0], float(alone[0])
+
+    @cached_property
+    def _given(self) -> GivenPoses:
+        return GivenPoses(self.strategy.task, *self._place)
+
+    @cached_property
+    def _calls(self) -> tuple[Callable[[PoseLike], Vector], Callable[[PoseLike, ArrayLike], Vector]]:
+        """What serves `ik(pose)` and `ik.near(pose, q)`."""
+        cold, warm = weak(self._cold), weak(self._warm)
+        kernel = None if may_jump(self.strategy) or self.region is not None else self._paths.kernel
+        bound = None if kernel is None else kernel.calls(self._paths.context, cold, warm)
+        return (cold, warm) if bound is None else bound
+
+    def _silent(self, pose: PoseLike) -> Vector | None:
+        """`ik(pose)`, or None where there is none."""
+        return self._silent_near(pose, self.q0)
+
+    def _silent_near(self, pose: PoseLike, q: Vector) -> Vector | None:
+        """`ik.near(pose, q)`, or None where there is none."""
+        p, R = self._given.one(pose)
+        found, status = self._paths.go(p, R, q)
+        reached = status is InverseStatus.REACHED and self._paths.jump(p, R, q, found, status) is None
+        return found if reached else None
+
+    @cached_property
+    def _quiet(self) -> tuple[Callable[[PoseLike], Vector | None], Callable[[PoseLike, Vector], Vector | None]]:
+        """What serves `answer`."""
+        cold, warm = weak(self._silent), weak(self._silent_near)
+        kernel = None if may_jump(self.strategy) else self._paths.kernel
+        bound = None if kernel is None else kernel.calls(self._paths.context, cold, warm)
+        return (cold, warm) if bound is None else bound
+
+    @cached_property
+    def _place(self) -> tuple[Vector, Matrix]:
+        p, R = self.strategy.task.place(self.q0)
+        return frozen(p), frozen(R)
+
+    @cached_property
+    def _paths(self) -> PosePaths:
+        return PosePaths(self.strategy, self.q0, frozen(leaf_value(self.strategy, self.q0)), self.limits)
+
+    def _at_level(self, level: ArrayLike) -> PosePaths:
+        """The paths that lead to another level. Raises: ArgumentError, ShapeError, NotFiniteError: a bad one."""
+        if self.region is not None:
+            raise ArgumentError("level", level, "a region is of one level: ask hk.inverse(strategy, q0) without it")
+        goal = level_towards(self.strategy, self.q0, level)
+        last = self._last_level[:]
+        if not last or not np.array_equal(last[0].level, goal):
+            self._last_level[:] = last = [self._paths.at(goal)]
+        return last[0]
+
+    @cached_property
+    def _last_edge(self) -> list[Any]:
+        """The paths to the level that `nearest` was asked for last, with its numbers; and the edge of that leaf."""
+        return []
+
+    @cached_property
+    def _last_level(self) -> list[PosePaths]:
+        """The paths to the level that was asked for last."""
+        return []
+
+
+@typed
+def inverse(
+    strategy: Strategy, q0: ArrayLike, limits: bool = True, *, region: PoseSet | None = None
+) -> InverseKinematics:
+    """Inverse kinematics q(x) of a strategy with leaves, on the one through `q0`.
+
+    With `radial(G, start)` this is the straight-line transport of G from `q0`, free of drift by construction:
+    theory 5.3's inverse-kinematics form. Where nothing is redundant, n = m, any strategy will do, as
+    `moore_penrose(task)`: the pose tells the joints, on the branch of the start.
+
+    Args:
+        limits: False answers beyond the joint limits, too; by default such postures are refused.
+        region: of `unique_region(strategy, q0)`: poses outside are refused, with the status OUTSIDE.
+
+    Raises:
+        ArgumentError: a strategy without leaves; a region of another strategy or leaf.
+        SingularityError: it is singular at the start. JointLimitError: with limits, the start is beyond them.
+    """
+    strategy = with_leaves(strategy)
+    q0 = start_posture(strategy.task.robot, q0, limits)
+    strategy(q0)
+    if region is not None:
+        _check_region(strategy, q0, region)
+    return InverseKinematics(strategy, q0, limits, region)
+
+
+def _check_region(strategy: HolonomicStrategy, q0: Vector, region: PoseSet) -> None:
+    """Raises: ArgumentError: the region is of another strategy, or does not hold q0."""
+    p, R = strategy.task.place(q0)
+    near, alone = region.near(p[None], R[None])
+    if region.strategy != strategy or not np.linalg.norm(near[0] - q0) <= alone[0]:
+        cure = "give one of the same strategy whose function holds q0: hk.unique_region(strategy, q0)"
+        raise ArgumentError("the region", str(region), cure)

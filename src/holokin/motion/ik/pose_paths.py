@@ -1,0 +1,197 @@
+"""Straight paths to tool poses on one leaf of a strategy: from the start of `inverse`, or from another posture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from ...base.errors import BranchError, OutOfReachError
+from ...base.tolerances import TOLERANCES
+from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, frozen
+from ...strategies import HolonomicStrategy, Jump, first_jump, jump_near, may_jump
+from ...strategies.jumps import states
+from ...symbolic.native import InverseKernel
+from .leaf import (
+    REGULAR,
+    WITHIN,
+    LeafPath,
+    PathEnd,
+    jump_problem,
+    leaf_problem,
+    leaf_step,
+    leaf_value,
+    leaf_walk,
+    straight_path,
+)
+from .plan import doubtful_target
+from .rays import on_ray
+from .reach import pose_out_of_reach
+from .solutions import InverseStatus, beyond_limits, in_rows
+from .stretch import inverse_code, stretch_code
+
+PIECES = 32
+"""Pieces in which a path is gone again, to see where on it g may jump."""
+
+FAILED = (InverseStatus.LEAF_ENDS, InverseStatus.SINGULAR, InverseStatus.NOT_CONVERGED)
+"""What becomes of a pose that is out of reach for any posture, too."""
+
+
+@dataclass(frozen=True, eq=False)
+class PosePaths(Value):
+    """Paths from a start q0 (n,) to tool poses on the leaf g(q) = level (r,), on the branch of q0.
+
+    The level of q0 may be another one: then a path leads straight from level to level, as it does from pose to pose.
+    """
+
+    strategy: HolonomicStrategy
+    q0: Vector
+    level: Vector
+    limits: bool
+
+    def at(self, level: Vector) -> PosePaths:
+        """The same to another level; what does not depend on it is shared."""
+        first, n = len(self.q0) + 12 * self.strategy.task.frames, len(level)
+        context = self.context.copy()
+        context[first : first + n] = level
+        other = replace(self, level=frozen(level))
+        vars(other).update(kernel=self.kernel, context=frozen(context), _side=self._side)
+        return other
+
+    def reach(self, p: Vector, R: Matrix, begin: Vector, search: bool = False) -> Vector:
+        """The posture (n,) at a tool pose, by the path from `begin`; else raises what says why there is none.
+
+        search: look for any posture of the arm there, which takes up to a second, before it is said that none was
+        reached.
+        """
+        strategy, (q, status) = self.strategy, self.go(p, R, begin)
+        if (jump := self.jump(p, R, begin, q, status)) is not None:
+            raise jump_problem(strategy, jump)
+        if search and status in FAILED:
+            missing = pose_out_of_reach(strategy.task, p, R, q, self.limits)
+            if missing is not None:
+                fact = f"the pose is out of reach of {strategy.task.robot.name!r}: no search came closer than"
+                cure = doubtful_target(strategy.task, p) or "give a pose nearer to the base"
+                raise OutOfReachError(f"{fact} {missing:.3g} (m or rad)", cure)
+        return self._answer(q, status)
+
+    def go(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
+        """(posture to which the path from a posture was gone, what became of it)."""
+        if self.kernel is None:
+            return self._walk(p, R, begin)
+        q = begin[None].copy()
+        status = self.kernel(in_rows(p[None], R[None]), self.context, q, not self._cold(begin), 1)
+        return q[0], InverseStatus(int(status[0]))
+
+    def go_all(self, p: Matrix, R: Array, threads: int | None) -> tuple[Matrix, Indices]:
+        """The same from the start to many poses (k, 3F), (k, 3F, 3), none of which is bad."""
+        if self.kernel is None:
+            found = [self._walk(*pose, self.q0) for pose in zip(p, R, strict=True)]
+            q = np.array([one for one, _ in found]).reshape(-1, len(self.q0))
+            return q, np.array([status for _, status in found], dtype=np.intp)
+        q = np.tile(self.q0, (len(p), 1))
+        return q, self.kernel(in_rows(p, R), self.context, q, not self._cold(self.q0), threads)
+
+    def go_each(self, p: Matrix, R: Array, begin: Matrix, threads: int | None) -> tuple[Matrix, Flags]:
+        """(postures (k, n), which are reached (k,)) of many poses, each by the path from its own posture (k, n)."""
+        if self.kernel is None:
+            found = [self._walk(*one) for one in zip(p, R, begin, strict=True)]
+            q = np.array([one for one, _ in found]).reshape(-1, len(self.q0))
+            return q, np.array([status == InverseStatus.REACHED for _, status in found], dtype=bool)
+        q = np.ascontiguousarray(begin).copy()
+        return q, np.asarray(self.kernel(in_rows(p, R), self.context, q, True, threads) == InverseStatus.REACHED)
+
+    def jump(self, p: Vector, R: Matrix, begin: Vector, q: Vector, status: InverseStatus) -> Jump | None:
+        """A jump of g on the path that was gone to q."""
+        s = self.strategy
+        return _jump_on(s, begin, self._path(p, R, begin)[0], q, status in FAILED) if may_jump(s) else None
+
+    @cached_property
+    def kernel(self) -> InverseKernel | None:
+        """Native code, built or loaded if it is not yet there; None without a compiler."""
+        s = self.strategy
+        return leaf_step(s).inverse(lambda: inverse_code(s), lambda: stretch_code(s))
+
+    @cached_property
+    def context(self) -> Vector:
+        """What the kernel reads besides: poses.c."""
+        robot, slack = self.strategy.task.robot, TOLERANCES.limit
+        beyond = np.full(robot.n, np.inf)
+        low, high = (robot.lower - slack, robot.upper + slack) if self.limits else (-beyond, beyond)
+        p, R = self.strategy.task.place(self.q0)
+        return frozen(np.concatenate([self.q0, p, R.ravel(), self.level, low, high, [self._side]]))
+
+    def _cold(self, begin: Vector) -> bool:
+        """Whether a path from there begins at the start, and on the leaf."""
+        return begin is self.q0 and self._on_leaf
+
+    @cached_property
+    def _on_leaf(self) -> bool:
+        return np.array_equal(self.level, leaf_value(self.strategy, self.q0))
+
+    @cached_property
+    def _side(self) -> float:
+        q0 = self.q0
+        return float(leaf_step(self.strategy)(q0, *self.strategy.task.place(q0), leaf_value(self.strategy, q0))[3])
+
+    def _path(self, p: Vector, R: Matrix, begin: Vector) -> tuple[LeafPath, bool]:
+        """(the straight path to a pose and to the leaf, whether it stays on the leaf)."""
+        s = self.strategy
+        level = self.level if self._cold(begin) else leaf_value(s, begin)
+        goal = level + s.constraint.nearest(self.level - level) if len(level) else level
+        return straight_path(s.task, s.task.place(begin), (p, R), (level, goal)), np.array_equal(level, goal)
+
+    def _walk(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
+        """The same as `go` on the virtual machine."""
+        s = self.strategy
+        if not self._cold(begin):
+            _, rcond, margin, side = leaf_step(s)(begin, p, R, self.level)
+            if not (rcond > TOLERANCES.singular and margin > TOLERANCES.representation):
+                return begin, InverseStatus.SINGULAR
+            if side != self._side:
+                return begin, InverseStatus.OTHER_BRANCH
+        path, level = self._path(p, R, begin)
+        last, ended = leaf_walk(s, begin, ray=level and on_ray(s, begin), folds=True)(begin, path)
+        if ended is PathEnd.FOLD:
+            return last, InverseStatus.LEAF_ENDS
+        if ended is PathEnd.REACHED:
+            beyond = self.limits and beyond_limits(s.task.robot, last)
+            return last, InverseStatus.LIMIT if beyond else InverseStatus.REACHED
+        _, rcond, margin = s.gain(last)
+        if ended is PathEnd.TRIED or rcond > REGULAR:
+            return last, InverseStatus.NOT_CONVERGED
+        sound = rcond > TOLERANCES.singular and margin > TOLERANCES.representation
+        return last, InverseStatus.LEAF_ENDS if sound else InverseStatus.SINGULAR
+
+    def _answer(self, q: Vector, status: InverseStatus) -> Vector:
+        """The posture that was found. Raises: what says why there is none."""
+        if status is InverseStatus.LIMIT:
+            self.strategy.task.robot.check_limits(q, WITHIN)
+        if status is InverseStatus.OTHER_BRANCH:
+            fact = f"the posture to begin from lies on another branch of {self.strategy.name!r} than the start"
+            raise BranchError(fact, "give a posture of this branch, such as the last answer, or leave it out")
+        if status is not InverseStatus.REACHED:
+            ends = status is InverseStatus.LEAF_ENDS
+            raise leaf_problem(self.strategy, q, PathEnd.FOLD if ends else PathEnd.STOPPED)
+        return q
+
+
+def _jump_on(strategy: HolonomicStrategy, q0: Vector, path: LeafPath, q: Vector, stopped: bool) -> Jump | None:
+    """A jump of g on a path from q0 that was gone to q; it is gone again in pieces only where a switch turned over.
+
+    stopped: the path leads on, but no walk got farther than q: then a jump next to q counts, too.
+    """
+    if np.array_equal(*states(strategy, np.array([q0, q]))):
+        return jump_near(strategy, q) if stopped else None
+    walk, rows = leaf_walk(strategy, q0), [q0]
+    for first, last in pairwise(np.linspace(0.0, 1.0, PIECES + 1).tolist()):
+        piece = replace(path, at=lambda s, a=first, b=last: path.at(a + s * (b - a)), arc=path.arc / PIECES**2)
+        posture, ended = walk(rows[-1], piece)
+        rows.append(posture)
+        stopped = stopped or ended is not PathEnd.REACHED
+        if ended is not PathEnd.REACHED:
+            break
+    met = first_jump(strategy, np.array(rows))
+    return met[1] if met is not None else jump_near(strategy, rows[-1]) if stopped else None

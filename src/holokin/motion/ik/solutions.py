@@ -1,0 +1,112 @@
+"""What inverse kinematics found: joints, and for each pose what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from ...base.arguments import typed
+from ...base.errors import JointLimitError
+from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector
+from ...robot import Robot
+from ...strategies import HolonomicStrategy
+
+
+class InverseStatus(NoTruthValue, IntEnum, ask="`is InverseStatus.REACHED`"):
+    """What became of a pose."""
+
+    REACHED = 0
+    """The joints are found."""
+    CLAMPED = 1
+    """The joints of the nearest pose that the leaf reaches: `nearest` alone gives it."""
+    LIMIT = 2
+    """The joints are found, but one is beyond its limits; not with limits=False."""
+    LEAF_ENDS = 3
+    """[J; J_g] turns singular on the way: the leaf has no posture further on."""
+    SINGULAR = 4
+    """The way begins or ends at a singular posture of the arm, the law or a representation."""
+    NOT_CONVERGED = 5
+    """No next piece of the way could be shown to keep to the branch, or it took too many pieces."""
+    NOT_FINITE = 6
+    """The pose, or the posture near it, is not finite."""
+    NOT_A_ROTATION = 7
+    """The pose's rotation is scaled, skewed or left-handed."""
+    OTHER_BRANCH = 8
+    """The posture to begin from lies on another branch than the start."""
+    JUMP = 9
+    """g jumps on the way: an if_else, a floor, ... of its formula turns over."""
+    OUTSIDE = 10
+    """The pose does not belong to the region that was given: only where one was."""
+
+
+@runtime_checkable
+class PoseSet(Protocol):
+    """Tool poses over which the leaf through q0 is one function, as a `UniqueRegion` is."""
+
+    @property
+    def strategy(self) -> HolonomicStrategy:
+        """Of the leaf."""
+        ...
+
+    @property
+    def q0(self) -> Vector:
+        """A posture (n,) on it."""
+        ...
+
+    def near(self, p: Matrix, R: Array) -> tuple[Matrix, Vector]:
+        """Of tool poses, positions (k, 3) and rotations (k, 3, 3): (postures (k, n) near that of the function, NaN
+        outside; how far about them it is the only one of the leaf at the pose (k,) [joint unit])."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Solutions(NoTruthValue, Value, ask="`.reached`"):
+    """Inverse kinematics of many poses.
+
+    q: joints (k, n), a row of NaN where a pose was not reached.
+    status: an `InverseStatus` for each pose (k,).
+    last: the posture (k, n) to which its path was followed; q where it was reached, NaN where there was no path.
+    """
+
+    q: Matrix
+    status: Indices
+    last: Matrix
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    def __repr__(self) -> str:
+        return f"Solutions({len(self):,} poses, {int(self.reached.sum()):,} reached)"
+
+    def _shown_rows(self) -> list[Sequence[str]]:
+        """How many poses have each status."""
+        counts = [(status.name.lower().replace("_", " "), self.count(status)) for status in InverseStatus]
+        return [("poses", f"{len(self):,}"), *((name, f"{count:,}") for name, count in counts if count)]
+
+    @property
+    def reached(self) -> Flags:
+        """True where q is found (k,)."""
+        return self.status <= InverseStatus.CLAMPED
+
+    @typed
+    def count(self, status: InverseStatus) -> int:
+        """How many poses have a status."""
+        return int((self.status == status).sum())
+
+
+def in_rows(p: Matrix, R: Array) -> Matrix:
+    """Poses as native code takes them, (k, 12F): positions (k, 3F), and rotations (k, 3F, 3) by rows."""
+    return np.ascontiguousarray(np.hstack([p, R.reshape(len(p), 3 * p.shape[1])]))
+
+
+def beyond_limits(robot: Robot, q: Vector) -> bool:
+    """True where a joint is beyond its limits."""
+    try:
+        robot.check_limits(q)
+    except JointLimitError:
+        return True
+    return False

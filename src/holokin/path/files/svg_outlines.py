@@ -1,0 +1,260 @@
+"""`read_svg`: planar outlines of an SVG drawing as paths."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from ...base.arguments import typed
+from ...base.errors import ArgumentError, HolokinError, RecordingError
+from ...base.extra_module import extra_module
+from ...base.given_files import is_folder, shown
+from ...base.types import Matrix, Vector, positive
+from ..curves import even_curve
+from ..path import CLOSED, SAME, Path
+from ..segments import Segment, arc_segment, line_segment
+
+LENGTHS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6, "q": 2.5e-4}
+"""Units of length of a drawing's size -> metres."""
+
+SMOOTH = np.deg2rad(1.0)
+"""Angle [rad] below which two pieces of an outline meet without a corner: drawings hold three digits."""
+
+EXACT = 1e-7
+"""The same of lines and arcs that stay what they are."""
+
+LARGEST = 20_000_000
+"""Bytes of a drawing: one of a million points."""
+
+MOST_PIECES = 20_000
+
+_SIZE = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([a-zA-Z]+)\s*")
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A piece of an outline: a segment of the library, in metres with y up, and the line or arc that it is, if any."""
+
+    drawn: Any
+    to_metres: Matrix
+    exact: Segment | None
+
+    def points(self, u: Vector) -> Matrix:
+        """(k, 3) [m] at u (k,) in [0, 1]."""
+        return np.column_stack([np.asarray(self.drawn.npoint(u)), np.ones(len(u))]) @ self.to_metres.T
+
+    def direction(self, end: bool) -> Vector:
+        """Unit tangent (3,) at the start or the end."""
+        if self.exact is not None:
+            slope = self.exact.derivative(np.array([float(end)]))[0]
+        else:
+            near = self.points(np.array([1.0, 1 - 1e-5] if end else [1e-5, 0.0]))
+            slope = near[0] - near[1]
+        return slope / max(float(np.linalg.norm(slope)), 1e-300)
+
+
+@typed
+def read_svg(
+    path: str | FilePath, *, pixel: float | None = None, tolerance: float = 1e-5, speed: float = 0.1
+) -> list[Path]:
+    """The outlines of an SVG drawing as paths in the plane z = 0, x to the right and y up from the page's lower left.
+
+    Path elements with all their commands, rectangles, circles, ellipses, lines, polylines and polygons, with their
+    transforms; other things (text, images) are left out. Lines and circular arcs stay what they are; Bezier curves and
+    elliptical arcs, and what meets them without a corner, become splines. Pieces of 1e-7 m and less are left out, and
+    the path's `notes` say so. `Path.in_frame` puts them on a workpiece.
+
+    Args:
+        pixel: size of a pixel [m], for a drawing whose width is given in pixels or not at all: 1e-3 where the
+            drawing's numbers are millimetres. By default the size that the drawing states counts.
+        tolerance: of the splines [m].
+        speed: of the tool [m/s].
+
+    Raises:
+        RecordingError: no such file, no SVG, no size, no outlines. MissingExtraError: svgelements is not installed.
+        ArgumentError.
+    """
+    svgelements = extra_module("svgelements", "svg")
+    file = FilePath(path)
+    positive("tolerance", tolerance)
+    positive("speed", speed)
+    drawing = _parsed(file, svgelements)
+    if not isinstance(drawing, svgelements.SVG):
+        raise RecordingError(file, "is no SVG drawing: its root is no <svg>", "save it as plain SVG")
+    to_metres = _to_metres(file, drawing, pixel)
+    out: list[Path] = []
+    for drawn in _outlines(file, drawing, to_metres, svgelements):
+        pieces = [piece for piece in drawn if piece is not None]
+        if len(pieces) > MOST_PIECES:
+            fact = f"has an outline of {len(pieces)} pieces"
+            raise RecordingError(file, fact, f"simplify it to {MOST_PIECES} at most")
+        if pieces:
+            short = len(drawn) - len(pieces)
+            notes = (f"{short} of {len(drawn)} pieces left out, which are at most {SAME:g} m long",) * (short > 0)
+            out.append(replace(_path(file, pieces, tolerance, speed), notes=notes))
+    if not out:
+        raise RecordingError(file, "has no outlines", "convert text and images to paths in your drawing program")
+    return out
+
+
+def _outlines(file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any) -> Iterator[list[_Piece | None]]:
+    """The pieces of each outline, None where one is too short. Raises: RecordingError: an element whose numbers the
+    library cannot draw."""
+    for element in drawing.elements():
+        if not isinstance(element, svgelements.Shape) or _inside_definition(element):
+            continue
+        try:
+            found = [
+                _pieces([s for s in outline if not isinstance(s, svgelements.Move)], to_metres, svgelements)
+                for outline in svgelements.Path(element).as_subpaths()
+            ]
+        except Exception as problem:  # noqa: BLE001  of a shape without a start, or of numbers beyond all bounds
+            said = str(problem) or type(problem).__name__
+            fact = f"has a <{shown(_tag(element))}> that cannot be drawn ({shown(said)})"
+            raise RecordingError(file, fact, "correct its numbers") from None
+        yield from found
+
+
+def _tag(element: Any) -> str:
+    return str(element.values.get("tag") or type(element).__name__.lower())
+
+
+def _parsed(file: FilePath, svgelements: Any) -> Any:
+    import io
+
+    if is_folder(file):
+        raise RecordingError(file, "is a folder", "give an SVG file")
+    try:
+        if file.stat().st_size > LARGEST:
+            raise RecordingError(file, f"has over {LARGEST:,} bytes", "simplify the drawing")
+        text = file.read_text("utf-8")
+    except (OSError, UnicodeError) as problem:
+        raise RecordingError(file, f"cannot be read as text ({shown(str(problem))})", "give an SVG file") from None
+    if "<!ENTITY" in text:  # which may grow without end
+        raise RecordingError(file, "defines entities", "save it as plain SVG")
+    if "<svg" not in text:
+        raise RecordingError(file, "is no SVG drawing", "give an SVG file")
+    try:
+        return svgelements.SVG.parse(io.StringIO(text), reify=True)
+    except Exception as problem:  # noqa: BLE001  the parser throws whatever its parts do
+        raise RecordingError(file, f"cannot be read as SVG ({shown(str(problem))})", "save it as plain SVG") from None
+
+
+def _to_metres(file: FilePath, drawing: Any, pixel: float | None) -> Matrix:
+    """The map (3, 3) from pixels x, y, 1, y down from the top, to metres x, y, 0."""
+    stated = str((drawing.values.get("attributes") or {}).get("width", ""))
+    match = _SIZE.fullmatch(stated)
+    if pixel is None:
+        unit = match[2].lower() if match else ""
+        if match is None or unit not in LENGTHS:
+            said = f"gives its width as {shown(stated)!r}" if stated else "gives no width"
+            raise RecordingError(file, f"{said}, not in a unit of length", "say pixel=, the size of a pixel in metres")
+        size, width = float(match[1]) * LENGTHS[unit], float(drawing.width or 0.0)
+        if not (size > 0 and width > 0):
+            raise RecordingError(file, f"gives its width as {shown(stated)!r}", "give it a width above 0")
+        pixel = size / width
+    scale = positive("pixel", pixel, "give the size of a pixel in metres")
+    return np.array([[scale, 0.0, 0.0], [0.0, -scale, scale * float(drawing.height or 0.0)], [0.0, 0.0, 0.0]])
+
+
+def _inside_definition(element: Any) -> bool:
+    return str(element.values.get("visibility", "")) == "hidden" or element.values.get("display") == "none"
+
+
+def _pieces(drawn: list[Any], to_metres: Matrix, svgelements: Any) -> list[_Piece | None]:
+    """The pieces, None where one is too short; an end of an outline where it began is no piece."""
+    found = [_piece(one, to_metres, svgelements) for one in drawn]
+    return found[:-1] if drawn and isinstance(drawn[-1], svgelements.Close) and found[-1] is None else found
+
+
+def _piece(drawn: Any, to_metres: Matrix, svgelements: Any) -> _Piece | None:
+    """The piece, if it has a length."""
+    piece = _Piece(drawn, to_metres, None)
+    points = piece.points(np.linspace(0.0, 1.0, 9))
+    if not np.isfinite(points).all() or np.linalg.norm(np.diff(points, axis=0), axis=1).sum() <= SAME:
+        return None
+    a, b, zero = points[0], points[-1], np.zeros(3)
+    if isinstance(drawn, svgelements.Line | svgelements.Close):
+        return _Piece(drawn, to_metres, line_segment(a, b, zero))
+    if isinstance(drawn, svgelements.Arc) and abs(drawn.rx - drawn.ry) <= 1e-9 * abs(drawn.rx):
+        center = to_metres @ [drawn.center.x, drawn.center.y, 1.0]
+        x = a - center
+        arc = arc_segment(center, x, np.array([-x[1], x[0], 0.0]), -float(drawn.sweep), zero)
+        return _Piece(drawn, to_metres, arc)
+    return piece
+
+
+def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float) -> Path:
+    """An outline: its smooth stretches one after the other, begun at a corner where a closed one has corners."""
+    ends = pieces[0].points(np.zeros(1))[0], pieces[-1].points(np.ones(1))[0]
+    closed = float(np.linalg.norm(ends[0] - ends[1])) <= SAME
+    angles = [_angle(a, b) for a, b in pairwise([*pieces, pieces[0]])]  # after each piece
+    smooth = [angle < SMOOTH for angle in angles]
+    smooth[-1] = smooth[-1] and closed
+    if closed and smooth[-1] and not all(smooth):
+        first = smooth.index(False) + 1
+        pieces, angles = pieces[first:] + pieces[:first], angles[first:] + angles[:first]
+        smooth = smooth[first:] + smooth[:first]
+    stretches: list[tuple[list[_Piece], list[float]]] = [([], [])]
+    for piece, angle, goes_on in zip(pieces, angles, smooth, strict=True):
+        stretches[-1][0].append(piece)
+        if not goes_on:
+            stretches.append(([], []))
+        else:
+            stretches[-1][1].append(angle)
+    segments: list[Segment] = []
+    for some, turns in stretches:
+        exact = [piece.exact for piece in some if piece.exact is not None]
+        if len(exact) == len(some) and max(turns, default=0.0) < EXACT:
+            segments += exact
+            continue
+        try:
+            segments += even_curve(_points(some), len(some), closed and len(turns) == len(some), speed, tolerance)
+        except ArgumentError as problem:
+            fact = (
+                f"has an outline near {some[0].points(np.zeros(1))[0][:2].round(6).tolist()} m that no spline follows"
+            )
+            raise RecordingError(file, f"{fact} ({problem.what})", problem.cure) from None
+    try:
+        return _welded(Path(tuple(segments), speed), closed)
+    except HolokinError as problem:
+        raise RecordingError(file, f"has an outline that no tool can follow ({problem})", "simplify it") from None
+
+
+def _welded(path: Path, closed: bool) -> Path:
+    """The path without the gaps that short pieces leave: a line or cubic gives way to the next segment."""
+    index, segments = np.arange(len(path.segments)), list(path.segments)
+    starts, ends = (path.on(index, np.full(len(index), u)).position for u in (0.0, 1.0))
+    gaps = np.roll(starts, -1, axis=0) - ends
+    for i in np.flatnonzero(np.linalg.norm(gaps, axis=1) > CLOSED)[: None if closed else -1].tolist():
+        j, along = (i + 1) % len(segments), [gaps[i], np.zeros(3), np.zeros(3)]
+        if segments[i].angle == 0.0:
+            segments[i] = replace(segments[i], along=segments[i].along + along)
+        elif segments[j].angle == 0.0:
+            segments[j] = replace(segments[j], center=segments[j].center - gaps[i], along=segments[j].along + along)
+    return replace(path, segments=tuple(segments))
+
+
+def _points(pieces: list[_Piece]) -> Callable[[Vector], Matrix]:
+    """s (k,) -> points (k, 3), s from 0 to the number of pieces."""
+
+    def curve(s: Vector) -> Matrix:
+        out = np.empty((len(s), 3))
+        index = np.clip(np.floor(s).astype(int), 0, len(pieces) - 1)
+        for i in np.unique(index):
+            here = index == i
+            out[here] = pieces[i].points(s[here] - i)
+        return out
+
+    return curve
+
+
+def _angle(a: _Piece, b: _Piece) -> float:
+    u, v = a.direction(True), b.direction(False)
+    return float(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v))

@@ -1,0 +1,335 @@
+"""Robots from MJCF, MuJoCo's format: files, texts, and models that are there already. Extra `mujoco`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.arguments import typed
+from ...base.errors import ArgumentError, RobotFileError
+from ...base.extra_module import extra_module
+from ..chains import robot_of
+from ..limits import JointValues, with_limits
+from ..model import Robot
+from ..shapes.link_shapes import LinkShape, Unread
+from ..shapes.mjcf_shapes import shapes_of, transform
+from ..shapes.urdf_shapes import slashed
+from ..shapes.visuals import mjcf_visuals
+from ..tree import MOVING, Branch, Follow, Loop, Mass, Tree, checked, motion
+from .mjcf_sizes import check_sizes
+from .urdf_xml import read_model
+
+_FAULTS = (ValueError, RuntimeError, MemoryError)
+"""What MuJoCo raises of a text that is no model: RuntimeError where memory is short, or of what it did not foresee."""
+
+_UNKNOWN = (1.0, 0.01)
+"""Mass [kg] and inertia [kg m^2] that MuJoCo gets for a body that has none without its meshes; thrown away again."""
+
+_LONGEST_NAME = 100
+"""Characters of a text that is shown as the source of a robot."""
+
+
+@typed
+def from_mjcf(
+    model: Any,
+    tip: str | Sequence[str] | None = None,
+    base: str | None = None,
+    locked: Mapping[str, float] | None = None,
+    max_velocity: JointValues | None = None,
+    trust_units: bool = False,
+) -> Robot:
+    """A robot from MJCF: the chain, or chains, from `base` to `tip`, read by MuJoCo.
+
+    Joints are hinges and slides, with their `ref`; a joint equality whose polynomial is linear makes one joint follow
+    another, whose range is narrowed to what the range of the first allows. MuJoCo has no speed limits: give them as
+    `max_velocity`, else the robot has none. Missing meshes do no harm: then masses are those that the file gives in
+    numbers, and none if a body has no such numbers.
+
+    Args:
+        model: a file, a text that begins with "<", or a `mujoco.MjModel`.
+        tip: site or body that carries the tool, or several; a site that has the name of a body is "name (site)".
+            Without it the tree must end in one of them only.
+        base: body that stays put and whose frame is used; by default the world.
+        locked: joint name -> value [m or rad] of joints to hold still.
+        max_velocity: speed limits [rad/s or m/s], as of `with_limits`: one for all joints, one for each, or by name.
+        trust_units: take the numbers for rad and m, whatever they look like.
+
+    Raises:
+        MissingExtraError: mujoco is not installed.
+        RobotFileError: a missing or malformed file; on the chain a free or ball joint, a joint of a closed loop
+        (connect, weld, tendon), or one that follows another by a polynomial that is not linear; units as of
+        `from_urdf`.
+        UnknownNameError: a body, site or joint that there is not. ArgumentError.
+    """
+    mujoco = _mujoco_module()
+    if isinstance(model, mujoco.MjModel):
+        name = _text(model.names, 0) or "model"
+        tree = _model_tree(model, f"mujoco.MjModel {name!r}", name)
+    elif isinstance(model, str | Path):
+        tree = mjcf_text_tree(str(model)) if str(model).lstrip().startswith("<") else mjcf_tree(model)
+    else:
+        raise ArgumentError("model", model, "give an MJCF file, a text of one, or a mujoco.MjModel")
+    found = robot_of(tree, tip, base, locked, trust_units)
+    return found if max_velocity is None else with_limits(found, max_velocity=max_velocity, trust_units=trust_units)
+
+
+def mjcf_tree(path: str | Path) -> Tree:
+    """The tree of an MJCF file. Raises: MissingExtraError, RobotFileError."""
+    check_sizes(read_model(path), str(path), Path(path).parent)  # says what is wrong with the file itself, too
+    return _compiled_tree(lambda: _mujoco_module().MjSpec.from_file(str(path)), str(path), Path(path).stem)
+
+
+def mjcf_text_tree(text: str, source: str = "") -> Tree:
+    """The same of a text. Raises: MissingExtraError, RobotFileError."""
+    head = source or f"MJCF text {' '.join(text[:_LONGEST_NAME].split())!r}"
+    check_sizes(text.encode("utf-8", "replace"), head, Path())
+    return _compiled_tree(lambda: _mujoco_module().MjSpec.from_string(text), head, "model")
+
+
+def _mujoco_module() -> Any:
+    """MuJoCo's Python package. Raises: MissingExtraError."""
+    return extra_module("mujoco", "mujoco")
+
+
+def _compiled_tree(parse: Any, source: str, name: str) -> Tree:
+    """The tree of what `parse` gives, with its meshes, or where MuJoCo cannot have these, without."""
+    problem: Exception | None = None
+    for choice in (_no_files, _missing_files, _all_files):
+        spec = _parsed(parse, source)
+        lost = choice(spec)
+        geoms = [
+            [geom for geom in body.geoms if choice is _all_files or _files_of(geom) & lost] for body in spec.bodies
+        ]
+        bodies = [body.name or f"body {i}" for i, body in enumerate(spec.bodies)]
+        bare = [name for name, of in zip(bodies, geoms, strict=True) if any(map(_touches, of))]
+        try:
+            weighed = choice is _no_files or _without_shapes(spec, geoms, lost)
+            model = spec.compile()
+            break
+        except _FAULTS as found:
+            problem = found
+    else:
+        raise RobotFileError(source, f"is no MJCF that MuJoCo takes ({problem})", "correct it there")
+    tree = _model_tree(model, source, spec.modelname if spec.modelname not in ("", "MuJoCo Model") else name)
+    why = "its meshes are not there" if choice is _missing_files else f"MuJoCo does not take its shapes ({problem})"
+    shapes, unread = dict(tree.shapes), Unread(source, why)
+    for link in bare:
+        shape = LinkShape(link, -1, np.eye(4), unread, obstacle=link == bodies[0])
+        shapes[link] = (*shapes.get(link, ()), shape)
+    tree = replace(tree, shapes=shapes)
+    return tree if weighed else replace(tree, links=dict.fromkeys(tree.links))
+
+
+def _no_files(spec: Any) -> set[str]:
+    """The names of no meshes."""
+    return set()
+
+
+def _all_files(spec: Any) -> set[str]:
+    """The names of all meshes and height fields."""
+    return {_name(one) for one in (*spec.meshes, *spec.hfields)}
+
+
+def _missing_files(spec: Any) -> set[str]:
+    """The names of the meshes and height fields whose files are not there."""
+    folder = Path(spec.modelfiledir) / slashed(spec.meshdir)
+    files = [(one, Path(slashed(one.file))) for one in (*spec.meshes, *spec.hfields) if one.file]
+    return {_name(one) for one, file in files if not (folder / (file.name if spec.strippath else file)).is_file()}
+
+
+def _files_of(geom: Any) -> set[str]:
+    return {geom.meshname, geom.hfieldname} - {""}
+
+
+def _name(asset: Any) -> str:
+    """Of a mesh or a height field: by default that of its file."""
+    return asset.name or Path(slashed(asset.file)).stem
+
+
+def _touches(geom: Any) -> bool:
+    return bool(geom.contype or geom.conaffinity)
+
+
+def _parsed(parse: Any, source: str) -> Any:
+    try:
+        return parse()
+    except _FAULTS as problem:
+        raise RobotFileError(source, f"is no MJCF that MuJoCo reads ({problem})", "correct it there") from None
+
+
+def _without_shapes(spec: Any, geoms: Sequence[Sequence[Any]], lost: set[str]) -> bool:
+    """Take some geoms of each body and meshes out of a spec, and whatever could need a file or them.
+
+    Returns:
+        True if masses are known all the same: every body that moves and loses a shape has its mass in numbers.
+    """
+    losing = [body for body, of in zip(spec.bodies, geoms, strict=True) if of]
+    weighed = all(body.explicitinertial or body not in losing for body in _moving(spec.worldbody))
+    for kind in ("sensors", "actuators", "keys", "pairs", "skins", "flexes"):
+        for element in list(getattr(spec, kind)):
+            spec.delete(element)
+    gone = [one for one in (*spec.meshes, *spec.hfields) if _name(one) in lost]
+    for element in [*(geom for of in geoms for geom in of), *gone]:
+        spec.delete(element)
+    for element in [*spec.sites, *spec.tendons, *spec.geoms]:
+        element.material = ""
+    for kind in ("materials", "textures"):
+        for element in list(getattr(spec, kind)):
+            spec.delete(element)
+    if not weighed or not list(spec.geoms):
+        spec.compiler.inertiafromgeom = 0
+    for body in spec.bodies[1:]:
+        if not body.explicitinertial and list(body.joints) and (not weighed or not list(body.geoms)):
+            body.mass, body.inertia = _UNKNOWN[0], [_UNKNOWN[1]] * 3
+            body.ipos, body.explicitinertial = [0, 0, 0], True
+    return weighed
+
+
+def _moving(body: Any, carried: bool = False) -> Iterator[Any]:
+    """The bodies below one that have a joint, or are carried by one that has."""
+    for child in body.bodies:
+        moves = carried or bool(list(child.joints))
+        if moves:
+            yield child
+        yield from _moving(child, moves)
+
+
+def _model_tree(model: Any, source: str, name: str) -> Tree:
+    """The tree of an MjModel: bodies are links, sites hang on them, each joint moves a frame of its body."""
+    return _Reader(model, source, name).tree()
+
+
+class _Reader:
+    """Walks the bodies of an MjModel."""
+
+    def __init__(self, model: Any, source: str, name: str):
+        self.model, self.source, self.name, self.enums = model, source, name, _mujoco_module()
+        self.bodies = self._names("body", model.nbody)
+        self.joints = self._names("jnt", model.njnt)
+        self.links: dict[str, Mass | None] = {}
+        self.branches: list[Branch] = []
+
+    def tree(self) -> Tree:
+        """All bodies, joints and sites as a tree of links. Raises: RobotFileError."""
+        m = self.model
+        follows, fixed, bent = self._couplings()
+        for body, name in enumerate(self.bodies):
+            self.links[name] = _mass(m, body)
+        for body, name in enumerate(self.bodies):
+            if body:
+                self._body(body, name, follows, fixed, bent)
+        sites = self._names("site", m.nsite)
+        for site, name in enumerate(sites):
+            label = f"{name} (site)" if name in self.links else name
+            self.links[label] = None
+            parent, origin = self.bodies[m.site_bodyid[site]], transform(m.site_pos[site], m.site_quat[site])
+            self.branches.append(Branch(f"to {label}", "fixed", parent, label, origin))
+        loops = tuple(Loop(text, joints) for text, joints in self._loops() if joints)
+        shapes = shapes_of(m, self.enums, self.source, self.bodies, self._names("geom", m.ngeom))
+        branches, visuals = tuple(self.branches), mjcf_visuals(m, self.enums, self.bodies)
+        return checked(Tree(self.source, self.name, self.links, branches, loops, "body or site", shapes, visuals))
+
+    def _body(self, body: int, name: str, follows: Mapping, fixed: Mapping, bent: Mapping) -> None:
+        """T_parent_child = T(pos, quat), then for each joint T(anchor) M(q - ref) T(-anchor), as MuJoCo does."""
+        m = self.model
+        parent, origin = self.bodies[m.body_parentid[body]], transform(m.body_pos[body], m.body_quat[body])
+        first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
+        for k in range(first, first + count):
+            label = self.joints[k]
+            child = f"{name} moved by {label}"
+            anchor, back = np.eye(4), np.eye(4)
+            kind = self.enums.mjtJoint(m.jnt_type[k]).name.removeprefix("mjJNT_").lower()
+            if kind == "hinge":
+                anchor[:3, 3], back[:3, 3] = m.jnt_pos[k], -m.jnt_pos[k]
+            kind = {"hinge": "revolute", "slide": "prismatic"}.get(kind, kind)
+            lower, upper = map(float, m.jnt_range[k]) if m.jnt_limited[k] else (-np.inf, np.inf)
+            kind += bent.get(k, "")
+            branch = Branch(
+                label, kind, parent, child, origin @ anchor, m.jnt_axis[k], lower, upper,
+                zero=float(m.qpos0[m.jnt_qposadr[k]]), follows=follows.get(k),
+            )  # fmt: skip
+            if k in fixed and kind in MOVING:
+                held = branch.origin @ motion(kind, branch.axis, fixed[k])
+                branch = replace(branch, kind="fixed", origin=held)
+            self.branches.append(branch)
+            self.links[child] = None
+            parent, origin = child, back
+        self.branches.append(Branch(f"to {name}", "fixed", parent, name, origin))
+
+    def _couplings(self) -> tuple[dict[int, Follow], dict[int, float], dict[int, str]]:
+        """Joints that follow others, that are held by a constant, and that follow by what is not linear."""
+        m, follows, fixed, bent = self.model, {}, {}, {}
+        for e in self._equalities("JOINT"):
+            joint, master, law = int(m.eq_obj1id[e]), int(m.eq_obj2id[e]), m.eq_data[e][:5]
+            if np.any(law[2:]) and master >= 0:
+                bent[joint] = (
+                    f" that follows {self.joints[master]!r} by a polynomial of degree {np.max(np.nonzero(law))}"
+                )
+            elif master < 0:
+                fixed[joint] = float(law[0])
+            else:
+                follows[joint] = Follow(self.joints[master], float(law[1]), float(law[0]))
+        return follows, fixed, bent
+
+    def _loops(self) -> Iterator[tuple[str, frozenset[str]]]:
+        """What closes a loop, and the joints round it. What is tied to a mocap body is dragged, not part of a loop."""
+        m = self.model
+        for word in ("CONNECT", "WELD"):
+            for e in self._equalities(word):
+                ends = [int(m.eq_obj1id[e]), int(m.eq_obj2id[e])]
+                if m.eq_objtype[e] == self.enums.mjtObj.mjOBJ_SITE:
+                    ends = [int(m.site_bodyid[end]) for end in ends]
+                if all(m.body_mocapid[end] < 0 for end in ends):
+                    text = f"{word.lower()} of {self.bodies[ends[0]]!r} and {self.bodies[ends[1]]!r}"
+                    yield text, self._between(*ends)
+        for e in self._equalities("TENDON"):
+            tendon = int(m.eq_obj1id[e])
+            first, count = int(m.tendon_adr[tendon]), int(m.tendon_num[tendon])
+            of_joints, of_sites = self.enums.mjtWrap.mjWRAP_JOINT, self.enums.mjtWrap.mjWRAP_SITE
+            wraps = [(m.wrap_type[k], int(m.wrap_objid[k])) for k in range(first, first + count)]
+            names = {self.joints[thing] for kind, thing in wraps if kind == of_joints}
+            sites = [int(m.site_bodyid[thing]) for kind, thing in wraps if kind == of_sites]
+            for one, next_one in pairwise(sites):
+                names |= self._between(one, next_one)
+            yield f"equality of tendon {self._names('tendon', m.ntendon)[tendon]!r}", frozenset(names)
+
+    def _equalities(self, word: str) -> list[int]:
+        """Indices of the active equalities of a kind."""
+        m, kind = self.model, getattr(self.enums.mjtEq, f"mjEQ_{word}")
+        return [e for e in range(m.neq) if m.eq_type[e] == kind and m.eq_active0[e]]
+
+    def _between(self, one: int, other: int) -> frozenset[str]:
+        """The joints on the way from one body to another, through the tree."""
+        ways = [self._up(one), self._up(other)]
+        return frozenset(ways[0] ^ ways[1])
+
+    def _up(self, body: int) -> set[str]:
+        m, found = self.model, set()
+        while body:
+            first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
+            found |= set(self.joints[first : first + count]) if count else set()
+            body = int(m.body_parentid[body])
+        return found
+
+    def _names(self, kind: str, count: int) -> list[str]:
+        """The names of all bodies, joints, ... ; one without a name is called by its number."""
+        word = {"jnt": "joint"}.get(kind, kind)
+        addresses = getattr(self.model, f"name_{kind}adr")
+        return [_text(self.model.names, int(addresses[i])) or f"{word} {i}" for i in range(count)]
+
+
+def _text(names: bytes, start: int) -> str:
+    return names[start : names.index(b"\0", start)].decode("utf-8", "replace")
+
+
+def _mass(model: Any, body: int) -> Mass | None:
+    if not body or not model.body_mass[body] > 0:
+        return None
+    T = transform(model.body_ipos[body], model.body_iquat[body])
+    R = T[:3, :3]
+    return Mass(float(model.body_mass[body]), T[:3, 3], R @ np.diag(model.body_inertia[body]) @ R.T)

@@ -1,0 +1,295 @@
+"""`Constraint`: g(q) of r = n - m rows. Near a regular posture of a leaf g(q) = c the tool pose decides the joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ...base.arguments import Made, made, typed
+from ...base.by_value import ByValue
+from ...base.errors import ArgumentError, ConstraintRowsError, ShapeError
+from ...base.types import Array, ArrayLike, finite, frozen, whole
+from ...robot import Kinematics
+from ...symbolic import SX, Formula, Transport, as_expression, fmin, jacobian, symbol, vertcat, wrapped, written
+from ..tasks.task import Task
+from .implicit import Implicit
+
+Levels = TypeVar("Levels", SX, Array)
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint(Made, ByValue):
+    """g(q), written down when a task (and so a robot) is known.
+
+    `expression(task, kinematics, q)` gives g (rows,). `angular` says which rows are angles, whose
+    difference g - c counts in (-pi, pi]. `margin`, likewise an expression, is how far the posture is from
+    where an orientation representation that g uses is singular; `places`, if given, names the distances that it is
+    the least of, for messages. `derivative` is J_g where it is known better than by differentiating g. `looped` is the
+    same constraint with its numbers left to a loop, `transport`: for what is evaluated and not differentiated.
+    `implicit` is the same constraint without the kinks of its expression, by auxiliary unknowns: for proofs.
+    `formulas` gives those parts of g that may jump, as what a user wrote; without it all of g is looked at.
+    """
+
+    name: str
+    rows: int
+    expression: Callable[[Task, Kinematics, SX], SX]
+    angular: tuple[bool, ...]
+    margin: Callable[[Task, Kinematics, SX], SX] | None = None
+    derivative: Callable[[Task, Kinematics, SX], SX] | None = None
+    looped: Constraint | None = None
+    transport: Transport | None = None
+    places: tuple[tuple[str, Callable[[Task, Kinematics, SX], SX]], ...] = ()
+    implicit: Implicit | None = None
+    formulas: Callable[[Task, Kinematics, SX], list[Formula]] | None = None
+
+    @typed
+    def bind(self, task: Task, k: Kinematics, q: SX) -> SX:
+        """g (r,) for a task. Raises: ConstraintRowsError unless it has r = n - m rows; ShapeError."""
+        if self.rows != task.n - task.m:
+            raise ConstraintRowsError(self.name, self.rows, task.n, task.m)
+        return self.expand(task, k, q)
+
+    @typed
+    def expand(self, task: Task, k: Kinematics, q: SX) -> SX:
+        """g (rows,) for a task, whatever its number of rows. Raises: ShapeError."""
+        g = as_expression(self.expression(task, k, q))
+        if g.shape != (self.rows, 1):
+            raise ShapeError(f"constraint {self.name!r}", (self.rows, 1), g.shape, "rows= must match what it returns")
+        return g
+
+    @typed
+    def slopes(self, task: Task, k: Kinematics, q: SX) -> SX:
+        """J_g = dg/dq (r, n). Raises: as `bind`."""
+        g = self.bind(task, k, q)
+        return jacobian(g, q) if self.derivative is None else self.derivative(task, k, q)  # (10)
+
+    def nearest(self, gap: Levels) -> Levels:
+        """A difference of levels, numbers (..., r) or an expression (r, 1), its angles in (-pi, pi]."""
+        if isinstance(gap, SX):
+            return vertcat(SX(0, 1), *(wrapped(gap[i]) if flag else gap[i] for i, flag in enumerate(self.angular)))
+        return np.where(np.array(self.angular, dtype=bool), wrapped(gap), gap) if any(self.angular) else gap
+
+
+@made
+def custom(
+    expression: Callable[[SX], Any], rows: int = 1, *, name: str = "custom", angular: bool = False
+) -> Constraint:
+    """g(q) of your own: a CasADi expression of q, or a list of them.
+
+    Args:
+        expression: q (n,) -> g (rows,).
+        rows: r = n - m, 0 for an arm without redundancy.
+        angular: True when every row is an angle that may wrap.
+    """
+    whole("rows", rows, 0)
+    return Constraint(name, rows, lambda _task, _k, q: written(name, expression, q), (angular,) * rows)
+
+
+@made
+def linear(matrix: ArrayLike, *, name: str = "linear") -> Constraint:
+    """g(q) = A q with A (r, n), or (n,) for one row.
+
+    Raises:
+        NotFiniteError: A is not finite. ShapeError (when bound): A has not n columns.
+    """
+    A = frozen(np.atleast_2d(finite("the matrix of a linear constraint", matrix)))
+    if A.ndim != 2 or not A.size:
+        raise ShapeError("the matrix of a linear constraint", ("r", "n"), A.shape)
+
+    def expression(task: Task, _k: Kinematics, q: SX) -> SX:
+        if A.shape[1] != task.n:
+            joints = ", ".join(task.robot.joint_names)
+            raise ShapeError("the matrix of a linear constraint", (len(A), task.n), A.shape, f"the joints are {joints}")
+        return SX(A) @ q
+
+    return Constraint(name, len(A), expression, (False,) * len(A), formulas=nothing_jumps)
+
+
+@made
+def lock(*joints: str | int, name: str = "lock") -> Constraint:
+    """g(q) = (q_j, ...): holds joints where they stand at the start posture. Singular where N_j = 0.
+
+    Args:
+        joints: by name, or by index in q, counted from 0 (-1 is the last).
+
+    Raises:
+        UnknownNameError (when bound): the robot has no such joint.
+    """
+    if not joints:
+        raise ArgumentError("the joints to lock", joints, "name at least one")
+
+    def expression(task: Task, _k: Kinematics, q: SX) -> SX:
+        return vertcat(*(q[task.robot.joint_index(joint)] for joint in joints))
+
+    return Constraint(name, len(joints), expression, (False,) * len(joints), formulas=nothing_jumps)
+
+
+@made
+def stack(*constraints: Constraint) -> Constraint:
+    """Several constraints one below the other: rows add up."""
+    if not constraints:
+        raise ArgumentError("the constraints to stack", constraints, "give at least one")
+    return Constraint(
+        " over ".join(c.name for c in constraints),
+        sum(c.rows for c in constraints),
+        lambda task, k, q: vertcat(*(c.expand(task, k, q) for c in constraints)),
+        tuple(flag for c in constraints for flag in c.angular),
+        _least_margin(constraints),
+        places=_places(constraints),
+        implicit=joined(constraints, lambda _task, _k, values: vertcat(*values)),
+        formulas=formulas_of(constraints),
+    )
+
+
+@made
+def total(*constraints: Constraint, weights: Sequence[float] | None = None) -> Constraint:
+    """g(q) = sum_i w_i g_i(q), row by row, of constraints with the same number of rows.
+
+    Args:
+        weights: w_i, ones by default. Rows that are angles take whole numbers, so that a full turn stays one.
+
+    Raises:
+        ArgumentError: nothing to add, rows or weights that do not match, a broken weight on an angle.
+    """
+    factors = [1.0] * len(constraints) if weights is None else [float(w) for w in weights]
+    rows = {c.rows for c in constraints}
+    if len(rows) != 1 or len(factors) != len(constraints) or not np.isfinite(factors).all():
+        facts = ([c.rows for c in constraints], factors)
+        raise ArgumentError("the rows and weights of a sum", facts, "give constraints of equal rows, a weight for each")
+    for c, w in zip(constraints, factors, strict=True):
+        if any(c.angular) and w != round(w):
+            raise ArgumentError(f"the weight of {c.name!r}", w, "its rows are angles: give a whole number")
+
+    def sum_of(_task: Task, _k: Kinematics, values: list[SX]) -> SX:
+        terms = [w * value for value, w in zip(values, factors, strict=True)]
+        return sum(terms[1:], terms[0])
+
+    def expression(task: Task, k: Kinematics, q: SX) -> SX:
+        return sum_of(task, k, [c.expand(task, k, q) for c in constraints])
+
+    angular = tuple(any(flags) for flags in zip(*(c.angular for c in constraints), strict=True))
+    name = " + ".join(c.name if w == 1 else f"{w:g} {c.name}" for c, w in zip(constraints, factors, strict=True))
+    return Constraint(
+        name, rows.pop(), expression, angular, _least_margin(constraints), places=_places(constraints),
+        implicit=joined(constraints, sum_of), formulas=formulas_of(constraints),
+    )  # fmt: skip
+
+
+@made
+def tilted(
+    constraint: Constraint, rho: Callable[[SX], Any], *, chart: Task | None = None, name: str | None = None
+) -> Constraint:
+    """g(q) = a(q) - rho(f(q)): the leaves of a constraint a, tilted by a function of the tool's pose.
+
+    det [J; J_a - rho' J] = det [J; J_a]: the tilt never changes algorithmic singularities (theory 2e). With one
+    redundant joint every holonomic strategy near a leaf of a is of this form.
+
+    Args:
+        rho: x (m,) -> CasADi expression (rows,), in the task's own coordinates (m, rad); rotation vectors, also those
+            of a twist task, count from its `reference` and jump half a turn from it.
+        chart: a task of the same robot whose coordinates rho takes instead, for instance one with another reference.
+
+    Raises:
+        ShapeError (when bound): rho has another number of rows.
+    """
+
+    def tilt(task: Task, k: Kinematics) -> SX:
+        value = written(f"the tilt of {constraint.name}", rho, (chart or task).value_expression(k))
+        if value.shape != (constraint.rows, 1):
+            raise ShapeError(f"the tilt of {constraint.name!r}", (constraint.rows, 1), value.shape)
+        return value
+
+    def slopes(task: Task, k: Kinematics, q: SX) -> SX:
+        return constraint.slopes(task, k, q) - jacobian(tilt(task, k), q)
+
+    def of_pose(task: Task, k: Kinematics) -> Formula:
+        at = (chart or task).value_expression(k)
+        x = symbol("x", at.shape[0])
+        return Formula(written(f"the tilt of {constraint.name}", rho, x), x, at, constraint.angular)
+
+    looped = constraint.looped and tilted(constraint.looped, rho, chart=chart, name=name)
+    return Constraint(
+        name or f"tilted {constraint.name}",
+        constraint.rows,
+        lambda task, k, q: constraint.expand(task, k, q) - tilt(task, k),
+        constraint.angular,
+        constraint.margin,
+        slopes if constraint.derivative is not None else None,
+        looped,
+        constraint.transport,
+        constraint.places,
+        joined([constraint], lambda task, k, values: values[0] - tilt(task, k)),
+        formulas_of([constraint], lambda task, k, _q: [of_pose(task, k)]),
+    )
+
+
+def _least_margin(constraints: Sequence[Constraint]) -> Callable[[Task, Kinematics, SX], SX] | None:
+    margins = [c.margin for c in constraints if c.margin is not None]
+    return least(margins) if margins else None
+
+
+def _places(constraints: Sequence[Constraint]) -> tuple[tuple[str, Callable[[Task, Kinematics, SX], SX]], ...]:
+    return tuple(place for c in constraints for place in c.places)
+
+
+def nothing_jumps(_task: Task, _k: Kinematics, _q: SX) -> list[Formula]:
+    """The formulas of a constraint that the library writes down, and that is continuous wherever it is defined."""
+    return []
+
+
+def formulas_of(
+    constraints: Sequence[Constraint], more: Callable[[Task, Kinematics, SX], list[Formula]] = nothing_jumps
+) -> Callable[[Task, Kinematics, SX], list[Formula]]:
+    """The formulas of several constraints, and more of them: `Constraint.formulas` of what they make together."""
+
+    def formulas(task: Task, k: Kinematics, q: SX) -> list[Formula]:
+        found = more(task, k, q)
+        for c in constraints:
+            found += [Formula(c.expand(task, k, q), q, q, c.angular)] if c.formulas is None else c.formulas(task, k, q)
+        return found
+
+    return formulas
+
+
+def least(margins: Sequence[Callable[[Task, Kinematics, SX], SX]]) -> Callable[[Task, Kinematics, SX], SX]:
+    """The least of several distances, as an expression."""
+
+    def margin(task: Task, k: Kinematics, q: SX) -> SX:
+        found = SX(np.inf)
+        for one in margins:
+            found = fmin(found, one(task, k, q))
+        return found
+
+    return margin
+
+
+def as_gain(gain: ArrayLike, shape: Sequence[int]) -> np.ndarray:
+    """A matrix of the given shape from a scalar (times the identity) or a matrix; finite."""
+    value = finite("the gain", gain)
+    if value.ndim == 0:
+        value = float(value) * np.eye(shape[0], shape[1])
+    return frozen(finite("the gain", value, tuple(shape), "give a number or a matrix, in rad/m"))
+
+
+def joined(constraints: Sequence[Constraint], together: Callable[[Task, Kinematics, list[SX]], SX]) -> Implicit | None:
+    """The unknowns of several constraints, one after the other, and what is made of their values; or nothing."""
+    parts = [c.implicit for c in constraints if c.implicit is not None]
+    if not parts:
+        return None
+
+    def rows(task: Task, k: Kinematics, q: SX, z: SX) -> tuple[SX, SX]:
+        ends = np.cumsum([0, *(part.size(task) for part in parts)]).tolist()
+        found = [part.rows(task, k, q, z[a:b]) for part, (a, b) in zip(parts, pairwise(ends), strict=True)]
+        values = iter(g for g, _ in found)
+        g = [c.expand(task, k, q) if c.implicit is None else next(values) for c in constraints]
+        return together(task, k, g), vertcat(*(h for _, h in found))
+
+    return Implicit(
+        lambda task: sum(part.size(task) for part in parts),
+        rows,
+        lambda task, q: np.concatenate([part.at(task, q) for part in parts]),
+    )

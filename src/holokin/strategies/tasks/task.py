@@ -1,0 +1,400 @@
+"""`Task`: what the tool must do, x = f(q), with its Jacobian, its error and the unit of each row.
+
+A task is about one frame or several: the poses of F frames, six rows each. Its kinds are in `frame_task`. A target is
+the positions p (3F,) and the rotations R (3F, 3) of all frames, one below the other: p (3,) and R (3, 3) of one frame.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from ...base.arguments import check, type_methods, typed
+from ...base.by_value import ByValue
+from ...base.errors import ArgumentError, ShapeError, SingularityError, SingularityKind, UnknownNameError, shown
+from ...base.poses import PoseLike, pose_cure, pose_numbers
+from ...base.tolerances import TOLERANCES
+from ...base.types import Array, ArrayLike, Matrix, Vector, finite, numbers
+from ...robot import Kinematics, Robot
+from ...symbolic import SX, Evaluator, Function, check_length, jacobian, symbol, vertcat
+from ...symbolic.null_space import minors, null_space
+from .frames import poses_expression
+
+
+class Task(ByValue, ABC):
+    """x = f(q), of m rows: a `FrameTask` of one frame, or a `StackedTask` of several.
+
+    Make one with `position`, `pose`, `relative_pose`, `line_of_sight`, `custom_task`, and put them together with
+    `stacked`. `task[[0, 1]]` keeps the first two rows; iterating gives the tasks of single rows.
+    """
+
+    robot: Robot
+    orientation: str | None
+    """The kind of its orientation rows, None for positions alone."""
+    rows: tuple[int, ...]
+    """Which rows of the frames it has, six each: 6 f to 6 f + 2 the position of frame f, then its orientation."""
+
+    def __init_subclass__(cls) -> None:
+        if cls.__module__ != f"{__package__}.frame_task":
+            cure = "tasks are final: use hk.pose, hk.custom_task, ..., and a constraint for a quantity of your own"
+            raise ArgumentError("a subclass of Task", cls.__name__, cure)
+        type_methods(cls)
+
+    def __repr__(self) -> str:
+        return f"Task({self.name}, m={self.m}, n={self.n})"
+
+    @typed
+    def __getitem__(self, index: int | slice | Sequence[int]) -> Self:
+        """The task of some rows only. Raises: UnknownNameError for a row that does not exist, ArgumentError."""
+        return self.with_rows(chosen_rows(self.rows, index))
+
+    def __iter__(self) -> Iterator[Self]:
+        """The tasks of the single rows. Raises: ArgumentError at an angular row of a twist, which cannot be alone."""
+        return (self[i] for i in range(self.m))
+
+    @abstractmethod
+    def with_rows(self, rows: tuple[int, ...]) -> Self:
+        """The same task with other rows."""
+
+    @property
+    def m(self) -> int:
+        """Number of rows."""
+        return len(self.rows)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.robot.n
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """For instance "pose (zyz) of panda"."""
+
+    @property
+    @abstractmethod
+    def row_names(self) -> tuple[str, ...]:
+        """Name of each row."""
+
+    @property
+    @abstractmethod
+    def units(self) -> tuple[str, ...]:
+        """Of each row: "m" or "rad", or what an expression of the user's own is in."""
+
+    @property
+    @abstractmethod
+    def tip(self) -> str | None:
+        """The tip of the robot that shows where the frame is, the first one of several; None is the robot's first."""
+
+    @property
+    @abstractmethod
+    def frames(self) -> int:
+        """How many frames F it is about."""
+
+    @property
+    @abstractmethod
+    def point(self) -> int:
+        """Numbers that say where all its frames are, when it has no orientation rows: 3F, fewer of some expressions."""
+
+    @property
+    @abstractmethod
+    def spatial(self) -> bool:
+        """True when its targets are places of tools in metres."""
+
+    @property
+    @abstractmethod
+    def has_hessians(self) -> bool:
+        """Whether the derivatives of its geometric Jacobian have a closed form."""
+
+    @abstractmethod
+    def hessians(self, q: SX) -> list[SX]:
+        """H_i (n, n) of its rows, dJ_ia / dq_b, in closed form, where there is one."""
+
+    @property
+    @abstractmethod
+    def geometric(self) -> bool:
+        """True when J is of the geometric rows: no representation by angles has a part in it."""
+
+    @property
+    @abstractmethod
+    def exact(self) -> bool:
+        """True when J = df/dq: all representations but angular rows of a twist (a plane's single one is exact)."""
+
+    @property
+    @abstractmethod
+    def rotations(self) -> tuple[int, ...]:
+        """Where all three angular rows of a frame belong to the task: the first of them, among its rows."""
+
+    @property
+    @abstractmethod
+    def geometric_twin(self) -> Self:
+        """The same task with "twist" for each full orientation, which has no singular angles."""
+
+    @abstractmethod
+    def chart(self, rotations: Matrix) -> Self:
+        """The same rows in coordinates whose straight lines from rotations (3F, 3) are p0 + t v, exp(t w) R0."""
+
+    @abstractmethod
+    def counted_from(self, rotations: Matrix) -> Self:
+        """The same with rotation vectors, and values of twists, that count from rotations (3F, 3)."""
+
+    @property
+    def angular(self) -> tuple[bool, ...]:
+        """Which rows are of an orientation."""
+        return tuple(row % 6 > 2 for row in self.rows)
+
+    @property
+    def turns(self) -> bool:
+        """True when there are angular rows, all of full orientations: it knows the tool's rotation."""
+        return 0 < sum(self.angular) == 3 * len(self.rotations)
+
+    @property
+    def by_angles(self) -> bool:
+        """True when some angular rows are not those of a full orientation."""
+        return sum(self.angular) > 3 * len(self.rotations)
+
+    def __call__(self, q: ArrayLike) -> Vector:
+        """x = f(q) [m, rad], (n,) -> (m,) or (k, n) -> (k, m). Angular rows of a twist task show log(R reference^T).
+
+        Raises:
+            ShapeError, NotFiniteError: q is not n finite numbers.
+        """
+        return self._value_at.call(q)
+
+    def jacobian(self, q: ArrayLike) -> Matrix:
+        """Task Jacobian J, (n,) -> (m, n), or (k, n) -> (k, m, n).
+
+        Raises: SingularityError: the orientation representation is singular at q, of many at the first such posture.
+        """
+        return self._jacobian_at.call(q)
+
+    def null_space(self, q: ArrayLike) -> Matrix:
+        """A basis N of ker J, (n,) -> (n, r).
+
+        r = 1: the signed minors of J, smooth in q, with |N|^2 = det(J J^T) and det [J; N^T] > 0 [ZR11, (19)].
+        r > 1: an orthonormal basis from the singular value decomposition, which may jump between postures.
+        """
+        J = self.jacobian(self.robot.checked(q))
+        return minors(J)[:, None] if self.n - self.m == 1 else null_space(J)
+
+    def error(self, q: ArrayLike, position: ArrayLike, rotation: ArrayLike) -> Array:
+        """Task error (m,) from the pose at q (n,) to a target position (3,) and rotation (3, 3) [m, rad].
+
+        Position p_d - p; twist log(R_d R^T); other representations x_d - f(q), angles in (-pi, pi]. At many postures
+        (k, n), to targets (k, 3), (k, 3, 3) or to one for all, it is (k, m).
+
+        Of F frames positions are (3F,) or (F, 3), and rotations (3F, 3) or (F, 3, 3).
+
+        Raises:
+            ShapeError, NotFiniteError, ArgumentError.
+        """
+        at = numbers("q", q, self.robot.joint_names)
+        p, R = self._target(position, (3,)), self._target(rotation, (3, 3))
+        if at.ndim == 2:
+            return self.error_function.batch(self.robot.postures(at), p, R).reshape(len(at), self.m)
+        p, R = finite("the position", p, (3 * self.frames,)), finite("the rotation", R, (3 * self.frames, 3))
+        return np.atleast_1d(self.error_function(self.robot.checked(at), p, R))
+
+    def _target(self, given: ArrayLike, each: tuple[int, ...]) -> Array:
+        """Positions or rotations of all frames, where they stand side by side, one below the other."""
+        array = numbers("a target", given)
+        side = (self.frames, *each)
+        if self.frames > 1 and array.shape[-len(side) :] == side:
+            return array.reshape(*array.shape[: -len(side)], 3 * self.frames, *each[1:])
+        return array
+
+    def pose(self, q: ArrayLike) -> Matrix:
+        """Pose (4, 4) of the frame at q (n,), or those of several (F, 4, 4); at many postures (k, n) one in a row each.
+
+        Raises:
+            ShapeError, NotFiniteError: q is not n finite numbers.
+        """
+        return self._pose_at.call(q)
+
+    def poses(self, Q: Matrix) -> tuple[Matrix, Array]:
+        """Positions (k, 3F) and rotations (k, 3F, 3) of the frames at postures (k, n)."""
+        return _targets_of(self._pose.batch(self.robot.postures(Q)).reshape(-1, self.frames, 4, 4))
+
+    def place(self, q: ArrayLike) -> tuple[Vector, Matrix]:
+        """The target at which its frames are at q (n,): positions (3F,) and rotations (3F, 3)."""
+        return self.target(self.pose(self.robot.checked(q)))
+
+    def target(self, pose: PoseLike) -> tuple[Vector, Matrix]:
+        """Positions (3F,), rotations (3F, 3) of a pose (4, 4), or of (F, 4, 4). Raises: ShapeError, ArgumentError."""
+        shape, given = (4, 4) if self.frames == 1 else (self.frames, 4, 4), pose_numbers("a pose", pose)
+        if given.shape not in (shape, (self.frames, 4, 4)):
+            raise ShapeError("a pose", shape, given.shape, pose_cure(given))
+        p, R = _targets_of(given.reshape(1, self.frames, 4, 4))
+        return p[0], R[0]
+
+    def value_batch(self, Q: Matrix) -> Matrix:
+        """f at postures (k, n) -> (k, m), unchecked."""
+        Q = self.robot.postures(Q)
+        return self._value.batch(Q).reshape(len(Q), self.m)
+
+    def jacobian_batch(self, Q: Matrix) -> tuple[Array, Vector]:
+        """J at postures (k, n) -> (k, m, n), unchecked, with the representation's margins (k,)."""
+        Q = self.robot.postures(Q)
+        J, margin = self._jacobian.batch(Q)
+        return J.reshape(len(Q), self.m, self.n), margin
+
+    def rates(self, rotation: ArrayLike, velocity: ArrayLike, angular: ArrayLike) -> tuple[Matrix, Vector]:
+        """x' of tools turned by R (k, 3F, 3) that move with v (k, 3F), w (k, 3F) -> (k, m), unchecked.
+
+        And the margins (k,) of the representation. Raises: ShapeError.
+        """
+        R = finite("the rotations", rotation, ("k", 3 * self.frames, 3))
+        out, margins = self._rates.batch(R, velocity, angular)
+        return out.reshape(-1, self.m), margins
+
+    # --- expressions -----------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def kinematics(self, q: SX) -> Kinematics:
+        """The expressions of the frame; of several, one below the other."""
+
+    @abstractmethod
+    def value_expression(self, k: Kinematics) -> SX:
+        """x = f(q) as an expression (m,)."""
+
+    @abstractmethod
+    def jacobian_expression(self, k: Kinematics, q: SX) -> SX:
+        """J as an expression (m, n): the geometric rows, or df/dq of a representation."""
+
+    @abstractmethod
+    def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
+        """`error` as an expression (m,)."""
+
+    @abstractmethod
+    def rates_expression(self, R: SX, v: SX, w: SX) -> SX:
+        """x' (m,) of tools turned by R (3F, 3) that move with v (3F,), w (3F,)."""
+
+    @abstractmethod
+    def margin_expression(self, rotation: SX) -> SX:
+        """Distance of the representations from their singularities; 1 where there is none."""
+
+    def turning_expression(self, k: Kinematics, J: SX) -> SX:
+        """J with the geometric rows of each full orientation, whatever its representation."""
+        if not self.rotations:
+            return J
+        turning = SX(J)
+        for first in self.rotations:
+            for row in range(first, first + 3):
+                turning[row, :] = k.jacobian[self.rows[row], :]
+        return turning
+
+    @typed
+    def velocities(self, twist: SX) -> tuple[SX, SX]:
+        """v (3F,) and w (3F,) of twists, one after the other (6F,)."""
+        check_length("twist", twist, 6 * self.frames)
+        each = range(0, 6 * self.frames, 6)
+        return vertcat(*(twist[i : i + 3] for i in each)), vertcat(*(twist[i + 3 : i + 6] for i in each))
+
+    def target_symbols(self) -> tuple[SX, SX]:
+        """Symbols of a target: p (3F,) and R (3F, 3)."""
+        return symbol("p", 3 * self.frames), symbol("R", 3 * self.frames, 3)
+
+    # --- numeric functions, built once -------------------------------------------------------------------------
+
+    @cached_property
+    def _symbols(self) -> tuple[SX, Kinematics]:
+        q = symbol("q", self.n)
+        return q, self.kinematics(q)
+
+    @cached_property
+    def _value(self) -> Function:
+        q, k = self._symbols
+        return Function("task", {"q": q}, {"x": self.value_expression(k)})
+
+    @cached_property
+    def _jacobian(self) -> Function:
+        q, k = self._symbols
+        outputs = {"J": self.jacobian_expression(k, q), "margin": self.margin_expression(k.rotation)}
+        return Function("task_jacobian", {"q": q}, outputs)
+
+    @cached_property
+    def _pose(self) -> Function:
+        q, k = self._symbols
+        return Function("pose", {"q": q}, {"T": poses_expression(k)})
+
+    @cached_property
+    def _pose_at(self) -> Evaluator:
+        shape = (4, 4) if self.frames == 1 else (self.frames, 4, 4)
+        return self._pose.checked(shape, self.robot.checked, self._doubtful)
+
+    @cached_property
+    def _value_at(self) -> Evaluator:
+        return self._value.checked((self.m,), self.robot.checked, self._doubtful)
+
+    @cached_property
+    def _jacobian_at(self) -> Evaluator:
+        bounds = (TOLERANCES.representation,)
+        return self._jacobian.checked((self.m, self.n), self.robot.checked, self._doubtful, bounds)
+
+    def _doubtful(self, q: Vector, found: Array, margin: float = np.inf) -> Array:
+        """What was found at q, unless q is not finite or the representation is singular there."""
+        check_representation(self, self.robot.checked(q), margin)
+        return found
+
+    @cached_property
+    def error_function(self) -> Function:
+        """(q, p, R) -> `error`, unchecked."""
+        inputs, e = self._error
+        return Function("task_error", inputs, {"e": e})
+
+    @cached_property
+    def error_and_slope(self) -> Function:
+        """(q, p, R) -> (`error`, its derivative by q (m, n)), unchecked."""
+        inputs, e = self._error
+        return Function("task_error_slope", inputs, {"e": e, "slope": jacobian(e, inputs["q"])})
+
+    @cached_property
+    def _error(self) -> tuple[dict[str, SX], SX]:
+        (q, k), (p, R) = self._symbols, self.target_symbols()
+        return {"q": q, "p": p, "R": R}, self.error_expression(k, p, R)
+
+    @cached_property
+    def _rates(self) -> Function:
+        R, v, w = self.target_symbols()[1], symbol("v", 3 * self.frames), symbol("w", 3 * self.frames)
+        outputs = {"dx": self.rates_expression(R, v, w), "margin": self.margin_expression(R)}
+        return Function("task_rates", {"R": R, "v": v, "w": w}, outputs)
+
+
+def check_representation(task: Task, q: Vector, margin: float) -> None:
+    """Raises: SingularityError when the margin of the representation is used up."""
+    if not margin > TOLERANCES.representation:
+        raise SingularityError(SingularityKind.REPRESENTATION, q, task.name, margin)
+
+
+def of_one_tool(task: Task, what: str) -> None:
+    """Raises: ArgumentError: what is asked for serves one tool alone, and this task has several frames or none."""
+    if task.frames > 1 or not task.robot.tips:
+        cure = "take the task of one" if task.robot.tips else "coordinates without links have none"
+        raise ArgumentError(f"the task of {what}", task.name, f"it serves one tool of a robot: {cure}")
+
+
+def _targets_of(poses: Array) -> tuple[Matrix, Array]:
+    """Positions (k, 3F) and rotations (k, 3F, 3) of poses (k, F, 4, 4)."""
+    k, frames = poses.shape[:2]
+    return poses[..., :3, 3].reshape(k, 3 * frames), poses[..., :3, :3].reshape(k, 3 * frames, 3)
+
+
+def chosen_rows(rows: tuple[int, ...], index: int | slice | Sequence[int]) -> tuple[int, ...]:
+    """Some of the rows, by index. Raises: UnknownNameError, ArgumentError."""
+    count = len(rows)
+    if isinstance(index, slice):
+        for part in (index.start, index.stop, index.step):
+            check("the slice of task rows", int | None, part)
+        wanted = list(range(count)[index])
+    else:
+        wanted = [index] if isinstance(index, int | np.integer) else [*index]
+    for i in wanted:
+        if not -count <= i < count:
+            raise UnknownNameError("task row", shown(i), [str(k) for k in range(count)])
+    if not wanted or len({i % count for i in wanted}) != len(wanted):
+        raise ArgumentError("the choice of task rows", index, "name each row once, and at least one")
+    return tuple(rows[i] for i in wanted)

@@ -1,0 +1,266 @@
+"""No law covers all directions of the wrist: indices of fields whose poles are known, and of arms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import holokin as hk
+from conftest import PANDA_START, sampled
+from holokin.analysis.curvature import Directions, obstruction
+from holokin.analysis.curvature.sphere_index import TangentField, area, icosphere, poles, turn
+from holokin.base.errors import ArgumentError, OpenPathError
+
+IIWA = np.array([0.1, 0.6, 0.3, -1.4, 0.2, 1.1, 0.0])
+SHOULDER = np.array([0.0, 0.0, 0.36])
+X, Y, Z = np.eye(3)
+
+
+# --- fields on the sphere in closed form ---
+
+
+class Given(TangentField):
+    """The tangent part of a vector field of space."""
+
+    def __init__(self, vectors: Callable[[np.ndarray], np.ndarray]) -> None:
+        self.vectors = vectors
+
+    def step(self, state: object, u: np.ndarray) -> tuple[object, np.ndarray] | None:
+        v = self.vectors(u)
+        v = v - (u @ v) * u
+        size = np.linalg.norm(v)
+        return (state, v / size) if size > 1e-12 else None
+
+
+def cubic(u: np.ndarray) -> np.ndarray:
+    """The gradient of x^3 - 3 x y^2: three summits and three dips round the equator, a saddle of three ways on top."""
+    return np.array([3 * u[0] ** 2 - 3 * u[1] ** 2, -6 * u[0] * u[1], 0.0])
+
+
+FIELDS = {
+    "a rotation": (lambda u: np.cross(Z, u), [(Z, 1), (-Z, 1)]),
+    "downhill": (lambda u: -Z, [(Z, 1), (-Z, 1)]),
+    "one pole": (lambda u: np.cross(u, np.cross(u - X, Z)), [(X, 2)]),
+    "the gradient of xyz": (
+        lambda u: u[[1, 2, 0]] * u[[2, 0, 1]],
+        [(s * a, -1) for s in (1, -1) for a in (X, Y, Z)]
+        + [(np.array([a, b, c]) / 3**0.5, 1) for a in (1, -1) for b in (1, -1) for c in (1, -1)],
+    ),
+    "monkey saddles": (
+        cubic,
+        [(Z, -2), (-Z, -2)] + [(np.array([np.cos(k * np.pi / 3), np.sin(k * np.pi / 3), 0]), 1) for k in range(6)],
+    ),
+}
+
+
+@sampled(3, "name", FIELDS)
+def test_the_poles_of_a_known_field_are_found_with_their_indices(name: str) -> None:
+    field, known = FIELDS[name]
+    turned = Rotation.from_rotvec([0.3, -0.2, 0.5])
+    found = poles(Given(lambda u: turned.apply(field(turned.inv().apply(u)))), None, Y, 0, 0.01)
+    assert found.total == sum(index for _, index in known) == 2
+    assert len(found.found) == len(known)
+    for pole in found.found:
+        at = [index for u, index in known if np.arccos(min(turned.apply(u) @ pole.direction, 1)) < pole.radius < 0.02]
+        assert at == [pole.index]
+    assert found.largest < np.pi / 2
+    assert found.reached == found.directions
+
+
+def test_a_pole_that_an_edge_passes_closely_is_not_missed() -> None:
+    """A direction that makes a whole turn on a short piece of an edge looks as if it had made none."""
+    points, triangles = icosphere(1)
+    a, b, _ = points[triangles[7]]
+    pole = a + 0.3 * (b - a) + 1e-3 * np.cross(a, b)
+    pole /= np.linalg.norm(pole)
+    V = np.cross(pole, X) / np.linalg.norm(np.cross(pole, X))
+    found = poles(Given(lambda u: np.cross(u, np.cross(u - pole, V))), None, -pole, 1, 0.01)
+    assert [p.index for p in found.found] == [2]
+    assert found.found[0].direction @ pole > np.cos(0.01)
+
+
+def test_the_triangles_cover_the_sphere_and_turning_round_one_is_its_area() -> None:
+    points, triangles = icosphere(2)
+    areas = [area(*points[t]) for t in triangles]
+    assert min(areas) > 0
+    assert sum(areas) == pytest.approx(4 * np.pi)
+    u, v, w = points[triangles[5]]
+    e = np.cross(u, X) / np.linalg.norm(np.cross(u, X))
+    carried = e
+    for a, b in ((u, v), (v, w), (w, u)):
+        carried = Rotation.from_rotvec(np.cross(a, b) / np.linalg.norm(np.cross(a, b)) * np.arccos(a @ b)).apply(
+            carried
+        )
+    assert turn(u, e, u, carried) == pytest.approx(areas[5])
+
+
+# --- arms ---
+
+
+def places(found: hk.analysis.curvature.Obstruction) -> list[tuple[list[float], int]]:
+    return [(w.direction.round(2).tolist(), w.index) for w in found.witnesses]
+
+
+def test_the_conventional_angle_has_two_poles_of_index_1_above_and_below_the_shoulder(iiwa14: hk.Robot) -> None:
+    found = obstruction(
+        hk.holonomic(hk.pose(iiwa14), hk.arm_angle(definition="conventional")), Directions(fineness=0), IIWA
+    )
+    assert (found.total, places(found)) == (2, [([0, 0, -1], 1), ([0, 0, 1], 1)])
+    assert found.largest < np.pi / 2
+    assert "none covers all directions" in found.sentence
+    for witness in found.witnesses:  # the tool pose that brings the wrist there
+        wrist = witness.pose[:3, 3] - 0.126 * witness.pose[:3, 2]
+        assert wrist - SHOULDER == pytest.approx(np.linalg.norm(wrist - SHOULDER) * witness.direction, abs=1e-9)
+        assert witness.pose[:3, :3] == pytest.approx(iiwa14.pose(IIWA)[:3, :3])
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("pole", "reference"), [((-1, 0, 0), (0, 0, 1)), ((0.48, 0.6, -0.64), (0.8, 0.0, 0.6))])
+def test_a_stereographic_angle_has_one_pole_of_index_2_along_its_half_line(
+    iiwa14: hk.Robot, pole: tuple[float, ...], reference: tuple[float, ...]
+) -> None:
+    law = hk.holonomic(hk.pose(iiwa14), hk.arm_angle(pole=pole, reference=reference))
+    found = obstruction(law, Directions(fineness=0), IIWA)
+    (witness,) = found.witnesses
+    assert (found.total, witness.index) == (2, 2)
+    assert witness.direction @ pole > np.cos(0.01)
+    assert not witness.hole
+
+
+@pytest.mark.campaign
+def test_a_locked_joint_leaves_two_caps_out_of_reach_and_they_hold_the_indices(iiwa14: hk.Robot) -> None:
+    """The wrist turns about joint 2 at a fixed distance from its axis's plane: no direction nearer to the vertical."""
+    found = obstruction(hk.holonomic(hk.pose(iiwa14), hk.lock(2)), Directions(fineness=1), IIWA)
+    assert (found.total, sorted(w.index for w in found.witnesses)) == (2, [1, 1])
+    line = iiwa14.skeleton(IIWA)[0]
+    W = line[6] - SHOULDER
+    axis = iiwa14.jacobian(IIWA)[3:, 1]
+    cap = np.arcsin(abs(W @ axis) / np.linalg.norm(W))
+    assert cap > 0.15
+    for witness in found.witnesses:
+        assert witness.hole
+        assert abs(witness.direction[2]) > 0.99
+        assert cap < witness.radius < cap + 0.15  # triangles of 0.3 rad
+
+
+@pytest.mark.campaign
+def test_a_law_that_nobody_wrote_down_has_total_index_2_as_well(iiwa14: hk.Robot) -> None:
+    law = hk.holonomic(hk.pose(iiwa14), hk.strategies.constraints.stationary(hk.strategies.constraints.centring_cost()))
+    found = obstruction(law, Directions(fineness=0), hk.move_to_leaf(law, IIWA, 0.0))
+    assert found.total == sum(w.index for w in found.witnesses) == 2
+    assert all(w.hole for w in found.witnesses)
+
+
+def test_no_law_of_an_iiwa_covers_all_directions_whichever_it_is(iiwa14: hk.Robot) -> None:
+    """The elbow's circle is as wide as the triangle of upper arm, forearm and reach says."""
+    found = obstruction(hk.pose(iiwa14), Directions(fineness=0), IIWA)
+    line = iiwa14.skeleton(IIWA)[0]
+    d = np.linalg.norm(line[6] - SHOULDER)
+    height = np.sqrt(0.42**2 - ((0.42**2 - 0.40**2 + d**2) / (2 * d)) ** 2)
+    assert found.total == 2
+    assert found.total
+    assert found.clearance == pytest.approx(height, abs=1e-9)
+    assert found.sentence.startswith("no law of iiwa14 covers all directions") and "without a jump." in found.sentence
+
+
+@pytest.mark.campaign
+def test_a_panda_whose_wrist_stands_aside_is_not_said_to_be_like_that_beyond_what_was_traced(panda: hk.Robot) -> None:
+    found = obstruction(hk.pose(panda), Directions(fineness=0), PANDA_START)
+    assert found.total == 2
+    assert "on the self-motions traced" in found.sentence
+    law = obstruction(hk.holonomic(hk.pose(panda), hk.arm_angle()), Directions(fineness=0), PANDA_START)
+    assert law.total == 2
+    assert "unless the elbow gets onto the line" in law.sentence
+
+
+def test_a_stretched_arm_is_undecided(iiwa14: hk.Robot) -> None:
+    """Its elbow is on the line from shoulder to wrist and has no direction."""
+    found = obstruction(hk.pose(iiwa14), Directions(fineness=0), IIWA * [1, 1, 1, 0, 1, 1, 1])
+    assert found.total is None
+    assert "undecided" in found.sentence
+    assert found.reached == 0
+
+
+def test_directions_want_a_shoulder_that_stands_and_a_tool_that_is_turned(panda: hk.Robot) -> None:
+    with pytest.raises(ArgumentError, match="no joint moves"):
+        obstruction(hk.pose(panda), Directions(joints=(3, 4, 6)), PANDA_START)
+    with pytest.raises(ArgumentError, match="orientation"):
+        obstruction(hk.position(panda), Directions(), PANDA_START)
+    for wrong in ({"fineness": 9}, {"fineness": -1}, {"accuracy": 0.0}):
+        with pytest.raises(ArgumentError):
+            Directions(**wrong)  # type: ignore[arg-type]
+
+
+# --- loops ---
+
+
+def loop(robot: hk.Robot, axis: np.ndarray, size: float, pole: np.ndarray) -> tuple[np.ndarray, hk.Path]:
+    """(start, a circle of the wrist of an iiwa 14 round a direction from its shoulder, its tool down)."""
+    side = np.cross(axis, [0.6, 0.8, 0.1])
+    w = np.cos(size) * axis + np.sin(size) * side / np.linalg.norm(side)
+    T = np.eye(4)
+    T[:3, :3] = np.diag([1.0, -1.0, -1.0])
+    T[:3, 3] = SHOULDER + 0.6 * w + 0.126 * T[:3, 2]
+    leaf = hk.holonomic(hk.pose(robot), hk.arm_angle(pole=pole, reference=np.cross(pole, [0.3, 0.5, 0.7])))
+    start = hk.all_postures(leaf, T, 0.4, starts=64).q[0]
+    center = SHOULDER + 0.6 * np.cos(size) * axis + 0.126 * T[:3, 2]
+    return start, hk.circle(T[:3, 3], center, axis)
+
+
+@pytest.mark.campaign
+@sampled(
+    1,
+    ("definition", "axis", "size", "turns", "samples"),
+    [("conventional", Z, 0.4, 1, 16), ("stereographic", -X, 0.7, 2, 24), ("stereographic", Z, 0.4, 0, 16)],
+)
+def test_round_a_pole_the_redundant_joint_makes_as_many_turns_as_its_index(
+    iiwa14: hk.Robot, definition: str, axis: np.ndarray, size: float, turns: int, samples: int
+) -> None:
+    start, path = loop(iiwa14, axis, size, -Y)
+    law = hk.holonomic(hk.pose(iiwa14), hk.arm_angle(definition=definition))
+    found = obstruction(law, path, start, samples=samples)
+    assert found.total is not None
+    assert abs(found.total) == turns
+    assert bool(found.total) == (turns > 0)
+    assert found.largest < np.pi / 2
+    assert ("any law with the same postures on the path has a jump" in found.sentence) == (turns > 0)
+    sign = "+" if found.total > 0 else "-"
+    often = {0: "no turn", 1: f"{sign}1 turn", 2: f"{sign}2 turns"}[turns]
+    assert f" makes {often} along the self-motion" in found.sentence
+
+
+@pytest.mark.campaign
+def test_the_other_way_round_the_turns_are_the_other_way(iiwa14: hk.Robot) -> None:
+    start, path = loop(iiwa14, Z, 0.4, -Y)
+    law = hk.holonomic(hk.pose(iiwa14), hk.arm_angle(definition="conventional"))
+    there, back = (obstruction(law, way, start, samples=12).total for way in (path, path.reversed()))
+    assert there == -back != 0  # type: ignore[operator]
+
+
+@pytest.mark.campaign
+def test_a_self_motion_that_is_no_circle_is_undecided() -> None:
+    """Two slides along one line: the self-motion never closes."""
+    rows = [{"kind": "prismatic"}, {"kind": "prismatic", "alpha": np.pi / 2}, {"kind": "prismatic"}]
+    robot = hk.from_dh(rows, name="slides")
+    task = hk.position(robot, rows=[1, 2])
+    law, q0 = hk.holonomic(task, hk.linear([1, -1, 0])), np.zeros(3)
+    p = robot.pose(q0)[:3, 3]
+    path = hk.polyline([p, p + [0, 0.1, 0], p + [0, 0.1, 0.1], p])
+    found = obstruction(law, path, q0, samples=8)
+    assert found.total is None
+    assert "no closed curve" in found.sentence
+
+
+def test_loops_want_a_law_with_leaves_and_an_end_at_the_start(panda: hk.Robot) -> None:
+    p = panda.pose(PANDA_START)[:3, 3]
+    with pytest.raises(ArgumentError, match="leaves"):
+        obstruction(hk.pose(panda), hk.circle(p, p - [0.1, 0, 0]), PANDA_START)
+    law = hk.holonomic(hk.pose(panda), hk.arm_angle())
+    with pytest.raises(OpenPathError):
+        obstruction(law, hk.polyline([p, p + [0.1, 0, 0]]), PANDA_START)
+    with pytest.raises(ArgumentError, match="redundant"):
+        two = hk.holonomic(hk.position(panda), hk.lock(0, 1, 2, 6))
+        obstruction(two, hk.circle(p, p - [0.1, 0, 0]), PANDA_START)

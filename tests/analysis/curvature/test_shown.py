@@ -1,0 +1,141 @@
+"""How values are shown: one short line each, and in a notebook a small table in which no text is HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
+from enum import Enum
+from functools import cache
+from html.parser import HTMLParser
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.fuzz.methods import things
+
+import holokin as hk
+from holokin.analysis.design import OwnCost
+from holokin.base.shown import LONGEST, Shown
+from public_nouns import public_classes
+
+EVIL = "<script>alert(1)</script><img src=x onerror=alert(2)>'\"&\x1b[2J\n\u202e" + 2000 * "long"
+"""What a stranger may call a robot."""
+
+
+def inner(value: Any, depth: int = 4) -> Iterator[Any]:
+    """A value, and those that its fields hold."""
+    yield value
+    if depth and is_dataclass(value) and not isinstance(value, type):
+        for field in fields(value):
+            yield from inner(getattr(value, field.name), depth - 1)
+    elif depth and isinstance(value, tuple | list):
+        for one in value[:20]:
+            yield from inner(one, depth - 1)
+
+
+@cache
+def instances() -> dict[type, Any]:
+    """A real instance of each class of holokin that is met: nouns, and what verbs answer."""
+    robot = hk.load("planar-3r")
+    q0 = np.array([0.3, 0.6, 0.5])
+    task = hk.position(robot)
+    law = hk.holonomic(task, hk.lock(2))
+    space = hk.workspace(box=(robot.pose(q0)[:2, 3], [0.05, 0.05]))
+    more = [
+        hk.design(task, space, q0, degree=1, samples=8), hk.cusps(law, q0), hk.unique_region(law, q0),
+        OwnCost("mine", function=len), hk.robot.DHRow(a=1.0),
+        hk.survey(["ppr"], {"mp": hk.moore_penrose}, {"c": {"kind": "circle", "size": 0.1}}, cycles=1, workers=0),
+    ]  # fmt: skip
+    found: dict[type, Any] = {}
+    for thing in [*things().values(), *more]:
+        for one in inner(thing):
+            if type(one).__module__.startswith("holokin") and not isinstance(one, Enum):
+                found.setdefault(type(one), one)
+    return found
+
+
+@pytest.mark.campaign
+def test_every_public_noun_has_one_short_line() -> None:
+    public = set(public_classes().values())
+    assert len(public & set(instances())) > 60
+    for kind, one in instances().items():
+        line = repr(one) if isinstance(one, Shown) or kind in public else ""
+        assert len(line) <= LONGEST and line.isprintable(), (kind, line)
+        if hasattr(one, "_repr_html_"):
+            assert one._repr_html_().startswith("<div"), kind
+
+
+def test_every_public_class_has_the_parent_that_makes_its_line() -> None:
+    """Kinds are enumerations, with short names; tensors of other libraries stand in a named tuple, as these want."""
+    known = (Shown, Enum, tuple)
+    assert not [name for name, one in public_classes().items() if not issubclass(one, known)]
+
+
+def stranger() -> hk.Robot:
+    return replace(hk.load("planar-3r"), name=EVIL)
+
+
+def from_a_stranger() -> list[Any]:
+    """What is made of a robot with a hostile name."""
+    robot, q0 = stranger(), np.array([0.3, 0.6, 0.5])
+    task = hk.position(robot)
+    law = replace(hk.holonomic(task, hk.lock(2)), name=EVIL)
+    start = robot.pose(q0)[:3, 3]
+    loop = hk.circle(start, start - [0.05, 0, 0])
+    space = hk.workspace(box=(start[:2], [0.02, 0.02]))
+    walk, ik = hk.follow(law, loop, q0, samples=20), hk.inverse(law, q0)
+    return [
+        robot, task, law, hk.lock(2, name=EVIL), loop, walk, ik, ik.batch(space.poses(5)), ik.nearest(robot.pose(q0)),
+        hk.involutivity(hk.moore_penrose(task), hk.around(q0, 0.1), samples=4), hk.check(walk, robot),
+        hk.coverage(law, space, q0, samples=4), hk.audit(law, robot, task, q0=q0, dt=0.1, cycles=3),
+        hk.drift(law, loop, q0, samples=20), hk.certify(law, loop, q0), OwnCost(EVIL, function=len),
+        hk.design(task, space, q0, degree=0, samples=4),
+    ]  # fmt: skip
+
+
+class Tags(HTMLParser):
+    """The tags of a text, with their attributes, and the words between them."""
+
+    def __init__(self) -> None:
+        super().__init__(convert_charrefs=True)
+        self.found: set[str] = set()
+        self.words = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found |= {tag, *(f"{tag} {name}" for name, _ in attrs)}
+
+    def handle_data(self, data: str) -> None:
+        self.words += data
+
+
+def test_no_text_of_a_stranger_is_html_or_breaks_a_line() -> None:
+    seen = 0
+    for one in from_a_stranger():
+        tags = Tags()
+        tags.feed(one._repr_html_())
+        assert tags.found <= {"div", "b", "table", "tr", "td", "td style", "p"}, type(one)
+        assert not set(tags.words) & {"\x1b", "\u202e"}, type(one)
+        seen += "alert(1)" in tags.words
+        assert len(repr(one)) <= LONGEST and repr(one).isprintable(), type(one)
+    assert seen >= 5  # the name is there, as text
+
+
+def test_a_table_says_what_was_found() -> None:
+    robot, q0 = hk.load("planar-3r"), np.array([0.3, 0.6, 0.5])
+    task = hk.position(robot)
+    start = robot.pose(q0)[:3, 3]
+    law = hk.holonomic(task, hk.lock(2))
+    walk = hk.follow(law, hk.circle(start, start - [0.05, 0, 0]), q0, samples=20)
+    assert "<td" in walk._repr_html_() and "0.3000 rad" in walk._repr_html_() and "q3" in walk._repr_html_()
+    assert "holonomic" in hk.involutivity(law, hk.around(q0, 0.1), samples=4)._repr_html_()
+    assert "3.142 rad" in robot._repr_html_()
+    solutions = hk.inverse(law, q0).batch(np.array([robot.pose(q0), np.full((4, 4), np.nan)]))
+    assert repr(solutions) == "Solutions(2 poses, 1 reached)"
+    assert "not finite" in solutions._repr_html_()
+
+
+@pytest.mark.parametrize("value", [1.0, 3, None, True, "x", np.eye(3), [1, 2], {"a": 1}, hk.Status.COMPLETE])
+def test_a_part_of_any_kind_is_shown(value: Any) -> None:
+    cost = OwnCost("mine", function=len)
+    object.__setattr__(cost, "weight", value)
+    assert repr(cost).startswith("OwnCost(name='mine'") and cost._repr_html_().startswith("<div>")

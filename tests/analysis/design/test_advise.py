@@ -1,0 +1,369 @@
+"""The advice: laws that fit, compared on a workspace; its tips, starts and words; the command and its job file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import PANDA_START, R3_START, Command, campaign, urdf
+from holokin.analysis.coverage import fitting_task, locked_joints, regular_starts
+from holokin.analysis.coverage.candidates import Candidate, candidates
+from holokin.analysis.coverage.coordinates import chart_of, coordinates_of
+from holokin.analysis.coverage.line_ends import along_leaf, along_radial
+from holokin.analysis.coverage.served_part import largest_part
+from holokin.analysis.coverage.starts import postures_at, unwound
+from holokin.analysis.coverage.tips import chain_to_tool
+from holokin.analysis.design import Advice, advice_case, nearby_cusps
+from holokin.analysis.design.advice import EASY, EQUAL, ranked
+from holokin.analysis.design.excess import NEAR, Excess, least_near, rival_of
+from holokin.analysis.design.objectives import costs_of
+from holokin.analysis.design.reasons import reasons
+from holokin.analysis.design.trials import Trial
+from holokin.app.job import open_job, run_job
+from holokin.app.report.advice_report import bars_height, coverage_bars
+from holokin.base.errors import (
+    ArgumentError,
+    JointLimitError,
+    NotFiniteError,
+    OutOfReachError,
+    RobotFileError,
+    TaskTooLargeError,
+    UnknownNameError,
+)
+from holokin.path.workspaces import pose_cloud
+
+PLANE = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
+
+
+def arm(limits: dict[int, float] | None = None) -> hk.Robot:
+    """A planar arm of three links of a metre, joints in +-2.6 rad but for those named."""
+    wide = [(limits or {}).get(i, 2.6) for i in range(3)]
+    return hk.from_dh([{"a": 1.0, "lower": -w, "upper": w, "max_velocity": 2.0} for w in wide], name="planar")
+
+
+def least_anywhere(task: hk.Task, space: hk.Workspace) -> float:
+    """The least mean squared joint speed, on a grid of each self-motion of the arm, limits aside."""
+    least = []
+    for pose in space.poses(40):
+        p = pose[:2, 3]
+        turns = np.linspace(-np.pi, np.pi, 721)
+        wrist = p - np.stack([np.cos(turns), np.sin(turns)], axis=1)  # where the third joint is
+        far = np.linalg.norm(wrist, axis=1)
+        ok = (far < 2) & (far > 1e-3)
+        for sign in (1, -1):
+            q2 = sign * np.arccos(np.clip(far[ok] ** 2 / 2 - 1, -1, 1))
+            q1 = np.arctan2(wrist[ok, 1], wrist[ok, 0]) - q2 / 2
+            J = task.jacobian_batch(np.stack([q1, q2, turns[ok] - q1 - q2], axis=1))[0]
+            least.append(np.min(np.sum(np.linalg.pinv(J) ** 2, axis=(1, 2))))
+    return float(np.min(np.reshape(least, (-1, 2)), axis=1).mean())
+
+
+@pytest.fixture(scope="module", params=[4, campaign("less", 1)])
+def advice(request: pytest.FixtureRequest) -> Advice:
+    """Of poses, of those of a design and of starts as many as users have, or a quarter."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module, name in ((advice_case, "POSES"), (advice_case, "DESIGNED"), (nearby_cusps, "STARTS")):
+            patch.setattr(module, name, getattr(module, name) // request.param)
+        return hk.advise(arm(), PLANE)
+
+
+def test_the_best_law_serves_the_workspace_near_the_least_speed(advice: Advice) -> None:
+    """Referee: `coverage` of the best law at other poses, and the pseudo-inverse on a grid of each self-motion."""
+    best = advice.best
+    assert best.coverage == 1.0
+    assert hk.coverage(best.strategy, PLANE, best.q0, samples=200, seed=7).share == 1.0
+    found = least_anywhere(advice.task, PLANE)
+    assert advice.floor == pytest.approx(found, rel=0.02)
+    assert 1.0 <= best.speed < 1.03
+    assert all(law.speed > 0.999 for law in advice.laws if law.coverage > 0.5)
+
+
+def test_every_law_that_fits_is_in_the_table_and_the_order_is_the_ranking(advice: Advice) -> None:
+    names = {law.name for law in advice.laws}
+    expected = {"lock q1", "lock q2", "lock q3", "radial", "stationary centring", "stationary manipulability"}
+    assert expected <= names
+    assert any(" - " in name or " + " in name for name in names)
+    assert any(name.startswith("designed from") for name in names)
+    assert [law.name for law in ranked(advice.laws)] == [law.name for law in advice.laws]
+    shares = [law.easy for law in advice.laws]
+    assert all(b <= a + EASY + EQUAL for a, b in pairwise(shares))
+    assert advice.reasons[0].startswith(f"Take {advice.best.name!r}")
+    assert advice.best.name in str(advice) and advice.part is None
+
+
+@pytest.mark.campaign
+def test_the_same_advice_is_given_twice() -> None:
+    advice, again = (hk.advise(arm(), PLANE) for _ in range(2))
+    assert [law.name for law in again.laws] == [law.name for law in advice.laws]
+    assert np.array_equal(again.q0, advice.q0)
+    assert again.summary() == advice.summary()
+
+
+@pytest.mark.campaign
+def test_a_narrow_limit_is_avoided_and_named() -> None:
+    """Joint 3 may turn by 0.2 rad alone: a law that turns it more loses poses, and the advice does not take it."""
+    far = hk.workspace(box=([1.9, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
+    narrow = hk.advise(arm({2: 0.2}), far)
+    at = {law.name: law.coverage for law in narrow.laws}
+    assert at[narrow.best.name] == at["lock q3"] == 1.0
+    assert at["lock q2"] < 0.9
+    assert narrow.best.speed > 1.5
+    why = next(sentence for sentence in narrow.reasons if sentence.startswith("Joint limits keep it from the least"))
+    assert "q3 is beyond its lower limit at 256 of 256 poses" in why
+    assert narrow.floor == pytest.approx(least_anywhere(narrow.task, far), rel=0.02)
+
+
+def test_the_least_nearby_is_that_of_a_piece_of_the_self_motion() -> None:
+    """Referee: the self-motions of a planar arm in closed form, on a grid, up to 1 rad of arc from a posture."""
+    task, turns = hk.position(arm()), np.arange(-3.0, 3.0, 1e-3)
+    T = PLANE.poses(12)
+    Q, least, farther, reached = [], [], [], []
+    for k, pose in enumerate(T):
+        wrist = pose[:2, 3] - np.stack([np.cos(turns), np.sin(turns)], axis=1)
+        far = np.linalg.norm(wrist, axis=1)
+        ok = far < 1.999
+        q2 = np.arccos(far[ok] ** 2 / 2 - 1)
+        q1 = np.arctan2(wrist[ok, 1], wrist[ok, 0]) - q2 / 2
+        motion = np.stack([q1, q2, turns[ok] - q1 - q2], axis=1)
+        arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(motion, axis=0), axis=1))])
+        ends = np.concatenate([[0.0], arc[1:][np.diff(arc) > 0.05], arc[-1:]])  # of pieces with a bent elbow
+        inner = np.abs(arc[:, None] - ends).min(axis=1) > 1.2 * NEAR
+        sound = np.flatnonzero(inner & (np.abs(motion) <= 2.5).all(axis=1))
+        if not len(sound):
+            continue
+        reached.append(k)
+        at = int(sound[len(sound) * (k + 1) // (len(T) + 1)])
+        for most, values in ((NEAR, least), (1.1 * NEAR, farther)):  # it ends in between
+            near = motion[(np.abs(arc - arc[at]) <= most) & (np.abs(motion) <= 2.6).all(axis=1)]
+            values.append(np.min(np.sum(np.linalg.pinv(task.jacobian_batch(near)[0]) ** 2, axis=(1, 2))))
+        Q.append(motion[at])
+    coordinates = coordinates_of(chart_of(task, np.eye(3)), np.array(Q))
+    costs = costs_of(task.robot, hk.Objective(squared_speed=1.0), coordinates.turns, coordinates.spread)
+    found = least_near(coordinates, costs, np.array(Q), T[reached, :3, 3], T[reached, :3, :3])
+    assert len(found) > 4
+    assert (found <= np.array(least) * 1.003).all() and (found >= np.array(farther) * 0.997).all()
+
+
+def test_a_law_that_is_closer_to_the_least_but_serves_less_is_named_with_its_limits(advice: Advice) -> None:
+    """Made-up figures: it is at the least where it serves, and beyond the upper limit of joint 2 at 4 of 10 poses."""
+    task, count = advice.task, 10
+    laws = [Candidate(name, {"kind": "lock"}, task) for name in ("best", "rival", "worse")]
+    inner, beyond = np.zeros((count, 3)), np.where(np.arange(count)[:, None] < 4, [0, 2.7, 0], [0.0, 0, 0])
+    every, some = np.ones(count, dtype=bool), np.arange(count) >= 4
+    fields = ((inner, every, 2.0), (beyond, some, 1.01), (inner, every, 3.0))
+    trials = [
+        Trial(law, np.zeros(3), q, every, served, np.full(count, speed), np.full(count, 0.3))
+        for law, (q, served, speed) in zip(laws, fields, strict=True)
+    ]
+    rival = rival_of(trials[0], trials[1:], np.ones(count), every)
+    assert rival is not None
+    assert (rival.name, rival.coverage, rival.beyond, rival.ends) == ("rival", 0.6, (("q2", "upper", 4),), 0)
+    said = reasons([replace(advice.best, speed=2.0)], advice.coverage, None, Excess(1.9, True, None, rival))
+    assert "Closer to the least comes 'rival', 1.0% above it where it serves" in said[-2]
+    assert "only 60.0%: q2 is beyond its upper limit at 4 poses" in said[-2]
+    assert rival_of(trials[0], trials[2:], np.ones(count), every) is None
+
+
+def test_no_start_has_a_whole_turn_too_many() -> None:
+    """Joints of two turns and more: postures at one place stay what they are, at most half a turn from mid range."""
+    rows = [{"a": 1.0, "lower": low, "upper": high} for low, high in ((-6.3, 6.3), (-1.0, 12.0), (-2.6, 2.6))]
+    robot = hk.from_dh(rows, name="wound")
+    Q = np.random.default_rng(1).uniform(robot.lower, robot.upper, (200, 3))
+    found = unwound(robot, Q)
+    assert np.abs(np.array([robot.pose(q) for q in Q]) - [robot.pose(q) for q in found]).max() < 1e-12
+    assert (np.abs(found - [0, 5.5, 0]) <= np.pi + 1e-12).all()
+    assert (np.abs(found - Q).max(axis=0) > 6).tolist() == [True, True, False]
+    starts = postures_at(hk.position(robot), robot.pose([0.4, 5.0, 0.5]))
+    assert (np.abs(starts - [0, 5.5, 0]) <= np.pi + 1e-12).all()
+    one_side = hk.from_dh([{"a": 1.0, "lower": -0.5}, {"a": 1.0}])
+    assert np.array_equal(unwound(one_side, np.array([[5.6, 7.0]])), [[5.6, 7.0 - 2 * np.pi]])
+
+
+@pytest.mark.campaign
+def test_where_no_law_serves_the_whole_the_part_is_told_and_served() -> None:
+    wide = hk.workspace(box=([2.2, 0.0, 0.0], [1.2, 0.8, 0.0]), rotation=np.eye(3))
+    found = hk.advise(arm(), wide)
+    assert 0.3 < found.best.coverage < 1.0
+    assert any("out of reach" in sentence for sentence in found.reasons)
+    part = found.part
+    assert part is not None and 0.1 < part.share < 1.0
+    assert hk.coverage(part.law.strategy, part.workspace, part.law.q0, samples=200, seed=3).share > 0.985
+    farthest = np.linalg.norm(part.workspace.solid.center[:2] + part.workspace.solid.half[:2])
+    assert farthest < 3.0
+
+
+def test_the_largest_part_of_a_known_disc_is_found() -> None:
+    """Poses are served up to 0.6 m from the origin: of a sphere of 1 m the part has the share 0.6."""
+    found = largest_part(
+        hk.workspace(sphere=([0, 0, 0], 1.0)), lambda T: bool((np.linalg.norm(T[:, :3, 3], axis=1) < 0.6).all())
+    )
+    assert found is not None
+    assert 0.55 < found[0] <= 0.62
+    assert largest_part(hk.workspace(sphere=([0, 0, 0], 1.0)), lambda T: False) is None
+
+
+def test_lines_side_by_side_end_where_inverse_kinematics_ends() -> None:
+    task = hk.pose(hk.load("panda"))
+    space = hk.workspace(
+        box=([0.45, 0.1, 0.4], [0.1, 0.2, 0.1]), rotation=task.robot.pose(PANDA_START)[:3, :3], tilt=0.2
+    )
+    T, law = space.poses(24), hk.holonomic(task, hk.lock(2))
+    ends = along_leaf(law, PANDA_START[None], T)
+    closely = hk.inverse(law, PANDA_START).batch(T)
+    assert ends.reached[0].sum() >= 22
+    both = ends.reached[0] & closely.reached
+    assert np.abs(ends.q[0][both] - closely.q[both]).max() < 1e-7
+
+
+@pytest.mark.parametrize("name", ["planar", campaign("name", "panda")])
+def test_radial_lines_end_where_the_inverse_of_radial_ends(name: str) -> None:
+    task, q0 = (hk.pose(hk.load("panda")), PANDA_START) if name == "panda" else (hk.position(arm()), R3_START)
+    at = task.robot.pose(q0)
+    words = {"box": (at[:2, 3], [0.2, 0.2])} if name == "planar" else {"box": (at[:3, 3], [0.1] * 3), "tilt": 0.2}
+    T = hk.workspace(**words, rotation=at[:3, :3]).poses(4)
+    exact = hk.inverse(hk.radial(hk.moore_penrose(task), q0, steps=16), q0)
+    assert np.abs(along_radial(task, q0[None], T).q[0] - [exact(pose) for pose in T]).max() < 2e-4
+
+
+@pytest.mark.parametrize(
+    ("file", "tip", "joints"),
+    [
+        ("panda.urdf", "panda_hand_tcp", 7), ("xarm7.urdf", "link_eef", 7), ("tiago.urdf", "hand_grasping_frame", 8),
+        ("talos_full_v2.urdf", "arm_left_7_link", 9), ("ur5_robot.urdf", "tool0", 6),
+        ("pr2.urdf", "r_gripper_tool_frame", 8),
+        ("g1_29dof_with_hand_rev_1_0.urdf", "left_hand_palm_link", 10), ("so100.urdf", "gripper", 5),
+    ],
+)  # fmt: skip
+def test_the_tip_is_the_palm_of_the_longest_arm(file: str, tip: str, joints: int) -> None:
+    """Fingers, legs and heads are no arms; of two hands it is the first one in the file."""
+    found = chain_to_tool(urdf(file)).tip
+    robot = hk.from_urdf(urdf(file), tip=found)
+    assert robot.n == joints
+    if file != "talos_full_v2.urdf":
+        assert found == tip
+    assert not any(word in name for name in robot.joint_names for word in ("finger", "thumb", "leg", "head"))
+
+
+def test_the_answer_begins_with_the_arm_that_was_taken_and_the_tips_that_were_not(advice: Advice) -> None:
+    chain = chain_to_tool(urdf("pr2.urdf"))
+    assert (chain.base, chain.tip, chain.chosen) == ("base_footprint", "r_gripper_tool_frame", True)
+    assert chain.others == ("l_gripper_tool_frame",)
+    given = chain_to_tool(urdf("pr2.urdf"), tip=chain.others[0], base="torso_lift_link")
+    assert (given.robot.n, given.others, given.chosen) == (7, ("r_gripper_tool_frame",), False)
+    first = str(advice).splitlines()[0]
+    assert first.startswith("planar: 3 joints, q1 to q3, tip tool. Task: position of planar. Workspace: box")
+    with pytest.raises(ArgumentError, match="only files of models"):
+        hk.advise(arm(), PLANE, base="world")
+
+
+def test_starts_hold_the_pose_within_the_limits_and_lie_apart(panda: hk.Robot) -> None:
+    task = fitting_task(panda)
+    first = regular_starts(task)[0]
+    found = postures_at(task, panda.pose(first))
+    assert len(found) == 8
+    for q in found:
+        panda.check_limits(q)
+        assert np.abs(panda.pose(q) - panda.pose(first)).max() < 1e-3
+    gaps = np.linalg.norm(found[:, None] - found[None], axis=2) + 10 * np.eye(len(found))
+    assert gaps.min() > 0.3
+    assert locked_joints(task, first) == [int(np.argmax(np.abs(task.null_space(first))))]
+
+
+@pytest.mark.campaign
+def test_two_redundant_joints_get_sets_of_locks_and_the_trunk_below_a_law() -> None:
+    robot = hk.from_urdf(urdf("tiago.urdf"), tip="hand_grasping_frame")
+    task = fitting_task(robot)
+    laws = candidates(task, regular_starts(task)[:3])
+    assert all(law.strategy is None or law.strategy.constraint.rows == 2 for law in laws)
+    names = [law.name for law in laws]
+    assert any(name.count(",") == 1 and name.startswith("lock") for name in names)
+    assert any(name.startswith("lock torso_lift_joint over") for name in names)
+    assert "stationary centring" in names and names[-1] == "radial"
+
+
+@pytest.mark.campaign
+def test_an_arm_of_five_joints_is_advised_on_positions_and_on_directions() -> None:
+    """An SO-101: two joints too many for the tool's position, none for its position and axis."""
+    space = hk.workspace(box=([0.22, 0, 0.15], [0.04, 0.06, 0.03]))
+    found = hk.advise("so101", space, task="position")
+    assert found.best.strategy.task.n - found.best.strategy.task.m == 2
+    assert found.best.coverage > 0.95
+    with pytest.raises(TaskTooLargeError, match="n = 5 joints"):
+        hk.advise("so101", space, task="pose")
+
+
+def test_bad_input_is_refused_with_a_cure(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(advice_case, "POSES", 16)
+    with pytest.raises(OutOfReachError, match="nearer to the base"):
+        hk.advise(arm(), hk.workspace(box=([9.0, 0, 0], [0.1, 0.1, 0])))
+    with pytest.raises(ArgumentError, match=r"hk\.inverse"):
+        hk.advise("irb140", task="pose")
+    with pytest.raises(NotFiniteError):
+        hk.advise(arm(), PLANE, q0=[0.1, np.nan, 0.2])
+    with pytest.raises(JointLimitError, match="q2"):
+        hk.advise(arm(), PLANE, q0=[0.1, 3.0, 0.2])
+    with pytest.raises(UnknownNameError, match="panda_hand_tcp"):
+        hk.advise(urdf("panda.urdf"), tip="panda_hand_tpc")
+    with pytest.raises(ArgumentError, match="two, to be redundant"):
+        hk.advise(hk.from_dh([{"a": 1.0}]), PLANE)
+    with pytest.raises(ArgumentError):
+        hk.advise(arm(), pose_cloud([arm().pose(R3_START)]))
+    with pytest.raises(RobotFileError, match=r"range of joint 'joint1' is from 0 to 0, at speed 0; fill in"):
+        hk.advise(urdf("double_pendulum.urdf"))  # its exporter left all limits at 0
+
+
+@pytest.mark.campaign
+def test_the_command_writes_a_job_that_runs_and_a_picture(holokin: Command, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    outcome = holokin("advise", "planar-3r", "--box", "1.2 0.4 0.25 0.25", "--out", file)
+    assert (outcome.code, outcome.err) == (0, "")
+    command = outcome.out.splitlines()[-1].removeprefix("certify it by: holokin ").split()
+    assert command == ["certify", str(file), "--workspace"]
+    assert holokin(*command, "--out", tmp_path).code == 0
+    assert "Take " in outcome.out and "holokin run" in outcome.out
+    assert "up to a minute" in outcome.out.splitlines()[0]
+    assert file.with_suffix(".png").stat().st_size > 20_000
+    name, job, path = open_job(str(file))
+    result = run_job(name, job.model_copy(update={"verdict": job.verdict.model_copy(update={"samples": 4})}), path)
+    assert result.passed
+    law = next(s for s in result.strategies if s.name == "advised")
+    assert law.metrics["coverage"] == 1.0
+    assert law.metrics["drift_total"] < 1e-9
+
+
+def test_the_names_of_laws_do_not_overlap_in_the_picture() -> None:
+    """Joints of a PR2 have long names: a name of four lines beside names of one."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    long = "lock torso_lift_joint over r_upper_arm_roll_joint - r_forearm_roll_joint"
+    laws: Any = [SimpleNamespace(name=name, coverage=0.5) for name in (f"designed from {long}", "radial", *[long] * 10)]
+    figure = Figure(figsize=(7.3, 2 * bars_height(laws)))
+    axes = coverage_bars(figure.add_axes((0.31, 0.2, 0.3, 0.5)), laws)
+    FigureCanvasAgg(figure).draw()
+    boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
+    assert len(boxes) == 12
+    assert all(upper.y0 > lower.y1 for upper, lower in pairwise(boxes))
+
+
+def test_the_picture_of_advice_can_be_read_on_a_page_and_nothing_of_it_is_cut_off(advice: Advice) -> None:
+    from matplotlib.text import Text
+
+    from holokin.app.report.advice_report import advice_figure
+    from holokin.app.report.plots import legible
+
+    figure = legible(advice_figure(advice))
+    figure.canvas.draw()
+    shown = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
+    share = min(1.0, 7.3 / figure.get_figwidth())
+    assert len(shown) > 10 and share * min(text.get_fontsize() for text in shown) > 7.99
+    box, edge = figure.get_tightbbox(), 0.01  # inches
+    assert min(box.x0, box.y0) > -edge
+    assert box.x1 < figure.get_figwidth() + edge and box.y1 < figure.get_figheight() + edge

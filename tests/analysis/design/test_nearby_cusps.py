@@ -1,0 +1,147 @@
+"""Cusps near a workspace: found where one is, and a law without them is taken, other things equal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import campaign, sampled
+from holokin.analysis.design import advice_case, designed_law, nearby_cusps
+from holokin.analysis.design.advice import ranked
+from holokin.analysis.design.nearby_cusps import NEAR, NearbyCusps, cusps_near, said_of
+from holokin.app.studio.leaf_cusps import leaf_cusps
+
+PANDA = np.array([0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8])
+BARS = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
+FLAT = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
+
+
+def strategy(constraint: hk.Constraint) -> hk.strategies.HolonomicStrategy:
+    return hk.holonomic(hk.pose(hk.load("panda")), constraint)
+
+
+@pytest.mark.parametrize(
+    ("near", "starts"), [(True, 100), *(campaign(("near", "starts"), (near, 300)) for near in (True, False))]
+)
+def test_a_workspace_about_a_cusp_is_near_it_and_one_about_the_start_is_as_far_as_the_cusp(
+    near: bool, starts: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    law = strategy(hk.lock(2))
+    found = hk.cusps(law, PANDA, starts=starts)
+    if starts < nearby_cusps.STARTS:  # the search is the same, and not made again
+        monkeypatch.setattr(nearby_cusps, "STARTS", starts)
+        monkeypatch.setattr(nearby_cusps, "cusps", lambda one, _q0, starts: {(law, starts): found}[one, starts])
+    pose = found.poses[0] if near else law.task.pose(PANDA)
+    space = hk.workspace(box=(pose[:3, 3], [0.05] * 3), rotation=pose[:3, :3], tilt=0.2, spin=0.2)
+    said = cusps_near(law, PANDA, space)
+    assert said.near is near and said.clear is not near
+    away = np.linalg.norm(found.poses[:, :3, 3] - pose[:3, 3], axis=1)
+    assert said.away <= away.min() + np.pi * 0.1 * np.sqrt(2)
+    assert ("no proof" in said.sentence) is not near
+    assert near or said.away > found.tool_away.min() - 0.15 > NEAR
+    assert said.found is not None
+    least = said.found.witness
+    assert (
+        least is not None
+        and f"is {least.length:.2g} m long" in said.loop
+        and f"a joint is {least.apart:.2g} " in said.loop
+    )
+
+
+def test_where_none_is_found_or_none_is_looked_for_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(nearby_cusps, "STARTS", 60)
+    law = strategy(hk.lock(6))
+    space = hk.workspace(box=(law.task.pose(PANDA)[:3, 3], [0.05] * 3))
+    said = cusps_near(law, PANDA, space)
+    assert said.clear and said.away == np.inf and "no cusp was found" in said.sentence and not said.loop
+    flat, q0 = hk.position(hk.from_dh(BARS, name="planar")), np.array([-0.6, 1.0, 0.8])
+    radial = cusps_near(hk.radial(hk.moore_penrose(flat), q0), q0, FLAT)
+    assert radial.found is None and not radial.clear and not radial.near
+    assert "were not looked for: its formulas are too long" in said_of("radial", "radial", {"radial": radial}, 0.0)[0]
+    line = hk.holonomic(hk.position(flat.robot, rows=[0]), hk.lock(1, 2))
+    said = cusps_near(line, q0, FLAT)
+    assert said.clear and said.sentence.startswith("its leaf has no cusp") and "search" not in said.sentence
+    assert leaf_cusps("lock", line, q0).sentence.startswith("lock: its leaf has no cusp")
+    beyond = cusps_near(law, PANDA + [0, 0, 0, 2.0, 0, 0, 0], space)
+    assert beyond.found is None and "panda_joint4" in beyond.reason
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("near", [{0}, {0, 1}, {0, 1, 2}])
+def test_of_laws_that_serve_alike_one_without_a_cusp_nearby_is_taken(
+    near: set[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Laws by their place in the ranking: those in `near` have a cusp; where all have, the first stays."""
+    seen: list[Any] = []
+
+    def given(law: Any, q0: Any, _space: Any) -> NearbyCusps:
+        seen.append(law)
+        return NearbyCusps(hk.cusps(strategy(hk.lock(6)), PANDA, starts=1), 0.0 if len(seen) - 1 in near else 0.4)
+
+    monkeypatch.setattr(advice_case, "cusps_near", given)
+    monkeypatch.setattr(advice_case, "MORE_SPEED", 2.0)
+    bars = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
+    space = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
+    advice = hk.advise(hk.from_dh(bars, name="planar"), space)
+    order = [law.name for law in ranked(advice.laws)]
+    assert len(seen) == min(len(near) + 1, advice_case.MOST)
+    assert advice.best.strategy is seen[0 if len(near) == advice_case.MOST else len(near)]
+    assert advice.best.name == order[0 if len(near) == advice_case.MOST else len(near)]
+    said = " ".join(advice.reasons)
+    if len(near) == advice_case.MOST:
+        assert f"so has {order[1]!r}, {order[2]!r}" in said
+    else:
+        assert f"{order[0]!r}, which needs" in said and "0.4 m from the workspace" not in said.split("which needs")[0]
+    assert advice.summary()["reasons"] == list(advice.reasons)
+
+
+@pytest.mark.campaign
+@sampled(1, ("near", "taken"), [({2}, 1), ({2, 1}, 0), ({2, 1, 0}, 2), (set(), 2)])
+def test_of_designs_that_cost_alike_one_without_a_cusp_nearby_is_taken(
+    near: set[int], taken: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Designs by their degree: those in `near` have a cusp; where all have, the best stays."""
+    seen: list[hk.Strategy] = []
+
+    def given(law: hk.Strategy, q0: Any, _space: Any) -> NearbyCusps:
+        seen.append(law)
+        away = 0.0 if 3 - len(seen) in near else 0.4
+        return NearbyCusps(hk.cusps(law, q0, starts=1), away)
+
+    monkeypatch.setattr(designed_law, "cusps_near", given)
+    task, words = hk.position(hk.from_dh(BARS, name="planar")), {"samples": 16, "objective": "travel"}
+    monkeypatch.setattr(designed_law, "MORE_SPEED", 3.0)
+    found = hk.design(task, FLAT, [-0.6, 1.0, 0.8], avoid_cusps=True, **words)
+    assert found.degree == taken and [one.degree for one in found.looked_at] == [2, 1, 0][: len(seen)]
+    assert len(seen) == min(len(near) + 1, 3) and found.strategy is seen[2 - taken]
+    assert found.cusps is found.looked_at[2 - taken].cusps and len(seen) == min(len(near) + 1, 3)
+    assert [one.cost for one in found.looked_at] == sorted(one.cost for one in found.looked_at)
+    said = str(found).splitlines()[8:]
+    if taken < 2:
+        assert f"Degree {taken} was taken" in said[0] and "0.4 m from the workspace" in said[1]
+    else:
+        assert ("so does one with degree 1, 0" in said[0]) is bool(near)
+    monkeypatch.setattr(designed_law, "MORE_SPEED", 1.0)
+    seen.clear()
+    assert hk.design(task, FLAT, [-0.6, 1.0, 0.8], avoid_cusps=True, **words).degree == 2 and len(seen) == 1
+
+
+@pytest.mark.campaign
+def test_a_design_says_what_was_found_of_its_cusps_and_why_none_were_looked_for() -> None:
+    """Referee of the cusps: the least singular value of [J; J_g], g by differences, at the postures that are told."""
+    box = hk.workspace(box=([0.5, 0.05, 0.35], [0.05, 0.05, 0.05]))
+    task, ready = hk.pose(hk.load("panda")), [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854]
+    made = hk.design(task, box, ready, base=hk.lock(2), degree=1, samples=8)
+    assert made.looked_at == () and made.cusps.found is not None and len(made.cusps.found) > 0
+    for q in made.cusps.found.q[:10]:
+        slope = [(made.strategy.g(q + e) - made.strategy.g(q - e)) / 2e-6 for e in 1e-6 * np.eye(7)]
+        E = np.vstack([task.jacobian(q), np.array(slope).T])
+        assert np.linalg.svd(E, compute_uv=False)[-1] < 1e-7
+        assert np.abs(made.strategy.g(q) - made.strategy.g(made.q0)).max() < 1e-9
+    assert str(made).splitlines()[-2].lower().startswith(made.cusps.sentence.lower())
+    flat = hk.position(hk.from_dh(BARS, name="planar"))
+    beyond = hk.design(flat, FLAT, [-1.0, 2.9, -1.5], base=hk.lock(2), degree=0, samples=8, limits=False)
+    assert beyond.cusps.found is None and "were not looked for: joint" in str(beyond)

@@ -1,0 +1,120 @@
+"""The start page, followed to the letter: its commands run one after the other and print what stands below them."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from conftest import Command
+from grammars import krl, rapid
+from printed import assert_alike
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs" / "start.md").read_text("utf-8")
+ELSEWHERE = ("pip ", "holokin advise ")
+"""The first is run by .ci/run; the second takes long: tests/analysis/design/test_advise.py runs it on a smaller arm."""
+FRAME = str.maketrans("┏┓┗┛┡┩╇┳┴━─┃│┌┐└┘├┤┬┼╞╡", " " * 23)
+
+
+@pytest.fixture
+def run(holokin: Command, sketched: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A line of a shell in a folder with the page's URDF; holokin within this process. Returns what it prints."""
+    (tmp_path / "docs").mkdir()
+    shutil.copy(ROOT / "docs" / "arm7.urdf", tmp_path / "docs")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # its functions are long and called a few times
+
+    def line(text: str) -> str:
+        words = shlex.split(text, comments=True)
+        if words[0] == "holokin":
+            done = holokin(*words[1:])
+            assert done.code == 0, done.err
+            return done.out
+        if words[0] == "cd":
+            monkeypatch.chdir(words[1])
+            return ""
+        return subprocess.run(words, check=True, capture_output=True, text=True, timeout=60).stdout
+
+    return line
+
+
+def words(text: str) -> str:
+    """Without the lines of tables and the seconds that a job took."""
+    return re.sub(r"^ *[\d.]+ s, report: ", "report: ", text.translate(FRAME), flags=re.MULTILINE)
+
+
+def followed(page: str, run) -> int:
+    """Runs the commands of a page and compares what they print; a "..." stands for lines that are left out.
+
+    Files are written from the blocks that have a title. Returns how many outputs were compared.
+    """
+    blocks = [(m[1], m[2], m[3]) for m in re.finditer(r"^```(\w+)([^\n]*)\n(.*?)^```", page, re.S | re.M)]
+    shown = 0
+    for (kind, about, text), (after, _, below) in zip(blocks, [*blocks[1:], ("", "", "")], strict=True):
+        if kind != "sh":
+            if title := re.search(r'title="(.+?)"', about):
+                Path(title[1]).write_text(text, "utf-8")
+            continue
+        lines = [line for line in text.splitlines() if not line.startswith(ELSEWHERE)]
+        printed = "".join(run(line) for line in lines)
+        if lines and after == "text":
+            shown += 1
+            for part in filter(None, below.split("...\n")):
+                count = part.count("\n")
+                first = part.partition("\n")[0].translate(FRAME).split()
+                rows = printed.splitlines(keepends=True)
+                found = [k for k, row in enumerate(rows) if row.translate(FRAME).split()[:2] == first[:2]]
+                assert found, f"{first} is not printed by {lines}"
+                assert_alike(words("".join(rows[found[0] : found[0] + count])), words(part))
+    return shown
+
+
+@pytest.mark.campaign
+def test_the_start_page_leads_from_a_urdf_to_a_program_and_its_check(run) -> None:
+    assert followed(PAGE, run) >= 6
+    assert {file.suffix for file in Path("program").iterdir()} == {".mod", ".src", ".dat", ".LS", ".yaml", ".csv"}
+
+    begun = rapid(Path("program/arm7_swivel_M.mod").read_text("ascii")).axes[0]
+    assert begun == pytest.approx([-29.5, 36.6, 90, -27, 64.3, 20.1, 43.3])
+
+
+SEAMS = (ROOT / "docs" / "seam.md").read_text("utf-8").split("\n## ")[1:]
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("part", range(len(SEAMS)))
+def test_a_seam_leads_from_a_robot_and_points_to_a_program(part: int, run) -> None:
+    """Of the page's arms each: what is shown is what is printed; the program can be read."""
+    assert followed(SEAMS[part], run) >= 3
+    if part == 0:
+        weld = krl(*(Path(f"program/kr6_wrist.{end}").read_text("ascii") for end in ("src", "dat")))
+        assert set(weld.kinds) == {"joint", "linear", "circular"} and len(weld.lines) == 3
+    else:
+        assert len(rapid(Path("program/arm7_swivel_M.mod").read_text("ascii")).axes) == 44
+
+
+@pytest.mark.parametrize("part", SEAMS)
+def test_a_program_takes_at_most_six_commands(part: str) -> None:
+    commands = re.findall(r"^holokin (\w+)", part, re.M)
+    assert 3 <= len(commands) <= 6 and {"run", "export"} <= set(commands)
+
+
+def test_the_arm_of_the_page_has_the_inertias_of_its_cylinders() -> None:
+    """m (3 r^2 + l^2) / 12 across and m r^2 / 2 along; each shape lies about its centre of mass."""
+    links = ET.parse(ROOT / "docs" / "arm7.urdf").findall("link[inertial]")
+    assert len(links) == 8
+    for link in links:
+        m = float(link.find("inertial/mass").get("value"))
+        inertia = {key: float(value) for key, value in link.find("inertial/inertia").items()}
+        shape = link.find("collision/geometry/cylinder")
+        r, length = float(shape.get("radius")), float(shape.get("length"))
+        assert inertia["ixx"] == inertia["iyy"] == pytest.approx(m * (3 * r**2 + length**2) / 12, abs=1e-6)
+        assert inertia["izz"] == pytest.approx(m * r**2 / 2, abs=1e-6)
+        assert link.find("inertial/origin").attrib == link.find("collision/origin").attrib

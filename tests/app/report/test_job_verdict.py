@@ -1,0 +1,171 @@
+"""The verdict of a report in words, and results in degrees and mm."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import Command, assert_refused
+from holokin.analysis.audit.logs import read_recording
+from holokin.app.job import open_job
+from holokin.app.job.job_file import job_of
+from holokin.app.report.job_figures import figures
+from holokin.app.report.job_report import write_report
+from holokin.app.report.job_result import Check, JobResult
+from holokin.app.report.job_table import columns, rows
+from holokin.app.report.job_verdict import not_tested, strategy_verdicts, what_was_run, whole_verdict
+from holokin.app.report.words import alike, away
+from holokin.base.errors import ArgumentError, JobError
+from holokin.base.printed_units import SI, PrintedUnits, printed_units
+from short_jobs import shortened
+from sketches import Sketch
+
+DEGREES = PrintedUnits("deg", "mm")
+
+
+@pytest.fixture(scope="module")
+def circle() -> JobResult:
+    return shortened("panda-circle", cycles=2, samples=40)
+
+
+def captions(result: JobResult) -> list[tuple[str, str, Sketch]]:
+    """The figures of a job with a sketch for each."""
+    return [(stem, caption, Sketch()) for stem, caption, _ in figures(result)]
+
+
+@pytest.fixture(scope="module")
+def report(circle: JobResult, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The page of two strategies in degrees and mm, without its pictures."""
+    two = replace(circle, units=DEGREES, strategies=circle.strategies[:2])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("holokin.app.report.job_report.figures", captions)
+        text = (write_report(two, tmp_path_factory.mktemp("out"), "0") / "report.html").read_text("utf-8")
+    return re.sub(r"data:image/svg[^']*", "", text)
+
+
+def test_units_are_named_and_scaled_also_where_they_are_parts_of_others() -> None:
+    assert [DEGREES.name(unit) for unit in ("rad", "m", "m/s^2", "rad/s", "m or rad", "1", "")] == [
+        "deg", "mm", "mm/s^2", "deg/s", "mm or deg", "1", ""
+    ]  # fmt: skip
+    assert DEGREES.factor("rad/s") * np.pi == pytest.approx(180) and DEGREES.factor("m/s^2") == 1000
+    assert DEGREES.factor("N") == 1 and DEGREES.factor("") == 1
+    assert DEGREES.said(np.pi / 2, "rad") == "90 deg" and SI.said(0.5, "m") == "0.5 m"
+    assert DEGREES.together(["rad", "rad"])[0] == "deg"
+    assert DEGREES.together(["rad", "m"]) == ("rad or m", 1.0)  # which joint it is of is not known
+    assert printed_units("degrees,mm") == DEGREES == printed_units(["deg", "mm"])
+    assert printed_units("mm") == PrintedUnits("rad", "mm") and printed_units("rad, m").plain
+
+
+@pytest.mark.parametrize("words", ["gradians", "degrees, inch", "", "deg rad", ["mm", "m"]])
+def test_other_units_are_refused_by_name(words: str | list[str]) -> None:
+    with pytest.raises(ArgumentError, match=r"degrees or rad, and in mm or m|give one of them"):
+        printed_units(words)
+
+
+def test_a_job_with_gradians_is_refused_with_the_units_that_there_are(holokin: Command, tmp_path: Path) -> None:
+    _, _, file = open_job("ppr-cycle")
+    table = {"units": "gradians", "title": "x", "robot": {"name": "ppr"}, "start": {"q": [0.1, 0.2, 0.3]}}
+    table |= {"path": {"kind": "circle", "center": [0.1, 0]}, "strategies": {"a": {"kind": "moore-penrose"}}}
+    with pytest.raises(JobError, match=r"units.*'gradians'.*degrees or rad, and in mm or m"):
+        job_of(file, table)
+    assert job_of(file, table | {"units": ["degrees", "mm"]}).printed_units == DEGREES
+    assert job_of(file, {key: value for key, value in table.items() if key != "units"}).printed_units is SI
+    assert_refused(holokin("run", "ppr-cycle", "--units", "gradians", "--out", tmp_path), "gradians", "degrees or rad")
+
+
+def test_the_table_in_degrees_is_that_in_rad_times_180_over_pi(circle: JobResult) -> None:
+    plain, seen = columns(circle), columns(replace(circle, units=DEGREES))
+    assert plain[2][0] == "drift / cycle\n[rad]" and seen[2][0] == "drift / cycle\n[deg]"
+    drifts = [circle.strategies[0].metrics["drift_mean"], circle.strategies[0].metrics["spread"]]
+    cells = rows(replace(circle, units=DEGREES))[0]
+    assert [float(cell) for cell in cells[2:4]] == pytest.approx(np.degrees(drifts), rel=1e-3)
+    assert rows(replace(circle, units=DEGREES))[0][5:] == rows(circle)[0][5:]  # what has no unit stays
+
+
+def test_figures_and_words_of_a_motion_follow_the_units(circle: JobResult) -> None:
+    seen = replace(circle, units=DEGREES).printed
+    walk, plain = seen.strategies[0].cycles, circle.strategies[0].cycles
+    assert np.abs(walk.q - np.degrees(plain.q)).max() < 1e-12
+    assert set(walk.joint_units) == {"deg"} and walk.row_units[:3] == ("mm",) * 3
+    assert np.allclose(walk.x[:, :3], 1000 * plain.x[:, :3]) and np.allclose(walk.dq, np.degrees(plain.dq))
+    assert away(walk, 2).endswith(" deg away")
+    assert alike(np.array([5e-7]), ("deg",)) and not alike(np.array([6e-7]), ("deg",))
+    assert alike(np.array([0.9e-8]), ("rad",)) and not alike(np.array([2e-8]), ("rad",))
+    assert circle.printed is circle
+
+
+def test_a_csv_in_degrees_names_its_units_and_is_read_back_as_it_was(circle: JobResult, tmp_path: Path) -> None:
+    walk, file, robot = circle.strategies[0].cycles, tmp_path / "walk.csv", hk.load("panda")
+    walk.save(file, DEGREES)
+    with file.open() as stream:
+        header, first = list(csv.reader(stream))[:2]
+    assert header[:2] == ["t [s]", "panda_joint1 [deg]"] and "d_panda_joint1 [deg/s]" in header
+    assert header[-6] == "x_x [mm]"
+    assert float(first[1]) == pytest.approx(np.degrees(walk.q[0, 0]))
+    assert np.abs(read_recording(file, robot).q - walk.q).max() < 1e-12
+    assert np.abs(read_recording(file, robot, degrees=True).q - walk.q).max() < 1e-12  # not a second time
+    walk.save(file)
+    assert file.read_text().startswith("t,panda_joint1,")
+
+
+def test_the_report_begins_with_the_verdict_in_words(circle: JobResult, report: str) -> None:
+    """Before any table: what was run, whether it returns, which limits are kept, and what was not tested."""
+    verdict = report[report.index("<h2>Verdict</h2>") : report.index("<h2>Verdicts and numbers</h2>")]
+    assert report.index("<h2>") == report.index("<h2>Verdict</h2>")
+    assert "moore-penrose does not return." in verdict and " deg from its limit" in verdict
+    assert "no robot moved" in verdict and "Not tested" in verdict
+    names = {name: (does, more, well) for name, does, more, well in strategy_verdicts(circle)}
+    drifting = names["moore-penrose"]
+    assert drifting[0] == "does not return." and not drifting[2]
+    repeating = [entry for name, entry in names.items() if name != "moore-penrose"]
+    assert all(does == "returns." and well for does, _, well in repeating)
+    assert all("within 1e-08 rad" in more and "Position limits are kept" in more for _, more, _ in repeating)
+    joint = int(np.argmax(np.abs(circle.strategies[0].cycles.drift_since_start()[-1])))
+    assert circle.robot.joint_names[joint] in drifting[1]
+    assert "collisions, obstacles, floor" in " ".join(not_tested(circle))
+    assert "Run: panda (7 joints)" in what_was_run(circle) and "2 cycles" in what_was_run(circle)
+    assert whole_verdict(circle).startswith("The job expects nothing")
+    kept = replace(circle.strategies[0], checks=(Check("holonomic", "false", "false", True),))
+    assert whole_verdict(replace(circle, strategies=(kept,))) == "All that the job asks for holds: 1 expectation."
+
+
+def test_beside_a_closing_error_it_says_that_the_joints_return(circle: JobResult, report: str) -> None:
+    text = report
+    returned = re.findall(r"<td>([^<]*), returns</td>", text)
+    assert len(returned) >= 2 and all(float(value) < 1e-6 for value in returned)
+    assert "returns: every joint is back at its start within 6e-07 deg" in text
+    drift = np.degrees(circle.strategies[0].metrics["drift_mean"])
+    assert f"{drift:.3f}</td>" in text and "[deg]" in text and "[rad]" not in text
+
+
+def test_an_open_path_and_a_failed_expectation_are_told(circle: JobResult) -> None:
+    one = circle.strategies[0]
+    failed = replace(one, checks=(Check("drift_total", "< 1e-09", "0.5", False),))
+    result = replace(circle, strategies=(failed, *circle.strategies[1:]))
+    assert whole_verdict(result) == "Not all that the job asks for holds: see moore-penrose."
+    said = "This fails the job: expected drift_total < 1e-09, found 0.5 (in the units of the job file)."
+    assert said in strategy_verdicts(result)[0][2]
+    stopped = replace(one, checks=(Check("completes", "true", "stopped at a joint limit", False),))
+    said = "This fails the job: the path was not followed to its end (stopped at a joint limit)."
+    assert said in strategy_verdicts(replace(circle, strategies=(stopped,)))[0][2]
+    through = replace(one, checks=(Check("completes", "false", "followed to the end", False),))
+    said = "This fails the job: the path was followed to its end, but the job says completes = false."
+    assert said in strategy_verdicts(replace(circle, strategies=(through,)))[0][2]
+    start = circle.robot.pose(circle.q0)[:3, 3]
+    line = hk.line(start, start + [0, 0.05, 0])
+    opened = replace(circle, path=line)
+    assert all("follows the path to its end" in does for _, does, _, _ in strategy_verdicts(opened))
+    assert "whether the joints return: the path is open" in not_tested(opened)
+
+
+def test_pairs_that_were_left_out_and_capsules_for_links_are_named_as_not_tested(circle: JobResult) -> None:
+    report = hk.check(circle.strategies[0].cycles.q, circle.robot)
+    said = " ".join(not_tested(replace(circle, strategies=(replace(circle.strategies[0], motion_check=report),))))
+    assert f"{len({one.pair for one in report.left_out})} pairs of links" in said and report.left_out
+    assert "capsules of radius" in said and "has no [checks]" not in said

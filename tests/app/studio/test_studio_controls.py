@@ -1,0 +1,198 @@
+"""The controls of the page: what they say and show, and what each of them changes. No browser."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import threading
+import zipfile
+from collections.abc import Iterator
+from html import escape
+from typing import Any
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from conftest import PANDA_START
+from holokin.app.studio.handles import circle_of
+from holokin.app.studio.shown_units import UNITS
+from sessions import panda
+from sessions import run as run_to_the_end
+
+pytest.importorskip("viser", reason="the extra `studio` is not installed")
+
+
+@pytest.fixture(autouse=True)
+def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the virtual machine, which shows the same and needs no compiler."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+
+
+@pytest.fixture
+def studio() -> Iterator[Any]:
+    """A studio with the smallest job."""
+    made = hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)
+    yield made
+    made.close()
+
+
+def test_every_control_of_the_page_says_what_it_does_where_the_mouse_rests_on_it(studio: Any) -> None:
+    controls = studio.server.gui._gui_input_handle_from_uuid.values()
+    assert len(controls) > 30 and [control.label for control in controls if not control.hint] == []
+    assert [control.label for control in controls if control.hint.lower() == control.label.lower()] == []
+
+
+def page_thread_done(page: Any) -> None:
+    """Wait until the page's thread has done all that it was asked for."""
+    done = threading.Event()
+    page.ask(done.set)
+    assert done.wait(10)
+
+
+def choose(page: Any, control: Any, value: Any) -> None:
+    """What a browser does: a control has another value, and what hangs on it is done."""
+    control.value = value
+    page_thread_done(page)
+
+
+@pytest.mark.campaign
+def test_in_degrees_and_mm_all_numbers_of_the_page_say_the_same_and_the_loop_stays_where_it_is() -> None:
+    """The planar arm has hinges and a slider: a drift in mixed units is that of the joint that went most in them."""
+    studio = hk.studio("ppr-cycle", port=0, browser=False, wait=False, tell=str)
+    try:
+        page, session = studio.page, studio.session
+        run_to_the_end(session)
+        snap, loop = session.snapshot(), page.panels.loop
+        known = {c.unit for c in session.robot.coordinates}
+        assert known == {"rad", "m"}
+        before = loop.center.value, loop.radius.value, loop.radius.min, loop.radius.max
+        choose(page, page.panels.units, "deg, mm")
+        page.close()  # its thread: from here the test draws
+        assert loop.center.label == "Centre [mm]" and loop.radius.label == "Radius [mm]"
+        assert np.array(loop.center.value) == pytest.approx(1000 * np.array(before[0]), rel=1e-9)
+        assert loop.radius.value == pytest.approx(1000 * before[1], rel=1e-9)
+        page.charts.draw(snap)
+        factors = [180 / np.pi if c.unit == "rad" else 1000 for c in session.robot.coordinates]
+        for row, law in enumerate(snap.laws, 1):
+            wanted = max(abs(factor * joint) for factor, joint in zip(factors, law.drift_joints[-1], strict=True))
+            assert page.charts.drift.data[row][-1] == pytest.approx(wanted, abs=1e-12)
+            assert f">{wanted:.3g}<" in page.panels._table(snap)
+        assert "deg or mm" in page.charts.title.content
+        loop._make()
+        assert circle_of(session.loop)[2] == pytest.approx(before[1], rel=1e-9)  # type: ignore[index]
+        page.set_units(UNITS["rad, m"])
+        for now, then in zip(
+            (loop.center.value, loop.radius.value, loop.radius.min, loop.radius.max), before, strict=True
+        ):
+            assert now == pytest.approx(then, rel=1e-9)
+        page.charts.draw(snap)
+        for row, law in enumerate(snap.laws, 1):
+            assert page.charts.drift.data[row][-1] == pytest.approx(law.drift[-1], abs=1e-12)
+    finally:
+        studio.close()
+
+
+def test_a_slider_in_degrees_moves_the_arm_as_far_as_one_in_radians() -> None:
+    units = UNITS["deg, mm"]
+    studio = hk.studio(panda(), port=0, browser=False, wait=False, tell=str)
+    try:
+        page, panel = studio.page, studio.page.panels.posture
+        page.close()  # its thread: the test draws
+        page.set_units(units)
+        choose_law(panel, "lock", studio.session)
+        assert panel.self_motion.label == f"Self-motion [{units.angle}]"
+        panel.self_motion.value = units.factor("rad") * 0.2
+        panel._slide()
+        wanted = panda().move_self("lock", 0.2).law("lock").q
+        assert np.abs(wanted - PANDA_START).max() > 0.05
+        assert studio.session.snapshot().law("lock").q == pytest.approx(wanted, abs=1e-9)
+    finally:
+        studio.close()
+
+
+def choose_law(panel: Any, name: str, session: Any) -> None:
+    """Its sliders are those of a law; they are drawn when the posture has stood still for two pictures."""
+    panel.law.value = name
+    for _ in range(2):
+        panel.draw(session.snapshot())
+
+
+class Browser:
+    """A browser that keeps what it downloads."""
+
+    def __init__(self) -> None:
+        self.files: dict[str, bytes] = {}
+
+    def send_file_download(self, name: str, content: bytes, save_immediately: bool) -> None:
+        self.files[name] = content
+
+
+@pytest.fixture(scope="module")
+def worked() -> Iterator[Any]:
+    """A studio on a Panda with one cycle of its loop to run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOLOKIN_NATIVE", "0")
+        made = hk.studio(panda(cycles=1, title="Bolts & nuts"), port=0, browser=False, wait=False, tell=str)
+        made.page.panels.work.law.value = "lock"
+        yield made
+        made.close()
+
+
+def test_the_program_of_a_law_begins_and_ends_where_the_law_does_on_the_loop(worked: Any) -> None:
+    """The program of ROS, and all samples; the third joint, which the law locks, stands still."""
+    panel, browser = worked.page.panels.work, Browser()
+    panel.language.value = "ros"
+    panel._work(browser, panel._program)
+    assert worked.page.said == ""
+    (name, content), *others = browser.files.items()
+    assert name == "bolts-nuts-ros.zip" and not others
+    with zipfile.ZipFile(io.BytesIO(content)) as box:
+        assert len(box.namelist()) == 2
+        samples = np.loadtxt(io.StringIO(box.read("joints.csv").decode()), delimiter=",", skiprows=1)
+        source = next(box.read(one).decode() for one in box.namelist() if one.endswith(".yaml"))
+    joints = samples[:, 1:8]
+    assert joints[0] == pytest.approx(PANDA_START, abs=1e-6) and joints[-1] == pytest.approx(PANDA_START, abs=1e-6)
+    assert np.ptp(joints[:, 2]) < 1e-9 < np.ptp(joints[:, 0])  # the third joint is locked
+    steps = np.diff(joints, n=2, axis=0) / (samples[1, 0] - samples[0, 0]) ** 2
+    assert np.abs(steps).max() < 1.02 * panel.acceleration.value
+    points = [one.split(",") for one in re.findall(r'positions"?: \[([^]]*)\]', source)]
+    for point, wanted in ((points[0], joints[0]), (points[-1], joints[-1])):
+        assert [float(one) for one in point] == pytest.approx(wanted, abs=1e-6)
+
+
+def test_a_law_with_leaves_is_certified_from_the_page_and_one_without_is_not_and_says_why(worked: Any) -> None:
+    panel, browser = worked.page.panels.work, Browser()
+    panel._work(browser, panel._certificate)
+    assert "every place on the path has exactly one posture" in panel.answer.content
+    (name, content), *others = browser.files.items()
+    assert name == "bolts-nuts-certificate.json" and not others
+    assert json.loads(content)
+    panel.law.value = "pseudo-inverse"
+    panel._work(browser, panel._certificate)
+    panel.law.value = "lock"
+    assert "is not certified" in panel.answer.content and "no leaves" in panel.answer.content
+    assert len(browser.files) == 1
+
+
+def test_what_cannot_be_written_is_said_in_the_page_and_nothing_is_downloaded(worked: Any) -> None:
+    panel, browser, session = worked.page.panels.work, Browser(), worked.session
+    panel.language.value = "rapid"  # which needs to be told what its seventh axis is
+    panel._work(browser, panel._program)
+    assert "RAPID holds 6 axes" in worked.page.said and "Save the job" in worked.page.said
+    assert "/tmp" not in worked.page.said
+    loop = session.loop
+    session.set_loop(None)
+    panel._work(browser, panel._program)
+    assert "a job has a path" in worked.page.said and browser.files == {} and panel.answer.content == ""
+    session.set_loop(loop)
+
+
+@pytest.mark.campaign
+def test_advice_in_the_page_is_that_of_advise(worked: Any) -> None:
+    panel = worked.page.panels.work
+    panel._work(Browser(), panel._advice)
+    found = hk.advise(worked.session.robot, task="pose", q0=worked.session.home)
+    assert f"The best is {escape(found.best.name)}." in panel.answer.content
+    assert all(escape(reason) in panel.answer.content for reason in found.reasons)

@@ -1,0 +1,86 @@
+"""A session of the studio that is closed leaves no memory behind, native code and all."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from holokin.app.studio import Session, open_session
+from holokin.symbolic.native import native_library as native
+from sessions import panda, shifted
+
+GLIBC = sys.platform == "linux" and hasattr(ctypes.CDLL(None), "mallinfo2")
+
+pytestmark = pytest.mark.skipif(not GLIBC, reason="only glibc, on Linux, tells what is allocated and what is loaded")
+
+WARM, COUNT = 2, 5
+"""Sessions that fill caches, and those that are counted."""
+
+MOST = 6_000
+"""Bytes of the heap that a session may keep; they are below 1,500. One that loads its libraries anew kept 16,000, and
+65,000 to 450,000 with their pages."""
+
+
+class _Heap(ctypes.Structure):
+    _fields_ = tuple((name, ctypes.c_size_t) for name in (
+        "arena", "ordblks", "smblks", "hblks", "hblkhd", "usmblks", "fsmblks", "uordblks", "fordblks", "keepcost",
+    ))  # fmt: skip
+
+
+def heap() -> int:
+    """Bytes that are allocated in this process."""
+    ask = ctypes.CDLL(None).mallinfo2
+    ask.restype = _Heap
+    gc.collect()
+    found = ask()
+    return int(found.uordblks + found.hblkhd)
+
+
+def mapped() -> int:
+    """Pieces of files and of nameless memory that this process has mapped for code: a library has five."""
+    return Path("/proc/self/maps").read_text("utf-8").count("memfd:holokin")
+
+
+def ready(session: Session) -> None:
+    """Until all its laws are compiled and judged."""
+    session.start_work()
+    while not all(law.judgement for law in session.snapshot().laws):
+        time.sleep(0.01)
+
+
+def made_anew() -> None:
+    """A job's own robot, task and laws."""
+    session = open_session("ppr-cycle")
+    ready(session)
+    session.close()
+
+
+def used() -> None:
+    """Dragged, and round its loop."""
+    session = panda(cycles=1)
+    ready(session)
+    session.drag(shifted(0.03, 0.02))
+    session.reset()
+    session.play()
+    for _ in range(10):
+        session.advance(0.2)
+    session.close()
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("live", [made_anew, used])
+def test_a_session_that_was_closed_leaves_no_native_memory_behind(live: Callable[[], None]) -> None:
+    for _ in range(WARM):
+        live()
+    before, loaded = heap(), mapped()
+    for _ in range(COUNT):
+        live()
+    assert (heap() - before) / COUNT < MOST
+    assert mapped() == loaded
+    assert loaded > 0 or native.engine().startswith("CasADi")

@@ -1,0 +1,224 @@
+"""The studio in a real browser: Debian's chromium without a window, driven by its mouse and keyboard."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
+from holokin.app.job import open_job, run_job
+from holokin.app.report.palette import NONHOLONOMIC, rgb
+
+pytest.importorskip("viser", reason="the extra `studio` is not installed")
+
+
+@pytest.fixture(scope="module")
+def uncompiled() -> Iterator[None]:
+    """On the virtual machine, which shows the same and needs no compiler."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOLOKIN_NATIVE", "0")
+        yield
+
+
+@pytest.fixture(scope="module")
+def shown(uncompiled: None) -> Iterator[Any]:
+    """The job panda-circle in the studio, and the page of one browser on it."""
+    from PIL import Image
+
+    studio = hk.studio("panda-circle", browser=False, wait=False, port=0, tell=lambda _text: None)
+    problems: list[str] = []
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=BROWSER, args=SOFTWARE)
+        page = browser.new_page(viewport={"width": 1120, "height": 560}, accept_downloads=True)
+        page.set_default_timeout(PATIENCE)
+        page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.goto(f"{studio.url}?fixedDpr=0.5")
+        page.get_by_role("button", name="Start", exact=True).wait_for()
+
+        def picture() -> Any:
+            """Red, green and blue of the three-dimensional part as it is on the screen (h, w, 3)."""
+            box = page.locator("canvas").first.bounding_box()
+            image = Image.open(io.BytesIO(page.screenshot(timeout=PATIENCE))).convert("RGB")
+            area = (int(box["x"]) + 5, 200, int(box["x"] + box["width"]) - 5, int(box["height"]) - 5)
+            return np.asarray(image.crop(area), dtype=int)
+
+        yield SimpleNamespace(studio=studio, page=page, problems=problems, picture=picture, session=studio.session)
+        browser.close()
+    studio.close()
+
+
+def until(true: Callable[[], Any], seconds: float = 30.0) -> Any:
+    """Wait for something; its value. Seldom: a picture of the page, if that is asked for, costs a core a second."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        found = true()
+        if found:
+            return found
+        time.sleep(0.2)
+    raise AssertionError(f"not within {seconds} s")
+
+
+def settled(session: Any) -> Any:
+    """What a session shows when nothing has moved for a second."""
+    known, since = session.snapshot(), time.monotonic()
+    while time.monotonic() < since + 1.0:
+        time.sleep(0.1)
+        found = session.snapshot()
+        if not all(np.array_equal(a.q, b.q) for a, b in zip(found.laws, known.laws, strict=True)):
+            known, since = found, time.monotonic()
+    return known
+
+
+def orange(picture: Any) -> float:
+    """The share of pixels that have the hue of the law that is not holonomic."""
+    r, g, b = np.moveaxis(picture, -1, 0)
+    red, green, blue = rgb(NONHOLONOMIC)
+    hue = (green - blue) / (red - blue)
+    found = (r - b > 60) & (np.abs((g - b) / np.maximum(r - b, 1) - hue) < 0.12)
+    return float(found.mean())
+
+
+def screen(shown: Any, point: Any) -> tuple[float, float]:
+    """Where a point (3,) of the scene is on the screen [pixels]."""
+    camera = next(iter(shown.studio.server.get_clients().values())).camera
+    ahead = camera.look_at - camera.position
+    z = ahead / np.linalg.norm(ahead)
+    x = np.cross(z, [0.0, 0.0, 1.0])
+    x /= np.linalg.norm(x)
+    seen = np.array([x, np.cross(x, z), z]) @ (np.asarray(point) - camera.position)
+    box = shown.page.locator("canvas").first.bounding_box()
+    scale = box["height"] / 2 / np.tan(camera.fov / 2)
+    return box["x"] + box["width"] / 2 + scale * seen[0] / seen[2], box["y"] + box["height"] / 2 - scale * seen[
+        1
+    ] / seen[2]
+
+
+def test_the_page_opens_without_an_error_and_its_canvas_shows_the_robot(shown: Any) -> None:
+    until(lambda: shown.studio.server.get_clients())
+    dark = until(lambda: share if (share := float((shown.picture().max(axis=-1) < 130).mean())) > 0.02 else 0)
+    assert dark < 0.6
+    assert shown.problems == []
+    assert shown.page.get_by_text("All browsers on this page see and move the same robots.").is_visible()
+
+
+@pytest.mark.campaign
+def test_a_drag_by_the_mouse_moves_the_joints_of_all_laws_and_their_tools_with_it(shown: Any) -> None:
+    session, handles = shown.session, shown.studio.page.handles
+    until(lambda: shown.studio.server.get_clients())
+    until(lambda: (shown.picture().max(axis=-1) < 130).mean() > 0.02)  # the robot is there
+    before = session.snapshot()
+    pose = before.target[0]
+    grip = screen(shown, pose[:3, 3] + 0.8 * handles.size * pose[:3, 0])
+    goal = screen(shown, pose[:3, 3] + (0.8 * handles.size - 0.08) * pose[:3, 0])
+    mouse = shown.page.mouse
+    mouse.move(*grip)
+    time.sleep(0.5)
+    mouse.down()
+    for share in np.linspace(0.2, 1.0, 5):  # a browser that draws slowly sees a quick mouse in a few places only
+        mouse.move(*(np.array(grip) + share * (np.array(goal) - np.array(grip))))
+        time.sleep(0.1)
+    until(lambda: not np.array_equal(session.snapshot().target, before.target))
+    settled(session)
+    mouse.up()
+    after = settled(session)
+    moved = after.target[0][:3, 3] - pose[:3, 3]
+    assert 0.03 < np.linalg.norm(moved) < 0.15
+    assert abs(float(moved @ pose[:3, 0])) > 0.99 * np.linalg.norm(moved)  # along the arrow that was held
+    for law in after.laws:
+        assert np.abs(law.q - before.law(law.name).q).max() > 0.01
+        assert np.abs(session.task.pose(law.q) - after.target[0]).max() < 1e-7
+
+
+@pytest.mark.campaign
+def test_after_a_loop_the_pseudo_inverses_robot_stands_elsewhere_by_what_drift_says(shown: Any) -> None:
+    session, page = shown.session, shown.page
+    page.get_by_role("button", name="All back to the start posture").click()
+    until(lambda: np.allclose(session.snapshot().laws[0].q, session.home))
+    until(lambda: orange(shown.picture()) < 0.002)
+    session.set_speed(8.0)
+    page.get_by_role("button", name="Start", exact=True).click()
+    snap = until(lambda: snap if (snap := session.snapshot()).phase.value == "done" else None)
+    for law, known in zip(session.laws, snap.laws, strict=True):
+        said = hk.drift(law.rule, session.loop.path, session.home, cycles=3, samples=session.loop.samples)
+        assert known.drift == pytest.approx(said.largest, abs=1e-12)
+    pseudo, tied = snap.laws[0], snap.laws[1]
+    assert pseudo.drift[-1] > 0.4
+    assert tied.drift.max() < 1e-12
+    page.get_by_text(f"{pseudo.drift[-1]:.3g}", exact=True).wait_for()
+    assert until(lambda: share if (share := orange(shown.picture())) > 0.01 else 0) < 0.5
+
+
+@pytest.mark.campaign
+def test_a_saved_job_runs_to_the_numbers_of_the_page(shown: Any, tmp_path: Any) -> None:
+    page, snap = shown.page, shown.session.snapshot()
+    page.get_by_role("tab", name="Save").click()
+    with page.expect_download() as found:
+        page.get_by_role("button", name="Save as job").click()
+    file = tmp_path / "saved.toml"
+    found.value.save_as(file)
+    result = run_job(*open_job(str(file)))
+    drifts = {one.name: np.abs(one.cycles.drift_since_start()).max(axis=1) for one in result.drawn}
+    assert set(drifts) == {law.name for law in snap.laws}
+    for law in snap.laws:
+        assert drifts[law.name] == pytest.approx(law.drift, abs=1e-12)
+
+
+@pytest.mark.campaign
+def test_the_slider_of_the_self_motion_moves_the_joints_and_leaves_the_tool_where_it_is(shown: Any) -> None:
+    page, session = shown.page, shown.session
+    page.get_by_role("tab", name="Posture").click()
+    name = shown.studio.page.panels.posture.law.value
+    before = session.snapshot().law(name)
+    thumb = page.locator('[role="slider"]:visible').first
+    thumb.focus()
+    for _ in range(40):
+        page.keyboard.press("ArrowRight")
+    settled(session)
+    after = session.snapshot().law(name)
+    assert np.abs(after.q - before.q).max() > 0.02
+    assert np.abs(session.task.pose(after.q) - session.task.pose(before.q)).max() < 1e-9
+
+
+def test_a_target_out_of_reach_makes_the_handle_red_with_one_sentence_and_nothing_jumps(shown: Any) -> None:
+    session, page = shown.session, shown.page
+    before = session.reset()
+    pose = np.array(before.target[0])
+    pose[:3, 3] += [2.0, 0.0, 0.0]
+    after = session.drag(pose)
+    assert not after.following
+    page.get_by_text(after.laws[0].sentence).first.wait_for()
+    ball = shown.studio.page.handles._balls[0]
+    assert until(lambda: ball.color[0] > 2 * ball.color[1])
+    for law in after.laws:
+        assert np.isfinite(law.q).all()
+    session.drag(before.target)
+    until(lambda: ball.color[1] > 2 * ball.color[0])
+    assert np.abs(session.snapshot().laws[1].q - before.laws[1].q).max() < 1e-6
+
+
+@pytest.mark.campaign
+def test_a_browser_that_comes_back_finds_everything_as_it_was(shown: Any) -> None:
+    page, session = shown.page, shown.session
+    session.set_speed(8.0)
+    session.play()
+    done = until(lambda: snap if (snap := session.snapshot()).phase.value == "done" else None)
+    page.reload()
+    page.get_by_text(f"{done.laws[0].drift[-1]:.3g}", exact=True).wait_for()
+    for law in session.snapshot().laws:
+        assert np.array_equal(law.q, done.law(law.name).q)
+    assert [text for text in shown.problems if "WebSocket" not in text] == []
+
+
+@pytest.mark.campaign
+def test_the_tab_has_the_name_of_the_job_and_whoever_looks_on_is_told_that_the_studio_ended(shown: Any) -> None:
+    assert shown.page.title() == "panda-circle - holokin studio"
+    shown.studio.close()
+    shown.page.get_by_text("The studio was ended").wait_for()

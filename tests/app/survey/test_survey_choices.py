@@ -1,0 +1,205 @@
+"""What a survey asks and what it leaves out; the public survey of every arm, and its page."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from holokin.app.job import keys_of
+from holokin.app.job.table_values import Table
+from holokin.app.survey import SurveyTable, read_survey, run_survey, survey_of
+from holokin.app.survey.cases import Cases
+from holokin.app.survey.one_case import METRICS, STATUSES, _robot, run_case
+from holokin.app.survey.store import COLUMNS
+from holokin.app.survey.survey_laws import OWN_KINDS
+from holokin.app.survey.survey_tables import LoopTable, StartsTable, WithoutTable
+from holokin.base.errors import JobError
+
+ROOT = Path(__file__).parents[3]
+PUBLIC = ROOT / "benchmarks" / "survey.toml"
+
+
+def survey(**changes: object) -> SurveyTable:
+    return survey_of(
+        {
+            "title": "planar", "robots": ["planar-3r", "ppr"], "cycles": 1, "samples": 20,
+            "loops": {"round": {"kind": "circle", "size": 0.1}, "eight": {"kind": "figure-eight", "size": 0.1}},
+            "laws": {"pinv": {"kind": "moore-penrose"}, "lock": {"kind": "best-lock"}, "damped": {"kind": "damped"}},
+        } | changes,
+        "planar.toml",
+    )  # fmt: skip
+
+
+def test_what_is_left_out_is_asked_of_no_case_and_the_others_stay_what_they_are() -> None:
+    whole = {case.id: case.names for case in Cases(survey(), Path())}
+    rules = [
+        {"robot": "p*r", "law": ["lock", "damp*"], "loop": "eight"},
+        {"robot": "ppr", "task": "position", "law": "pinv"},
+    ]
+    fewer = {case.id: case.names for case in Cases(survey(without=rules), Path())}
+    assert len(whole) == 12 and fewer.items() < whole.items()
+    out = [names for case, names in whole.items() if case not in fewer]
+    assert {(n["robot"], n["loop"], n["law"]) for n in out} == {
+        ("planar-3r", "eight", "lock"), ("planar-3r", "eight", "damped"), ("ppr", "eight", "lock"),
+        ("ppr", "eight", "damped"), ("ppr", "eight", "pinv"), ("ppr", "round", "pinv"),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("asked", [1, 7, 50, 1000])
+def test_so_many_cases_are_asked_whatever_is_left_out(asked: int) -> None:
+    cases = Cases(survey(without=[{"robot": "ppr", "law": "lock"}], cases=asked), Path())
+    assert asked <= len(cases) <= asked + 2
+    assert len({case.id for case in cases}) == len(cases)
+
+
+@pytest.mark.parametrize("asked", [8, 20, 46, 97, 150])
+def test_few_cases_are_even_over_robots_and_then_over_tasks_loops_and_starts(asked: int) -> None:
+    """Of 20 cases of two laws four robots once had 6, 6, 8 and 0. Counts differ by one loop, of starts by two."""
+    table = survey(
+        robots=["panda", "iiwa14", "fr3", "gen3"], cases=asked, starts={"regular": 1, "random": 5},
+        tasks={"position": {"kind": "position"}, "pose": {"kind": "pose"}},
+        laws={"pinv": {"kind": "moore-penrose"}, "lock": {"kind": "best-lock"}},
+    )  # fmt: skip
+    cases = list(Cases(table, Path()))
+    counts = {"robot": 4, "task": 2, "loop": 2, "start": 6}
+    for what, many in counts.items():
+        told = [str(case.start) if what == "start" else case.names[what] for case in cases]
+        found = Counter(told).values()
+        least = min(found) if len(found) == many else 0
+        assert max(found) - least <= 2 * (1 + (what == "start")), (what, Counter(told))
+
+
+def test_with_more_cases_the_fewer_remain() -> None:
+    fewer, more = ({case.id for case in Cases(survey(cases=n), Path())} for n in (40, 70))
+    assert fewer < more
+
+
+def test_leaving_out_everything_or_nothing_is_refused() -> None:
+    with pytest.raises(JobError, match="without"):
+        survey(without=[{}])
+    with pytest.raises(Exception, match="leave some of them in"):
+        len(Cases(survey(without=[{"law": "*"}]), Path()))
+
+
+def test_a_control_law_that_loses_the_path_ends_there() -> None:
+    """A circle wider than twice the reach leaves it wherever it begins; feedback would run on for ever."""
+    table = survey(
+        loops={"large": {"kind": "circle", "size": 7.0}},
+        laws={"d": {"kind": "damped"}},
+        robots=["planar-3r"],
+        limits=False,
+    )
+    row = run_case(Cases(table, Path()).case(0), Cases(table, Path()))
+    assert row.status == "lost" and "0.05 m" in row.reason
+    assert row.metrics["tracking"] <= 0.05
+
+
+@pytest.mark.campaign
+def test_the_public_survey_asks_ten_thousand_cases_of_redundant_arms() -> None:
+    table = read_survey(PUBLIC)
+    cases = Cases(table, PUBLIC.parent)
+    assert 10_000 <= len(cases) <= 10_011
+    arms = {
+        label: _robot(json.dumps(robot, sort_keys=True), cases.folder)
+        for label, robot in zip(cases.labels, cases.robots, strict=True)
+    }
+    for stratum in cases.strata:
+        arm = arms[cases.labels[stratum.robot]]
+        rows = {"position": 3, "pose": 6}[stratum.task] if not arm.planar else 2
+        one = {"centred", "arm-angle"} & set(stratum.laws)
+        assert arm.n > rows and (not one or arm.n == rows + 1), (arm.name, stratum)
+    asked = Counter(case.names["law"] for case in map(cases.case, range(0, len(cases), 7)))
+    assert min(asked.values()) > 20
+
+
+@pytest.mark.campaign
+def test_the_page_of_the_public_survey_is_written_from_its_results(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    import survey_page
+
+    laws = {
+        "pseudo-inverse": {"kind": "moore-penrose"}, "lock": {"kind": "best-lock"},
+        "pseudo-inverse, feedback": {"kind": "closed-loop", "of": "pseudo-inverse"},
+    }  # fmt: skip
+    table = survey(laws=laws, loops={"round": {"kind": "circle", "share": [0.02, 0.1]}}, robots=["planar-3r"], cycles=2)
+    run_survey(table, tmp_path, tmp_path / "s.sqlite", workers=0)
+    survey_page.main([str(tmp_path / "s.sqlite"), "--docs", str(tmp_path)])
+    page = (tmp_path / "survey.md").read_text("utf-8")
+    assert "**3 cases.**" in page and "preliminary" not in page and "| lock | 1 | 100.0% | 100.0% |" in page
+    assert "{" not in page
+    assert len(list((tmp_path / "pictures").glob("survey-*.png"))) == 4
+    assert np.all([f"pictures/{f.name}" in page for f in (tmp_path / "pictures").iterdir()])
+
+
+REFERENCE = (ROOT / "docs" / "app.survey.md").read_text("utf-8")
+
+
+def rows_of(heading: str, head: str) -> dict[str, list[str]]:
+    """First cell -> the other cells of the table with this first title below a heading; kinds beside each other."""
+    text = REFERENCE.split(f"\n{heading}\n")[1].split("\n## ")[0].split("\n### ")[0]
+    _, found, table = text.partition(f"\n| {head} |")
+    assert found, (heading, head)
+    lines = [line for line in table.split("\n\n")[0].splitlines() if line.startswith("| `")]
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+    return {name: rest for first, *rest in cells for name in re.findall(r"`\[*([^`.\]]+)[^`]*`", first)}
+
+
+def written(default: object) -> str:
+    """A default as the reference says it."""
+    words = json.dumps(default)
+    return f"`{words.removesuffix('.0')}`"
+
+
+@pytest.mark.parametrize(
+    ("heading", "model"),
+    [
+        ("### Top level", SurveyTable), ("### `[starts]`", StartsTable), ("### `[loops.NAME]`", LoopTable),
+        ("### `[[without]]`", WithoutTable),
+    ],
+)  # fmt: skip
+def test_the_reference_of_survey_files_has_every_key_and_default(heading: str, model: type[Table]) -> None:
+    found = rows_of(heading, "Key")
+    assert set(found) == set(model.model_fields)
+    for key, field in model.model_fields.items():
+        default, meaning = found[key]
+        assert len(meaning) > 10
+        if field.is_required():
+            assert default == "needed", key
+        elif isinstance(field.default, int | float | str) and field.default != "":
+            assert default == written(field.default), key
+        for words in re.findall(r"Literal\[(.*?)\]", str(field.annotation)):
+            assert all(f'`"{word}"`' in meaning + default for word in re.findall(r"'([a-z-]+)'", words)), key
+
+
+def test_the_reference_of_survey_files_has_every_kind_of_law() -> None:
+    kinds, keys = (rows_of("### `[laws.NAME]`", head) for head in ("Kind", "Key"))
+    models = {kind: m for m in OWN_KINDS for kind in get_args(m.model_fields["kind"].annotation)}
+    assert set(kinds) == set(models)
+    for kind, model in models.items():
+        assert tuple(tuple(re.findall(r"`(\w+)`", cell)) for cell in kinds[kind][:2]) == keys_of(model), kind
+    fields = {key: field for model in OWN_KINDS for key, field in model.model_fields.items() if key != "kind"}
+    assert set(keys) == set(fields)
+    for key, field in fields.items():
+        default = keys[key][0].strip("`").strip('"')
+        if field.is_required():
+            assert default == "needed", key
+        elif isinstance(field.default, int | float):
+            assert float(default) == field.default, key
+        elif field.default is not None:
+            assert default == field.default, key
+
+
+def test_the_reference_of_rows_has_every_column_and_status() -> None:
+    assert set(rows_of("## A row", "Status")) == set(STATUSES.values())
+    assert list(rows_of("## A row", "Column")) == list(METRICS)
+    text = REFERENCE.split("\n## A row\n")[1].split("\n## ")[0]
+    assert all(f"`{column}`" in text for column in COLUMNS)

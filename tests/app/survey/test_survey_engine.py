@@ -1,0 +1,252 @@
+"""Who does the cases of a survey: processes and clusters that may be killed, hang, or never come."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from holokin.app.survey import cluster, run_survey
+from holokin.app.survey import resumable_run as surveying
+from holokin.app.survey.batches import SECONDS, Batches, lasting
+from holokin.app.survey.cases import Cases
+from holokin.app.survey.engine import Pool
+from holokin.app.survey.guarded_process import Guarded
+from holokin.app.survey.one_case import Row, run_case
+from holokin.base.errors import SchedulerError, SurveyError, UnknownNameError
+from survey_kills import alive, children, count_of
+from survey_laws import CIRCLES, planar, rows_of
+
+HERE = Path(__file__).parents[2]
+
+
+FAULTS = {
+    "throws": ("fault", "ZeroDivisionError"),
+    "hangs": ("fault", "took longer than 1.5 s"),
+    "sleeps_in_c": ("fault", "hung in native code"),
+    "dies": ("fault", "its process died 3 times (exit code 7)"),
+    "crashes": ("fault", "its process died 3 times (SIGSEGV)"),
+    "exits": ("fault", "SystemExit: 0"),
+    "interrupts": ("fault", "KeyboardInterrupt"),
+}
+
+
+@pytest.mark.campaign
+def test_a_case_that_throws_hangs_or_dies_costs_one_row_and_never_its_neighbours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", f"{HERE}:{os.environ.get('PYTHONPATH', '')}")
+    monkeypatch.syspath_prepend(str(HERE))
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # a compiler may take longer than a case has here
+    bad = {name: {"kind": "import", "function": f"survey_laws:{name}"} for name in FAULTS}
+    table = planar(
+        laws={"pinv": {"kind": "moore-penrose"}, **bad, "lock": {"kind": "best-lock"}}, starts={"regular": 1},
+        loops={"circle": {"kind": "circle", "size": 0.1}}, time_limit=1.5, samples=10,
+    )  # fmt: skip
+    out = tmp_path / "bad.sqlite"
+    done = run_survey(table, tmp_path, out, workers=2)
+    rows = {str(row["law"]): row for row in rows_of(out)}
+    assert done.done == done.total == len(rows) == 2 + len(FAULTS) and done.faults == len(FAULTS), {
+        k: r["reason"] for k, r in rows.items()
+    }
+    assert rows["pinv"]["status"] == rows["lock"]["status"] == "complete"
+    for law, (status, reason) in FAULTS.items():
+        assert rows[law]["status"] == status and reason in str(rows[law]["reason"]), rows[law]
+
+
+@pytest.mark.campaign
+def test_a_case_that_kills_slowly_is_a_fault_before_its_batch_is_handed_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Else it would be asked again without end: the time of a batch is over with the first death."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    law = {"kind": "import", "function": "survey_laws:dies"}
+    table = planar(laws={"dies": law, "pinv": {"kind": "moore-penrose"}}, time_limit=6.0, samples=10)
+    guarded = Guarded()
+    try:
+        found = guarded.rows(table.model_dump_json(exclude_unset=True), str(HERE), (0, 1), lasts=0.01)
+        assert [row.reason for row in found][:1] == ["its process died 3 times (exit code 7)"]
+        assert 1 <= len(found) <= 2
+        with pytest.raises(SurveyError, match="fail beside its cases"):
+            guarded.rows("no survey", str(HERE), (0,))
+    finally:
+        guarded.close()
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="it looks for processes where Linux shows them")
+def test_fifty_kills_of_coordinators_and_workers_lose_no_row_double_none_and_change_none(tmp_path: Path) -> None:
+    """They are forked, so that a life costs milliseconds. At the end the rows are those of a quiet run.
+
+    HOLOKIN_KILLS=500 kills more of them.
+    """
+    kills = os.environ.get("HOLOKIN_KILLS", "50")
+    command = [sys.executable, str(HERE / "survey_kills.py"), kills, str(tmp_path)]
+    quiet = os.environ | {"HOLOKIN_NATIVE": "0", "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run(command, env=quiet, capture_output=True, text=True, timeout=280, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr[-2000:]
+    found = json.loads(done.stdout)
+    assert sum(found["killed"].values()) >= int(kills) and min(found["killed"].values()) > int(kills) // 4
+    assert found["wrong"] == [] and found["compared"] >= 1
+
+
+def _running(file: Path, out: Path) -> tuple[subprocess.Popen[str], list[int]]:
+    """A survey of the command line that has kept a row; its processes."""
+    command = [sys.executable, "-m", "holokin", "survey", str(file), "--out", str(out), "--workers", "2", "--resume"]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | {"HOLOKIN_NATIVE": "0"},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
+    before = count_of(out)
+    while process.poll() is None and count_of(out) == before:
+        time.sleep(0.05)
+    below = children(process.pid)
+    return process, below + [pid for server in below for pid in children(server)]
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="it looks for processes where Linux shows them")
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM], ids=lambda kind: kind.name)
+def test_a_survey_that_is_stopped_says_how_to_go_on_and_leaves_no_process(kind: signal.Signals, tmp_path: Path) -> None:
+    file, out = tmp_path / "c.toml", tmp_path / "c.sqlite"
+    file.write_text(CIRCLES.replace("count = 12", "count = 300"))
+    stopped, below = _running(file, out)
+    assert len(below) >= 3  # a server and two workers
+    stopped.send_signal(kind)
+    said, complaint = stopped.communicate(timeout=60)
+    assert stopped.returncode == 128 + kind and "of 600 cases are in" in said and "--resume" in said
+    assert "Traceback" not in complaint
+    kept = len(rows_of(out))
+    killed, more = _running(file, out)
+    killed.kill()
+    killed.communicate()
+    until = time.monotonic() + 20.0
+    while any(map(alive, below + more)) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not any(map(alive, below + more))
+    assert len(rows_of(out)) > kept > 0
+
+
+@pytest.mark.campaign
+def test_a_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Here it waits for less, so that the test does."""
+    pytest.importorskip("distributed")
+    assert cluster.PATIENCE < 9
+    monkeypatch.setattr(cluster, "PATIENCE", 1.0)
+    began = time.monotonic()
+    with pytest.raises(SchedulerError, match="cannot be reached within 1 s"):
+        run_survey(planar(), tmp_path, tmp_path / "c.sqlite", scheduler="tcp://127.0.0.1:9")
+    assert time.monotonic() - began < 10 and not (tmp_path / "c.sqlite").exists()
+
+
+@pytest.mark.campaign
+def test_a_cluster_finds_what_one_process_finds_and_a_case_that_hangs_there_costs_one_row(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setenv("PYTHONPATH", f"{HERE}:{os.environ.get('PYTHONPATH', '')}")
+    monkeypatch.syspath_prepend(str(HERE))
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    out, whole, faults = tmp_path / "cluster.sqlite", tmp_path / "whole.sqlite", tmp_path / "faults.sqlite"
+    run_survey(planar(), tmp_path, whole, workers=0)
+    bad = {name: {"kind": "import", "function": f"survey_laws:{name}"} for name in ("sleeps_in_c", "dies")}
+    table = planar(
+        laws=bad | {"pinv": {"kind": "moore-penrose"}}, starts={"regular": 1}, samples=10, time_limit=1.5,
+        loops={"circle": {"kind": "circle", "size": 0.1}},
+    )  # fmt: skip
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=2, processes=True, dashboard_address=None, silence_logs=50
+    ) as found:
+        run_survey(planar(), tmp_path, out, scheduler=found.scheduler_address)
+        run_survey(table, tmp_path, faults, scheduler=found.scheduler_address)
+        found.scale(0)
+        found.sync(found._correct_state)
+        monkeypatch.setattr(cluster, "PATIENCE", 1.0)
+        with pytest.raises(SchedulerError, match=r"no workers for \S+ s; start some: dask worker tcp://"):
+            run_survey(planar(), tmp_path, tmp_path / "none.sqlite", scheduler=found.scheduler_address)
+    assert rows_of(out) == rows_of(whole)
+    reasons = {str(row["law"]): str(row["reason"]) for row in rows_of(faults)}
+    assert "hung in native code" in reasons.pop("sleeps_in_c")
+    assert reasons == {"dies": "its process died 3 times (exit code 7)", "pinv": ""}
+
+
+@pytest.mark.campaign
+def test_batches_and_pool_give_rows_in_any_order_but_all(tmp_path: Path) -> None:
+    table = planar(starts={"regular": 1})
+    cases = Cases(table, tmp_path)
+    rows = [row for rows in Pool(table, tmp_path, 2).run(Batches(range(len(cases)), len(cases))) for row in rows]
+    assert sorted(row.number for row in rows) == list(range(len(cases)))
+    alone = run_case(cases.case(2), cases)
+    (same,) = [row for row in rows if row.number == 2]
+    assert same.metrics == pytest.approx(alone.metrics, nan_ok=True)
+
+
+def test_a_batch_takes_about_a_second_and_the_last_ones_less() -> None:
+    """Cases of 10 ms on 4 workers: all of them are taken once, also what is handed back."""
+    batches = Batches(range(3000), 3000, laws=4)
+    sizes, taken = [], []
+    while batch := batches.take(4):
+        done = batch[: len(batch) // 2] if len(sizes) == 5 else batch
+        batches.came(batch, [Row("", number, {}, "complete", "", {}, 0.01) for number in done])
+        sizes.append(len(batch))
+        taken += done
+    assert sizes[0] == 4 and max(sizes) == 100 and all(0.01 * size <= SECONDS for size in sizes)
+    assert sorted(taken) == list(range(3000))
+    assert sizes[-1] == 1 and sum(sizes[-8:]) < 3000 / 100  # one worker does not work on long after the others
+    assert batches.left == 0
+    assert lasting(8) == SECONDS and lasting(1000) == 10.0  # a thousand workers ask for a hundred batches a second
+
+
+def test_the_remaining_time_is_by_the_rows_of_the_last_minute_and_never_by_those_of_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """900 of 1,000 cases were there; one case in 2 s, after 30 s of loading, leaves 200 s less what came."""
+    now = [0.0]
+    monkeypatch.setattr(surveying.time, "monotonic", lambda: now[0])
+    clock = surveying._Clock(1000, 900)
+    row = Row("", 0, {}, "complete", "")
+    found = clock.after(())
+    assert np.isnan(found.remaining) and str(found) == "900 of 1,000 cases, 900 of them before"
+    for now[0] in (30.0, 32.0, 34.0, 36.0):
+        found = clock.after([row])
+    assert found.remaining == pytest.approx(96 * 2)
+    assert str(found) == "904 of 1,000 cases, 900 of them before, 0.5 cases/s, about 0:03:12 left"
+    for now[0] in np.arange(40.0, 125.0, 5.0):
+        found = clock.after([row])
+    assert found.remaining == pytest.approx((1000 - found.done) * 5)
+
+
+def test_a_misspelt_robot_is_said_before_anything_runs(tmp_path: Path) -> None:
+    """A file that does not load is a reason in its rows: see test_surveys.py."""
+    for robots in (["planar-3r", "pandda"], [{"name": "pandda", "tip": "tool"}]):
+        with pytest.raises(UnknownNameError, match=r"unknown robot 'pandda'.*panda"):
+            run_survey(planar(robots=robots), tmp_path, tmp_path / "m.sqlite", workers=0)
+    assert not (tmp_path / "m.sqlite").exists()
+
+
+@pytest.mark.campaign
+def test_a_script_without_a_main_guard_runs_a_survey_of_its_own_law(tmp_path: Path) -> None:
+    """Its processes do not run the script again, in which the survey would begin anew."""
+    (tmp_path / "mine.py").write_text(
+        "import holokin as hk\n"
+        "print('begun')\n"
+        "def mine(task):\n    return hk.moore_penrose(task)\n"
+        "circle = {'kind': 'circle', 'size': 0.1, 'count': 2}\n"
+        "for law in (mine, {'kind': 'moore-penrose'}):\n"
+        "    found = hk.survey(['planar-3r'], {'mine': law}, {'c': circle}, cycles=1, samples=10, workers=2)\n"
+        "    print(found.columns['status'].tolist())\n"
+    )
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "mine.py")], capture_output=True, text=True, check=False, timeout=120,
+        env=os.environ | {"HOLOKIN_NATIVE": "0"},
+    )  # fmt: skip
+    assert done.stdout.splitlines() == ["begun", *2 * [str(2 * ["complete"])]], done.stderr[-2000:]

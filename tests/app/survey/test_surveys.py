@@ -1,0 +1,197 @@
+"""Surveys: a case is one row whatever happens to it, and to those who run it."""
+
+from __future__ import annotations
+
+import sqlite3
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import holokin as hk
+from holokin.app.job import Job, run_job
+from holokin.app.survey import Findings, Store, repeated, run_survey
+from holokin.app.survey.cases import Cases
+from holokin.base.errors import HolokinError, JobError, SurveyError, WriteError
+from survey_laws import PLANAR, planar, rows_of
+
+HERE = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("survey") / "planar.sqlite"
+    run_survey(planar(), file.parent, file, workers=0)
+    return file
+
+
+def test_every_case_has_one_row_and_the_laws_do_what_they_are_known_for(undisturbed: Path) -> None:
+    with Store.opened(undisturbed, None) as store:
+        found = Findings.of(store.rows())
+    assert len(found) == len(Cases(planar(), Path())) == 2 * (3 + 1) * 2
+    assert set(found.columns["id"]) == {case.id for case in Cases(planar(), Path())}
+    lock, pinv = found.of_law("lock"), found.of_law("pinv")
+    assert lock.known("drift_mean").max() < 1e-12
+    circles = pinv.where(pinv.columns["loop"] == "circle").known("drift_mean")
+    assert circles.min() > 1e-5
+    assert pinv.known("cost") == pytest.approx(1.0, abs=1e-3)
+    assert lock.known("cost").min() > 0.999
+
+
+def test_the_drift_of_a_case_is_that_of_the_job_that_repeats_it(undisturbed: Path) -> None:
+    cases = Cases(planar(), undisturbed.parent)
+    with Store.opened(undisturbed, None) as store:
+        rows = list(store.rows())
+    for number in (0, 1, 6):
+        job = Job.model_validate(tomllib.loads(repeated(cases, cases.case(number))[0]))
+        result = run_job("case", job, undisturbed).strategies[0]
+        row = rows[number]
+        assert result.metrics["drift_mean"] == pytest.approx(row["drift_mean"], rel=1e-9, abs=1e-13)
+        assert result.cycles.tracking_error("m") == pytest.approx(row["tracking"], rel=1e-6, abs=1e-12)
+
+
+def test_a_case_is_told_by_what_it_is_and_not_by_its_place() -> None:
+    first = {case.id: case for case in Cases(planar(), Path())}
+    more = planar(loops=PLANAR["loops"] | {"square": {"kind": "square", "size": 0.1}}, title="others", cases=40)
+    again = {case.id for case in Cases(more, Path())}
+    assert set(first) <= again and len(first) == 16
+    assert not set(first) & {case.id for case in Cases(planar(samples=41), Path())}
+    assert not set(first) & {case.id for case in Cases(planar(seed=1), Path())}
+
+
+def test_a_robot_file_that_changed_makes_other_cases(tmp_path: Path) -> None:
+    file = tmp_path / "arm.toml"
+    text = (Path(hk.__file__).parent / "robot" / "data" / "planar-3r.toml").read_text()
+    ids = []
+    for written in (text, text + "\n# another\n"):
+        file.write_text(written)
+        ids.append({case.id for case in Cases(planar(robots=["arm.toml"]), tmp_path)})
+    assert not ids[0] & ids[1]
+
+
+def test_loops_are_closed_begin_at_the_tool_and_have_their_size() -> None:
+    loops = {
+        kind: {"kind": kind, "size": 0.2, "count": 4}
+        for kind in ("circle", "square", "figure-eight", "raster", "smooth")
+    }
+    table = planar(robots=["panda"], loops=loops, laws={"pinv": {"kind": "moore-penrose"}}, cycles=1, samples=200)
+    cases = Cases(table, Path())
+    from holokin.app.survey import one_case as running
+
+    sizes: dict[str, list[float]] = {}
+    normals, arm = [], hk.load("panda")
+    for case in cases:
+        if case.start["kind"] == "random":
+            continue
+        start = running.start_of(case, Path())
+        tool = arm.pose(start)[:3, 3]
+        path = running._path(case, hk.position(arm), start, Path())
+        points = path.at(np.linspace(0, path.duration, 200)).position
+        assert path.closed and np.abs(points[0] - tool).max() < 1e-9
+        sizes.setdefault(case.names["loop"], []).append(
+            float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
+        )
+        normals.append(np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][2])
+    for kind, found in sizes.items():
+        assert found == pytest.approx([0.2] * 4, rel=0.12), kind
+    assert np.linalg.matrix_rank(np.array(normals), tol=0.2) == 3
+
+
+def test_a_robot_that_does_not_load_is_a_reason_in_its_rows(tmp_path: Path) -> None:
+    (tmp_path / "bad.urdf").write_text("<robot")
+    out = tmp_path / "r.sqlite"
+    table = planar(robots=["bad.urdf", "none.urdf", "planar-3r", {"name": "ur5e", "tip": "nowhere"}])
+    run_survey(table, tmp_path, out, workers=0)
+    reasons = {str(row["robot"]): str(row["reason"]) for row in rows_of(out)}
+    assert reasons["planar-3r"] == ""
+    assert (
+        "bad.urdf" in reasons["bad.urdf"]
+        and "no such file" in reasons["none.urdf"]
+        and "nowhere" in reasons["ur5e nowhere"]
+    )
+
+
+def test_resuming_does_only_what_is_missing(undisturbed: Path, tmp_path: Path) -> None:
+    out = tmp_path / "part.sqlite"
+    out.write_bytes(undisturbed.read_bytes())
+    with sqlite3.connect(out) as db:
+        db.execute("DELETE FROM cases WHERE number % 3 = 1")
+        left = db.execute("SELECT COUNT(*) FROM cases").fetchone()[0]
+    with pytest.raises(SurveyError, match="--resume"):
+        run_survey(planar(), tmp_path, out, workers=0)
+    done = run_survey(planar(), tmp_path, out, workers=0, resume=True)
+    assert (done.resumed, done.done, done.total) == (left, 16, 16)
+    assert rows_of(out) == rows_of(undisturbed)
+
+
+def test_results_of_another_survey_are_refused(undisturbed: Path, tmp_path: Path) -> None:
+    for changed in ({"cycles": 3}, {"seed": 5}, {"robots": ["panda"]}):
+        with pytest.raises(SurveyError, match="another survey"):
+            run_survey(planar(**changed), tmp_path, undisturbed, workers=0, resume=True)
+    other = tmp_path / "other.sqlite"
+    other.write_text("no database at all, but long enough to be read as one by mistake " * 20)
+    with pytest.raises(HolokinError):
+        run_survey(planar(), tmp_path, other, workers=0, resume=True)
+
+
+@pytest.mark.campaign
+def test_a_full_disk_stops_the_survey_and_keeps_what_was_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SQLite says the same where a file may have no more pages as where the disk has no more room."""
+    out = tmp_path / "full.sqlite"
+    opened = sqlite3.connect
+
+    def small(*args: Any, **kwargs: Any) -> sqlite3.Connection:
+        db = opened(*args, **kwargs)
+        db.execute("PRAGMA max_page_count = 7")
+        return db
+
+    table = planar(loops={"circle": {"kind": "circle", "size": 0.1, "count": 30}}, samples=10, cycles=1)
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    monkeypatch.setattr("holokin.app.survey.store.sqlite3.connect", small)
+    with pytest.raises(WriteError, match="full"):
+        run_survey(table, tmp_path, out, workers=0)
+    monkeypatch.setattr("holokin.app.survey.store.sqlite3.connect", opened)
+    kept = len(rows_of(out))
+    assert 0 < kept < 120
+    assert run_survey(table, tmp_path, out, workers=0, resume=True).resumed == kept
+    assert len(rows_of(out)) == 120
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"laws": {"a": {"kind": "moore-penros"}}}, "[laws.a.kind] is 'moore-penros'; did you mean 'moore-penrose'"),
+        ({"laws": {"a": {"kind": "lock", "joint": ["q1"]}}}, "[laws.a.joint] is an unknown key"),
+        ({"laws": {"a": {"kind": "closed-loop", "of": "b"}}}, "laws.a.of"),
+        ({"loops": {"c": {"kind": "circle"}}}, "neither size nor share says how large it is"),
+        ({"loops": {"c": {"kind": "circle", "size": 0.1, "share": 0.1}}}, "size and share both say how large it is"),
+        ({"loops": {"c": {"kind": "circle", "size": (0.2, 0.1)}}}, "no range"),
+        ({"starts": {"regular": 0}}, "asks for no start posture"),
+        ({"samples": 100_000, "cycles": 100}, "give fewer samples or cycles"),
+        ({"robots": []}, "at least 1"),
+        ({"unknown": 1}, "[unknown] is an unknown key"),
+    ],
+)
+def test_a_survey_that_makes_no_sense_is_refused_in_a_sentence(change: dict[str, Any], words: str) -> None:
+    with pytest.raises(JobError) as caught:
+        planar(**change)
+    assert words in str(caught.value)
+
+
+def test_a_pattern_that_fits_no_robot_is_refused(tmp_path: Path) -> None:
+    for name in ("nothing-*", "nothing/*.urdf"):
+        with pytest.raises(HolokinError, match="nothing"):
+            run_survey(planar(robots=[name]), tmp_path, tmp_path / "n.sqlite", workers=0)
+
+
+def test_cases_in_total_are_spread_evenly() -> None:
+    table = planar(robots=["planar-3r", "panda", "iiwa14"], cases=120)
+    cases = list(Cases(table, Path()))
+    assert len(cases) == 120 and len({case.id for case in cases}) == 120
+    for name in ("planar-3r", "panda", "iiwa14"):
+        assert sum(case.names["robot"] == name for case in cases) == 40
+    assert [case.number for case in cases] == list(range(120))
