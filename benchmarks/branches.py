@@ -26,7 +26,7 @@ from holokin.base.errors import BranchError, OutOfReachError, SingularityError
 from holokin.export import export_c
 from holokin.motion.ik.leaf import leaf_step
 from holokin.symbolic.native import compiler
-from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native import toolchain as native
 
 STEPS = 3000
 PANDA = np.array([0.0, -0.3, 0.2, -2.0, 0.1, 1.8, 0.7])

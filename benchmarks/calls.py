@@ -16,10 +16,9 @@ import numpy as np
 
 import holokin as hk
 from benchmarks.growth import START, environment
-from holokin.symbolic.native.background import idle
-from holokin.symbolic.native.evaluator import HEAVY
-from holokin.symbolic.native.native_library import library
-from holokin.symbolic.native.source import step_source
+from holokin.symbolic.native.emit import step_source
+from holokin.symbolic.native.kernel import HEAVY
+from holokin.symbolic.native.toolchain import idle, library
 
 PLACES = 256
 """Places in memory from which the loop in C reads the posture, so that no compiler takes the step out of the loop."""

@@ -7,8 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from holokin.app.report.palette import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
-from holokin.app.report.plots import beside
+from holokin.app.report.plots import BLUE, GREEN, ORANGE, PURPLE, VERMILLION, beside
 
 COLORS = {"no rule": VERMILLION, "posture": ORANGE, "to a leaf": PURPLE, "no feedback": GREEN, "holonomic": BLUE}
 MEANINGS = {

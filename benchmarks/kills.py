@@ -23,7 +23,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from holokin.app.report.result_folder import check_folder
+from holokin.app.report.job_result import check_folder
 
 JOB = """title = "{title}"
 [robot]

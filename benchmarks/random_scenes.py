@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from benchmarks.random_arms import Arm, Array, Problem, random_arm, random_law
 from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape
-from holokin.robot.numeric import joint_frames
+from holokin.robot.tree import joint_frames
 
 coal: Any = import_module("coal")
 

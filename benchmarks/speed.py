@@ -29,7 +29,7 @@ from benchmarks.pose_rivals import poses_page
 from benchmarks.rivals import rivals
 from holokin.analysis.curvature.curvature_of_planes import curvature_function
 from holokin.motion import simulate
-from holokin.symbolic.native.native_library import engine
+from holokin.symbolic.native.toolchain import engine
 
 DT = 0.001
 ROOT = Path(__file__).resolve().parents[1]

@@ -25,11 +25,8 @@ from pathlib import Path
 from typing import Any
 
 from holokin.app.survey import Store, SurveyTable, run_survey, survey_of
-from holokin.app.survey.batches import SECONDS, Batches
 from holokin.app.survey.cases import Cases
-from holokin.app.survey.cluster import Cluster, reached, run_guarded
-from holokin.app.survey.engine import AHEAD, Here, Pool
-from holokin.app.survey.guarded_process import Guarded
+from holokin.app.survey.engine import AHEAD, SECONDS, Batches, Cluster, Guarded, Here, Pool, reached, run_guarded
 from holokin.app.survey.one_case import Row, prepare, run_case
 from holokin.base.errors import MissingExtraError
 

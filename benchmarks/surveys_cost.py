@@ -24,8 +24,8 @@ import holokin as hk
 from holokin.analysis.coverage import locked_joints
 from holokin.app.survey import survey_of
 from holokin.app.survey.cases import Case, Cases
-from holokin.app.survey.objects import keep
 from holokin.app.survey.one_case import prepare, run_case
+from holokin.app.survey.survey_file import keep
 
 ROBOTS = ("panda", "iiwa14", "ur5e")
 CIRCLES = {"circle": {"kind": "circle", "size": [0.05, 0.3], "count": 100}}

@@ -17,19 +17,15 @@ import numpy as np
 from PIL import Image
 
 import holokin as hk
-from holokin.analysis.curvature.elbow_field import LeafField, sphere_of
+from holokin.analysis.curvature.obstructions import LeafField, sphere_of
 from holokin.analysis.curvature.sphere_index import spread
 from holokin.app.job import open_job, run_job
-from holokin.app.report.animate import cycles_frames, shown_laws
-from holokin.app.report.clear_picture import box_figure
-from holokin.app.report.coverage_plots import coverage_figure
-from holokin.app.report.film import write_film
+from holokin.app.report.animation import cycles_frames, shown_laws, write_film
 from holokin.app.report.job_figures import cycles_figure, robot_figure, two_paths_figure
-from holokin.app.report.palette import BLUE, SKY, law_colors
-from holokin.app.report.palette import VERMILLION as RED
-from holokin.app.report.plots import legible, style
-from holokin.app.report.region_plot import region_figure
-from holokin.app.report.sheets_plot import sheets_figure
+from holokin.app.report.plots import BLUE, SKY, law_colors, legible, region_figure, style
+from holokin.app.report.plots import VERMILLION as RED
+from holokin.app.report.proof_picture import box_figure
+from holokin.app.report.sheets_plots import coverage_figure, sheets_figure
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent))

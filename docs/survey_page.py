@@ -23,8 +23,7 @@ from PIL import Image
 from holokin.app.report.plots import legible, style
 from holokin.app.survey import Findings, Store, SurveyTable
 from holokin.app.survey.cases import Cases
-from holokin.app.survey.findings import ON_PATH, RETURNS
-from holokin.app.survey.survey_figures import boxes_figure, coverage_figure, drift_figure, survival_figure
+from holokin.app.survey.findings import ON_PATH, RETURNS, boxes_figure, coverage_figure, drift_figure, survival_figure
 
 HERE = Path(__file__).parent
 SPOKEN_OF = {

@@ -16,7 +16,7 @@ from conftest import Command
 from holokin.symbolic import Function, symbol
 from holokin.symbolic import function as function_module
 from holokin.symbolic.native import engine, toolchain
-from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native import toolchain as native
 
 needs_compiler = pytest.mark.skipif(
     native.compiler() is None or os.name != "posix", reason="needs a C compiler and a POSIX shell"

@@ -9,8 +9,7 @@ import numpy as np
 
 import holokin as hk
 from holokin.analysis.sheets import PoseRest, Sheet, Sheets
-from holokin.analysis.sheets.pose_features import turn_length
-from holokin.analysis.sheets.sheet import known
+from holokin.analysis.sheets.sheet import known, turn_length
 
 LIMIT = np.radians(150)
 

@@ -111,7 +111,7 @@ EQUATIONS = {
         ["strategies/test_paper.py::test_an_orientation_stands_below_the_position_and_its_rows_are_derivatives_26"],
     ),
     **{
-        number: (says, ["tasks/test_geometric.py::test_the_packaged_irb140_job_is_27_with_28_and_29"])
+        number: (says, ["strategies/tasks/test_geometric.py::test_the_packaged_irb140_job_is_27_with_28_and_29"])
         for number, says in {
             "(27)": "G of the IRB 140, N_G = null(J_o + J_p)",
             "(28)": "J_p q' + J_o q' = 0",
@@ -147,7 +147,7 @@ THEOREMS = {
         "a null-space basis of an exact J is involutive",
         [
             "strategies/test_theorems.py::test_a_null_space_basis_is_involutive_lemma_III_1_36",
-            "motion_analysis/test_verdicts.py::test_a_verdict_says_on_which_grounds_it_reaches_beyond_its_postures",
+            "analysis/curvature/test_verdicts.py::test_a_verdict_says_on_which_grounds_it_reaches_beyond_its_postures",
         ],
     ),
     "Theorem III.2": (
@@ -335,7 +335,7 @@ def pytest_runtest_call(item) -> None:
     test, run = f"{item.path.parent.name}/{item.path.name}::{item.originalname}", item.runtest
 
     def watched() -> None:
-        sys.modules["holokin.robot.formats.catalog"]._in_use.clear()  # a robot in use is not read again
+        sys.modules["holokin.robot.formats.loading"]._in_use.clear()  # a robot in use is not read again
         _SEEN.append(set())
         try:
             run()

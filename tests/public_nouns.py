@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import inspect
+from importlib import import_module
+from pkgutil import walk_packages
 from types import ModuleType
 
 import holokin as hk
 
 
 def rooms() -> list[ModuleType]:
-    return [hk, *(room for name in hk.__all__ if inspect.ismodule(room := getattr(hk, name)))]
+    public = [room for name in hk.__all__ if inspect.ismodule(room := getattr(hk, name))]
+    names = [m.name for room in public for m in walk_packages(room.__path__, f"{room.__name__}.") if m.ispkg]
+    return [hk, *(room for room in (*public, *map(import_module, names)) if hasattr(room, "__all__"))]
 
 
 def public_classes() -> dict[str, type]:

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from holokin.app.job import Job, open_job, packaged_jobs, packaged_text, run_job
-from holokin.app.report.job_table import print_result
-from holokin.app.report.result_folder import check_folder
+from holokin.app.report.job_report import print_result
+from holokin.app.report.job_result import check_folder
 
 _PATH = (
     '[path]\nkind = "circle"\ncenter = [-0.1, 0]\nrelative = true\nsamples = 8\ncycles = 2\n[verdict]\nsamples = 3\n'

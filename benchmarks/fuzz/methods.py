@@ -16,8 +16,10 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from functools import cache
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
+from pkgutil import walk_packages
 from types import FunctionType
 from typing import Any
 
@@ -28,7 +30,7 @@ import holokin as hk
 from holokin import strategies
 from holokin.analysis import curvature
 from holokin.base.errors import HolokinError, MissingExtraError
-from holokin.base.printed_units import PrintedUnits
+from holokin.base.units import PrintedUnits
 from holokin.path.workspaces import Box, Cylinder, Sphere, pose_cloud
 from holokin.symbolic import SX, factorise, symbol
 
@@ -153,7 +155,9 @@ def _tables() -> dict[Any, dict[str, Any]]:
 
 def rooms() -> list[Any]:
     """The package and its public rooms."""
-    return [hk, *(getattr(hk, name) for name in hk.__all__ if inspect.ismodule(getattr(hk, name)))]
+    public = [room for name in hk.__all__ if inspect.ismodule(room := getattr(hk, name))]
+    names = [m.name for room in public for m in walk_packages(room.__path__, f"{room.__name__}.") if m.ispkg]
+    return [hk, *(room for room in (*public, *map(import_module, names)) if hasattr(room, "__all__"))]
 
 
 @cache
@@ -242,10 +246,11 @@ HEAVY = {
 
 ABSENT = {
     "audit_recording", "from_mjcf", "from_pinocchio", "from_roboticstoolbox", "from_urdf", "from_yourdfpy",
-    "read_recording", "read_svg", "read_waypoints", "read_workspace", "robot.model_links",
-    "robot.model_tips", "strategies.inertia_weighted", "read_sheets", "learning.retarget", "analysis.audit.audit_dataset",
-    "analysis.audit.logs.chosen_episodes", "analysis.audit.logs.has_joints", "analysis.audit.logs.is_dataset", "analysis.audit.logs.joint_feature",
-    "analysis.audit.logs.pose_feature", "analysis.audit.logs.read_dataset", "analysis.audit.logs.read_runs",
+    "read_recording", "read_svg", "read_waypoints", "read_workspace", "robot.model_links", "robot.model_tips",
+    "strategies.inertia_weighted", "read_sheets", "learning.retarget", "analysis.audit.audit_dataset",
+    "analysis.audit.logs.chosen_episodes", "analysis.audit.logs.has_joints", "analysis.audit.logs.is_dataset",
+    "analysis.audit.logs.joint_feature", "analysis.audit.logs.pose_feature", "analysis.audit.logs.read_dataset",
+    "analysis.audit.logs.read_runs",
 }  # fmt: skip
 """Those whose good arguments would be files, models of other packages, logs or datasets: other fuzzers have them."""
 

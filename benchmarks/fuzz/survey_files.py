@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.fuzz.jobs import broken
-from holokin.app.job.toml_text import toml
+from holokin.app.job.templates import toml
 from holokin.app.survey.survey_file import read_survey
 
 SOUND = """title = "Arms"

@@ -12,7 +12,7 @@ from typing import Any
 
 from benchmarks.fuzz.jobs import broken
 from holokin.app.survey import Findings, Store, repeated, run_survey, write_survey_report
-from holokin.app.survey.repeated_case import case_of
+from holokin.app.survey.store import case_of
 from holokin.app.survey.survey_file import read_survey
 from holokin.base.errors import HolokinError
 

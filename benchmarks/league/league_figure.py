@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.league.league_entries import OURS
 from benchmarks.league.league_reading import BOTH, EXAMPLE, arms_of, shown
 from benchmarks.league.played import Played
-from holokin.app.report.palette import BLUE, GREY, INK, VERMILLION
+from holokin.app.report.plots import BLUE, GREY, INK, VERMILLION
 
 LEAST = 1e-16
 """Differences are drawn no farther to the left [rad]: it is round-off."""

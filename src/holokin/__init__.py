@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .analysis.curvature import Verdict, around, curvature, cusps, involutivity, obstruction
     from .analysis.design import Advice, ClosestHolonomic, Design, Objective, advise, closest_holonomic, design
     from .analysis.sheets import Sheets, sheets, write_sheets
-    from .app.job.saved_sheets import read_sheets
+    from .app.job.runner import read_sheets
     from .app.studio import studio
     from .app.survey import survey
     from .base.poses import pose_of
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
         spline,
         with_leads,
     )
-    from .path.synchronized_paths import synchronized, through
+    from .path.editing import synchronized, through
     from .path.workspaces import Workspace, workspace
     from .proof import Certificate, certify, unique_region
     from .robot import (
@@ -215,14 +215,14 @@ _HOMES = {
     "analysis.design": "Advice ClosestHolonomic Design Objective advise closest_holonomic design",
     "export": "export_c",
     "motion.ik": "all_postures inverse move_to_leaf",
-    "app.job.saved_sheets": "read_sheets",
+    "app.job.runner": "read_sheets",
     "motion": "TimedTrajectory approach controller drift follow path_spread retime simulate",
     "motion.trajectory": "Status Trajectory",
     "analysis.curvature": "Verdict around curvature cusps involutivity obstruction",
     "motion.checks": "CheckReport check",
     "path": "Path Waypoints arc blended circle figure_eight join line passes path_of polyline raster"
     " read_svg read_waypoints read_workspace spiral spline with_leads",
-    "path.synchronized_paths": "synchronized through",
+    "path.editing": "synchronized through",
     "path.workspaces": "Workspace workspace",
     "proof": "Certificate certify unique_region",
     "robot": "Part Robot catalogue compose coordinates from_dh from_mjcf from_pinocchio from_roboticstoolbox from_urdf"

@@ -15,7 +15,7 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, sampled, urdf
 from holokin import strategies
-from holokin.robot.formats.catalog import catalogue
+from holokin.robot.formats.loading import catalogue
 from holokin.strategies import constraints
 
 

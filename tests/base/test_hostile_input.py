@@ -16,7 +16,7 @@ from holokin.analysis.curvature import MOST_JOINTS
 from holokin.app.job import open_job, read_job
 from holokin.base.errors import ArgumentError, BranchError, ExpressionError, JobError, RobotFileError
 from holokin.motion.ik.plan import make_plan
-from holokin.motion.ik.reach import out_of_reach
+from holokin.motion.ik.pose_paths import out_of_reach
 from holokin.symbolic import parse, symbol
 
 POINTS = ", ".join(["[0, 0]"] * 10_001)

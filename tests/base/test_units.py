@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START, R3_START, Command, assert_refused, urdf, write_job
-from holokin.app.job.advice_job import _workspace_keys
-from holokin.app.job.advice_question import question
+from holokin.app.job.advice_job import _workspace_keys, question
 from holokin.app.job.strategy_tables import Fitted
 from holokin.base.errors import (
     ArgumentError,
@@ -27,7 +26,7 @@ from holokin.base.errors import (
 )
 from holokin.path.workspaces import PoseRange, pose_cloud
 from holokin.robot import doubtful_unit
-from holokin.robot.longest_span import longest_reach
+from holokin.robot.chains import longest_reach
 
 BETWEEN = np.array([0.3, 0.9, 0.0])
 

@@ -17,7 +17,7 @@ from conftest import PANDA_START, sampled
 from holokin.base.arguments import MAKERS
 from holokin.base.errors import ArgumentError, CallError, NoAttributeError
 from holokin.base.errors.holokin_error import FORMS
-from holokin.base.shown import Shown
+from holokin.base.types import Shown
 from public_nouns import public_classes, rooms
 
 FUNCTIONS = {

@@ -11,7 +11,7 @@ import pytest
 import holokin as hk
 from holokin.base.errors import ArgumentError
 from holokin.export import check
-from holokin.export.c.self_test import WARNINGS
+from holokin.export.c.c_folder import WARNINGS
 from holokin.symbolic.native import compiler
 
 NASTY = [

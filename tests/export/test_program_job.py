@@ -17,9 +17,8 @@ import referees
 from conftest import Command, sampled
 from holokin.analysis.audit.logs import read_recording
 from holokin.app.job import open_job, program_of_job, run_job
-from holokin.app.job.export_strategy import job_strategy
-from holokin.app.job.path_entry import build_entry, entry_report
-from holokin.app.job.several_paths import build_paths
+from holokin.app.job.job_parts import build_entry, build_paths, entry_report
+from holokin.app.job.uses import job_strategy
 from holokin.base.errors import HolokinError
 
 TORCH = np.array([[0.0, 0.0, 1.0, 0.05], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0]])

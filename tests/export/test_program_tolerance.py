@@ -22,8 +22,8 @@ import referees
 from conftest import campaign, sampled
 from holokin.base.errors import ArgumentError, ExportError
 from holokin.export import Program, ToolTolerance, to_fanuc, to_inform, to_krl, to_rapid, to_ros, to_urscript, to_val3
-from holokin.export.programs.controller_moves import ToolMotion
-from holokin.export.programs.program_moves import measured, tool_moves
+from holokin.export.programs.moves import ToolMotion
+from holokin.export.programs.targets import measured, tool_moves
 from holokin.motion import TimedTrajectory
 
 TORCH = np.array([[0.0, 0.0, 1.0, 0.05], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0]])

@@ -12,7 +12,7 @@ import pytest
 
 import holokin as hk
 from handmade_sheets import OVERLAPPING_START, overlapping_law, planar_map, planar_task
-from holokin.analysis.sheets.surroundings import Surroundings
+from holokin.analysis.sheets.sheet_map import Surroundings
 from holokin.base.errors import ArgumentError, BranchError, ExportError
 from holokin.export import export_sheets
 

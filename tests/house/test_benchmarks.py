@@ -16,9 +16,9 @@ from benchmarks.calls import Floor, in_turns, repeated
 import holokin as hk
 from conftest import PANDA_START, campaign
 from forked import child
-from holokin.symbolic.native import native_library as native
-from holokin.symbolic.native.background import idle
-from holokin.symbolic.native.evaluator import HEAVY
+from holokin.symbolic.native import toolchain as native
+from holokin.symbolic.native.kernel import HEAVY
+from holokin.symbolic.native.toolchain import idle
 
 ROOT = Path(__file__).parents[2]
 FILES = [

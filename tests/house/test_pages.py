@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import subprocess
 import sys
@@ -45,7 +46,12 @@ SLOW = tuple(
 )
 """Pages that take longer than a second: of the campaign."""
 SHOWN = {name for name in hk.__all__ if not isinstance(getattr(hk, name), ModuleType)}
-ROOMS = sorted(name for name in hk.__all__ if isinstance(getattr(hk, name), ModuleType))
+ROOMS = (
+    "analysis.audit", "analysis.audit.logs", "analysis.coverage", "analysis.curvature", "analysis.design",
+    "analysis.sheets", "export", "learning", "motion", "motion.checks", "motion.control", "motion.ik", "proof",
+    "robot", "strategies", "strategies.constraints",
+)  # fmt: skip
+"""Folders whose names are on pages of their own."""
 
 
 @pytest.mark.parametrize("page", [campaign("page", page) if page in SLOW else page for page in RUN])
@@ -156,11 +162,12 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.campaign
 def test_every_name_of_every_room_is_on_its_page(site: Path) -> None:
-    assert len(ROOMS) > 8
     for room in ROOMS:
-        page = (site / "api" / room / "index.html").read_text("utf-8")
-        missing = [name for name in getattr(hk, room).__all__ if f'id="holokin.{room}.{name}"' not in page]
-        assert not missing, f"{room}: {missing}: a docstring is missing, or docs/api/{room}.md leaves it out"
+        name = room.split(".")[-1]
+        page = (site / "api" / name / "index.html").read_text("utf-8")
+        exported = importlib.import_module(f"holokin.{room}").__all__
+        missing = [name for name in exported if f'id="holokin.{room}.{name}"' not in page]
+        assert not missing, f"{room}: {missing}: a docstring is missing, or docs/api/{name}.md leaves it out"
 
 
 @pytest.mark.campaign

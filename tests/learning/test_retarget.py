@@ -13,7 +13,7 @@ from pyarrow import parquet
 import holokin as hk
 from conftest import Command, assert_refused, sampled
 from holokin.analysis.audit.logs import joint_feature, pose_feature, read_dataset
-from holokin.analysis.audit.logs.dataset_folder import rows
+from holokin.analysis.audit.logs.datasets import rows
 from holokin.base.errors import ArgumentError, RecordingError
 from holokin.learning import Retargeted, retarget
 from small_datasets import stats, write_dataset

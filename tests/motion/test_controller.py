@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import PANDA_START, sampled
-from holokin.analysis.audit.equal_poses import Repeatability
+from holokin.analysis.audit.questions import Repeatability
 from holokin.base.errors import ArgumentError, ControllerError, NotFiniteError, ShapeError, SingularityError
-from holokin.motion.step_expression import StepStatus
+from holokin.motion.control_step import StepStatus
 
 START = np.array([0.3, 0.9, 0.7])
 DT = 1e-3

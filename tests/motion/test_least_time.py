@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from holokin.motion.joint_curve import Stretch
-from holokin.motion.time_law import TimeLaw, time_optimal
+from holokin.motion.timing import Stretch, TimeLaw, time_optimal
 
 SEEDS = [*range(4), *(pytest.param(k, marks=pytest.mark.campaign) for k in range(4, 120))]
 

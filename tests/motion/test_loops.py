@@ -23,9 +23,9 @@ from holokin.base.errors import (
 )
 from holokin.motion import follow_path as following
 from holokin.motion.ik.leaf import leaf_step
-from holokin.motion.ik.native_follower import NativeFollower
+from holokin.motion.ik.plan import NativeFollower
 from holokin.symbolic import function as function_module
-from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native import toolchain as native
 
 Patch = pytest.MonkeyPatch
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
@@ -275,7 +275,7 @@ def test_a_kernel_that_cannot_be_made_is_tried_once(monkeypatch: Patch, caplog: 
 
 
 def test_a_singular_posture_of_a_later_piece_is_named(monkeypatch: Patch) -> None:
-    monkeypatch.setattr("holokin.symbolic.checked_batch.PIECE", 10)
+    monkeypatch.setattr("holokin.symbolic.function.PIECE", 10)
     strategy = hk.moore_penrose(hk.pose(hk.load("panda")))
     Q = np.tile(PANDA_START, (45, 1))
     Q[37] = 0.0
@@ -287,7 +287,7 @@ def test_a_singular_posture_of_a_later_piece_is_named(monkeypatch: Patch) -> Non
 @pytest.mark.parametrize("native_from", [pytest.param(1, marks=compiled), 10**9])
 def test_a_batch_allocates_its_outputs_and_no_more(native_from: int, monkeypatch: Patch) -> None:
     monkeypatch.setattr(function_module, "NATIVE_FROM", native_from)
-    monkeypatch.setattr("holokin.symbolic.checked_batch.PIECE", 2_000)
+    monkeypatch.setattr("holokin.symbolic.function.PIECE", 2_000)
     strategy = hk.holonomic(hk.pose(hk.load("panda")), hk.arm_angle())
     strategy.batch(np.tile(PANDA_START, (300, 1)))
     peaks = []

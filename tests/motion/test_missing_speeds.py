@@ -11,7 +11,7 @@ import pytest
 import holokin as hk
 from holokin.analysis.sheets import self_motion_between
 from holokin.app.job import open_job, run_job
-from holokin.app.report.job_verdict import strategy_verdicts
+from holokin.app.report.job_report import strategy_verdicts
 from holokin.base.errors import ArgumentError, JobError
 from holokin.motion import hand_follower
 

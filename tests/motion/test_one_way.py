@@ -12,9 +12,8 @@ from rich.console import Console
 
 from conftest import sampled
 from holokin.app.job import open_job, run_job
-from holokin.app.report.job_report import write_report
+from holokin.app.report.job_report import print_result, rows, write_report
 from holokin.app.report.job_result import JobResult
-from holokin.app.report.job_table import print_result, rows
 from holokin.motion.trajectory import Status
 
 JOB = """

@@ -13,8 +13,7 @@ import holokin as hk
 from conftest import sampled
 from holokin.base.errors import ArgumentError, LostToolError, ShapeError, SingularityError, UnknownNameError
 from holokin.motion import Controller, StepStatus
-from holokin.motion.control_step import LEAST_RCOND, MOST_ERROR
-from holokin.motion.step_expression import UNLIMITED
+from holokin.motion.control_step import LEAST_RCOND, MOST_ERROR, UNLIMITED
 
 DT = 1e-3
 PANDA_START = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])

@@ -19,10 +19,10 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, campaign, sampled
 from holokin.base.errors import ArgumentError, HolokinError, ShapeError
-from holokin.motion.step_expression import StepStatus
+from holokin.motion.control_step import StepStatus
 from holokin.symbolic import Function, symbol
 from holokin.symbolic.native import kernel
-from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native import toolchain as native
 
 Patch = pytest.MonkeyPatch
 POSE = hk.load("panda").pose(PANDA_START)

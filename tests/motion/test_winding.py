@@ -7,7 +7,7 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_START, sampled
-from holokin.analysis.audit.planes import plane_loop
+from holokin.analysis.audit.questions import plane_loop
 from holokin.base.errors import OpenPathError, PathError
 from holokin.motion import Cause
 from holokin.symbolic import cos, horzcat, sin

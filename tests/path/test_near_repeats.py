@@ -10,11 +10,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from holokin.app.job.path_building import build_path
-from holokin.app.job.path_tables import PathTable
+from holokin.app.job.job_parts import build_path
+from holokin.app.job.tables import PathTable
 from holokin.app.studio import polygon_loop
 from holokin.base.errors import ArgumentError, HolokinError
-from holokin.path.synchronized_paths import AnyPath
+from holokin.path.editing import AnyPath
 
 Door = Callable[[np.ndarray, Path], AnyPath]
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from holokin.base.errors import ArgumentError, NotFiniteError, OpenPathError, ShapeError
-from holokin.path.straight_path import straight
+from holokin.path.path import straight
 
 POINTS = np.array([[0, 0, 0], [0.1, 0, 0.05], [0.1, 0.2, 0], [-0.1, 0.1, 0.1]])
 SPIN = np.array([[0.3, 0, 0], [0, 0.2, 0.4], [0, 0, 0.0]])

@@ -16,8 +16,7 @@ from conftest import sampled
 from forged import cells, changed
 from holokin.base.errors import ArgumentError
 from holokin.proof.certificate import digest
-from holokin.proof.checker_word import Outcome, ask_checker
-from holokin.proof.recheck import recheck
+from holokin.proof.recheck import Outcome, ask_checker, recheck
 from holokin.robot import Box, Capsule, Hull, LinkShape, with_capsules
 
 pytest.importorskip("flint")

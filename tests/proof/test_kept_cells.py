@@ -15,8 +15,8 @@ import pytest
 import holokin as hk
 from conftest import Command, sampled
 from holokin.base.errors import ArgumentError
+from holokin.proof.cell_search import count_kept
 from holokin.proof.certificate import Certificate, digest
-from holokin.proof.kept_cells import count_kept
 from holokin.robot import Box
 
 pytest.importorskip("coal")

@@ -10,12 +10,11 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, PPR_START, R3_START, campaign, sampled
 from holokin.proof import certify
-from holokin.proof.bounds import matrix_norm, norm, product
 from holokin.proof.box_proof import PoseRegion
 from holokin.proof.cell_search import covered
-from holokin.proof.certificate import Certificate, Covered, Extent
-from holokin.proof.demands import Demands
+from holokin.proof.certificate import Certificate, Covered, Demands, Extent
 from holokin.proof.path_proof import Pathway
+from holokin.proof.tube import matrix_norm, norm, product
 from holokin.strategies import constraints as C
 from holokin.symbolic.intervals import Interval
 from roots import near_panda, roots_are_where_they_should_be, start

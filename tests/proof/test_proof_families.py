@@ -11,7 +11,7 @@ import holokin as hk
 from conftest import PANDA_START, sampled
 from holokin.base.errors import ArgumentError
 from holokin.proof import certify, equation
-from holokin.proof.path_postures import walked
+from holokin.proof.box_proof import walked
 from holokin.strategies import constraints as C
 from roots import near_panda, roots_are_where_they_should_be
 

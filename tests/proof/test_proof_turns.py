@@ -15,7 +15,7 @@ from holokin.proof.certificate import Extent
 from holokin.robot import link_jacobian
 from holokin.strategies import constraints as C
 from holokin.symbolic import SX, Function, symbol
-from holokin.symbolic.null_space import every_minor, minors_expression
+from holokin.symbolic.linear import every_minor, minors_expression
 from holokin.symbolic.rotations import log_s2, log_so3, one_formula
 from roots import near_panda, roots_are_where_they_should_be, start
 

@@ -23,7 +23,7 @@ SLIDING = np.array([0.25, 0.0, 0.7])
 @pytest.fixture(autouse=True)
 def pictureless(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages of proofs have no picture: what they say is looked at."""
-    monkeypatch.setattr("holokin.app.report.proof_page.drawable", lambda _found: False)
+    monkeypatch.setattr("holokin.app.report.proof_report.drawable", lambda _found: False)
 
 
 @pytest.fixture(scope="module")

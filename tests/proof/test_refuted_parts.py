@@ -9,9 +9,8 @@ import pinocchio as pin
 import pytest
 
 import holokin as hk
-from holokin.proof.open_parts import CAUSES, NEAR
-from holokin.proof.proven_region import region_of
-from holokin.proof.too_near import too_near_along
+from holokin.proof.kept_apart import too_near_along
+from holokin.proof.proven_region import CAUSES, NEAR, region_of
 from holokin.robot import Capsule, with_capsules
 
 pytest.importorskip("coal")

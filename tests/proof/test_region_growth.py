@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import campaign
 from holokin.base.errors import ArgumentError
-from holokin.base.sure_digits import percentages
-from holokin.proof.even_turns import shares_of_turns
+from holokin.base.units import percentages
+from holokin.proof.box_proof import shares_of_turns
 
 SOME = [0, *(campaign("seed", k) for k in range(1, 30))]
 

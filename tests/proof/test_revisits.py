@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 import holokin as hk
 from holokin.app.cli.main import app
 from holokin.proof import Certificate, Extent
+from holokin.proof.certify_leaf import ONCE, Parts, Revisits
 from holokin.proof.path_proof import FINE, Pathway
-from holokin.proof.revisits import ONCE, Parts, Revisits
 
 PLANAR, Q = hk.load("planar-3r"), np.array([-3.0, 0.9, 0.9])
 
@@ -23,7 +23,7 @@ PLANAR, Q = hk.load("planar-3r"), np.array([-3.0, 0.9, 0.9])
 @pytest.fixture(autouse=True)
 def pictureless(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages of proofs have no picture: what they say is looked at."""
-    monkeypatch.setattr("holokin.app.report.proof_page.drawable", lambda _found: False)
+    monkeypatch.setattr("holokin.app.report.proof_report.drawable", lambda _found: False)
 
 
 def tool(robot: hk.Robot, q: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import pytest
 
 import holokin as hk
 from conftest import campaign, sampled, urdf
-from holokin.app.report.region_plot import region_figure
+from holokin.app.report.plots import region_figure
 from holokin.base.errors import ArgumentError, BranchError, HolokinError, NoProofError, OutsideRegionError
 from holokin.motion.ik import InverseStatus
 from holokin.motion.trajectory import Status

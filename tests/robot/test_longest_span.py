@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 import holokin as hk
 from conftest import sampled, urdf
-from holokin.analysis.coverage.proposed_workspace import reached
-from holokin.motion.ik.reach import nearest_postures, surely_beyond
-from holokin.robot.longest_span import longest_span
+from holokin.analysis.coverage.starts import reached
+from holokin.motion.ik.pose_paths import nearest_postures, surely_beyond
+from holokin.robot.chains import longest_span
 
 ARMS = ("panda", "iiwa14", "ur5e", "sawyer", "xarm7", "yumi-arm", "irb140", "planar-3r", "ppr", "rail-ur10e")
 

@@ -103,7 +103,7 @@ def test_a_scale_of_nothing_is_said_and_the_shape_is_not_looked_at(tmp_path: Pat
 
 def test_what_the_studio_draws_of_a_mirrored_mesh_faces_outwards(tmp_path: Path) -> None:
     pytest.importorskip("viser")
-    from holokin.app.studio.meshes import looks_of
+    from holokin.app.studio.page_scene import looks_of
 
     look = next(look for look in looks_of(model("urdf", (-1, 1, 1), tmp_path))[0] if look.joint == 0)
     assert volume(look.points[look.triangles]) == pytest.approx(float(SIDES.prod()), rel=1e-5)

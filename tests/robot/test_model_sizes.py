@@ -11,7 +11,7 @@ import pytest
 
 import holokin as hk
 from holokin.base.errors import RobotFileError
-from holokin.robot.formats.mjcf_sizes import sizes_of
+from holokin.robot.formats.mjcf import sizes_of
 
 mujoco = pytest.importorskip("mujoco")
 

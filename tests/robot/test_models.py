@@ -126,7 +126,7 @@ def read_both(content: bytes, name: str) -> tuple[Any, Any]:
     """What holokin and yourdfpy read."""
     import yourdfpy
 
-    from holokin.robot.formats.urdf_xml import essentials, model_of
+    from holokin.robot.formats.urdf import essentials, model_of
 
     theirs = yourdfpy.URDF.load(io.BytesIO(content), load_meshes=False, build_scene_graph=False)
     return model_of(essentials(content, name)), theirs.robot
@@ -274,7 +274,7 @@ def test_without_network_robot_descriptions_fails_clearly(tmp_path: Path, monkey
         monkeypatch.setenv(name, value)
     with pytest.raises(RobotFileError, match=r"its files could not be fetched.*check the network"):
         hk.load("robot_descriptions:ur5e_mj")
-    monkeypatch.setattr("holokin.robot.formats.packaged_models.find_spec", lambda name: None)
+    monkeypatch.setattr("holokin.robot.formats.loading.find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"holokin\[descriptions\]"):
         hk.load("robot_descriptions:panda")
 
@@ -288,7 +288,7 @@ def test_a_name_of_example_robot_data_is_its_file(monkeypatch: pytest.MonkeyPatc
     def absent(_name: str) -> None:
         raise PackageNotFoundError
 
-    monkeypatch.setattr("holokin.robot.formats.packaged_models.files", absent)
+    monkeypatch.setattr("holokin.robot.formats.loading.files", absent)
     with pytest.raises(MissingExtraError, match=r"holokin\[descriptions\]"):
         hk.load("example-robot-data:panda")
 

@@ -15,7 +15,7 @@ import pytest
 import holokin as hk
 from conftest import campaign, sampled, urdf, urdf_files
 from holokin.base.errors import RobotFileError
-from holokin.robot.formats import models_by_name as reading
+from holokin.robot.formats import loading as reading
 from holokin.robot.formats import urdf as urdf_reading
 
 TOLERANCE = 1e-12

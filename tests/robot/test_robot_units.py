@@ -14,8 +14,8 @@ import holokin as hk
 from conftest import Command, assert_refused, write_job
 from holokin.base.errors import HolokinError
 from holokin.base.poses import pose_from
+from holokin.robot.chains import longest_reach
 from holokin.robot.joints import Tip
-from holokin.robot.longest_span import longest_reach
 
 Row = Mapping[str, Any]
 Reader = Callable[[list[Row], Path, bool], hk.Robot]

@@ -13,8 +13,7 @@ import holokin as hk
 from conftest import PANDA_START, sampled, urdf
 from holokin.base.errors import ArgumentError, ShapeError
 from holokin.robot import LinkShape, servo, weighed
-from holokin.robot.capsules import between
-from holokin.robot.links import drawn_links, merged, solid
+from holokin.robot.links import between, drawn_links, merged, solid
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.analysis.curvature.repeatable_distance import ball_postures
+from holokin.analysis.curvature.leaf_functions import ball_postures
 from holokin.base.errors import ArgumentError, ShapeError
 from papers_arm import de_luca_frame, paper_frame
 

@@ -15,9 +15,9 @@ import holokin as hk
 from conftest import PPR_START
 from holokin.base.errors import ArgumentError
 from holokin.base.types import kept
+from holokin.motion.follow_path import path_rate
 from holokin.motion.ik.branch import extended_jacobian
 from holokin.motion.ik.leaf import leaf_step
-from holokin.motion.integrate_velocity import path_rate
 from holokin.strategies import FrameStrategy, HolonomicStrategy, KernelStrategy, RowStrategy, fitted, pfaffian
 
 LINE = hk.line([0.0, 0.0], [0.1, 0.0])

@@ -18,7 +18,7 @@ import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START, R3_START, sampled, urdf
 from holokin.base.errors import BranchError
 from holokin.strategies import HolonomicStrategy
-from holokin.strategies.tasks.orientation_rows import ORIENTATIONS
+from holokin.strategies.tasks.frame_task import ORIENTATIONS
 from papers_arm import de_luca_g, paper_frame
 
 ASIDE = PANDA_START + np.array([0, 0, 0.7, 0, 0, 0, 0])  # the Panda's elbow aside: on top its height cannot steer it

@@ -9,7 +9,7 @@ import holokin as hk
 from conftest import PANDA_START, sampled
 from holokin.base.errors import SingularityError, SingularityKind
 from holokin.base.types import Array
-from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native import toolchain as native
 
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 

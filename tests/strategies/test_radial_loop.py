@@ -19,14 +19,13 @@ from exported import LEAF, ON_ANYTHING, SANITIZE, STRICT, program
 from holokin.app.job import open_job, run_job
 from holokin.base.errors import JobError, SingularityError
 from holokin.base.types import Array
-from holokin.export.c.self_test import check
+from holokin.export.c.c_folder import check
 from holokin.motion import control_step
-from holokin.motion.ik.branch import extended_jacobian
+from holokin.motion.ik.branch import extended_jacobian, rays_from
 from holokin.motion.ik.leaf import leaf_step
-from holokin.motion.ik.rays import rays_from
-from holokin.strategies import pfaffian
-from holokin.symbolic.native import inverse_kernel, transport
-from holokin.symbolic.native import native_library as native
+from holokin.strategies import constraints, pfaffian
+from holokin.symbolic.native import emit, kernel
+from holokin.symbolic.native import toolchain as native
 from holokin.symbolic.native.kernel import BatchKernel
 
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
@@ -48,7 +47,7 @@ LAWS: dict[str, Callable[[], Law]] = {
         pfaffian(hk.pose(hk.load("panda")), lambda q: [[1, ca.sin(q[2]), 0, 0.3 * q[0], 1, 0, 0]]), PANDA_START, 2,
     ),
     "stationary": lambda: (
-        hk.holonomic(hk.pose(hk.load("panda")), hk.stationary(hk.strategies.constraints.centring_cost())), PANDA_START, 1,
+        hk.holonomic(hk.pose(hk.load("panda")), hk.stationary(constraints.centring_cost())), PANDA_START, 1,
     ),
     "four redundant joints": lambda: (hk.moore_penrose(hk.position(hk.load("panda"))), PANDA_START, 2),
     "rotation vectors": lambda: (
@@ -124,7 +123,7 @@ def by_c(twin: hk.HolonomicStrategy, Q: Array) -> list[Array]:
 def test_c_gives_what_is_written_out_also_where_it_keeps_little(
     name: str, most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(transport, "MOST_KEPT", most)
+    monkeypatch.setattr(emit, "MOST_KEPT", most)
     given, start, steps = LAWS[name]()
     twin = hk.radial(given, start, steps=steps)
     assert f"HK_TRANSPORT_MOST {most}\n" in twin.gain.c("body")
@@ -226,10 +225,10 @@ def test_a_full_turn_from_which_newton_begins_is_not_taken_over(monkeypatch: pyt
     start, first = np.array([0.3, 0.9, 0.7]), "rate[i] = y[HK_TRANSPORT_S % 2][i] - q[i];"
     task = hk.position(hk.load("planar-3r"))
     right = hk.inverse(hk.radial(hk.moore_penrose(task), start), start)([1.0, 1.2])
-    written = inverse_kernel.prelude
+    written = kernel.prelude
     assert first in written("ray.c")
     monkeypatch.setattr(
-        inverse_kernel, "prelude", lambda name: written(name).replace(first, f"{first} rate[0] += 6.283185307179586;")
+        kernel, "prelude", lambda name: written(name).replace(first, f"{first} rate[0] += 6.283185307179586;")
     )
     ik = hk.inverse(hk.radial(hk.moore_penrose(task), start), start)
     assert ik([1.0, 1.2]) == pytest.approx(right, abs=1e-12)

@@ -12,10 +12,10 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, sampled
-from holokin.robot.formats.catalog import catalogue
+from holokin.robot.formats.loading import catalogue
 from holokin.symbolic import Function, symbol
 from holokin.symbolic import function as function_module
-from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native import toolchain as native
 
 Patch = pytest.MonkeyPatch
 PANDA = hk.load("panda")

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from conftest import sampled as some_of
 from holokin.base.errors import ExpressionError
 from holokin.symbolic import intervals as iv
+from holokin.symbolic.expression import Separated
 from holokin.symbolic.interval_function import _NAMES, _RULES, IntervalFunction, operation_list
 from holokin.symbolic.intervals import Interval
-from holokin.symbolic.separated import Separated
 
 arb = flint.arb
 FINITE = st.floats(-1e6, 1e6) | st.sampled_from(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from holokin.symbolic import SX, Function, runge_kutta, symbol, vertcat, wrapped
-from holokin.symbolic.null_space import minors, null_space, null_space_expression, null_vector, null_vector_expression
+from holokin.symbolic.linear import minors, null_space, null_space_expression, null_vector, null_vector_expression
 
 
 @pytest.mark.parametrize(("m", "n"), [(2, 3), (6, 7), (3, 6), (2, 2)])

@@ -1,24 +1,23 @@
 """What leaves for a controller: strategies and maps of sheets as plain C with a self-test, and timed motion as robot
 programs.
 
-Uses `motion` and `sheet_maps`. Read first: `c_folder.py`, `robot_program.py`.
+Uses `motion` and `analysis/sheets`. Read first: `c/c_folder.py`, `programs/robot_program.py`.
 """
 
 from .c.c_folder import Exported, export_c
 from .c.c_folder import c_name as c_name
-from .c.self_test import check as check
+from .c.c_folder import check as check
 from .c.sheets_c import export_sheets
-from .programs.controller_moves import ToolDeviation, ToolTolerance
 from .programs.fanuc import to_fanuc
 from .programs.gcode import to_gcode
 from .programs.inform import to_inform
 from .programs.krl import to_krl
 from .programs.languages import LANGUAGES as LANGUAGES
-from .programs.process_lines import ProcessLines
-from .programs.program_targets import Wiring
+from .programs.moves import ProcessLines, ToolDeviation, ToolTolerance
 from .programs.rapid import to_rapid
 from .programs.robot_program import Program
 from .programs.ros import to_ros, write_mcap
+from .programs.targets import Wiring
 from .programs.urscript import to_urscript
 from .programs.val3 import to_val3
 from .ros.moveit_package import MoveItPackage, export_moveit

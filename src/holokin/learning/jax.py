@@ -8,10 +8,9 @@ from typing import Any
 from ..base.arguments import typed
 from ..base.errors import ArgumentError
 from ..base.types import Array, Value
-from ..motion.control.extra_library import extra
+from ..motion.control.libraries import extra
 from ..motion.ik import InverseKinematics
-from .joint_map import JointMap
-from .pose_tensors import JointTensors, read_tensors
+from .joint_map import JointMap, JointTensors, read_tensors
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,7 @@ import jax.numpy as jnp  # pyright: ignore[reportMissingImports]
 import numpy as np
 
 from ..base.types import Array
-from .joint_map import JointMap
-from .pose_tensors import TURN, angular_velocity, third_derivative
+from .joint_map import TURN, JointMap, angular_velocity, third_derivative
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))

@@ -7,10 +7,9 @@ from typing import Any
 
 from ..base.arguments import typed
 from ..base.types import Value
-from ..motion.control.extra_library import extra
+from ..motion.control.libraries import extra
 from ..motion.ik import InverseKinematics
-from .joint_map import JointMap
-from .pose_tensors import JointTensors
+from .joint_map import JointMap, JointTensors
 
 
 @dataclass(frozen=True, eq=False)

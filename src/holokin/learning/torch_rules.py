@@ -8,8 +8,7 @@ import numpy as np
 import torch  # pyright: ignore[reportMissingImports]
 
 from ..base.errors import ArgumentError
-from .joint_map import JointMap
-from .pose_tensors import TURN, JointTensors, angular_velocity, read_tensors, rotation_gradient, third_derivative
+from .joint_map import TURN, JointMap, JointTensors, angular_velocity, read_tensors, rotation_gradient, third_derivative
 
 TURNS = torch.tensor(TURN, dtype=torch.float64)
 

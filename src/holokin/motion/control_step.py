@@ -13,25 +13,198 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
-from typing import Any
+from math import isfinite
+from typing import Any, TypeGuard
 
 import numpy as np
 
-from ..base.arguments import made
+from ..base.arguments import made, typed
 from ..base.errors import ArgumentError, LostToolError, NativeError, NotFiniteError, ShapeError
 from ..base.poses import PoseLike, pose_cure, with_matrices
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Matrix, Vector, frozen, in_order, number, right_last_row
-from ..robot import start_posture
+from ..base.types import (
+    Array,
+    ArrayLike,
+    Matrix,
+    NoTruthValue,
+    Vector,
+    finite,
+    frozen,
+    in_order,
+    number,
+    positive,
+    right_last_row,
+)
+from ..robot import Coordinate, start_posture
 from ..strategies import HolonomicStrategy, Strategy, check_solved
-from ..symbolic import Function
-from ..symbolic.native import LARGEST, StepKernel, StepMemory, enabled, engine, tell
-from .control.control_law import ControlLaw, Step
+from ..symbolic import SX, Function, fabs, fmax, fmin, if_else, symbol, vec, vertcat
+from ..symbolic.native import LARGEST, Port, StepKernel, StepMemory, enabled, engine, tell
+from .control.control_law import ControlLaw, Step, feedback, tracking, wanted_symbols
 from .ik.leaf import leaf_value
-from .machine_step import machine_step
-from .step_expression import AT_LIMIT, Rates, StepStatus, has_leaf, step_function
+
+# --------------------------------------------------------------------------------------------------
+# The control step as one expression: (q, pose, twist, parameters) -> joint rates, and what its
+# status is made of.
+# --------------------------------------------------------------------------------------------------
+
+UNLIMITED = {"rad": 2 * np.pi, "m": 2.0}
+"""Speed [unit/s] of a joint that has no limit of its own: a turn a second, which few arms reach, and what fast linear
+axes do. MJCF has no speed limits, and a law's rates grow without a bound towards the end of its leaf."""
+
+
+TOWARDS_SINGULAR = 0.5
+"""Share of rcond that a joint may move in a step [rad or m]: about half the way to a singular posture, so that no step
+leads past one."""
+
+
+AT_LIMIT = 1e-6
+"""Share of the wanted speed below which a joint stands at its limit."""
+
+Rates = Callable[[Any, Any, Any], Vector]
+"""(q, pose, twist) -> dq, a new array."""
+
+
+class StepStatus(NoTruthValue, IntEnum, ask="`is StepStatus.OK`"):
+    """What became of a step; from SINGULAR on dq is zero."""
+
+    OK = 0
+    SLOWED = 1
+    LIMIT = 2
+    SINGULAR = 3
+    NOT_FINITE = 4
+    LOST = 8  # 5 to 7 are of exported C
+
+
+def has_leaf(strategy: Strategy) -> TypeGuard[HolonomicStrategy]:
+    """True where a step of the strategy has a leaf to hold: it has a constraint, and joints to spare."""
+    return isinstance(strategy, HolonomicStrategy) and strategy.task.n > strategy.task.m
+
+
+def fastest_rate(joint: Coordinate) -> float:
+    """The speed [unit/s] that a step keeps a joint to: its limit, or that of one that has none."""
+    return joint.max_velocity if np.isfinite(joint.max_velocity) else UNLIMITED.get(joint.unit, np.inf)
+
+
+def step_function(strategy: Strategy, limits: bool) -> Function:
+    """(q, pose, twist, parameters) -> (dq, scale, rcond, margin, room, off, given, holding).
+
+    parameters = (c, c', dt, K, K_g, most error, least rcond): c is wanted at the end of the step, c' takes it there.
+    pose (4, 4) and twist (6,), or both (3,) where the task is a position, as in `wanted_symbols`. One compiled step
+    serves all parameters. room is the scale that position limits allow; off the largest row of e; given is finite where
+    all arguments are, also those not needed; holding is the sum of 2^i over the joints i that stand at a position limit
+    and would go beyond it. With limits no joint moves by more than half of rcond.
+    """
+    strategy = strategy.looped
+    e, task = strategy.expressions, strategy.task
+    r = task.n - task.m if has_leaf(strategy) else 0
+    (pose, twist), (p, R, twists) = wanted_symbols(task)
+    parameters = symbol("parameters", 2 * r + 5)
+    c, rate = parameters[:r], parameters[r : 2 * r]
+    dt, gain, constraint_gain = (parameters[2 * r + i] for i in range(3))
+    dx, error = tracking(task, e.kinematics, p, R, twists, dt)
+    leaf = (c - dt * rate, constraint_gain, rate) if r else ()
+    found = feedback(strategy, dx, error, gain, *leaf)
+    dq, fast, room, holding = found.X, SX(1), SX(1), SX(0)
+    if limits:
+        for i, joint in enumerate(task.robot.coordinates):
+            fastest = fastest_rate(joint)
+            if np.isfinite(fastest):
+                fast = fmin(fast, fastest / fmax(fabs(dq[i]), 1e-12))
+            if joint.unit in UNLIMITED:
+                fast = fmin(fast, TOWARDS_SINGULAR * found.rcond / fmax(fabs(dq[i]) * dt, 1e-12))
+            ends = [sign * (end - e.q[i]) for end, sign in ((joint.upper, 1), (joint.lower, -1)) if np.isfinite(end)]
+            if ends:  # how far the joint is from the end that it goes to
+                speed = (1 if np.isfinite(joint.upper) else -1) * dq[i] * dt
+                left, speed = (
+                    (ends[0], speed) if len(ends) == 1 else (if_else(speed > 0, ends[0], ends[1]), fabs(speed))
+                )
+                its = if_else(speed > 1e-12, fmax(left, 0) / fmax(speed, 1e-12), 1)
+                room, holding = fmin(room, its), holding + if_else(its <= AT_LIMIT, 2.0**i, 0)
+    largest = SX(0)
+    for i, unit in enumerate(task.units):
+        if unit in UNLIMITED:  # of other units, as of thrust, nobody knows what is far
+            largest = fmax(largest, fabs(error[i]))
+    scale = fmin(fast, room)
+    given = _sum_by_halves(vertcat(e.q, vec(pose), twist, parameters) / 1024)  # finite where all of them are
+    outputs = {
+        "dq": scale * dq,
+        "scale": scale,
+        "rcond": found.rcond,
+        "margin": fmin(strategy.margin_expression, task.margin_expression(R)),
+        "room": room,
+        "off": largest,
+        "given": given,
+        "holding": holding,
+    }
+    inputs = {"q": e.q, "pose": pose, "twist": twist, "parameters": parameters}
+    return Function("step", inputs, outputs, found.system, strategy.transport)
+
+
+def _sum_by_halves(values: SX) -> SX:
+    """The sum of a column's rows: a processor adds many pairs at once, but a running sum one by one."""
+    while (rows := values.shape[0]) > 1:
+        half = rows // 2
+        values = vertcat(values[:half] + values[half : 2 * half], values[2 * half :])
+    return values
+
+
+# --------------------------------------------------------------------------------------------------
+# The control step on CasADi's virtual machine, where there is no compiler.
+# --------------------------------------------------------------------------------------------------
+
+
+class _Memory(threading.local):
+    """What a thread needs for steps on the virtual machine: (trigger, arguments, results, its results of a step)."""
+
+    def __init__(self, port: Port, parameters: Vector, memory: StepMemory) -> None:
+        port.arguments[-1][...] = parameters
+        self.all = (port.trigger, port.arguments, port.results, memory.out)
+
+
+def _machine_step(
+    function: Function, parameters: Vector, memory: StepMemory, convert: Callable[..., tuple[Array, Array, Array]]
+) -> Rates:
+    """The step by CasADi's virtual machine, on memory of its own, and each thread's own."""
+    mine, latest = _Memory(function.port(), parameters, memory), memory.latest
+    change = parameters.flags.writeable
+    shapes = tuple(function.input_shapes.values())[:3]
+    double, least, clear = np.dtype(float), TOLERANCES.singular, TOLERANCES.representation
+    ok, slowed, limit = (int(status) for status in (StepStatus.OK, StepStatus.SLOWED, StepStatus.LIMIT))
+
+    def step(q: Any, pose: Any, twist: Any) -> Vector:
+        try:
+            fit = (q.shape, pose.shape, twist.shape) == shapes and q.dtype is pose.dtype is twist.dtype is double
+            fit = fit and (pose.ndim == 1 or (len(pose) == 4 and pose[3].tolist() == [0.0, 0.0, 0.0, 1.0]))
+        except AttributeError:  # no arrays
+            fit = False
+        if not fit:
+            q, pose, twist = convert(q, pose, twist)
+        trigger, (q_in, pose_in, twist_in, parameters_in), results, out = mine.all
+        latest[0], memory.stepped = out, True
+        q_in[...], pose_in[...], twist_in[...] = q, pose, twist
+        if change:
+            parameters_in[...] = parameters
+        trigger()
+        rates, scale, rcond, margin, room, off, given, holding = results
+        share = scale.item()
+        size = rates @ rates + share + given.item()
+        most, singular = parameters_in[-2:].tolist()
+        sound = isfinite(size) and rcond.item() > max(least, singular) and margin.item() > clear
+        if sound and off.item() <= most:
+            out[-3], out[-2] = share, holding.item()
+            out[-1] = ok if share >= 1.0 else slowed if room.item() > AT_LIMIT else limit
+            return rates.copy()
+        out[-3] = out[-2] = 0.0
+        given_all = isfinite(given.item())
+        out[-1] = StepStatus.NOT_FINITE if not given_all else StepStatus.LOST if sound else StepStatus.SINGULAR
+        return np.zeros(len(rates))
+
+    return step
+
 
 LONGEST_STEP = 10.0
 """Longest step of a control loop [s]: a longer one is in milliseconds."""
@@ -163,7 +336,7 @@ class _Compiled:
         memory = memory or StepMemory(n, [np.zeros(n + 3)])
         if self.kernel is not None:
             return self.kernel.bind(parameters, memory, self.converted), memory
-        return machine_step(self.function, parameters, memory, self.converted), memory
+        return _machine_step(self.function, parameters, memory, self.converted), memory
 
     def converted(self, *arguments: Any) -> tuple[Array, Array, Array]:
         """(q, pose, twist) in new arrays as the compiled step takes them. Raises: ArgumentError, ShapeError."""
@@ -368,3 +541,71 @@ def _compiled(strategy: Strategy, function: Function, parameters: Vector) -> _Co
 def _generated(f: Function) -> tuple[Any, list[tuple[int, ...]], list[tuple[int, ...]], dict[str, float]]:
     thresholds = {"SINGULAR": TOLERANCES.singular, "REPRESENTATION": TOLERANCES.representation, "AT_LIMIT": AT_LIMIT}
     return f.program, list(f.input_shapes.values()), list(f.output_shapes.values()), thresholds
+
+
+# --------------------------------------------------------------------------------------------------
+# `LoopWatch`: tells whether joints move as a loop commands them.
+# --------------------------------------------------------------------------------------------------
+
+STARVED = 0.5
+"""Share of the commanded motion below which a loop is starved: a servo that merely lags makes up for it."""
+
+FROM = 0.01
+"""Sum of dt dq . dq [rad^2/s] from which a watch judges, that of a second at 0.1 rad/s."""
+
+
+class LoopWatch(NoTruthValue, ask="`.starved`"):
+    """Tells whether the joints of a control loop move as they are commanded.
+
+    It sums over the steps share = sum dq . (q_next - q) / sum dt dq . dq, which is 1 where the joints follow. Position
+    servos that are sent q + dt dq from the measured q hardly move: they share a few percent. The first time that the
+    share is below a half, the log "holokin" gets a warning.
+
+    Args:
+        dt: the loop's step [s].
+        log: whether to warn.
+    """
+
+    @typed
+    def __init__(self, dt: float, log: bool = True) -> None:
+        self.dt = positive("dt", dt, "give the step in seconds")
+        self._made = self._asked = 0.0
+        self._last: tuple[Vector, Vector] | None = None
+        self._told = not log
+
+    def see(self, q: ArrayLike, dq: ArrayLike) -> None:
+        """One step: where the joints are (n,), and the rates (n,) that they are commanded from there.
+
+        Raises: ShapeError: not as many as before. NotFiniteError, ArgumentError.
+        """
+        here = finite("q", q, ("n",) if self._last is None else self._last[0].shape)
+        rates = finite("dq", dq, here.shape)
+        if self._last is not None:
+            before, asked = self._last
+            self._made += float((here - before) @ asked)
+            self._asked += self.dt * float(asked @ asked)
+        self._last = here.copy(), rates.copy()
+        if self.starved and not self._told:
+            self._told = True
+            logging.getLogger("holokin").warning("%s", self.sentence)
+
+    @property
+    def share(self) -> float:
+        """The share of the commanded motion that was made; 1 before any."""
+        return self._made / self._asked if self._asked else 1.0
+
+    @property
+    def starved(self) -> bool:
+        """Whether the joints make so little of what is commanded that the loop is fed the wrong joints."""
+        return self._asked > FROM and self.share < STARVED
+
+    @property
+    def sentence(self) -> str:
+        """What is to be said of it, with the cure."""
+        if not self.starved:
+            return f"the joints make {self.share:.0%} of the motion that is commanded"
+        share = max(self.share, 0.0)
+        return (
+            f"the joints make {share:.0%} of the motion that is commanded: with position servos feed back the "
+            "commanded joints, not the measured ones; with others, look whether the drives are on"
+        )

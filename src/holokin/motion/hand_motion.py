@@ -19,8 +19,7 @@ from ..base.extra_module import extra_module
 from ..base.poses import PoseLike
 from ..base.types import ArrayLike, NoTruthValue, Value, Vector, frozen, number, one_or_each
 from ..robot import speed_limits
-from .ik.inverse_function import InverseKinematics
-from .ik.nearest_pose import Nearest
+from .ik.inverse_function import InverseKinematics, Nearest
 
 LONGEST = 1.0
 """Longest period of a loop [s]: a longer one is in milliseconds."""

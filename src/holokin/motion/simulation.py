@@ -14,13 +14,12 @@ from ..base.errors import ArgumentError, ControllerError, HolokinError, OpenPath
 from ..base.poses import pose_from
 from ..base.progress import progress
 from ..base.types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
-from ..path.segments import turn_between
-from ..path.synchronized_paths import AnyPath
+from ..path.editing import AnyPath
+from ..path.path import turn_between
 from ..strategies.tasks.task import Task
 from .control.control_law import ControlLaw, Step, as_control_law
 from .ik.plan import Plan, check_start, make_plan
-from .recorded_trajectory import record
-from .trajectory import Status, Trajectory
+from .trajectory import Status, Trajectory, record
 
 
 @typed

@@ -12,9 +12,8 @@ import numpy as np
 from ..base.arguments import typed
 from ..base.errors import ArgumentError
 from ..base.files import write_csv
-from ..base.printed_units import SI, PrintedUnits
-from ..base.shown import Shown
-from ..base.types import Matrix, Value, Vector, number_or_none
+from ..base.types import Matrix, Shown, Value, Vector, number_or_none
+from ..base.units import SI, PrintedUnits
 from .trajectory import Trajectory
 
 NOTHING = 1e-6

@@ -11,11 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arguments import typed
-from ..base.errors import ArgumentError
+from ..base.arguments import check, typed
+from ..base.errors import ArgumentError, NotFiniteError, ShapeError
 from ..base.files import write_csv
-from ..base.printed_units import SI, PrintedUnits
-from ..base.types import Indices, Matrix, NoTruthValue, Value, Vector, frozen
+from ..base.types import Indices, Matrix, NoTruthValue, Value, Vector, frozen, numbers
+from ..base.units import SI, PrintedUnits
+from ..strategies.tasks.task import Task
+from .ik.plan import BLOCK, Plan
 
 
 def whole_turns(difference: Matrix | Vector, units: tuple[str, ...], tolerance: float = 1e-6) -> Indices:
@@ -197,3 +199,140 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         named = ["s", *seen.joint_units, *(f"{unit}/s" for unit in seen.joint_units), *seen.row_units]
         header = [f"{name} [{unit}]" for name, unit in zip(header, named, strict=True)]
         write_csv(path, header, np.column_stack([seen.t, seen.q, seen.dq, seen.x]).tolist())
+
+
+# --------------------------------------------------------------------------------------------------
+# The trajectory of a run: its postures along a plan, and what is measured of them when somebody
+# asks.
+# --------------------------------------------------------------------------------------------------
+
+
+def record(
+    task: Task,
+    plan: Plan,
+    q: Matrix,
+    dq: Matrix | Callable[[int], Matrix],
+    cycles: int,
+    status: Status,
+    residual: Callable[[int], Vector] | None = None,
+) -> Trajectory:
+    """The trajectory of postures q (k + 1, n) at the start and the plan's samples; the rest is measured when asked."""
+    robot = task.robot
+    count, steps = len(q) - 1, plan.steps
+    t = np.empty(count + 1)
+    t[0] = 0.0
+    for first in range(0, count, BLOCK):
+        lap, step = np.divmod(np.arange(first, min(first + BLOCK, count)), steps)
+        t[1 + first : 1 + first + len(step)] = plan.ends(step) + lap * plan.path.duration
+    t.flags.writeable = False  # the trajectory keeps it as it is
+
+    def error(samples: int) -> Matrix:
+        index = np.arange(samples - 1) % steps
+        p = np.vstack([plan.first[0][None], plan.position[index]])[:samples]
+        R = np.concatenate([plan.first[1][None], plan.rotation[index]])[:samples]
+        return task.error(q[:samples], p, R)
+
+    def sigma(samples: int) -> Vector:
+        J, _ = task.jacobian_batch(q[:samples])
+        return np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1], dtype=float)
+
+    first = np.concatenate([[0], np.cumsum(plan.counts)])[list(plan.path.corners)]
+    corners = np.add.outer(steps * np.arange(count // steps + 1), first).ravel().tolist()
+    measures = Measures(
+        dq=dq if callable(dq) else lambda samples: dq[:samples],
+        x=lambda samples: task.value_batch(q[:samples]),
+        error=error,
+        sigma=sigma,
+        residual=residual or np.zeros,
+    )
+    return Trajectory(
+        joint_names=robot.joint_names,
+        joint_units=tuple(c.unit for c in robot.coordinates),
+        row_names=task.row_names,
+        row_units=task.units,
+        t=t,
+        q=q,
+        marks=tuple(range(0, min(cycles * steps, count) + 1, steps)),
+        status=status,
+        measures=measures,
+        corners=tuple(k for k in corners if k <= count),
+    )
+
+
+# --------------------------------------------------------------------------------------------------
+# `Recording`: the joints of a robot over time, as they were logged.
+# --------------------------------------------------------------------------------------------------
+
+GAP = 10.0
+"""A step longer than this many median steps is a gap: something is missing there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording(Value):
+    """Joint positions as logged: t (k,) [s], rising; q (k, n) [rad or m] in the order of `joint_names`.
+
+    `notes` says what was changed or left out in reading. unknown_turns (p, 2): rows (i, joint), where from sample i to
+    the next that joint may have made whole turns that its values do not show; None where nobody looked for them.
+    """
+
+    joint_names: tuple[str, ...]
+    t: Vector
+    q: Matrix
+    source: str
+    notes: tuple[str, ...] = ()
+    unknown_turns: Indices | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("t", "q"):
+            object.__setattr__(self, name, numbers(f"{name} of a recording", getattr(self, name)))
+        check("joint_names", tuple[str, ...], self.joint_names)
+        super().__post_init__()
+        if self.t.ndim != 1:
+            raise ShapeError("t of a recording", ("k",), self.t.shape)
+        if self.q.shape != (len(self.t), len(self.joint_names)):
+            raise ShapeError("q of a recording", (len(self.t), len(self.joint_names)), self.q.shape)
+        for what, values in (("t of a recording", self.t), ("q of a recording", self.q)):
+            if not np.isfinite(values).all():
+                raise NotFiniteError(what, values[~np.isfinite(values)][:3].tolist())
+        if len(self.t) > 1 and not (np.diff(self.t) > 0).all():
+            raise ArgumentError("a step of t", float(np.diff(self.t).min()), "give rising times in seconds")
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def part(self, first: int, last: int) -> Recording:
+        """The samples from one to before another."""
+        places = self.unknown_turns
+        if places is not None:
+            inside = (places[:, 0] >= first) & (places[:, 0] < last - 1)
+            places = places[inside] - np.array([first, 0])
+        return replace(self, t=self.t[first:last], q=self.q[first:last], unknown_turns=places)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample to the last [s]."""
+        return float(self.t[-1] - self.t[0])
+
+    @property
+    def rate(self) -> float:
+        """Samples a second, of the median step [Hz]."""
+        return float(1 / np.median(np.diff(self.t)))
+
+    @cached_property
+    def gaps(self) -> Indices:
+        """Indices i at which the step from sample i to i + 1 is over `GAP` median steps."""
+        steps = np.diff(self.t)
+        return frozen(np.flatnonzero(steps > GAP * np.median(steps)))
+
+
+# --------------------------------------------------------------------------------------------------
+# The joint speed of a motion over the least that any law could have.
+# --------------------------------------------------------------------------------------------------
+
+
+def over_least_speed(task: Task, walk: Trajectory) -> float:
+    """Joint speed (rms) over that of the pseudo-inverse at the same postures; NaN where the tool does not move."""
+    J, _ = task.jacobian_batch(walk.q)
+    least = np.linalg.pinv(J) @ (J @ walk.dq[:, :, None])
+    size = float(np.linalg.norm(least))
+    return float(np.linalg.norm(walk.dq)) / size if size > 0 else np.nan

@@ -1,19 +1,14 @@
 """Paths of the tool and sets of its poses: lines, arcs, splines, what is made of them, and what is read from files.
 
-Uses `symbolic`. Read first: `path.py`, `segments.py`.
+Uses `symbolic`. Read first: `path.py`, `curves.py`.
 """
 
-from .curves import even_curve
+from .curves import arc, circle, even_curve, figure_eight, line, path_of, polyline, raster, spiral, spline
 from .editing import blended, passes, with_leads
 from .files.pose_table import read_waypoints, read_workspace
 from .files.svg_outlines import read_svg
-from .lines_and_arcs import arc, circle, line, polyline
-from .path import Path, Samples, as_point, corners_of, frame_pose, join
+from .path import Path, Samples, Segment, Waypoints, arc_segment, as_point, corners_of, frame_pose, join, line_segment
 from .path import locate as locate
-from .segments import Segment, arc_segment, line_segment
-from .splines import path_of, spline
-from .surfaces import figure_eight, raster, spiral
-from .waypoints import Waypoints
 
 __all__ = [
     "Path",

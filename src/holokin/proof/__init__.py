@@ -1,12 +1,12 @@
 """Proofs by computation: a theorem about a leaf along a path, or over a box of tool poses, and its certificate.
 
-Uses `motion` and intervals of `symbolic`. Read first: `certify_leaf.py`, `tube.py`, `checker.py`.
+Uses `motion` and intervals of `symbolic`. Read first: `certify_leaf.py`, `tube.py`.
 """
 
 from .certificate import Certificate, Extent
 from .certify_leaf import certify
+from .path_proof import JointRates, joint_rates
 from .proven_region import UniqueRegion, region_of, unique_region
-from .rates_of_joints import JointRates, joint_rates
 
 __all__ = [
     "Certificate",

@@ -8,25 +8,121 @@ from functools import cached_property
 
 import numpy as np
 
-from ..base.errors import ArgumentError, HolokinError
+from ..base.errors import ArgumentError, BranchError, HolokinError, SingularityError, TrackingError
 from ..base.poses import pose_from
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
 from ..motion.ik import inverse
-from ..motion.ik.leaf import leaf_follower, leaf_step, newton_on_leaf, straight_path
+from ..motion.ik.leaf import LeafPath, leaf_follower, leaf_step, leaf_value, newton_on_leaf, straight_path
+from ..motion.ik.plan import Plan, check_start, make_plan
+from ..path.editing import AnyPath
 from ..path.workspaces import Box, PoseRange, Workspace
 from ..strategies import HolonomicStrategy
-from ..strategies.tasks.free_motion import completed, completing, free_directions, leaves_free
+from ..strategies.tasks.frame_task import completed, completing, free_directions, leaves_free
 from ..strategies.tasks.task import Task
-from .bounds import UP
 from .cell_search import TUBE, Domain, on_grid, proven
-from .certificate import Boxes, Covered, Extent
-from .equation import Equation
-from .even_turns import shares_of_turns
-from .partition import overlapping
-from .path_postures import PIECES
-from .targets import PoseBox
-from .task_rows import deepest, spins_freely
-from .tube import centred, examined
+from .certificate import Boxes, Covered, Extent, overlapping
+from .equation import Equation, PoseBox, deepest, spins_freely
+from .tube import UP, centred, examined
+
+# --------------------------------------------------------------------------------------------------
+# The postures of a leaf along a path that a proof starts from: not proven themselves, and found in
+# bounded time.
+# --------------------------------------------------------------------------------------------------
+
+PIECES = 100
+"""Pieces of a sample's step that are tried at most. `follow` may take 20,000 of them beside a singularity, to go as
+near to it as it can; a proof ends long before, where its cells would be too small."""
+
+
+def walked(strategy: HolonomicStrategy, path: AnyPath, q0: Vector, samples: int) -> tuple[Matrix, Extent, str]:
+    """(postures (k, n) at the start and the samples, why they end, where) along a path, limits ignored.
+
+    Raises:
+        StartError: the tool at the start is not where the path begins. ArgumentError: paths that do not fit the task.
+        SingularityError, BranchError, TrackingError: not even a first step is possible.
+    """
+    task = strategy.task
+    strategy(q0)
+    plan = make_plan(task, path, samples, task.place(q0)[1])
+    check_start(task, q0, *plan.first)
+    go, c = leaf_follower(strategy, q0, PIECES), leaf_value(strategy, q0)
+    correct = leaf_step(strategy)
+    side = float(correct(q0, *plan.first, c)[3])
+    found = [q0]
+    for step in range(plan.steps):
+        try:  # a posture on another branch would leave cells that do not join
+            near = newton_on_leaf(correct, found[-1], *plan.target(step, 1.0), c, side)
+            found.append(go(found[-1], _way(plan, step, c)) if near is None else near[0])
+        except (SingularityError, BranchError, TrackingError) as problem:
+            if not step:
+                raise
+            why = Extent.SINGULAR if isinstance(problem, SingularityError) else Extent.END
+            return np.array(found), why, plan.where(step).removeprefix("in cycle 1, ")
+    return np.array(found), Extent.WHOLE, ""
+
+
+def _way(plan: Plan, step: int, c: Vector) -> LeafPath:
+    return LeafPath(lambda share: (*plan.target(step, share), c), *plan.bends(step))
+
+
+# --------------------------------------------------------------------------------------------------
+# How much of the turns of a workspace boxes of Cayley parameters are, by the Haar measure: all
+# orientations alike.
+#
+# With c = tan(angle / 2) times the axis, a turn leans the tool by a, tan(a / 2) = |b|, b = (c_1,
+# c_2) / sqrt(1 + c_3^2), and spins it by s = 2 atan(c_3). The Haar measure dc / (1 + |c|^2)^2 is db
+# / (1 + |b|^2)^2 ds / 2: leans are even on the sphere, spins by the angle. A tilt is a disc of b, a
+# spin a range of c_3.
+# --------------------------------------------------------------------------------------------------
+
+NODES = 12
+"""Of a quadrature over a piece in which the integrand is smooth: right to 1e-9 where the tool leans by 0.5 rad."""
+
+
+def shares_of_turns(low: Matrix, high: Matrix, tilt: float, spin: float) -> Vector:
+    """(k,) what boxes low <= c <= high (k, 3) have of a tilt and a spin, 0 to 1.
+
+    tilt, spin: tan of half of each; 0 where the boxes have no extent in these directions.
+    """
+    t, weights = np.polynomial.legendre.leggauss(NODES)
+    if not tilt:
+        return (np.arctan(high[:, 2]) - np.arctan(low[:, 2])) / (2 * np.arctan(spin)) if spin else np.ones(len(low))
+    disc = np.pi * tilt**2 / (1 + tilt**2)
+    if not spin:
+        return _leans(low[:, :2], high[:, :2], tilt) / disc
+    # over the spin s by its angle; the leans of a box are wider where c_3 is nearer to 0
+    start, end = np.arctan(low[:, 2]), np.arctan(high[:, 2])
+    total = np.zeros(len(low))
+    for node, weight in zip(t, weights, strict=True):
+        shrink = np.cos((start + end) / 2 + (end - start) / 2 * node)[:, None]
+        total += weight / 2 * _leans(low[:, :2] * shrink, high[:, :2] * shrink, tilt)
+    return total * (end - start) / (2 * np.arctan(spin)) / disc
+
+
+def _leans(low: Matrix, high: Matrix, radius: float) -> Vector:
+    """The integral (k,) of db / (1 + |b|^2)^2 over rectangles low <= b <= high (k, 2), as far as |b| <= radius."""
+    t, weights = np.polynomial.legendre.leggauss(NODES)
+    # b_1 = radius sin(phi), in pieces between the places where the circle goes through the sides
+    ends = np.arcsin(np.clip(np.column_stack([low[:, 0], high[:, 0]]) / radius, -1, 1))
+    across = np.arccos(np.clip(np.abs(np.column_stack([low[:, 1], high[:, 1]])) / radius, 0, 1))
+    inside = np.tile(np.arcsin(np.minimum(1.0, np.array([0.0, 1.0, -1.0]) / radius).clip(-1)), (len(low), 1))
+    places = np.sort(np.clip(np.column_stack([across, -across, inside]), ends[:, :1], ends[:, 1:]), axis=1)
+    places = np.column_stack([ends[:, 0], places, ends[:, 1]])
+    total = np.zeros(len(low))
+    for start, end in zip(places.T[:-1], places.T[1:], strict=True):
+        for node, weight in zip(t, weights, strict=True):
+            phi = (start + end) / 2 + (end - start) / 2 * node
+            x, edge = radius * np.sin(phi), radius * np.cos(phi)
+            below, above = (np.clip(side[:, 1], -edge, edge) for side in (low, high))
+            total += weight * (end - start) / 2 * edge * (_column(x, above) - _column(x, below))
+    return total
+
+
+def _column(x: Vector, y: Vector) -> Vector:
+    """The integral from 0 to y of dy / (1 + x^2 + y^2)^2."""
+    a = 1 + x**2
+    return y / (2 * a * (a + y**2)) + np.arctan(y / np.sqrt(a)) / (2 * a * np.sqrt(a))
+
 
 NEAR = 1e-9
 """A pose is in a box without extent if it is as near [m, 1]."""

@@ -8,20 +8,333 @@ orientation rows up to sign and the coordinates of the orientation.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
 from functools import cached_property
+from math import factorial
 from typing import Any
 
 import numpy as np
 
-from ..base.types import Flags, Matrix, Value, Vector
+from ..base.errors import ArgumentError
+from ..base.types import Array, Flags, Matrix, Value, Vector
 from ..strategies import HolonomicStrategy
-from ..symbolic import SX, jacobian, substitute, symbol, vertcat
+from ..strategies.tasks.frame_task import AxisDirection, FrameTask, free_directions, parts_of
+from ..strategies.tasks.task import Task
+from ..symbolic import SX, cos, jacobian, sin, substitute, sumsqr, symbol, vertcat
+from ..symbolic.expression import Separated
 from ..symbolic.interval_function import IntervalFunction, operation_list
-from ..symbolic.rotations import one_formula
-from ..symbolic.separated import Separated
-from .targets import Family
-from .task_rows import reached_by, rows_of, target_of
+from ..symbolic.rotations import frame_about, one_formula, skew
+
+# --------------------------------------------------------------------------------------------------
+# Families of tool poses x(u), u = u0 + h y, y in [-1, 1]^d: a stretch of a path, d = 1, or a box of
+# poses, d = 3 or 6.
+#
+# They are expressions of y and of some numbers, u0 and h the last of them, so that one expression
+# serves all cells of a proof. Two cells with a value of u in common have that pose in common,
+# exactly.
+# --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Family(Value, ABC):
+    """A family of `dimension` parameters y, given by `numbers` numbers. `turning`: whether the tool turns in it."""
+
+    turning: bool
+
+    @property
+    @abstractmethod
+    def dimension(self) -> int:
+        """d."""
+
+    @property
+    @abstractmethod
+    def numbers(self) -> int:
+        """How many numbers give a member."""
+
+    @abstractmethod
+    def pose(self, y: SX, numbers: SX) -> tuple[SX, SX]:
+        """(position (3F,), rotation (3F, 3)) of F frames at y (d,)."""
+
+
+TERMS = 22
+"""Terms of the series of exp(phi): for |phi| <= 2 pi what is left out is below 1e-19."""
+
+
+BEZIER = np.array([[1, 0, 0, 0], [1, 1 / 3, 0, 0], [1, 2 / 3, 1 / 3, 0], [1, 1, 1, 1]])
+"""Times the coefficients of a cubic, its control points: over [0, 1] it lies between them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch(Family):
+    """A stretch of a `Segment` of a path: u is the share of it.
+
+    p = centre + cos(a u) x + sin(a u) y + u b + u^2 c + u^3 d. An even turn is R = (1 + sin(t u) [k]x + (1 - cos(t u))
+    [k]x^2) R0; where it is `curved`, R = (1 + S(|w|^2) [w]x + C(|w|^2) [w]x^2) R0, w(u) a cubic, with the series
+    S(z) = sum_k (-z)^k / (2k + 1)! and C(z) = sum_k (-z)^k / (2k + 2)!, their coefficients rounded to doubles: at most
+    1e-14 from exp([w]x) for |w| <= 2 pi.
+    """
+
+    curved: bool = False
+
+    @property
+    def dimension(self) -> int:
+        """One: u."""
+        return 1
+
+    @property
+    def numbers(self) -> int:
+        """Those of `of`, u0 and h."""
+        return 42 if self.curved else 34
+
+    def pose(self, y: SX, numbers: SX) -> tuple[SX, SX]:
+        """The tool's pose."""
+        center, x, across, angle = numbers[0:3], numbers[3:6], numbers[6:9], numbers[9]
+        along, turn, R = numbers[10:19], numbers[19:-11], numbers[-11:-2].reshape((3, 3)).T
+        u = numbers[-2] + numbers[-1] * y
+        cubic = u * (along[0:3] + u * (along[3:6] + u * along[6:9]))
+        position = center + cos(angle * u) * x + sin(angle * u) * across + cubic
+        if self.curved:
+            w = turn[0:3] + u * (turn[3:6] + u * (turn[6:9] + u * turn[9:12]))
+            z, K = sumsqr(w), skew(w)
+            S = _series([(-1) ** k / factorial(2 * k + 1) for k in range(TERMS)], z)
+            C = _series([(-1) ** k / factorial(2 * k + 2) for k in range(TERMS)], z)
+            R = (SX.eye(3) + S * K + C * (K @ K)) @ R
+        elif self.turning:
+            K = skew(turn[0:3])
+            R = (SX.eye(3) + sin(turn[3] * u) * K + (1 - cos(turn[3] * u)) * (K @ K)) @ R
+        return position, R
+
+    def of(self, row: Vector) -> Vector:
+        """The numbers of a row of `Path.table`, but for u0 and h. The path that is meant is the one with these doubles.
+
+        Raises:
+            ArgumentError: a curved turn of more than a whole turn.
+        """
+        turning = row[19:31].reshape(4, 3)
+        if self.curved:
+            largest = float(np.linalg.norm(BEZIER @ turning, axis=1).max())
+            if largest > 2 * np.pi:
+                cure = "give more waypoints, so that no piece turns the tool by more than a whole turn"
+                raise ArgumentError("the turn of a piece of the path", largest, cure)
+            return row[:40]
+        size = float(np.linalg.norm(turning[1]))
+        axis = turning[1] / size if size > 0 else np.array([0.0, 0.0, 1.0])
+        return np.concatenate([row[:19], axis, [size], row[31:40]])
+
+
+@dataclass(frozen=True, eq=False)
+class Stretches(Family):
+    """Stretches of several frames' paths, run through together: one share u for all. `members`: of each frame.
+
+    Their numbers follow each other; u0 and h are the last ones. Positions and rotations stand one below the other.
+    """
+
+    members: tuple[Stretch, ...]
+
+    @property
+    def dimension(self) -> int:
+        """One: u."""
+        return 1
+
+    @property
+    def numbers(self) -> int:
+        """Those of all frames, u0 and h."""
+        return 2 + sum(member.numbers - 2 for member in self.members)
+
+    def pose(self, y: SX, numbers: SX) -> tuple[SX, SX]:
+        """The poses of the tools, (3F,) and (3F, 3)."""
+        positions, rotations, first = [], [], 0
+        for member in self.members:
+            last = first + member.numbers - 2
+            p, R = member.pose(y, vertcat(numbers[first:last], numbers[-2:]))
+            positions.append(p)
+            rotations.append(R)
+            first = last
+        return vertcat(*positions), vertcat(*rotations)
+
+    def of(self, rows: Matrix) -> Vector:
+        """The numbers of a row of `Path.table` of each frame (F, .), but for u0 and h. Raises: as `Stretch.of`."""
+        return np.concatenate([member.of(row) for member, row in zip(self.members, rows, strict=True)])
+
+    @staticmethod
+    def along(tables: Array) -> Stretches:
+        """Of the tables of `Path.table` of F frames (F, pieces, .)."""
+        members = []
+        for rows in tables:
+            curved = bool(rows[:, [19, 20, 21, *range(25, 31)]].any())
+            members.append(Stretch(bool(rows[:, 19:31].any()), curved))
+        return Stretches(any(member.turning for member in members), tuple(members))
+
+
+def _series(coefficients: list[float], z: SX) -> SX:
+    total = SX(0)
+    for c in reversed(coefficients):
+        total = total * z + c
+    return total
+
+
+@dataclass(frozen=True, eq=False)
+class PoseBox(Family):
+    """A box of poses: p = p0 + P u with the half sides P, R = R0 C(w) with w = W u the Cayley parameters of a turn.
+
+    C(w) = ((4 - |w|^2) 1 + 4 [w]x + 2 w w^T) / (4 + |w|^2) turns by 2 atan(|w| / 2) about w, in the tool's frame. The
+    first three parameters are the position's, the others, where there are any, the turn's.
+    """
+
+    @property
+    def dimension(self) -> int:
+        """3, or 6 with turns."""
+        return 6 if self.turning else 3
+
+    @property
+    def numbers(self) -> int:
+        """p0 (3), R0 (9), half sides (d); u0 (d), h (d)."""
+        return 12 + 3 * self.dimension
+
+    def pose(self, y: SX, numbers: SX) -> tuple[SX, SX]:
+        """The tool's pose."""
+        d = self.dimension
+        p0, R0, sides = numbers[0:3], numbers[3:12].reshape((3, 3)).T, numbers[12 : 12 + d]
+        u = numbers[12 + d : 12 + 2 * d] + numbers[12 + 2 * d :] * y
+        position = p0 + sides[:3] * u[:3]
+        if not self.turning:
+            return position, R0
+        w = sides[3:] * u[3:]
+        size = sumsqr(w)
+        return position, R0 @ (((4 - size) * SX.eye(3) + 4 * skew(w) + 2 * w @ w.T) / (4 + size))
+
+
+# --------------------------------------------------------------------------------------------------
+# The rows f(q) - x of a task and what of the tool pose enters them, without a logarithm; and turns
+# left free.
+# --------------------------------------------------------------------------------------------------
+
+ALIGNED = 1e-9
+"""By how much [-] a free axis may differ from the tool's z axis and count as that."""
+
+
+def parts(task: Task) -> list[tuple[int, FrameTask]]:
+    """(f, the task of frame f) of a task of one frame or more, those of which it has rows.
+
+    Raises: ArgumentError of another kind of task.
+    """
+    found = []
+    for f, part in enumerate(parts_of(task)):
+        rows = tuple(row % 6 for row in task.rows if row // 6 == f)
+        if rows:
+            found.append((f, part if rows == part.rows else replace(part, rows=rows)))
+    if not found:
+        raise ArgumentError("the task to certify", task.name, "give a task of frames: hk.pose, hk.position, hk.stacked")
+    return found
+
+
+def rows_of(task: Task, position: SX, rotation: SX, p: SX, R: SX) -> tuple[SX, SX]:
+    """(f(q) - x (m,), what must be positive so that no half turn is taken for none, a number for each part).
+
+    Args:
+        position, rotation: (3F,), (3F, 3) of the frames. p, R: wanted of them.
+    """
+    found: dict[int, SX] = {}
+    facing = []
+    for f, part in parts(task):
+        at = slice(3 * f, 3 * f + 3)
+        rows, ahead = _part(part, position[at], rotation[at, :], p[at], R[at, :])
+        found |= {6 * f + row: rows[i] for i, row in enumerate(part.rows)}
+        facing.append(ahead)
+    return vertcat(*(found[row] for row in task.rows)), vertcat(*facing)
+
+
+def turned(task: FrameTask) -> bool:
+    """Whether its angular rows are those of a twist: of a full orientation, or the one of a plane."""
+    return task.turns or (task.geometric and any(task.angular))
+
+
+def _part(task: FrameTask, position: SX, rotation: SX, p: SX, R: SX) -> tuple[SX, SX]:
+    six = [position[i] - p[i] for i in range(3)]
+    facing = SX(1)
+    kind = task.representation
+    if turned(task):
+        M = R @ rotation.T
+        six += [(M[1, 2] - M[2, 1]) / 2, (M[2, 0] - M[0, 2]) / 2, (M[0, 1] - M[1, 0]) / 2]
+        facing = M[0, 0] + M[1, 1] + M[2, 2] + 1
+    elif isinstance(kind, AxisDirection) and sum(i > 2 for i in task.rows) == 2:
+        a = SX(kind.axis)
+        across = (R @ SX(frame_about(kind.axis)))[:, :2].T @ (rotation @ a)
+        six += [across[0], across[1]]
+        facing = (R @ a).T @ (rotation @ a)
+    elif task.orientation is not None:
+        gap = kind.value(rotation) - kind.value(R)
+        six += [gap[i] for i in range(gap.shape[0])]
+    return vertcat(*(six[i] for i in task.rows)), facing
+
+
+def target_of(task: Task, p: SX, R: SX) -> SX:
+    """What of the poses enters E; of a turn R itself, whose change bounds that of its rows twice over."""
+    found = []
+    for f, part in parts(task):
+        at = slice(3 * f, 3 * f + 3)
+        found.append(p[at])
+        if turned(part) or isinstance(part.representation, AxisDirection):
+            found.append(R[at, :].reshape((9, 1)))
+        elif part.orientation is not None:
+            found.append(part.representation.value(R[at, :]))
+    return vertcat(*found)
+
+
+def _reached_by(task: Task, p: SX, R: SX) -> SX:
+    """What two tool poses have in common where E is the same: the rows of the task, a turn as R, an axis as R a."""
+    found = []
+    for f, part in parts(task):
+        at = slice(3 * f, 3 * f + 3)
+        place, turn, kind = p[at], R[at, :], part.representation
+        found += [place[row] for row in part.rows if row < 3]
+        if turned(part):
+            found.append(turn.reshape((9, 1)))
+        elif isinstance(kind, AxisDirection) and any(row > 2 for row in part.rows):
+            found.append(turn @ SX(kind.axis))
+        elif part.orientation is not None:
+            value = kind.value(turn)
+            found += [value[row - 3] for row in part.rows if row > 2]
+    return vertcat(*found)
+
+
+def spins_freely(task: Task, R: Matrix) -> bool:
+    """Whether turns about the tool's z axis at the middle of a box, whose rotation is R (3, 3), are free."""
+    direction = free_directions(task)[0]
+    if direction is None:
+        return False
+    axis, of_base = direction
+    return float(np.abs((R.T @ axis if of_base else axis)[:2]).max()) < ALIGNED
+
+
+def deepest(turn: Matrix, axis: Vector, of_base: bool, half: Vector) -> Matrix:
+    """Of turns (k, 4), as quaternions x, y, z, s, then or first turned freely about an axis (3,), those with the least
+    of the largest |w_i| / half_i, w the Cayley parameters.
+
+    A free turn by 2 atan(t) leads to a + t b, and 2 w_i = (a_i + t b_i) / (a_s + t b_s): where two of the ratios are
+    as large, or one is 0, t solves a linear equation.
+    """
+    from scipy.spatial.transform import Rotation
+
+    free, turns = Rotation.from_quat([*axis, 0.0]), Rotation.from_quat(turn)
+    a, b = turns.as_quat(), (free * turns if of_base else turns * free).as_quat()
+    size = np.maximum(half, 1e-12)
+    A, B = a[:, :3] / size, b[:, :3] / size
+    pairs = [(i, j, sign) for i in range(3) for j in range(i, 3) for sign in ((1.0,) if i == j else (1.0, -1.0))]
+    best, least = turn, np.full(len(turn), np.inf)
+    for i, j, sign in pairs:
+        over, under = A[:, i] + sign * (A[:, j] if i != j else 0.0), B[:, i] + sign * (B[:, j] if i != j else 0.0)
+        length = np.hypot(over, under)
+        c, s = (np.where(length > 0, x / np.where(length > 0, length, 1.0), y) for x, y in ((under, 1.0), (-over, 0.0)))
+        tried = c[:, None] * a + s[:, None] * b
+        tried *= np.where(tried[:, 3:] < 0, -1.0, 1.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.abs(tried[:, :3] / size).max(axis=1) / tried[:, 3]
+        better = ratio < least
+        best, least = np.where(better[:, None], tried, best), np.where(better, ratio, least)
+    return best
+
 
 ROOM = 6_000_000
 """Numbers of intervals that may be in memory at once: 100 MB."""
@@ -216,5 +529,5 @@ class Equation(Value):
     def reached(self) -> IntervalFunction:
         """(y, numbers) -> the rows of the tool pose: E is the same where they are."""
         y, numbers = symbol("y", self.d), symbol("numbers", self.family.numbers)
-        pose = reached_by(self.strategy.task, *self.family.pose(y, numbers))
+        pose = _reached_by(self.strategy.task, *self.family.pose(y, numbers))
         return IntervalFunction("the tool pose", {"y": y, "numbers": numbers}, pose)

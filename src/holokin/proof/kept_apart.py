@@ -3,17 +3,100 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..base.errors import ArgumentError
-from ..base.types import Matrix, Vector, number
-from ..motion.checks.gaps import FLOOR
-from ..motion.checks.keeping_clear import Clearances, posture_clearances
+from ..base.types import Matrix, Value, Vector, number
+from ..motion import follow
+from ..motion.checks.clearance import FLOOR
+from ..motion.checks.motion_checks import Clearances, posture_clearances
+from ..path import Path
 from ..robot import LinkShape, Mesh, Robot, chain_length, foot_of
+from ..robot.tree import joint_frames
 from ..strategies import HolonomicStrategy
+from .certificate import Certificate
 from .clear_cells import ClearCells, joints_of, shape_pairs
-from .too_near import apart_words, too_near_at
+
+# --------------------------------------------------------------------------------------------------
+# `TooNear`: a posture on a leaf at which two shapes are nearer than a proof was to show: there none
+# can succeed.
+#
+# The distances are those of `check`, at postures that are found in doubles: of meshes their own,
+# not of their hulls.
+# --------------------------------------------------------------------------------------------------
+
+SURE = 1e-9
+"""Distances [m] are less than asked by more than this, where something is said to be too near: they are rounded."""
+
+ALONG = 1000
+"""Samples of a path at which a posture is sought that is too near."""
+
+
+@dataclass(frozen=True, eq=False)
+class TooNear(Value):
+    """A tool pose (4, 4), the posture q (n,) of the leaf there, and the two things that are `distance` [m] apart at it,
+    negative for how deep the one is in the other, where `wanted` [m] was asked."""
+
+    pose: Matrix
+    q: Vector
+    names: tuple[str, str]
+    distance: float
+    wanted: float
+
+    def __str__(self) -> str:
+        at = ", ".join(f"{x:.4g}" for x in self.pose[:3, 3])
+        asked = f", where {self.wanted:.3g} m was asked" if self.wanted else ""
+        return f"with the tool at [{at}] m {_apart_words(self.names, self.distance)}{asked}"
+
+
+def _apart_words(names: tuple[str, str], distance: float) -> str:
+    """How far apart two things are, or how deep the one is in the other."""
+    both = " and ".join(names)
+    if distance > 0:
+        return f"{both} are {distance:.3g} m apart"
+    return f"{both} overlap by {-distance:.3g} m" if distance else f"{both} touch"
+
+
+def gap_distances(clear: ClearCells, Q: Matrix) -> Matrix:
+    """(k, gaps) how far apart things are at postures Q (k, n), as `check` has it: `clear.looked_at.gaps`."""
+    gaps, limits = clear.looked_at.gaps, clear.looked_at.limits
+    if not (len(Q) and gaps):
+        return np.zeros((len(Q), len(gaps)))
+    frames, every = joint_frames(clear.robot, Q), np.arange(len(Q))
+    found = [gap.distances(frames, every, limit + SURE) for gap, limit in zip(gaps, limits, strict=True)]
+    return np.column_stack(found)
+
+
+def short_of(clear: ClearCells, distances: Matrix) -> Matrix:
+    """(k, gaps) by how much distances [m] are less than is asked: positive where something is too near."""
+    return np.array(clear.looked_at.limits) - SURE - distances
+
+
+def _too_near_at(clear: ClearCells, pose: Matrix, q: Vector) -> TooNear | None:
+    """What is too near at a posture (n,), the worst of it; None where nothing is."""
+    apart = gap_distances(clear, q[None])[0]
+    short = short_of(clear, apart)
+    worst = int(np.argmax(short))
+    if not short[worst] > 0:
+        return None
+    looked_at = clear.looked_at
+    return TooNear(pose, q, looked_at.gaps[worst].names, float(apart[worst]), looked_at.limits[worst])
+
+
+def too_near_along(certificate: Certificate) -> TooNear | None:
+    """A posture along the path of a certificate at which something is too near; None where samples show none."""
+    clear, path = certificate.demands.clear, certificate.asked
+    if clear is None or not isinstance(path, Path):
+        return None
+    strategy = certificate.equation.strategy
+    q0 = certificate.anchors.q[0][: strategy.task.n]
+    walk = follow(strategy, path, q0, samples=ALONG, limits=certificate.limits is not None)
+    Q = walk.q[np.isfinite(walk.q).all(axis=1)]
+    worst = Q[int(np.argmax(short_of(clear, gap_distances(clear, Q)).max(axis=1)))]
+    return _too_near_at(clear, strategy.task.pose(worst), worst)
+
 
 CLEARANCE = 0.02
 """What is proven by default [m]: a model is off by millimetres, and so is the robot behind it."""
@@ -79,9 +162,9 @@ def clearances_of(
 
 def _check_start(found: ClearCells, strategy: HolonomicStrategy, q0: Vector) -> None:
     """Raises: ArgumentError: things are nearer at q0 than is asked, or the shapes that stand for them are."""
-    there = too_near_at(found, strategy.task.pose(q0), q0)
+    there = _too_near_at(found, strategy.task.pose(q0), q0)
     if there is not None:
-        fact = f"{apart_words(there.names, there.distance)} there"
+        fact = f"{_apart_words(there.names, there.distance)} there"
         fact += f", {there.wanted:.3g} m asked" if there.wanted else ""
         cure = "move what is in the way, or give another posture or a smaller clearance"
         raise ArgumentError("q0", np.round(q0, 4).tolist(), f"{fact}: {cure}{_doubt(found, there.names)}")

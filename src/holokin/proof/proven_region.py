@@ -19,23 +19,314 @@ import numpy as np
 
 from ..base.arguments import typed
 from ..base.errors import ArgumentError
-from ..base.poses import PoseLike, tool_poses
-from ..base.sure_digits import at_least, percentages
+from ..base.poses import PoseLike, pose_from, tool_poses
+from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, kept, some, whole
-from ..motion.ik import InverseKinematics, inverse
-from ..motion.ik.quiet_answers import leads_to
-from ..path.workspaces import PoseRange
-from ..robot import LinkShape, Robot
+from ..base.units import at_least, percentages
+from ..motion.ik import InverseKinematics, InverseStatus, inverse
+from ..motion.ik.inverse_function import leads_to
+from ..path.workspaces import PoseRange, workspace
+from ..robot import LinkShape, Robot, reach
 from ..strategies import HolonomicStrategy, Strategy
 from ..strategies.tasks.task import of_one_tool
 from .box_proof import PoseRegion
-from .certificate import Certificate
+from .cell_search import KeptCells
+from .certificate import Certificate, Demands, Extent, clear_cuts, left_open, partition
 from .certify_leaf import certificate, demands, provable, question, start_of
-from .kept_apart import CLEARANCE, kept_apart
-from .kept_cells import KeptCells
-from .largest_box import largest_box, proven_box
-from .open_parts import ANOTHER, CAUSES, END, LIMIT, NEAR, UNPROVEN, OpenParts, asked_about, open_parts
-from .partition import clear_cuts
+from .clear_cells import ClearCells
+from .kept_apart import CLEARANCE, TooNear, gap_distances, kept_apart, short_of
+
+# --------------------------------------------------------------------------------------------------
+# A large box of tool poses about a start: grown where samples are regular, made smaller until it is
+# proven.
+# --------------------------------------------------------------------------------------------------
+
+STEPS = 8
+"""Samples from the start to each side of what is looked at."""
+
+REGULAR = 0.15
+"""Of the rcond at the start, what samples must have: cells are many where it is small."""
+
+AWAY = 0.02
+"""How much farther [m] than asked shapes must be apart at samples: in between they come nearer."""
+
+LIMIT_ROOM = 0.02
+"""How far [joint units] samples must be from joint limits: in between the joints go farther. But of a joint that is
+nearer to its limit at the start, half as far as there."""
+
+TRIES = 16
+"""Boxes that are tried, each smaller than the one before."""
+
+FAR, LOOKED = 4.0, 60
+"""How far [m] a side is looked for, at most, and at how many places."""
+
+NEARER, LEAST = 0.9, 0.3
+"""Of its distance from the start, where a box ends before a place at which the proof failed; and of the box, what must
+be left then: else all of it is made smaller."""
+
+FILLED = 0.4
+"""Of the budget, what the first cells may take: some are halved."""
+
+
+def _largest_box(strategy: HolonomicStrategy, q0: Vector, tilt: float, spin: float, asked: Demands) -> PoseRange:
+    """A box that looks regular: from the start's pose, side by side, as long as all samples of a new layer do."""
+    task = strategy.task
+    T = task.pose(q0)
+    lines = _spans(strategy, q0, asked)
+    cuts = [T[axis, 3] + np.concatenate([-low * np.arange(STEPS, 0, -1), high * np.arange(STEPS + 1)]) / STEPS
+            for axis, (low, high) in enumerate(lines)]  # fmt: skip
+    points = np.stack(np.meshgrid(*cuts, indexing="ij"), axis=-1).reshape(-1, 3)
+    good = np.ones(len(points), dtype=bool)
+    for R in _turned(T[:3, :3], tilt, spin):
+        good[good] = _sound(strategy, q0, pose_from(points[good], R), asked)
+    solid = good.reshape([len(c) for c in cuts])
+    low, high = np.full(3, STEPS), np.full(3, STEPS)
+    while True:
+        grown = []
+        for axis in range(3):
+            for side, end in ((low, -1), (high, 1)):
+                at = side[axis] + end
+                layer = [slice(a, b + 1) for a, b in zip(low, high, strict=True)]
+                layer[axis] = slice(at, at + 1)
+                if 0 <= at < solid.shape[axis] and solid[tuple(layer)].all():
+                    sides = [cuts[k][high[k]] - cuts[k][low[k]] for k in range(3)]
+                    grown.append((sides[axis], axis, end))
+        if not grown:
+            break
+        _, axis, end = min(grown)  # the shortest side first
+        (low if end < 0 else high)[axis] += end
+    ends = np.array([(cuts[k][low[k]], cuts[k][high[k]]) for k in range(3)])
+    return _box(ends, T[:3, :3], tilt, spin)
+
+
+def _proven_box(
+    strategy: HolonomicStrategy, q0: Vector, box: PoseRange, asked: Demands, budget: int, say: Callable[[str], None]
+) -> tuple[Certificate, PoseRegion, PoseRange]:
+    """The certificate of a box, or of a smaller one about the start, the first that is proven whole; or the last."""
+    tool, began = strategy.task.pose(q0)[:3, 3], time.perf_counter()
+    left = TRIES
+    while True:
+        left -= 1
+        cells = PoseRegion.of(strategy, box, q0)
+        count = int(np.prod([len(cuts) - 1 for cuts in cells.grid]))
+        if count > FILLED * budget and left:
+            box = _about(box, tool, max(0.5, (FILLED * budget / count) ** (1 / 3)))
+            continue
+        found = certificate(box, cells, q0, asked, budget, say, began)
+        if found.whole or not left:
+            return found, cells, box
+        say(f"{box}: {found.extent.cause}")
+        box = _about(box, tool, 0.8) if found.extent is Extent.BUDGET else _cut(box, tool, cells.stop(found.proven))
+
+
+def _spans(strategy: HolonomicStrategy, q0: Vector, asked: Demands) -> Matrix:
+    """How far [m] the tool goes along each axis of the base, (3, 2): to either side, while all looks regular."""
+    T, far = strategy.task.pose(q0), min(2 * reach(strategy.task.robot), FAR)
+    t = np.linspace(0.0, far, LOOKED)[1:]
+    spans = np.zeros((3, 2))
+    for axis in range(3):
+        for side, sign in enumerate((-1.0, 1.0)):
+            points = np.tile(T[:3, 3], (len(t), 1))
+            points[:, axis] += sign * t
+            good = _sound(strategy, q0, pose_from(points, T[:3, :3]), asked)
+            last = int(np.argmin(good)) if not good.all() else len(t)
+            spans[axis, side] = t[last - 1] if last else t[0] / 4
+    return spans
+
+
+def _sound(strategy: HolonomicStrategy, q0: Vector, poses: Array, asked: Demands) -> Flags:
+    """(k,) True for poses that are reached, regular, and as asked with some room."""
+    if not len(poses):
+        return np.zeros(0, dtype=bool)
+    found, robot = inverse(strategy, q0, limits=False).batch(poses), strategy.task.robot
+    good = found.reached.copy()
+    q = found.q[good]
+    rcond = np.array([strategy.gain(one)[1] for one in q]) if len(q) else np.zeros(0)
+    fine = rcond >= REGULAR * strategy.gain(q0)[1]
+    if asked.limits is not None:
+        room = np.minimum(LIMIT_ROOM, np.minimum(q0 - robot.lower, robot.upper - q0) / 2) - TOLERANCES.limit
+        fine &= ((q >= robot.lower + room) & (q <= robot.upper - room)).all(axis=1)
+    if asked.clear is not None and len(q):
+        fine &= (asked.clear.distances(q) >= asked.clear.wanted + AWAY).all(axis=1)
+    good[good] = fine
+    return good
+
+
+def _turned(R: Matrix, tilt: float, spin: float) -> list[Matrix]:
+    """Orientations at the ends of a tilt and a spin, and the middle one."""
+    from scipy.spatial.transform import Rotation
+
+    most = np.diag([tilt, tilt, spin])
+    vectors = [v for v in (*most, *-most) if v.any()]
+    return [R, *(R @ Rotation.from_rotvec(v).as_matrix() for v in vectors)]
+
+
+def _ends(box: PoseRange) -> Matrix:
+    return np.column_stack([box.solid.center - box.solid.half, box.solid.center + box.solid.half])
+
+
+def _box(ends: Matrix, R: Matrix, tilt: float, spin: float) -> PoseRange:
+    low, high = ends.T
+    return workspace(box=((low + high) / 2, (high - low) / 2), rotation=R, tilt=tilt, spin=spin)
+
+
+def _about(box: PoseRange, tool: Vector, share: float) -> PoseRange:
+    """The box, smaller by a share about the start."""
+    return _box(tool[:, None] + share * (_ends(box) - tool[:, None]), box.rotation, box.tilt, box.spin)
+
+
+def _cut(box: PoseRange, tool: Vector, at: Vector | None) -> PoseRange:
+    """The box less what is beyond a place where the proof failed: the side is cut that costs least of it."""
+    ends, away = _ends(box), np.zeros(3) if at is None else at - tool
+    side = (away > 0).astype(int)
+    kept = np.abs(NEARER * away) + np.abs(ends[np.arange(3), 1 - side] - tool)
+    left = np.where(away != 0, kept / (ends[:, 1] - ends[:, 0]), 0.0)
+    axis = int(np.argmax(left))
+    if not LEAST < left[axis] < 1:
+        return _about(box, tool, 0.8)
+    ends[axis, side[axis]] = tool[axis] + NEARER * away[axis]
+    return _box(ends, box.rotation, box.tilt, box.spin)
+
+
+# --------------------------------------------------------------------------------------------------
+# `OpenParts`: the parts of a box of poses that are not proven, and why: some hold a posture that is
+# too near.
+# --------------------------------------------------------------------------------------------------
+
+CAUSES = ("not proven", "another posture", "beyond a joint limit", "the leaf ends", "too near")
+"""What the poses of a workspace are that are not in its region."""
+
+UNPROVEN, ANOTHER, LIMIT, END, NEAR = range(len(CAUSES))
+
+MOST_PARTS, MOST_ASKED, ASKED = 8_000, 24_000, 9
+"""Parts that a box is cut into, poses of all of them that are asked about, and of each: about, and at most."""
+
+Elsewhere = Callable[[Matrix, Vector], bool]
+"""Whether a posture (n,) at a tool pose (4, 4) is not the one that continues what is proven."""
+
+
+@dataclass(frozen=True, eq=False)
+class Asked(Value):
+    """Of tool poses (k, 4, 4): why each is not proven (k,), of `CAUSES`; the postures (k, n) of the leaf there; the gap
+    that is short of what is asked by most (k,), its distance [m], and by how much [m]: negative where it is not."""
+
+    poses: Array
+    cause: Indices
+    q: Matrix
+    gap: Indices
+    distance: Vector
+    short: Vector
+
+    def told(self, clear: ClearCells, i: int) -> TooNear:
+        """What is too near at one of them."""
+        gaps, g = clear.looked_at, int(self.gap[i])
+        return TooNear(self.poses[i], self.q[i], gaps.gaps[g].names, float(self.distance[i]), gaps.limits[g])
+
+
+def _asked_about(clear: ClearCells | None, poses: Array, ik: InverseKinematics) -> Asked:
+    """What the posture of the leaf is like at tool poses that are not proven."""
+    found, k = ik.batch(poses), len(poses)
+    cause = np.select([found.reached, found.status == InverseStatus.LIMIT], [UNPROVEN, LIMIT], END)
+    gap, distance, short = np.zeros(k, dtype=int), np.full(k, np.inf), np.full(k, -np.inf)
+    here = np.flatnonzero(found.reached)
+    if clear is not None and len(here):
+        apart = gap_distances(clear, found.q[here])
+        lacks = short_of(clear, apart)
+        gap[here], rows = lacks.argmax(axis=1), np.arange(len(here))
+        distance[here], short[here] = apart[rows, gap[here]], lacks[rows, gap[here]]
+        cause[short > 0] = NEAR
+    return Asked(poses, cause, found.q, gap, distance, short)
+
+
+@dataclass(frozen=True, eq=False)
+class OpenParts(Value):
+    """The parts of a box of tool poses that are not proven, as boxes low <= u <= high (k, d) of its parameters, which
+    go from -1 to 1 across it.
+
+    A part is "too near", and so refuted, where a posture of the leaf was found in it at which things are nearer than
+    was asked: `found` holds it. Another part is called after the pose in its middle.
+    """
+
+    low: Matrix
+    high: Matrix
+    cause: Indices
+    """(k,) of `CAUSES`."""
+    found: tuple[TooNear | None, ...]
+    volumes: Vector
+    """(k,) shares of the workspace: of its positions by volume, of its turns by the Haar measure."""
+
+    def __len__(self) -> int:
+        return len(self.low)
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Of the box the shares that are not proven, by cause."""
+        return {name: float(self.volumes[self.cause == i].sum()) for i, name in enumerate(CAUSES)}
+
+    def cause_at(self, u: Matrix) -> Indices:
+        """(k,) the cause of the part that holds a place u (k, d), -1 where none does."""
+        out = np.full(len(u), -1)
+        near = ((self.low <= u.max(axis=0)) & (self.high >= u.min(axis=0))).all(axis=1) if len(u) else []
+        for i in np.flatnonzero(near):
+            out[((self.low[i] <= u) & (u <= self.high[i])).all(axis=1)] = self.cause[i]
+        return out
+
+    @property
+    def worst(self) -> TooNear | None:
+        """The posture that is short of what was asked by most; None where none was found."""
+        those = [one for one in self.found if one is not None]
+        return max(those, key=lambda one: one.wanted - one.distance, default=None)
+
+
+def _open_parts(certificate: Certificate, region: PoseRegion, ik: InverseKinematics, elsewhere: Elsewhere) -> OpenParts:
+    """Cut the rest of a box into parts that are no larger than the first cells, and ask what is in each."""
+    boxes, d, clear = certificate.proven.boxes, certificate.equation.d, certificate.demands.clear
+    tree = partition(boxes.low, boxes.high, [(-1.0, 1.0)] * d, lambda i: i + 1)
+    low, high = _cut_up(*left_open(tree, [(-1.0, 1.0)] * d), region.grid)
+    k = len(low)
+    places = _places(low, high, max(1, min(ASKED, MOST_ASKED // max(k, 1))))
+    count = places.shape[1]
+    asked = _asked_about(clear, region.poses_at(places.reshape(k * count, d)), ik)
+    cause = asked.cause[::count].copy()
+    found: list[TooNear | None] = [None] * k
+    cause[cause == NEAR] = UNPROVEN
+    for i in range(k):
+        those = np.arange(i * count, (i + 1) * count)
+        near = those[asked.cause[those] == NEAR]
+        for j in near[np.argsort(-asked.short[near])].tolist():
+            if clear is not None and not elsewhere(asked.poses[j], asked.q[j]):
+                cause[i], found[i] = NEAR, asked.told(clear, j)
+                break
+        if cause[i] == UNPROVEN and elsewhere(asked.poses[those[0]], asked.q[those[0]]):
+            cause[i] = ANOTHER
+    return OpenParts(low, high, cause, tuple(found), region.shares(low, high))
+
+
+def _places(low: Matrix, high: Matrix, count: int) -> Array:
+    """(k, at most count, d) the middle of each box, and corners of it."""
+    d = low.shape[1]
+    corners = np.array(list(product((-1.0, 1.0), repeat=d)))
+    chosen = np.random.default_rng(0).permutation(len(corners))[: count - 1]
+    ends = np.vstack([np.zeros((1, d)), corners[np.sort(chosen)]])
+    return ((low + high) / 2)[:, None] + ends * ((high - low) / 2)[:, None]
+
+
+def _cut_up(low: Matrix, high: Matrix, grid: list[Vector]) -> tuple[Matrix, Matrix]:
+    """Boxes (k, d), cut where a grid has its cuts; by fewer cuts of it where the parts would be too many."""
+    stride = 1
+    while np.prod([np.ceil((len(cuts) - 1) / stride) for cuts in grid]) > MOST_PARTS:
+        stride += 1
+    for axis, cuts in enumerate(grid):
+        for at in cuts[1:-1:stride]:
+            across = (low[:, axis] < at) & (at < high[:, axis])
+            below, above = high[across], low[across]
+            below[:, axis] = above[:, axis] = at
+            low, high = (
+                np.vstack([low[~across], low[across], above]),
+                np.vstack([high[~across], below, high[across]]),
+            )
+    return low, high
+
 
 ROOM = 1e-3
 """Distance from the joint limits [joint units] that is worth saying: a part may end where a joint is at its limit."""
@@ -117,7 +408,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         from the nearest pose of the region is another one; "too near" where things are nearer there than was asked.
         """
         out, others = np.full(len(poses), -1), np.flatnonzero(~self.contains(poses))
-        asked = asked_about(self.certificate.demands.clear, poses[others], self._ik)
+        asked = _asked_about(self.certificate.demands.clear, poses[others], self._ik)
         for i, k in enumerate(others):
             there = asked.cause[i] in (LIMIT, END) or not self._elsewhere(poses[k], asked.q[i])
             out[k] = asked.cause[i] if there else ANOTHER
@@ -132,7 +423,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
     @cached_property
     def parts(self) -> OpenParts:
         """The parts of the workspace that do not belong to it, and why: with the postures that are too near."""
-        return open_parts(self.certificate, self.cells, self._ik, self._elsewhere)
+        return _open_parts(self.certificate, self.cells, self._ik, self._elsewhere)
 
     @cached_property
     def _ik(self) -> InverseKinematics:
@@ -316,8 +607,8 @@ def unique_region(
         if keep_in is not None:
             cure = "it is of one box: give the workspace, too"
             raise ArgumentError("keep_in", str(keep_in), cure)
-        box = largest_box(strategy, start, tilt, spin, asked)
-        found, cells, box = proven_box(strategy, start, box, asked, budget, say)
+        box = _largest_box(strategy, start, tilt, spin, asked)
+        found, cells, box = _proven_box(strategy, start, box, asked, budget, say)
         return UniqueRegion(strategy, start, box, found, cells)
     if tilt or spin:
         raise ArgumentError("tilt and spin", (tilt, spin), "a workspace has its own: hk.workspace(..., tilt=, spin=)")

@@ -15,10 +15,8 @@ import numpy as np
 
 from ..base.types import Flags, Indices, Matrix, joined, some
 from .box_proof import PORTION, PoseRegion, one_root
-from .cell_search import BATCH, FEW, GRID, halves, looked_up, reasons_of, smaller, too_small
-from .certificate import Boxes, Covered, Extent
-from .demands import Demands
-from .kept_cells import Batch, KeptCells
+from .cell_search import BATCH, FEW, GRID, Batch, KeptCells, halves, looked_up, reasons_of, smaller, too_small
+from .certificate import Boxes, Covered, Demands, Extent
 from .tube import Cells, Findings
 
 WAITING, PROVEN, JOINED, ENDED, REPLACED = range(5)

@@ -1,44 +1,49 @@
 """Robot descriptions: DH tables, URDF, MJCF and xacro files, models of other libraries, the catalogue, compositions.
 
-Uses `symbolic`. Read first: `model.py`, `tree.py`, `catalog.py`.
+Uses `symbolic`. Read first: `model.py`, `tree.py`.
 """
 
-from .capsules import chain_length, obstacle, with_capsules, with_shape
-from .composition import Part, compose, ordered, with_base_pose, with_tool
-from .drives import SERVOS, Servo, servo
-from .extent import reach
-from .formats.catalog import beside as beside
-from .formats.catalog import catalogue, load
+from .chains import GIVE_SPEEDS as GIVE_SPEEDS
+from .chains import Part, compose, ordered, with_base_pose, with_limits, with_tool
+from .chains import check_metres as check_metres
+from .chains import doubtful_unit as doubtful_unit
+from .chains import speed_limits as speed_limits
+from .chains import start_posture as start_posture
+from .chains import without_speed_limit as without_speed_limit
 from .formats.dh import DHRow, from_dh
+from .formats.libraries import from_pinocchio, from_roboticstoolbox
+from .formats.loading import assembled as assembled
+from .formats.loading import beside as beside
+from .formats.loading import catalogue, load, model_links, model_tips
+from .formats.loading import is_model as is_model
+from .formats.loading import model_root as model_root
 from .formats.mjcf import from_mjcf
-from .formats.model_texts import to_mjcf, to_urdf
-from .formats.models_by_name import is_model as is_model
-from .formats.models_by_name import model_links, model_tips
-from .formats.models_by_name import model_root as model_root
-from .formats.pinocchio_model import from_pinocchio
-from .formats.robot_table import assembled as assembled
-from .formats.toolbox import from_roboticstoolbox
 from .formats.urdf import from_urdf, from_yourdfpy
-from .free_coordinates import coordinates
-from .inertia import mass_matrix_expression as mass_matrix_expression
-from .inertia import potential_expression as potential_expression
+from .formats.writers import to_mjcf, to_urdf
 from .joints import FARTHEST, Body, Coordinate, Joint, Kinematics, Tip
 from .joints import foot_of as foot_of
 from .joints import joints_above as joints_above
-from .limits import GIVE_SPEEDS as GIVE_SPEEDS
-from .limits import speed_limits as speed_limits
-from .limits import with_limits
-from .limits import without_speed_limit as without_speed_limit
-from .link_frames import link_jacobian as link_jacobian
-from .links import DENSITY, weighed
+from .links import (
+    DENSITY,
+    SERVOS,
+    Servo,
+    chain_length,
+    coordinates,
+    obstacle,
+    reach,
+    servo,
+    weighed,
+    with_capsules,
+    with_shape,
+)
 from .links import knows_masses as knows_masses
+from .links import link_jacobian as link_jacobian
+from .links import mass_matrix_expression as mass_matrix_expression
+from .links import potential_expression as potential_expression
 from .model import Robot
-from .second_order import hessian_expression as hessian_expression
+from .model import hessian_expression as hessian_expression
 from .shapes.link_shapes import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 from .shapes.visuals import Surface, Visual
-from .units import check_metres as check_metres
-from .units import doubtful_unit as doubtful_unit
-from .units import start_posture as start_posture
 
 __all__ = [
     "DENSITY",

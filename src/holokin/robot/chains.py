@@ -3,20 +3,369 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..base.errors import ArgumentError, RobotFileError, UnknownNameError, shown
+from ..base.arguments import check, typed
+from ..base.errors import ArgumentError, RobotFileError, ShapeError, UnknownNameError, shown
+from ..base.poses import pose_from
 from ..base.tolerances import TOLERANCES
-from ..base.types import Matrix, Vector
-from .joints import Body, Coordinate, Joint, Tip
+from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, numbers, one_or_each
+from ..symbolic.rotations import rotation_from_rpy
+from .joints import WOUND, Body, Coordinate, Joint, Tip, foot_of, joints_above
 from .model import Robot
-from .reroot import rerooted
 from .shapes.link_shapes import LinkShape
 from .shapes.visuals import Visual
-from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, root_of
-from .units import TRUST, check_radians, plausible
+from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, rerooted, root_of
+
+# --------------------------------------------------------------------------------------------------
+# `longest_span`: a distance beyond which no posture brings a tool, by the lengths of the links
+# alone.
+# --------------------------------------------------------------------------------------------------
+
+CORNERS = (0.1, 0.01, 1e-3)
+"""The length of a link is sqrt(d^2 + corner^2) while the points are looked for [m]: where axes meet, d has a kink."""
+
+LONGEST = 20.0
+"""Average link of an arm [m] at which metres are doubted: no robot has it, and in millimetres every one does."""
+
+ROUND = 1e-9
+"""What round-off of lengths and poses may come to [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Span(Value):
+    """No posture, within the joint limits of slides, brings a point of the tool further than `length` [m] from a place.
+
+    start (3,): the place, in the base frame. end (3,): the point, in the frame of the tip.
+    """
+
+    start: Vector
+    end: Vector
+    length: float
+
+    def beyond(self, position: Matrix, rotation: Array) -> Flags:
+        """Which tool poses (k, 3), (k, 3, 3) no posture reaches, by this bound; of others nothing is said."""
+        away = position + rotation @ self.end - self.start
+        return np.asarray(np.linalg.norm(away, axis=1) > self.length + ROUND)
+
+
+def longest_span(robot: Robot, tip: str | None = None, *, turned: bool) -> Span:
+    """The bound sum |x_i+1 - x_i| with x_i the best point on the axis of hinge i, as of slides their origin.
+
+    Both axes of a link are fixed in it, and so are points on them. The first point is fixed in the base; the last one
+    is fixed in the tool.
+
+    Args:
+        turned: whether the tool's rotation is known: then the span ends on the last hinge's axis; else at the tip.
+    """
+    links = _Links.of(robot, robot.tip(tip), turned)
+    at = links.drawn_in()
+    return Span(links.first(at), links.last(at), links.length(at)[0] + links.slides)
+
+
+def longest_reach(robot: Robot, tip: str | None = None) -> float:
+    """A distance [m] from its foot beyond which no posture brings a tip: links in a line, slides at their ends.
+
+    Infinite with a slide without limits.
+    """
+    chosen = next((t for t in robot.tips if t.name == tip), robot.tips[0])
+    links = _Links.of(robot, chosen, turned=False)
+    origins = np.zeros(len(links.free))
+    foot = foot_of(robot.joints, chosen.joint)
+    return float(np.linalg.norm(links.first(origins) - foot)) + links.length(origins)[0] + links.slides
+
+
+def _mean_link(robot: Robot, tip: Tip) -> float:
+    """Average length [m] of the links from the first joint to a tip, of the shortest way along the axes.
+
+    What slides travel does not count.
+    """
+    links = _Links.of(robot, tip, turned=False)
+    return links.length(links.drawn_in())[0] / max(len(links.free), 1)
+
+
+def _with_near_frames(robot: Robot) -> Robot:
+    """The robot with the frames of joints that stand far away on their axes moved along these to the links.
+
+    A DH table puts them there where two axes are nearly parallel, as a calibration finds them. All else is as it was.
+    """
+    steps = {-1: np.zeros(3)} | dict.fromkeys(range(len(robot.joints)), np.zeros(3))
+    for tip in robot.tips:
+        chain = joints_above(robot.joints, tip.joint)[::-1]
+        for index, t in zip(chain, _Links.of(robot, tip, turned=False).drawn_in(), strict=True):
+            steps[index] = robot.joints[index].axis * (t if abs(t) > LONGEST / 2 else 0.0)
+
+    def seen(joint: int, T: Matrix) -> Matrix:
+        return pose_from(-steps[joint]) @ T
+
+    joints = [
+        replace(j, placement=seen(j.parent, j.placement) @ pose_from(steps[i])) for i, j in enumerate(robot.joints)
+    ]
+    tips = [
+        replace(t, placement=seen(t.joint, t.placement), flange=None if t.flange is None else t.flange - steps[t.joint])
+        for t in robot.tips
+    ]
+    return replace(
+        robot,
+        joints=tuple(joints),
+        tips=tuple(tips),
+        bodies=tuple(replace(body, center=body.center - steps[body.joint]) for body in robot.bodies),
+        shapes=tuple(replace(shape, placement=seen(shape.joint, shape.placement)) for shape in robot.shapes),
+        visuals=tuple(replace(visual, placement=seen(visual.joint, visual.placement)) for visual in robot.visuals),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Links:
+    """The links of a chain of k joints from the base to a tip, and points t_i along the axes of its joints.
+
+    offset (k + 1, 3): the origin of joint i in the frame of joint i - 1, at last that of the tip. axis (k, 3), each in
+    its own frame; there (k, 3): each in the frame before. free (k,): of hinges; a slide's point stays. slides [m].
+    """
+
+    offset: Matrix
+    axis: Matrix
+    there: Matrix
+    free: Flags
+    slides: float
+    tip: Matrix
+    turned: bool
+
+    @staticmethod
+    def of(robot: Robot, tip: Tip, turned: bool) -> _Links:
+        """Those of a robot. The span of a tool on the base, or on a slide, ends at the tip."""
+        joints = [robot.joints[i] for i in reversed(joints_above(robot.joints, tip.joint))]
+        slides = 0.0
+        for joint in (one for one in joints if one.kind == "prismatic"):
+            slide = robot.coordinates[joint.coordinate]
+            slides += abs(joint.multiplier) * max(-slide.lower, slide.upper) + abs(joint.offset)
+        free = np.array([joint.kind != "prismatic" for joint in joints], dtype=bool)
+        return _Links(
+            np.array([one.placement[:3, 3] for one in (*joints, tip)]),
+            np.array([joint.axis for joint in joints]).reshape(-1, 3),
+            np.array([joint.placement[:3, :3] @ joint.axis for joint in joints]).reshape(-1, 3),
+            free, slides, tip.placement, bool(turned and len(free) and free[-1]),
+        )  # fmt: skip
+
+    def drawn_in(self) -> Vector:
+        """The points (k,) between which the links in a line are shortest."""
+        from scipy.optimize import minimize
+
+        at = np.zeros(len(self.free))
+        for corner in CORNERS:
+            at = minimize(self.length, at, (corner,), "BFGS", jac=True).x * self.free
+        return at
+
+    def length(self, t: Vector, corner: float = 0.0) -> tuple[float, Vector]:
+        """The length of the links in a line [m] and its derivative (k,): without the link before the first point and,
+        if turned, without the one behind the last."""
+        t = t * self.free
+        link = self.offset[1:] - t[:, None] * self.axis
+        link[:-1] += t[1:, None] * self.there[1:]
+        along = link[:-1] if self.turned else link
+        size = np.hypot(np.linalg.norm(along, axis=1), corner)
+        unit = along / np.where(size > 0, size, 1.0)[:, None]
+        slope = np.zeros(len(t))
+        slope[: len(unit)] -= np.sum(unit * self.axis[: len(unit)], axis=1)
+        slope[1:] += np.sum(unit[: len(t) - 1] * self.there[1:], axis=1)
+        return float(size.sum()), slope * self.free
+
+    def first(self, t: Vector) -> Vector:
+        """The first point (3,), in the base frame."""
+        return np.asarray(self.offset[0] + (t[0] * self.there[0] if len(t) else 0.0))
+
+    def last(self, t: Vector) -> Vector:
+        """The last point (3,), in the frame of the tip."""
+        if not self.turned:
+            return np.zeros(3)
+        return np.asarray(self.tip[:3, :3].T @ (t[-1] * self.axis[-1] - self.tip[:3, 3]))
+
+
+# --------------------------------------------------------------------------------------------------
+# Are joints in rad, and places in metres? What is far beyond all limits and all reach is in other
+# units.
+# --------------------------------------------------------------------------------------------------
+
+FAR = 100.0
+"""Reaches of an arm from its base at which a place is not in metres: millimetres make a thousand of one."""
+
+TURN = 2 * np.pi * 1.001
+"""Angles [rad] of a frame beyond which radians are doubted: a full turn more changes nothing."""
+
+WIDEST = 4 * np.pi
+"""Limits [rad] of most hinges at which radians are doubted: single joints turn further, no whole arm does."""
+
+TRUST = ", or trust_units=True (--trust-units, trust_units = true of a robot in a file) if they are"
+"""How to overrule a doubt, behind the cure."""
+
+START = "choose another start posture, widen the limits by hk.with_limits, or ask with limits=False"
+"""The cure of a start posture beyond the joint limits."""
+
+SHARE = 10.0
+"""Reaches of an arm at which a tool on it is not in metres."""
+
+
+def start_posture(robot: Robot, q: ArrayLike, limits: bool, what: str = "the start posture") -> Vector:
+    """q as (n,) finite floats: a posture to begin from, which keeps the joint limits unless `limits` is False.
+
+    Raises:
+        ShapeError, NotFiniteError, ArgumentError: as `Robot.checked`. JointLimitError: with limits, a joint is beyond
+        them; without, more than two turns beyond them, as degrees are.
+    """
+    start = robot.checked(q, what)
+    if limits or robot.beyond(start).max() > WOUND:
+        robot.check_limits(start, START)
+    return start
+
+
+def doubtful_unit(robot: Robot, places: Matrix, tip: str | None = None) -> str:
+    """What to say of places (k, 3) that are all too far from the base to be in metres; empty of others."""
+    away = places - foot_of(robot.joints, robot.tip(tip).joint)
+    least, reach = float(np.linalg.norm(away, axis=-1).min()), longest_reach(robot, tip)
+    if not FAR * reach < least < np.inf:
+        return ""
+    return f"at least {least:.4g} m from the base, where {robot.name} reaches {reach:.3g} m: give metres"
+
+
+def check_metres(robot: Robot, poses: Array, tip: str | None = None) -> None:
+    """Raises: ArgumentError where the poses (k, 4, 4) of a workspace are too far away to be in metres."""
+    if said := doubtful_unit(robot, poses[:, :3, 3], tip):
+        first = poses[0, :3, 3].tolist()
+        raise ArgumentError("the position of the first pose of the workspace", first, f"all are {said}")
+
+
+def check_radians(what: str, angles: Vector, overruled: str = "") -> None:
+    """Raises: ArgumentError where an angle of a frame is over a turn, as degrees are; `overruled`: how to say so."""
+    if (np.abs(angles) > TURN).any():
+        cure = f"this looks like degrees: give radians, np.deg2rad(...){overruled}"
+        raise ArgumentError(what, np.asarray(angles).tolist(), cure)
+
+
+def plausible(robot: Robot) -> Robot:
+    """The robot, as every reader finishes it, with its frames near its links.
+
+    Raises:
+        ArgumentError: it seems to be in millimetres, or its limits in degrees. What is asked are the links of each arm,
+        wherever a file puts its frames on the axes, and the limits of its hinges.
+    """
+    lengths = np.abs([frame.placement[:3, 3] for frame in (*robot.joints, *robot.tips)])
+    if lengths.max(initial=0.0) > LONGEST / 2:  # else the average is no longer
+        for tip in robot.tips:
+            if (length := _mean_link(robot, tip)) > LONGEST:
+                cure = f"this looks like millimetres: give metres{TRUST}"
+                raise ArgumentError(f"the average link up to {tip.name!r} [m]", float(f"{length:.3g}"), cure)
+        robot = _with_near_frames(robot)
+    _check_limits_of_hinges(robot)
+    return robot
+
+
+def _check_limits_of_hinges(robot: Robot) -> None:
+    """Raises: ArgumentError where the limits of most hinges that have some are many turns, as degrees are."""
+    hinges = [(abs(c.lower), abs(c.upper)) for c in robot.coordinates if c.unit == "rad"]
+    widest = [max(ends) for pair in hinges if (ends := [v for v in pair if 0 < v < np.inf])]
+    wide = sum(most > WIDEST for most in widest)
+    if wide > 1 and 2 * wide > len(widest):
+        fact = f"{wide} of {len(widest)} hinges turn by over two turns, which looks like degrees"
+        cure = f"{fact}: give radians, np.deg2rad(...){TRUST}"
+        raise ArgumentError(f"the widest limit of {robot.name!r} [rad]", max(widest), cure)
+
+
+def _check_tool(robot: Robot, xyz: Vector, tip: str | None = None) -> None:
+    """Raises: ArgumentError where a tool is many times longer than the arm that carries it, as in millimetres."""
+    reach, size = longest_reach(robot, tip), float(np.linalg.norm(xyz))
+    if size > (max(SHARE * reach, 1.0) if np.isfinite(reach) else LONGEST):
+        cure = f"this looks like millimetres, {robot.name} reaches {reach:.3g} m: give metres"
+        raise ArgumentError("xyz of a tool", np.asarray(xyz).tolist(), cure)
+
+
+# --------------------------------------------------------------------------------------------------
+# `with_limits`: a robot with limits of its joints that its model does not have, or with others than
+# it has.
+# --------------------------------------------------------------------------------------------------
+
+FASTEST = 50.0
+"""Speed [rad/s, m/s] beyond which a limit is doubted: eight turns a second; limits in deg/s are beyond it."""
+
+GIVE_SPEEDS = "give the robot its limits: hk.with_limits(robot, max_velocity=...), or max_velocity in [robot] of a job"
+"""What to do about a joint without a speed limit."""
+
+JointValues = ArrayLike | Mapping[str, float]
+"""One number for all joints, one for each (n,), or those of some joints by name."""
+
+
+@typed
+def with_limits(
+    robot: Robot,
+    *,
+    lower: JointValues | None = None,
+    upper: JointValues | None = None,
+    max_velocity: JointValues | None = None,
+    trust_units: bool = False,
+) -> Robot:
+    """The robot with other limits of its joints; those that are not given stay. `math.inf` is no limit.
+
+    MJCF has no speed limits, and DH tables and URDFs of users often lack them; whatever times a motion needs them. The
+    limits that a follower has of its own are not looked at again.
+
+    Args:
+        lower, upper: positions [rad; m of a prismatic joint]: one number for all joints, one for each (n,), or a
+            mapping from the names of some.
+        max_velocity: speeds [rad/s; m/s], likewise.
+        trust_units: take the numbers for rad and m, whatever they look like.
+
+    Raises:
+        ArgumentError: lower above upper, a speed that is not positive, or limits that seem to be in degrees:
+        a hinge of more than 50 rad/s, or most hinges of more than two turns.
+        UnknownNameError: a joint that there is not. ShapeError: not one number for each joint.
+    """
+    given = {"lower": lower, "upper": upper, "max_velocity": max_velocity}
+    known = {what: _each(robot, what, value) for what, value in given.items() if value is not None}
+    rows = [{what: float(values[i]) for what, values in known.items()} for i in range(robot.n)]
+    limited = tuple(replace(c, **row) for c, row in zip(robot.coordinates, rows, strict=True))
+    found = replace(robot, coordinates=limited)
+    for c, before in zip(limited, robot.coordinates, strict=True):
+        doubted = FASTEST < c.max_velocity < np.inf and c.max_velocity != before.max_velocity
+        if doubted and c.unit == "rad" and not trust_units:
+            cure = f"give rad/s, as np.deg2rad({c.max_velocity:g}), math.inf for none{TRUST}"
+            raise ArgumentError(f"max_velocity of joint {c.name!r}", f"{c.max_velocity:g} rad/s", cure)
+    if not trust_units and (lower is not None or upper is not None):
+        _check_limits_of_hinges(found)
+    return found
+
+
+def without_speed_limit(robot: Robot) -> str:
+    """The joints that have no speed limit, in words; empty where all have one. With one of them no time is known."""
+    names = [name for name, most in zip(robot.joint_names, robot.max_velocity, strict=True) if not np.isfinite(most)]
+    return ", ".join(names)
+
+
+def speed_limits(robot: Robot, cure: str = GIVE_SPEEDS) -> Vector:
+    """The speed limits (n,) of all joints. Raises: ArgumentError: a joint has none; `cure` says what else may be given.
+
+    Whatever turns a motion into time asks here: without the limit of one joint, no time of the motion is known.
+    """
+    if missing := without_speed_limit(robot):
+        raise ArgumentError(f"the speed limit of {missing} of {robot.name!r}", None, cure)
+    return robot.max_velocity
+
+
+def _each(robot: Robot, what: str, value: JointValues) -> Vector:
+    """(n,) of a number, of n numbers, or of those of some joints, where the others stay."""
+    if isinstance(value, Mapping):
+        values = getattr(robot, what).copy()
+        for name, one in value.items():
+            values[robot.joint_index(name)] = _number(f"{what} of joint {name!r}", one)
+        return values
+    return one_or_each(what, value, robot.n).copy()
+
+
+def _number(what: str, value: float) -> float:
+    found = numbers(what, value)
+    if found.shape != ():
+        raise ShapeError(what, "()", found.shape)
+    return float(found)
 
 
 def robot_of(
@@ -287,3 +636,194 @@ def _axis(tree: Tree, joint: Branch) -> Vector:
     if joint.axis.shape != (3,) or not np.isfinite(length) or length == 0.0:
         raise tree.problem(f"joint {joint.name!r} has axis {joint.axis}", "give it a direction, three numbers")
     return joint.axis / length
+
+
+# --------------------------------------------------------------------------------------------------
+# Robots put together: an arm on a rail or a mobile base, two arms side by side, a tool on a flange.
+# --------------------------------------------------------------------------------------------------
+
+BASE = "base"
+"""What a part stands on when it stands on the ground, in `Part.on`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part(Value):
+    """A robot and where it is mounted: its base at xyz (3,) [m], rpy (3,) [rad] in the frame of a tip, or of the base.
+
+    `on` names a tip of the parts before it, or "base" for the ground. By default it is the first tip of the part before
+    it; the first part stands on the ground. `prefix` goes before the names of its joints and tips.
+    """
+
+    robot: Robot
+    on: str | None = None
+    xyz: Vector = field(default_factory=lambda: np.zeros(3))
+    rpy: Vector = field(default_factory=lambda: np.zeros(3))
+    prefix: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.robot, Robot):
+            raise ArgumentError("the robot of a part", self.robot, "give a Robot, as hk.load makes it")
+        check("on of a part", str | None, self.on)
+        check("prefix of a part", str, self.prefix)
+        object.__setattr__(self, "xyz", finite("xyz of a part", self.xyz, (3,)))
+        object.__setattr__(self, "rpy", finite("rpy of a part", self.rpy, (3,)))
+        check_radians("rpy of a part", self.rpy)
+        super().__post_init__()
+
+
+@typed
+def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = None) -> Robot:
+    """One robot of several, each on the tool of the one before: `hk.compose(rail, arm)`.
+
+    The coordinates are those of all parts, in the order of the parts. The tips are those that carry no other part.
+
+    Args:
+        parts: robots, or `Part`s, which say where they are mounted and on what.
+        name: by default the names of the parts, joined by "+".
+        order: names of all joints in the order they shall have in q.
+
+    Raises:
+        ArgumentError: no part; a joint or tip name that two parts have (give one a prefix); an order that is none.
+        UnknownNameError: a tip to mount on that no part before has.
+    """
+    given = [part if isinstance(part, Part) else Part(part) for part in parts]
+    if not given:
+        raise ArgumentError("the parts of a robot", (), "give at least one")
+    coordinates: list[Coordinate] = []
+    joints: list[Joint] = []
+    bodies: list[Body] = []
+    shapes: list[LinkShape] = []
+    visuals: list[Visual] = []
+    tips: list[Tip] = []
+    carrying: set[str] = set()
+    on = BASE
+    for part in given:
+        part.robot.check_links()
+        on = on if part.on is None else part.on
+        mount = _mount(on, tips)
+        carrying.add(mount.name)
+        origin = mount.placement @ pose_matrix(part.xyz, part.rpy)
+        first, number = len(joints), len(coordinates)
+
+        def placed(
+            index: int, T: Matrix, mount: Tip = mount, origin: Matrix = origin, first: int = first
+        ) -> tuple[int, Matrix]:
+            """(joint, placement there) of what the part fixes to one of its joints, or (joint -1) to its base."""
+            return (mount.joint, origin @ T) if index < 0 else (first + index, T)
+
+        for c in part.robot.coordinates:
+            coordinates.append(replace(c, name=part.prefix + c.name))
+        for joint in part.robot.joints:
+            parent, placement = placed(joint.parent, joint.placement)
+            label, coordinate = part.prefix + joint.name, number + joint.coordinate
+            foot = origin[:3, :3] @ joint.start + origin[:3, 3] if parent < 0 else None  # what moves carries it
+            moved = replace(joint, name=label, parent=parent, placement=placement, coordinate=coordinate, foot=foot)
+            joints.append(moved)
+        for body in part.robot.bodies:
+            index, T = placed(body.joint, pose_from(body.center))
+            R = T[:3, :3]
+            bodies.append(Body(index, body.mass, T[:3, 3], R @ body.inertia @ R.T))
+        for shape in part.robot.shapes:
+            index, T = placed(shape.joint, shape.placement)
+            stands = shape.obstacle and index < 0  # what was round a robot is carried, where that rides on another
+            label = part.prefix + shape.link
+            on_link = part.prefix + shape.parent if shape.parent else shape.parent
+            shapes.append(replace(shape, link=label, joint=index, placement=T, obstacle=stands, parent=on_link))
+        for visual in part.robot.visuals:
+            index, T = placed(visual.joint, visual.placement)
+            visuals.append(replace(visual, link=part.prefix + visual.link, joint=index, placement=T))
+        ends = []
+        for tip in part.robot.tips:
+            index, T = placed(tip.joint, tip.placement)
+            flange = None if tip.flange is None else placed(tip.joint, pose_from(tip.flange))[1][:3, 3]
+            ends.append(Tip(part.prefix + tip.name, index, T, flange))
+        _unlike("joint", joints)
+        _unlike("tip", [*tips, *ends])
+        tips += ends
+        on = ends[0].name
+    robot = Robot(
+        name or "+".join(part.robot.name for part in given),
+        tuple(coordinates),
+        tuple(joints),
+        tuple(tip for tip in tips if tip.name not in carrying),
+        "; ".join(dict.fromkeys(part.robot.source for part in given if part.robot.source)),
+        tuple(bodies),
+        tuple(shapes),
+        tuple(visuals),
+    )
+    return robot if order is None else ordered(robot, order)
+
+
+@typed
+def ordered(robot: Robot, order: Sequence[str]) -> Robot:
+    """The same robot with its joints in another order in q. Raises: ArgumentError: not each of its joints once."""
+    if sorted(order) != sorted(robot.joint_names):
+        raise ArgumentError("the order of the joints", list(order), f"name each once: {', '.join(robot.joint_names)}")
+    places = [list(order).index(name) for name in robot.joint_names]
+    return replace(
+        robot,
+        coordinates=tuple(robot.coordinates[robot.joint_names.index(name)] for name in order),
+        joints=tuple(replace(joint, coordinate=places[joint.coordinate]) for joint in robot.joints),
+    )
+
+
+@typed
+def with_tool(
+    robot: Robot, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0), *, tip: str | None = None, name: str = "tool",
+    trust_units: bool = False,
+) -> Robot:  # fmt: skip
+    """The robot with a tool: a tip at xyz (3,) [m], rpy (3,) [rad] in the frame of one of its tips, which it replaces.
+
+    R = Rz(yaw) Ry(pitch) Rx(roll), as in a URDF.
+
+    Args:
+        tip: the tip that carries the tool, by default the first.
+        name: of the new tip.
+        trust_units: take the numbers for rad and m, whatever they look like.
+
+    Raises:
+        UnknownNameError: no such tip. ArgumentError: another tip has that name; angles over a turn, which look like
+        degrees, or a tool ten times as long as the arm, which looks like millimetres. ShapeError, NotFiniteError.
+    """
+    place, turn = finite("xyz of a tool", xyz, (3,)), finite("rpy of a tool", rpy, (3,))
+    carrier = robot.tip(tip)
+    if not trust_units:
+        check_radians("rpy of a tool", turn, TRUST)
+        _check_tool(robot, place, carrier.name)
+    T = pose_matrix(place, turn)
+    tips = [Tip(name, t.joint, t.placement @ T, t.arm_end) if t is carrier else t for t in robot.tips]
+    _unlike("tip", tips)
+    return replace(robot, tips=tuple(tips))
+
+
+@typed
+def with_base_pose(robot: Robot, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0)) -> Robot:
+    """The robot mounted at xyz (3,) [m], rpy (3,) [rad]: poses then count from the frame in which these are given.
+
+    Raises:
+        ShapeError, NotFiniteError, ArgumentError.
+    """
+    return compose(Part(robot, xyz=finite("xyz", xyz, (3,)), rpy=finite("rpy", rpy, (3,))), name=robot.name)
+
+
+def _mount(on: str, tips: Sequence[Tip]) -> Tip:
+    if on == BASE and BASE not in [tip.name for tip in tips]:
+        return Tip("", -1, np.eye(4))
+    for tip in tips:
+        if tip.name == on:
+            return tip
+    raise UnknownNameError("tip to mount a part on", on, [BASE, *(tip.name for tip in tips)])
+
+
+def _unlike(kind: str, named: Sequence[Joint | Tip]) -> None:
+    """Raises: ArgumentError where two have one name."""
+    names = [thing.name for thing in named]
+    for name in names:
+        if names.count(name) > 1:
+            cure = f"give a part a prefix, as in hk.Part(arm, prefix='left_'), or the {kind} another name"
+            raise ArgumentError(f"the name of two {kind}s", name, cure)
+
+
+def pose_matrix(xyz: Vector, rpy: Vector) -> Matrix:
+    """The pose (4, 4) at xyz (3,) [m], turned by rpy (3,) [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), as in a URDF."""
+    return pose_from(xyz, rotation_from_rpy(rpy.tolist()))

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.errors import ArgumentError
-from ..base.shown import Shown
-from ..base.types import Matrix, Value, Vector, number
+from ..base.types import Matrix, Shown, Value, Vector, number
 from ..symbolic import SX
 
 FARTHEST = 1e6

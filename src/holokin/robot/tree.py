@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..base.errors import ArgumentError, RobotFileError, UnknownNameError
 from ..base.types import Array, Matrix, Value, Vector
 from .joints import FARTHEST, Coordinate
+from .model import Robot
 from .shapes.link_shapes import LinkShape
 from .shapes.visuals import Visual
 
@@ -189,13 +190,77 @@ def motion(kind: str, axis: Vector, value: float) -> Matrix:
     if kind == "prismatic":
         T[:3, 3] = axis * value
     else:
-        T[:3, :3] = turn_matrix(axis, value)
+        T[:3, :3] = _turn_matrix(axis, value)
     return T
 
 
-def turn_matrix(axis: Vector, angle: float | Vector) -> Array:
+def _turn_matrix(axis: Vector, angle: float | Vector) -> Array:
     """R = 1 + sin(angle) [a]x + (1 - cos(angle)) [a]x^2 for a unit axis a (3,); (..., 3, 3) for angles (...)."""
     x, y, z = axis
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     s, c = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
     return np.eye(3) + s * K + (1 - c) * (K @ K)
+
+
+# --------------------------------------------------------------------------------------------------
+# A tree seen from another link: from one hand of a two-armed robot to the other, for instance.
+# --------------------------------------------------------------------------------------------------
+
+
+def rerooted(tree: Tree, base: str) -> Tree:
+    """The same tree with `base` as its root.
+
+    A joint on the way up, T_parent_child = O M(q) with origin O and motion M about its axis a, turns into M about -a
+    from the child, since M(q)^-1 is that, and a fixed step O^-1 to the parent.
+    """
+    above = above_of(tree)
+    taken = {*tree.links, *(joint.name for joint in tree.joints)}
+    turned: dict[str, list[Branch]] = {}
+    between: dict[str, None] = {}
+    link = base
+    while link in above and above[link].name not in turned:
+        joint = above[link]
+        back = np.asarray(np.linalg.inv(joint.origin), dtype=np.float64)
+        if joint.kind == "fixed":
+            turned[joint.name] = [Branch(joint.name, "fixed", joint.child, joint.parent, back)]
+        else:
+            name = f"{joint.name} seen from {joint.child}"
+            while name in taken:
+                name += "'"
+            moving = replace(joint, parent=joint.child, child=name, origin=np.eye(4), axis=-joint.axis)
+            turned[joint.name] = [moving, Branch(name, "fixed", name, joint.parent, back)]
+            between[name] = None
+        link = joint.parent
+    joints = tuple(new for joint in tree.joints for new in turned.get(joint.name, [joint]))
+    return replace(tree, links={**tree.links, **between}, joints=joints)
+
+
+# --------------------------------------------------------------------------------------------------
+# Frames of a robot's joints at many postures at once, in NumPy: without CasADi and without a
+# compiler.
+# --------------------------------------------------------------------------------------------------
+
+Frames = list[tuple[Matrix, Array]]
+"""(positions (k, 3), rotations (k, 3, 3)) of frames at k postures."""
+
+
+def joint_frames(robot: Robot, Q: Matrix) -> Frames:
+    """The moving frame of every joint in the base frame, at postures Q (k, n)."""
+    frames: Frames = []
+    for joint in robot.joints:
+        p, R = placed(frames, joint.parent, joint.placement, len(Q))
+        value = joint.multiplier * Q[:, joint.coordinate] + joint.offset
+        if joint.kind == "prismatic":
+            p = p + (R @ joint.axis) * value[:, None]
+        else:
+            R = R @ _turn_matrix(joint.axis, value)
+        frames.append((p, R))
+    return frames
+
+
+def placed(frames: Frames, joint: int, T: Matrix, count: int) -> tuple[Matrix, Array]:
+    """A frame T (4, 4) on a joint's moving side (joint -1: the base), at all `count` postures."""
+    if joint < 0:
+        return np.broadcast_to(T[:3, 3], (count, 3)), np.broadcast_to(T[:3, :3], (count, 3, 3))
+    p, R = frames[joint]
+    return p + R @ T[:3, 3], R @ T[:3, :3]

@@ -17,8 +17,7 @@ import numpy as np
 from ..base.errors import SingularityError
 from ..base.types import Array, Matrix, Value, Vector, kept
 from ..symbolic import SX, Formula, Function, jacobian, switches, switches_of, vertcat
-from .strategy import Strategy
-from .strategy_kinds import HolonomicStrategy
+from .strategy import HolonomicStrategy, Strategy
 
 STEPS = 20
 """Newton steps to a place where a switch turns over."""

@@ -1,6 +1,6 @@
 """The only door to CasADi: expressions, their derivatives, safe rotations, and `Function`.
 
-Uses `native_kernels`. Read first: `function.py`, `calculus.py`, `rotations.py`.
+Uses `base`, and `native/` for code in C. Read first: `function.py`, `calculus.py`.
 """
 
 from casadi import (
@@ -29,18 +29,27 @@ from casadi import (
     vertcat,
 )
 
-from .calculus import directional, gradient, hessian, jacobian, lie_bracket, pairwise_brackets
-from .enclosure import Enclosure, short
-from .expression import as_expression, as_map, parse, symbol, written
+from .calculus import (
+    Formula,
+    TaylorModel,
+    Transport,
+    directional,
+    gradient,
+    hessian,
+    jacobian,
+    lie_bracket,
+    pairwise_brackets,
+    runge_kutta,
+    switches,
+    switches_of,
+    transport,
+)
+from .expression import as_expression, as_map, other_operations, parse, symbol, written
 from .expression import check_length as check_length
 from .function import Evaluator, Function
-from .integrate import Transport, runge_kutta, transport
-from .linear import Factorisation, Solution, factorise, least_norm, same, solution, solve
-from .nature import other_operations
-from .qp import NearestPoint
+from .interval_function import Enclosure, short
+from .linear import Factorisation, NearestPoint, Solution, factorise, least_norm, same, solution, solve
 from .rotations import wrapped
-from .switching import Formula, switches, switches_of
-from .taylor import TaylorModel
 
 __all__ = [
     "SX",

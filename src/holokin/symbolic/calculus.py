@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import casadi as ca
 
-from ..base.errors import ArgumentError
+from ..base.errors import ArgumentError, NativeError
+from ..base.types import Vector
+from .native.emit import Pieces, Transport
 
 
 def jacobian(expression: ca.SX, q: ca.SX) -> ca.SX:
@@ -87,3 +92,274 @@ class _Register:
     value: ca.SX
     late: bool
     stands: ca.SX | None = None
+
+
+# --------------------------------------------------------------------------------------------------
+# Taylor models: what an expression is along a curve and near it, as a polynomial with a bound of
+# what is left.
+#
+# Every operation of a CasADi function is applied to models instead of numbers, for all |t| <= 1 and
+# |u_j| <= 1:
+#
+#     m + a t + b t^2 + c t^3 + sum_j e_j u_j,   give or take r;   give or take r0 where all u_j are 0
+#
+# The arguments are x = c + t v + t^2 w + t^3 z, each with a width of its own. What is linear in the
+# u_j and cubic in t is exact: a model serves over pieces ten times as long as an `Enclosure`, which
+# keeps the middle alone. Round-off is not enclosed, and a copysign takes the sign at the middle, as
+# there.
+# --------------------------------------------------------------------------------------------------
+
+_UNARY = {
+    ca.OP_NEG: "hk_model_scale({0}, HK_C(-1), {1})",
+    ca.OP_TWICE: "hk_model_scale({0}, HK_C(2), {1})",
+    ca.OP_SQ: "hk_model_times({0}, {0}, {1})",
+    ca.OP_INV: "hk_model_inverse({0}, {1})",
+    ca.OP_SQRT: "hk_model_sqrt({0}, {1})",
+    ca.OP_SIN: "hk_model_sin({0}, {1})",
+    ca.OP_COS: "hk_model_cos({0}, {1})",
+}
+_BINARY = {
+    ca.OP_ADD: "hk_model_plus({0}, {1}, HK_C(1), {2})",
+    ca.OP_SUB: "hk_model_plus({0}, {1}, HK_C(-1), {2})",
+    ca.OP_MUL: "hk_model_times({0}, {1}, {2})",
+    ca.OP_DIV: "hk_model_over({0}, {1}, {2})",
+}
+
+
+class TaylorModel:
+    """The models of an expression y (k,), all of it in a row, along curves of its symbols x (all in a row).
+
+    Raises:
+        NativeError: an operation that has no model here.
+    """
+
+    def __init__(self, name: str, inputs: Mapping[str, ca.SX], output: ca.SX) -> None:
+        self.name = name
+        self._made = ca.Function(name, [ca.vertcat(*inputs.values())], ca.cse([ca.densify(ca.vec(output))]))
+        self.instructions: int = self._made.n_instructions()
+        known = {*_UNARY, *_BINARY, ca.OP_COPYSIGN, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
+        if any(self._made.instruction_id(k) not in known for k in range(self.instructions)):
+            raise NativeError(f"{name} has an operation that has no Taylor model")
+
+    @cached_property
+    def c(self) -> str:
+        """C99 of `static void NAME(const hk_model *x, hk_model *y)`, for model.c."""
+        made, lines = self._made, []
+        constant: dict[int, float] = {}
+        for k in range(self.instructions):
+            op, out, into = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
+            if op == ca.OP_OUTPUT:
+                lines.append(_written(f"y + {out[1]}", into[0], constant))
+                continue
+            if op == ca.OP_CONST:
+                constant[out[0]] = made.instruction_constant(k)
+                continue
+            if op == ca.OP_INPUT:
+                code = f"w[{out[0]}] = x[{into[1]}]"
+            elif op == ca.OP_COPYSIGN:
+                code = _copysign(into, out[0], constant)
+            else:
+                code = _operation(op, into, out[0], constant)
+            constant.pop(out[0], None)
+            lines.append(f"  {code};")
+        body = "\n".join(lines)
+        return (
+            f"static void {self.name}(const hk_model *restrict x, hk_model *restrict y) {{\n"
+            f"  hk_model w[{made.sz_w()}];\n{body}\n}}\n"
+        )
+
+
+def _operation(op: int, into: list[int], out: int, constant: Mapping[int, float]) -> str:
+    there = f"w + {out}"
+    given = [i for i in into if i in constant]
+    if len(given) == 1 and len(into) == 2:  # a number and a model, which is quicker
+        number, first = f"HK_C({constant[given[0]]!r})", into[0] in constant
+        other = f"w + {into[1] if first else into[0]}"
+        if op == ca.OP_MUL:
+            return f"hk_model_scale({other}, {number}, {there})"
+        if op == ca.OP_DIV and not first:
+            return f"hk_model_scale({other}, HK_C(1) / {number}, {there})"
+        if op in (ca.OP_ADD, ca.OP_SUB):
+            sign = "HK_C(-1)" if op == ca.OP_SUB and first else "HK_C(1)"
+            shift = f"-{number}" if op == ca.OP_SUB and not first else number
+            return f"hk_model_scale({other}, {sign}, {there}), w[{out}].m += {shift}"
+    made = "".join(f"hk_model_constant(HK_C({constant[i]!r}), w + {i}), " for i in dict.fromkeys(given))
+    places = [f"w + {i}" for i in into[: 2 if op in _BINARY else 1]]
+    return made + (_BINARY if op in _BINARY else _UNARY)[op].format(*places, there)
+
+
+def _copysign(into: list[int], out: int, constant: Mapping[int, float]) -> str:
+    if into[0] not in constant:
+        raise NativeError("a copysign of what is no number has no Taylor model")
+    sign = f"HK_C({constant[into[1]]!r})" if into[1] in constant else f"w[{into[1]}].m"
+    return f"hk_model_constant(HK_COPYSIGN(HK_C({constant[into[0]]!r}), {sign}), w + {out})"
+
+
+def _written(there: str, register: int, constant: Mapping[int, float]) -> str:
+    if register in constant:
+        return f"  hk_model_constant(HK_C({constant[register]!r}), {there});"
+    return f"  *({there}) = w[{register}];"
+
+
+# --------------------------------------------------------------------------------------------------
+# Where a formula may jump: the places at which an if_else, a floor, a sign, ... of it turns over.
+# --------------------------------------------------------------------------------------------------
+
+_NAMES = {getattr(ca, key): key.removeprefix("OP_").lower() for key in dir(ca) if key.startswith("OP_")}
+_CONDITIONS = {ca.OP_LT: "if_else", ca.OP_LE: "if_else"}
+_JUMPS = {
+    ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil", ca.OP_SIGN: "sign", ca.OP_COPYSIGN: "copysign", ca.OP_FMOD: "fmod",
+    ca.OP_REMAINDER: "remainder", ca.OP_ATAN2: "atan2", **_CONDITIONS,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Switches:
+    """The switches of an expression of q, by the operations in `words`.
+
+    gap (k,): a function of q for each that vanishes where it turns over. state (k,): its place, a whole number that is
+    another one on the other side.
+    """
+
+    words: tuple[str, ...]
+    gap: ca.SX
+    state: ca.SX
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """An expression (k,) of variables (m,) of its own, which are `at` (m,), an expression of q. angular: of which rows
+    the values are angles."""
+
+    expression: ca.SX
+    variables: ca.SX
+    at: ca.SX
+    angular: tuple[bool, ...]
+
+
+def switches_of(formula: Formula) -> list[Switches]:
+    """The switches of a formula's rows, as expressions of q."""
+    found = []
+    for i, flag in enumerate(formula.angular):
+        one = switches(formula.expression[i], formula.variables, angle=flag)
+        if one.words:
+            gap, state = ca.substitute([one.gap, one.state], [formula.variables], [formula.at])
+            one = Switches(one.words, gap, state)
+        found.append(one)
+    return found
+
+
+def switches(expression: ca.SX, q: ca.SX, *, angle: bool = False, reflected: bool = False) -> Switches:
+    """The switches of an expression of q. What is a kink at most, as of fabs, fmin and fmax, is none.
+
+    angle: the expression is an angle, to which the cut of an atan2 does nothing. reflected: it may hold factorisations
+    of matrices, whose reflections choose a sign by copysign, and span the same planes with either.
+    """
+    flat = ca.densify(ca.vec(expression))
+    made = ca.Function("made", [q], [flat])
+    harmless = ({ca.OP_ATAN2} if angle else set()) | ({ca.OP_COPYSIGN} if reflected else set())
+    if not ({made.instruction_id(i) for i in range(made.n_instructions())} & set(_JUMPS)) - harmless:
+        return Switches((), ca.SX(0, 1), ca.SX(0, 1))
+    made = ca.Function("made", [q], [ca.cse([flat])[0]])
+    work: dict[int, ca.SX] = {}
+    found: list[tuple[str, ca.SX, ca.SX]] = []
+    for i in range(made.n_instructions()):
+        op, out, into = made.instruction_id(i), made.instruction_output(i), made.instruction_input(i)
+        if op == ca.OP_OUTPUT:
+            continue
+        if op == ca.OP_CONST:
+            work[out[0]] = ca.SX(made.instruction_constant(i))
+        elif op == ca.OP_INPUT:
+            work[out[0]] = q[into[1]]
+        else:
+            parts = [work[j] for j in into]
+            if op in _JUMPS and op not in harmless and not all(part.is_constant() for part in parts):
+                found.append((_JUMPS[op], *_turning(op, parts)))
+            work[out[0]] = ca.SX.unary(op, parts[0]) if len(parts) == 1 else ca.SX.binary(op, *parts)
+    words, gaps, states = zip(*found, strict=True) if found else ((), (), ())
+    return Switches(tuple(words), ca.vertcat(ca.SX(0, 1), *gaps), ca.vertcat(ca.SX(0, 1), *states))
+
+
+def _turning(op: int, parts: list[ca.SX]) -> tuple[ca.SX, ca.SX]:
+    """(gap, state) of one operation."""
+    a = parts[0]
+    if op in _CONDITIONS:
+        return a - parts[1], a > parts[1]
+    if op in (ca.OP_FLOOR, ca.OP_CEIL):
+        return a - ca.floor(a + 0.5), ca.floor(a)
+    if op == ca.OP_SIGN:
+        return a, a > 0
+    if op == ca.OP_COPYSIGN:
+        return parts[1], parts[1] > 0
+    if op == ca.OP_ATAN2:  # only where the second argument is negative
+        return a, ca.if_else(parts[1] < 0, a > 0, 2)
+    ratio = a / parts[1] + (0.5 if op == ca.OP_REMAINDER else 0.0)
+    return ratio - ca.floor(ratio + 0.5), ca.floor(ratio)
+
+
+# --------------------------------------------------------------------------------------------------
+# The Runge-Kutta step of order 4, for numbers and for expressions, and many of them as a loop.
+# --------------------------------------------------------------------------------------------------
+
+
+def runge_kutta(rate: Callable[[Any, Any], Any], y: Any, h: float, start: Any, middle: Any, end: Any) -> Any:
+    r"""y after a step h of y' = rate(y, u), u the input at its start, middle and end.
+
+    $y + h/6 (k_1 + 2 k_2 + 2 k_3 + k_4)$. y, u and the rates are NumPy arrays of any shape, or expressions.
+    """
+    k1 = rate(y, start)
+    k2 = rate(y + h / 2 * k1, middle)
+    k3 = rate(y + h / 2 * k2, middle)
+    k4 = rate(y + h * k3, end)
+    return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
+def transport(
+    begin: Callable[[ca.SX], ca.SX],
+    rate: Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]],
+    slope: Callable[[ca.SX, ca.SX, ca.SX], tuple[ca.SX, ca.SX]],
+    miss: Callable[[ca.SX], ca.SX],
+    end: Callable[..., tuple[ca.SX, ca.SX, ca.SX]],
+    doubt: Callable[..., ca.SX],
+    *,
+    center: Vector,
+    steps: int,
+) -> Transport:
+    """The loop of `steps` Runge-Kutta steps from share 0 to -1, of maps of expressions: see `Pieces` for what they are.
+
+    Args:
+        rate: (y, v) -> its first two results. slope: (y, v, w) -> what `pull` gives. end: without its slopes.
+        doubt: (q, y, v, the gradient beside the planes of f (n,), and along them (m,), gaps, factor) -> what `back`
+            gives besides.
+        center: the posture (n,) over which the label is 0.
+    """
+    q, y, f, w = (ca.SX.sym(name, len(center)) for name in "qyfw")
+    first, least = ca.SX.sym("first"), ca.SX.sym("least")
+    began = begin(q)
+    v = ca.SX.sym("v", *began.shape)
+    (moved, rcond), (by_y, by_v), (label, margin, factor) = rate(y, v), slope(y, v, w), end(q, y, f, first, least)
+    slopes = ca.horzcat(*(gradient(label[i], y).T for i in range(label.shape[0])))
+    b, c, gaps, kept = ca.SX.sym("b", *v.shape), ca.SX.sym("c", *v.shape), ca.SX.sym("gaps", 2), ca.SX.sym("kept")
+
+    def by_q(by_v: ca.SX) -> ca.SX:
+        """The slopes w by y and those by v as slopes by q: v moves with it."""
+        return w + gradient(by_v.T @ began, q).T
+
+    n = len(center)
+    found, left, values = staged(ca.vertcat(moved, rcond, by_y, by_v), ca.vertcat(y, v), w)
+    pieces = Pieces(
+        begin=_function("begin", [q], began),
+        rate=_function("rate", [y, v], found[:n], found[n], values),
+        pull=_function("pull", [left, w], found[n + 1 : 2 * n + 1], found[2 * n + 1 :]),
+        miss=_function("miss", [y], miss(y)),
+        end=_function("end", [q, y, f, first, least], label, margin, slopes, factor),
+        back=_function(
+            "back", [q, y, v, w, b, c, gaps, kept], kept * by_q(b), doubt(q, y, v, by_q(-c), b + c, gaps, kept)
+        ),
+    )
+    size = label.shape[0] * (1 + n) + 1
+    return Transport(pieces, steps, -1.0 / steps, ca.SX.sym("found", size), center)
+
+
+def _function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:
+    return ca.Function(name, inputs, ca.cse([ca.densify(output) for output in outputs]))

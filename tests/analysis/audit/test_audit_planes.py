@@ -10,8 +10,7 @@ import pytest
 import holokin as hk
 from black_boxes import locked, pull, turn
 from conftest import PANDA_START, sampled
-from holokin.analysis.audit.planes import enclosed, plane_loop
-from holokin.analysis.audit.questions import AuditSetup, ask_plane, worst_plane
+from holokin.analysis.audit.questions import AuditSetup, ask_plane, enclosed, plane_loop, worst_plane
 from holokin.motion.control import as_control_law
 
 QUICK = {"q0": PANDA_START, "dt": 0.06, "cycles": 3}

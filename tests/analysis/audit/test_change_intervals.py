@@ -11,8 +11,7 @@ import pytest
 import holokin as hk
 from holokin.analysis.audit import LogVerdict, Trend
 from holokin.analysis.audit.logs import Recording
-from holokin.analysis.audit.trend import judge
-from holokin.analysis.audit.visits import Visits
+from holokin.analysis.audit.trend import Visits, judge
 
 TOLERANCE = 1e-3
 SHAPES: dict[str, Callable[[np.ndarray, np.random.Generator], np.ndarray]] = {

@@ -14,7 +14,7 @@ import holokin as hk
 from conftest import Command
 from holokin.analysis.audit import DatasetAudit, LogVerdict, audit_dataset
 from holokin.analysis.audit.logs import joint_feature, pose_feature, read_dataset
-from holokin.app.report.dataset_report import dataset_figure
+from holokin.app.report.log_report import dataset_figure
 from small_datasets import write_dataset
 
 ARM = hk.load("planar-3r")

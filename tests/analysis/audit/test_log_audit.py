@@ -15,9 +15,8 @@ import holokin as hk
 from conftest import PANDA_START, PPR_CENTER, PPR_START, sampled
 from holokin.analysis.audit import LogVerdict
 from holokin.analysis.audit.arcs import noise_level
-from holokin.analysis.audit.crossings import crossings
-from holokin.analysis.audit.cycles import find_cycles
-from holokin.analysis.audit.equal_poses import first_limit, to_pose
+from holokin.analysis.audit.cycles import crossings, find_cycles
+from holokin.analysis.audit.questions import first_limit, to_pose
 from holokin.analysis.audit.trend import Trend
 from holokin.app.cli import main as cli
 from holokin.base.errors import ArgumentError, RecordingError

@@ -15,8 +15,7 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, campaign, sampled
 from holokin.analysis.audit import LogAudit, LogVerdict, Repeatability
-from holokin.analysis.audit.trend import DriftTrend, Trend, judge
-from holokin.analysis.audit.visits import Visits, encoder_noise, spare_axes
+from holokin.analysis.audit.trend import DriftTrend, Trend, Visits, encoder_noise, judge, spare_axes
 from holokin.app.cli import main as cli
 
 PANDA = hk.load("panda")

@@ -10,7 +10,7 @@ from scipy.linalg import subspace_angles
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START, sampled
 from drift_free import drift_free
-from holokin.analysis.curvature.straight_transport import transport
+from holokin.analysis.curvature.curvature_of_planes import transport
 from holokin.base.errors import ArgumentError, NotHolonomicError, OpenPathError
 from holokin.robot import hessian_expression
 from holokin.symbolic import Function, symbol

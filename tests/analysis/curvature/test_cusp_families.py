@@ -10,9 +10,8 @@ import pytest
 import holokin as hk
 from conftest import campaign
 from holokin.analysis.curvature import cuspidal_leaf, witness_between
-from holokin.analysis.curvature.cusp_families import symmetric_joints
-from holokin.analysis.curvature.cusp_search import CuspPoints
-from holokin.analysis.curvature.cusp_witness import candidates
+from holokin.analysis.curvature.cusp_search import CuspPoints, symmetric_joints
+from holokin.analysis.curvature.cuspidal_leaf import candidates
 from holokin.base.errors import ArgumentError, SingularityError
 
 Lengths = tuple[float, float, float, float]

@@ -17,7 +17,7 @@ import holokin as hk
 from conftest import campaign, sampled
 from holokin.analysis.curvature import cuspidal_leaf, witness_between
 from holokin.analysis.curvature.cusp_search import CuspPoints, cusp_functions
-from holokin.analysis.curvature.cusp_witness import candidates
+from holokin.analysis.curvature.cuspidal_leaf import candidates
 from holokin.base.errors import ArgumentError, SingularityError
 from holokin.strategies import HolonomicStrategy
 

@@ -14,12 +14,12 @@ from chains import chain, shared_bend
 from conftest import PANDA_START, campaign, urdf
 from holokin.base.errors import SingularityError
 from holokin.motion import follow_path as following
+from holokin.motion.control_step import StepStatus
 from holokin.motion.ik.leaf import leaf_step
-from holokin.motion.step_expression import StepStatus
 from holokin.symbolic import function as function_module
 from holokin.symbolic import linear
 from holokin.symbolic.native import LARGEST
-from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native import toolchain as native
 
 Patch = pytest.MonkeyPatch
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
@@ -118,7 +118,7 @@ def test_a_long_arms_step_tells_its_troubles(flag: str, monkeypatch: Patch) -> N
 
 
 def test_a_system_that_numbers_find_singular_is_not_a_number() -> None:
-    from holokin.symbolic.native.program import solve_numbers
+    from holokin.symbolic.native.emit import solve_numbers
 
     for A in (np.zeros((3, 3)), np.diag([1.0, 0.0, 2.0]), np.full((3, 3), np.nan), np.ones((3, 3))):
         X, figures = np.zeros((3, 2)), np.ones(2)

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 import holokin as hk
 from conftest import PANDA_START
 from holokin.analysis.curvature import Evidence, measured_curvature
-from holokin.analysis.curvature.differences import noise_of, slope
-from holokin.analysis.curvature.numeric_verdict import SURE
+from holokin.analysis.curvature.curvature_of_planes import noise_of, slope
+from holokin.analysis.curvature.involutive import SURE
 from holokin.base.errors import (
     ArgumentError,
     EmptyRegionError,

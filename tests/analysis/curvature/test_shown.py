@@ -15,7 +15,7 @@ from benchmarks.fuzz.methods import things
 
 import holokin as hk
 from holokin.analysis.design import OwnCost
-from holokin.base.shown import LONGEST, Shown
+from holokin.base.types import LONGEST, Shown
 from public_nouns import public_classes
 
 EVIL = "<script>alert(1)</script><img src=x onerror=alert(2)>'\"&\x1b[2J\n\u202e" + 2000 * "long"

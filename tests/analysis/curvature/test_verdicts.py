@@ -11,7 +11,7 @@ from conftest import IRB_START, PANDA_START, PPR_START, campaign, sampled
 from drift_free import drift_free
 from holokin.analysis.curvature import Evidence
 from holokin.analysis.curvature.curvature_of_planes import curvature_function
-from holokin.analysis.curvature.roundoff import is_shown, measured, noise
+from holokin.analysis.curvature.involutive import is_shown, measured, noise
 from holokin.base.errors import ArgumentError, NotHolonomicError, RoundOffError, SingularityError
 
 R3_START = np.array([0.3, 0.9, 0.7])

@@ -14,18 +14,12 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, R3_START, Command, campaign, urdf
 from holokin.analysis.coverage import fitting_task, locked_joints, regular_starts
-from holokin.analysis.coverage.candidates import Candidate, candidates
-from holokin.analysis.coverage.coordinates import chart_of, coordinates_of
-from holokin.analysis.coverage.line_ends import along_leaf, along_radial
-from holokin.analysis.coverage.served_part import largest_part
-from holokin.analysis.coverage.starts import postures_at, unwound
-from holokin.analysis.coverage.tips import chain_to_tool
+from holokin.analysis.coverage.cover_workspace import largest_part
+from holokin.analysis.coverage.pose_postures import along_leaf, along_radial, chain_to_tool, chart_of, coordinates_of
+from holokin.analysis.coverage.starts import Candidate, candidates, postures_at, unwound
 from holokin.analysis.design import Advice, advice_case, nearby_cusps
-from holokin.analysis.design.advice import EASY, EQUAL, ranked
-from holokin.analysis.design.excess import NEAR, Excess, least_near, rival_of
 from holokin.analysis.design.objectives import costs_of
-from holokin.analysis.design.reasons import reasons
-from holokin.analysis.design.trials import Trial
+from holokin.analysis.design.trials import EASY, EQUAL, NEAR, Excess, Trial, least_near, ranked, reasons, rival_of
 from holokin.app.job import open_job, run_job
 from holokin.app.report.advice_report import bars_height, coverage_bars
 from holokin.base.errors import (

@@ -10,7 +10,7 @@ import pytest
 
 import holokin as hk
 from holokin.analysis.design import Advice
-from holokin.analysis.design.advice import alike, ranked
+from holokin.analysis.design.trials import alike, ranked
 from holokin.base.errors import ArgumentError
 from holokin.robot import Box, Capsule
 

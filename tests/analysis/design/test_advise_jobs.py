@@ -13,15 +13,11 @@ import pytest
 
 import holokin as hk
 from conftest import Command, assert_refused
-from holokin.analysis.coverage.candidates import candidates
-from holokin.analysis.coverage.coordinates import chart_of
-from holokin.analysis.coverage.starts import kinds_that_fit, postures_at, task_of_kind
-from holokin.analysis.design.advice import PROVABLE
-from holokin.analysis.design.same_laws import distinct
-from holokin.analysis.design.trials import Poses, Trial, tried
+from holokin.analysis.coverage.pose_postures import chart_of
+from holokin.analysis.coverage.starts import candidates, kinds_that_fit, postures_at, task_of_kind
+from holokin.analysis.design.trials import PROVABLE, Poses, Trial, distinct, tried
 from holokin.app.job import open_job, run_job
-from holokin.app.job.advice_over_job import write_over
-from holokin.app.job.advice_question import question
+from holokin.app.job.advice_job import question, write_over
 from holokin.base.errors import ArgumentError, JobError
 from holokin.motion.checks import clear_postures
 from holokin.robot import Capsule

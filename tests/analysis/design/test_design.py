@@ -13,16 +13,14 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import R3_START, campaign, sampled, urdf
 from exported import rates
-from holokin.analysis.coverage.coordinates import chart_of, coordinates_of
-from holokin.analysis.design.best_section import Limits, Search
-from holokin.analysis.design.bfgs import descend
+from holokin.analysis.coverage.pose_postures import chart_of, coordinates_of
 from holokin.analysis.design.objectives import Objective, costs_of
-from holokin.analysis.design.section import SectionSamples, TiltedLeaves
+from holokin.analysis.design.section import Limits, Search, SectionSamples, TiltedLeaves, descend
 from holokin.base.errors import ArgumentError, OutOfReachError, UnknownNameError
 from holokin.path.workspaces import PoseCloud
 from holokin.strategies import HolonomicStrategy
 from holokin.strategies.constraints import centring_cost
-from holokin.strategies.polynomial import monomials_up_to
+from holokin.strategies.right_inverses import monomials_up_to
 
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 CENTER, HALF = np.array([0.5, 0.1, 0.35]), np.array([0.15, 0.25, 0.15])

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.analysis.coverage.coordinates import chart_of, coordinates_of
-from holokin.analysis.design.best_section import Limits, Search
+from holokin.analysis.coverage.pose_postures import chart_of, coordinates_of
 from holokin.analysis.design.objectives import Objective, costs_of
-from holokin.analysis.design.section import SectionSamples, TiltedLeaves
+from holokin.analysis.design.section import Limits, Search, SectionSamples, TiltedLeaves
 from holokin.base.errors import ArgumentError
-from holokin.motion.checks.keeping_clear import posture_clearances
+from holokin.motion.checks.motion_checks import posture_clearances
 from holokin.robot import Box, Capsule, with_capsules
-from holokin.strategies.polynomial import monomials_up_to
+from holokin.strategies.right_inverses import monomials_up_to
 
 coal, pin = pytest.importorskip("coal"), pytest.importorskip("pinocchio")
 

@@ -7,9 +7,9 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_RADIUS, sampled
-from holokin.analysis.coverage.coordinates import chart_of, coordinates_of
+from holokin.analysis.coverage.pose_postures import chart_of, coordinates_of
 from holokin.analysis.curvature import ball, box
-from holokin.analysis.design.leaf_series import SampledSeries, series_over
+from holokin.analysis.design.closest_strategy import SampledSeries, series_over
 from holokin.base.errors import ArgumentError
 from holokin.symbolic import SX, sin
 

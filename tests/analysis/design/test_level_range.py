@@ -7,7 +7,7 @@ import pytest
 
 import holokin as hk
 from holokin.analysis.design import level_range
-from holokin.app.report.level_plot import level_figure
+from holokin.app.report.plots import level_figure
 from holokin.base.errors import ArgumentError
 
 

@@ -10,9 +10,9 @@ import pytest
 import holokin as hk
 from conftest import campaign, sampled
 from holokin.analysis.design import advice_case, designed_law, nearby_cusps
-from holokin.analysis.design.advice import ranked
 from holokin.analysis.design.nearby_cusps import NEAR, NearbyCusps, cusps_near, said_of
-from holokin.app.studio.leaf_cusps import leaf_cusps
+from holokin.analysis.design.trials import ranked
+from holokin.app.studio.states import leaf_cusps
 
 PANDA = np.array([0.0, 0.4, 0.2, -1.8, 0.1, 2.2, 0.8])
 BARS = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]

@@ -8,8 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from holokin.analysis.sheets.set_cover import fewest
-from holokin.analysis.sheets.sheet_labels import labelled
+from holokin.analysis.sheets.set_cover import fewest, labelled
 
 
 @given(st.integers(1, 7), st.integers(1, 9), st.floats(0.1, 0.9), st.floats(0.3, 1.0), st.integers(0, 10**6))

@@ -7,14 +7,11 @@ import pytest
 
 import holokin as hk
 from handmade_sheets import LIMIT, planar_task
-from holokin.analysis.coverage.candidates import Candidate
+from holokin.analysis.coverage.starts import Candidate
 from holokin.analysis.sheets.candidate_sheets import CandidateSheets
-from holokin.analysis.sheets.fitted_levels import LevelTable, level_table
-from holokin.analysis.sheets.leaf_estimates import side_by_side
-from holokin.analysis.sheets.pose_features import nearby
-from holokin.analysis.sheets.searched_poses import SearchedPoses
-from holokin.analysis.sheets.sheet import known
-from holokin.app.job.saved_sheets import _strategy
+from holokin.analysis.sheets.sheet import known, nearby
+from holokin.analysis.sheets.sheet_growth import LevelTable, SearchedPoses, level_table, side_by_side
+from holokin.app.job.runner import _strategy
 
 STEP = 0.25
 START = np.array([0.0, 0.9, 0.8])

@@ -10,7 +10,7 @@ import pytest
 import holokin as hk
 from handmade_sheets import map_of, panda_map, planar_map, planar_task
 from holokin.analysis.sheets import Hindrance, Sheet, Sheets, self_motion_between
-from holokin.analysis.sheets.surroundings import surroundings
+from holokin.analysis.sheets.sheet_map import surroundings
 from holokin.base.errors import ArgumentError, NoSeamError, NotFiniteError, ShapeError
 
 

@@ -11,9 +11,9 @@ from benchmarks.disc_law import disc_law, disc_starts
 import holokin as hk
 from conftest import campaign
 from handmade_sheets import disc, planar_task
-from holokin.analysis.coverage.candidates import Candidate
+from holokin.analysis.coverage.starts import Candidate
 from holokin.analysis.sheets import PoseRest, candidate_sheets
-from holokin.analysis.sheets.searched_poses import SearchedPoses
+from holokin.analysis.sheets.sheet_growth import SearchedPoses
 from holokin.base.errors import ArgumentError, NoSheetError, OutOfReachError
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from holokin.analysis.sheets.sheet_sequence import fewest_changes
+from holokin.analysis.sheets.seams import fewest_changes
 
 
 def every_choice(steps: np.ndarray, served: np.ndarray, change: np.ndarray, first: int | None) -> tuple:

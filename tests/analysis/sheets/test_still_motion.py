@@ -13,8 +13,7 @@ from scipy.sparse.csgraph import connected_components
 import holokin as hk
 from conftest import PANDA_START
 from holokin.analysis.sheets import Hindrance, self_motion_between
-from holokin.analysis.sheets.joined_motion import still_trajectory
-from holokin.analysis.sheets.still_motion import held, still_motions
+from holokin.analysis.sheets.still_motion import held, still_motions, still_trajectory
 from holokin.base.errors import ArgumentError, JointLimitError, NotFiniteError
 
 STILL = 1e-9

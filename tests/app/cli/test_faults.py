@@ -20,7 +20,7 @@ from benchmarks.kills import deadly, hidden, state
 import holokin as hk
 from conftest import PPR_CENTER, PPR_START, Command, assert_refused, assert_untouched, sampled, write_job
 from forked import forked, start
-from holokin.app.report.result_folder import check_folder, renewed
+from holokin.app.report.job_result import check_folder, renewed
 from holokin.base.errors import WriteError
 from holokin.base.files import aside, replacing
 from sketches import SKETCHED

@@ -17,12 +17,11 @@ from conftest import campaign, urdf
 from holokin.app.job import PAPER, expand, new_job, open_job, packaged_jobs, run_job
 from holokin.app.job.metrics import METRICS
 from holokin.app.job.schema import Bound, Job
-from holokin.app.report import animate as films
-from holokin.app.report.animate import animate
+from holokin.app.report import animation as films
+from holokin.app.report.animation import animate
 from holokin.app.report.job_figures import figures
-from holokin.app.report.job_report import write_report
+from holokin.app.report.job_report import number, print_result, rows, write_report
 from holokin.app.report.job_result import JobResult
-from holokin.app.report.job_table import number, print_result, rows
 from sketches import sketches
 
 RESULTS = (Path(__file__).parents[3] / "docs" / "paper.md").read_text("utf-8")

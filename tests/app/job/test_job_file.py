@@ -14,9 +14,8 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched, sampled, urdf, write_job
 from holokin.app.job import KINDS, job_strategy, keys_of, open_job, run_job
-from holokin.app.job.job_file import _JOB, keys_beside
 from holokin.app.job.metrics import METRICS
-from holokin.app.job.schema import Job
+from holokin.app.job.schema import _JOB, Job, keys_beside
 from holokin.base.errors import JobError
 
 REFERENCE = (Path(__file__).parents[3] / "docs" / "job-keys.md").read_text("utf-8")

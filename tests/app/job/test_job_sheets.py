@@ -18,12 +18,11 @@ from handmade_sheets import map_of
 from holokin.analysis.audit.logs import read_recording
 from holokin.analysis.sheets import PoseRest, Sheet, Sheets
 from holokin.app.job import open_job, run_job
-from holokin.app.job.sheets_over_job import saved_map
+from holokin.app.job.runner import saved_map
 from holokin.app.report.job_figures import figures
-from holokin.app.report.job_report import write_report
+from holokin.app.report.job_report import whole_verdict, write_report
 from holokin.app.report.job_result import JobResult
-from holokin.app.report.job_verdict import whole_verdict
-from holokin.app.report.sheet_motion_plot import sheet_motion_figure
+from holokin.app.report.sheets_plots import sheet_motion_figure
 from holokin.base.errors import JobError
 from sketches import Sketch
 

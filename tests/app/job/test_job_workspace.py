@@ -12,9 +12,9 @@ import holokin as hk
 from conftest import Command, assert_refused, write_job
 from holokin.analysis.coverage import PoseStatus, coverage_slices
 from holokin.app.job import open_job, run_job
-from holokin.app.report.coverage_plots import CAUSES, coverage_cloud, coverage_figure, slice_map
+from holokin.app.report.job_report import columns, rows
 from holokin.app.report.job_result import JobResult
-from holokin.app.report.job_table import columns, rows
+from holokin.app.report.sheets_plots import CAUSES, coverage_cloud, coverage_figure, slice_map
 
 PARTS = {
     "robot": '[robot]\nname = "planar-3r"\n',

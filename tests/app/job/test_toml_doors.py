@@ -10,9 +10,9 @@ import pytest
 
 import holokin as hk
 from holokin.app.job import is_job, open_job, robot_of_file
-from holokin.app.job.advice_question import Typed, question
-from holokin.app.job.job_file import read_workspace_table
-from holokin.app.job.strategy_words import leaf_of_words
+from holokin.app.job.advice_job import Typed, question
+from holokin.app.job.schema import read_workspace_table
+from holokin.app.job.strategy_tables import leaf_of_words
 from holokin.app.studio import open_session
 from holokin.base.errors import HolokinError
 

@@ -17,15 +17,13 @@ from matplotlib.text import Text
 
 import holokin as hk
 from conftest import Command
-from holokin.app.report.clear_picture import box_figure
-from holokin.app.report.clear_words import nearest_of, refuted_by, size_words, stand_in_words
-from holokin.app.report.plots import legible
-from holokin.app.report.proof_page import save_with_page, write_page
-from holokin.app.report.region_plot import COLORS
+from holokin.app.report.plots import PROOF_COLORS, legible
+from holokin.app.report.proof_picture import box_figure
+from holokin.app.report.proof_report import save_with_page, write_page
+from holokin.app.report.proof_words import nearest_of, refuted_by, size_words, stand_in_words
 from holokin.proof import Certificate
-from holokin.proof.checker_word import Outcome, ask_checker
-from holokin.proof.open_parts import CAUSES, NEAR
-from holokin.proof.proven_region import region_of
+from holokin.proof.proven_region import CAUSES, NEAR, region_of
+from holokin.proof.recheck import Outcome, ask_checker
 from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, Mesh, with_capsules
 
 pytest.importorskip("coal")
@@ -58,7 +56,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def page(part: bool, folder: Path) -> tuple[str, list[list[str]]]:
     """(the text, the rows of its tables); what the page draws is looked at below."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("holokin.app.report.proof_page.box_figure", lambda _found: Figure(figsize=(1, 1)))
+        patch.setattr("holokin.app.report.proof_report.box_figure", lambda _found: Figure(figsize=(1, 1)))
         text = save_with_page(proof(part), folder / "box.json", 0).read_text("utf-8")
 
     def plain(part: str) -> str:
@@ -179,7 +177,7 @@ def test_the_picture_shows_green_only_where_nothing_is_too_near_and_red_where_it
         assert (shown[chosen][apart < -0.001] != 0).all()
         assert (shown == 1 + NEAR).any(), "the slices go through the posture that is too near"
     names = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert {"proven", "refuted: too near"} <= names and len(COLORS) == 1 + len(CAUSES)
+    assert {"proven", "refuted: too near"} <= names and len(PROOF_COLORS) == 1 + len(CAUSES)
     sizes = [t.get_fontsize() for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip()]
     assert min(sizes) * min(1.0, 700 / 96 / figure.get_figwidth()) > 7.99
 

@@ -14,15 +14,21 @@ import holokin as hk
 from conftest import Command, assert_refused
 from holokin.analysis.audit.logs import read_recording
 from holokin.app.job import open_job
-from holokin.app.job.job_file import job_of
+from holokin.app.job.schema import job_of
 from holokin.app.report.job_figures import figures
-from holokin.app.report.job_report import write_report
+from holokin.app.report.job_report import (
+    columns,
+    not_tested,
+    rows,
+    strategy_verdicts,
+    what_was_run,
+    whole_verdict,
+    write_report,
+)
 from holokin.app.report.job_result import Check, JobResult
-from holokin.app.report.job_table import columns, rows
-from holokin.app.report.job_verdict import not_tested, strategy_verdicts, what_was_run, whole_verdict
-from holokin.app.report.words import alike, away
+from holokin.app.report.plots import alike, away
 from holokin.base.errors import ArgumentError, JobError
-from holokin.base.printed_units import SI, PrintedUnits, printed_units
+from holokin.base.units import SI, PrintedUnits, printed_units
 from short_jobs import shortened
 from sketches import Sketch
 

@@ -17,12 +17,11 @@ from holokin.analysis.curvature import curvature
 from holokin.app.job import open_job, run_job
 from holokin.app.job.schema import ExpectTable, Job
 from holokin.app.job.strategy_tables import MoorePenrose
-from holokin.app.report.animate import two_path_frames
+from holokin.app.report.animation import two_path_frames
 from holokin.app.report.job_figures import figures, robot_figure
-from holokin.app.report.job_report import write_report
+from holokin.app.report.job_report import columns, remarks, rows, write_report
 from holokin.app.report.job_result import JobResult
-from holokin.app.report.job_table import columns, remarks, rows
-from holokin.app.report.words import away, largest, paths_end, speed_warning, stopped
+from holokin.app.report.plots import away, largest, paths_end, speed_warning, stopped
 from holokin.motion.trajectory import Status
 from short_jobs import shortened
 

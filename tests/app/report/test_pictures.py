@@ -12,21 +12,18 @@ import holokin as hk
 from conftest import PANDA_START
 from holokin.analysis.coverage import PoseStatus, coverage_slices
 from holokin.app.job import open_job, run_job
-from holokin.app.job.check_tables import ChecksTable
-from holokin.app.report import animate as films
-from holokin.app.report import film, palette
-from holokin.app.report.bodies import pieces_of, posed, solids_at
-from holokin.app.report.coverage_plots import coverage_figure
+from holokin.app.job.tables import ChecksTable
+from holokin.app.report import animation, plots
+from holokin.app.report import animation as films
 from holokin.app.report.job_figures import cycles_figure, figures, two_paths_figure
 from holokin.app.report.job_report import write_report
 from holokin.app.report.job_result import JobResult
-from holokin.app.report.palette import COLORS, color_of, law_colors, rgb
-from holokin.app.report.plots import drift_per_cycle, joint_cycles, legible
+from holokin.app.report.plots import COLORS, color_of, drift_per_cycle, joint_cycles, law_colors, legible, rgb
 from holokin.app.report.robot_panels import Actor, picture, stage_of
-from holokin.app.report.robot_view import best_view
-from holokin.app.report.solids import Rod, Window, drawn
+from holokin.app.report.robot_view import Rod, Window, best_view, drawn, pieces_of, posed, solids_at
+from holokin.app.report.sheets_plots import coverage_figure
 from holokin.robot import Box, obstacle
-from holokin.robot.numeric import joint_frames
+from holokin.robot.tree import joint_frames
 from short_jobs import shortened
 from sketches import sketches
 
@@ -60,12 +57,12 @@ def test_no_two_colours_of_the_palette_look_alike_to_a_colour_blind_reader(eye: 
     apart = [np.linalg.norm(a - b) for i, a in enumerate(seen) for b in seen[:i]]
     assert min(apart) > 15
     for one, other in (("HOLONOMIC", "NONHOLONOMIC"), ("CLOCKWISE", "COUNTER_CLOCKWISE"), ("GOOD", "BAD")):
-        a, b = (lab(getattr(palette, name), MACHADO[eye]) for name in (one, other))
+        a, b = (lab(getattr(plots, name), MACHADO[eye]) for name in (one, other))
         assert np.linalg.norm(a - b) > 30, (one, other)
 
 
 def test_laws_of_a_kind_have_colours_of_that_kind() -> None:
-    assert law_colors([False, True, True, False]) == (palette.VERMILLION, palette.BLUE, palette.GREEN, palette.ORANGE)
+    assert law_colors([False, True, True, False]) == (plots.VERMILLION, plots.BLUE, plots.GREEN, plots.ORANGE)
     assert len(set(law_colors([True] * 4 + [False] * 4))) == 8
     assert rgb(color_of(0)) == (0, 0x72, 0xB2) == rgb(color_of(8))
 
@@ -93,7 +90,7 @@ def test_the_drawn_robot_reaches_from_its_base_to_its_tools(name: str) -> None:
     """Every joint and tip of Pinocchio-tested kinematics lies in or on a solid that is drawn."""
     robot = hk.load(name)
     q = np.clip(0.3 * np.ones(robot.n), robot.lower, robot.upper)
-    solids = solids_at(pieces_of(robot, q[None]), posed(robot, q), 0, palette.BLUE)
+    solids = solids_at(pieces_of(robot, q[None]), posed(robot, q), 0, plots.BLUE)
     boxes = np.array([solid.box() for solid in solids])
     points = [robot.pose(q, tip.name)[:3, 3] for tip in robot.tips]
     points += [p[0] for p, _ in joint_frames(robot, q[None])]
@@ -111,7 +108,7 @@ def test_a_rail_lies_along_its_axis_and_its_carriage_rides_on_it() -> None:
     assert beam.joint == -1 and 5 * np.ptp([low[1], high[1]]) < high[0] - low[0]
     assert low[0] < 0.4 and high[0] > 1.1
     for k, q in enumerate(Q):
-        solids = solids_at(pieces, posed(robot, Q), k, palette.BLUE)
+        solids = solids_at(pieces, posed(robot, Q), k, plots.BLUE)
         sled = next(s for p, s in zip(pieces, solids, strict=True) if p.role == "carriage")
         assert sled.box().mean(axis=0)[0] == pytest.approx(q[0], abs=1e-9)
 
@@ -125,7 +122,7 @@ def test_the_robot_fills_its_panel(name: str) -> None:
     q = PANDA if name == "panda" else np.clip(0.4 * np.ones(robot.n), robot.lower, robot.upper)
     stage = stage_of(robot, q[None])
     window = stage.scene.window(160)
-    cover = stage.layer(q, palette.BLUE, window).cover > 0.5
+    cover = stage.layer(q, plots.BLUE, window).cover > 0.5
     assert max(np.ptp(np.flatnonzero(cover.any(axis=k))) / cover.shape[1 - k] for k in (0, 1)) > 0.5
     assert cover[1:-1, 1:-1].sum() == cover.sum()  # nothing of it is cut off
 
@@ -152,7 +149,7 @@ def test_neither_end_of_the_ways_hides_the_other() -> None:
     for other in (0.0, 0.4):
         a, b = np.array([0.3, 0.5, 0.5]), np.array([0.3 + other, 0.5, 0.5])
         stage = stage_of(robot, np.array([a, b]))
-        actors = [Actor(a, palette.CLOCKWISE), Actor(b, palette.COUNTER_CLOCKWISE, "outline")]
+        actors = [Actor(a, plots.CLOCKWISE), Actor(b, plots.COUNTER_CLOCKWISE, "outline")]
         seen = picture(stage, actors, [], stage.scene.window(240))
         warm = (seen[..., 0] > seen[..., 2] + 0.3) & (seen[..., 3] > 0.5)
         cool = (seen[..., 2] > seen[..., 0] + 0.15) & (seen[..., 3] > 0.5)
@@ -167,8 +164,8 @@ def test_obstacles_of_the_checks_are_drawn() -> None:
     assert beside.scene.bounds != bare.scene.bounds or beside.scene.bounds[0] < -0.4
     window = beside.scene.window(200)
     column, row = int((-0.5 - window.left) / window.pixel), int((window.top - 0.9) / window.pixel)
-    assert picture(beside, [Actor(q, palette.BLUE)], [], window)[row, column, 3] > 0.9
-    assert picture(replace(beside, obstacles=()), [Actor(q, palette.BLUE)], [], window)[row, column, 3] < 0.1
+    assert picture(beside, [Actor(q, plots.BLUE)], [], window)[row, column, 3] > 0.9
+    assert picture(replace(beside, obstacles=()), [Actor(q, plots.BLUE)], [], window)[row, column, 3] < 0.1
 
 
 @pytest.mark.campaign
@@ -289,12 +286,12 @@ def test_a_film_has_all_its_frames_and_is_small(
     made = films.animate(circle, tmp_path)
     assert [name for name, _ in made] == ["cycles.mp4", "paths.mp4"]
     frames, _ = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "paths.mp4"))
-    assert frames == films.FRAMES + 1 + film.HOLD
+    assert frames == films.FRAMES + 1 + animation.HOLD
     reader = imageio_ffmpeg.read_frames(str(tmp_path / "cycles.mp4"))
     columns, rows = next(reader)["size"]
     pictures = [np.frombuffer(data, np.uint8).reshape(rows, columns, 3).astype(int) for data in reader]
     assert np.abs(pictures[20] - pictures[0]).max() > 50
-    assert all((tmp_path / name).stat().st_size < film.MOST_BYTES for name, _ in made)
+    assert all((tmp_path / name).stat().st_size < animation.MOST_BYTES for name, _ in made)
     monkeypatch.setattr("holokin.app.report.job_report.figures", sketches)
     folder = write_report(circle, tmp_path / "out", "0", lambda folder: _copied(made, tmp_path, folder))
     assert (folder / "report.html").read_text("utf-8").count("<video autoplay loop muted playsinline controls") == 2
@@ -310,9 +307,9 @@ def test_a_film_of_noise_is_made_smaller_until_it_is_small(tmp_path: Path, monke
     """Noise does not compress; without imageio-ffmpeg it is a GIF, of which a smaller one is written."""
     from PIL import Image
 
-    monkeypatch.setattr(film, "MOST_BYTES", 200_000)
+    monkeypatch.setattr(animation, "MOST_BYTES", 200_000)
     noise = np.random.default_rng(0).integers(0, 255, (3, 300, 300, 3), dtype=np.uint8)
-    film.write_film(list(noise), tmp_path / "noise.gif")
+    animation.write_film(list(noise), tmp_path / "noise.gif")
     assert (tmp_path / "noise.gif").stat().st_size <= 200_000
     with Image.open(tmp_path / "noise.gif") as picture:
         assert picture.n_frames >= 3 and picture.size[0] < 300

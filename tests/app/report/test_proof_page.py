@@ -16,15 +16,15 @@ from matplotlib.figure import Figure
 
 import holokin as hk
 from conftest import Command, write_job
-from holokin.app.report.proof_page import save_with_page, write_page
 from holokin.app.report.proof_picture import proof_figure
-from holokin.proof.checker_word import CheckerWord, Outcome, ask_checker
+from holokin.app.report.proof_report import save_with_page, write_page
+from holokin.proof.recheck import CheckerWord, Outcome, ask_checker
 
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the page says is the statement, not what is drawn."""
-    monkeypatch.setattr("holokin.app.report.proof_page.proof_figure", lambda _found: Figure(figsize=(1, 1)))
+    monkeypatch.setattr("holokin.app.report.proof_report.proof_figure", lambda _found: Figure(figsize=(1, 1)))
 
 
 class Page(HTMLParser):
@@ -305,7 +305,7 @@ def test_ctrl_c_in_the_checker_keeps_the_certificate_and_its_page_claims_no_more
     def interrupted(*_arguments: object, **_named: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("holokin.proof.checker_word.recheck", interrupted)
+    monkeypatch.setattr("holokin.proof.recheck.recheck", interrupted)
     outcome = holokin("certify", write_job(tmp_path, strategy=LOCKED), "--out", out)
     assert outcome.code == 130
     page = Page(out / "job-proof" / "locked-certificate.html")

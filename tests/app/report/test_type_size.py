@@ -20,15 +20,14 @@ from matplotlib.text import Text
 import holokin as hk
 from conftest import campaign, sampled
 from holokin.analysis.coverage import coverage_slices
-from holokin.app.report.coverage_plots import coverage_figure
 from holokin.app.report.html_page import drawn
 from holokin.app.report.job_figures import figures
-from holokin.app.report.plots import write_figure
-from holokin.app.report.region_plot import region_figure
+from holokin.app.report.plots import region_figure, write_figure
+from holokin.app.report.sheets_plots import coverage_figure
 from holokin.app.survey import Findings
 from holokin.app.survey import coverage_figure as map_of_laws
+from holokin.app.survey.findings import boxes_figure, drift_figure, status_figure, survival_figure
 from holokin.app.survey.one_case import METRICS
-from holokin.app.survey.survey_figures import boxes_figure, drift_figure, status_figure, survival_figure
 from short_jobs import shortened
 
 PAGE = 700 / 96

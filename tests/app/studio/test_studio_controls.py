@@ -16,8 +16,8 @@ import pytest
 
 import holokin as hk
 from conftest import PANDA_START
-from holokin.app.studio.handles import circle_of
-from holokin.app.studio.shown_units import UNITS
+from holokin.app.studio.stage import circle_of
+from holokin.app.studio.states import UNITS
 from sessions import panda
 from sessions import run as run_to_the_end
 

@@ -69,14 +69,14 @@ def test_a_loop_out_of_reach_is_told_before_it_is_started() -> None:
 
 @pytest.mark.campaign
 def test_work_in_the_background_does_not_fail_in_silence(monkeypatch: pytest.MonkeyPatch) -> None:
-    from holokin.app.studio import background_work as working
-    from holokin.app.studio import clouds
+    from holokin.app.studio import states
+    from holokin.app.studio import work as working
 
     def broken(*_arguments: object, **_named: object) -> None:
         raise KeyError("nobody expects this")
 
     monkeypatch.setattr(working, "compiled", broken)
-    monkeypatch.setattr(clouds, "coverage", broken)
+    monkeypatch.setattr(states, "coverage", broken)
     session = panda()
     session.start_work()
     session.start_cloud("lock", samples=8)
@@ -91,15 +91,15 @@ def test_work_in_the_background_does_not_fail_in_silence(monkeypatch: pytest.Mon
 
 @pytest.mark.campaign
 def test_a_cancelled_cloud_holds_nobody_up_and_grows_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    from holokin.app.studio import clouds
+    from holokin.app.studio import states
 
-    found = clouds.coverage
+    found = states.coverage
 
     def slow(*arguments: Any, **named: Any) -> Any:
         time.sleep(1.0)
         return found(*arguments, **named)
 
-    monkeypatch.setattr(clouds, "coverage", slow)
+    monkeypatch.setattr(states, "coverage", slow)
     session = panda()
     session.start_cloud("lock", samples=512)
     until(lambda: session.snapshot().cloud)
@@ -205,6 +205,6 @@ def test_of_two_ghosts_in_one_place_the_first_is_seen_and_of_two_apart_both() ->
     ],
 )
 def test_joints_are_told_apart_by_what_is_left_of_their_names(names: list[str], short: list[str]) -> None:
-    from holokin.app.studio.panel_texts import short_names
+    from holokin.app.studio.stage import short_names
 
     assert short_names(names) == short

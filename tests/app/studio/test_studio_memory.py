@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from holokin.app.studio import Session, open_session
-from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native import toolchain as native
 from sessions import panda, shifted
 
 GLIBC = sys.platform == "linux" and hasattr(ctypes.CDLL(None), "mallinfo2")

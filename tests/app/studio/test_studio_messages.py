@@ -141,7 +141,7 @@ def test_no_value_of_any_control_is_taken_that_the_page_could_not_set(shown: Any
 @pytest.mark.parametrize("value", [-1.0, 0.5, 2.0])
 def test_a_number_between_ends_of_numpy_can_be_sent_on(value: float) -> None:
     """A slider of a joint has its limits as ends, and an array's numbers are no message."""
-    from holokin.app.studio.incoming import between
+    from holokin.app.studio.gate import between
 
     found = between(value, np.float64(0.0), np.float64(1.0))
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(found)) == min(max(value, 0.0), 1.0)
@@ -380,7 +380,7 @@ def picture(kind: str, size: tuple[int, int]) -> bytes:
     ids=["a picture", "none", "png", "gif", "zeros", "a head", "too wide"],
 )  # fmt: skip
 def test_a_picture_is_read_only_where_it_is_of_the_kind_that_was_asked_for(payload: bytes, passes: bool) -> None:
-    from holokin.app.studio.incoming import Incoming
+    from holokin.app.studio.gate import Incoming
 
     said = msgspec.msgpack.encode({"type": "GetRenderResponseMessage", "payload": payload, "render_uuid": "u"})
     assert (Incoming().passed(said) is not None) == passes

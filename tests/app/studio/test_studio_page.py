@@ -14,7 +14,7 @@ import pytest
 import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
 from holokin.app.job import open_job, run_job
-from holokin.app.report.palette import NONHOLONOMIC, rgb
+from holokin.app.report.plots import NONHOLONOMIC, rgb
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
 

@@ -25,7 +25,7 @@ from holokin.app.studio import (
     session_of_robot,
     to_job,
 )
-from holokin.app.studio.handles import circle_of
+from holokin.app.studio.stage import circle_of
 from holokin.base.errors import HolokinError
 from sessions import LAWS, PANDA, TOOL, panda, run, shifted
 

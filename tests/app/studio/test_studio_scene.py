@@ -18,14 +18,26 @@ from typer.testing import CliRunner
 
 import holokin as hk
 from conftest import urdf
-from holokin.app.report.bodies import pieces_of
+from holokin.app.report.robot_view import pieces_of
 from holokin.base.errors import ArgumentError, MissingExtraError, UnknownNameError
 from holokin.robot import Box, Capsule, Cylinder, Surface, chain_length
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
 from holokin.app.studio import Motion, record
-from holokin.app.studio.meshes import GHOST, frames_of, looks_of, quaternions
-from holokin.app.studio.page_scene import OPACITY, Scene, elbow_joint, linear, pose_of, rotations_of, seen, wxyz_of
+from holokin.app.studio.page_scene import (
+    GHOST,
+    OPACITY,
+    Scene,
+    elbow_joint,
+    frames_of,
+    linear,
+    looks_of,
+    pose_of,
+    quaternions,
+    rotations_of,
+    seen,
+    wxyz_of,
+)
 
 PANDA = "panda.urdf"
 
@@ -285,7 +297,7 @@ def test_a_bad_job_gets_the_same_sentence_as_from_run(tmp_path: Path) -> None:
 
 def test_the_handles_of_a_circle_stand_on_it_however_the_job_says_it() -> None:
     from holokin.app.studio import circle_loop, open_session
-    from holokin.app.studio.handles import circle_of, frame_of
+    from holokin.app.studio.stage import circle_of, frame_of
 
     session = open_session("panda-circle")  # whose centre is given from the tool
     found = circle_of(session.loop)
@@ -307,9 +319,9 @@ def test_the_handles_of_a_circle_stand_on_it_however_the_job_says_it() -> None:
 def test_two_paths_to_one_pose_end_with_one_posture_for_a_holonomic_law_alone(
     kept: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from holokin.app.studio import loop_panel
+    from holokin.app.studio import side_panels
 
-    monkeypatch.setattr(loop_panel, "SHOWN", 0.01)
+    monkeypatch.setattr(side_panels, "SHOWN", 0.01)
     kept.append(hk.studio("panda-circle", port=0, browser=False, wait=False, tell=str))
     session, panel = kept[0].session, kept[0].page.panels.loop
     pose = np.array(session.snapshot().target[0])
@@ -336,7 +348,7 @@ def until(true: Callable[[], Any], seconds: float = 30.0) -> None:
 @pytest.mark.campaign
 def test_a_page_lets_go_of_what_is_taken_away_and_plots_a_long_run_in_few_points(kept: list[Any]) -> None:
     """A cloud that grows still, the handle in the hand of a browser that went away, the drift of 5,000 cycles."""
-    from holokin.app.studio.charts import KEPT
+    from holokin.app.studio.stage import KEPT
 
     kept.append(hk.studio("panda-circle", port=0, browser=False, wait=False, tell=str))
     page, session = kept[0].page, kept[0].session

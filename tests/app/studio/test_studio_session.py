@@ -217,7 +217,7 @@ def test_a_snapshot_never_changes() -> None:
 
 
 def test_a_long_run_keeps_its_history_in_bounded_memory() -> None:
-    from holokin.app.studio.joint_history import History
+    from holokin.app.studio.states import History
 
     history = History(2, rows=64)
     t = np.arange(5000.0)

@@ -15,8 +15,8 @@ from conftest import write_job
 from handmade_sheets import planar_map
 from holokin.analysis.sheets import PoseRest, Sheets
 from holokin.app.studio import Session, open_session
-from holokin.app.studio.session_laws import Law
-from holokin.app.studio.sheet_follower import SheetFollower
+from holokin.app.studio.laws import Law
+from holokin.app.studio.work import SheetFollower
 from holokin.base.errors import ArgumentError
 
 HOME = np.array([0.2, 0.9, 0.9])

@@ -18,8 +18,8 @@ import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
 
 pytest.importorskip("viser", reason="the extra `studio` is not installed")
-from holokin.app.studio.cameras import FILLED, fitted
 from holokin.app.studio.page_scene import FOV
+from holokin.app.studio.stage import FILLED, fitted
 
 
 def pictured(points: Any, place: Any, at: Any, aspect: float) -> Any:

@@ -16,9 +16,7 @@ import pytest
 import holokin as hk
 from browsers import BROWSER, PATIENCE, SOFTWARE, playwright
 from holokin.app.studio import open_session, page_plan, web_page
-from holokin.app.studio.drawn_arm import DrawnArm
-from holokin.app.studio.page_text import digest, page_text
-from holokin.app.studio.wasm_law import law_code
+from holokin.app.studio.standalone_page import DrawnArm, digest, law_code, page_text
 from holokin.base.errors import ArgumentError, ExportError, MissingExtraError, OpenPathError, PathError
 from web_pages import HOSTILE, PAGE, SCRIPT, data_of, joints
 

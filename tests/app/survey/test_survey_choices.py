@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 
 from holokin.app.job import keys_of
-from holokin.app.job.table_values import Table
+from holokin.app.job.tables import Table
 from holokin.app.survey import SurveyTable, read_survey, run_survey, survey_of
 from holokin.app.survey.cases import Cases
 from holokin.app.survey.one_case import METRICS, STATUSES, _robot, run_case
 from holokin.app.survey.store import COLUMNS
-from holokin.app.survey.survey_laws import OWN_KINDS
-from holokin.app.survey.survey_tables import LoopTable, StartsTable, WithoutTable
+from holokin.app.survey.survey_file import OWN_KINDS, LoopTable, StartsTable, WithoutTable
 from holokin.base.errors import JobError
 
 ROOT = Path(__file__).parents[3]

@@ -19,7 +19,7 @@ from holokin.base.errors import BranchError, JointLimitError, LimitReachedError,
 from holokin.motion.ik import leaf
 from holokin.symbolic import Function
 from holokin.symbolic.native import kernel
-from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native import toolchain as native
 
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 CIRCLE = {"circle": {"kind": "circle", "size": 0.2}}

@@ -13,12 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from holokin.app.survey import cluster, run_survey
+from holokin.app.survey import engine, run_survey
 from holokin.app.survey import resumable_run as surveying
-from holokin.app.survey.batches import SECONDS, Batches, lasting
 from holokin.app.survey.cases import Cases
-from holokin.app.survey.engine import Pool
-from holokin.app.survey.guarded_process import Guarded
+from holokin.app.survey.engine import SECONDS, Batches, Guarded, Pool, lasting
 from holokin.app.survey.one_case import Row, run_case
 from holokin.base.errors import SchedulerError, SurveyError, UnknownNameError
 from survey_kills import alive, children, count_of
@@ -140,8 +138,8 @@ def test_a_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(
 ) -> None:
     """Here it waits for less, so that the test does."""
     pytest.importorskip("distributed")
-    assert cluster.PATIENCE < 9
-    monkeypatch.setattr(cluster, "PATIENCE", 1.0)
+    assert engine.PATIENCE < 9
+    monkeypatch.setattr(engine, "PATIENCE", 1.0)
     began = time.monotonic()
     with pytest.raises(SchedulerError, match="cannot be reached within 1 s"):
         run_survey(planar(), tmp_path, tmp_path / "c.sqlite", scheduler="tcp://127.0.0.1:9")
@@ -170,7 +168,7 @@ def test_a_cluster_finds_what_one_process_finds_and_a_case_that_hangs_there_cost
         run_survey(table, tmp_path, faults, scheduler=found.scheduler_address)
         found.scale(0)
         found.sync(found._correct_state)
-        monkeypatch.setattr(cluster, "PATIENCE", 1.0)
+        monkeypatch.setattr(engine, "PATIENCE", 1.0)
         with pytest.raises(SchedulerError, match=r"no workers for \S+ s; start some: dask worker tcp://"):
             run_survey(planar(), tmp_path, tmp_path / "none.sqlite", scheduler=found.scheduler_address)
     assert rows_of(out) == rows_of(whole)

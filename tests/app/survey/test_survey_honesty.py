@@ -18,7 +18,7 @@ import holokin as hk
 from conftest import Command
 from holokin.app.survey import Findings, Store, run_survey
 from holokin.app.survey.cases import Cases
-from holokin.app.survey.guarded_process import TRIES
+from holokin.app.survey.engine import TRIES
 from holokin.base.errors import SurveyError
 from survey_laws import planar, rows_of
 

@@ -17,8 +17,8 @@ from conftest import Command, sampled
 from holokin.app.job import Job, run_job
 from holokin.app.survey import Findings, Store, read_survey, repeat, run_survey, write_survey_report
 from holokin.app.survey.cases import Cases
-from holokin.app.survey.law_faults import check_laws
 from holokin.app.survey.one_case import Row
+from holokin.app.survey.resumable_run import check_laws
 from holokin.app.survey.store import NAMES
 from holokin.base.errors import ArgumentError, HolokinError, JobError, MissingExtraError, SchedulerError, SurveyError
 from survey_laws import CIRCLES, rows_of

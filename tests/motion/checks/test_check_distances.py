@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 
 import holokin as hk
 from conftest import PANDA_START, campaign, urdf
-from holokin.motion.checks.gaps import LinkGap, floor_gap, link_gap, links_of, segment_distance
-from holokin.motion.checks.sweep import ACCURACY, sweep
+from holokin.motion.checks.clearance import ACCURACY, LinkGap, floor_gap, link_gap, links_of, segment_distance, sweep
 from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Shape
-from holokin.robot.numeric import joint_frames
+from holokin.robot.tree import joint_frames
 
 coal = pytest.importorskip("coal")
 

@@ -9,7 +9,7 @@ import pytest
 
 import holokin as hk
 from holokin.motion.checks import clear_postures
-from holokin.motion.checks.keeping_clear import Clearances, posture_clearances
+from holokin.motion.checks.motion_checks import Clearances, posture_clearances
 from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Shape, with_capsules
 
 mujoco, pin = pytest.importorskip("mujoco"), pytest.importorskip("pinocchio")

@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 import holokin as hk
 from conftest import Command, write_job
 from holokin.motion.checks import CheckReport, clear_postures
-from holokin.motion.checks.keeping_clear import posture_clearances
+from holokin.motion.checks.motion_checks import posture_clearances
 from holokin.robot import Capsule, LinkShape
 
 pin = pytest.importorskip("pinocchio")

@@ -11,7 +11,7 @@ import pytest
 import holokin as hk
 from conftest import Command, sampled, write_job
 from holokin.base.errors import ArgumentError, UnknownNameError
-from holokin.motion.checks.pairs import ADJACENT, ALWAYS, ASKED
+from holokin.motion.checks.clearance import ADJACENT, ALWAYS, ASKED
 from holokin.robot import Box, Capsule
 
 pin = pytest.importorskip("pinocchio")

@@ -10,7 +10,7 @@ import pytest
 
 import holokin as hk
 from conftest import sampled, urdf
-from holokin.motion.checks.keeping_clear import posture_clearances
+from holokin.motion.checks.motion_checks import posture_clearances
 from holokin.robot import Box, Capsule, Robot, chain_length
 
 ARMS = ["ur5e", "mobile-ur5e", "yumi", "two on the ground", "DH table", "a leg beside three", "an arm with a torch"]

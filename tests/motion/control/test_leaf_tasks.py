@@ -307,9 +307,9 @@ def test_where_g_is_not_finite_it_is_said(library: str, panda: hk.Robot) -> None
 def test_a_library_that_is_missing_is_named_with_its_extra(
     library: str, panda: hk.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from holokin.motion.control import leaf_tasks
+    from holokin.motion.control import libraries
 
-    leaf_tasks._class_of.cache_clear()
+    libraries._class_of.cache_clear()
     for name in [name for name in sys.modules if name.split(".")[0] == library]:
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(MissingExtraError, match=rf"holokin\[{library}\]"):

@@ -15,7 +15,7 @@ from conftest import PANDA_START
 from holokin.base.errors import ArgumentError, BranchError, HolokinError, JointLimitError, OutOfReachError
 from holokin.motion.ik import InverseStatus
 from holokin.path.workspaces import pose_cloud
-from holokin.symbolic.native import evaluator, inverse_kernel
+from holokin.symbolic.native import kernel
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 
@@ -247,7 +247,7 @@ def test_after_its_engine_is_asked_no_call_builds_anything(
 ) -> None:
     ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), [0.3, 0.9, 0.7])
     assert ik.engine
-    for module, name in ((inverse_kernel, "library"), (evaluator, "_module"), (evaluator, "bound_call")):
+    for module, name in ((kernel, "library"), (kernel, "_module"), (kernel, "bound_call")):
         monkeypatch.setattr(module, name, None)
     assert planar_3r.pose(ik([1.5, 0.5]))[:2, 3] == pytest.approx([1.5, 0.5], abs=1e-12)
     assert ik.near([1.5, 0.5], ik.q0) == pytest.approx(ik([1.5, 0.5]), abs=1e-12)

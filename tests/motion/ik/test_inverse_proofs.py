@@ -12,10 +12,10 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, sampled
 from holokin.base.errors import BranchError, SingularityError
-from holokin.motion.ik.stretch import along
+from holokin.motion.ik.edge import along
 from holokin.strategies import HolonomicStrategy
 from holokin.symbolic.native import code_file, enabled
-from holokin.symbolic.native.native_library import library
+from holokin.symbolic.native.toolchain import library
 
 pytestmark = pytest.mark.skipif(not enabled(), reason="no compiler")
 

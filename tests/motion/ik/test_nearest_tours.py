@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import holokin as hk
 from conftest import IIWA_START, PANDA_START, PPR_START, R3_START, campaign, sampled
 from holokin.motion.ik import InverseStatus
-from holokin.motion.ik.nearest_pose import LEAST
+from holokin.motion.ik.inverse_function import LEAST
 
 REACHED, CLAMPED = InverseStatus.REACHED, InverseStatus.CLAMPED
 

@@ -21,7 +21,7 @@ from holokin.base.errors import (
     UnknownNameError,
 )
 from holokin.symbolic import Function, jacobian, symbol
-from holokin.symbolic.null_space import null_vector_expression
+from holokin.symbolic.linear import null_vector_expression
 
 R3_START = np.array([0.3, 0.9, 0.7])
 

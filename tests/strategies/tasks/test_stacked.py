@@ -18,7 +18,7 @@ from conftest import sampled
 from exported import STRICT
 from holokin.app.job import open_job, run_job
 from holokin.motion.ik import InverseStatus
-from holokin.path.synchronized_paths import SynchronizedPaths
+from holokin.path.editing import SynchronizedPaths
 from holokin.robot import Robot, to_urdf
 
 LEFT, RIGHT = "left_flange", "right_flange"

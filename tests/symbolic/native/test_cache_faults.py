@@ -18,9 +18,9 @@ import pytest
 
 from conftest import Command, sampled
 from faults import MACHINE, NATIVE, built, check, forget, fresh, needs_compiler, sines
-from holokin.symbolic.native import cache as cache_module
 from holokin.symbolic.native import engine
-from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native import toolchain as cache_module
+from holokin.symbolic.native import toolchain as native
 
 __all__ = ["built", "fresh"]
 Patch = pytest.MonkeyPatch

@@ -13,11 +13,11 @@ import holokin as hk
 from conftest import PANDA_START, sampled
 from holokin.base.errors import ArgumentError, NotFiniteError, ShapeError, SingularityError
 from holokin.symbolic import Evaluator, Function, symbol
-from holokin.symbolic.native import evaluator
-from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native import kernel
+from holokin.symbolic.native import toolchain as native
 
 Patch = pytest.MonkeyPatch
-compiled = pytest.mark.skipif(native.compiler() is None or evaluator._module() is None, reason="no C compiler here")
+compiled = pytest.mark.skipif(native.compiler() is None or kernel._module() is None, reason="no C compiler here")
 
 
 @pytest.fixture(autouse=True)

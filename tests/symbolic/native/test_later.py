@@ -18,12 +18,12 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START
 from holokin.symbolic import Function, symbol
-from holokin.symbolic.native import background as later
-from holokin.symbolic.native import evaluator, toolchain
-from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native import kernel, toolchain
+from holokin.symbolic.native import toolchain as later
+from holokin.symbolic.native import toolchain as native
 
 Patch = pytest.MonkeyPatch
-compiled = pytest.mark.skipif(native.compiler() is None or evaluator._module() is None, reason="no C compiler here")
+compiled = pytest.mark.skipif(native.compiler() is None or kernel._module() is None, reason="no C compiler here")
 
 
 @pytest.fixture(autouse=True)
@@ -36,13 +36,13 @@ def cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: Patch) -> None:
 def builds(monkeypatch: Patch) -> list[str]:
     """The libraries that are asked for: (thread) each."""
     asked: list[str] = []
-    real = evaluator.library
+    real = kernel.library
 
     def library(*arguments: object, **named: object) -> object:
         asked.append(threading.current_thread().name)
         return real(*arguments, **named)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(evaluator, "library", library)
+    monkeypatch.setattr(kernel, "library", library)
     return asked
 
 
@@ -51,7 +51,7 @@ def test_the_first_calls_ask_no_compiler_and_later_ones_do_not_wait_for_it(build
     x = symbol("x", 3)
     f = Function("first", {"x": x}, {"y": 3 * x})
     v = np.array([1.0, 2.0, 3.0])
-    for _ in range(evaluator.HEAVY - 1):
+    for _ in range(kernel.HEAVY - 1):
         f(v)
     assert later.idle(0.0)
     assert builds == []
@@ -66,9 +66,9 @@ def test_the_first_calls_ask_no_compiler_and_later_ones_do_not_wait_for_it(build
 def test_calls_go_on_while_a_compiler_runs(tmp_path: Path, monkeypatch: Patch) -> None:
     """A compiler that takes its time: the virtual machine answers meanwhile, and the numbers stay."""
     go = threading.Event()
-    real = evaluator.library
-    monkeypatch.setattr(evaluator, "library", lambda *a, **k: (go.wait(60), real(*a, **k))[1])
-    monkeypatch.setattr(evaluator, "HEAVY", 5)
+    real = kernel.library
+    monkeypatch.setattr(kernel, "library", lambda *a, **k: (go.wait(60), real(*a, **k))[1])
+    monkeypatch.setattr(kernel, "HEAVY", 5)
     x = symbol("x", 3)
     f = Function("meanwhile", {"x": x}, {"y": 5 * x})
     v = np.array([1.0, 2.0, 3.0])
@@ -82,7 +82,7 @@ def test_calls_go_on_while_a_compiler_runs(tmp_path: Path, monkeypatch: Patch) -
 
 
 def test_without_native_code_the_virtual_machine_goes_on(monkeypatch: Patch, builds: list[str]) -> None:
-    monkeypatch.setattr(evaluator, "HEAVY", 5)
+    monkeypatch.setattr(kernel, "HEAVY", 5)
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     x = symbol("x", 3)
     f = Function("machine", {"x": x}, {"y": 7 * x})
@@ -96,7 +96,7 @@ def test_without_native_code_the_virtual_machine_goes_on(monkeypatch: Patch, bui
 
 @compiled
 def test_threads_share_a_strategy_while_native_code_takes_over(panda: hk.Robot, monkeypatch: Patch) -> None:
-    monkeypatch.setattr(evaluator, "HEAVY", 200)
+    monkeypatch.setattr(kernel, "HEAVY", 200)
     shared = hk.holonomic(hk.pose(panda), hk.arm_angle())
     Q = PANDA_START + np.random.default_rng(7).uniform(-0.3, 0.3, (8, 7))
     wanted = shared.batch(Q)
@@ -171,7 +171,7 @@ def test_the_interpreter_ends_at_once_while_a_compiler_runs(tmp_path: Path) -> N
     compiler.chmod(0o755)
     (tmp_path / "tmp").mkdir()
     code = (
-        "import pathlib, time, numpy as np; from holokin.symbolic.native import evaluator; evaluator.HEAVY = 5\n"
+        "import pathlib, time, numpy as np; from holokin.symbolic.native import kernel; kernel.HEAVY = 5\n"
         "from holokin.symbolic import Function, symbol\n"
         "x = symbol('x', 3); f = Function('ends', {'x': x}, {'y': 17 * x})\n"
         "for _ in range(9): f(np.ones(3))\n"

@@ -16,11 +16,11 @@ import pytest
 import holokin as hk
 from conftest import PANDA_START, Command
 from holokin.base.errors import ArgumentError, NativeError, ShapeError
-from holokin.motion.step_expression import StepStatus
+from holokin.motion.control_step import StepStatus
 from holokin.symbolic import Function, symbol
 from holokin.symbolic import function as function_module
 from holokin.symbolic.native import engine
-from holokin.symbolic.native import native_library as native
+from holokin.symbolic.native import toolchain as native
 from holokin.symbolic.native.kernel import BatchKernel
 from holokin.version import build
 

@@ -14,8 +14,8 @@ import pytest
 from conftest import Command, sampled
 from faults import MACHINE, NATIVE, X, built, check, fresh, needs_compiler
 from holokin.symbolic import Function, symbol
-from holokin.symbolic.native import native_library as native
 from holokin.symbolic.native import toolchain
+from holokin.symbolic.native import toolchain as native
 
 __all__ = ["built", "fresh"]
 Patch = pytest.MonkeyPatch

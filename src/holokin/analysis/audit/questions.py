@@ -7,22 +7,203 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from functools import cached_property
 
 import numpy as np
 
 from ...base.errors import ArgumentError, ControllerError, HolokinError
-from ...base.types import Matrix, Vector
+from ...base.types import Array, Matrix, NoTruthValue, Vector
 from ...motion import simulate
 from ...motion.control import ControlLaw
 from ...motion.trajectory import Trajectory, whole_turns
-from ...path import Path
-from ...path.straight_path import rotation_vector
+from ...path import Path, polyline
+from ...path.path import rotation_vector
 from ...strategies import self_motion
-from ...strategies.tasks.task import Task
+from ...strategies.tasks.task import Task, check_representation
 from ..curvature.curvature_of_planes import pairs
-from .equal_poses import Repeatability
-from .planes import area_unit, enclosed, plane_loop, plane_name, plane_path, sides
+
+# --------------------------------------------------------------------------------------------------
+# Judging joint postures at equal tool poses: the verdicts, distances, the first limit, moves to a
+# pose close by.
+# --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Largest joint distance at equal tool poses: `value` [rad or m] of `joint` at `phase` of the cycle (0 to 1),
+    and how far it is over what is allowed there; `beyond` when it is."""
+
+    value: float
+    joint: str
+    phase: float
+    beyond: bool
+
+
+class LogVerdict(NoTruthValue, Enum, ask="`is LogVerdict.REPEATS`"):
+    """Whether the joints repeated in a log; the text says what it means."""
+
+    REPEATS = "repeats: the joints were the same at equal tool poses, in every comparison that the log allows"
+    DIFFERS = "differs: the joints were not the same at equal tool poses"
+    UNDECIDED = (
+        "cannot tell: noise, a shift of the tool's own path, or a turn between two samples may hide that the joints "
+        "differ"
+    )
+
+
+class Repeatability(NoTruthValue, Enum, ask="`is Repeatability.REPEATS`"):
+    """What the audit of a control law found; the text says what it means."""
+
+    REPEATS = "repeats: the joints are the same at equal tool poses, in all that was tested"
+    BUT_FOR_THE_STEP = "repeats but for the error of the step: take a shorter step, or feedback to the leaf"
+    CONVERGES = (
+        "converges: cycles repeat in the end, but the joints at a pose depend on the path, the speed or the past"
+    )
+    DRIFTS = "drifts: every cycle leaves the joints elsewhere"
+    UNKNOWN = "cannot be judged: the law failed, as told below"
+
+
+def first_limit(lower: Vector, upper: Vector, q: Matrix, rate: Matrix) -> tuple[int, float] | None:
+    """(joint, cycles) of the first joint at a limit when the postures q (P, n) of a cycle go on at their rates (P, n)
+    [joint units a cycle]; None when none moves towards one."""
+    room = np.where(rate > 0, upper - q, q - lower)
+    cycles = np.full(q.shape, np.inf)
+    np.divide(np.maximum(room, 0.0), np.abs(rate), out=cycles, where=rate != 0)
+    _, joint = np.unravel_index(int(np.argmin(cycles)), cycles.shape)
+    return (int(joint), float(cycles.min())) if np.isfinite(cycles.min()) else None
+
+
+def to_pose(task: Task, q: Matrix, position: Matrix, rotation: Array) -> tuple[Matrix, Vector]:
+    """Postures (k, n) moved to tool poses (k, 3), (k, 3, 3) close by, dq = J^+ e, and the largest joint's move (k,).
+
+    What remains between two visits so moved is motion of the joints that the gap of the tool does not explain.
+    """
+    error = task.error(q, position, rotation)
+    jacobian, _ = task.jacobian_batch(q)
+    gram = jacobian @ jacobian.transpose(0, 2, 1)
+    trace = np.trace(gram, axis1=1, axis2=2)[:, None, None]
+    weights = np.linalg.solve(gram + 1e-9 * trace * np.eye(task.m), error[:, :, None])
+    move = (jacobian.transpose(0, 2, 1) @ weights)[:, :, 0]
+    return q + move, np.abs(move).max(axis=1)
+
+
+def spread(visits: Array) -> Matrix:
+    """Largest distance of each joint between visits (c, P, n) of the same poses -> (P, n)."""
+    return visits.max(axis=0) - visits.min(axis=0)
+
+
+# --------------------------------------------------------------------------------------------------
+# Loops of the tool in the plane of two task rows, and the area that a loop encloses in each such
+# plane.
+#
+# The drift of a small loop is the sum over the planes (i, j) of enclosed area times curvature F_ij
+# (theory 1.1): a loop sees only the curvature of the planes in which it encloses area.
+# --------------------------------------------------------------------------------------------------
+
+SIDES = {"m": 0.1, "rad": 0.2}
+"""Sides of a loop: 0.1 m like the other loops of an audit; 0.2 rad is a like motion for an arm's joints, and small
+enough that turns about different axes commute up to a tenth."""
+
+ENCLOSED = 0.1
+"""Area, as a share of the largest that one of the loops encloses in any plane, from which a plane counts as looked at:
+there a tolerance on the drift allows ten times the curvature."""
+
+LEAST = 1e-4
+"""Area, as a share of that of `SIDES`, below which a loop encloses nothing: 1 mm by 1 mm."""
+
+
+def plane_name(task: Task, i: int, j: int) -> str:
+    """For instance "x-wz"."""
+    return f"{task.row_names[i]}-{task.row_names[j]}"
+
+
+def sides(task: Task, i: int, j: int, size: float = 1.0) -> tuple[float, float]:
+    """Sides of a loop in the plane (i, j) [m or rad]."""
+    return size * SIDES[task.units[i]], size * SIDES[task.units[j]]
+
+
+def _area_unit(task: Task, i: int, j: int) -> str:
+    """ "m^2", "m rad" or "rad^2"."""
+    a, b = task.units[i], task.units[j]
+    return f"{a}^2" if a == b else f"{a} {b}"
+
+
+def _steps(task: Task, position: Vector, rotation: Matrix, rows: tuple[int, int], size: float) -> list[Vector]:
+    """The least twists (6,) of a tool at a pose that change one of two task rows each, by the sides of a loop.
+
+    Raises:
+        SingularityError where the representation is singular.
+    """
+    twists = np.asarray(np.linalg.pinv(_rates(task, rotation)).T, dtype=float)
+    return [size * _signed(task, k, position) * twists[k] for k in rows]
+
+
+def plane_loop(task: Task, position: Vector, rotation: Matrix, i: int, j: int, size: float = 1.0) -> Path:
+    """A loop of four sides from a tool pose: row i, row j, row i back, and the path back.
+
+    Position rows move towards the robot's base first. With turns the last side is the shortest turn that closes the
+    loop; it differs from that of a rectangle by the product of the sides, so that the area in other planes is smaller
+    by the size of the loop. One row alone (i = j) gives the path there and back.
+
+    Raises:
+        SingularityError where the representation is singular.
+    """
+    from scipy.spatial.transform import Rotation
+
+    a, b = _steps(task, position, rotation, (i, j), size)
+    if i == j:
+        return polyline([position, position + a[:3]], turns=[a[3:], -a[3:]], closed=True)
+    turned = Rotation.from_rotvec(-a[3:]) * Rotation.from_rotvec(b[3:]) * Rotation.from_rotvec(a[3:])
+    corners = [position, position + a[:3], position + a[:3] + b[:3], position + b[:3]]
+    turns = [a[3:], b[3:], -a[3:], turned.inv().as_rotvec()]
+    return polyline(corners, turns=turns, closed=True)
+
+
+def _plane_path(task: Task, position: Vector, rotation: Matrix, i: int, j: int, size: float, stairs: int) -> Path:
+    """From a corner of `plane_loop` to the opposite one: in so many stairs along rows i and j, straight for none.
+
+    Raises:
+        SingularityError where the representation is singular.
+    """
+    a, b = _steps(task, position, rotation, (i, j), size)
+    steps = np.tile([a, b], (stairs, 1)) / stairs if stairs else np.array([a + b])
+    corners = position + np.vstack([np.zeros(3), np.cumsum(steps[:, :3], axis=0)])
+    return polyline(list(corners), turns=list(steps[:, 3:]))
+
+
+def enclosed(task: Task, path: Path, start_rotation: Matrix) -> Matrix:
+    """Area (m, m) that a closed path encloses in each plane of task rows, as a share of that of `plane_loop`.
+
+    A_ij = 1/2 of the integral of x_i dx_j - x_j dx_i, x the tool's way from its start in the task rows, to first
+    order in the turns.
+    """
+    at = path.at(np.linspace(0.0, path.duration, 2001))
+    x = np.hstack([at.position - path.start, rotation_vector(at.rotation)]) @ _rates(task, start_rotation).T
+    x /= [SIDES[unit] for unit in task.units]
+    after = np.roll(x, -1, axis=0)
+    return (x.T @ after - after.T @ x) / 2
+
+
+def looked_at(task: Task, paths: list[Path], start_rotation: Matrix) -> dict[tuple[int, int], float]:
+    """The planes in which one of the paths encloses area, with the largest share of `enclosed`."""
+    areas = np.max([np.abs(enclosed(task, path, start_rotation)) for path in paths], axis=0)
+    least = max(ENCLOSED * float(areas.max()), LEAST)
+    return {(i, j): float(areas[i, j]) for i, j in pairs(task.m) if areas[i, j] >= least}
+
+
+def _signed(task: Task, k: int, position: Vector) -> float:
+    row = task.rows[k]
+    towards_base = -1.0 if row < 3 and position[row] > 0 else 1.0
+    return towards_base * SIDES[task.units[k]]
+
+
+def _rates(task: Task, rotation: Matrix) -> Array:
+    """The map (m, 6) from the twist of a tool turned by R (3, 3) to the rates of the task rows."""
+    unit = np.eye(6)
+    rates, margins = task.rates(np.tile(rotation, (6, 1, 1)), unit[:, :3], unit[:, 3:])
+    check_representation(task, np.full(task.n, np.nan), margins[0])
+    return rates.T
+
 
 Answer = tuple[str, dict[str, float]]
 
@@ -220,7 +401,7 @@ def _plane_drift(
         drift = 2 * setup.run(path, dt=setup.dt / 2).drift()[0] - drift
     a, b = sides(setup.task, *plane)
     area = a * b * abs(float(enclosed(setup.task, path, setup.tool[:3, :3])[plane]))
-    unit = f"{walk.joint_units[int(np.abs(drift).argmax())]} per {area_unit(setup.task, *plane)}"
+    unit = f"{walk.joint_units[int(np.abs(drift).argmax())]} per {_area_unit(setup.task, *plane)}"
     return PlaneDrift(plane, name, largest(drift), as_run, largest(drift) / area, unit, size)
 
 
@@ -349,7 +530,7 @@ def ask_small_loops(setup: AuditSetup, plane: tuple[int, int] | None) -> Answer:
         law += "constant, (2) the drifts forward and backward cancel, (3) another speed gives the same drift, (4) many "
         law += "small steps, each along one task row, lead to the same joints as straight lines"
         return f"not of the form dq = G(q) x', because the drifts do not fit it ({facts}). {law}", metrics
-    per = f"{metrics['drift_per_area']:.3g} per {area_unit(setup.task, *plane)}"
+    per = f"{metrics['drift_per_area']:.3g} per {_area_unit(setup.task, *plane)}"
     curved = ""
     if metrics["ratio"] >= AREA[1]:
         curved = " with a curvature that rises from about 0 at the start"
@@ -362,7 +543,7 @@ def _stairs_gap(setup: AuditSetup, plane: tuple[int, int], scale: float) -> floa
     """How far joints by ever finer stairs end from those by the straight line, less the area between, which falls."""
     ends = []
     for stairs in (0, STAIRS, 2 * STAIRS):
-        path = plane_path(setup.task, setup.tool[:3, 3], setup.tool[:3, :3], *plane, scale, stairs)
+        path = _plane_path(setup.task, setup.tool[:3, 3], setup.tool[:3, :3], *plane, scale, stairs)
         slower = path.duration / 4.0
         path = path.at_speed(path.speed * slower, path.angular_speed * slower)
         q, finer = (setup.run(path, dt=dt).q[-1] for dt in (setup.dt, setup.dt / 2))

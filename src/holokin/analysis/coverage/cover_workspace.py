@@ -2,22 +2,242 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
+from enum import IntEnum
+from functools import cached_property
+from itertools import combinations, product
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, ShapeError
+from ...base.errors import ArgumentError, ShapeError, brief
+from ...base.files import write_csv
 from ...base.progress import progress
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, ArrayLike, Indices, Matrix, Vector
+from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, frozen, numbers, whole
+from ...motion.checks import Clear
 from ...motion.ik import InverseStatus, inverse, leaf_value
+from ...motion.ik.inverse_function import leads_to
 from ...motion.ik.leaf import leaf_step
-from ...motion.ik.reach import nearest_postures
-from ...path.segments import turn_between
-from ...path.workspaces import PoseRange, Workspace
+from ...motion.ik.pose_paths import nearest_postures
+from ...path.path import turn_between
+from ...path.workspaces import PoseRange, Workspace, pose_cloud
 from ...robot import check_metres, start_posture
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task, of_one_tool
-from .coverage_result import Coverage, PoseStatus, Reach
+
+# --------------------------------------------------------------------------------------------------
+# `Coverage`: what one leaf reaches of a workspace, and what becomes of each other pose.
+# --------------------------------------------------------------------------------------------------
+
+FAR_TURN = np.pi / 2
+"""Turn [rad] from the tool at the start to the workspace's middle orientation from which on it is told: so far, wrists
+use up most of their ranges."""
+
+POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
+"""Columns of the pose in a file of coverage."""
+
+
+class PoseStatus(NoTruthValue, IntEnum, ask="`is PoseStatus.REACHED`"):
+    """What becomes of a tool pose on the straight path from the start; `text` says it in words."""
+
+    REACHED = 0
+    LIMIT = 1
+    ALGORITHMIC = 2
+    KINEMATIC = 3
+    REPRESENTATION = 4
+    STOPPED = 5
+    BEYOND_LIMITS = 6
+    OUT_OF_REACH = 7
+    BLOCKED = 8
+
+    @property
+    def text(self) -> str:
+        """The cause in words."""
+        return _TEXTS[self]
+
+
+_TEXTS = {
+    PoseStatus.REACHED: "reached",
+    PoseStatus.LIMIT: "a joint is beyond its limit on this leaf",
+    PoseStatus.ALGORITHMIC: "the leaf ends before: the law is singular there, the arm is not",
+    PoseStatus.KINEMATIC: "the leaf ends before: the arm is singular there",
+    PoseStatus.REPRESENTATION: "the leaf ends before: a representation, the task's or the rule's, ends there",
+    PoseStatus.STOPPED: "no path could be shown to keep to the leaf",
+    PoseStatus.BEYOND_LIMITS: "every posture found is beyond the joint limits",
+    PoseStatus.OUT_OF_REACH: "out of reach: no posture was found",
+    PoseStatus.BLOCKED: "a link is too near to an obstacle, the floor or another link on this leaf",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Reach(Value):
+    """Which of k poses the arm reaches by any posture that was found: at all, and within its joint limits."""
+
+    anyhow: Flags
+    within: Flags
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
+    """What one leaf reaches of some tool poses (k, 4, 4).
+
+    start, tool: the posture in which the robot begins (n,), and the tool pose there (4, 4).
+    turn: from the tool there to the middle orientation of the workspace [rad]; 0 where the task leaves it free.
+    status: a `PoseStatus` for each (k,).
+    q: the leaf's posture (k, n), also where it is beyond a limit; a row of NaN where the leaf has none.
+    last: where its path ended (k, n).
+    rcond: of [J; J_g] at q (k,), NaN where there is none.
+    margins: from q to the nearer limit of each joint (k, n) [joint units]: negative beyond it, inf without limits.
+    limits: whether joint limits were looked at. explained: whether other postures were searched for where the leaf
+        fails; without, no pose is called out of reach.
+    """
+
+    name: str
+    workspace: Workspace
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    lower: Vector
+    upper: Vector
+    q0: Vector
+    tool: Matrix
+    turn: float
+    poses: Array
+    status: Indices
+    q: Matrix
+    last: Matrix
+    rcond: Vector
+    margins: Matrix
+    limits: bool
+    explained: bool
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @typed
+    def blocked(self, clear: Clear) -> Coverage:
+        """The same without the poses whose posture does not keep clear of what stands round the robot."""
+        status = self.status.copy()
+        here = np.flatnonzero(self.reached)
+        status[here[~clear(self.q[here])]] = PoseStatus.BLOCKED
+        return replace(self, status=status)
+
+    @property
+    def reached(self) -> Flags:
+        """True where the pose is reached (k,)."""
+        return self.status == PoseStatus.REACHED
+
+    @property
+    def share(self) -> float:
+        """Share of the poses that is reached."""
+        return float(self.reached.mean())
+
+    @property
+    def reachable(self) -> float:
+        """Share of the poses that any posture found reaches, within the joint limits if these were looked at."""
+        return float((self.status < PoseStatus.BEYOND_LIMITS).mean())
+
+    @cached_property
+    def nearest(self) -> Indices:
+        """The joint that is nearest to a limit, or farthest beyond it, as a share of its range (k,)."""
+        span = self.upper - self.lower
+        shares = self.margins / np.where(np.isfinite(span), span, 2 * np.pi)
+        return frozen(np.argmin(np.where(np.isfinite(shares), shares, np.inf), axis=1))
+
+    @cached_property
+    def margin(self) -> Vector:
+        """The margin of that joint (k,) [joint units]; inf where no joint has limits, NaN where there is no posture."""
+        return frozen(self.margins[np.arange(len(self)), self.nearest])
+
+    @typed
+    def count(self, status: PoseStatus) -> int:
+        """How many poses have a status."""
+        return int((self.status == status).sum())
+
+    def at_limits(self) -> dict[tuple[str, str], int]:
+        """(joint, "lower" or "upper") -> poses at which it is the one farthest beyond its limit, most first."""
+        found: dict[tuple[str, str], int] = {}
+        for i in np.flatnonzero(self.status == PoseStatus.LIMIT):
+            j = self.nearest[i]
+            side = "lower" if self.q[i, j] < self.lower[j] else "upper"
+            key = (self.joint_names[j], side)
+            found[key] = found.get(key, 0) + 1
+        return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+    def causes(self) -> list[tuple[str, int]]:
+        """(what becomes of them, number of poses), for every cause that occurs; limits by joint."""
+        rows: list[tuple[str, int]] = []
+        for status in PoseStatus:
+            if status is PoseStatus.LIMIT:
+                rows += [(f"{joint} is beyond its {side} limit", k) for (joint, side), k in self.at_limits().items()]
+            elif self.count(status):
+                rows.append((status.text, self.count(status)))
+        return rows
+
+    @property
+    def sentence(self) -> str:
+        """The share in one sentence, with the quality of what is reached."""
+        k, within, size = int(self.reached.sum()), " within its limits" if self.limits else "", self.workspace.size
+        whole = "" if size is None else ", all of the cloud," if size == len(self) else f", drawn from {size},"
+        said = f"{self.name}: reaches {k} of {len(self)} poses ({self.share:.1%}){whole}{within}"
+        if self.explained and self.reachable < 1:
+            said += f", {'none' if not k else f'{self.share / self.reachable:.1%}'} of the "
+            said += f"{round(self.reachable * len(self))} for which a posture was found"
+        if not k:
+            return said
+        rcond = self.rcond[self.reached]
+        said += f"; rcond at least {rcond.min():.2g}, median {np.median(rcond):.2g}"
+        i = int(np.argmin(np.where(self.reached, self.margin, np.inf)))
+        if np.isfinite(self.margin[i]):
+            j = int(self.nearest[i])
+            said += f"; {self.joint_names[j]} comes to {self.margin[i]:.2g} {self.joint_units[j]} from its limit"
+        return said
+
+    @property
+    def remark(self) -> str:
+        """A sentence on the middle orientation where that may be why poses are not reached; else empty."""
+        if self.turn < FAR_TURN or self.reached.all():
+            return ""
+        return (
+            f"The workspace's middle orientation is {np.degrees(self.turn):.0f} degrees from the tool at the start; "
+            'rotation=robot.pose(q0)[:3, :3], in a job rotation = "start", takes that of the start.'
+        )
+
+    def __str__(self) -> str:
+        width = len(str(len(self)))
+        lines = [f"  {k:{width}d} ({k / len(self):5.1%})  {cause}" for cause, k in self.causes()]
+        return "\n".join([brief(self.sentence, 1600), *lines, *filter(None, [self.remark])])
+
+    @typed
+    def save(self, path: str | Path) -> None:
+        """Write CSV, a line a pose: x, y, z, qx, qy, qz, qw, status, the joints by name, rcond and the least margin.
+
+        `read_workspace` reads the poses again.
+
+        Raises:
+            WriteError: the system refuses the file.
+        """
+        from scipy.spatial.transform import Rotation
+
+        turns = Rotation.from_matrix(self.poses[:, :3, :3]).as_quat()
+        rows = np.column_stack([self.poses[:, :3, 3], turns, self.q, self.rcond, self.margin]).tolist()
+        words = [PoseStatus(status).name.lower() for status in self.status]
+        header = [*POSE_COLUMNS, "status", *self.joint_names, "rcond", "margin"]
+        write_csv(path, header, ([*row[:7], word, *row[7:]] for row, word in zip(rows, words, strict=True)))
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready facts."""
+        r = self.reached
+        return {
+            "name": self.name, "workspace": str(self.workspace), "poses": len(self), "share": self.share,
+            "reachable": self.reachable if self.explained else None,
+            "rcond": float(self.rcond[r].min()) if r.any() else None,
+            "causes": dict(self.causes()), "turn": self.turn, "remark": self.remark,
+        }  # fmt: skip
+
 
 SAMPLES = 1024
 """Poses by default: shares of two known sets were then right to 0.3 % in a plane and 0.6 % in six dimensions (rms over
@@ -187,3 +407,165 @@ def _check_planar(task: Task, q0: Vector, poses: Array) -> None:
     if np.abs(poses[:, :3, :3] @ R.T - np.eye(3))[:, 2, 2].max() > 1e-6:
         cure = "the tool of a planar robot turns in its plane: give rotation=np.eye(3) (or the tool's own) and no tilt"
         raise ArgumentError("the rotation of a pose of the workspace", poses[0, :3, :3].tolist(), cure)
+
+
+# --------------------------------------------------------------------------------------------------
+# Slices: what a leaf reaches in the planes through a workspace's centre, at the middle orientation
+# of the tool.
+# --------------------------------------------------------------------------------------------------
+
+JUMP = 0.2
+"""Difference of joints [joint units] between neighbouring cells from which it is looked whether a path joins them."""
+
+STEPS = 31
+"""Cells along the longest side: pixels of two millimetres in a picture on a page."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slice(Value):
+    """Coverage on a grid of positions in a plane through a workspace's centre.
+
+    cuts (c, 2): neighbouring cells, by their place among the poses of `coverage`, between which `ik(pose)` jumps: the
+    leaf, followed straight from the one's posture to the other's pose, has other joints there, or ends before.
+
+    axes: the two axes, 0, 1, 2 for x, y, z, that span it; at: where it cuts the third [m]; u (columns,), v (rows,): the
+    positions along them [m]; inside (rows, columns): which cells belong to the workspace; coverage: of these, by rows.
+    """
+
+    axes: tuple[int, int]
+    at: float
+    u: Vector
+    v: Vector
+    inside: Flags
+    coverage: Coverage
+    cuts: Indices
+
+    def grid(self, values: ArrayLike) -> Array:
+        """Numbers of the poses (k,) in their cells (rows, columns), NaN outside. Raises: ShapeError, ArgumentError."""
+        given, count = numbers("the numbers of the poses", values), int(self.inside.sum())
+        if given.shape != (count,):
+            raise ShapeError("the numbers of the poses", (count,), given.shape)
+        cells = np.full(self.inside.shape, np.nan)
+        cells[self.inside] = given
+        return cells
+
+
+@dataclass(frozen=True, eq=False)
+class Plane(Value):
+    """A grid of positions in a plane through a workspace, as of a `Slice`; points (rows * columns, 3)."""
+
+    axes: tuple[int, int]
+    at: float
+    u: Vector
+    v: Vector
+    points: Matrix
+    inside: Flags
+
+
+def grid_planes(workspace: PoseRange, steps: int) -> Iterator[Plane]:
+    """The planes x-y, x-z and y-z; of a flat one only its own. steps: cells along the longest side, at least 2."""
+    whole("steps", steps, 2)
+    for axes in combinations(np.flatnonzero(workspace.solid.half > 0).tolist(), 2):
+        yield plane_through(workspace, axes, steps, workspace.solid.center)
+
+
+def plane_through(workspace: PoseRange, axes: tuple[int, int], steps: int, place: Vector) -> Plane:
+    """The plane along two axes through a place (3,) of a workspace."""
+    solid, (i, j) = workspace.solid, axes
+    half, center = solid.half, solid.center
+    counts = np.maximum(2, np.rint(steps * half[[i, j]] / half.max())).astype(int)
+    u, v = (center[k] + half[k] * (2 * (np.arange(n) + 0.5) / n - 1) for k, n in zip((i, j), counts, strict=True))
+    points = np.tile(place, (len(u) * len(v), 1))
+    points[:, i], points[:, j] = np.tile(u, len(v)), np.repeat(v, len(u))
+    return Plane((i, j), float(place[3 - i - j]), u, v, points, solid.contains(points).reshape(len(v), len(u)))
+
+
+@typed
+def coverage_slices(
+    strategy: HolonomicStrategy, workspace: PoseRange, q0: ArrayLike, *, steps: int = STEPS, limits: bool = True
+) -> tuple[Slice, ...]:
+    """Coverage of the planes x-y, x-z and y-z through a workspace's centre; of a flat one only of its plane.
+
+    Args:
+        steps: cells along the longest side, at least 2; they are squares, or nearly.
+
+    Raises:
+        JointLimitError, SingularityError, ArgumentError, ShapeError, NotFiniteError: as `coverage`.
+    """
+    found: list[Slice] = []
+    for plane in grid_planes(workspace, steps):
+        cells = pose_cloud(workspace.at(plane.points[plane.inside.ravel()]), f"a slice of {workspace}")
+        of = coverage(strategy, cells, q0, limits=limits)
+        cuts = _cuts(strategy, plane.inside, of)
+        found.append(Slice(plane.axes, plane.at, plane.u, plane.v, plane.inside, of, cuts))
+    return tuple(found)
+
+
+def neighbouring_cells(inside: Flags) -> Indices:
+    """Pairs (e, 2) of neighbouring cells of a grid (rows, columns), by their place among those that are inside."""
+    place = np.full(inside.shape, -1)
+    place[inside] = np.arange(int(inside.sum()))
+    sides = [(place[:, :-1], place[:, 1:]), (place[:-1], place[1:])]
+    pairs = np.concatenate([np.column_stack([one.ravel(), other.ravel()]) for one, other in sides])
+    return pairs[(pairs >= 0).all(axis=1)]
+
+
+def _cuts(strategy: HolonomicStrategy, inside: Flags, found: Coverage) -> Indices:
+    """Pairs (c, 2) of neighbouring cells, both with a posture, that no straight path on the leaf joins."""
+    pairs = neighbouring_cells(inside)
+    apart = np.abs(found.q[pairs[:, 0]] - found.q[pairs[:, 1]]).max(axis=1)  # NaN where there is no posture
+    ik, poses = inverse(strategy, found.q0, limits=False), found.poses
+    far = pairs[apart > JUMP]
+    return far[[not leads_to(ik, poses[j], found.q[i], found.q[j]) for i, j in far]]
+
+
+# --------------------------------------------------------------------------------------------------
+# The largest part of a workspace, round its centre, that a law serves from end to end.
+# --------------------------------------------------------------------------------------------------
+
+HALVINGS = 7
+"""Halvings of the share that is looked for: it is right to 1 %."""
+
+TESTED = 128
+"""Poses of a part that must all be served; as many others, drawn anew, confirm the last one."""
+
+LEAST = 0.05
+"""Share of the sides below which a part is of no use, and turns are shrunk as well."""
+
+SAFER = 0.95
+"""By which a part shrinks as long as poses drawn anew are not all served."""
+
+Serves = Callable[[Array], bool]
+"""Whether all of some poses (k, 4, 4) are served."""
+
+
+def largest_part(workspace: PoseRange, serves: Serves) -> tuple[float, PoseRange] | None:
+    """(share of its sizes, the part): positions shrunk about the centre, turns kept; both shrunk if these do not allow
+    any positions. None where not even that leaves a part.
+    """
+    for turns_too in (False, True):
+        low, high = 0.0, 1.0
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            fits = serves(tested(shrunk(workspace, middle, turns_too), 0))
+            low, high = (middle, high) if fits else (low, middle)
+        while low > LEAST:
+            part = shrunk(workspace, low, turns_too)
+            if serves(tested(part, 1)):
+                return low, part
+            low *= SAFER
+    return None
+
+
+def tested(part: PoseRange, seed: int) -> Array:
+    """Poses (k, 4, 4) of a part: even ones, and the corners of a box with the middle orientation."""
+    corners = np.array(list(product((0.0, 1.0), repeat=3)))
+    return np.concatenate([part.poses(TESTED, seed), part.at(part.solid.points(corners))])
+
+
+def shrunk(workspace: PoseRange, share: float, turns_too: bool) -> PoseRange:
+    """A workspace whose positions, and its turns as well if asked for, reach only so far from its centre."""
+    solid = workspace.solid
+    lengths = {f.name: share * getattr(solid, f.name) for f in fields(solid) if f.name != "center"}
+    turns = {"tilt": share * workspace.tilt, "spin": share * workspace.spin} if turns_too else {}
+    return replace(workspace, solid=replace(solid, **lengths), **turns)

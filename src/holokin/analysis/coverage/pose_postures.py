@@ -7,16 +7,28 @@ each from the best postures before: the least found may then be too high.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from ...base.arguments import typed
+from ...base.errors import ArgumentError, RobotFileError
+from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
-from ...motion.ik.posture_search import postures_from, spread
-from ...strategies.self_motions import SelfMotions, away
+from ...motion.ik.leaf import leaf_step
+from ...motion.ik.posture_search import newton, postures_from, spread
+from ...path.path import straight
+from ...robot import Robot, is_model, load, model_links, model_root
+from ...strategies import HolonomicStrategy
+from ...strategies.radial_strategy import SelfMotions, away
+from ...strategies.right_inverses import Terms, monomials, monomials_up_to
+from ...strategies.tasks.frame_task import FrameTask, completing, leaves_free, parts_of
 from ...strategies.tasks.task import Task
+from ...symbolic import SX, Function, jacobian, runge_kutta, symbol
 
 STARTS = 64
 """Starts of Newton's method at each pose. A Panda and an iiwa 14 have 4 to 8 self-motions at a pose, and each of them
@@ -36,7 +48,7 @@ LINES = 12
 """Lines searched for each redundant joint, where there are several; a second and a third third of them have steps that
 are shorter by `SHORTER` and by its square."""
 
-STEPS = 10
+LINE_STEPS = 10
 """Steps of such a line each way."""
 
 SHORTER = 5
@@ -145,7 +157,7 @@ def _on_lines(postures: PosePostures, cost: Cost, over: Cost) -> Vector:
         chosen, step = _lowest(value, excess, pose, count), STEP / SHORTER**third
         q, pose = q[chosen], pose[chosen]
         for _ in range(every // len(PLACES)):
-            line = line_through(postures.motions, q, rng.normal(size=q.shape), pose, step, STEPS)
+            line = line_through(postures.motions, q, rng.normal(size=q.shape), pose, step, LINE_STEPS)
             q, value, excess = best_of(line, cost, over)
     np.minimum.at(best, pose, value)
     return best
@@ -186,3 +198,399 @@ def _lowest(value: Vector, excess: Vector, pose: Indices, count: int) -> Indices
     order = np.lexsort((excess, value, pose))
     first = np.searchsorted(pose[order], pose[order])
     return order[np.arange(len(order)) - first < count]
+
+
+# --------------------------------------------------------------------------------------------------
+# The coordinates of a workspace in which polynomials are written: those of the tool pose that vary
+# in it, scaled.
+# --------------------------------------------------------------------------------------------------
+
+MOVES = 1e-6
+"""Half width [m or rad] of poses along a direction from which on the workspace reaches in it: well over round-off."""
+
+FAR = 3.0
+"""Turn [rad] from the middle orientation up to which poses have a rotation vector; at pi it jumps."""
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates(Value):
+    """u = P^T (x - middle) / scale (d,), x (m,) the tool pose in `chart`.
+
+    P (m, d) has orthonormal columns, each of positions or of turns alone; |u| <= 1 over the poses of the workspace, and
+    `spread` (d,) [m or rad] is their standard deviation along the columns.
+    """
+
+    chart: FrameTask
+    P: Matrix
+    middle: Vector
+    scale: Vector
+    spread: Vector
+
+    @property
+    def d(self) -> int:
+        """Number of directions in which the workspace reaches."""
+        return self.P.shape[1]
+
+    @property
+    def turns(self) -> Flags:
+        """Which of them are turns [rad] (d,)."""
+        angular = np.array([unit == "rad" for unit in self.chart.units])
+        return np.any(self.P[angular] != 0, axis=0)
+
+    def of(self, x: SX) -> SX:
+        """u (d,) of a tool pose in the chart, as an expression."""
+        return (SX(self.P.T) @ (x - SX(self.middle))) / SX(self.scale)
+
+    def at(self, Q: Matrix) -> Matrix:
+        """u (k, d) of the tool poses at postures (k, n)."""
+        return (self.chart.value_batch(Q) - self.middle) @ self.P / self.scale
+
+
+def chart_of(task: Task, rotation: Matrix) -> FrameTask:
+    """The task's rows in coordinates with J = df/dq: a full orientation by the rotation vector about the middle one.
+
+    The direction of an axis counts from the middle orientation, too.
+    """
+    one = parts_of(task)[0]
+    if one.orientation == "axis":
+        return replace(one, reference=rotation)
+    if one.turns:
+        return replace(one, orientation="rotation-vector", reference=rotation)
+    return replace(one, reference=rotation) if one.robot.planar else one
+
+
+def coordinates_of(chart: FrameTask, Q: Matrix) -> Coordinates:
+    """The coordinates in which the tool poses at postures (k, n) vary.
+
+    Raises:
+        ArgumentError: poses that all are one, or that turn by more than FAR from the middle orientation.
+    """
+    x, angular = chart.value_batch(Q), np.array([unit == "rad" for unit in chart.units])
+    if chart.turns and (turn := float(np.linalg.norm(x[:, angular], axis=1).max())) > FAR:
+        what = "the largest turn of the workspace from its middle orientation [rad]"
+        raise ArgumentError(what, turn, f"keep it below {FAR:g}, or design two laws")
+    P = np.hstack([_directions(x, np.flatnonzero(rows)) for rows in (~angular, angular)])
+    if not P.shape[1]:
+        raise ArgumentError("the directions in which the workspace reaches", 0, "give poses that are not all alike")
+    w, mean = x @ P, x.mean(axis=0)
+    middle = mean - P @ (P.T @ mean) + P @ (w.max(axis=0) + w.min(axis=0)) / 2
+    return Coordinates(chart, P, middle, np.ptp(w, axis=0) / 2, w.std(axis=0))
+
+
+def _directions(x: Matrix, rows: Indices) -> Matrix:
+    """Orthonormal directions (m, d) among some rows in which values (k, m) vary; the axes where all do."""
+    values = x[:, rows] - x[:, rows].mean(axis=0)
+    axes = np.linalg.svd(values, full_matrices=False)[2] if len(rows) else np.zeros((0, 0))
+    axes = axes[np.ptp(values @ axes.T, axis=0) / 2 > MOVES]
+    out = np.zeros((x.shape[1], len(axes)))
+    out[rows] = np.eye(len(rows)) if len(axes) == len(rows) else axes.T
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Polynomial(Value):
+    """zeta(x) (r,), a polynomial of a workspace's coordinates: `coefficients` (r, t) of monomials of u, in order."""
+
+    coordinates: Coordinates
+    coefficients: Matrix
+
+    @cached_property
+    def terms(self) -> Terms:
+        """The monomials, the constant first, then by increasing degree."""
+        degree = 0
+        while len(found := monomials_up_to(self.coordinates.d, degree)) < self.coefficients.shape[1]:
+            degree += 1
+        return found
+
+    def __call__(self, x: SX) -> SX:
+        """zeta as an expression of the tool pose in the chart."""
+        return SX(self.coefficients) @ monomials(self.coordinates.of(x), self.terms)
+
+    def keys_over(self, law: Mapping[str, Any]) -> dict[str, Any]:
+        """What a job file says of a law's constraint less this polynomial, `law` what it says of the law."""
+        u = self.coordinates
+        return {
+            "kind": "designed", "base": {key: value for key, value in law.items() if key != "level"},
+            "reference": u.chart.reference.tolist(), "directions": u.P.tolist(), "middle": u.middle.tolist(),
+            "scale": u.scale.tolist(), "coefficients": self.coefficients.tolist(),
+        }  # fmt: skip
+
+
+def values_and_slopes(u: Matrix, terms: Terms) -> tuple[Matrix, Array]:
+    """Monomials at points (k, d): their values (k, t) and slopes (k, t, d)."""
+    v = symbol("u", u.shape[1])
+    found = monomials(v, terms)
+    basis = Function("monomials", {"u": v}, {"values": found, "slopes": jacobian(found, v)})
+    values, slopes = basis.batch(u)
+    return values.reshape(len(u), len(terms)), slopes.reshape(len(u), len(terms), u.shape[1])
+
+
+# --------------------------------------------------------------------------------------------------
+# The chain of a robot that is asked about: of a URDF that to the palm at the end of its longest
+# arm.
+# --------------------------------------------------------------------------------------------------
+
+WORDS = ("tcp", "tool_center", "grasp", "tool", "end_effector", "effector", "eef", "ee_", "flange", "gripper", "hand")
+"""Parts of names that links for tools have, the plainest first."""
+
+ARM = 4
+"""Joints that an arm has at least: what branches behind fewer is a trunk, not a hand."""
+
+JAW = ("finger", "jaw", "gripper", "thumb")
+"""Parts of names that joints of grippers have: such a joint at the end of a chain does not move the tool."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chain(Value):
+    """A robot, and of a URDF the link that stands still, its tool, and the links that might have been the tool instead.
+
+    chosen: whether the tool was not given but chosen here.
+    """
+
+    robot: Robot
+    base: str | None
+    tip: str
+    others: tuple[str, ...]
+    chosen: bool
+
+    def __str__(self) -> str:
+        n, names = self.robot.n, self.robot.joint_names
+        said = f"{self.robot.name}: {n} joint{'s' * (n > 1)}, {names[0]} to {names[-1]}"
+        said += f", from {self.base} to the tip {self.tip}" if self.base else f", tip {self.tip}"
+        return said + (f" (other tips: {', '.join(self.others)})" if self.others else "")
+
+
+@typed
+def chain_to_tool(
+    robot: Robot | str | Path, tip: str | None = None, base: str | None = None, trust_units: bool = False
+) -> Chain:
+    """A robot, a name of the catalogue or a file as a chain, of a model by default to the tip of its longest arm.
+
+    Raises:
+        RobotFileError: no link moves. ArgumentError: a base for a robot that is loaded already. As `load`.
+    """
+    if isinstance(robot, Robot):
+        if base is not None:
+            raise ArgumentError("the base", base, "only files of models take one: give the file, or load it so")
+        return Chain(robot, None, tip or robot.tips[0].name, (), False)
+    if not is_model(robot):
+        found = load(robot, tip=tip, base=base, trust_units=trust_units)
+        return Chain(found, None, found.tips[0].name, (), False)
+    tips = _arm_tips(robot, base)
+    chosen = tip if tip is not None else tips[0]
+    found = load(robot, tip=chosen, base=base, trust_units=trust_units)
+    return Chain(found, base or model_root(robot), chosen, tuple(t for t in tips if t != chosen), tip is None)
+
+
+@typed
+def _arm_tips(path: str | Path, base: str | None = None) -> tuple[str, ...]:
+    """The links of a model that may be tools, one for each arm, that of the longest arm first.
+
+    Fingers do not count: a chain ends where the tree branches into them, that is behind at least 4 joints, and into
+    chains no longer than the one before; or before a last joint named like a gripper's. Of chains as long as each
+    other the first one in the file comes first; of the links that move with its end that one is the tool whose name
+    says so ("tcp", "tool", ...), the last one of several.
+
+    Raises:
+        RobotFileError: no link moves. As `model_links`.
+    """
+    chains = model_links(path, base)
+    ends = {link: _palm(chain, chains) for link, chain in chains.items()}
+    most = max(map(len, ends.values()), default=0)
+    if most == 0:
+        raise RobotFileError(path, "has no joint that moves", "give a model of an arm")
+    inner = {chain[:k] for chain in ends.values() for k in range(len(chain))}
+    arms = [end for end in dict.fromkeys(ends.values()) if end not in inner and len(end) >= min(ARM, most)]
+    found: list[str] = []
+    for end in sorted(arms, key=len, reverse=True):
+        links = [link for link, chain in chains.items() if chain == end]
+        found.append(min(reversed(links), key=_rank))
+    return tuple(found)
+
+
+def _palm(chain: tuple[str, ...], chains: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
+    """A chain of joints without those of fingers."""
+    while len(chain) > ARM and any(word in chain[-1].lower() for word in JAW):
+        chain = chain[:-1]
+    for k in range(ARM, len(chain)):
+        beyond = [other[k:] for other in chains.values() if len(other) > k and other[:k] == chain[:k]]
+        if len({other[0] for other in beyond}) > 1 and max(map(len, beyond)) <= k:
+            return chain[:k]
+    return chain
+
+
+def _rank(link: str) -> int:
+    return next((i for i, word in enumerate(WORDS) if word in link.lower()), len(WORDS))
+
+
+# --------------------------------------------------------------------------------------------------
+# Many tool poses at once: from start postures along straight lines, all lines side by side in
+# arrays.
+#
+# It is how laws and their leaves are compared before a few are looked at closely: a hundred times
+# faster than one pose after the other, but a step is judged by Newton's own convergence alone, so
+# that it may, rarely, change branches.
+# --------------------------------------------------------------------------------------------------
+
+FIRST = 0.35
+"""Longest first correction of a step [rad or m]: it is the motion of the joints in that step."""
+
+SHORTEST = 1 / 256
+"""Share of a line below which a step is given up: the leaf ends there, or bends too sharply to be of use."""
+
+ROUNDS = 400
+"""Rounds of steps at most: lines of regular leaves take ten."""
+
+NEAR = 1 / 16
+"""The same for lines between neighbours, which are tried in one step first."""
+
+NEWTONS = 5
+"""Corrections of a step: from 0.35 rad, each at most an eighth of the last one; they are quadratic long before."""
+
+EXACT = 1e-8
+"""A correction after which a posture is right for comparisons [rad or m]."""
+
+RADIAL_STEPS = 32
+"""Runge-Kutta steps of a line of a radial strategy: a step is then about 0.05 rad."""
+
+FAST = 25.0
+"""Joint rate over a whole line [rad or m] from which a radial strategy's line counts as singular: four full turns."""
+
+
+@dataclass(frozen=True, eq=False)
+class LineEnds(Value):
+    """Postures (s, k, n) at the ends of lines from s starts to k poses; where a line ends early, its last posture."""
+
+    q: Array
+    share: Matrix
+
+    @property
+    def reached(self) -> Flags:
+        """Which lines led to their poses (s, k)."""
+        return self.share >= 1.0
+
+
+def along_leaf(
+    strategy: HolonomicStrategy, starts: Matrix, poses: Array, levels: Vector | None = None,
+    native_from: int | None = None, shortest: float = SHORTEST,
+) -> LineEnds:  # fmt: skip
+    """From each start (s, n) to each pose (k, 4, 4), on the start's own leaf, or from it to that of level c (r,).
+
+    native_from: lines side by side from which on native code runs, which takes a second to build; see `Function.batch`.
+    shortest: share of a line below which a step is given up.
+    """
+    lines = _Lines.each_to_each(strategy.task, starts, poses)
+    q, share = _followed(strategy, lines, levels, native_from, 0.125, shortest)
+    return LineEnds(q.reshape(len(starts), len(poses), -1), share.reshape(len(starts), len(poses)))
+
+
+def one_by_one(
+    strategy: HolonomicStrategy, starts: Matrix, poses: Array, native_from: int | None = None,
+    levels: Vector | None = None,
+) -> tuple[Matrix, Flags]:  # fmt: skip
+    """(postures (k, n), which lines led to their poses (k,)): from start i (k, n) to pose i (k, 4, 4) nearby, on its
+    leaf, or to the leaf of level c (r,)."""
+    q, share = _followed(strategy, _Lines(strategy.task, starts, poses), levels, native_from, 1.0, NEAR)
+    return q, share >= 1.0
+
+
+def _followed(
+    strategy: HolonomicStrategy, lines: _Lines, levels: Vector | None, native_from: int | None, first: float,
+    shortest: float,
+) -> tuple[Matrix, Vector]:  # fmt: skip
+    """(postures (k, n) to which lines were gone, the share of each that was gone); steps as shares of the lines."""
+    correct, count = leaf_step(strategy), len(lines.q)
+    from_level = np.reshape(strategy.constraint_value.batch(lines.q), (count, -1))
+    gap = np.zeros_like(from_level)
+    if levels is not None:
+        gap = strategy.constraint.nearest(np.broadcast_to(levels, from_level.shape) - from_level)
+    p, R = lines.at(np.arange(count), np.zeros(count))
+    side = correct.batch(lines.q, p, R, from_level)[3]
+    q, share, width = lines.q.copy(), np.zeros(count), np.full(count, first)
+    live = np.arange(count)
+    for _ in range(ROUNDS):
+        if not len(live):
+            break
+        goal = np.minimum(1.0, share[live] + width[live])
+        p, R = lines.at(live, goal)
+        level = from_level[live] + goal[:, None] * gap[live]
+        at, good = _newton(correct, q[live], p, R, level, side[live], native_from)
+        moved = live[good]
+        q[moved], share[moved] = at[good], goal[good]
+        width[live] = np.where(good, np.minimum(1.0, 2 * width[live]), 0.4 * width[live])
+        live = live[(share[live] < 1.0) & (width[live] > shortest)]
+    return q, share
+
+
+def _newton(
+    step: Function, q: Matrix, p: Matrix, R: Array, level: Matrix, side: Vector, native_from: int | None
+) -> tuple[Matrix, Flags]:
+    """One step's postures and which of them are good: corrections shrink fast, det [J; J_g] keeps its sign."""
+
+    def correct(at: Matrix, i: Indices) -> tuple[Matrix, Flags]:
+        dq, rcond, margin, now = step.batch(at, p[i], R[i], level[i], native_from=native_from)
+        sound = (rcond > TOLERANCES.singular) & (margin > TOLERANCES.representation) & (now == side[i])
+        return dq, sound & (np.abs(dq).max(axis=1) <= FIRST)
+
+    return newton(correct, q, steps=NEWTONS, exact=EXACT, contraction=TOLERANCES.contraction)
+
+
+def along_radial(task: Task, starts: Matrix, poses: Array) -> LineEnds:
+    """From each start to each pose with least joint speed: the leaf of `radial(moore_penrose(task), start)`."""
+    lines = _Lines.each_to_each(task, starts, poses)
+    q, count, h = lines.q.copy(), len(lines.q), 1.0 / RADIAL_STEPS
+    share, live = np.zeros(count), np.arange(count)
+    velocity, angular = lines.rates
+    for i in range(RADIAL_STEPS):
+
+        def rate(at: Matrix, s: float, live: Indices = live) -> Matrix:
+            R = lines.at(live, np.full(len(live), s))[1]
+            dx, _ = task.rates(R, velocity[live], angular[live])
+            return _least_rate(task, at, dx)
+
+        there = runge_kutta(rate, q[live], h, i * h, (i + 0.5) * h, (i + 1) * h)
+        good = np.abs(there - q[live]).max(axis=1) < FAST * h  # NaN is not
+        live = live[good]
+        q[live], share[live] = there[good], (i + 1) * h
+    p, R = lines.at(np.arange(count), np.ones(count))
+    for _ in range(2):  # what the steps' errors have left
+        q[live] += _least_rate(task, q[live], task.error(q[live], p[live], R[live]))
+    exact = np.abs(task.error(q, p, R)).max(axis=1) < 1e-6
+    share = np.where(exact, share, np.minimum(share, 1 - h))
+    return LineEnds(q.reshape(len(starts), len(poses), -1), share.reshape(len(starts), len(poses)))
+
+
+def _least_rate(task: Task, Q: Matrix, dx: Matrix) -> Matrix:
+    """J^+ dx (k, n) at postures (k, n), not finite where J is singular."""
+    J, _ = task.jacobian_batch(Q)
+    gram = J @ J.transpose(0, 2, 1)
+    gram[np.linalg.det(gram) < 1e-300] = np.nan
+    return np.einsum("kij,ki->kj", J, np.linalg.solve(gram, dx[..., None])[..., 0])
+
+
+class _Lines:
+    """Straight lines from the poses at starts (k, n) to poses (k, 4, 4)."""
+
+    def __init__(self, task: Task, starts: Matrix, poses: Array) -> None:
+        self.q = starts
+        p0, R0 = task.poses(np.asarray(starts))
+        p, R = poses[:, :3, 3], poses[:, :3, :3]
+        if leaves_free(task):
+            p, R = completing(task).batch(p0, R0, p, R)
+        self.path = straight(p0, R0, p, R)
+        if not any(task.angular):
+            self.path = replace(self.path, turn=np.zeros_like(self.path.turn))
+
+    @classmethod
+    def each_to_each(cls, task: Task, starts: Matrix, poses: Array) -> _Lines:
+        """From each start (s, n) to each pose (k, 4, 4): s k lines, those of a start together."""
+        return cls(task, np.repeat(starts, len(poses), axis=0), np.tile(poses, (len(starts), 1, 1)))
+
+    @property
+    def rates(self) -> tuple[Matrix, Matrix]:
+        """Velocity and angular velocity (k, 3) over a whole line."""
+        return self.path.move, self.path.turn
+
+    def at(self, which: Indices, share: Vector) -> tuple[Matrix, Array]:
+        """Positions and rotations of some lines at their shares."""
+        return self.path.at(share, which)

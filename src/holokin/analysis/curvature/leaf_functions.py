@@ -6,22 +6,21 @@ be 3.4 million operations for twelve joints, ten seconds to build: so numbers ar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import NotHolonomicError
-from ...base.types import ArrayLike, Matrix, Value, Vector, frozen, positive, whole
+from ...base.errors import ArgumentError, NotHolonomicError
+from ...base.types import ArrayLike, Matrix, Shown, Value, Vector, frozen, positive, whole
 from ...robot import Robot
-from ...strategies import Strategy, check_solved
+from ...strategies import HolonomicStrategy, Strategy, check_solved, radial, self_motion
 from ...symbolic import Function, jacobian, runge_kutta, symbol
-from ...symbolic.null_space import null_space
-from .frobenius import involutivity, involutivity_at
-from .region import around
-from .straight_transport import STEPS, straight_postures, transport
-from .verdict import Verdict
+from ...symbolic.linear import null_space
+from .curvature_of_planes import TRANSPORT_STEPS, curvature, curvature_function, pairs, straight_postures, transport
+from .involutive import involutivity, involutivity_at
+from .verdict import Ball, Verdict, around
 
 AGREE = 1e-6
 """Difference [joint units] of two transports above which there is no leaf function: a hundred times their error."""
@@ -56,8 +55,8 @@ class LeafFunction(Value):
             return np.column_stack([dq, np.reshape(dD, (n, n))])
 
         y = np.column_stack([q, np.eye(n)])
-        for _ in range(STEPS):
-            y = runge_kutta(slope, y, 1.0 / STEPS, v, v, v)
+        for _ in range(TRANSPORT_STEPS):
+            y = runge_kutta(slope, y, 1.0 / TRANSPORT_STEPS, v, v, v)
         return self._Z.T @ y[:, 1:]
 
     def disagreement(self, q: ArrayLike, by: ArrayLike) -> float:
@@ -144,3 +143,273 @@ def leaf_function(
 def _refuse_curved(strategy: Strategy, verdict: Verdict) -> None:
     if not verdict.holonomic:
         raise NotHolonomicError(strategy.name, verdict.witness, curvature=verdict.relative)
+
+
+# --------------------------------------------------------------------------------------------------
+# Theorem III.2 as a call: a holonomic G in, the paper's J_G, N_G, H out, with (7) to (14) checked.
+# [ZR11]
+# --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class GeneralForm(Value):
+    """The paper's general form of a holonomic strategy at q: G = H H^T J^T (J H H^T J^T)^-1, H = [N_G N].
+
+    J (m, n), G (n, m); J_G (r, n) the gradient of its g; N_G (n, m) an orthonormal basis of ker J_G, N (n, r) a basis
+    of ker J.
+    """
+
+    q: Vector
+    J: Matrix
+    G: Matrix
+    J_G: Matrix
+    N_G: Matrix
+    N: Matrix
+
+    @property
+    def H(self) -> Matrix:
+        """H = [N_G N] (n, n)."""
+        return np.hstack([self.N_G, self.N])
+
+    @property
+    def J_A(self) -> Matrix:
+        """(11): the extended Jacobian [J; J_G] (n, n)."""
+        return np.vstack([self.J, self.J_G])  # (11)
+
+    def residuals(self) -> dict[str, float]:
+        """How far (7), (8), (10), (13), (14) are from holding, and how safely (9), (11), (12) and "H" hold.
+
+        The margins are smallest singular values, of J N_G (9), J_A (11) and H, which Theorem III.2 asks to be
+        nonsingular; and for (12), Null(J) and Null(J_G) meet in 0 alone, the sine of the smallest angle between them.
+        """
+        m = len(self.J)
+        W = self.H @ self.H.T
+        seven = W @ self.J.T @ np.linalg.inv(self.J @ W @ self.J.T)  # (7)
+        eight = W @ self.J.T - self.N_G @ (self.J @ self.N_G).T  # (8)
+        kernel = np.linalg.qr(self.N)[0]
+        sines = np.linalg.svd(kernel - self.N_G @ (self.N_G.T @ kernel), compute_uv=False)  # (12)
+        blocks = self.J_A @ self.H  # (13)
+        off = max(np.abs(blocks[:m, m:]).max(initial=0.0), np.abs(blocks[m:, :m]).max(initial=0.0))
+        identity = np.vstack([np.eye(m), np.zeros((len(self.J_G), m))])  # (14): what J_A G is
+        return {
+            "(7)": float(np.abs(seven - self.G).max()),
+            "(8)": float(np.abs(eight).max()),
+            "(9)": float(np.linalg.svd(self.J @ self.N_G, compute_uv=False)[-1]),  # (9)
+            "(10)": float(np.abs(self.J_G @ self.G).max(initial=0.0)),  # (10)
+            "(11)": float(np.linalg.svd(self.J_A, compute_uv=False)[-1]),
+            "(12)": float(sines.min(initial=1.0)),
+            "(13)": float(off),
+            "(14)": float(np.abs(self.J_A @ seven - identity).max()),
+            "H": float(np.linalg.svd(self.H, compute_uv=False)[-1]),
+        }
+
+
+@typed
+def general_form(strategy: Strategy, q: ArrayLike, reference: ArrayLike | None = None) -> GeneralForm:
+    """Theorem III.2, 1 => 2: the general form of a holonomic strategy at q (n,). [ZR11]
+
+    J_G is the gradient of the strategy's constraint, or, if it has none, of the `leaf_function` recovered from G about
+    the reference (q itself by default), whose curvature must vanish near the reference and on the way to it from q.
+    The other direction, 2 => 1, is `null_basis` with `involutivity`.
+
+    Raises:
+        NotHolonomicError: there is no g, with a witness. SingularityError: J or H is singular at q.
+    """
+    task = strategy.task
+    posture = task.robot.checked(q)
+    G, J = strategy(posture), task.jacobian(posture)
+    if isinstance(strategy, HolonomicStrategy):
+        J_G = strategy.rows(posture)
+    else:
+        g = leaf_function(strategy, posture if reference is None else reference)
+        g.check(posture)
+        J_G = g.gradient(posture)
+    N_G = null_space(J_G) if len(J_G) else np.eye(task.n)  # (25): an orthonormal basis of its span, for the g of (24)
+    # Theorem III.2: 1 => 2
+    return GeneralForm(posture, J, G, J_G, N_G, task.null_space(posture))
+
+
+# --------------------------------------------------------------------------------------------------
+# The distance to a repeatable law: how close can a holonomic law be to a given one? (theory 5.4)
+# --------------------------------------------------------------------------------------------------
+
+POINTS = 120
+"""Samples of a circle: the least of a smooth function over it is then right to a thousandth of its variation."""
+
+
+@dataclass(frozen=True)
+class Deviation(Shown):
+    """How far one strategy is from another over some postures, relative to the first.
+
+    rms: sqrt(mean |G' - G|^2 / mean |G|^2); largest: max |G' - G| / |G|; extra_speed: mean |G'|^2 / mean |G|^2 - 1,
+    the share by which squared joint speed grows, over all directions of the tool. Frobenius norms.
+    """
+
+    rms: float
+    largest: float
+    extra_speed: float
+
+    def __str__(self) -> str:
+        return f"{self.rms:.2%} rms, {self.largest:.2%} at most, squared joint speed {self.extra_speed:+.2%}"
+
+
+@typed
+def deviation(given: Strategy, other: Strategy, Q: ArrayLike, *, columns: int | None = None) -> Deviation:
+    """The deviation of `other` from `given` over postures Q (k, n).
+
+    Args:
+        columns: the first task directions only, for instance 3 for positions at constant orientation.
+
+    Raises:
+        ArgumentError: strategies of different tasks' sizes. SingularityError: one is singular at one of Q. ShapeError.
+    """
+    if (given.task.n, given.task.m) != (other.task.n, other.task.m):
+        raise ArgumentError("the task of the other strategy", other.task.name, f"it must be that of {given.name!r}")
+    a, b = given.batch(Q)[:, :, :columns], other.batch(Q)[:, :, :columns]
+    away, size = np.sum((a - b) ** 2, axis=(1, 2)), np.sum(a**2, axis=(1, 2))
+    rms, most = np.sqrt(away.sum() / size.sum()), np.sqrt((away / size).max())
+    return Deviation(float(rms), float(most), float(np.sum(b**2) / size.sum() - 1))
+
+
+@dataclass(frozen=True)
+class RepeatableDistance(Value):
+    """What repeatability costs near a posture. All deviations are relative to the given law, as in `Deviation`.
+
+    bound: every holonomic law g = const whose g is smooth, of one value and regular on the circle is at least so far
+        from the given one at some posture of it. It bounds `largest`, never `rms`: no least rms is known. It is a
+        theorem (theory 5.4); its figure is the least of `points` samples of the circle.
+    first_order: rms deviation of the radial strategy over the ball to first order in the radius, an estimate from the
+        curvature at the samples. To that order no law has less whose slope is the same all along a self-motion; others
+        may: a law with a cut has.
+    radial, ours: the radial strategy and the law asked about. rms and extra_speed over `samples` postures of the ball,
+        largest over these and the circle's: sampled, so the true largest may be greater.
+    circle: postures (k, n) of the circle of the ball's radius about its centre, in the plane of the greatest curvature
+        there, on the radial leaf of the start; with `along` on up to five leaves, and the bound is the greatest of
+        theirs.
+    """
+
+    bound: float
+    first_order: float
+    radial: Deviation
+    ours: Deviation | None
+    samples: int
+    points: int
+    circle: Matrix
+
+    def __str__(self) -> str:
+        lines = [
+            "difference from the joint rates of the given law, |G' - G| / |G|:",
+            f"  any law g = const with a g that is smooth, regular and single-valued on a circle around the start: at "
+            f"least {self.bound:.2%} at one or more postures of the circle (by a theorem; the least of {self.points} "
+            "sampled points)",
+            f"  the radial strategy: {self.radial}",
+            *([] if self.ours is None else [f"  yours: {self.ours}"]),
+            f"rms and speed are those of {self.samples} sampled postures of the ball; 'at most' is the largest value "
+            "at these postures and on the circle",
+        ]
+        return "\n".join(lines)
+
+
+@typed
+def distance_to_repeatable(
+    strategy: Strategy, region: Ball, ours: Strategy | None = None, *, samples: int = 200, seed: int = 0
+) -> RepeatableDistance:
+    """How close a repeatable law can come to a strategy with one redundant joint, and how close some do.
+
+    Bound: on a closed curve in joint space g has a greatest value, and there the law moves the joints along the curve.
+    On a curve of the radial leaf that is the radial strategy's own motion, so |G' - G| >= min |(G_rad - G) e|,
+    e the direction of the curve (theory 5.4). First order: 1/2 |F| R / sqrt(d + 2) in a ball of R^d.
+
+    Args:
+        region: a `ball` of tool positions, orientation kept. ours: another holonomic strategy of the same task.
+        samples: tool positions.
+
+    Raises:
+        ArgumentError: not one redundant joint, or without position rows. SingularityError: inside the region.
+    """
+    task = strategy.task
+    start = task.robot.checked(region.start, "the start of the region")
+    d = sum(row < 3 for row in task.rows)
+    if task.n - task.m != 1 or d < 2 or list(task.rows[:d]) != list(range(d)):
+        facts = (task.n - task.m, d)
+        raise ArgumentError(
+            "the (redundant joints, position rows)", facts, "the bound is for one, and at least two rows"
+        )
+    Q = ball_postures(strategy, Ball(start, region.radius, region.along), samples, seed)
+    near = radial(strategy, start)
+    G = strategy.batch(Q)[:, :, :d]
+    F = curvature_function(strategy).batch(Q)[0].reshape(len(Q), task.n, -1)
+    inner = [k for k, (i, j) in enumerate(pairs(task.m)) if j < d]
+    strength = np.sqrt(2 * np.mean(np.sum(F[:, :, inner] ** 2, axis=(1, 2))) / np.mean(np.sum(G**2, axis=(1, 2))))
+    leaves = _starts(strategy, Ball(start, region.radius, region.along))
+    circles = [_circle(strategy, posture, region.radius, d) for posture in leaves[:: max(1, -(-len(leaves) // 5))]]
+    rim = np.vstack([postures for postures, _ in circles])
+
+    def judged(law: Strategy) -> Deviation:
+        inside, edge = (deviation(strategy, law, postures, columns=d) for postures in (Q, rim))
+        return replace(inside, largest=max(inside.largest, edge.largest))
+
+    return RepeatableDistance(
+        bound=max(_least_on_circle(strategy, near, *one, d) for one in circles),
+        first_order=float(strength * region.radius / 2 / np.sqrt(d + 2)),
+        radial=judged(near),
+        ours=None if ours is None else judged(ours),
+        samples=len(Q),
+        points=POINTS,
+        circle=rim,
+    )
+
+
+@typed
+def ball_postures(strategy: Strategy, region: Ball, samples: int, seed: int = 0) -> Matrix:
+    """Postures (samples, n) whose tool positions fill a ball evenly, reached from its start straight by the strategy.
+
+    With `along`, from postures spread over the self-motion. Raises: SingularityError.
+    """
+    whole("samples", samples)
+    task, rng = strategy.task, np.random.default_rng(whole("seed", seed, 0))
+    d = sum(row < 3 for row in task.rows)
+    starts = _starts(strategy, region)
+    out = np.empty((samples, task.n))
+    for k in range(samples):
+        v = rng.normal(size=d)
+        v *= region.radius * rng.uniform() ** (1 / d) / np.linalg.norm(v)
+        dx = np.concatenate([v, np.zeros(task.m - d)])
+        if region.turn > 0 and task.m > d:
+            w = rng.normal(size=task.m - d)
+            dx[d:] = region.turn * rng.uniform() ** (1 / len(w)) / np.linalg.norm(w) * w
+        out[k] = transport(strategy, starts[rng.integers(len(starts))], dx, steps=8)
+    return out
+
+
+def _starts(strategy: Strategy, region: Ball) -> Matrix:
+    """The postures (k, n) over the centre of a ball: its start, and with `along` the self-motion so far each way."""
+    if not region.along > 0:
+        return np.array([region.start])
+    return self_motion(
+        strategy.task, region.start, length=region.along, step=min(0.02, region.along / 2), limits=False
+    ).q
+
+
+def _circle(strategy: Strategy, start: Vector, radius: float, d: int) -> tuple[Matrix, Matrix]:
+    """(postures (POINTS, n), directions (POINTS, m)) of a circle of the tool about the start, on the radial leaf of it.
+
+    In the plane (u, v) of the greatest curvature, the first singular vectors of n . F_ij.
+    """
+    task = strategy.task
+    F = np.einsum("a,aij->ij", null_space(task.jacobian(start))[:, 0], curvature(strategy, start))[:d, :d]
+    u, v = np.pad(np.linalg.svd(F)[0][:, :2].T, ((0, 0), (0, task.m - d)))
+    angles = 2 * np.pi * np.arange(POINTS) / POINTS
+    out = np.outer(np.cos(angles), u) + np.outer(np.sin(angles), v)
+    along = np.outer(np.cos(angles), v) - np.outer(np.sin(angles), u)
+    return np.array([transport(strategy, start, radius * x, steps=8) for x in out]), along
+
+
+def _least_on_circle(strategy: Strategy, near: Strategy, Q: Matrix, along: Matrix, d: int) -> float:
+    """min over a closed curve of a leaf of |(G_rad - G) e| / |G|; 0 where it changes sign on the way."""
+    G, N = strategy.batch(Q), null_space(strategy.task.jacobian_batch(Q)[0])[:, :, 0]
+    apart = np.einsum("kai,ki->ka", near.batch(Q) - G, along) / np.linalg.norm(G[:, :, :d], axis=(1, 2))[:, None]
+    for k in range(1, len(N)):
+        N[k] *= np.sign(N[k] @ N[k - 1])
+    signed = np.sum(apart * N, axis=1)
+    return float(max(0.0, signed.min(), -signed.max()))

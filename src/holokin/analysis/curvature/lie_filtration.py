@@ -13,8 +13,7 @@ from ...base.errors import ArgumentError, RoundOffError, SingularityError
 from ...base.types import Array, ArrayLike, Matrix, NoTruthValue, Vector, kept
 from ...strategies import Strategy
 from ...symbolic import SX, Function, horzcat, lie_bracket
-from .curvature_search import HIDDEN
-from .roundoff import COPIES, is_shown, noise, nudged, spread
+from .involutive import COPIES, HIDDEN_ROUNDOFF, is_shown, noise, nudged, spread
 
 BESIDE = 1e-3
 """Distance [joint units] of the postures beside q: far enough that a bracket that vanishes at q alone, as the
@@ -111,7 +110,7 @@ def filtration(strategy: Strategy, q: ArrayLike, *, most: int = 4) -> Filtration
     else:
         if dimensions[-1] < task.n:
             raise ArgumentError("most", most, f"the filtration still grows: {dimensions}; allow more")
-    if dimensions[-1] < task.n and growths[0].hidden > HIDDEN:
+    if dimensions[-1] < task.n and growths[0].hidden > HIDDEN_ROUNDOFF:
         raise RoundOffError(strategy.name, posture, growths[0].hidden)
     return Filtration(tuple(dimensions), task.m, task.n)
 

@@ -1,17 +1,14 @@
 """Which law: the best leaf of a workspace, advice for a robot and its work.
 
-Uses `workspace_coverage` and `motion_analysis`. Read first: `designed_law.py`, `compare_laws.py`.
+Uses `analysis/coverage` and `analysis/curvature`. Read first: `designed_law.py`, `advice_case.py`.
 """
 
-from .advice import Advice, Law, Part
+from .advice_case import advise
 from .closest_strategy import ClosestHolonomic, closest_holonomic
-from .compare_laws import advise
-from .designed_law import Design, design
-from .law_metrics import SectionMetrics
-from .nearby_cusps import DegreeTried, NearbyCusps
-from .objectives import Objective
-from .own_cost import OwnCost
-from .serving_levels import LevelRange, level_range
+from .designed_law import Design, SectionMetrics, design
+from .nearby_cusps import DegreeTried, LevelRange, NearbyCusps, level_range
+from .objectives import Objective, OwnCost
+from .trials import Advice, Law, Part
 
 __all__ = [
     "Advice",

@@ -3,27 +3,420 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError
-from ...base.types import Array, ArrayLike, Matrix, NoTruthValue, Value, Vector, not_negative, whole
+from ...base.errors import ArgumentError, OutOfReachError, PathError
+from ...base.tolerances import TOLERANCES
+from ...base.types import Array, ArrayLike, Flags, Matrix, NoTruthValue, Value, Vector, not_negative, whole
+from ...motion.checks.check_report import counted
+from ...motion.checks.motion_checks import Clearances
+from ...motion.ik import inverse
+from ...motion.ik.solutions import InverseStatus
 from ...path.workspaces import Workspace
 from ...proof.kept_apart import CLEARANCE, clearances_of
 from ...robot import LinkShape, Robot, check_metres, start_posture
-from ...strategies import HolonomicStrategy
-from ...strategies.constraints import Constraint
+from ...strategies import HolonomicStrategy, holonomic
+from ...strategies.constraints import Constraint, linear, tilted
+from ...strategies.radial_strategy import least_motion
+from ...strategies.right_inverses import monomials_up_to
 from ...strategies.tasks.task import Task, of_one_tool
-from ..coverage.coordinates import Polynomial, chart_of, coordinates_of
-from .design_problem import Problem, based, hard_limits
-from .law_metrics import SectionMetrics, reached
-from .lower_bound import Floor
+from ...symbolic import wrapped
+from ...symbolic.linear import null_space
+from ..coverage.pose_postures import (
+    STARTS,
+    Coordinates,
+    Polynomial,
+    PosePostures,
+    chart_of,
+    coordinates_of,
+    postures_at_poses,
+)
 from .nearby_cusps import MORE_SPEED, DegreeTried, NearbyCusps, cusps_near, said_of_degrees
-from .objectives import Cost, Objective, as_objective, costs_of, joint_weights, length_of
-from .own_cost import OwnCost
+from .objectives import POWER, Cost, Costs, Objective, OwnCost, as_objective, costs_of, joint_weights, length_of
+from .section import Limits, Sampled, Search, SectionSamples, TiltedLeaves
+
+# --------------------------------------------------------------------------------------------------
+# `SectionMetrics`: what a law with leaves does over a workspace, by the costs that designs are
+# judged by.
+# --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class SectionMetrics(Value):
+    """What a law does over a workspace, on one leaf.
+
+    poses: how many tool poses were asked for; reached: how many of them the leaf reaches; within_limits: how many of
+    these with all joints within their limits. The rest is of those reached: squared_speed, mean |G|_F^2 [rad^2/m^2];
+    worst_speed, the greatest share of a joint's speed limit at 1 m/s of the tool [s/m], NaN where a joint has none;
+    joint_limits, the greatest |q - middle| over half a joint's range, 1 at the limit, and worst_joint, whose it is;
+    rcond, the least of [J; J_g]; travel, the mean squared distance of the joints between two poses [rad^2]; own, the
+    mean of each cost of your own; clearance, the least distance of two shapes [m], infinite where none was looked at,
+    and closest, the names of these two. See `Objective`.
+    """
+
+    poses: int
+    reached: int
+    within_limits: int
+    squared_speed: float
+    worst_speed: float
+    joint_limits: float
+    worst_joint: str
+    rcond: float
+    travel: float
+    own: dict[str, float] = field(default_factory=dict)
+    clearance: float = np.inf
+    closest: tuple[str, str] | None = None
+
+    def __str__(self) -> str:
+        own = "".join(f"; {name} {value:.5g}" for name, value in self.own.items())
+        if self.closest is not None:
+            own += f"; the least distance is {self.clearance:.3g} m, between {' and '.join(self.closest)}"
+        known = f"; at a tool speed of 1 m/s the fastest joint has {self.worst_speed:.3g} times its speed limit"
+        fastest = known if np.isfinite(self.worst_speed) else ""
+        return (
+            f"the leaf reaches {self.reached} of {self.poses} poses, {self.within_limits} within the joint limits\n"
+            f"  the mean squared joint speed is {self.squared_speed:.5g} rad^2/m^2{fastest}\n"
+            f"  nearest to a limit: {self.worst_joint}, at {self.joint_limits:.0%} of the way from the middle of its "
+            "range to a limit\n"
+            f"  from one pose to another the joints differ by {np.sqrt(self.travel):.3g} rad (rms); rcond is at least "
+            f"{self.rcond:.2g}{own}"
+        )
+
+
+def reached(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matrix, Array]:
+    """The postures (k, n) of those of the poses (S, 4, 4) that the leaf through a posture reaches, and these poses.
+
+    Raises:
+        OutOfReachError: none is.
+    """
+    found = inverse(strategy, q0, limits=False).batch(poses)
+    if not found.reached.any():
+        causes = ", ".join(sorted({InverseStatus(s).name.lower().replace("_", " ") for s in found.status}))
+        fact = f"none of {len(poses)} poses of the workspace is reached by the leaf of {strategy.name!r} ({causes})"
+        raise OutOfReachError(fact, "move or shrink the workspace, or give another start or base constraint")
+    return found.q[found.reached], poses[found.reached]
+
+
+def measured(
+    strategy: HolonomicStrategy, coordinates: Coordinates, costs: Costs, Q: Matrix, poses: int, apart: Clearances | None
+) -> SectionMetrics:
+    """The metrics of a law at postures (k, n) that it reaches, of so many poses. apart: the shapes to look at."""
+    robot = strategy.task.robot
+    at = TiltedLeaves(strategy, coordinates).through(Q, np.zeros((len(Q), strategy.constraint.rows, coordinates.d)))
+    off = np.abs(Q - costs.middle) / costs.half
+    k, joint = np.unravel_index(int(np.argmax(off)), off.shape)
+    near = np.full((1, 1), np.inf) if apart is None else counted(apart.distances(Q), apart.limits, apart.wanted)
+    closest = int(near.min(axis=0).argmin())
+    used = np.sqrt(np.sum((at.G * costs.columns) ** 2, axis=2)) * costs.speeds
+    return SectionMetrics(
+        poses=poses,
+        reached=len(Q),
+        within_limits=int(np.sum((np.clip(Q, robot.lower, robot.upper) == Q).all(axis=1))),
+        squared_speed=costs.squared_speed(Q, at.G, at.rcond).value,
+        worst_speed=float(used.max()) if (costs.speeds > 0).all() else np.nan,
+        joint_limits=float(off[k, joint]),
+        worst_joint=robot.joint_names[joint],
+        rcond=float(strategy.gain.batch(Q)[1].min()),
+        travel=costs.travel(Q, at.G, at.rcond).value,
+        own={cost.name: float(np.mean(cost.values(Q))) for cost in costs.own},
+        clearance=float(near.min()),
+        closest=None if apart is None or not np.isfinite(near).any() else apart.names[closest],
+    )
+
+
+# --------------------------------------------------------------------------------------------------
+# The least cost at each tool pose, over all postures that a search finds there and over all slopes.
+#
+# A section has at the pose x some posture and some right inverse; at best the cheapest of both. No
+# integrability is asked, so the mean of these least costs is a lower bound of every law with these
+# postures, repeatable or not. They are looked for from many starts (`pose_postures`), so that those
+# of all branches are among them.
+# --------------------------------------------------------------------------------------------------
+
+LAWSON = 12
+"""Changes of the joints' weights that balance their greatest speeds: every one gives a lower bound, the last ones agree
+to a per cent."""
+
+
+@dataclass(frozen=True, eq=False)
+class LeastCosts(Value):
+    """The least costs (S,) at each tool pose over postures found there, those between them included.
+
+    allowed: |q - middle| over half the range (n,) up to which postures count, full turns of hinges taken off; inf for
+        all. Costs are inf where no posture found is within.
+    """
+
+    postures: PosePostures
+    coordinates: Coordinates
+    costs: Costs
+    allowed: Vector
+
+    @property
+    def traced(self) -> bool:
+        """True where whole self-motions were walked."""
+        return self.postures.traced
+
+    @cached_property
+    def squared_speed(self) -> Vector:
+        """The least |G|^2, as in `Costs`."""
+
+        def cost(q: Matrix) -> Vector:
+            G = least_slopes(self._J(q), self.coordinates.P, self.costs.joints)
+            return np.sum(G**2 * self.costs.joints[:, None] * self.costs.columns**2, axis=(1, 2))
+
+        return self._least(cost)
+
+    @cached_property
+    def worst_speed(self) -> Vector:
+        """The least greatest share of a joint's speed limit."""
+        return self._least(lambda q: _least_worst(self._J(q), self.coordinates.P, self.costs))
+
+    @cached_property
+    def joint_limits(self) -> Vector:
+        """The least distance of the farthest joint from its middle, over half its range."""
+        return self._least(lambda q: self._off(q).max(axis=1))
+
+    def own(self, cost: OwnCost) -> float:
+        """The mean of the least of a cost of the user's own."""
+        return float(np.mean(self._least(cost.values)))
+
+    @cached_property
+    def beyond(self) -> Vector:
+        """How far a posture is beyond the allowed limits at least, 0 where one is within."""
+        if np.isinf(self.allowed).all():
+            return np.zeros(len(self.postures.p))
+        return np.maximum(self.postures.least(self._over, self._over), 0.0)
+
+    def _least(self, cost: Cost) -> Vector:
+        """The least of a cost over the postures that count."""
+
+        def counted(q: Matrix) -> Vector:
+            found, known = np.full(len(q), np.inf), self._over(q) <= TOLERANCES.limit
+            found[known] = cost(q[known])
+            return np.where(np.isfinite(found), found, np.inf)
+
+        return self.postures.least(counted, self._over)
+
+    def _J(self, q: Matrix) -> Array:
+        return self.coordinates.chart.jacobian_batch(q)[0]
+
+    def _off(self, q: Matrix) -> Matrix:
+        gap, turning = q - self.costs.middle, self.coordinates.chart.robot.hinges & np.isfinite(self.costs.half)
+        return np.abs(np.where(turning, wrapped(gap), gap)) / self.costs.half
+
+    def _over(self, q: Matrix) -> Vector:
+        return (self._off(q) - self.allowed).max(axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Floor(Value):
+    """What no law at tool poses p (S, 3), R (S, 3, 3) can have less of, as far as postures are found there.
+
+    Q: a law's postures (S, n). weights: of the costs, by name. allowed: as in `LeastCosts`.
+    """
+
+    coordinates: Coordinates
+    costs: Costs
+    weights: dict[str, float]
+    allowed: Vector
+    Q: Matrix
+    p: Matrix
+    R: Array
+
+    @cached_property
+    def here(self) -> LeastCosts:
+        """The least costs over the self-motions of the law's postures."""
+        return self._over(0)
+
+    @cached_property
+    def anywhere(self) -> LeastCosts:
+        """The least costs over all postures found."""
+        return self._over(STARTS)
+
+    def _over(self, starts: int) -> LeastCosts:
+        found = postures_at_poses(self.coordinates.chart, self.Q, self.p, self.R, starts=starts)
+        return LeastCosts(found, self.coordinates, self.costs, self.allowed)
+
+    def of(self, least: LeastCosts) -> float:
+        """The weighted costs of these least ones: no law has less, since each of the costs is at its least there.
+
+        Where the law's own self-motions leave the allowed limits, limits do not count.
+        """
+        if self.here.beyond.any():
+            least = replace(least, allowed=np.full_like(self.allowed, np.inf))
+        known = {
+            "squared_speed": lambda: float(np.mean(least.squared_speed)),
+            "worst_speed": lambda: float(np.mean(least.worst_speed**POWER) ** (1 / POWER)),
+            "joint_limits": lambda: float(np.mean(least.joint_limits**POWER) ** (1 / POWER)),
+            "rcond": lambda: 1.0,
+            "travel": lambda: 0.0,
+            "clearance": lambda: 0.0,
+        }
+        known |= {cost.name: partial(least.own, cost) for cost in self.costs.own}
+        return sum(w * known[name]() for name, w in self.weights.items())
+
+
+def least_costs(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: Array, allowed: Vector) -> LeastCosts:
+    """The least costs over all postures found at tool poses p (S, 3), R (S, 3, 3), those of Q (S, n) among them."""
+    return Floor(coordinates, costs, {}, allowed, Q, p, R).anywhere
+
+
+def least_slopes(J: Array, P: Matrix, weights: Array) -> Array:
+    """G P (S, n, d) of the right inverse with the least weighted squared joint speed: W^-1 J^T (J W^-1 J^T)^-1 P.
+
+    weights: (n,), or one for each sample (S, n).
+    """
+    return least_motion(J, np.broadcast_to(P, (len(J), *P.shape)), weights)
+
+
+def _least_worst(J: Array, P: Matrix, costs: Costs) -> Vector:
+    """Lower bounds (S,) of max_i |G_i| / max_velocity_i over all right inverses: max >= the mean with any weights."""
+    known = costs.speeds > 0
+    share, best = np.full((len(J), len(known)), 1.0 / known.sum()) * known, np.zeros(len(J))
+    for _ in range(LAWSON):
+        weights = share * costs.speeds**2 + 1e-12  # joints without a speed limit are free
+        G = least_slopes(J, P, weights)
+        used = np.sum((G * costs.columns) ** 2, axis=2) * costs.speeds**2
+        total = np.sum(share * used, axis=1)
+        best = np.fmax(best, total)
+        share = share * np.sqrt(used) / np.sum(share * np.sqrt(used), axis=1, keepdims=True)
+    return np.sqrt(best)
+
+
+# --------------------------------------------------------------------------------------------------
+# The problem that `design` solves: a base law, a workspace, an objective and hard limits; and a law
+# of it, checked.
+# --------------------------------------------------------------------------------------------------
+
+LEEWAY = 0.02
+"""Share of half a joint's range, beyond the least violation, that a search may use where the limits cannot be kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem(Value):
+    """A base law with the posture (n,) in the middle of a workspace; sections over it, and their limits.
+
+    poses, others: tool poses (k, 4, 4) at which sections are made, and at which they are checked.
+    """
+
+    law: HolonomicStrategy
+    center: Vector
+    workspace: Workspace
+    coordinates: Coordinates
+    costs: Costs
+    goal: Objective
+    hard: Limits
+    degree: int
+    poses: Array
+    others: Array
+
+    @property
+    def first(self) -> Matrix:
+        """Coefficients (r, 1) of the base law itself."""
+        return self.law.g(self.center)[:, None]
+
+    def posed(
+        self, Q: Matrix, there: Array, coefficients: Matrix, weights: dict[str, float] | None = None
+    ) -> tuple[Search, Floor]:
+        """The search at poses (S, 4, 4), from postures (S, n) of a section of coefficients (r, t), and its floor."""
+        c = self.coordinates
+        p, R = np.ascontiguousarray(there[:, :3, 3]), np.ascontiguousarray(there[:, :3, :3])
+        leaves = TiltedLeaves(self.law, c)
+        section = SectionSamples(leaves, monomials_up_to(c.d, self.degree), p, R, c.at(Q))
+        near = section.through(Q, coefficients)
+        weights = weights or self._weights(near)
+        floor = Floor(c, self.costs, weights, self.hard.allowed, Q, p, R)
+        over = floor.here.beyond
+        allowed = self.hard.allowed + np.where(over > 0, over + LEEWAY, 0.0)[:, None]
+        return Search(section, self.costs, weights, replace(self.hard, allowed=allowed), near), floor
+
+    def checked(self, coefficients: Matrix, best: Sampled) -> Checked:
+        """The law of coefficients (r, t) at the other poses, reached on its leaf from the middle of the workspace."""
+        zeta = Polynomial(self.coordinates, coefficients)
+        constraint = tilted(self.law.constraint, zeta, chart=self.coordinates.chart)
+        strategy = holonomic(self.law.task, constraint, name="designed")
+        middle = inverse(strategy, best.Q[0], limits=False)(self.workspace.center)
+        arrived, _ = reached(strategy, middle, self.others)
+        over, rconds, nearer = self.over(arrived), strategy.gain.batch(arrived)[1], self.hard.nearer(arrived)
+        fits = (over <= 0).all(axis=1) & (rconds >= self.hard.rcond) & (nearer <= 0).all(axis=1)
+        share = self.hard.rcond / float(rconds.min())
+        return Checked(strategy, zeta, middle, arrived, fits, over.max(axis=0), share, nearer.max(axis=0))
+
+    def broken(self, at: Sampled) -> int:
+        """At how many samples of a section a hard limit is broken."""
+        beyond = (self.over(at.Q) > 0).any(axis=1) | (at.rcond < self.hard.rcond)
+        return int(np.sum(beyond | (self.hard.nearer(at.Q) > 0).any(axis=1)))
+
+    def over(self, Q: Matrix) -> Matrix:
+        """By how much joints at postures (k, n) are beyond the hard limits (k, n)."""
+        return np.abs(Q - self.costs.middle) / self.costs.half - self.hard.allowed
+
+    def measured(self, strategy: HolonomicStrategy, Q: Matrix, poses: int) -> SectionMetrics:
+        """The metrics of a law at postures (k, n) that it reaches, of so many poses."""
+        return measured(strategy, self.coordinates, self.costs, Q, poses, self.hard.apart)
+
+    def _weights(self, at: Sampled) -> dict[str, float]:
+        """The weights of the costs, each divided by what it is at a section, where there are several."""
+        weights = self.goal.weights
+        if len(weights) == 1:
+            return dict.fromkeys(weights, 1.0)
+        found = {name: self.costs.known[name](at.Q, at.G, at.rcond).value for name in weights}
+        if "clearance" in found:  # a share already, and 0 where all is far
+            found["clearance"] = 1.0
+        for name, value in found.items():
+            if not value > 0:
+                cure = "beside other costs it must be above 0: add a constant to it, or make it the only one"
+                raise ArgumentError(f"the cost {name!r} before the design", value, cure)
+        return {name: w / found[name] for name, w in weights.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Checked(Value):
+    """A law of a search, its posture in the middle, and its postures (k, n) at other poses: which keep the limits (k,),
+    by how much joints are beyond them at most (n,), by what share rcond falls short, and by how much pairs of shapes
+    are too near at most (P,).
+    """
+
+    strategy: HolonomicStrategy
+    zeta: Polynomial
+    middle: Vector
+    arrived: Matrix
+    fits: Flags
+    over: Vector
+    short: float
+    nearer: Vector
+
+
+def based(
+    task: Task, base: Constraint | None, q0: Vector, middle: Matrix, units: Vector
+) -> tuple[HolonomicStrategy, Vector]:
+    """The base law, and its posture at the middle of the workspace. Raises: OutOfReachError."""
+    law = holonomic(task, base) if base is not None else _along_self_motion(task, q0, units)
+    try:
+        center = inverse(law, q0, limits=False)(middle)
+    except PathError as problem:
+        fact = (
+            f"the base law {law.name!r} does not lead from the start to the middle of the workspace: {problem.args[0]}"
+        )
+        raise OutOfReachError(fact, "give a start there, another base, or another workspace") from None
+    return (law, center) if base is not None else (_along_self_motion(task, center, units), center)
+
+
+def _along_self_motion(task: Task, q: Vector, units: Vector) -> HolonomicStrategy:
+    """Z^T D q = const, D = diag(units), Z (n, r) the self-motions at a posture in coordinates D q."""
+    Z = null_space(task.jacobian(q) / units)
+    return holonomic(task, linear(Z.T * units, name="the combination of joints along the self-motion"))
+
+
+def _hard_limits(costs: Costs, margin: float | None, rcond: float, apart: Clearances | None) -> Limits:
+    """The hard limits of a search; no joint limits without a margin."""
+    allowed = np.full(len(costs.half), np.inf) if margin is None else 1 - margin / costs.half
+    return Limits(np.where(np.isfinite(costs.half), allowed, np.inf), rcond, apart)
+
 
 HIGHEST = 4
 """Degree of a polynomial at most: in three coordinates it has 35 terms then, in six 210."""
@@ -235,7 +628,7 @@ def design(
     goal = replace(goal, length=length_of(goal, coordinates.turns, coordinates.spread))
     near = clearances_of(robot, *shapes, goal.enough_clearance, *pairs) if goal.clearance else None
     costs = costs_of(robot, goal, coordinates.turns, coordinates.spread, near)
-    hard = hard_limits(costs, margin if limits else None, rcond, apart)
+    hard = _hard_limits(costs, margin if limits else None, rcond, apart)
     problem = Problem(law, center, workspace, coordinates, costs, goal, hard, degree, poses, others)
     best = _solved(problem, Q, there)
     return _away_from_cusps(problem, best, Q, there) if avoid_cusps else best

@@ -2,22 +2,270 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
+from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, number_or_none
 from ...motion.checks.check_report import keeps
-from ...motion.checks.keeping_clear import Clearances
-from ...strategies import HolonomicStrategy
+from ...motion.checks.motion_checks import Clearances
+from ...path.workspaces import Box, PoseRange, Workspace
+from ...strategies import HolonomicStrategy, moore_penrose, radial
+from ...strategies.radial_strategy import SelfMotions
 from ...strategies.tasks.task import Task
-from ..coverage.candidates import Candidate
-from ..coverage.coordinates import Coordinates
-from ..coverage.line_ends import LineEnds, along_leaf, along_radial
-from .advice import PROVABLE, REGULAR, ROOM
-from .lower_bound import least_slopes
+from ..coverage.cover_workspace import Coverage
+from ..coverage.pose_postures import Chain, Coordinates, LineEnds, along_leaf, along_radial, best_of, line_through
+from ..coverage.starts import Candidate, kinds_that_fit
+from .designed_law import least_slopes
+from .nearby_cusps import LevelRange, NearbyCusps
 from .objectives import Costs
+
+# --------------------------------------------------------------------------------------------------
+# `Advice`: laws for a robot and a workspace, the best first, and what speaks for the best.
+# --------------------------------------------------------------------------------------------------
+
+EQUAL = 0.02
+"""Difference of coverage up to which two laws cover alike: five of 256 poses, which other poses would decide
+otherwise."""
+
+EASY = 0.05
+"""Difference of the share that is served away from limits and singular postures up to which it counts as alike."""
+
+ROOM = 0.02
+"""Share of a joint's range to its limit from which on a posture keeps away from limits: 6 degrees of 300."""
+
+REGULAR = 0.01
+"""rcond from which on a posture keeps away from singular ones: joints are then at most a hundred times as fast."""
+
+PROVABLE = 0.01
+"""Clearance [m] beyond that asked for from which on a posture keeps well clear: what `certify` proves of a Panda was a
+centimetre less than the least at many poses."""
+
+CLOSE = 0.03
+"""Excess of mean squared joint speed over the least possible that is called close: 1.5 % of speed."""
+
+
+class Ranked(Protocol):
+    """What laws are ranked by."""
+
+    @property
+    def coverage(self) -> float:
+        """Share of the poses that are served."""
+        ...
+
+    @property
+    def clear(self) -> float:
+        """Share of the poses that are served with a clearance that can be proven; 1 where none is asked for."""
+        ...
+
+    @property
+    def easy(self) -> float:
+        """Share of the poses that are served away from limits and singular postures."""
+        ...
+
+    @property
+    def squared_speed(self) -> float:
+        """Mean squared joint speed."""
+        ...
+
+
+Entry = TypeVar("Entry", bound=Ranked)
+
+
+def ranked(entries: Iterable[Entry]) -> list[Entry]:
+    """The best first: by coverage; of those that cover alike, by the share that is served well clear of what stands
+    round; of those alike in this, too, by the share that is served away from limits and singular postures; of those
+    alike in all this by joint speed.
+    """
+    found: list[Entry] = []
+    for group in _alike(entries, lambda one: one.coverage, EQUAL):
+        for clear in _alike(group, _clear, EQUAL):
+            for part in _alike(clear, lambda one: one.easy, EASY):
+                found += sorted(part, key=lambda one: one.squared_speed)
+    return found
+
+
+def alike(one: Ranked, other: Ranked) -> bool:
+    """Whether two cover alike, and serve alike shares well clear, and away from limits and singular postures."""
+    same = abs(one.coverage - other.coverage) <= EQUAL and abs(_clear(one) - _clear(other)) <= EQUAL
+    return same and abs(one.easy - other.easy) <= EASY
+
+
+def _clear(one: Ranked) -> float:
+    """The share that is well clear, and more where it is all: what is not clear somewhere cannot be proven."""
+    return one.clear if one.clear < 1 else 1 + 2 * EQUAL
+
+
+def _alike(entries: Iterable[Entry], share: Callable[[Entry], float], apart: float) -> Iterator[list[Entry]]:
+    """Groups of entries whose shares are nearly those of the best in them, the best first."""
+    left = list(entries)
+    while left:
+        least = max(map(share, left)) - apart
+        yield [one for one in left if share(one) >= least]
+        left = [one for one in left if share(one) < least]
+
+
+@dataclass(frozen=True, eq=False)
+class Law(Value):
+    """A law on one leaf, and what it does in the workspace.
+
+    same: names of laws that are this one there: their G is the same at every pose. keys: what a job file says of it.
+    q0: the posture that its leaf goes through (n,). coverage: share of the poses that it reaches within the joint
+    limits, `served` (k,); easy: of these, those away from limits and singular postures. margin: the least distance to
+    a limit over the joint's range, of `joint`; inf without limits. rcond: the least of [J; J_g]; NaN where it was not
+    looked at. squared_speed: mean squared joint speed [rad^2/m^2]; speed: that over the least of the postures found
+    there. clearance: the least distance of two shapes [m] at the poses that it reaches within the joint limits; inf
+    where nothing was asked of it. clear: share of the poses that are served with 0.01 m more of it than was asked for.
+    """
+
+    name: str
+    same: tuple[str, ...]
+    keys: Mapping[str, Any]
+    strategy: HolonomicStrategy
+    q0: Vector
+    coverage: float
+    served: Flags
+    easy: float
+    margin: float
+    joint: str
+    rcond: float
+    squared_speed: float
+    speed: float
+    clearance: float = np.inf
+    clear: float = 1.0
+
+    @property
+    def sentence(self) -> str:
+        """What it does, in words."""
+        said = f"it reaches {self.coverage:.1%} of the workspace within the joint limits"
+        if not self.served.any():
+            return said
+        if np.isfinite(self.margin):
+            said += f", the joint nearest to a limit is {self.joint}, at a distance of {self.margin:.1%} of its range"
+        if np.isfinite(self.rcond):
+            said += f", rcond is {self.rcond:.2g} at least"
+        if np.isfinite(self.clearance):
+            said += f", shapes come to {self.clearance:.3f} m of each other"
+        return f"{said}, and its mean squared joint speed is {self.speed - 1:.1%} above the least found there"
+
+
+@dataclass(frozen=True, eq=False)
+class Part(Value):
+    """The largest part of a workspace, round its centre, that one law serves: `share` of its sizes."""
+
+    law: Law
+    share: float
+    workspace: PoseRange
+
+
+@dataclass(frozen=True, eq=False)
+class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
+    """Laws that fit a robot, compared on a workspace, the best first.
+
+    chain: the robot, its base and its tip. proposed: which of tip, task, start and workspace were not given but chosen.
+    floor: the least mean squared joint speed of the postures found at the poses, where the best one serves
+    [rad^2/m^2]. coverage: of the best. reasons: sentences on the best. cusps: those found on its leaf, and how near to
+    the workspace they are. part: the largest part of the workspace that a law
+    serves, where none serves the whole. levels: those of the best law that serve the workspace, where they were asked
+    for and it has one row. asked: what shapes are to keep clear of, as arguments of `certify`; empty where nothing is.
+    """
+
+    chain: Chain
+    task: Task
+    workspace: Workspace
+    proposed: tuple[str, ...]
+    laws: tuple[Law, ...]
+    floor: float
+    coverage: Coverage
+    reasons: tuple[str, ...]
+    cusps: NearbyCusps
+    part: Part | None
+    seconds: float
+    levels: LevelRange | None = None
+    asked: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def best(self) -> Law:
+        """The law to take."""
+        return self.laws[0]
+
+    @property
+    def q0(self) -> Vector:
+        """The posture (n,) to begin at with the best law."""
+        return self.best.q0
+
+    def __str__(self) -> str:
+        return "\n".join([self.subject, *self.reasons, *filter(None, [self.certify_by])])
+
+    @property
+    def certify_by(self) -> str:
+        """The call that proves what was looked at here pose by pose, with this as `advice`; empty for `radial`, and
+        where no pose is served.
+        """
+        if self.best.strategy.constraint.looped is not None or not self.best.served.any():
+            return ""
+        more, space = ", **advice.asked" if self.asked else "", self.workspace
+        if not isinstance(space, PoseRange) or not isinstance(space.solid, Box):
+            return f"Certify it by: hk.unique_region(advice.best.strategy, advice.q0{more})"
+        if not self.best.served.all():
+            call = f"hk.unique_region(advice.best.strategy, advice.q0, advice.workspace{more})"
+            return f"Certify what it serves by: {call}"
+        return f"Certify it by: hk.certify(advice.best.strategy, advice.workspace, advice.q0{more})"
+
+    @property
+    def subject(self) -> str:
+        """What was asked about: the robot and its tip, the task, the workspace."""
+        return f"{self.chain}. Task: {self.work}. Workspace: {self.workspace}."
+
+    @property
+    def work(self) -> str:
+        """The task in words, with the axis about which the tool may spin."""
+        axis = getattr(self.task, "axis", None)
+        if self.task.orientation != "axis" or axis is None:
+            return self.task.name
+        names = {(1.0, 0.0, 0.0): "x", (0.0, 1.0, 0.0): "y", (0.0, 0.0, 1.0): "z"}
+        which = names.get(tuple(np.asarray(axis).tolist()))
+        said = f"its {which} axis" if which else f"the axis [{', '.join(f'{v:.4g}' for v in axis)}] of its frame"
+        return f"{self.task.name}, the tool free to spin about {said}"
+
+    @property
+    def offers(self) -> str:
+        """Which tasks there are for this robot, in words; empty where the task is the whole pose, or was given."""
+        kinds = kinds_that_fit(self.task.robot)
+        if "task" not in self.proposed or "pose" in kinds or not kinds:
+            return ""
+        said = {
+            "axis": "'axis' holds the tool's point and the direction of its z axis, as for a torch",
+            "position": "'position' holds the tool's point",
+        }
+        few = f"{self.task.n} joints leave none free for a whole pose ('pose')"
+        return f"{few}; of the other tasks {', '.join(said[kind] for kind in kinds)}"
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready facts."""
+        return {
+            "robot": self.task.robot.name, "base": self.chain.base, "tip": self.chain.tip,
+            "other_tips": list(self.chain.others), "task": self.task.name, "workspace": str(self.workspace),
+            "cusp_distance": number_or_none(self.cusps.away),
+            "levels": None if self.levels is None else [list(ends) for ends in self.levels.intervals],
+            "floor": number_or_none(self.floor),
+            "proposed": list(self.proposed), "reasons": list(self.reasons),
+            "laws": [
+                {
+                    "name": law.name, "same": list(law.same), "coverage": law.coverage, "joint": law.joint,
+                    "margin": number_or_none(law.margin),
+                    "rcond": number_or_none(law.rcond),
+                    "squared_speed": number_or_none(law.squared_speed),
+                    "speed": number_or_none(law.speed), "start": law.q0.tolist(),
+                    "clearance": number_or_none(law.clearance), "clear": law.clear,
+                }
+                for law in self.laws
+            ],
+        }  # fmt: skip
+
 
 DIFFERENCE = 1e-4
 """Half of the step of a central difference by the tool pose [m or rad]: its error is 1e-8, that of round-off, too."""
@@ -190,3 +438,287 @@ def _radial_speeds(task: Task, starts: Matrix, poses: Poses) -> Matrix:
             ends.append(along_radial(task, starts, moved).q)
         total += np.sum(poses.weights * ((ends[0] - ends[1]) / (2 * DIFFERENCE)) ** 2, axis=2)
     return total
+
+
+# --------------------------------------------------------------------------------------------------
+# What keeps the best law's joint speed above the least: joint limits, or that the least lies
+# elsewhere.
+# --------------------------------------------------------------------------------------------------
+
+NEAR = 1.0
+"""Way along a self-motion [joint units] that is called near: valleys of a Panda's joint speed are 3 apart."""
+
+STEP, FINER = 0.1, 10
+"""Step of the walks that look for the least nearby; round the best posture they are shorter by this."""
+
+LINES = 8
+"""Lines searched one after another for each redundant joint, where there are several."""
+
+PARTLY = 0.5
+"""Share of the workspace that a law serves at least which is named beside the best."""
+
+Beyond = tuple[tuple[str, str, int], ...]
+"""(joint, "lower" or "upper", poses at which it is beyond that limit), most first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Free(Value):
+    """The best law designed again without joint limits: its mean squared speed over the least, and what is beyond its
+    limits then.
+    """
+
+    speed: float
+    beyond: Beyond
+    poses: int
+
+
+@dataclass(frozen=True, eq=False)
+class Rival(Value):
+    """A law that comes closer to the least than the best one, where it serves, but serves less: `ends` poses at which
+    its leaf ends.
+    """
+
+    name: str
+    speed: float
+    coverage: float
+    beyond: Beyond
+    ends: int
+
+
+@dataclass(frozen=True, eq=False)
+class Excess(Value):
+    """What is known of the reasons. near: the least mean squared speed of postures within the joint limits, near those
+    of the law, over the least anywhere; from whole walks (traced), or with several redundant joints from a search.
+    """
+
+    near: float
+    traced: bool
+    free: Free | None
+    rival: Rival | None
+
+
+def beyond_limits(trial: Trial, which: Flags) -> Beyond:
+    """The limits that a law is beyond at some of its poses (k,)."""
+    robot, found = trial.candidate.task.robot, []
+    for side, over in (("lower", trial.q < robot.lower), ("upper", trial.q > robot.upper)):
+        counts = over[which].sum(axis=0)
+        found += [(robot.joint_names[j], side, int(counts[j])) for j in np.flatnonzero(counts)]
+    return tuple(sorted(found, key=lambda entry: -entry[2]))
+
+
+def rival_of(best: Trial, trials: Sequence[Trial], floor: Vector, within: Flags) -> Rival | None:
+    """The law that comes closest to the least where it serves, of those that serve less but more than `PARTLY`.
+
+    Args:
+        floor: the least squared speed (k,), NaN where it is not known. within: poses (k,) that any posture within the
+            limits reaches.
+    """
+    found: tuple[float, Trial] | None = None
+    nearest = ratio(best, floor) - CLOSE / 2
+    for trial in trials:
+        less = trial.coverage < best.coverage - EQUAL or trial.easy < best.easy - EASY
+        if less and trial.coverage > PARTLY and ratio(trial, floor) < nearest:
+            found = (nearest := ratio(trial, floor)), trial
+    if found is None:
+        return None
+    trial = found[1]
+    lost = within & ~trial.served
+    ends = int((lost & ~trial.reached).sum())
+    return Rival(trial.candidate.name, found[0], trial.coverage, beyond_limits(trial, lost & trial.reached), ends)
+
+
+def ratio(trial: Trial, floor: Vector, *, limits: bool = True) -> float:
+    """The mean squared speed of a law over the least, where it serves, or, limits aside, where it gets."""
+    known = (trial.served if limits else trial.reached) & np.isfinite(trial.speed) & np.isfinite(floor)
+    return float(trial.speed[known].mean() / floor[known].mean()) if known.any() else np.nan
+
+
+def least_near(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: Array) -> Vector:
+    """The least squared joint speed (S,) of postures within the joint limits and near those given (S, n), over all
+    slopes, at tool poses p (S, 3), R (S, 3, 3).
+    """
+    task, rng = coordinates.chart, np.random.default_rng(0)
+    r = task.n - task.m
+
+    def over(at: Matrix) -> Vector:
+        return (np.abs(at - costs.middle) - costs.half).max(axis=1)
+
+    def least(at: Matrix) -> Vector:
+        G = least_slopes(task.jacobian_batch(at)[0], coordinates.P, costs.joints)
+        found = np.sum(G**2 * costs.joints[:, None] * costs.columns**2, axis=(1, 2))
+        return np.where((over(at) > 0) | ~np.isfinite(found), np.inf, found)
+
+    motions, every, best, values = SelfMotions(task, p, R), np.arange(len(Q)), Q.copy(), least(Q)
+
+    def look(step: float, count: int) -> None:
+        line = line_through(motions, best, rng.normal(size=Q.shape), every, step, count)
+        at, found, _ = best_of(line, least, over)
+        better = found < values
+        values[better], best[better] = found[better], at[better]
+
+    for k in range(1 if r == 1 else LINES * r):
+        look(STEP if k < LINES else STEP / FINER, round(NEAR / STEP))
+    if r == 1:
+        look(STEP / FINER, FINER)
+    return values
+
+
+# --------------------------------------------------------------------------------------------------
+# Laws of different names that are one: the same joint rates at every pose of a workspace.
+# --------------------------------------------------------------------------------------------------
+
+SPEEDS = 1e-5
+"""Relative difference of squared joint speeds up to which two laws are looked at closely: those of `radial` come from
+differences, which are right to 1e-8."""
+
+ALIKE = 1e-6
+"""Largest difference of the joint rates of two laws that are one, over the largest rate: round-off, and no rule."""
+
+
+def strategy_of(trial: Trial) -> HolonomicStrategy:
+    """The law of a trial: its own, or `radial` of the pseudo-inverse round where it begins."""
+    return trial.candidate.strategy or radial(moore_penrose(trial.candidate.task), trial.q0)
+
+
+def distinct(trials: Sequence[Trial]) -> list[Trial]:
+    """The trials without those whose law is that of an earlier one, whose names that one gets as `same`.
+
+    Two laws are one if they serve the same poses of the workspace, and their G are equal up to round-off at each.
+    """
+    found: list[Trial] = []
+    gains: dict[str, Array] = {}
+    for trial in trials:
+        place = next((k for k, one in enumerate(found) if _one_law(one, trial, gains)), None)
+        if place is None:
+            found.append(trial)
+        else:
+            first = found[place]
+            found[place] = replace(first, same=(*first.same, trial.candidate.name))
+    return found
+
+
+def _one_law(one: Trial, other: Trial, gains: dict[str, Array]) -> bool:
+    """Whether two trials are of one law."""
+    if not one.served.any() or not np.array_equal(one.served, other.served):
+        return False
+    if not np.allclose(one.speed[one.served], other.speed[one.served], rtol=SPEEDS, atol=0.0):
+        return False
+    A, B = _gains(one, gains), _gains(other, gains)
+    return bool(np.abs(A - B).max() <= ALIKE * np.abs(A).max())
+
+
+def _gains(trial: Trial, gains: dict[str, Array]) -> Array:
+    """G (k, n, m) at the postures of a trial's leaf, kept by its name."""
+    name = trial.candidate.name
+    if name not in gains:
+        gains[name] = np.asarray(strategy_of(trial).gain.batch(trial.q[trial.served])[0])
+    return gains[name]
+
+
+# --------------------------------------------------------------------------------------------------
+# Why a law is the best, and what keeps it from being better: sentences of an advice.
+# --------------------------------------------------------------------------------------------------
+
+MOST = 3
+"""Limits that are named in one sentence."""
+
+
+def reasons(laws: Sequence[Law], found: Coverage, part: Part | None, excess: Excess | None) -> tuple[str, ...]:
+    """The sentences: what the best does and the next does not, why poses are not served, what its speed is due to."""
+    best = laws[0]
+    if not best.served.any():
+        causes = "; ".join(f"{cause}: {count}" for cause, count in found.causes())
+        return (f"No law that was tried serves any of the {len(found)} poses. With {best.name!r}, {causes}.",)
+    said = [f"Take {best.name!r}: {best.sentence}."]
+    if len(laws) > 1:
+        said.append(_next(best, laws[1]))
+    if not best.served.all():
+        said.append(_not_served(found, part, best))
+    said += _speed(best, excess)
+    return tuple(said)
+
+
+def _next(best: Law, other: Law) -> str:
+    """What speaks against the law after the best."""
+    if best.coverage > other.coverage + EQUAL:
+        return f"Next comes {other.name!r}, which reaches {other.coverage:.1%}."
+    if best.clear > other.clear + EQUAL or best.clear == 1 > other.clear:
+        rest = 1 - other.clear / other.coverage
+        return f"Next comes {other.name!r}, which covers as much, but keeps well clear at {rest:.1%} less of it."
+    if best.easy > other.easy + EASY:
+        share = 1 - other.easy / other.coverage
+        where = f"{share:.1%} of it near limits or singular postures"
+        return f"Next comes {other.name!r}, which covers as much, but {where}."
+    more = other.squared_speed / best.squared_speed - 1
+    needs = f"it needs {more:.1%} more squared joint speed"
+    return f"Next comes {other.name!r}: its coverage and margins are as good, but {needs}."
+
+
+def _not_served(found: Coverage, part: Part | None, best: Law) -> str:
+    """Why the rest is not served, and what is."""
+    rest = [f"{cause}: {count}" for cause, count in found.causes() if cause != "reached"]
+    said = f"Of {len(found)} poses {best.name!r} does not serve {int((~best.served).sum())} ({'; '.join(rest)})."
+    if part is None:
+        return f"{said} No box round the centre was found that a law serves from end to end."
+    whose = "it serves" if part.law.name == best.name else f"{part.law.name!r} serves"
+    sizes = f"its sizes {part.share:.0%} of those of the workspace"
+    return f"{said} The largest part round the centre that {whose} is {part.workspace}, {sizes}."
+
+
+def _speed(best: Law, excess: Excess | None) -> list[str]:
+    """What keeps its joint speed above the least."""
+    if not np.isfinite(best.speed):
+        return ["Its joint speed was not compared."]
+    if excess is None:
+        least = f"at least {1 / best.speed:.1%} of the mean squared joint speed of {best.name!r}"
+        return [f"Lower bound: even a law that took the best of the postures found at each pose would have {least}."]
+    said = [_limits(best, excess.free)]
+    if excess.free is not None and excess.free.speed <= 1 + CLOSE:
+        return said
+    if excess.near > 1 + CLOSE:
+        said.append(f"The least lies at other postures of the same tool poses: {_near(excess)}.")
+    if excess.rival is not None:
+        said.append(_rival(excess.rival))
+    elif excess.near > 1 + CLOSE:
+        said.append("Of the laws that were tried none comes closer, also of those that serve less.")
+    if best.speed > excess.near + CLOSE:
+        clear = "keeping clear and " if np.isfinite(best.clearance) else ""
+        said.append(f"The rest is what {clear}one smooth law for all poses needs, as far as those tried tell.")
+    return said
+
+
+def _near(excess: Excess) -> str:
+    """How close to the least a law near the postures of the best may come."""
+    which = f"this one's postures ({NEAR:g} rad of self-motion)"
+    least = f"to the least than {excess.near - 1:.1%}"
+    if excess.traced:
+        return f"no law within the joint limits that stays near {which} comes closer {least}"
+    return f"a search within the joint limits near {which} came no closer {least}"
+
+
+def _limits(best: Law, free: Free | None) -> str:
+    """What the joint limits near its postures cost."""
+    if free is None:
+        return "Joint limits near its postures are not the reason: it keeps away from them."
+    above, beyond = f"{free.speed - 1:.1%} above the least", _beyond(free.beyond, f" of {free.poses}")
+    if free.speed <= 1 + CLOSE:
+        return f"Joint limits keep it from the least: the same law designed without limits is {above}, but {beyond}."
+    if free.speed < best.speed - CLOSE / 2 and free.beyond:
+        return f"Joint limits are part of the reason: the same law designed without limits is {above}, but {beyond}."
+    return f"Joint limits near its postures are not the reason: the same law designed without limits is {above}."
+
+
+def _rival(rival: Rival) -> str:
+    """What keeps a law that is closer to the least from being the best."""
+    why = [_beyond(rival.beyond)] if rival.beyond else []
+    why += [f"its leaf ends before {rival.ends} poses"] if rival.ends else []
+    return (
+        f"Closer to the least comes {rival.name!r}, {rival.speed - 1:.1%} above it where it serves; but it serves only "
+        f"{rival.coverage:.1%}: {' and '.join(why) or 'it comes too near to limits or singular postures'}."
+    )
+
+
+def _beyond(beyond: Beyond, of: str = "") -> str:
+    """Which limits are exceeded, and at how many poses; the three that are most often."""
+    said = [f"{joint} is beyond its {side} limit at {count}" for joint, side, count in beyond[:MOST]]
+    return f"{', '.join(said)}{of} poses" if said else "within its limits all the same"

@@ -15,16 +15,23 @@ from ...motion.checks import Clear
 from ...strategies import holonomic
 from ...strategies.constraints import linear
 from ...strategies.tasks.task import Task
-from ..coverage.candidates import Candidate
-from ..coverage.line_ends import along_leaf
-from ..coverage.starts import postures_at
-from .fitted_levels import LevelTable, level_table
-from .leaf_estimates import ROUGH, STARTS, cost_of, fitting_laws, lines_served, side_by_side
-from .pose_features import spread_out
-from .searched_poses import SearchedPoses
+from ..coverage.pose_postures import along_leaf
+from ..coverage.starts import Candidate, postures_at
 from .set_cover import ROUND, not_within_another
-from .sheet import Sheet, known
-from .sheet_growth import grown, one_function
+from .sheet import Sheet, known, spread_out
+from .sheet_growth import (
+    ROUGH,
+    STARTS,
+    LevelTable,
+    SearchedPoses,
+    cost_of,
+    fitting_laws,
+    grown,
+    level_table,
+    lines_served,
+    one_function,
+    side_by_side,
+)
 
 BEST = 2
 """Of the postures at one pose through which leaves of a law are tried on few poses, those that are tried on all."""

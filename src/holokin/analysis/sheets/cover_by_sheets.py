@@ -18,14 +18,10 @@ from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.starts import check_that_joints_move
 from .candidate_sheets import CandidateSheets, fitting_laws
-from .pose_features import neighbours, spread_out, turn_length
-from .pose_rest import PoseRest, rests_of
-from .searched_poses import SearchedPoses
-from .set_cover import Cover, fewest
-from .sheet import known
-from .sheet_labels import continued, labelled, same_postures
-from .sheet_map import Sheets
-from .surroundings import CLEARANCE, Surroundings, surroundings
+from .set_cover import Cover, continued, fewest, labelled, same_postures
+from .sheet import known, neighbours, spread_out, turn_length
+from .sheet_growth import SearchedPoses
+from .sheet_map import CLEARANCE, PoseRest, Sheets, Surroundings, rests_of, surroundings
 
 SHARE = 0.995
 """Share that is to be served of the poses that the arm reaches: the rest lies next to limits and the edge of reach."""

@@ -11,17 +11,13 @@ import numpy as np
 from ...base.errors import ArgumentError
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector, finite, whole
 from ...motion.checks import Clear
-from ...motion.ik.inverse_function import AGREE
+from ...motion.ik.inverse_function import AGREE, answers
 from ...motion.ik.plan import check_start
-from ...motion.ik.quiet_answers import answers
 from ...path import Path
 from ...strategies.tasks.task import Task
-from .joined_motion import Stage, joined
-from .seams import Seam, allowed
+from .seams import Division, Seam, SheetMotion, SheetPiece, SheetSequence, UnservedPart, allowed, fewest_changes
 from .sheet import Sheet, known
-from .sheet_motion import Division, SheetMotion, SheetPiece, UnservedPart
-from .sheet_sequence import SheetSequence, fewest_changes
-from .still_motion import Hindrance, StillMotion, still_motions, straight_seconds
+from .still_motion import Hindrance, Stage, StillMotion, joined, still_motions, straight_seconds
 
 NEAR = 1e-9
 """Share of a path's duration within which two instants are one."""

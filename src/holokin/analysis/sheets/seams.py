@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, NoSeamError
+from ...base.errors import ArgumentError, DividedPathError, NoSeamError
 from ...base.poses import PoseLike, given_pose, pose_numbers, tool_poses
-from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value
+from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector
 from ...motion.checks import Clear
 from ...motion.trajectory import Trajectory
+from ...path import Path
 from ...path.workspaces import Workspace
 from ...strategies.tasks.task import Task
-from .joined_motion import still_trajectory
 from .sheet import Sheet, known
-from .still_motion import Hindrance, StillMotion, still_motions, straight_seconds
+from .still_motion import Hindrance, StillMotion, still_motions, still_trajectory, straight_seconds
 
 FIRST, MOST = 8, 256
 """Poses that are tried at first for a pair of sheets, twice as many each time; and at most, those with the nearest
@@ -207,3 +207,217 @@ def _fastest(
                 best, at = motion, i
         done, size = done + size, 2 * size
     return at, best, tuple(met.most_common())
+
+
+# --------------------------------------------------------------------------------------------------
+# `SheetMotion`: joints along a path over several sheets, with the changes between them.
+# --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class SheetPiece(Value):
+    """A part of a path on one sheet: from `start` to `stop`, as shares of the path's duration; its joints alone."""
+
+    sheet: int
+    start: float
+    stop: float
+    trajectory: Trajectory
+
+    def __str__(self) -> str:
+        return f"{_percent(self.start)} to {_percent(self.stop)} of the path: sheet {self.sheet}"
+
+
+@dataclass(frozen=True, eq=False)
+class Division(Value):
+    """Where on a path, as a share of its duration, the arm must leave the tool's pose to go on, and why."""
+
+    at: float
+    first: int
+    second: int
+    pose: Matrix
+    reason: str
+
+    def __str__(self) -> str:
+        return (
+            f"divided at {_percent(self.at)} of the path, from sheet {self.first} to sheet {self.second}: {self.reason}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class UnservedPart(Value):
+    """A part of a path that no sheet serves, from `start` to `stop` as shares of its duration, a pose of it, why."""
+
+    start: float
+    stop: float
+    pose: Matrix
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{_percent(self.start)} to {_percent(self.stop)} of the path are left out: {self.reason}"
+
+
+@dataclass(frozen=True, eq=False)
+class SheetMotion(NoTruthValue, Value, ask="`.complete`"):
+    """Joints along a path over several sheets; `s.follow(path)` makes one.
+
+    Of all choices of sheets along the path, at its samples, this one has the fewest divisions, of these the fewest
+    changes, of these the least seconds of joint motion.
+
+    pieces: each on one sheet. seams: the changes between them, with the tool at rest. divisions: where the arm must
+    leave the pose. left_out: what no sheet serves. parts: motions without a division, seams included.
+    """
+
+    path: Path
+    pieces: tuple[SheetPiece, ...]
+    seams: tuple[Seam, ...]
+    divisions: tuple[Division, ...]
+    left_out: tuple[UnservedPart, ...]
+    parts: tuple[Trajectory, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether the whole path is served without a division."""
+        return not self.divisions and not self.left_out
+
+    @property
+    def changes(self) -> int:
+        """How often the sheet changes with the tool at rest."""
+        return len(self.seams)
+
+    @property
+    def cuts(self) -> int:
+        """How often the motion is interrupted: by a division, or by what is left out between two pieces."""
+        return max(0, len(self.parts) - 1)
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion along the whole path, seams included, for `hk.check`, `hk.retime` and robot programs.
+
+        It has the path's own times, longer where a joint would exceed its speed limit; the tool rests at seams.
+
+        Raises:
+            DividedPathError: the path is divided, or not served as a whole.
+        """
+        if self.complete:
+            return self.parts[0]
+        why = str((*self.left_out, *self.divisions)[0])
+        cure = "take `.parts`, the motions without a division, or change the path, the sheets or the stops"
+        first = self.parts[0] if self.parts else None
+        raise DividedPathError(f"the path is not followed as a whole: {why}", cure, first)
+
+    @property
+    def sentence(self) -> str:
+        """How it came out, in words."""
+        used = len({one.sheet for one in self.pieces})
+        parts = [_count(used, "sheet"), _count(self.changes, "change"), _count(len(self.divisions), "division")]
+        lost = sum(one.stop - one.start for one in self.left_out)
+        said = f"{parts[0]}, {parts[1]}, {parts[2]}; {_percent(1 - lost)} of the path served"
+        return f"{said}; at these samples no choice among the sheets has fewer divisions, or as few and fewer changes"
+
+    def __str__(self) -> str:
+        rows = [(one.start, f"  {one}") for one in (*self.pieces, *self.left_out)]
+        rows += [(one.at, f"  {one}") for one in self.divisions]
+        lines = [text for _, text in sorted(rows, key=lambda row: row[0])]
+        return "\n".join([self.sentence, *lines, *(f"  change: {one}" for one in self.seams)])
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"
+
+
+def _count(many: int, word: str) -> str:
+    return f"{many} {word}{'' if many == 1 else 's'}"
+
+
+# --------------------------------------------------------------------------------------------------
+# Which sheet to take on each part of a path: with the fewest divisions, then changes, then the
+# least joint motion.
+# --------------------------------------------------------------------------------------------------
+
+Cost = tuple[int, int, float]
+"""Divisions, changes, seconds: compared in this order."""
+
+SWITCH = 1e-6
+"""Seconds that going over to another sheet of the same posture counts, so that rounding does not decide: where parts of
+one leaf overlap, both have the same motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class SheetSequence(Value):
+    """A sheet for each step of a path (k - 1,), -1 where none serves.
+
+    divisions: places at which the arm must leave the tool's pose to go on. changes: places at which it changes its
+    sheet with the tool still. seconds: of the joints' motion, at their speed limits.
+    """
+
+    sheets: Indices
+    divisions: int
+    changes: int
+    seconds: float
+
+    @property
+    def turnings(self) -> list[tuple[int, int, int]]:
+        """(sample, sheet before, sheet after) of each change and division between two steps that are served."""
+        s = self.sheets
+        at = np.flatnonzero((s[:-1] != s[1:]) & (s[:-1] >= 0) & (s[1:] >= 0)) + 1
+        return [(int(i), int(s[i - 1]), int(s[i])) for i in at]
+
+
+def fewest_changes(steps: Vector, served: Flags, change: Array, first: int | None = None) -> SheetSequence:
+    """The best choice of sheets along a path, by dynamic programming over its samples.
+
+    Of all choices that take a sheet on every step that one serves: the fewest divisions, of these the fewest changes,
+    of these the least seconds.
+
+    Args:
+        steps: seconds of the joints on each sheet and step (S, k - 1).
+        served: which sheet serves which step (S, k - 1).
+        change: seconds of a change from a sheet to another at each sample (k, S, S); infinite where there is none, 0
+            where both have one posture: then it is no change, and counts a microsecond.
+        first: the sheet on which the arm stands at the first sample; None for any.
+    """
+    k = served.shape[1]
+    chosen = np.full(k, -1)
+    some = served.any(axis=0)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], some, [False]]).astype(int)))
+    runs = edges.reshape(-1, 2).tolist()
+    divisions, changes, seconds = max(0, len(runs) - 1), 0, 0.0
+    for begin, end in runs:
+        stands = first if begin == 0 else None
+        labels, cost = _run(steps[:, begin:end], served[:, begin:end], change[begin:end], stands)
+        chosen[begin:end] = labels
+        divisions, changes, seconds = divisions + cost[0], changes + cost[1], seconds + cost[2]
+    return SheetSequence(chosen, divisions, changes, seconds)
+
+
+def _run(steps: Array, served: Flags, change: Array, first: int | None) -> tuple[Indices, Cost]:
+    """The best choice for steps (S, k) each of which some sheet serves, and its cost."""
+    S, k = served.shape
+    before: list[Cost | None] = [(0, 0, 0.0) if first in (None, s) else None for s in range(S)]
+    come = np.full((k, S), -1)
+    for i in range(k):
+        after: list[Cost | None] = [None] * S
+        for s in np.flatnonzero(served[:, i]).tolist():
+            ways = [
+                (_plus(cost, i, t, s, change, first), t)
+                for t, cost in enumerate(before) if cost is not None
+            ]  # fmt: skip
+            best, t = min(ways)
+            after[s], come[i, s] = (best[0], best[1], best[2] + float(steps[s, i])), t
+        before = after
+    cost, s = min((cost, s) for s, cost in enumerate(before) if cost is not None)
+    labels = np.empty(k, dtype=int)
+    for i in range(k - 1, -1, -1):
+        labels[i] = s
+        s = int(come[i, s])
+    return labels, cost
+
+
+def _plus(cost: Cost, i: int, t: int, s: int, change: Array, first: int | None) -> Cost:
+    """The cost of going on from sheet t to sheet s at sample i."""
+    if t == s or (i == 0 and first is None):
+        return cost
+    seconds = float(change[i, t, s])
+    if seconds == 0:
+        return cost[0], cost[1], cost[2] + SWITCH
+    return (cost[0], cost[1] + 1, cost[2] + seconds) if np.isfinite(seconds) else (cost[0] + 1, cost[1], cost[2])

@@ -2,30 +2,137 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import hashlib
+import json
+import math
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, BranchError, NoSheetError
+from ...base.errors import ArgumentError, BranchError, HolokinError, NoSheetError, SheetsFileError, brief
+from ...base.files import replacing
 from ...base.poses import PoseLike, given_pose, pose_from, pose_numbers, tool_poses
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, finite
-from ...motion.checks import Clear
-from ...motion.ik.quiet_answers import leads_to
+from ...motion.checks import Clear, clear_postures
+from ...motion.ik.inverse_function import leads_to
 from ...path import Path
-from ...path.workspaces import PoseRange, Workspace
+from ...path.workspaces import Box, Cylinder, PoseCloud, PoseRange, Solid, Sphere, Workspace, pose_cloud, workspace
 from ...proof import UniqueRegion, unique_region
+from ...proof.checker_file import need, numbers, parsed
+from ...proof.kept_apart import CLEARANCE
+from ...robot import LinkShape, Robot
+from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task
+from ..coverage.starts import postures_at, reached
 from .follow_sheets import Stops, follow_sheets
-from .pose_features import PosePoints, seen_features
-from .pose_rest import PoseRest, rests_of
-from .seams import Seams, Where, seams_of
-from .sheet import Sheet, known
-from .sheet_motion import SheetMotion
-from .surroundings import Surroundings
+from .seams import Seams, SheetMotion, Where, seams_of
+from .sheet import PosePoints, Sheet, known, seen_features
+
+# --------------------------------------------------------------------------------------------------
+# `PoseRest`: what becomes of the poses of a workspace, and why some are not served.
+# --------------------------------------------------------------------------------------------------
+
+BLOCKED_LOOKS = 200
+"""Poses for which clear postures are searched for at most, to tell why they are not served."""
+
+
+class PoseRest(NoTruthValue, IntEnum, ask="`is PoseRest.SERVED`"):
+    """What becomes of a pose of the workspace; `text` says it in words."""
+
+    SERVED = 0
+    NOT_COVERED = 1
+    BLOCKED = 2
+    LIMITS = 3
+    OUT_OF_REACH = 4
+
+    @property
+    def text(self) -> str:
+        """The cause in words."""
+        return _TEXTS[self]
+
+
+_TEXTS = {
+    PoseRest.SERVED: "served by a sheet",
+    PoseRest.NOT_COVERED: "the arm reaches it, but with the joints of no sheet",
+    PoseRest.BLOCKED: "every posture found is too near to an obstacle, the floor or another link",
+    PoseRest.LIMITS: "every posture found is beyond the joint limits",
+    PoseRest.OUT_OF_REACH: "out of reach: no posture was found",
+}
+
+
+def rests_of(task: Task, T: Array, clear: Clear | None) -> Indices:
+    """A `PoseRest` for each pose (k,), NOT_COVERED where a posture reaches it."""
+    Q, reach = reached(task, T, None)
+    rest = np.full(len(T), int(PoseRest.NOT_COVERED))
+    rest[~reach.within] = PoseRest.LIMITS
+    rest[~reach.anyhow] = PoseRest.OUT_OF_REACH
+    if clear is not None and reach.within.any():
+        blocked = np.flatnonzero(reach.within)
+        rest[blocked[~clear(Q[blocked])]] = PoseRest.BLOCKED
+        for i in np.flatnonzero(rest == PoseRest.BLOCKED)[:BLOCKED_LOOKS]:
+            found = postures_at(task, T[i])
+            if len(found) and clear(found).any():
+                rest[i] = PoseRest.NOT_COVERED
+    return rest
+
+
+# --------------------------------------------------------------------------------------------------
+# `Surroundings`: what a robot is to keep clear of.
+# --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings(Value):
+    """Obstacles and a floor, and by how much [m] the robot keeps clear of them and of itself, as of `check`."""
+
+    obstacles: tuple[LinkShape, ...] = ()
+    floor: float | None = None
+    clearance: float = CLEARANCE
+    self_collision: bool = True
+    ignore: tuple[tuple[str, str], ...] = ()
+    shapes_of: Robot | None = None
+
+    def clear(self, robot: Robot) -> Clear:
+        """Which of some postures (k, n) of the robot keep clear. Raises: UnknownNameError, ArgumentError."""
+        return clear_postures(
+            self.shapes_of or robot, obstacles=self.obstacles, floor=self.floor, clearance=self.clearance,
+            self_collision=self.self_collision, ignore=self.ignore,
+        )  # fmt: skip
+
+    @property
+    def digest(self) -> str:
+        """A short text that differs where what is to be kept clear of differs: SHA-256 of all numbers and names."""
+        shapes = [
+            [one.link, one.joint, one.placement.tolist(), repr(one.shape), *_size(one)]
+            for one in (*self.obstacles, *(() if self.shapes_of is None else self.shapes_of.shapes))
+        ]  # fmt: skip
+        rest = [self.floor, self.clearance, self.self_collision, sorted(map(list, self.ignore))]
+        return hashlib.sha256(json.dumps([shapes, rest]).encode()).hexdigest()[:16]
+
+
+def _size(one: LinkShape) -> list[float]:
+    """The ball that holds a shape; nothing of one that could not be read, and may touch what it likes."""
+    return [] if one.shape.fault else np.hstack(one.shape.ball).tolist()
+
+
+def surroundings(
+    clear_of: Sequence[LinkShape] | None, floor: float | None, clearance: float, self_collision: bool,
+    ignore: Sequence[tuple[str, str]], shapes_of: Robot | None,
+) -> Surroundings | None:  # fmt: skip
+    """Those that are named; None where nothing is to be looked at. Raises: ArgumentError: a floor alone."""
+    if clear_of is None:
+        if floor is not None:
+            raise ArgumentError("floor", floor, "give clear_of, too: [] for the floor and the links alone")
+        return None
+    return Surroundings(tuple(clear_of), floor, clearance, self_collision, tuple(ignore), shapes_of)
+
 
 ON_LEAF = 1e-6
 """Difference from the level of a sheet [units of g] below which a posture lies on its leaf."""
@@ -325,3 +432,202 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         """The sampled poses that have a sheet, and their indices."""
         points = PosePoints(self.poses[self.served], self.length, seen_features(self.task))
         return points, np.flatnonzero(self.served)
+
+
+# --------------------------------------------------------------------------------------------------
+# A map of sheets as a file: arrays of numbers, and a text that says what they are of. Nothing in it
+# is code.
+# --------------------------------------------------------------------------------------------------
+
+FORMAT = 2
+"""Changed when files of before cannot be read any more."""
+
+MOST_BYTES = 1 << 28
+"""Size of a file's arrays, unpacked, from which on they are not read: 400,000 poses of ten sheets of seven joints."""
+
+ARRAYS = {
+    "about": ("u", ("bytes",)), "q0": ("f", ("sheets", "joints")), "poses": ("f", ("poses", 4, 4)),
+    "q": ("f", ("sheets", "poses", "joints")), "labels": ("i", ("poses",)), "rest": ("i", ("poses",)),
+    "pairs": ("i", ("pairs", 2)), "cuts": ("i", ("cuts", 2)), "cloud": ("f", ("cloud", 4, 4)),
+}  # fmt: skip
+"""The arrays of a file: whole numbers without and with a sign, or others, and the shape; equal names, equal lengths."""
+
+CHANGED = "it is of another model of the robot, or was changed: make the map again"
+"""The cure where a file is read, and says what cannot be."""
+
+OFF = 1e-6
+"""By how much [m, rad, units of g] the postures of a file may be off their poses and leaves."""
+
+SOLIDS: dict[str, tuple[type[Solid], tuple[str, ...]]] = {
+    "box": (Box, ("center", "sides")), "cylinder": (Cylinder, ("center", "radius", "height")),
+    "sphere": (Sphere, ("center", "radius")),
+}  # fmt: skip
+
+Build = Callable[[Mapping[str, Any], Task, Vector, str], HolonomicStrategy]
+"""The strategy of the keys of a job, and of its name."""
+
+
+@typed
+def write_sheets(found: Sheets, path: str | FilePath) -> None:
+    """Write a map of sheets, complete or not at all.
+
+    Raises:
+        ArgumentError: strategies that were given as values, which no file can hold. WriteError.
+    """
+    for sheet in found.sheets:
+        if not sheet.keys and found.task.n > found.task.m:
+            cure = "a file holds strategies that hk.sheets chose itself, or pickle the map: pickle.dump(sheets, file)"
+            raise ArgumentError("the strategy of a sheet", sheet.name, cure)
+    about = {
+        "format": FORMAT, "robot": found.task.robot.name, "joints": found.task.robot.joint_names,
+        "task": found.task.name,
+        "leaves": [{"name": one.name, "keys": dict(one.keys), "rcond": one.rcond} for one in found.sheets],
+        "workspace": _workspace_keys(found.workspace), "length": found.length, "stopped": found.stopped,
+        "least": found.least, "least_cuts": found.least_cuts, "candidates": found.candidates,
+        "around": None if found.around is None else found.around.digest,
+    }  # fmt: skip
+    q0 = np.array([one.q0 for one in found.sheets]).reshape(-1, found.task.n)
+    with replacing(path) as part, part.open("wb") as stream:
+        np.savez_compressed(
+            stream, about=np.frombuffer(json.dumps(about).encode(), dtype=np.uint8), q0=q0, poses=found.poses,
+            q=found.q, labels=found.labels, rest=found.rest, pairs=found.pairs, cuts=found.cuts, cloud=_cloud(found),
+        )  # fmt: skip
+
+
+def sheets_of_file(path: str | FilePath, task: Task, around: Surroundings | None, build: Build) -> Sheets:
+    """The map of a file, for the task that it was made for.
+
+    Raises:
+        SheetsFileError: it cannot be read, or is of another robot, task or surroundings.
+    """
+    file = FilePath(path)
+    try:
+        arrays = _arrays(file)
+        about = parsed(arrays.pop("about").tobytes().decode())
+        if not isinstance(about, dict) or about.get("format") != FORMAT:
+            raise SheetsFileError(file, "it is of another version", "write it again with this one")
+        _check_about(about)
+    except SheetsFileError:
+        raise
+    except Exception as problem:  # noqa: BLE001  ZIP, its packers, NumPy and JSON have errors of their own
+        fact = f"it cannot be read: {brief(problem) or type(problem).__name__}"
+        raise SheetsFileError(file, fact, "give a file that a map of sheets saved") from None
+    wanted = (task.robot.name, list(task.robot.joint_names), task.name)
+    given = (about["robot"], about["joints"], about["task"])
+    if given != wanted:
+        raise SheetsFileError(file, f"it is of {given}", f"give that robot and task, not {wanted}")
+    if about["around"] != (None if around is None else around.digest):
+        cure = "give clear_of, floor, clearance, self_collision and ignore as they were given to hk.sheets"
+        raise SheetsFileError(file, "it is of other surroundings", cure)
+    try:
+        sheets = tuple(
+            _sheet(build(one["keys"], task, q0, one["name"]), q0, one, q, arrays["poses"])
+            for one, q0, q in zip(about["leaves"], arrays["q0"], arrays["q"], strict=True)
+        )
+        cloud = arrays["cloud"] if len(arrays["cloud"]) else arrays["poses"]
+        found = Sheets(
+            task, _workspace_of(about["workspace"], cloud), sheets, tool_poses("of the map", arrays["poses"]),
+            arrays["q"], arrays["labels"], arrays["rest"], arrays["pairs"], arrays["cuts"], about["least_cuts"],
+            about["least"], about["candidates"], float(about["length"]), around, about["stopped"],
+        )  # fmt: skip
+        bad = _fault(found)
+    except (HolokinError, LookupError, TypeError, ValueError) as problem:
+        raise SheetsFileError(file, brief(problem), CHANGED) from None
+    if bad:
+        raise SheetsFileError(file, bad, CHANGED)
+    return found
+
+
+def _sheet(strategy: HolonomicStrategy, q0: Vector, about: Mapping[str, Any], q: Matrix, poses: Array) -> Sheet:
+    """A sheet whose stations are its postures q (k, n) at the poses (k, 4, 4), NaN where it has none."""
+    there = known(q)
+    return Sheet(strategy, q0, float(about["rcond"]), about["keys"], q[there], poses[there])
+
+
+def _arrays(file: FilePath) -> dict[str, Any]:
+    """The arrays of a file, each of its kind and shape: what a header says is looked at before memory is taken.
+
+    Raises: RejectedError, and what ZIP files, NumPy and the system raise.
+    """
+    if file.exists():
+        need(file.is_file() and file.stat().st_size <= MOST_BYTES, f"it is no file of at most {MOST_BYTES:,} bytes")
+    arrays, lengths, total = {}, dict[str, int](), 0
+    with zipfile.ZipFile(file) as packed:
+        for name, (kind, shape) in ARRAYS.items():
+            member = packed.getinfo(f"{name}.npy")
+            plain = member.compress_type in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) and not member.flag_bits & 1
+            need(plain, "it is packed in another way than holokin packs it")
+            with packed.open(member) as stream:
+                need(np.lib.format.read_magic(stream) == (1, 0), f"{name} is no array of NumPy")
+                given, by_columns, dtype = np.lib.format.read_array_header_1_0(stream)
+                need(dtype.kind == kind and len(given) == len(shape), f"{name} is of another kind")
+                for length, word in zip(given, shape, strict=True):
+                    wanted = lengths.setdefault(word, length) if isinstance(word, str) else word
+                    need(length == wanted, "its arrays do not fit each other")
+                size = math.prod(given) * dtype.itemsize
+                total += size
+                need(total <= MOST_BYTES, f"its arrays take more than {MOST_BYTES:,} bytes: make it with fewer samples")
+                data = np.frombuffer(stream.read(size), dtype).reshape(given, order="F" if by_columns else "C")
+                need(not stream.read(1), f"{name} is longer than it says")  # at the end ZIP looks at the check sum
+                arrays[name] = data.astype({"u": "u1", "f": "f8", "i": "i8"}[kind])
+    return arrays
+
+
+def _check_about(about: Mapping[str, Any]) -> None:
+    """That what a file says of its arrays has the types it should. Raises: RejectedError, LookupError, TypeError."""
+    leaves, counts = about["leaves"], (about["least"], about["least_cuts"], about["candidates"])
+    need(isinstance(leaves, list) and isinstance(about["workspace"], dict), "its sheets or its workspace are none")
+    names = [about["robot"], about["task"], *about["joints"], *(leaf["name"] for leaf in leaves)]
+    need(all(isinstance(name, str) for name in names), "a name in it is none")
+    need(all(isinstance(leaf["keys"], dict) for leaf in leaves), "a sheet has no strategy")
+    need(all(numbers(leaf["rcond"]) and leaf["rcond"] >= 0 for leaf in leaves), "the rcond of a sheet is none")
+    need(all(type(count) is int and 0 <= count < 2**31 for count in counts), "a count in it is none")
+    need(numbers(about["length"]) and about["length"] >= 0, "its length of a turn is none")
+    need(isinstance(about["stopped"], bool), "stopped is neither true nor false")
+    need(about["around"] is None or isinstance(about["around"], str), "its surroundings are none")
+
+
+def _fault(found: Sheets) -> str:
+    """What is wrong with a map: arrays that do not fit, postures off their leaves, poses or limits; "" for nothing."""
+    S, k, task = len(found), len(found.poses), found.task
+    there = known(found.q)
+    indices = (found.labels, -1, S), (found.rest, 0, len(PoseRest)), (found.pairs, 0, k), (found.cuts, 0, k)
+    fits = all(((low <= one) & (one < high)).all() for one, low, high in indices)
+    if not (fits and (there | np.isnan(found.q).all(axis=-1)).all()):
+        return "its arrays do not fit each other"
+    if not there[found.labels[found.served], np.flatnonzero(found.served)].all():
+        return "a pose is served by a sheet without a posture there"
+    for s, sheet in enumerate(found.sheets):
+        T, q = sheet.places, sheet.stations
+        off = task.error(q, T[:, :3, 3], T[:, :3, :3]).ravel() if len(q) else np.zeros(0)
+        if task.n > task.m:
+            levels = sheet.strategy.constraint_value.batch(sheet.begin).reshape(len(sheet.begin), -1)
+            off = np.concatenate([off, sheet.strategy.constraint.nearest(levels - sheet.level).ravel()])
+        if not (np.abs(off) <= OFF).all() or not task.robot.within(sheet.begin).all():
+            return f"postures of sheet {s} do not lie at their poses, on their leaf, within the limits"
+    return ""
+
+
+def _cloud(found: Sheets) -> Array:
+    """The given poses of the workspace (l, 4, 4), where these are not the sampled ones; else none (0, 4, 4)."""
+    space = found.workspace
+    if isinstance(space, PoseCloud) and len(space.given) != len(found.poses):
+        return space.given
+    return found.poses[:0]
+
+
+def _workspace_keys(space: Workspace) -> dict[str, Any]:
+    if not isinstance(space, PoseRange):
+        return {"kind": "poses", "source": space.source if isinstance(space, PoseCloud) else str(space)}
+    kind = next(word for word, (solid, _) in SOLIDS.items() if type(space.solid) is solid)
+    sizes = {name: np.asarray(getattr(space.solid, name)).tolist() for name in SOLIDS[kind][1]}
+    return {"kind": kind, "solid": sizes, "rotation": space.rotation.tolist(), "tilt": space.tilt, "spin": space.spin}
+
+
+def _workspace_of(keys: Mapping[str, Any], poses: Array) -> Workspace:
+    """Raises: LookupError, TypeError and what `workspace` and `pose_cloud` raise: the keys are of none."""
+    kind = keys["kind"]
+    if kind == "poses":
+        return pose_cloud(poses, str(keys["source"]))
+    sizes = {kind: [keys["solid"][name] for name in SOLIDS[kind][1]]}
+    return workspace(**sizes, rotation=keys["rotation"], tilt=keys["tilt"], spin=keys["spin"])

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .outcome import ending, show, show_rich
-from .robot_options import Base, Box, RobotOrJob, Task, Tilt, Tip, TrustUnits
+from .outcome import Base, Box, RobotOrJob, Task, Tilt, Tip, TrustUnits, ending, show, show_rich
 
 
 def advise(
@@ -32,8 +31,7 @@ def advise(
     obstacles. Prints a table and why the best law is, and writes a job with it, by default advice-<robot>.toml, and a
     picture. Exits 0 when that is done, 2 on bad input.
     """
-    from ..job.advice_job import advise_command, proof_command
-    from ..job.advice_question import question
+    from ..job.advice_job import advise_command, proof_command, question
     from ..report.advice_report import advice_figure, print_advice
     from ..report.plots import write_figure
 

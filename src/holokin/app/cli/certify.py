@@ -11,9 +11,10 @@ from typing import Annotated
 import typer
 
 from ...base.errors import ArgumentError
+from ...base.progress import progress
 from ...version import build
 from .export import OneJob
-from .outcome import complain, ending, show, show_rich
+from .outcome import TrustUnits, complain, ending, show, show_rich
 
 MINUTE = 60.0
 """Seconds from line to line on stderr, where that is no terminal."""
@@ -61,11 +62,10 @@ def certify(
     goes on from there with --resume. Exits 0 when all of it is proven of
     every strategy with leaves, 1 when not, or when the checker rejects a certificate, 2 on bad input.
     """
-    from ...proof.checker_word import Outcome, ask_checker
+    from ...proof.recheck import Outcome, ask_checker
     from ..job import certify_job, open_one_job
-    from ..report.cells_files import CellsFiles
+    from ..report.job_result import CellsFiles, check_folder
     from ..report.proof_report import print_certificates, write_certificates
-    from ..report.result_folder import check_folder
 
     for option, given in (("--part", part), ("--resume", resume)):
         if given and not workspace:
@@ -102,3 +102,48 @@ def certify(
     proven = [one for one in found.values() if not isinstance(one, str)]
     rejected = any(word.outcome is Outcome.REJECTED for word in words.values())
     raise typer.Exit(0 if proven and all(one.whole for one in proven) and not rejected else 1)
+
+
+# --------------------------------------------------------------------------------------------------
+# `holokin check-certificate`.
+# --------------------------------------------------------------------------------------------------
+
+
+def check_certificate(
+    file: Annotated[Path, typer.Argument(help="The .json file of a certificate.")],
+    robot: Annotated[
+        str | None, typer.Option(help="Compare it with a robot: a name of the catalogue, or a file of a model.")
+    ] = None,
+    tip: Annotated[str | None, typer.Option(help="With --robot: the link of a model that is the tool.")] = None,
+    base: Annotated[str | None, typer.Option(help="With --robot: the link of a model that stands still.")] = None,
+    trust_units: TrustUnits = False,
+    sample: Annotated[
+        float | None, typer.Option(help="Verify this share of the cells alone, drawn at random: 0.01 for 1 %.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="With --sample: which cells are drawn; by default others each time.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=0.0, help="Time that it may take.")] = 3600.0,
+) -> None:
+    """Verify a certificate again, by a small checker that shares no code with what found it. Needs python-flint.
+
+    Prints what was verified, by the checker's own numbers; the file's words are named as such. With --robot the rows of
+    the task are written down anew from its model, and compared, and so are the limits.
+    With --sample only some cells are verified, each with a neighbour that it is joined to: it says how many of all.
+    Exits 0 when it holds, or when the sample shows no fault, 1 when it is rejected, 2 on bad input.
+    """
+    from ...proof.recheck import recheck
+
+    model = None
+    if robot is not None:
+        from ...robot import load
+
+        model = load(robot, tip=tip, base=base, trust_units=trust_units)
+    elif tip is not None or base is not None:
+        raise ArgumentError("--tip or --base", tip or base, "it is of a robot: give --robot, too")
+    if seed is not None and sample is None:
+        raise ArgumentError("--seed", seed, "it is of a sample: give --sample, too")
+    with progress(f"checking {file.name}", 1000) as report:
+        rejected, text = recheck(file, report, seconds, model, sample, seed)
+    show(text)
+    raise typer.Exit(1 if rejected else 0)

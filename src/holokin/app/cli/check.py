@@ -7,9 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .outcome import show
-from .read_options import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, counts_of_words
-from .robot_options import TrustUnits
+from .outcome import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, TrustUnits, counts_of_words, show
 
 Log = Annotated[Path, typer.Argument(help="A CSV file, a rosbag2 folder, or a .mcap, .db3 or .bag file.")]
 RobotName = Annotated[str, typer.Option(help="Catalogue name, model (.urdf, .xacro, .xml) or .toml file.")]

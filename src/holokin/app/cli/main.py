@@ -17,9 +17,8 @@ from typer.main import get_command
 from ...version import build
 from .advise import advise
 from .audit import audit
-from .certify import certify
+from .certify import certify, check_certificate
 from .check import check
-from .check_certificate import check_certificate
 from .export import exporting
 from .jobs import jobs
 from .new import new

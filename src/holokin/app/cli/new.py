@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from ...base.errors import ArgumentError
-from .outcome import show
-from .robot_options import TrustUnits
+from .outcome import TrustUnits, show
 
 
 def new(

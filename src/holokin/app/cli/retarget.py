@@ -9,9 +9,7 @@ import typer
 
 from .audit import Angles, Order
 from .check import RobotName, TipName
-from .outcome import ending, show
-from .read_options import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, counts_of_words
-from .robot_options import TrustUnits
+from .outcome import Columns, CountsTurns, Degrees, Offsets, Scales, Signs, TrustUnits, counts_of_words, ending, show
 
 if TYPE_CHECKING:
     from ...analysis.audit.logs import Dataset
@@ -75,7 +73,7 @@ def retarget(
     from ...motion.ik import inverse
     from ...robot import is_model, load
     from ..job import axis_of
-    from ..job.strategy_words import leaf_of_words
+    from ..job.strategy_tables import leaf_of_words
 
     if skip_bad and nearest:
         raise ArgumentError("--nearest beside --skip-bad", True, "give one of them")
@@ -108,7 +106,7 @@ def _sources(
     """The columns that get joints. Raises: HolokinError."""
     from ...analysis.audit.logs import ACTION, STATE, has_joints, joint_feature, pose_feature
     from ...base.errors import ArgumentError
-    from ...learning.joint_targets import check_targets
+    from ...learning.retargeting import check_targets
 
     usual = [name for name in (STATE, ACTION) if name in dataset.features]
     named = [name for name in usual if read["columns"] is not None or has_joints(dataset, arm, name)]
@@ -127,10 +125,9 @@ def _start(dataset: Dataset, arm: Robot, sources: list[Any], q0: str | None, deg
     import numpy as np
 
     from ...analysis.audit.logs import JointFeature, Recording, joined_turns
-    from ...analysis.audit.logs.dataset_columns import postures_of
-    from ...analysis.audit.logs.dataset_folder import rows
+    from ...analysis.audit.logs.datasets import postures_of, rows
     from ...base.errors import ArgumentError
-    from ..job.advice_words import posture_of
+    from ..job.advice_job import posture_of
 
     if q0 is not None:
         return arm.checked(np.array(posture_of(q0, arm, degrees)), "--q0")

@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .outcome import show
-from .robot_options import TrustUnits
+from .outcome import TrustUnits, show
 
 
 def robots(
@@ -30,7 +29,7 @@ def robots(
     from ...base.errors import ArgumentError
     from ...robot import catalogue, is_model, load, model_tips, reach
     from ..job import robot_of_file
-    from ..report.robot_facts import robot_facts
+    from ..report.advice_report import robot_facts
 
     if robot is None:
         if tip:

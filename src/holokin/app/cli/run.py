@@ -31,12 +31,11 @@ def run(
     others have been, and on bad input: of the command or of a job file before anything runs, else of the jobs that
     cannot be done or written, after the others have been; 3 where holokin itself failed at one.
     """
-    from ...base.printed_units import printed_units
+    from ...base.units import printed_units
     from ..job import run_job
-    from ..report.animate import animate as draw
-    from ..report.job_report import write_report
-    from ..report.job_table import print_result
-    from ..report.result_folder import check_folder
+    from ..report.animation import animate as draw
+    from ..report.job_report import print_result, write_report
+    from ..report.job_result import check_folder
 
     opened, code = _opened(jobs), 0
     if units is not None:

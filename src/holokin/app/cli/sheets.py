@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .outcome import ending, show
-from .robot_options import Base, Box, RobotOrJob, Task, Tilt, Tip, TrustUnits
+from .outcome import Base, Box, RobotOrJob, Task, Tilt, Tip, TrustUnits, ending, show
 
 
 def sheets(
@@ -39,10 +38,10 @@ def sheets(
     sheets-<robot>.npz, with a picture. Exits 0 if the share was reached, 1 if not, 2 on bad input.
     Ctrl-C ends the search; what was found is written.
     """
-    from ..job.advice_question import question
+    from ..job.advice_job import question
     from ..job.sheets_job import sheets_command
     from ..report.plots import write_figure
-    from ..report.sheets_plot import sheets_figure
+    from ..report.sheets_plots import sheets_figure
 
     given = {"share": share, "samples": samples, "seconds": seconds}
     options = {key: value for key, value in given.items() if value is not None}

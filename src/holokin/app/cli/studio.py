@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .outcome import show
-from .robot_options import TrustUnits
+from .outcome import TrustUnits, show
 
 
 def studio(
@@ -34,7 +33,7 @@ def studio(
     `holokin run`. Needs the extra "studio".
     """
     from ..studio import DEFAULT, open_session
-    from ..studio.open_studio import studio as open_page
+    from ..studio.server import studio as open_page
 
     session = open_session(what or DEFAULT, tip=tip, base=base, trust_units=trust_units)
     open_page(session, port=port, host=host, browser=not no_browser, tell=show)

@@ -120,7 +120,7 @@ def case_one(
 ) -> None:
     """Print the job file that repeats a case; of a control law one of the pseudo-inverse on its loop."""
     from ..survey import Store, repeated
-    from ..survey.repeated_case import case_of
+    from ..survey.store import case_of
 
     with Store.opened(results, None) as store:
         cases, found = case_of(store, case)

@@ -1,18 +1,14 @@
 """Jobs: a TOML file says robot, task, path, strategies and expectations.
 
-Uses all that a job may name. Read first: `schema.py`, `job_parts.py`, `runner.py`.
+Uses all that a job may name. Read first: `schema.py`, `runner.py`.
 """
 
-from .advice_words import axis_of
-from .certify_strategies import certify_job
-from .export_strategy import exported_strategy, job_strategy
-from .job_file import read_job
-from .job_templates import new_job, new_job_for, packaged_text
-from .program_sheets import program_of_sheets
-from .program_strategy import program_of_job
+from .advice_job import axis_of
 from .runner import PAPER, expand, is_job, open_job, open_one_job, packaged_jobs, robot_of_file, run_job
-from .schema import Job
+from .schema import Job, read_job
 from .strategy_tables import KINDS, keys_of
+from .templates import new_job, new_job_for, packaged_text
+from .uses import certify_job, exported_strategy, job_strategy, program_of_job, program_of_sheets
 
 __all__ = [
     "KINDS",

@@ -3,24 +3,273 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
-from dataclasses import fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
+from ...analysis.coverage.pose_postures import Chain, chain_to_tool
+from ...analysis.coverage.starts import task_of_kind
 from ...analysis.design import Advice
-from ...analysis.design.compare_laws import advise_chain
+from ...analysis.design.advice_case import advise_chain
 from ...base.errors import ArgumentError, HolokinError
-from ...path.workspaces import Box, PoseRange, Workspace
+from ...base.types import Value, Vector
+from ...motion.checks.motion_checks import Clearances
+from ...motion.ik import inverse
+from ...path.workspaces import Box, PoseRange, Workspace, workspace
+from ...robot import LinkShape, Robot
 from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import Task
-from .advice_over_job import write_over
-from .advice_question import Question
-from .runner import run_job
-from .schema import LONGEST_TITLE, Job
-from .toml_text import check_new, robot_name, table, toml, write_new
+from .job_parts import build_tasks
+from .runner import is_job, open_one_job, run_job, workspace_of_job
+from .schema import LONGEST_TITLE, Job, job_table
+from .tables import ChecksTable
+from .templates import check_new, robot_name, table, toml, toml_key, write_new
+
+# --------------------------------------------------------------------------------------------------
+# Axes and postures as one types them beside a command.
+# --------------------------------------------------------------------------------------------------
+
+
+def axis_of(text: str) -> str | list[float]:
+    """An axis of the tool, "x", "y", "z" or three numbers. Raises: ArgumentError."""
+    if text in ("x", "y", "z"):
+        return text
+    numbers = _numbers_of(text)
+    if numbers is None or len(numbers) != 3:
+        raise ArgumentError("--axis", text, 'write x, y or z, or a direction in the tool\'s frame like "0 0.5 1"')
+    return numbers
+
+
+def posture_of(text: str, robot: Robot, degrees: bool) -> list[float]:
+    """A posture [rad, m] of numbers with blanks or commas between them. Raises: ArgumentError."""
+    numbers = _numbers_of(text)
+    if numbers is None:
+        cure = "give numbers with blanks between them, in rad and m; with --degrees in degrees and m"
+        raise ArgumentError("the start posture", text, cure)
+    if len(numbers) != robot.n:
+        return numbers  # who checks the posture says how many there should be
+    return (np.array(numbers) * np.where(robot.hinges & degrees, np.pi / 180, 1.0)).tolist()
+
+
+def _numbers_of(text: str) -> list[float] | None:
+    """Finite numbers with blanks or commas between them; None where the text has anything else."""
+    try:
+        found = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        return None
+    return found if np.isfinite(found).all() else None
+
+
+# --------------------------------------------------------------------------------------------------
+# What is asked of `holokin advise`: a robot with a box in which it works, or a job, which says all
+# of it.
+# --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Question(Value):
+    """A chain, its task, and where it works among what.
+
+    apart: how far postures keep clear of that, None where nothing is asked; proven: the same as arguments of `certify`.
+    chosen: what nobody gave. keys: the tables that say all this in a job; the whole job where there is one, which is
+    in `file`.
+    """
+
+    chain: Chain
+    task: Task
+    workspace: Workspace | None
+    q0: Vector | None
+    apart: Clearances | None
+    proven: Mapping[str, Any]
+    obstacles: tuple[LinkShape, ...]
+    chosen: tuple[str, ...]
+    keys: Mapping[str, Any]
+    file: FilePath | None
+
+    @property
+    def shown(self) -> Robot:
+        """The robot for pictures, with the tools that the checks give it."""
+        checks = self.keys.get("checks")
+        return ChecksTable.model_validate(checks).drawn(self.task.robot) if checks else self.task.robot
+
+
+def question(
+    name: str, *, box: str | None = None, tilt: float | None = None, tip: str | None = None, base: str | None = None,
+    task: str | None = None, trust_units: bool = False,
+) -> Question:  # fmt: skip
+    """What is asked about a robot or a job. Raises: as `load`, `open_job`; ArgumentError.
+
+    Args:
+        name: of a robot or a job.
+        box: of a robot: "X Y Z HX HY HZ" [m], the centre and half the sides. tilt: of the tool in it [deg].
+        tip, base, trust_units: of a robot, as of `load`. task: "pose", "axis" or "position".
+    """
+    if not is_job(name):
+        return _of_robot(name, box, tilt, tip, base, task, trust_units)
+    options = {
+        "--box": box,
+        "--tilt": tilt,
+        "--tip": tip,
+        "--base": base,
+        "--task": task,
+        "--trust-units": trust_units or None,
+    }
+    for option, value in options.items():
+        if value is not None:
+            raise ArgumentError(f"{option} beside a job", value, f"a job says all of it: write it into {name}")
+    return _of_job(name)
+
+
+def _of_robot(
+    name: str, box: str | None, tilt: float | None, tip: str | None, base: str | None, kind: str | None,
+    trust_units: bool,
+) -> Question:  # fmt: skip
+    chain = chain_to_tool(name, tip, base, trust_units)
+    keys: dict[str, Any] = (
+        {"name": name} | ({"tip": chain.tip} if chain.base else {}) | ({"base": base} if base else {})
+    )
+    keys |= {"trust_units": True} if trust_units else {}
+    task = task_of_kind(chain.robot, None, kind)
+    if box is None and tilt is not None:
+        raise ArgumentError("--tilt without --box", tilt, "give the box in which the tool leans, too")
+    space = None if box is None else _typed_box(box, tilt or 0.0, chain.robot.planar)
+    given = {"tip": not chain.chosen, "task": kind, "q0": None, "workspace": space}
+    chosen = tuple(word for word, value in given.items() if value is None or value is False)
+    return Question(chain, task, space, None, None, {}, (), chosen, {"robot": keys}, None)
+
+
+def _of_job(name: str) -> Question:
+    _, job, file = open_one_job(name)
+    robot, start, (task, *_) = build_tasks(job, file)
+    if task.n == task.m:
+        cure = 'write orientation = "axis" into [task] if the tool may spin about its axis, or kind = "position"'
+        raise ArgumentError(f"the number of redundant joints of {robot.name!r} for the job's task", 0, cure)
+    space = workspace_of_job(job, task, start, file)
+    chain = Chain(robot, None, task.tip or robot.tips[0].name, (), False)
+    keys = job_table(file)
+    return Question(chain, task, space, start, *_among(job.checks, robot), (), keys, file)
+
+
+def _typed_box(text: str, tilt: float, planar: bool) -> Workspace:
+    """The box of a text, with the tool down, or in a plane as the base. Raises: ArgumentError."""
+    numbers = _numbers_of(text)
+    if numbers is None or len(numbers) not in (4, 6):
+        cure = 'write "X Y Z HX HY HZ", its centre and half its sides in metres; in a plane "X Y HX HY"'
+        raise ArgumentError("--box", text, cure)
+    half = len(numbers) // 2
+    rotation = np.eye(3) if planar else None
+    return workspace(box=(numbers[:half], numbers[half:]), rotation=rotation, tilt=np.deg2rad(tilt))
+
+
+def _among(table: ChecksTable | None, robot: Robot) -> tuple[Clearances | None, dict[str, Any], tuple[LinkShape, ...]]:
+    """(how far postures keep clear, the same as arguments of `certify`, the obstacles that stand still)."""
+    standing = () if table is None else table.standing()
+    apart = None if table is None else table.clearances(robot)
+    if table is None or apart is None or not apart.names:
+        return None, {}, standing
+    proven = table.proven(robot)
+    del proven["limits"]
+    return apart, proven, standing
+
+
+# --------------------------------------------------------------------------------------------------
+# A job written again, with the best law of an advice before its own strategies.
+# --------------------------------------------------------------------------------------------------
+
+SAME = 1e-9
+"""Difference of two start postures [joint units of the file] that are one."""
+
+NAME = "advised"
+"""What the strategy is called in the job."""
+
+
+def write_over(path: FilePath, advice: Advice, keys: Mapping[str, Any], file: FilePath) -> str:
+    """Write a job again, to a new file, with the best law of an advice before its strategies.
+
+    Args:
+        keys: the content of the job. file: where it lies, from where its paths count.
+
+    Returns:
+        What the law does not do on the path of the job, in words; empty where it does all.
+
+    Raises:
+        JobError: the file exists. WriteError.
+    """
+    moved = _moved(keys, file, path)
+    remark = _begin(advice, moved)
+    text = _text(advice, moved)
+    write_new(path, text)
+    return "; ".join(said for said in (remark, _trouble(text, path)) if said)
+
+
+def _begin(advice: Advice, keys: dict[str, Any]) -> str:
+    """Let a job begin on the leaf of the best law, with the tool where it was at the start; what is said of that."""
+    law, robot = advice.best, advice.task.robot
+    degrees = bool(keys["start"].get("degrees", False))
+    scales = np.where(robot.hinges & degrees, np.pi / 180, 1.0)
+    q0 = scales * np.asarray(keys["start"]["q"], dtype=float)
+    if np.abs(q0 - law.q0).max() <= SAME:
+        return ""
+    try:
+        begins = inverse(law.strategy, law.q0, limits=True)(advice.task.pose(q0))
+    except HolokinError as problem:
+        return f"the leaf of the law does not reach the tool pose of the start ({problem}): give the job another start"
+    keys["start"] = {"q": (begins / scales).tolist()} | ({"degrees": True} if degrees else {})
+    return "" if np.abs(begins - q0).max() <= SAME else "the job begins on the leaf of the law, its tool where it was"
+
+
+def _text(advice: Advice, keys: dict[str, Any]) -> str:
+    """The job in TOML: its plain keys, its tables, the strategies, and what is expected of them."""
+    law = advice.best
+    named = {NAME: dict(law.keys)} | {k: v for k, v in keys.pop("strategies").items() if k != NAME}
+    wanted = {NAME: {"holonomic": True}} | {k: v for k, v in keys.pop("expect", {}).items() if k != NAME}
+    plain = [f"{key} = {toml(value)}" for key, value in keys.items() if not isinstance(value, Mapping)]
+    found = ["\n".join(plain) + "\n"]
+    found += [table(key, value) for key, value in keys.items() if isinstance(value, Mapping)]
+    found += [table(f"strategies.{toml_key(key)}", value) for key, value in named.items()]
+    found += [table(f"expect.{toml_key(key)}", value) for key, value in wanted.items()]
+    return "\n".join(found)
+
+
+def _moved(keys: Mapping[str, Any], file: FilePath, path: FilePath) -> dict[str, Any]:
+    """The content of a job with the files that it names, for a job in another folder."""
+
+    def beside(given: Mapping[str, Any], key: str) -> dict[str, Any]:
+        name = given.get(key)
+        if not isinstance(name, str) or not FilePath(name).suffix:
+            return dict(given)
+        return dict(given) | {key: robot_name(str(file.parent / name), path)}
+
+    found = dict(keys) | {"robot": beside(keys["robot"], "name"), "path": beside(keys["path"], "file")}
+    if "parts" in found["robot"]:
+        found["robot"]["parts"] = [beside(part, "name") for part in found["robot"]["parts"]]
+    if "others" in found["path"]:
+        found["path"]["others"] = [beside(other, "file") for other in found["path"]["others"]]
+    if "workspace" in keys:
+        found["workspace"] = beside(keys["workspace"], "file")
+    return found
+
+
+def _trouble(text: str, path: FilePath) -> str:
+    """What the law of an advice does not do on the path of the job, in words; empty where it does all."""
+    keys = tomllib.loads(text) | {"verdict": {"samples": 1}}  # it is known to be holonomic
+    keys.pop("workspace", None)
+    for part in ("strategies", "expect"):
+        keys[part] = {NAME: keys[part][NAME]}
+    try:
+        found = run_job(path.stem, Job.model_validate(keys), path).strategies[0]
+    except HolokinError as problem:
+        return f"the law cannot be run on the path of the job: {problem}"
+    if found.passed:
+        return ""
+    report = found.motion_check
+    said = [found.trouble] if found.trouble else []
+    said += [report.trouble] if report is not None and report.trouble else []
+    return f"on the path of the job the law does not do all that is asked: {'; '.join(said) or found.status.value}"
+
 
 SHARE = 0.5
 """Radius of the circle over the least half side of the workspace, to begin with."""
@@ -100,14 +349,14 @@ def _write_advice(path: FilePath, advice: Advice, asked: Question) -> None:
     """
     check_new(path)
     for radius in _radii(advice.workspace):
-        text = _text(path, advice, asked, radius)
+        text = _advised_job_text(path, advice, asked, radius)
         if _runs(text, path):
             write_new(path, text)
             return
     raise ArgumentError("the circle of the job", None, "none was found that the law follows: write a path of your own")
 
 
-def _text(path: FilePath, advice: Advice, asked: Question, radius: float) -> str:
+def _advised_job_text(path: FilePath, advice: Advice, asked: Question, radius: float) -> str:
     law, task, space = advice.best, advice.task, advice.workspace
     inward = -radius if task.pose(law.q0)[0, 3] > 0 else radius
     chosen = dict(asked.keys["robot"])

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.types import Vector
-from ...motion.least_speed import over_least_speed
-from ...motion.trajectory import Status, Trajectory
-from ...path.synchronized_paths import AnyPath
+from ...motion.trajectory import Status, Trajectory, over_least_speed
+from ...path.editing import AnyPath
 from ...strategies import HolonomicStrategy, Strategy
 from ...symbolic import Function
 from ..report.job_result import StrategyResult

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib.resources import as_file, files
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
+from ...analysis.coverage import Reach, coverage, coverage_slices, posture_reach
 from ...analysis.curvature import around, involutivity, why_elsewhere
+from ...analysis.sheets import SheetMotion, Sheets, sheets
+from ...analysis.sheets.sheet_map import CLEARANCE, sheets_of_file, surroundings
+from ...base.arguments import typed
 from ...base.errors import (
     ArgumentError,
     EmptyRegionError,
@@ -25,23 +31,251 @@ from ...base.errors import (
     UnknownNameError,
 )
 from ...base.errors.motion_errors import KEPT
-from ...base.types import Vector
+from ...base.types import Matrix, Value, Vector
 from ...motion import follow
 from ...motion.follow_path import Following, by_leaf
 from ...motion.trajectory import Status, Trajectory
-from ...path.synchronized_paths import AnyPath
-from ...robot import Robot, load
-from ...strategies import HolonomicStrategy, Strategy
-from ..report.job_result import Check, JobResult, NotRun, StrategyResult
-from .cover_strategies import build_covering
-from .job_file import job_table, read_job
-from .job_parts import build_begin, build_robot, build_strategy, build_tasks, naming
+from ...path import Path, read_workspace
+from ...path.editing import AnyPath
+from ...path.workspaces import PoseRange, Workspace, pose_cloud, workspace
+from ...robot import LinkShape, Robot, load
+from ...strategies import HolonomicStrategy, Strategy, holonomic
+from ...strategies.constraints import custom
+from ...strategies.tasks.task import Task
+from ..report.job_result import Check, JobResult, NotRun, SheetsResult, StrategyResult
+from .job_parts import (
+    build_begin,
+    build_entry,
+    build_paths,
+    build_robot,
+    build_strategy,
+    build_tasks,
+    entry_report,
+    naming,
+)
 from .metrics import METRICS, Run, apart
-from .motion_tables import TimingTable
-from .path_entry import build_entry, entry_report
-from .schema import ExpectTable, Job
-from .several_paths import build_paths
-from .sheets_over_job import saved_map, sheets_result
+from .schema import ExpectTable, Job, SheetsTable, WorkspaceTable, job_table, read_job
+from .strategy_tables import KINDS, Fitted
+from .tables import ChecksTable, TimingTable, filled
+
+# --------------------------------------------------------------------------------------------------
+# [workspace]: how many of its poses each strategy with leaves reaches.
+# --------------------------------------------------------------------------------------------------
+
+COVER_PLACES = 256
+"""Poses of a path that stand for a workspace."""
+
+
+@dataclass(frozen=True, eq=False)
+class Covering(Value):
+    """The workspace of a job, as its table asks for it."""
+
+    workspace: Workspace
+    table: WorkspaceTable
+    task: Task
+    q0: Vector
+
+    @cached_property
+    def reach(self) -> Reach:
+        """Which poses the arm reaches by any posture: the same for all strategies."""
+        asked = self.table
+        return posture_reach(self.task, self.workspace, self.q0, samples=asked.samples, seed=asked.seed)
+
+    def added(self, result: StrategyResult, strategy: HolonomicStrategy, q0: Vector) -> StrategyResult:
+        """A result with the coverage of the leaf on which the strategy begins, and slices where there are planes."""
+        asked, space = self.table, self.workspace
+        covers = coverage(
+            strategy, space, q0, samples=asked.samples, seed=asked.seed, limits=asked.limits, reach=self.reach
+        )
+        slices = ()
+        if isinstance(space, PoseRange) and asked.slices:
+            slices = coverage_slices(strategy, space, q0, steps=max(2, asked.slices), limits=asked.limits)
+        return replace(result, coverage=covers, slices=slices)
+
+
+def _build_covering(job: Job, task: Task, q0: Vector, file: FilePath) -> Covering | None:
+    """The workspace of a job with what is asked of it; None for a job without. Raises: JobError, RecordingError."""
+    if job.workspace is None:
+        return None
+    at_start = task.robot.pose(q0)[:3, :3]
+    return Covering(build_workspace(job.workspace, at_start, file), job.workspace, task, q0)
+
+
+def build_workspace(table: WorkspaceTable, at_start: Matrix, file: FilePath) -> Workspace:
+    """The workspace of a table; a file of poses counts from the job file's folder.
+
+    Args:
+        at_start: rotation (3, 3) of the tool at the start.
+
+    Raises:
+        JobError, RecordingError.
+    """
+    if table.kind == "poses":
+        return read_workspace(file.parent / str(table.file), ignore=table.ignore)
+    solid = {
+        "box": table.box_sides,
+        "cylinder": (table.center, table.radius, table.half_height),
+        "sphere": (table.center, table.radius),
+    }[table.kind]
+    rotations = {"down": None, "start": at_start}
+    rotation = rotations[table.rotation] if isinstance(table.rotation, str) else table.rotation
+    angles = {"tilt": np.deg2rad(table.tilt_deg), "spin": np.deg2rad(table.spin_deg)}
+    with naming(file, "workspace"):
+        return workspace(**{table.kind: solid}, rotation=rotation, **angles)  # type: ignore[arg-type]
+
+
+def workspace_of_job(job: Job, task: Task, start: Vector, file: FilePath) -> Workspace:
+    """[workspace] of a job; without one the poses along its path. Raises: as `build_workspace`; ArgumentError."""
+    tool = task.robot.pose(start, task.tip)[:3, :3]
+    if job.workspace is not None:
+        return build_workspace(job.workspace, tool, file)
+    path = build_paths(job.path, task, start, file)
+    if not isinstance(path, Path):
+        raise ArgumentError("the paths of several tools", len(path.paths), "this is for one tool: add a [workspace]")
+    shares = np.linspace(0.0, 1.0, COVER_PLACES, endpoint=not path.closed)
+    places = path.at(shares * path.duration)
+    T = np.tile(np.eye(4), (COVER_PLACES, 1, 1))
+    T[:, :3, 3] = places.position
+    T[:, :3, :3] = places.rotation @ (tool if path.rotation is None else path.rotation)
+    return pose_cloud(T, f"the path of {file.name}")
+
+
+# --------------------------------------------------------------------------------------------------
+# `read_sheets`: a map of sheets that was saved, with its strategies built from the keys of jobs.
+# --------------------------------------------------------------------------------------------------
+
+
+@typed
+def read_sheets(
+    path: str | FilePath,
+    task: Task,
+    *,
+    clear_of: Sequence[LinkShape] | None = None,
+    floor: float | None = None,
+    clearance: float = CLEARANCE,
+    self_collision: bool = True,
+    ignore: Sequence[tuple[str, str]] = (),
+    shapes_of: Robot | None = None,
+) -> Sheets:
+    """The map of sheets that `Sheets.save` or `holokin sheets` wrote, for the task that it was made for.
+
+    Nothing in the file is run. The postures in it are held against the model: their tools are at the poses, they lie on
+    their leaves and within the limits.
+
+    Args:
+        path: the file.
+        task: of the robot for which the map was made.
+        clear_of, floor, clearance, self_collision, ignore, shapes_of: as they were given to `hk.sheets`.
+
+    Returns:
+        The map, as it was saved.
+
+    Raises:
+        SheetsFileError: it cannot be read, is of another robot, task or surroundings, or holds what makes no sense.
+        ArgumentError: a floor without clear_of.
+    """
+    around = surroundings(clear_of, floor, clearance, self_collision, ignore, shapes_of)
+    return sheets_of_file(path, task, around, _strategy)
+
+
+def _strategy(keys: Mapping[str, Any], task: Task, q0: Vector, name: str) -> HolonomicStrategy:
+    if task.n == task.m:
+        return holonomic(task, custom(lambda _q: [], rows=0), name=name)
+    kind = str(keys.get("kind"))
+    known = {name: model for name, model in KINDS.items() if model is not Fitted}
+    if kind not in known:
+        raise UnknownNameError("kind of strategy", kind, known)
+    found = filled(known[kind], "strategy", dict(keys)).build(task, q0, name)
+    if not isinstance(found, HolonomicStrategy):
+        raise ArgumentError("the strategy of a sheet", kind, "it has no leaves: give a file that a map of sheets saved")
+    return found
+
+
+# --------------------------------------------------------------------------------------------------
+# [sheets] of a job: its map, searched for or read from a file, and the motion along the job's path
+# on it.
+# --------------------------------------------------------------------------------------------------
+
+ONE_TOOL = "it is of several tools, and sheets are of one"
+"""Why a path is not followed on sheets."""
+
+
+def saved_map(job: Job, task: Task, file: FilePath) -> Sheets | None:
+    """The map that `file` of [sheets] names, which counts from the job file's folder; None where it names none.
+
+    Raises:
+        JobError: there is no such file, or it is of another robot, task or [checks].
+    """
+    table = job.sheets
+    if table is None or table.file is None:
+        return None
+    place = file.parent / table.file
+    if not place.is_file():
+        cure = f"write it with `holokin sheets {file.name}`, or leave it out: then the sheets are searched for"
+        raise JobError(file, "sheets.file", f"names {table.file}, and there is no such file", cure)
+    with naming(file, "sheets", "file"):
+        return read_sheets(place, task, **kept_clear(job.checks, task.robot))
+
+
+def sheets_of_job(
+    job: Job, task: Task, start: Vector, file: FilePath, say: Callable[[str], None] = lambda _text: None
+) -> Sheets:
+    """The map of a job with [sheets]: that of its file, or the outcome of a search, which may take minutes.
+
+    Raises:
+        JobError, and as `sheets`.
+    """
+    saved = saved_map(job, task, file)
+    if saved is not None:
+        return saved
+    with naming(file, "sheets"):
+        space = workspace_of_job(job, task, start, file)
+        around = kept_clear(job.checks, task.robot)
+        return sheets(task, space, say=lambda text: say(f"sheets: {text}"), **searched(job.sheets), **around)
+
+
+def _sheets_result(
+    job: Job, task: Task, start: Vector, path: AnyPath, file: FilePath, say: Callable[[str], None]
+) -> SheetsResult | None:
+    """What becomes of [sheets] of a job, None in a job without. Raises: as `sheets_of_job`."""
+    if job.sheets is None:
+        return None
+    found = sheets_of_job(job, task, start, file, say)
+    say("sheets: the path")
+    return _result_of(found, job.sheets, path_motion(found, path, start), job, start, file)
+
+
+def _result_of(
+    found: Sheets, table: SheetsTable, along: SheetMotion | None, job: Job, start: Vector, file: FilePath
+) -> SheetsResult:
+    """A map and a motion as what a report tells; a map of other poses than the job's [workspace] is named so."""
+    remark = ""
+    if table.file is not None and job.workspace is not None:
+        asked = str(workspace_of_job(job, found.task, start, file))
+        if job.workspace.kind != "poses" and str(found.workspace) != asked:
+            remark = f"it is of {found.workspace}, not of the job's [workspace]"
+    return SheetsResult(found, table.share, along, "" if along is not None else ONE_TOOL, table.file or "", remark)
+
+
+def path_motion(found: Sheets, path: AnyPath, start: Vector) -> SheetMotion | None:
+    """A path over the sheets, None of several tools; the tool begins with the rotation of the path, or of the start."""
+    if not isinstance(path, Path):
+        return None
+    turned = path if path.rotation is not None else replace(path, rotation=found.task.pose(start)[:3, :3])
+    return found.follow(turned)
+
+
+def searched(table: SheetsTable | None) -> dict[str, Any]:
+    """[sheets] as arguments of `sheets`."""
+    return (table or SheetsTable()).model_dump(exclude={"file"})
+
+
+def kept_clear(checks: ChecksTable | None, robot: Robot) -> dict[str, Any]:
+    """What [checks] ask to keep clear of, as arguments of `sheets` and `read_sheets`."""
+    if checks is None:
+        return {}
+    return {key: value for key, value in checks.proven(robot).items() if key != "limits"}
+
 
 PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
 """The jobs that make up the paper, under the name "paper"."""
@@ -132,7 +366,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
             job.timing.check(robot)
     with naming(file, "path"):
         path = build_paths(job.path, tasks[0], start, file)
-    covering = build_covering(job, tasks[0], start, file)
+    covering = _build_covering(job, tasks[0], start, file)
     saved_map(job, tasks[0], file)  # a file that cannot be used is told before the work
     results: list[StrategyResult] = []
     failed: list[NotRun] = []
@@ -179,7 +413,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         raise first
     over = None
     try:
-        over = sheets_result(job, tasks[0], start, path, file, say)
+        over = _sheets_result(job, tasks[0], start, path, file, say)
     except HolokinError as problem:  # the strategies were run all the same
         failed.append(
             NotRun("[sheets]", f"{problem.fact}; {problem.cure}" if isinstance(problem, JobError) else str(problem))

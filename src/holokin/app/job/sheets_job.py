@@ -7,17 +7,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
-from ...analysis.coverage.proposed_workspace import first_start, proposed_workspace
+from ...analysis.coverage.starts import first_start, proposed_workspace
 from ...analysis.sheets import sheets, write_sheets
 from ...base.errors import ArgumentError, JobError
-from ..report.sheets_result import SheetsResult
-from .advice_question import Question
-from .check_tables import ChecksTable
-from .job_file import job_of
-from .schema import SheetsTable
-from .several_paths import build_paths
-from .sheets_over_job import ONE_TOOL, kept_clear, path_motion, searched
-from .table_values import filled
+from ..report.job_result import SheetsResult
+from .advice_job import Question
+from .job_parts import build_paths
+from .runner import ONE_TOOL, kept_clear, path_motion, searched
+from .schema import SheetsTable, job_of
+from .tables import ChecksTable, filled
 
 
 def sheets_command(

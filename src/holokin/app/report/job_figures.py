@@ -10,24 +10,31 @@ import numpy as np
 
 from ...base.types import Vector
 from ...motion.trajectory import Status, Trajectory
-from .coverage_plots import coverage_figure
 from .job_result import JobResult, StrategyResult
-from .palette import CLOCKWISE, COUNTER_CLOCKWISE, GREY, HOLONOMIC, LOOP, NONHOLONOMIC, law_colors
-from .plots import (  # fmt: skip
+from .plots import (
+    CLOCKWISE,
+    COUNTER_CLOCKWISE,
+    GREY,
+    HOLONOMIC,
     LABELS,
+    LOOP,
+    NONHOLONOMIC,
+    away,
     drift_per_cycle,
     joint_cycles,
     joint_histories,
     joint_ranges,
+    law_colors,
     legible,
     movers,
+    on_figure,
+    paths_end,
+    stopped,
     style,
     thin,
 )
 from .robot_panels import Actor, Curve, Stage, draw_panel, stage_of
-from .sheet_motion_plot import JUMPS, sheet_motion_figure
-from .sheets_plot import MAPPED, sheets_figure
-from .words import away, on_figure, paths_end, stopped
+from .sheets_plots import JUMPS, MAPPED, coverage_figure, sheet_motion_figure, sheets_figure
 
 MAPS = (
     "Maps: planes through the centre of the workspace, the tool in its middle orientation, a cross at the start. "

@@ -6,24 +6,374 @@ import base64
 from collections.abc import Callable
 from html import escape
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from ...analysis.sheets import write_sheets
-from ...base.errors import posture_text
+from ...base.errors import brief, posture_text
 from ...base.files import write_text, writing
-from ...base.printed_units import PrintedUnits
+from ...base.units import PrintedUnits
 from ...motion import TimedTrajectory
-from .check_section import check_section
+from ...motion.checks import CheckReport, Finding
+from ...motion.trajectory import Status
+from ...robot import without_speed_limit
 from .html_page import html_table, page, svg_figure
 from .job_figures import figures
-from .job_result import JobResult
-from .job_table import NOTHING, columns, remarks, rows
-from .job_verdict import verdict_section
-from .result_folder import renewed, write_facts
-from .sheets_section import sheets_section
-from .words import ALIKE, paths_words
+from .job_result import JobResult, SheetsResult, StrategyResult, renewed, write_facts
+from .plots import ALIKE, BAD, GOOD, HOLONOMIC_TEXT, WARNING, check_words, paths_words, speed_warning, stopped
+
+# --------------------------------------------------------------------------------------------------
+# What the checks of a job found, as a section of its report.
+# --------------------------------------------------------------------------------------------------
+
+MOST_ROWS = 200
+"""Findings in a report; result.json has them all."""
+
+_HEAD = ["finding", "of", "from [s]", "to [s]", "worst at [s]", "value", "wanted"]
+
+
+def _check_section(result: JobResult, table: Callable[[list[str], list[list[str]]], str]) -> list[str]:
+    """Findings, distances and what was not looked at, by strategy; nothing in a job without [checks]."""
+    parts = []
+    for strategy in result.strategies:
+        if strategy.motion_check is not None:
+            parts += [f"<h3>{escape(strategy.name)}</h3>", *_told(result, strategy, strategy.motion_check, table)]
+    return ["<h2>Checks of the motion</h2>", *parts] if parts else []
+
+
+def _told(
+    result: JobResult, strategy: StrategyResult, report: CheckReport,
+    table: Callable[[list[str], list[list[str]]], str],
+) -> list[str]:  # fmt: skip
+    """The findings as a table, and the other lines of the report as a list."""
+    lines = "".join(f"<li>{escape(line)}</li>" for line in report.notes(result.units))
+    found = table(_HEAD, [_row(one.printed(result.units)) for one in report.findings[:MOST_ROWS]])
+    mark = "yes" if strategy.followed == 1.0 else "no"
+    said = [f"<p class='{mark}'>{escape(text)}</p>" for text in [check_words(strategy)] if text]
+    said += [f"<p class='no'>{escape(report.unread)}</p>"] if report.unread else []
+    return [*([found] if report.findings else []), *said, f"<ul class='small'>{lines}</ul>"]
+
+
+def _row(one: Finding) -> list[str]:
+    unit = f" {one.unit}" if one.unit else ""
+    sign = "at least" if one.is_least else "limit"
+    return [
+        f"<span class='no'>{escape(one.kind.value)}</span>", escape(" and ".join(one.what)), f"{one.start:.3f}",
+        f"{one.stop:.3f}", f"{one.time:.3f}", f"{one.value:.4g}{unit}", f"{sign} {one.limit:.4g}{unit}",
+    ]  # fmt: skip
+
+
+# --------------------------------------------------------------------------------------------------
+# What a job found of its [sheets], as a section of its report.
+# --------------------------------------------------------------------------------------------------
+
+
+def _sheets_section(result: SheetsResult | None) -> list[str]:
+    """What the sheets serve, and what became of the job's path; nothing in a job without [sheets]."""
+    if result is None:
+        return []
+    mark = "yes" if result.passed else "no"
+    first, *lines = [line for line in result.map_lines() if line != result.verdict]
+    parts = [
+        "<h2>Sheets</h2>",
+        f"<p>{escape(first)}.</p>",
+        _listed(lines),
+        f"<p class='{mark}'>{escape(result.verdict)}</p>",
+        f"<p class='small'>{escape(str(result.found.workspace))}; {len(result.found.poses)} poses sampled.</p>",
+    ]
+    path = result.path_lines()
+    return parts + ([f"<p>{escape(path[0])}.</p>", _listed(path[1:])] if path else [])
+
+
+def _listed(lines: list[str]) -> str:
+    """Lines as a list; nothing of none."""
+    items = "".join(f"<li>{escape(line.strip())}</li>" for line in lines)
+    return f"<ul class='small'>{items}</ul>" if items else ""
+
+
+# --------------------------------------------------------------------------------------------------
+# The table of a job, for the terminal and the report.
+# --------------------------------------------------------------------------------------------------
+
+NOTHING = 1e-18
+"""Size [any unit] below which a figure is 0: differences of doubles over 0.01 are at least that."""
+
+
+def number(value: float) -> str:
+    """Three digits; a dash where there is none, 0 for what is below all round-off."""
+    if not np.isfinite(value):
+        return "-"
+    if abs(value) < NOTHING:
+        value = 0.0
+    return f"{value:.3f}" if 1e-2 <= abs(value) < 100 else f"{value:.1e}"
+
+
+Column = tuple[str, Literal["left", "right"]]
+"""Heading and alignment."""
+
+
+class _Column(NamedTuple):
+    heading: str
+    cell: Callable[[StrategyResult], str]
+    side: Literal["left", "right"] = "right"
+
+
+def _columns(result: JobResult) -> list[_Column]:
+    """The columns; clearance and share of the workspace in a job that has them."""
+
+    def figure(key: str, form: Callable[[float], str] = number) -> Callable[[StrategyResult], str]:
+        by = result.factor(key)
+        return lambda s: form(by * s.metrics[key]) if np.isfinite(s.metrics[key]) else "-"
+
+    joints, task = result.joint_unit[0], result.row_unit[0]
+    looked_at = any(np.isfinite(s.metrics["clearance"]) for s in result.strategies)
+    narrow = result.workspace or looked_at
+    found = [
+        _Column("strategy", lambda s: s.name, "left"),
+        _Column("verdict", lambda s: "holonomic" if s.verdict.holonomic else "NOT holonomic", "left"),
+        _Column(f"drift / cycle\n[{joints}]", figure("drift_mean")),
+        _Column(f"two paths\napart [{joints}]" if narrow else f"two paths apart\n[{joints}]", figure("spread")),
+        _Column(f"tracking\n[{task}]", figure("tracking")),
+        _Column("sigma\nmin", figure("sigma")),
+        _Column("speed\n/ MP", figure("speed", "{:.3f}".format)),
+        _Column("peak\nspeed", figure("peak_speed")),
+    ]
+    unit = result.units.length
+    clear = figure("clearance", number if unit == "m" else "{:.1f}".format)
+    found += [_Column(f"clear.\n[{unit}]", clear)] if looked_at else []
+    found += [_Column("work-\nspace", figure("coverage", "{:.1%}".format))] if result.workspace else []
+    return [*found, _Column("expected", _expected, "left")]
+
+
+def _expected(s: StrategyResult) -> str:
+    return "FAILED" if not s.passed else "ok" if s.checks or s.motion_check is not None else "-"
+
+
+def columns(result: JobResult) -> list[Column]:
+    """Heading, with its unit, and alignment of each column."""
+    return [(column.heading, column.side) for column in _columns(result)]
+
+
+def rows(result: JobResult) -> list[list[str]]:
+    """The cells of every strategy: those that could not be run last."""
+    shown = _columns(result)
+    failed = [[one.name, "NOT run", *["-"] * (len(shown) - 3), "FAILED"] for one in result.not_run]
+    return [*([column.cell(s) for column in shown] for s in result.strategies), *failed]
+
+
+def remarks(result: JobResult) -> list[tuple[str, str]]:
+    """(strategy, sentence) of all that the table does not tell: what was not run, what stopped, what is too fast."""
+    found = [(one.name, f"not run: {one.reason}") for one in result.not_run]
+    found += [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
+    return [(name, text) for name, text in found if text]
+
+
+def print_result(result: JobResult, console: Any) -> None:
+    """Print a job's table, and below it what failed."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(brief(result.title)), title_justify="left", title_style="bold", header_style="dim")
+    for heading, justify in columns(result):
+        table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
+    colors = {"holonomic": HOLONOMIC_TEXT, "NOT holonomic": BAD, "ok": GOOD}
+    colors |= dict.fromkeys(("NOT run", "FAILED"), f"bold {BAD}")
+    for cells in rows(result):
+        table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells))
+    console.print(table)
+    if paths_words(result):
+        console.print(f"  {paths_words(result)}", markup=False, highlight=False)
+    for name, text in remarks(result):
+        console.print(f"  {brief(name)}: {text}", style=WARNING, markup=False, highlight=False)
+    if result.sheets is not None:
+        console.print("  sheets:", markup=False, highlight=False)
+        for line in [*result.sheets.map_lines(), *result.sheets.path_lines()]:
+            wrong = line == result.sheets.verdict and not result.sheets.passed
+            console.print(f"    {brief(line, 300)}", style=BAD if wrong else None, markup=False, highlight=False)
+    for strategy in result.strategies:
+        if strategy.timed is not None:
+            console.print(f"  {brief(strategy.name)}, timed:", markup=False, highlight=False)
+            for line in strategy.timed.table(result.units).splitlines():
+                console.print(f"    {brief(line)}", markup=False, highlight=False)
+        if strategy.motion_check is not None:
+            console.print(f"  {brief(strategy.name)}, checked:", markup=False, highlight=False)
+            told = strategy.motion_check.table(result.units).splitlines()
+            said = [text for text in [check_words(strategy)] if text]
+            for line in [*said, *told[strategy.motion_check.passed :]]:
+                console.print(f"    {brief(line)}", markup=False, highlight=False)
+        for check in strategy.checks:
+            if not check.passed:
+                text = f"  {brief(strategy.name)}: {check.unmet}"
+                console.print(text, style=BAD, markup=False, highlight=False)
+
+
+# --------------------------------------------------------------------------------------------------
+# The verdict of a job in words, for somebody who signs it: what was run, what holds, what was not
+# tested.
+# --------------------------------------------------------------------------------------------------
+
+MOST_FINDINGS = 3
+"""Findings of a strategy that are told in the verdict; the section on checks has all."""
+
+
+def _verdict_section(result: JobResult) -> list[str]:
+    """The verdict as a section of the report."""
+    told = "".join(
+        f"<li><span class='{'yes' if well else 'no'}'>{escape(f'{name} {text}')}</span> {escape(more)}</li>"
+        for name, text, more, well in strategy_verdicts(result)
+    )
+    untested = "".join(f"<li>{escape(text)}</li>" for text in not_tested(result))
+    return [
+        "<h2>Verdict</h2>", f"<p>{escape(what_was_run(result))}</p>", f"<ul>{told}</ul>",
+        f"<p><b>{escape(whole_verdict(result))}</b></p>", "<p>Not tested:</p>", f"<ul>{untested}</ul>",
+    ]  # fmt: skip
+
+
+def what_was_run(result: JobResult) -> str:
+    """Robot, task, path and cycles in a sentence; and that it was computed."""
+    length = result.units.said(result.path.length, "m")
+    each = "1 cycle" if result.cycles == 1 else f"{result.cycles} cycles"
+    way = f"a closed path of {length}, {each}" if result.path.closed else f"an open path of {length}"
+    return (
+        f"Run: {result.robot.name} ({result.robot.n} joints), {result.task}, along {way}, {result.path.duration:.4g} s "
+        "each. All of this was computed; no robot moved."
+    )
+
+
+def whole_verdict(result: JobResult) -> str:
+    """Whether all that the job asks for holds."""
+    asked = sum(len(s.checks) for s in result.strategies)
+    checked = [s for s in result.strategies if s.motion_check is not None]
+    if not result.passed:
+        failed = [s.name for s in result.strategies if not s.passed] + [one.name for one in result.not_run]
+        failed += ["[sheets]"] if result.sheets is not None and not result.sheets.passed else []
+        return f"Not all that the job asks for holds: see {', '.join(failed)}."
+    if not asked and not checked and result.sheets is None:
+        return "The job expects nothing and checks nothing: this is a measurement, no test."
+    parts = [f"{asked} expectation{'s' * (asked != 1)}"] if asked else []
+    parts += ["the checks of the motion"] if checked else []
+    parts += ["the share that sheets are to serve"] if result.sheets is not None else []
+    return f"All that the job asks for holds: {' and '.join(parts)}."
+
+
+def strategy_verdicts(result: JobResult) -> list[tuple[str, str, str, bool]]:
+    """(strategy, what it does, more sentences, whether it is well) of each strategy, those that were not run last."""
+    found = []
+    for s in result.strategies:
+        does, _, reach = _returns(result, s).partition(": ")
+        parts = [reach[:1].upper() + reach[1:], _limits(result, s), _speeds(result, s), _clearance(result, s)]
+        well = s.passed and s.status is Status.COMPLETE and (not result.path.closed or returns(s))
+        found.append((s.name, f"{does.rstrip('.')}.", " ".join(filter(None, [*parts, _failed(s)])), well))
+    return found + [(one.name, "was not run.", f"{one.reason}.", False) for one in result.not_run]
+
+
+def returns(strategy: StrategyResult) -> bool:
+    """Whether the joints are back at their start after every cycle, within `ALIKE`."""
+    each = strategy.cycles.drift_since_start()
+    return bool(len(each)) and float(np.abs(each).max()) <= ALIKE
+
+
+def _returns(result: JobResult, s: StrategyResult) -> str:
+    """Whether its joints come back."""
+    if s.status is not Status.COMPLETE and s.cycles.status is not Status.COMPLETE:
+        return f"did not follow the path to its end: it {stopped(s.cycles)}."
+    if not result.path.closed:
+        return "follows the path to its end: the path is open, so whether the joints return was not tested."
+    unit, factor = result.joint_unit
+    end = f"{factor * float(np.abs(s.cycles.drift_since_start()[-1]).max()):.2g} {unit}"
+    after = "after the cycle" if result.cycles == 1 else f"after each of {result.cycles} cycles"
+    if returns(s):
+        back = f"every joint is back at its start, within {factor * ALIKE:.1g} {unit}"
+        return f"returns: {after} {back} ({end} at the end)."
+    joint = result.robot.joint_names[int(np.argmax(np.abs(s.cycles.drift_since_start()[-1])))]
+    return f"does not return: at the end {joint} is {end} from its start."
+
+
+def _limits(result: JobResult, s: StrategyResult) -> str:
+    """Whether the limits of the joints' positions are kept, and which is nearest."""
+    robot = result.robot
+    Q = np.vstack([walk.q for walk in s.trajectories().values()])
+    room = np.minimum(Q - robot.lower, robot.upper - Q).min(axis=0)
+    if not np.isfinite(room).any():
+        return "The joints have no position limits."
+    i = int(np.argmin(room))
+    far = result.units.said(abs(float(room[i])), robot.coordinates[i].unit, 3)
+    if room[i] < -1e-9:
+        return f"{robot.joint_names[i]} is {far} beyond its limit."
+    return f"Position limits are kept at all samples; {robot.joint_names[i]} comes nearest, {far} from its limit."
+
+
+def _speeds(result: JobResult, s: StrategyResult) -> str:
+    """Whether the limits of the joints' speeds are kept: of the path as it is asked for, and as it is timed."""
+    said = ""
+    peak = s.metrics["peak_speed"]
+    if np.isfinite(peak):
+        kept = "are kept" if peak <= 1 else "are exceeded"
+        said = f"Speed limits {kept} at the speed of the path: {peak:.0%} of one at most."
+    elif unknown := without_speed_limit(result.robot):
+        said = f"Cannot tell whether speed limits are kept: the robot's description has none of {unknown}."
+    if s.timed is not None:
+        bare = np.isinf(s.timed.limits.velocity)
+        names = ", ".join(name for name, none in zip(result.robot.joint_names, bare, strict=True) if none)
+        less = f", which has no speed limit of {names}," if names else ""
+        said += f" Timed within the limits of [timing]{less} the motion takes {s.timed.duration:.4g} s."
+    return said.strip()
+
+
+def _clearance(result: JobResult, s: StrategyResult) -> str:
+    """What the checks of its motion found."""
+    report = s.motion_check
+    if report is None:
+        return ""
+    unread = f"Of the distances the checks {report.unread}." if report.unread else ""
+    if report.findings:
+        some = "; ".join(str(one.printed(result.units)) for one in report.findings[:MOST_FINDINGS])
+        more = len(report.findings) - MOST_FINDINGS
+        return f"The checks of the motion found: {some}{f'; and {more} more' if more > 0 else ''}. {unread}".strip()
+    if unread:
+        return unread
+    if not report.pairs:
+        return "The checks of the motion found nothing; distances were not among them."
+    wanted, near = result.units.said(report.wanted, "m", 3), report.nearest
+    close = sum(one.wanted < report.wanted for one in report.pairs)
+    touch = f"{close} pairs that are always nearer do not touch"
+    touch = "1 pair that is always nearer does not touch" if close == 1 else touch
+    if near is None:
+        return f"No pair was held against the clearance of {wanted}: {touch}."
+    least = f"the least distance is {result.units.said(near.least, 'm', 3)}, between {' and '.join(near.pair)}"
+    return f"Clearances are kept: {least} ({wanted} wanted){f'; {touch}' if close else ''}."
+
+
+def _failed(s: StrategyResult) -> str:
+    """The expectations that do not hold."""
+    failed = [c for c in s.checks if not c.passed]
+    units = " (in the units of the job file)" if any(c.metric not in ("completes", "holonomic") for c in failed) else ""
+    return f"This fails the job: {'; '.join(c.unmet for c in failed)}{units}." if failed else ""
+
+
+def not_tested(result: JobResult) -> list[str]:
+    """What this run does not say."""
+    found = ["other paths, other starts and other speeds than these"]
+    if not result.path.closed:
+        found.append("whether the joints return: the path is open")
+    elif result.one_way:
+        found.append(f"whether two ways to one pose end with the same joints: {result.one_way}")
+    if all(s.motion_check is None for s in result.strategies):
+        found.append("collisions, obstacles, floor, singular postures of the motion: the job has no [checks]")
+    elif any(s.followed < 1.0 for s in result.strategies):
+        found.append("the rest of the path of a strategy that stopped")
+    reports = [s.motion_check for s in result.strategies if s.motion_check is not None]
+    left_out = {one.pair for report in reports for one in report.left_out}
+    if left_out:
+        found.append(f"{len(left_out)} pairs of links whose distances were left out: see the checks of the motion")
+    found += dict.fromkeys(remark for report in reports for remark in report.remarks)
+    if all(s.timed is None for s in result.strategies):
+        found.append("accelerations and jerks: the job has no [timing]")
+    if result.sheets is not None and result.sheets.along is not None:
+        found.append("the motion over the sheets: [timing] and [checks] are of strategies, and of `holokin export`")
+    return [*found, "the controller and the robot: servos, weight, backlash, its own planning"]
+
 
 RETURNS = ", returns"
 """Beside a drift that is none."""
@@ -120,7 +470,7 @@ def _page(
     verdicts = [(escape(s.verdict.sentence), escape(s.verdict.told(robot.joint_names))) for s in result.strategies]
     parts = [
         f"<h1>{escape(result.title)}</h1>",
-        *verdict_section(result),
+        *_verdict_section(result),
         f"<p>{escape(' '.join(result.about.split()))}</p>",
         f"<p class='small'>{escape(robot.name)}, {robot.n} joints ({escape(robot.source)}); "
         f"task: {escape(result.task)}; path {result.units.said(result.path.length, 'm')} in "
@@ -144,8 +494,8 @@ def _page(
         *_terms(),
         *_coverage(result),
         *_timing(result),
-        *check_section(result, html_table),
-        *sheets_section(result.sheets),
+        *_check_section(result, html_table),
+        *_sheets_section(result.sheets),
         "<h2>Figures</h2>",
         *(_film(folder / name, caption) for name, caption in films),
         *(_figure(folder, stem, caption) for stem, caption in shown),

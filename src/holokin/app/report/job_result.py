@@ -2,22 +2,108 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain, count
+from pathlib import Path as FilePath
 from typing import Any
 
 from ...analysis.coverage import Coverage, Slice
 from ...analysis.curvature import Verdict
-from ...base.printed_units import SI, PrintedUnits
-from ...base.types import NoTruthValue, Vector, number_or_none
+from ...analysis.sheets import SheetMotion, Sheets
+from ...base.errors import ArgumentError, WriteError
+from ...base.files import alone, aside, clear, put, restore, uninterrupted, write_json, writing
+from ...base.types import NoTruthValue, Value, Vector, number_or_none
+from ...base.units import SI, PrintedUnits
 from ...motion import TimedTrajectory
 from ...motion.checks import CheckReport
 from ...motion.trajectory import Status, Trajectory
-from ...path.synchronized_paths import AnyPath
+from ...path.editing import AnyPath
+from ...proof.cell_search import count_kept, remove_kept
 from ...robot import LinkShape, Robot
-from .sheets_result import SheetsResult
+
+# --------------------------------------------------------------------------------------------------
+# What a job found of its [sheets]: the map, the share that was wanted, and the motion along the
+# job's path.
+# --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class SheetsResult(NoTruthValue, Value, ask="`.passed`"):
+    """A map of sheets with the share that was wanted of it, and what became of the job's path on it.
+
+    along: the motion along the path; None where there is none, then `unfollowed` says why. file: the file from which
+    the map was read; empty where it was searched for. remark: what else is to be known of the map.
+    """
+
+    found: Sheets
+    wanted: float
+    along: SheetMotion | None = None
+    unfollowed: str = ""
+    file: str = ""
+    remark: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the share that was wanted is served."""
+        return self.found.share >= self.wanted
+
+    @property
+    def verdict(self) -> str:
+        """The share that is served, beside the one that was wanted."""
+        said = "is reached" if self.passed else "is not reached"
+        return f"a share of {self.wanted:.2%} was wanted: it {said} ({self.found.share:.2%})"
+
+    @property
+    def seconds(self) -> float:
+        """How long all changes along the path take at the joints' speed limits, the tool at rest."""
+        return 0.0 if self.along is None else sum(one.seconds for one in self.along.seams)
+
+    @property
+    def motions(self) -> dict[str, Trajectory]:
+        """The motions along the path by the names of their files: one, or one for each part between divisions."""
+        parts: Sequence[Trajectory] = () if self.along is None else self.along.parts
+        if len(parts) == 1:
+            return {"sheets-motion": parts[0]}
+        return {f"sheets-motion-{i}": part for i, part in enumerate(parts, 1)}
+
+    def map_lines(self) -> list[str]:
+        """What is served, by which sheets, and why the rest is not."""
+        of = [f"the map was read from {self.file}"] if self.file else []
+        return [*of, *filter(None, [self.remark]), *str(self.found).splitlines(), self.verdict]
+
+    def path_lines(self) -> list[str]:
+        """What became of the job's path."""
+        if self.along is None:
+            return [f"the job's path: {self.unfollowed}"] if self.unfollowed else []
+        lines = f"the job's path: {self.along}".splitlines()
+        if self.along.changes:
+            lines.append(f"  with the tool at rest: {self.seconds:.2f} s at the joints' speed limits")
+        return lines
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready facts."""
+        s, m = self.found, self.along
+        return {
+            "sheets": [str(one) for one in s.sheets], "share": s.share, "wanted": self.wanted, "passed": self.passed,
+            "poses": len(s.poses), "reachable": int(s.reachable.sum()), "served": int(s.served.sum()),
+            "least": s.least, "candidates": s.candidates, "stopped": s.stopped, "file": self.file or None,
+            "remark": self.remark, "unfollowed": self.unfollowed,
+            "path": None if m is None else {
+                "complete": m.complete, "changes": m.changes, "seconds_of_changes": self.seconds,
+                "pieces": [{"sheet": one.sheet, "start": one.start, "stop": one.stop} for one in m.pieces],
+                "divisions": [
+                    {"at": one.at, "first": one.first, "second": one.second, "reason": one.reason}
+                    for one in m.divisions
+                ],
+                "left_out": [{"start": one.start, "stop": one.stop, "reason": one.reason} for one in m.left_out],
+            },
+        }  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -209,3 +295,129 @@ def _file_stems(named: Mapping[str, Iterable[str]]) -> dict[str, str]:
         stems[name] = stem
         taken |= files
     return stems
+
+
+# --------------------------------------------------------------------------------------------------
+# The folder of a job's results: replaced whole or not at all, without the loss of what others have
+# put there.
+# --------------------------------------------------------------------------------------------------
+
+FACTS = "result.json"
+"""The file by which a folder is known as holokin's; it names the files that holokin wrote."""
+
+
+def check_folder(out: FilePath, name: str) -> FilePath:
+    """`out/<name>`, where a job's results go, after what killed runs have left in `out` is repaired.
+
+    Raises:
+        ArgumentError: they cannot go there.
+    """
+    clear(out, _repair)
+    return _checked(out, name)
+
+
+def _checked(out: FilePath, name: str) -> FilePath:
+    target = out / name
+    if target.is_symlink() or (target.exists() and written(target) is None):
+        raise ArgumentError("the output folder", str(target), "it is not one of holokin's; choose another --out")
+    above = next(p for p in (out, *out.absolute().parents) if p.exists())
+    fault = "" if above.is_dir() else f"{above} is not a folder"
+    if above.is_dir() and not os.access(above, os.W_OK):
+        fault = f"{above} may not be written"
+    if fault:
+        raise ArgumentError("the output folder", str(out), f"cannot be made: {fault}; choose another --out")
+    return target
+
+
+@contextmanager
+def renewed(out: FilePath, name: str) -> Iterator[FilePath]:
+    """A folder to fill, which becomes `out/<name>` when the block ends well.
+
+    Until then the folder of an earlier run stands there, whole. It is replaced whole; what others have put into it
+    moves to the new one, without being read. A file of theirs under a name that holokin needs gets ".kept" at its end.
+
+    Raises:
+        ArgumentError: the folder exists and was not written by holokin, or cannot be made.
+        WriteError: the system refuses a file; the old folder stands as it was.
+    """
+    target = check_folder(out, name)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise ArgumentError("the output folder", str(out), f"cannot be made: {problem.strerror}") from None
+    with writing(target), aside(out, _repair) as place:
+        work = place / "new" / name
+        work.mkdir(parents=True)
+        try:
+            yield work
+        except WriteError as problem:  # by the name that the user knows
+            if FilePath(str(problem.file)).parent != work:
+                raise
+            raise WriteError(target / FilePath(str(problem.file)).name, problem.problem) from problem
+        with alone(out), uninterrupted():
+            _checked(out, name)
+            put(work, target, written(target) or set())
+
+
+def free_name(label: str, ending: str, taken: Container[str], *, prefix: str = "") -> str:
+    """A file name for a strategy: the letters of its label, and a number where that name is taken."""
+    word = "".join(c if c.isalnum() or c in "-_" else "-" for c in label).strip("-") or "strategy"
+    stems = chain([word], (f"{word}-{i}" for i in count(2)))
+    return next(name for stem in stems if (name := f"{prefix}{stem}{ending}") not in taken)
+
+
+def write_facts(folder: FilePath, facts: dict[str, Any]) -> None:
+    """result.json, with the names of all files of a folder, which a later run may replace: written last."""
+    write_json(folder / FACTS, facts | {"files": sorted({FACTS, *(entry.name for entry in folder.iterdir())})})
+
+
+def written(folder: FilePath) -> set[str] | None:
+    """Names that holokin wrote into a folder, as its result.json says; None if the folder is not holokin's."""
+    facts = folder / FACTS
+    try:
+        names = json.loads(facts.read_text("utf-8"))["files"] if facts.is_file() else None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+    return {str(name) for name in names} if isinstance(names, list) else None
+
+
+def _repair(place: FilePath) -> None:
+    """After a run that was killed while it put its folder in place; only one process does it."""
+    with alone(place.parent), uninterrupted():
+        restore(place, lambda held: written(held) or set())
+
+
+# --------------------------------------------------------------------------------------------------
+# `CellsFiles`: where `holokin certify --workspace` keeps the cells of each strategy until
+# certificates are written.
+# --------------------------------------------------------------------------------------------------
+
+ENDING = ".cells"
+
+
+class CellsFiles:
+    """The files `<stem>-<strategy>.cells`, beside the folder of the certificates."""
+
+    def __init__(self, stem: FilePath, resume: bool) -> None:
+        self._stem, self._resume, self._files = stem, resume, dict[str, FilePath]()
+
+    def of(self, title: str) -> FilePath:
+        """That of a strategy. Raises: ArgumentError: it is there, and the run is not to go on with it."""
+        taken = {file.name for file in self._files.values()}
+        file = self._stem.with_name(free_name(title, ENDING, taken, prefix=f"{self._stem.name}-"))
+        if file.exists() and not self._resume:
+            cure = "a run that was stopped left it: say --resume to go on with its cells, or delete it"
+            raise ArgumentError("the file of cells", str(file), cure)
+        self._files[title] = file
+        return file
+
+    @property
+    def count(self) -> int:
+        """Cells that are kept in all of them."""
+        return sum(count_kept(file) for file in self._files.values() if file.is_file())
+
+    def remove(self) -> None:
+        """Delete them: the certificates are written. Raises: WriteError."""
+        for file in self._files.values():
+            with writing(file):
+                remove_kept(file)

@@ -11,10 +11,8 @@ import numpy as np
 from ...analysis.audit import DatasetAudit, LogAudit, LogVerdict
 from ...base.files import write_json
 from .job_figures import margins
-from .palette import BAD, GOOD, INK, PALE, WARNING, color_of
-from .plots import thin
+from .plots import BAD, GOOD, GREY, INK, PALE, WARNING, color_of, joint_unit, on_figure, thin
 from .robot_panels import Actor, Curve, draw_panel, stage_of
-from .words import joint_unit, on_figure
 
 MOST_JOINTS = 4
 """Joints in the figure: those that move most."""
@@ -47,13 +45,13 @@ def save_log_audits(audits: Sequence[LogAudit], file: FilePath) -> None:
 def log_figure(audit: LogAudit) -> Any:
     """Joints at the cycles' start pose against the cycle number, and the tool's path, cycles by colour."""
     word = f"{audit.verdict.name.lower()}, trend: {audit.trend.name.lower().replace('_', ' ')}"
-    figure, left, right = two_panels(f"{on_figure(FilePath(audit.recording.source).name)}: {word}")
+    figure, left, right = _two_panels(f"{on_figure(FilePath(audit.recording.source).name)}: {word}")
     _joints_at_start(left, audit)
     _tool_cycles(right, audit)
     return figure
 
 
-def two_panels(title: str) -> tuple[Any, Any, Any]:
+def _two_panels(title: str) -> tuple[Any, Any, Any]:
     """(a figure with a title, its left and its right axes), for what joints do and where the tool is."""
     from matplotlib.figure import Figure
 
@@ -118,3 +116,64 @@ def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
     bar = ScalarMappable(Normalize(0, count), colors.reversed())
     axes.figure.colorbar(bar, ax=axes, shrink=0.6, pad=0.04, label="cycles done", ticks=[0, count])
     return axes
+
+
+# --------------------------------------------------------------------------------------------------
+# The figure of the audit of a robot learning dataset.
+# --------------------------------------------------------------------------------------------------
+
+MOST_POINTS = 4_000
+"""Tool poses and pairs that are drawn."""
+
+
+def dataset_figure(audit: DatasetAudit) -> Any:
+    """Distances of the joints at equal poses by episode, and where the tool is there, with the two worst postures."""
+    name = on_figure(audit.dataset.folder.resolve().name)
+    word = {LogVerdict.REPEATS: "equal", LogVerdict.DIFFERS: "different"}.get(audit.verdict, "undecided")
+    figure, left, right = _two_panels(f"{name}: joints at equal tool poses are {word}")
+    _by_episode(left, audit)
+    _places(right, audit)
+    return figure
+
+
+def _by_episode(axes: Any, audit: DatasetAudit) -> None:
+    """Each pair of equal poses, at both of its episodes; those that differ in red."""
+    pairs = audit.pairs
+    at = thin(len(pairs.first), MOST_POINTS) if len(pairs.first) else np.empty(0, np.intp)
+    for beyond, color, word in ((False, GOOD, "equal"), (True, BAD, "different")):
+        mine = at[pairs.beyond[at] == beyond]
+        rows = np.concatenate([pairs.first[mine], pairs.second[mine]])
+        episode = audit.episodes[np.searchsorted(audit.begins, rows, side="right") - 1]
+        distance = np.maximum(np.tile(pairs.distance[mine], 2), 1e-6)
+        if len(mine):
+            axes.semilogy(episode, distance, "o", color=color, markersize=4, alpha=0.5, markeredgewidth=0, label=word)
+    axes.axhline(audit.tolerance, color=INK, linewidth=0.8, linestyle="--", label=f"tolerance {audit.tolerance:g}")
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.set_xlabel("episode")
+    axes.set_ylabel("distance of the joints [rad or m]")
+    axes.set_title("Each pair of equal tool poses, at both episodes", loc="left", color=INK, fontsize=10)
+    axes.legend(fontsize=8, loc="best")
+
+
+def _places(axes: Any, audit: DatasetAudit) -> None:
+    """The arm at the two postures of the worst pair, and the tool's places."""
+    worst = audit.worst()
+    shown = thin(len(audit.q), 20 * MOST_POINTS // 40)
+    rows = [0] if worst is None else [int(audit.pairs.first[worst]), int(audit.pairs.second[worst])]
+    first, last = audit.q[rows[0]].astype(float), audit.q[rows[-1]].astype(float)
+    points, _ = audit.task.poses(audit.q[shown].astype(float))
+    stage = stage_of(audit.robot, np.vstack([first, last]), [Curve(points, GREY)], pairs=[(first, last)])
+    differs = worst is not None and audit.verdict is LogVerdict.DIFFERS
+    actors = [Actor(first, GOOD), *([Actor(last, BAD, "outline")] if differs else [])]
+    title = "The arm at a tool pose"
+    if differs and worst is not None:
+        (e, _), (f, _) = audit.frame(rows[0]), audit.frame(rows[1])
+        title = f"One tool pose, two postures: episodes {e} and {f}"
+    draw_panel(axes, stage, actors, title=title)
+    seen = stage.scene.view.seen(points)
+    axes.plot(*seen[:, :2].T, ".", color="#c9cdd4", markersize=1.5, zorder=3)
+    if differs:
+        pairs = audit.pairs
+        bad = pairs.first[np.flatnonzero(pairs.beyond)]
+        spots, _ = audit.task.poses(audit.q[bad[thin(len(bad), MOST_POINTS)]].astype(float))
+        axes.plot(*stage.scene.view.seen(spots)[:, :2].T, ".", color=BAD, markersize=3, zorder=4)

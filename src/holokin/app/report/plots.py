@@ -11,13 +11,192 @@ from typing import Any
 
 import numpy as np
 
-from ...base.errors import ArgumentError
+from ...analysis.coverage.cover_workspace import Plane, grid_planes
+from ...analysis.design import LevelRange
+from ...base.errors import ArgumentError, brief
 from ...base.files import replacing
 from ...base.types import Indices, Vector
 from ...motion.trajectory import Status, Trajectory
+from ...proof import UniqueRegion
+from ...proof.proven_region import CAUSES
 from ...robot import Robot
-from .palette import CLOCKWISE, COLORS, COUNTER_CLOCKWISE, GREY, HOLONOMIC, INK, LIMIT, PALE, color_of
-from .words import on_figure
+from .job_result import JobResult, StrategyResult
+
+# --------------------------------------------------------------------------------------------------
+# What figures, tables and reports say of a result, in sentences.
+# --------------------------------------------------------------------------------------------------
+
+ALIKE = 1e-8
+"""Joint difference [rad or m] that is called none in captions: nobody could measure it."""
+
+
+def on_figure(name: str, most: int = 60) -> str:
+    """A name as matplotlib shows it: short, without control characters, which SVG forbids, and never a formula.
+
+    Names that begin with _ are left out of legends, so they get a blank before.
+    """
+    text = brief(name, most).replace("$", r"\$")
+    return f" {text}" if text.startswith("_") else text
+
+
+def joint_unit(robot: Robot) -> str:
+    """The unit of a robot's joints: "rad", "m", or "m or rad" where it has both."""
+    return " or ".join(dict.fromkeys(c.unit for c in robot.coordinates))
+
+
+def alike(shift: Vector, units: tuple[str, ...]) -> bool:
+    """Whether a joint difference (n,) in these units, also printed ones, is none that anybody could measure."""
+    each = {"deg": ALIKE * 180 / np.pi, "mm": 1000 * ALIKE}
+    return bool((np.abs(shift) < [each.get(unit, ALIKE) for unit in units]).all())
+
+
+def largest(shift: Vector, units: tuple[str, ...]) -> str:
+    """The largest entry of a joint difference (n,), with the unit of the joint that it is of."""
+    i = int(np.argmax(np.abs(shift)))
+    return f"{abs(shift[i]):.3g} {units[i]}"
+
+
+def stopped(walk: Trajectory) -> str:
+    """When and why a trajectory stopped; empty for a complete one."""
+    if walk.status is Status.COMPLETE:
+        return ""
+    return f"stopped at {walk.t[-1]:.3g} s, {walk.status.cause.removeprefix('stopped').lstrip(': ')}"
+
+
+def paths_end(pair: tuple[Trajectory, Trajectory]) -> str:
+    """How the clockwise and the counter-clockwise path end: alike, apart, or before the end."""
+    clockwise, counter = pair
+    if clockwise.status is counter.status is Status.COMPLETE:
+        gap = clockwise.q[-1] - counter.q[-1]
+        apart = f"the two paths end {largest(gap, clockwise.joint_units)} apart"
+        return "both paths end at the same joints" if alike(gap, clockwise.joint_units) else apart
+    named = [("clockwise", clockwise), ("counter-clockwise", counter)]
+    return "\n".join(f"{name} {stopped(walk)}" for name, walk in named if walk.status is not Status.COMPLETE)
+
+
+def away(walk: Trajectory, cycles: int) -> str:
+    """Where the joints stand after some cycles."""
+    count = "1 cycle" if cycles == 1 else f"{cycles} cycles"
+    shift = walk.q[walk.marks[cycles]] - walk.q[0]
+    same = alike(shift, walk.joint_units)
+    return f"after {count}: " + ("back at the start" if same else f"{largest(shift, walk.joint_units)} away")
+
+
+def check_words(strategy: StrategyResult) -> str:
+    """What the checks of a motion say besides their findings: that there are none, and of which share of the path."""
+    clear = strategy.motion_check is not None and strategy.motion_check.passed
+    if strategy.followed == 1.0:
+        return "nothing found" if clear else ""
+    seen = f"the first {strategy.followed:.1%} of the path" if strategy.followed > 0 else "the start posture"
+    return f"{'nothing found, but ' if clear else ''}only {seen} was looked at: there the law stopped"
+
+
+def paths_words(result: JobResult) -> str:
+    """That no two paths were compared, and why; empty where the path has them."""
+    return f"Two paths were not compared: {result.one_way}" if result.one_way else ""
+
+
+def speed_warning(result: JobResult, strategy: StrategyResult) -> str:
+    """A sentence about the first joint that would have to be faster than it can; empty if none."""
+    limits = result.robot.max_velocity
+    shares = np.max([np.abs(w.dq).max(axis=0) / limits for w in strategy.trajectories().values()], axis=0)
+    i = int(np.argmax(shares))
+    if not shares[i] > 1.0:
+        return ""
+    slower = 0.99 * result.path.speed / shares[i]
+    return (
+        f"joint {result.robot.joint_names[i]!r} would have to run at {shares[i]:.3g} times its speed limit of "
+        f"{result.units.said(limits[i], result.robot.coordinates[i].unit + '/s', 3)}; run the path at "
+        f"{result.units.said(slower, 'm/s', 2)} or slower"
+    )
+
+
+# --------------------------------------------------------------------------------------------------
+# The colours of everything drawn: plots, films, tables of the terminal, the studio. Safe for
+# colour-blind readers.
+#
+# The eight colours are those of Okabe and Ito, "Color Universal Design", 2008
+# (https://jfly.uni-koeln.de/color/), also in B. Wong, "Points of view: Color blindness", Nature
+# Methods 8, 441 (2011). A colour is never the only sign: lines differ by their dashes or have their
+# names beside them too.
+# --------------------------------------------------------------------------------------------------
+
+BLUE = "#0072B2"
+VERMILLION = "#D55E00"
+GREEN = "#009E73"
+PURPLE = "#CC79A7"
+ORANGE = "#E69F00"
+SKY = "#56B4E9"
+BLACK = "#000000"
+YELLOW = "#F0E442"
+
+COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
+"""All eight, best seen on white first; yellow is for fills with a dark edge."""
+
+HOLONOMIC = BLUE
+"""The (first) holonomic law: what comes back to its start."""
+NONHOLONOMIC = VERMILLION
+"""The pseudo-inverse, and the first of other laws that are not holonomic: what drifts."""
+LIMIT = PURPLE
+"""Limits of joints, speeds and torques."""
+LOOP = GREEN
+"""The path that the tool shall follow."""
+CLOCKWISE = SKY
+"""The clockwise path round a loop, or the path there."""
+COUNTER_CLOCKWISE = ORANGE
+"""The counter-clockwise path round a loop, or the path back."""
+
+GOOD = GREEN
+"""In tables: as expected."""
+BAD = VERMILLION
+"""In tables: failed, or not holonomic."""
+WARNING = ORANGE
+"""In tables: not what was asked for, though computed."""
+
+HOLONOMIC_TEXT = SKY
+"""In tables of the terminal: holonomic. Blue, as light as black and white grounds both need."""
+
+INK = "#22262E"
+"""Text."""
+GREY = "#8A919C"
+"""What is for comparison only, as the robot at the start."""
+PALE = "#E5E7EB"
+"""Grids, floors, and bands behind lines."""
+
+AXES = (VERMILLION, GREEN, BLUE)
+"""The x, y and z axis of a frame."""
+
+_HOLONOMIC = (BLUE, GREEN, SKY, BLACK)
+_NONHOLONOMIC = (VERMILLION, ORANGE, PURPLE, YELLOW)
+
+
+def color_of(index: int) -> str:
+    """The colour of the line, joint or ghost of a number, as #RRGGBB; the eight repeat."""
+    return COLORS[index % len(COLORS)]
+
+
+def rgb(color: str) -> tuple[int, int, int]:
+    """Red, green and blue, 0 to 255, of a colour #RRGGBB."""
+    return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
+
+
+def law_colors(holonomic: Sequence[bool]) -> tuple[str, ...]:
+    """A colour for each law: of cool ones, blue first, for holonomic laws, of warm ones, vermillion first, for others.
+
+    Args:
+        holonomic: of each law, whether it is.
+
+    Returns:
+        As many colours; the first four laws of each kind have one of their own, then they repeat.
+    """
+    taken = {True: 0, False: 0}
+    found: list[str] = []
+    for kind in map(bool, holonomic):
+        of_kind = _HOLONOMIC if kind else _NONHOLONOMIC
+        found.append(of_kind[taken[kind] % len(of_kind)])
+        taken[kind] += 1
+    return tuple(found)
+
 
 DIRECTIONS = {
     "clockwise": {"color": CLOCKWISE, "linestyle": "-", "linewidth": 2.4},
@@ -276,3 +455,77 @@ def _readable(color: str) -> str:
 
 def _gap(gap: float, unit: str) -> str:
     return "ends agree" if gap < 1e-9 else f"ends {gap:.3g} {unit} apart"
+
+
+# --------------------------------------------------------------------------------------------------
+# A picture of the levels that serve a workspace.
+# --------------------------------------------------------------------------------------------------
+
+
+def level_figure(found: LevelRange) -> Any:
+    """The share of the workspace that each level serves; shaded, the levels that serve all of it."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(style()):
+        figure = Figure(figsize=(6.4, 3.2), layout="constrained")
+        axes = figure.subplots()
+        for k, (low, high) in enumerate(found.intervals):
+            axes.axvspan(low, high, color=BLUE, alpha=0.16, linewidth=0, label=None if k else "serves all")
+        axes.plot(found.levels, 100 * found.shares, "-o", color=BLUE, markersize=2.5, linewidth=1.2)
+        axes.axvline(found.level, color=INK, linestyle=":", linewidth=1.2, label="level of the start")
+        axes.axvline(found.best, color=INK, linewidth=1.2, label="level to take")
+        unit = "rad" if found.strategy.constraint.angular[0] else "the constraint's unit"
+        axes.set(xlabel=f"level [{unit}]", ylabel="served [%]", ylim=(0, 104), title=on_figure(found.strategy.name))
+        axes.legend(loc="lower center", fontsize=8, frameon=True, framealpha=0.9)
+    return figure
+
+
+# --------------------------------------------------------------------------------------------------
+# A picture of a region that is proven, and of what the rest of its workspace is.
+# --------------------------------------------------------------------------------------------------
+
+PROOF_COLORS = ("#1f7a6b", "#c9d1da", PURPLE, ORANGE, SKY, VERMILLION)
+"""Of a pose that is proven, and of the others by `CAUSES`."""
+
+
+def region_figure(region: UniqueRegion, steps: int = 25) -> Any:
+    """Planes through the centre of a workspace, the tool in its middle orientation: proven poses, and why the others
+    are not.
+
+    Args:
+        steps: cells along the longest side.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    space = region.workspace
+    planes = list(grid_planes(space, steps))
+    with rc_context(style()):
+        figure = Figure(figsize=(3.4 * len(planes) + 1.9, 3.6), layout="constrained")
+        seen: set[int] = set()
+        for axes, plane in zip(figure.subplots(1, len(planes), squeeze=False)[0], planes, strict=True):
+            i, j = plane.axes
+            seen |= region_map(axes, region, plane, region.causes(space.at(plane.points)))
+            axes.set(xlabel=f"{'xyz'[i]} [m]", ylabel=f"{'xyz'[j]} [m]")
+            axes.set_title(f"{'xyz'[3 - i - j]} = {plane.at:.3g} m", loc="left", fontsize=10)
+        names = ("proven", *CAUSES)
+        figure.legend(
+            handles=[Patch(color=PROOF_COLORS[k], label=names[k]) for k in sorted(seen)], loc="outside right upper"
+        )
+        title = f"{on_figure(region.strategy.name)}: {region.share:.0%} of the box is proven"
+        figure.suptitle(title, x=0.02, ha="left", fontsize=12)
+    return figure
+
+
+def region_map(axes: Any, region: UniqueRegion, plane: Plane, causes: Indices) -> set[int]:
+    """Draw the cells of a plane by `COLORS`, of causes (k,) of its poses, -1 for proven; returns which are seen."""
+    from matplotlib.colors import ListedColormap
+
+    (i, j), solid = plane.axes, region.workspace.solid
+    found, low, high = 1 + causes.reshape(plane.inside.shape), solid.center - solid.half, solid.center + solid.half
+    shown = {"cmap": ListedColormap(PROOF_COLORS), "vmin": 0, "vmax": len(PROOF_COLORS) - 1, "interpolation": "nearest"}
+    axes.imshow(found, origin="lower", extent=(low[i], high[i], low[j], high[j]), aspect="equal", **shown)
+    axes.grid(False)
+    return set(found.ravel().tolist())

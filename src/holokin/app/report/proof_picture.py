@@ -7,15 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from ...analysis.coverage.cover_workspace import plane_through
 from ...base.types import Matrix, Vector
 from ...path import Path
-from ...path.synchronized_paths import paths_of
+from ...path.editing import paths_of
 from ...path.workspaces import Box, PoseRange, Workspace
-from ...proof import Certificate
+from ...proof import Certificate, UniqueRegion
+from ...proof.proven_region import CAUSES, NEAR, region_of
+from ...robot import LinkShape
 from ...strategies.tasks.frame_task import FrameTask, parts_of
-from ...strategies.tasks.frames import TipFrame
-from .palette import GREY, HOLONOMIC, LOOP, VERMILLION
-from .proof_words import proven_time
+from ...strategies.tasks.task import TipFrame
+from .plots import GREY, HOLONOMIC, INK, LOOP, PROOF_COLORS, VERMILLION, region_map
+from .proof_words import obstacles_of, proven_time, refuted_by
 from .robot_panels import Actor, Curve, draw_panel, stage_of
 
 SAMPLES = 120
@@ -107,7 +110,7 @@ def _curves(found: Certificate) -> list[Curve]:
     space = found.asked
     if isinstance(space, PoseRange) and isinstance(space.solid, Box):
         color = LOOP if found.whole else GREY
-        return [Curve(edge, color, 0 if found.whole else DASH) for edge in edges_of(space.solid)]
+        return [Curve(edge, color, 0 if found.whole else DASH) for edge in _edges_of(space.solid)]
     if isinstance(space, Workspace):
         return []
     color = LOOP if found.whole or not found.covered else VERMILLION
@@ -131,10 +134,91 @@ def _points(path: Path, start: float, stop: float) -> Matrix:
     return path.at(np.unique(np.concatenate([np.linspace(start, stop, SAMPLES), inside]))).position
 
 
-def edges_of(box: Box) -> list[Matrix]:
+def _edges_of(box: Box) -> list[Matrix]:
     """The edges (k, 3) of a box that have an extent."""
     corners = [np.array(c) for c in product((-1.0, 1.0), repeat=3)]
     pairs = [(a, b) for a in corners for b in corners if (b - a).sum() == 2 and np.count_nonzero(b - a) == 1]
     steps = np.linspace(0, 1, 12)[:, None]
     edges = [box.center + box.half * (a + steps * (b - a)) for a, b in pairs]
     return [edge for edge in edges if np.ptp(edge, axis=0).any()]
+
+
+# --------------------------------------------------------------------------------------------------
+# The picture of a box of tool poses: what is proven of it, what is refuted, what is undecided, and
+# the robot there.
+# --------------------------------------------------------------------------------------------------
+
+CLEAR_SIZE = (7.6, 6.5)
+"""Of the picture [inch]."""
+
+PIXELS = 60
+"""Of a slice, along the longest side."""
+
+INSIDE = 0.999
+"""Of a half side of the box, where a slice may be: its faces are not in it, for their rounding."""
+
+NAMES = ("proven", "undecided", *CAUSES[1:NEAR], "refuted: too near")
+"""What the parts of a box are called, as their colours."""
+
+
+def box_figure(found: Certificate) -> Any:
+    """The robot beside slices of the box, which go through the posture that is too near, or through the middle.
+
+    The robot stands at this posture, or, where none is known, at the start; with the shapes and obstacles of the proof.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    region, worst = region_of(found), refuted_by(found)
+    space, robot = region.workspace, found.equation.strategy.task.robot
+    clear = found.demands.clear
+    shaped = robot if clear is None else clear.robot
+    q = start_of(found)
+    actors = [Actor(q, HOLONOMIC)] if worst is None else [Actor(q, HOLONOMIC, "ghost"), Actor(worst.q, VERMILLION)]
+    edges = [Curve(edge, LOOP if found.whole else INK) for edge in _edges_of(_box(space))]
+    figure = Figure(figsize=CLEAR_SIZE)
+    things: list[LinkShape] = [] if clear is None else obstacles_of(clear)
+    stage = stage_of(shaped, np.array([actor.q for actor in actors]), edges, obstacles=things)
+    draw_panel(figure.add_axes((0.01, 0.43, 0.98, 0.56)), stage, actors, edges)
+    place = space.solid.center if worst is None else worst.pose[:3, 3]
+    pairs = [pair for pair in ((0, 1), (0, 2), (1, 2)) if (space.solid.half[list(pair)] > 0).all()]
+    seen: set[int] = set()
+    for k, pair in enumerate(pairs):
+        axes = figure.add_axes((0.09 + 0.32 * k, 0.14, 0.23, 0.25))
+        seen |= _slice(axes, region, pair, place, worst is not None)
+    handles = [Patch(color=PROOF_COLORS[k], label=NAMES[k]) for k in sorted(seen)]
+    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.05, 0.0), ncols=4, frameon=False, fontsize=9)
+    return figure
+
+
+def box_picture_words(found: Certificate) -> str:
+    """What to see in it."""
+    worst = refuted_by(found)
+    if worst is None:
+        robot = "The robot at the posture below, with the shapes that the proof is about."
+        return f"{robot} Below it slices through the middle of the box, the tool in its middle orientation."
+    return (
+        f"Red: a posture that is too near, {worst}. Pale: the posture below. Slices of the box go through the tool "
+        "pose of the red one, marked by a cross. A part is refuted as a whole where one such posture was found in it."
+    )
+
+
+def _slice(axes: Any, region: UniqueRegion, pair: tuple[int, int], place: Matrix, marked: bool) -> set[int]:
+    """A plane of the box along two axes of the base; returns which of `NAMES` are seen in it."""
+    (i, j), center, half = pair, region.workspace.solid.center, region.workspace.solid.half
+    inside = center + np.clip(place - center, -INSIDE * half, INSIDE * half)
+    plane = plane_through(region.workspace, pair, PIXELS, inside)
+    seen = region_map(axes, region, plane, region.parts_at(region.workspace.at(plane.points)))
+    if marked:
+        axes.plot(place[i], place[j], "x", color=INK, markersize=7, markeredgewidth=1.8, clip_on=False)
+    axes.set_xlabel(f"{'xyz'[i]} [m]", fontsize=8, labelpad=1)
+    axes.set_ylabel(f"{'xyz'[j]} [m]", fontsize=8, labelpad=1)
+    axes.set_title(f"{'xyz'[3 - i - j]} = {place[3 - i - j]:.3g} m", loc="left", fontsize=8, pad=2)
+    axes.tick_params(labelsize=8)
+    axes.locator_params(nbins=4, min_n_ticks=2)
+    axes.set_anchor("N")
+    return seen
+
+
+def _box(space: PoseRange) -> Box:
+    return space.solid  # type: ignore[return-value]  a certified workspace is a box

@@ -10,14 +10,17 @@ import numpy as np
 
 from ...base.types import Matrix, Vector
 from ...robot import LinkShape, Robot
-from ...robot.numeric import Frames
-from .bodies import Piece, pieces_of, posed, solids_at, standing, thickness, tool_frames, triad, wire
-from .palette import GREY
-from .plots import thin
+from ...robot.tree import Frames
+from .plots import GREY, thin
 from .robot_view import (
     ABOVE,
     DETAIL,
+    Layer,
+    Piece,
+    Pixels,
     Scene,
+    Solid,
+    Window,
     best_view,
     empty,
     floor_scale,
@@ -25,11 +28,19 @@ from .robot_view import (
     layer_of,
     named_axes,
     outlined,
+    over,
+    pieces_of,
+    posed,
     scene_of,
     shadowed,
     show,
+    solids_at,
+    standing,
+    thickness,
+    tool_frames,
+    triad,
+    wire,
 )
-from .solids import Layer, Pixels, Solid, Window, over
 
 MOST_POINTS = 120
 """Points of a path in a picture."""

@@ -3,16 +3,513 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...base.types import Matrix
-from .bodies import cloud
-from .palette import INK
-from .solids import Layer, Pixels, Solid, Window, drawn, over, tint
+from ...base.poses import pose_from
+from ...base.types import Matrix, Vector
+from ...robot import Box, Capsule, Cylinder, Hull, LinkShape, Mesh, Robot, Shape, chain_length
+from ...robot.links import Line, between, link_lines
+from ...robot.tree import Frames, joint_frames, placed
+from .plots import AXES, GREY, INK, rgb
+
+# --------------------------------------------------------------------------------------------------
+# Solids seen without perspective: rods with round ends and convex blocks, shaded, the nearer before
+# the farther.
+# --------------------------------------------------------------------------------------------------
+
+Pixels = NDArray[Any]
+"""What is known of each pixel: 32 bits are enough."""
+
+LIGHT = np.array([-0.45, 0.62, 0.64]) / np.linalg.norm([-0.45, 0.62, 0.64])
+"""Where the light comes from, in the axes of the eye: from the left, above and behind it."""
+
+AMBIENT, DIFFUSE, GLOSS = 0.50, 0.50, 0.22
+"""Shares of the light from everywhere, from the lamp, and of what shines."""
+
+_SHADES = 512
+"""Steps of brightness."""
+
+_TILT = np.linspace(-1, 1, _SHADES)[:, None]
+_LIGHT = AMBIENT + DIFFUSE * _TILT.clip(0) + 0.12 * _TILT.clip(-1, 0)
+_SHINE = GLOSS * _TILT.clip(0) ** 12
+
+_END_ON = 1e-6
+"""Share of a rod's length that is seen, below which it is seen as a ball."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Rod:
+    """All points within `radius` of the segment from a (3,) to b (3,) [m]; a ball where they are one."""
+
+    a: Vector
+    b: Vector
+    radius: float
+    color: Vector
+
+    def moved(self, p: Vector, R: Matrix) -> Rod:
+        """The same in another frame."""
+        return Rod(p + R @ self.a, p + R @ self.b, self.radius, self.color)
+
+    def box(self) -> Matrix:
+        """The least and the greatest (2, 3) of its points along each axis."""
+        ends = np.array([self.a, self.b])
+        return np.array([ends.min(axis=0) - self.radius, ends.max(axis=0) + self.radius])
+
+    def depth(self, x: Pixels, y: Pixels) -> tuple[Pixels, Pixels, Pixels]:
+        """(depth, brightness, cover 0 to 1) at pixels x, y; see `Block.depth`.
+
+        The nearest point of all balls along the segment: that of the ball at s, where the surface is highest.
+        """
+        step = self.b - self.a
+        length = float(np.linalg.norm(step))
+        r = np.float32(self.radius)
+        wx, wy = x - np.float32(self.a[0]), y - np.float32(self.a[1])
+        seen = float(np.hypot(step[0], step[1])) / length if length > 0 else 0.0
+        if seen < _END_ON:
+            s = np.zeros_like(wx) if step[2] <= 0 else np.full_like(wx, length)
+            ux, uy, k, near = 0.0, 0.0, np.sign(step[2]) if length > 0 else 0.0, wx * wx + wy * wy
+        else:
+            ux, uy, k = (float(v) for v in step / length)
+            ex, ey = ux / seen, uy / seen
+            along, across = wx * np.float32(ex) + wy * np.float32(ey), wy * np.float32(ex) - wx * np.float32(ey)
+            h = np.sqrt(np.maximum(r * r - across * across, 0))
+            s = np.clip((along + np.float32(k) * h) / np.float32(seen), 0, np.float32(length))
+            off = along - np.clip(along, 0, np.float32(length * seen))
+            near = across * across + off * off
+        dx, dy = wx - s * np.float32(ux), wy - s * np.float32(uy)
+        dz = np.sqrt(np.maximum(r * r - dx * dx - dy * dy, 0))
+        depth = np.float32(self.a[2]) + s * np.float32(k) + dz
+        tilt = (dx * np.float32(LIGHT[0]) + dy * np.float32(LIGHT[1]) + dz * np.float32(LIGHT[2])) / r
+        return depth, tilt, r - np.sqrt(near)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A convex solid: all points x with normals (f, 3) @ x <= offsets (f,) [m], within a ball."""
+
+    normals: Matrix
+    offsets: Vector
+    center: Vector
+    reach: float
+    color: Vector
+    corners: Matrix = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def moved(self, p: Vector, R: Matrix) -> Block:
+        """The same in another frame."""
+        normals = self.normals @ R.T
+        corners = p + self.corners @ R.T if len(self.corners) else self.corners
+        return Block(normals, self.offsets + normals @ p, p + R @ self.center, self.reach, self.color, corners)
+
+    def box(self) -> Matrix:
+        """The least and the greatest (2, 3) of its points along each axis."""
+        if len(self.corners):
+            return np.array([self.corners.min(axis=0), self.corners.max(axis=0)])
+        return np.array([self.center - self.reach, self.center + self.reach])
+
+    def depth(self, x: Pixels, y: Pixels) -> tuple[Pixels, Pixels, Pixels]:
+        """(depth, brightness, cover): towards the eye [m], cosine to the light, and how far inside the outline [m]."""
+        n, h = self.normals.astype(np.float32), self.offsets.astype(np.float32)
+        side = np.abs(n[:, 2]) <= 1e-5
+        front, back = (n[:, 2] > 0) & ~side, (n[:, 2] < 0) & ~side
+        flat = np.stack([x.ravel(), y.ravel(), np.ones(x.size, np.float32)])
+        planes = np.column_stack([-n[:, :2], h])
+        tops = (planes[front] / n[front, 2:]) @ flat
+        which = tops.argmin(axis=0)
+        top = np.take_along_axis(tops, which[None], axis=0)[0]
+        bottom = ((planes[back] / n[back, 2:]) @ flat).max(axis=0)
+        cover = top - bottom
+        if side.any():
+            cover = np.minimum(cover, (planes[side] @ flat).min(axis=0))
+        tilt = (n[front] @ LIGHT.astype(np.float32))[which]
+        return top.reshape(x.shape), tilt.reshape(x.shape), cover.reshape(x.shape)
+
+
+Solid = Rod | Block
+
+
+def _tint(color: str, white: float = 0.0, ink: float = 0.0) -> Vector:
+    """A colour (3,), 0 to 1, mixed with shares of white and of black."""
+    mixed = np.array(rgb(color)) / 255
+    return mixed * (1 - white - ink) + white
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """What is seen: from left, right, bottom, top [m] in the axes of the eye, in pixels (rows, columns)."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+    rows: int
+    columns: int
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """As matplotlib takes it."""
+        return self.left, self.right, self.bottom, self.top
+
+    @property
+    def pixel(self) -> float:
+        """Size of a pixel [m]."""
+        return (self.right - self.left) / self.columns
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """Solids drawn: colours (rows, columns, 3), cover (rows, columns), both 0 to 1, and depth [m], -inf for none.
+
+    `here`: the rows and columns beyond which nothing is covered.
+    """
+
+    color: Pixels
+    cover: Pixels
+    depth: Pixels
+    here: Any = np.s_[:, :]
+
+
+def drawn(solids: Sequence[Solid], window: Window) -> Layer:
+    """Solids in the axes of the eye, right, up, towards it; row 0 of the layer is at the top."""
+    shape, pixel = (window.rows, window.columns), window.pixel
+    color = np.zeros((*shape, 3), np.float32)
+    cover, depth = np.zeros(shape, np.float32), np.full(shape, -np.inf, np.float32)
+    xs = (window.left + pixel * (np.arange(window.columns) + 0.5)).astype(np.float32)
+    ys = (window.top - pixel * (np.arange(window.rows) + 0.5)).astype(np.float32)
+    for solid in sorted(solids, key=lambda one: one.box()[1, 2]):
+        for low, high in _pieces(solid):
+            i0 = max(int((window.top - high[1]) / pixel) - 1, 0)
+            i1 = min(int((window.top - low[1]) / pixel) + 2, window.rows)
+            j0 = max(int((low[0] - window.left) / pixel) - 1, 0)
+            j1 = min(int((high[0] - window.left) / pixel) + 2, window.columns)
+            if i0 >= i1 or j0 >= j1:
+                continue
+            here = np.s_[i0:i1, j0:j1]
+            x, y = np.broadcast_arrays(xs[None, j0:j1], ys[i0:i1, None])
+            z, tilt, inside = solid.depth(x, y)
+            share = np.clip(inside * np.float32(1 / pixel) + np.float32(0.5), 0, 1)
+            share *= z >= depth[here]
+            known = cover[here]
+            total = share + known * (1 - share)
+            weight = share / np.maximum(total, np.float32(1e-6))
+            paint = _shaded(solid.color, tilt)
+            paint -= color[here]
+            paint *= weight[..., None]
+            color[here] += paint
+            cover[here] = np.maximum(known, total)
+            np.copyto(depth[here], z, where=share > 0.5)
+    return Layer(color, cover, depth, _part(solids, window))
+
+
+def _part(solids: Sequence[Solid], window: Window) -> Any:
+    """The rows and columns of a picture that solids can be in."""
+    if not len(solids):
+        return np.s_[0:0, 0:0]
+    boxes = np.array([solid.box()[:, :2] for solid in solids])
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    top, bottom = (int((window.top - y) / window.pixel) for y in (high[1], low[1]))
+    left, right = (int((x - window.left) / window.pixel) for x in (low[0], high[0]))
+    return np.s_[max(top - 2, 0) : max(bottom + 3, 0), max(left - 2, 0) : max(right + 3, 0)]
+
+
+def _pieces(solid: Solid) -> list[tuple[Vector, Vector]]:
+    """Boxes (low, high) that hold a solid: several for a long slanted rod, whose one box is mostly empty.
+
+    They do not overlap: each is cut off where the next begins.
+    """
+    low, high = solid.box()
+    if isinstance(solid, Block):
+        return [(low, high)]
+    step = np.abs(solid.b - solid.a)[:2]
+    count = int(min(8, step.min() // (1.5 * solid.radius) + 1))
+    if count < 2:
+        return [(low, high)]
+    axis = int(np.argmax(step))
+    cuts = np.linspace(low[axis], high[axis], count + 1)
+    direction = (solid.b - solid.a)[:2]
+    slope = direction[1 - axis] / direction[axis]
+    reach = solid.radius * float(np.hypot(1, slope))
+    pieces = []
+    for start, stop in pairwise(cuts):
+        beside = solid.a[1 - axis] + slope * (np.array([start, stop]) - solid.a[axis])
+        piece = np.array([low, high])
+        piece[:, axis] = start, stop
+        piece[0, 1 - axis] = max(low[1 - axis], beside.min() - reach)
+        piece[1, 1 - axis] = min(high[1 - axis], beside.max() + reach)
+        pieces.append((piece[0], piece[1]))
+    return pieces
+
+
+def _shaded(color: Vector, tilt: Pixels) -> Pixels:
+    """Colours (..., 3) of a surface by the cosine of its normal to the light."""
+    at = ((tilt + np.float32(1)) * np.float32(_SHADES / 2)).astype(np.intp)
+    return (_LIGHT * color * (1 - _SHINE) + _SHINE).astype(np.float32).take(at, axis=0, mode="clip")
+
+
+def over(below: Any, layer: Layer, alpha: float = 1.0, where: Any = None) -> Pixels:
+    """Pictures (rows, columns, 4), 0 to 1, with a layer laid over them; `where`: the pixels that take it, and how."""
+    found, here = below.copy(), layer.here
+    share = layer.cover[here] * np.float32(alpha)
+    if where is not None:
+        share = share * where[here]
+    part = found[here]
+    total = share + part[..., 3] * (1 - share)
+    weight = share / np.maximum(total, np.float32(1e-6))
+    part[..., :3] += weight[..., None] * (layer.color[here] - part[..., :3])
+    part[..., 3] = total
+    return found
+
+
+def onto(ground: Pixels, layer: Layer, alpha: float = 1.0, where: Any = None) -> None:
+    """The same on a picture (rows, columns, 3) without holes, in its place."""
+    share = layer.cover[layer.here] * np.float32(alpha)
+    if where is not None:
+        share *= where[layer.here]
+    part = ground[layer.here]
+    part += share[..., None] * (layer.color[layer.here] - part)
+
+
+# --------------------------------------------------------------------------------------------------
+# A robot as solids: links as rods with thickness or by the shapes of its model, hinges, rails, base
+# and tool frame.
+# --------------------------------------------------------------------------------------------------
+
+TAPER = 0.6
+"""Thickness of the last link over that of the first."""
+
+SLENDER = 26.0
+"""Length of a robot's chain over the radius of its first link, where its model has no shapes."""
+
+CORE = 0.4
+"""Thickness of the rod inside a link that has shapes, which holds together those that do not touch."""
+
+RAIL_BEYOND = 0.15
+"""How much of a rail is drawn beyond what the motion uses, at most, over the length of the robot."""
+
+DIRECTIONS = 120
+"""Directions in which a shape is touched by planes: its outline in a picture is that of the solid between them."""
+
+_SMALL = 1e-6
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A shape on a joint's moving side (joint -1: the base), and what it is: link, other link, hinge, rail."""
+
+    part: LinkShape
+    role: str
+
+    @property
+    def joint(self) -> int:
+        """The joint that it moves with."""
+        return self.part.joint
+
+    @cached_property
+    def solid(self) -> Solid:
+        """The same for pictures, in the frame of its joint."""
+        return block(self.part)
+
+
+def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
+    """What a robot is drawn by; rails are as long as the sliders' limits, or as the motion Q (k, n) needs."""
+    if not robot.tips:
+        return ()
+    unit = thickness(robot, Q)
+    shown = [part for part in robot.shapes if not part.obstacle and not part.shape.fault]
+    shaped = {part.joint for part in shown if not part.carried}
+    found = [Piece(part, _role(part)) for part in shown]
+    deep = _depths(robot)
+    for line in _lines(robot, shown):
+        index, step = line.joint, line.end - line.start
+        if (index >= 0 or index not in shaped) and np.linalg.norm(step) > _SMALL:
+            width = unit * (1 - (1 - TAPER) * (deep[index] if index >= 0 else 0.0))
+            width *= CORE if index in shaped else 1.0
+            plate = step * min(0.5, width / np.linalg.norm(step)) if index < 0 else 0.0  # it stands on it
+            found.append(_piece(index, between(line.start + plate, line.end, width), "link"))
+    for index, joint in enumerate(robot.joints):
+        width = unit * (1 - (1 - TAPER) * deep[index])
+        if joint.kind == "prismatic":
+            found += _rail(robot, index, Q, 1.25 * width, index in shaped)
+        elif index not in shaped and (joint.parent >= 0 or np.linalg.norm(joint.step) > width):
+            half = 1.2 * width * joint.axis
+            found.append(_piece(index, between(-half, half, 1.16 * width), "hinge"))
+    first = [joint for joint in robot.joints if joint.parent < 0]
+    if all(joint.kind != "prismatic" for joint in first) and -1 not in shaped:
+        for foot in np.unique([joint.start for joint in first], axis=0):
+            middle = pose_from(foot + [0.0, 0.0, 0.25 * unit])
+            found.append(_piece(-1, (middle, Cylinder(2.4 * unit, 0.5 * unit)), "base"))
+    return tuple(found)
+
+
+def _role(part: LinkShape) -> str:
+    """What a shape of a robot is in a picture."""
+    if part.carried:
+        return "tool"
+    return ("link", "other")[part.joint % 2] if part.joint >= 0 else "base"
+
+
+def _lines(robot: Robot, shown: Sequence[LinkShape]) -> list[Line]:
+    """The rods of a robot: those of `link_lines`, but a link that carries a tool ends in the tool, not at its tip."""
+    tools: dict[int, list[Vector]] = {}
+    for part in shown:
+        if part.carried:
+            tools.setdefault(part.joint, []).append(part.placement[:3, 3])
+    lines, count = link_lines(robot), len(robot.joints)
+    found = [*lines[:count], *(line for line in lines[count:] if line.joint not in tools)]
+    return found + [Line("", joint, np.zeros(3), min(there, key=np.linalg.norm)) for joint, there in tools.items()]
+
+
+def thickness(robot: Robot, Q: Matrix) -> float:
+    """The radius [m] of a robot's first link: a share of the length of its chain, or of what its sliders travel."""
+    length = chain_length(robot)
+    if length < _SMALL:
+        values = [np.ptp(Q[:, joint.coordinate]) for joint in robot.joints]
+        length = max(float(max(values, default=0.0)), 1e-3)
+    return length / SLENDER
+
+
+def solids_at(
+    pieces: Sequence[Piece], frames: Frames, k: int, color: str, *, still: bool = True
+) -> list[Solid]:  # fmt: skip
+    """A robot in a colour at posture k of its joints' frames, without what stands still, if asked."""
+    looks = {
+        "link": _tint(color, white=0.42), "other": _tint(color, white=0.22), "hinge": _tint(color, ink=0.06),
+        "base": _tint(GREY, white=0.45), "tool": _tint(INK, white=0.3),
+        "rail": _tint(GREY, white=0.35), "carriage": _tint(color, ink=0.06),
+    }  # fmt: skip
+    return [
+        replace(piece.solid, color=looks[piece.role]).moved(*_frame(frames, piece.joint, k))
+        for piece in pieces
+        if still or piece.joint >= 0
+    ]
+
+
+def tool_frames(robot: Robot, frames: Frames, k: int, size: float) -> list[Solid]:
+    """The axes of every tip at posture k: x, y and z in the colours of `AXES`, rods of a length [m]."""
+    found: list[Solid] = []
+    for tip in robot.tips:
+        p, R = placed(frames, tip.joint, tip.placement, len(frames[0][0]))
+        found += triad(p[k], R[k], size)
+    return found
+
+
+def triad(p: Vector, R: Matrix, size: float) -> list[Solid]:
+    """Three rods along the axes of a frame."""
+    return [Rod(p, p + size * R[:, i], 0.075 * size, _tint(color)) for i, color in enumerate(AXES)]
+
+
+def wire(points: Matrix, radius: float, color: str, dash: int = 0) -> list[Solid]:
+    """A polyline (k, 3) as thin rods; with a dash, that many of them are shown, then as many not."""
+    paint = _tint(color, white=0.12)
+    return [
+        Rod(a, b, radius, paint)
+        for i, (a, b) in enumerate(pairwise(points))
+        if not dash or i % (2 * dash) < dash
+    ]  # fmt: skip
+
+
+def standing(shapes: Sequence[LinkShape], color: str = GREY) -> list[Solid]:
+    """Obstacles in the frame of the base, those that can be read."""
+    paint = _tint(color, white=0.25)
+    return [replace(block(part), color=paint) for part in shapes if not part.shape.fault]
+
+
+def posed(robot: Robot, Q: Matrix) -> Frames:
+    """The joints' frames at postures (k, n)."""
+    return joint_frames(robot, np.atleast_2d(Q))
+
+
+def cloud(solids: Sequence[Solid]) -> Matrix:
+    """Corners (k, 3) of what solids fill: nothing of them is farther out."""
+    boxes = [solid.box() for solid in solids]
+    return np.array([[b[i, 0], b[j, 1], b[k, 2]] for b in boxes for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+
+
+def block(part: LinkShape) -> Solid:
+    """A convex shape where it is: a rod, or what is between the planes that touch it in some directions."""
+    shape, p, R = part.shape, part.placement[:3, 3], part.placement[:3, :3]
+    if isinstance(shape, Capsule):
+        end = np.array([0.0, 0.0, shape.length / 2])
+        return Rod(-end, end, shape.radius, np.zeros(3)).moved(p, R)
+    solid = shape.hull if isinstance(shape, Mesh) else shape
+    center, reach = solid.ball
+    normals = _directions(solid)
+    return Block(normals, solid.support(normals), center, reach, np.zeros(3), _corners(solid)).moved(p, R)
+
+
+def _corners(shape: Shape) -> Matrix:
+    """Points (k, 3) that a solid is between; none, where a ball round it tells that well enough."""
+    if isinstance(shape, Box):
+        return np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * shape.sides / 2
+    if isinstance(shape, Cylinder):
+        ring = shape.radius * _ring()
+        return np.vstack([ring + [0, 0, z] for z in (-shape.length / 2, shape.length / 2)])
+    return shape.corners if isinstance(shape, Hull) else np.zeros((0, 3))
+
+
+def _ring() -> Matrix:
+    """Points (48, 3) of the circle of radius 1 round z."""
+    turn = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    return np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
+
+
+def _directions(shape: Shape) -> Matrix:
+    axes = np.vstack([np.eye(3), -np.eye(3)])
+    if isinstance(shape, Box):
+        return axes
+    if isinstance(shape, Cylinder):
+        return np.vstack([axes[[2, 5]], _ring()])
+    k = np.arange(DIRECTIONS) + 0.5
+    z, turn = 1 - 2 * k / DIRECTIONS, np.pi * (1 + 5**0.5) * k
+    ring = np.sqrt(1 - z * z)
+    return np.vstack([axes, np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])])
+
+
+def _frame(frames: Frames, joint: int, k: int) -> tuple[Vector, Matrix]:
+    if joint < 0:
+        return np.zeros(3), np.eye(3)
+    p, R = frames[joint]
+    return p[k], R[k]
+
+
+def _depths(robot: Robot) -> list[float]:
+    """How far along its chain each joint is, 0 to 1."""
+    steps: list[int] = []
+    for joint in robot.joints:
+        steps.append(1 + steps[joint.parent] if joint.parent >= 0 else 0)
+    return [step / max(*steps, 1) for step in steps]
+
+
+def _rail(robot: Robot, index: int, Q: Matrix, width: float, shaped: bool) -> list[Piece]:
+    """A slider: the beam that it runs on, which does not move with it, and its carriage."""
+    joint = robot.joints[index]
+    values = joint.multiplier * np.atleast_2d(Q)[:, joint.coordinate] + joint.offset
+    entry = robot.coordinates[joint.coordinate]
+    ends = joint.multiplier * np.array([entry.lower, entry.upper]) + joint.offset
+    low, high = float(ends.min()), float(ends.max())
+    used = float(values.min()), float(values.max())
+    spare = max(RAIL_BEYOND * chain_length(robot), 4 * width)
+    low, high = max(low, used[0] - spare), min(high, used[1] + spare)
+    T, _ = between(low * joint.axis, high * joint.axis, 1.0)
+    beam = Box(np.array([1.1 * width, 1.1 * width, high - low + 2 * width]))
+    rail = _piece(joint.parent, (joint.placement @ T, beam), "rail")
+    if shaped:
+        return [rail]
+    T[:3, 3] = 0.0
+    return [rail, _piece(index, (T, Box(np.array([2.2 * width, 2.2 * width, 2.4 * width]))), "carriage")]
+
+
+def _piece(joint: int, placed_shape: tuple[Matrix, Shape], role: str) -> Piece:
+    return Piece(LinkShape(role, joint, *placed_shape), role)
+
 
 ELEVATIONS = (8.0, 16.0, 24.0, 34.0)
 """Heights of the eye over the floor that are looked from [degrees]."""
@@ -23,7 +520,7 @@ DETAIL = 150
 AROUND = 0.25
 """Room for obstacles beside a robot, over its size in the picture: what is farther out is cut off."""
 
-BEYOND = 0.042
+LABEL_BEYOND = 0.042
 """Way from the end of a base's axis to its name, at least, over the width of the picture."""
 
 SHADOW = 0.16
@@ -208,7 +705,7 @@ def outlined(picture: Pixels, layer: Layer, color: str, beneath: Layer, fill: fl
     soft = gaussian_filter(layer.cover, 1.6)
     line = np.exp(-(((soft - 0.45) / 0.3) ** 2)).astype(np.float32)
     line[soft < 0.02] = 0
-    paint = np.broadcast_to(tint(color, ink=0.1).astype(np.float32), (*soft.shape, 3))
+    paint = np.broadcast_to(_tint(color, ink=0.1).astype(np.float32), (*soft.shape, 3))
     return over(over(picture, layer, fill, 1 - beneath.cover), Layer(paint, line, layer.depth))
 
 
@@ -253,7 +750,7 @@ def named_axes(axes: Any, scene: Scene, size: float, cover: Pixels, window: Wind
         short = float(np.hypot(*flat))
         if short <= 0.2:
             continue
-        x, y = (size + max(0.2 * size, BEYOND * wide / short)) * flat
+        x, y = (size + max(0.2 * size, LABEL_BEYOND * wide / short)) * flat
         row, column = int((window.top - y) / window.pixel), int((x - window.left) / window.pixel)
         if 0 <= row < window.rows and 0 <= column < window.columns and cover[row, column] < 0.5:
             axes.text(x, y, name, fontsize=7.5, color=INK, ha="center", va="center", zorder=6)

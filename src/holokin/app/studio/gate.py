@@ -8,21 +8,270 @@ from __future__ import annotations
 
 import asyncio
 import http
+import io
+import math
 import threading
 import time
+import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from functools import singledispatch
+from typing import Annotated, Any, Literal
 
+import msgspec
 import viser
 import websockets.asyncio.server as library
+from msgspec import Meta, Struct
 from websockets.http11 import Request, Response
 
 from ...base.errors import MissingExtraError
 from .door import PAGE, TOKEN, Door, inner, policy
-from .incoming import LARGEST, Incoming
 from .page_scene import silent_viser
+
+# --------------------------------------------------------------------------------------------------
+# `Incoming`: what browsers say to the studio, looked at before viser hears it. Loaded with viser,
+# not before.
+#
+# viser takes a client's word for everything: it sets any property of a control to any value, tells
+# it to all browsers, and opens a tunnel to the internet when it is asked to. So of its messages
+# only those pass that the page of the studio needs, with just their known fields; numbers are
+# finite and within the bounds of their control, a choice is one of its options. What does not fit
+# is dropped, and nobody else notices.
+# --------------------------------------------------------------------------------------------------
+
+LONGEST = 200
+"""Characters of a text that is typed into the page, and of names in messages."""
+
+SMALL = 8192
+"""Bytes of a message that is no picture: the longest, of the camera, has 400."""
+
+LARGEST = 16 * 2**20
+"""Bytes of a message: a picture of 8192 x 4096 pixels has 10 MB."""
+
+PIXELS = 8192
+"""Width and height of a picture at most."""
+
+FAR = 1e3
+"""Largest number [m, or any unit] of a control that has no bounds of its own, and of a handle's place: viser's
+controls have none unless they are given, and no robot of the page is larger."""
+
+AWAY = 1e6
+"""Largest coordinate of a camera [m], which zooms out far beyond what it sees."""
+
+UNIT = 1e-3
+"""How far the length of a quaternion may be from 1: a browser's 32 bits leave 1e-6."""
+
+_Name = Annotated[str, Meta(max_length=LONGEST)]
+_Near = Annotated[float, Meta(ge=-FAR, le=FAR)]
+_Away = Annotated[float, Meta(ge=-AWAY, le=AWAY)]
+_Positive = Annotated[float, Meta(gt=0.0, le=AWAY)]
+_Pixels = Annotated[int, Meta(ge=0, le=PIXELS)]
+_Turn = tuple[_Away, _Away, _Away, _Away]
+_Place = tuple[_Near, _Near, _Near]
+_Spot = tuple[_Away, _Away, _Away]
+
+
+class _New(Struct, forbid_unknown_fields=True):
+    value: bool | int | float | Annotated[str, Meta(max_length=SMALL)] | Annotated[list[float], Meta(max_length=4)]
+
+
+class GuiUpdateMessage(Struct, tag_field="type"):
+    """A control has a new value, or a button was pressed."""
+
+    uuid: _Name
+    updates: _New
+
+
+class ViewerCameraMessage(Struct, tag_field="type"):
+    """From where a browser looks."""
+
+    wxyz: _Turn
+    position: _Spot
+    fov: Annotated[float, Meta(gt=0.0, lt=math.pi)]
+    near: _Positive
+    far: _Positive
+    image_height: _Pixels
+    image_width: _Pixels
+    look_at: _Spot
+    up_direction: _Spot
+
+
+class ScenePointerMessage(Struct, tag_field="type"):
+    """A click into the scene."""
+
+    event_type: Literal["click"]
+    ray_origin: _Spot
+    ray_direction: _Place
+    screen_pos: Annotated[list[tuple[_Away, _Away]], Meta(min_length=1, max_length=2)]
+    modifier: _Name | None
+
+
+class TransformControlsUpdateMessage(Struct, tag_field="type"):
+    """A handle is dragged."""
+
+    name: _Name
+    wxyz: _Turn
+    position: _Place
+    owner: _Name = ""
+
+
+class TransformControlsDragStartMessage(Struct, tag_field="type"):
+    """A handle is taken."""
+
+    name: _Name
+    owner: _Name = ""
+
+
+class TransformControlsDragEndMessage(Struct, tag_field="type"):
+    """A handle is let go."""
+
+    name: _Name
+    owner: _Name = ""
+
+
+class GetRenderResponseMessage(Struct, tag_field="type"):
+    """A picture that the browser was asked for; an empty one if it has none."""
+
+    payload: bytes
+    render_uuid: _Name
+
+
+_PICTURE = msgspec.msgpack.Decoder(GetRenderResponseMessage)
+_SMALL = msgspec.msgpack.Decoder(
+    GuiUpdateMessage
+    | ViewerCameraMessage
+    | ScenePointerMessage
+    | TransformControlsUpdateMessage
+    | TransformControlsDragStartMessage
+    | TransformControlsDragEndMessage
+    | GetRenderResponseMessage
+)
+
+
+class Refused(Exception):
+    """What does not pass; nobody is told."""
+
+
+class Incoming:
+    """Looks at what the browsers of one server say.
+
+    Attributes:
+        server: a viser.ViserServer, which has the controls that values are meant for. Until there is one, none passes.
+    """
+
+    def __init__(self) -> None:
+        self.server: Any = None
+
+    def passed(self, said: bytes | str) -> bytes | None:
+        """What viser shall hear of a message: the same, a number in its bounds and no field more, or nothing."""
+        if not isinstance(said, bytes) or len(said) > LARGEST:
+            return None
+        try:
+            message = (_SMALL if len(said) <= SMALL else _PICTURE).decode(said)
+            if isinstance(message, GuiUpdateMessage):
+                message.updates.value = fitted(self._control(message.uuid), message.updates.value)
+            else:
+                look(message)
+        except (msgspec.MsgspecError, ValueError, RecursionError, Refused):
+            return None
+        return msgspec.msgpack.encode(message)
+
+    def _control(self, uuid: str) -> Any:
+        """A control of the page that can be used now, by the name that viser gave it."""
+        known = {} if self.server is None else self.server.gui._gui_input_handle_from_uuid
+        control = known.get(uuid)
+        if control is None or control.disabled or not control.visible:
+            raise Refused
+        return control
+
+
+@singledispatch
+def fitted(control: Any, value: Any) -> Any:
+    """A value as a control of the page may have it. Raises: Refused: it is no value of such a control."""
+    raise Refused
+
+
+@fitted.register(viser.GuiButtonHandle)
+def _(control: Any, value: Any) -> bool:
+    return True
+
+
+@fitted.register(viser.GuiCheckboxHandle)
+def _(control: Any, value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise Refused
+    return value
+
+
+@fitted.register(viser.GuiDropdownHandle)
+def _(control: Any, value: Any) -> str:
+    if not isinstance(value, str) or value not in control.options:
+        raise Refused
+    return value
+
+
+@fitted.register(viser.GuiTextHandle)
+def _(control: Any, value: Any) -> str:
+    if not isinstance(value, str):
+        raise Refused
+    return "".join(c for c in value if unicodedata.category(c)[0] != "C")[:LONGEST]
+
+
+@fitted.register(viser.GuiNumberHandle)
+@fitted.register(viser.GuiSliderHandle)
+def _(control: Any, value: Any) -> int | float:
+    found = between(value, control.min, control.max)
+    return round(found) if isinstance(control.value, int) else found
+
+
+@fitted.register(viser.GuiVector3Handle)
+def _(control: Any, value: Any) -> list[float]:
+    if not isinstance(value, list) or len(value) != 3:
+        raise Refused
+    low, high = control.min or (None,) * 3, control.max or (None,) * 3
+    return [between(one, *ends) for one, *ends in zip(value, low, high, strict=True)]
+
+
+def between(value: Any, low: float | None, high: float | None) -> float:
+    """A number within bounds, FAR where there are none. Raises: Refused: it is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise Refused
+    return float(min(max(float(value), -FAR if low is None else low), FAR if high is None else high))  # NumPy ends, too
+
+
+@singledispatch
+def look(message: Any) -> None:
+    """At what bounds of single numbers do not tell. Raises: Refused."""
+
+
+@look.register
+def _(message: TransformControlsUpdateMessage) -> None:
+    if abs(math.hypot(*message.wxyz) - 1.0) > UNIT:
+        raise Refused
+
+
+@look.register
+def _(message: ViewerCameraMessage) -> None:
+    if abs(math.hypot(*message.wxyz) - 1.0) > UNIT:
+        raise Refused
+
+
+@look.register
+def _(message: GetRenderResponseMessage) -> None:
+    """It is read as a picture later: only of the kind, and of the size, that is asked for."""
+    if not message.payload:
+        return
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(io.BytesIO(message.payload), formats=["JPEG"]) as picture:
+            width, height = picture.size
+    except (UnidentifiedImageError, OSError, SyntaxError, Image.DecompressionBombError):
+        raise Refused from None
+    if max(width, height) > PIXELS:
+        raise Refused
+
 
 RATE = 400
 """Messages of a browser that are heard in a second: a drag sends 60. The others wait, for all share one thread."""

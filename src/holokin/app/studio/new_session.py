@@ -10,25 +10,23 @@ from typing import Any
 import numpy as np
 
 from ...analysis.coverage import fitting_task, regular_starts
-from ...analysis.coverage.tips import chain_to_tool
+from ...analysis.coverage.pose_postures import chain_to_tool
 from ...base.errors import ArgumentError, HolokinError
 from ...base.types import ArrayLike, Matrix, Vector
 from ...motion import drift, follow
 from ...path import Path
-from ...path.synchronized_paths import AnyPath
+from ...path.editing import AnyPath
 from ...robot import Robot, is_model, joints_above
 from ...strategies import moore_penrose
 from ...strategies.tasks.frame_task import stacked
 from ...strategies.tasks.task import Task
 from ...strategies.tasks.task_kinds import pose
 from ..job import Job, is_job, open_one_job
-from ..job.job_parts import build_begin, build_strategy, build_tasks, naming
-from ..job.several_paths import build_paths
-from ..job.sheets_over_job import sheets_of_job
-from .loop_follower import loop_start
+from ..job.job_parts import build_begin, build_paths, build_strategy, build_tasks, naming
+from ..job.runner import sheets_of_job
+from .followers import Loop, circle_loop, entered, loop_start
+from .laws import Law, default_laws, redundant
 from .session import Session
-from .session_laws import Law, default_laws, redundant
-from .session_loops import Loop, circle_loop, entered
 from .states import Origin
 
 TRIED = 4

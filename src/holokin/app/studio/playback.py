@@ -23,7 +23,7 @@ from ...base.files import write_text
 from ...base.types import Array, ArrayLike, Indices, Matrix, Value, Vector, finite, frozen, positive
 from ...motion.trajectory import Status
 from ...robot import LinkShape, Robot
-from ..report.palette import law_colors
+from ..report.plots import law_colors
 from ..report.robot_view import best_view
 from .door import HERE, Door
 from .page_scene import FOV, Scene, silent_viser, viser_package
@@ -350,8 +350,7 @@ def _motion(name: str, motion: Any, robot: Robot) -> Motion:
 def _quiet_server() -> Any:
     """A viser server whose token nobody is told: a scene can be recorded of a server only."""
     viser_package()
-    from .gate import open_server
-    from .incoming import Incoming
+    from .gate import Incoming, open_server
 
     return open_server(HERE, 0, Door(HERE), Incoming())
 

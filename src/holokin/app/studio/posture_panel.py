@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import HolokinError
-from ..report.palette import BLUE, GREY, PURPLE, YELLOW, rgb
-from .panel_texts import block, line, plain, put, quiet, ramp, swatch, table
-from .sliders import DEGREES, Slider
-from .stage import Stage
+from ..report.plots import BLUE, GREY, PURPLE, YELLOW, rgb
+from .laws import DEGREES, Slider
+from .stage import Stage, block, line, plain, put, quiet, ramp, swatch, table
 from .states import Cloud, LawState, LeafCusps, Phase, Snapshot
 
 FAR, NEAR, UNREACHED = BLUE, YELLOW, GREY

@@ -2,22 +2,481 @@
 
 from __future__ import annotations
 
+import io
+import time
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path as FilePath
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
-from ...base.printed_units import PrintedUnits
-from ..job import packaged_jobs
-from .cameras import BOTTOM_SHEET
-from .loop_panel import LoopPanel
-from .panel_texts import block, gauge, line, named, plain, put, quiet, swatch, table, warning
+from ...analysis.design import advise
+from ...base.errors import ArgumentError, HolokinError, JobError
+from ...base.units import SI, PrintedUnits
+from ...export import LANGUAGES
+from ...proof import Certificate
+from ..job import Job, certify_job, open_one_job, packaged_jobs, program_of_job
+from ..report.plots import CLOCKWISE, COUNTER_CLOCKWISE
+from ..report.sheets_plots import sheet_color
+from .followers import circle_loop, eight_loop
+from .laws import LawPaths
 from .posture_panel import PosturePanel
-from .save_panel import SavePanel
-from .sheets_panel import SheetsPanel
-from .shown_units import FASTEST, SLOWEST, UNITS, USUAL, joint_unit, largest
-from .stage import Stage
-from .states import LawState, Phase, Snapshot
-from .work_panel import WorkPanel
+from .session import Session, to_job
+from .stage import (
+    BOTTOM_SHEET,
+    FAR,
+    LEAST,
+    Stage,
+    block,
+    circle_of,
+    file_name,
+    gauge,
+    line,
+    named,
+    plain,
+    put,
+    quiet,
+    swatch,
+    table,
+    warning,
+)
+from .states import FASTEST, SLOWEST, UNITS, USUAL, LawState, Phase, Snapshot, joint_unit, largest
+from .work import SheetFollower, SheetState
+
+# --------------------------------------------------------------------------------------------------
+# The panel of the loop: its shape, centre, radius and plane, corners by clicks, and two paths to
+# one pose.
+# --------------------------------------------------------------------------------------------------
+
+SHOWN = 3.0
+"""Seconds in which two paths are shown."""
+
+SAME = 1e-6
+"""Joint difference [rad or m] below which two postures are one: round-off is far below it."""
+
+
+_CENTER = "Of the circle, or where the eight crosses itself: x, y, z in the frame of the robot's base"
+_RADIUS = "Of the circle; an eight is twice as wide"
+_NORMAL = "A direction at right angles to the loop; 0, 0, 1 is a level loop"
+
+
+class LoopPanel:
+    """Its controls; built inside a tab."""
+
+    def __init__(self, page: Stage):
+        self.page = page
+        gui, loop = page.server.gui, page.session.loop
+        center, normal, radius = circle_of(loop) or (self._tool(), np.array([0.0, 0.0, 1.0]), 0.1)
+        gui.add_markdown("A closed path of the tool. Laws that are not holonomic usually drift on it.")
+        self.dragged = gui.add_checkbox(
+            "Drag centre, plane and radius in the scene", False, hint="Handles on the circle"
+        )
+        self.shape = gui.add_dropdown("Shape", ("circle", "figure eight"), hint="Of the loop that is taken below")
+        self.center = gui.add_vector3(
+            "Centre [m]",
+            tuple(float(v) for v in np.round(center, 4)),
+            min=(-FAR,) * 3,
+            max=(FAR,) * 3,
+            step=0.01,
+            hint=_CENTER,
+        )
+        self.radius = gui.add_number("Radius [m]", float(radius), min=LEAST, max=10.0, step=0.005, hint=_RADIUS)
+        self.normal = gui.add_vector3(
+            "Normal of the plane", tuple(float(v) for v in np.round(normal, 4)), step=0.05, hint=_NORMAL
+        )
+        self.here = gui.add_button("Begin at the tool", color="gray", hint="The loop then starts where the tool is now")
+        self.make = gui.add_button("Take this loop", hint="All laws follow it from now on")
+        gui.add_divider()
+        gui.add_markdown("**By clicks**: corners on the level of the tool. Look from above.")
+        self.clicks = gui.add_button("Begin to click", color="gray", hint="Each click in the scene is a corner")
+        self.close = gui.add_button(
+            "Close the polygon", color="gray", disabled=True, hint="The loop through the corners"
+        )
+        gui.add_divider()
+        gui.add_markdown(
+            "**Two paths to one pose**: drag the tool somewhere, then see a law go there from the start by two paths."
+        )
+        names = tuple(law.name for law in page.session.laws)
+        self.law = gui.add_dropdown("Law", names, hint="Whose joints are compared at the end of both paths")
+        self.two_paths = gui.add_button(
+            "Go two paths to the tool's place", color="gray", hint="From the start, by a corner to each side"
+        )
+        self.answer = gui.add_markdown("")
+        self.rescale(SI)
+        self._connect()
+
+    def _connect(self) -> None:
+        page = self.page
+
+        self.dragged.on_update(lambda _event: page.ask(lambda: page.handles.show_loop_handles(self.dragged.value)))
+
+        @self.here.on_click
+        def _(_event: Any) -> None:
+            tool = self._tool() * self.page.units.factor("m")
+            self.center.value = tuple(float(v) for v in tool - [self.radius.value, 0.0, 0.0])
+
+        self.make.on_click(lambda _event: page.ask(self._make))
+
+        @self.clicks.on_click
+        def _(_event: Any) -> None:
+            self.close.disabled = False
+            page.ask(page.handles.start_corners)
+
+        @self.close.on_click
+        def _(_event: Any) -> None:
+            self.close.disabled = True
+            page.ask(page.handles.close_corners)
+
+        self.two_paths.on_click(lambda _event: page.alone("two paths", self._two_paths))
+
+    def rescale(self, before: PrintedUnits) -> None:
+        """Centre and radius in the units of the page, from those before."""
+        units, ratio = self.page.units, self.page.units.factor("m") / before.factor("m")
+        if ratio == 1:
+            return
+        with self.page.server.atomic():
+            for handle, name in ((self.center, "Centre"), (self.radius, "Radius")):
+                handle.label = f"{name} [{units.length}]"
+                handle.step, handle.precision = handle.step * ratio, 1 if units.length == "mm" else 4
+                value, low, high = (_times(ratio, one) for one in (handle.value, handle.min, handle.max))
+                handle.min, handle.max, handle.value = low, high, value
+
+    def _tool(self) -> Any:
+        return self.page.session.snapshot().target[0][:3, 3]
+
+    def _make(self) -> None:
+        metre, normal = self.page.units.factor("m"), np.array(self.normal.value)
+        center, size = np.array(self.center.value) / metre, float(self.radius.value) / metre
+        if self.shape.value == "circle":
+            loop = circle_loop(center, size, normal, near=self._tool())
+        else:
+            loop = eight_loop(center, 2 * size, None, normal)
+        self.page.say("")
+        self.page.session.set_loop(loop)
+
+    def _two_paths(self) -> None:
+        """Runs in the thread of the click: the page's own thread goes on, and leaves the robots alone."""
+        page, wanted = self.page, self.page.session.snapshot().target
+        if np.allclose(wanted, page.session.reset().target):
+            page.say("The tool is at its start: drag it somewhere, and two paths lead there from the start.")
+            return
+        try:
+            found = page.session.two_paths(wanted)
+        except HolokinError as problem:
+            page.session.drag(wanted)
+            page.say(str(problem))
+            return
+        path = next(path for path in found.by_law if path.name == self.law.value)
+        for index, color in enumerate((CLOCKWISE, COUNTER_CLOCKWISE)):
+            page.scene.path(found.points[index], f"path{index}", color)
+        if path.sentence:
+            self.answer.content = path.sentence
+        else:
+            same = "the same joints" if path.spread < SAME else "other joints"
+            units, robot = page.units, page.session.robot
+            apart = f"{float(largest(units, robot, path.a[-1] - path.b[-1])):.3g} {joint_unit(units, robot)}"
+            self.answer.content = f"Both paths end at one pose, with **{same}**: {apart} apart."
+        with page.own_drawing():
+            self._show(path, [law.name for law in page.session.laws].index(path.name))
+        for index in range(2):
+            page.scene.path([], f"path{index}")
+        page.session.drag(wanted)
+
+    def _show(self, path: LawPaths, law: int) -> None:
+        """One path by the solid robot, the other by a ghost, in the law's colour where there is another law."""
+        page, steps = self.page, min(len(path.a), len(path.b))
+        count, lead = len(page.session.laws), page.lead
+        ghost = law if law != lead else (lead + 1) % count
+        for row in np.linspace(0, steps - 1, int(SHOWN * 25)).astype(int) if steps else ():
+            Q = np.tile(path.a[row], (count, 1))
+            Q[ghost] = path.b[row]
+            page.scene.show(Q)
+            time.sleep(SHOWN / 75)
+        time.sleep(SHOWN / 2)
+
+
+def _times(ratio: float, value: Any) -> Any:
+    """A number, or each of several, times a ratio; to twelve digits, so that there and back is what it was."""
+    if isinstance(value, tuple | list | np.ndarray):
+        return tuple(_times(ratio, one) for one in value)
+    return float(f"{ratio * float(value):.12g}")
+
+
+# --------------------------------------------------------------------------------------------------
+# The panel of what a session is worked on with: a robot program of a law, its certificate, and
+# advice on laws.
+# --------------------------------------------------------------------------------------------------
+
+ACCELERATION = 2.0
+"""Of a program's joints [rad/s^2, m/s^2], until somebody gives another one."""
+
+WRITTEN = tuple(name for name, language in LANGUAGES.items() if not language.needs)
+"""Languages that a job of the studio can be written in: the others need facts of a controller, which a file gives."""
+
+
+CURE = "Save the job, add what is missing to its file, and use `holokin export` or `holokin certify` on the file."
+"""What helps where a job needs more than a session tells."""
+
+
+class WorkPanel:
+    """Its controls; built inside a tab."""
+
+    def __init__(self, page: Stage):
+        self.page = page
+        gui, laws = page.server.gui, page.session.laws
+        told = tuple(law.name for law in laws if law.keys is not None and page.session.origin is not None)
+        off = not told
+        self.law = gui.add_dropdown("Law", told or ("none",), hint="Of the program and of the certificate")
+        gui.add_markdown(
+            "A **robot program** of the loop with its cycles, timed within the speed limits of the joints."
+        )
+        self.language = gui.add_dropdown("Language", WRITTEN, hint="Of the robot's controller, as of `holokin export`")
+        self.acceleration = gui.add_number(
+            "Acceleration", ACCELERATION, min=0.01, max=100.0, step=0.1, hint="Largest of any joint [rad/s^2, m/s^2]"
+        )
+        self.program = gui.add_button(
+            "Write the program", color="blue", disabled=off, hint="A ZIP with the program and all samples"
+        )
+        gui.add_markdown("A **certificate** proves that the joints on the loop are one function of the tool pose.")
+        self.certify = gui.add_button(
+            "Certify the law", color="gray", disabled=off, hint="On the loop; it takes seconds to a minute"
+        )
+        gui.add_markdown("**Advice**: the laws that fit this robot near its start, compared.")
+        self.advise = gui.add_button("Ask for advice", color="gray", hint="It takes about a minute, and slows the page")
+        self.answer = gui.add_html("")
+        for button, work in (
+            (self.program, self._program), (self.certify, self._certificate), (self.advise, self._advice),
+        ):  # fmt: skip
+            button.on_click(lambda event, work=work: self._work(event.client, work))
+
+    def _work(self, client: Any, work: Any) -> None:
+        """One piece of work at a time, in the thread of the click; its file goes to the browser that asked."""
+
+        def whole() -> None:
+            self.page.say("")
+            self._tell("It is being worked on.")
+            try:
+                found = work()
+            except JobError as problem:  # of a file that is there no more
+                self._tell("")
+                self.page.say(f"{problem.key}: {problem.fact}; {problem.cure}. {CURE}")
+                return
+            except BaseException:
+                self._tell("")
+                raise
+            if found is not None and client is not None:
+                client.send_file_download(*found, save_immediately=True)
+
+        self.page.alone("work", whole)
+
+    def _tell(self, *sentences: str) -> None:
+        put(self.answer, block(*map(line, sentences)) if any(sentences) else "")
+
+    def _program(self) -> tuple[str, bytes]:
+        language, changes = self.language.value, {"acceleration": float(self.acceleration.value)}
+        with _saved_job(self.page.session) as (name, job, file):
+            program, timed, _ = program_of_job(name, job, file, language, self._label(), changes=changes)
+            program.save(file.parent / "program")
+            timed.save(file.parent / "program" / "joints.csv")
+            packed = io.BytesIO()
+            with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as box:
+                for one in sorted((file.parent / "program").iterdir()):
+                    box.write(one, one.name)
+        said = f"{program.targets} targets, {timed.duration:.3g} s, {timed.profile}."
+        self._tell(said, *program.notes)
+        return f"{name}-{language}.zip", packed.getvalue()
+
+    def _certificate(self) -> tuple[str, bytes] | None:
+        label = self._label()
+        with _saved_job(self.page.session) as (name, job, file):
+            chosen = job.model_copy(update={"strategies": {label: job.strategies[label]}})
+            found = next(one for title, one in certify_job(chosen, file) if title in (label, self.law.value))
+            if not isinstance(found, Certificate):
+                self._tell(f"{self.law.value} is not certified: {found}")
+                return None
+            self._tell(found.theorem)
+            return f"{name}-certificate.json", found.save(file.parent / "certificate.json").read_bytes()
+
+    def _advice(self) -> None:
+        session = self.page.session
+        if session.task.frames > 1:
+            raise ArgumentError("advice", session.task.name, "it is given for robots with one tool")
+        task = "position" if session.task.orientation is None else "pose"
+        found = advise(session.robot, task=task, q0=session.home, say=self._tell)
+        self._tell(f"The best is {found.best.name}.", *found.reasons)
+
+    def _label(self) -> str:
+        """The name in a job of the law that is chosen."""
+        law = next(law for law in self.page.session.laws if law.name == self.law.value)
+        return law.label or law.name
+
+
+@contextmanager
+def _saved_job(session: Session) -> Iterator[tuple[str, Job, FilePath]]:
+    """(name, job, file) of a session as a job, in a folder that is there meanwhile. Raises: as `to_job`."""
+    with TemporaryDirectory() as folder:
+        name = file_name(session.title)
+        file = FilePath(folder, f"{name}.toml")
+        file.write_text(to_job(session), "utf-8")
+        yield open_one_job(str(file))
+
+
+# --------------------------------------------------------------------------------------------------
+# The panel of sheets: which one serves the dragged tool, and the switch by which an arm follows
+# them.
+# --------------------------------------------------------------------------------------------------
+
+
+class SheetsPanel:
+    """Its controls; built inside a tab of a page whose session has sheets."""
+
+    def __init__(self, page: Stage, follower: SheetFollower):
+        self.page, self.follower = page, follower
+        gui = page.server.gui
+        gui.add_markdown("A **sheet** is a leaf with the tool poses that it serves. A few together serve a workspace.")
+        self.find = gui.add_button(
+            "Find the sheets", color="gray", hint="Read from the job's file, or searched for: that may take minutes"
+        )
+        self.on = gui.add_checkbox(
+            "Follow sheets", False, hint="The solid arm takes their joints while you drag its tool"
+        )
+        self.told = gui.add_html("")
+        self.find.on_click(lambda _event: page.ask(page.session.find_sheets))
+
+        @self.on.on_update
+        def _(event: Any) -> None:
+            if event.client is not None:
+                page.ask(self._switch, "sheets")
+
+    def _switch(self) -> None:
+        session = self.page.session
+        self.page.say("")
+        session.follow_sheets(session.laws[self.page.lead].name if self.on.value else None)
+
+    def draw(self) -> None:
+        """Bring switch and texts to what there is."""
+        state = self.follower.state
+        there = state.count > 0
+        for handle, off in ((self.find, there), (self.on, not there)):
+            if handle.disabled != off:
+                handle.disabled = off
+        if self.on.value != bool(state.law):
+            self.on.value = bool(state.law)
+        put(self.told, _told(state))
+
+
+def _told(state: SheetState) -> str:
+    """What is known, in the colours of the map's picture."""
+    if not state.count:
+        return block(line(state.searching)) if state.searching else ""
+    rows = [
+        (swatch(sheet_color(s), s == state.sheet), plain(f"sheet {s}{': serves the tool' if s == state.sheet else ''}"))
+        for s in range(state.count)
+    ]
+    who = quiet(f"{state.law} follows the sheets." if state.law else "No arm follows the sheets.")
+    said = line(state.sentence) if state.sheet >= 0 else warning(state.sentence)
+    return block(table(rows), said, warning(state.why), who, quiet(f"{state.about}."))
+
+
+# --------------------------------------------------------------------------------------------------
+# What goes out of the page: a job file, a picture, a GIF, a recording. All of it is downloaded by
+# the browser.
+# --------------------------------------------------------------------------------------------------
+
+PICTURES, PAUSE = 60, 0.1
+"""Pictures of a GIF at most, and the time between two [s]."""
+
+WIDE = 720
+"""Width of a GIF [pixels]."""
+
+TALL = 3.0
+"""Height of a GIF over its width, at most: a telephone's page has 2.2."""
+
+PATIENCE = 30.0
+"""Seconds to wait for a picture of a browser."""
+
+
+class SavePanel:
+    """Its controls; built inside a tab."""
+
+    def __init__(self, page: Stage):
+        self.page = page
+        gui = page.server.gui
+        self.name = gui.add_text("Name", file_name(page.session.title), hint="Of the files, and the title of the job")
+        gui.add_markdown("A **job** runs to the same numbers: `holokin run NAME.toml`.")
+        self.job = gui.add_button("Save as job", hint="A TOML file with robot, task, start, loop and laws")
+        self.picture = gui.add_button("Screenshot", color="gray", hint="A PNG of the scene as this browser sees it")
+        gui.add_markdown("A **GIF** shows a cycle from now on, as this browser sees it.")
+        self.film = gui.add_button("Make a GIF", color="gray", hint="At most 60 pictures, ten a second")
+        gui.add_markdown("A **recording** is a page of its own: one HTML file, without a server.")
+        self.recording = gui.add_button(
+            "Record to HTML", color="gray", hint="Of the loop that has run; press Start first"
+        )
+        self._connect()
+
+    def _connect(self) -> None:
+        page = self.page
+        for button, make in (
+            (self.job, self._job), (self.picture, self._picture), (self.film, self._film),
+            (self.recording, self._recording),
+        ):  # fmt: skip
+
+            @button.on_click
+            def _(event: Any, make: Any = make) -> None:
+                if event.client is not None:
+                    page.alone(("save", event.client_id), lambda: self._out(event.client, make))
+
+    def _out(self, client: Any, make: Any) -> None:
+        try:
+            name, content = make(client)
+        except (TimeoutError, RuntimeError) as problem:
+            self.page.say(f"The browser gave no picture ({problem}): keep its window in sight and try again.")
+        else:
+            client.send_file_download(f"{file_name(self.name.value)}{name}", content, save_immediately=True)
+
+    def _job(self, _client: Any) -> tuple[str, bytes]:
+        name, title = self.name.value, self.page.session.title
+        return ".toml", to_job(self.page.session, title if name in ("", file_name(title)) else name).encode()
+
+    def _picture(self, client: Any) -> tuple[str, bytes]:
+        from PIL import Image
+
+        pixels = client.get_render(client.camera.image_height, client.camera.image_width, timeout=PATIENCE)
+        file = io.BytesIO()
+        Image.fromarray(pixels).save(file, "PNG", optimize=True)
+        return ".png", file.getvalue()
+
+    def _film(self, client: Any) -> tuple[str, bytes]:
+        from PIL import Image
+
+        page, frames = self.page, []
+        if page.session.snapshot().phase not in (Phase.RUNNING, Phase.GATHERING):
+            page.session.play()
+        first = page.session.snapshot().cycle
+        shape = client.camera.image_height / max(client.camera.image_width, 1)
+        height = int(WIDE * min(shape, TALL))
+        while len(frames) < PICTURES:
+            began = time.perf_counter()
+            frames.append(client.get_render(height, WIDE, timeout=PATIENCE))
+            snap = page.session.snapshot()
+            if snap.cycle > first or snap.phase in (Phase.DONE, Phase.IDLE):
+                break
+            time.sleep(max(0.0, PAUSE - (time.perf_counter() - began)))
+        images = [Image.fromarray(frame).quantize(64) for frame in frames]
+        file = io.BytesIO()
+        images[0].save(
+            file, "GIF", save_all=True, append_images=images[1:], duration=int(1000 * PAUSE), loop=0, optimize=True
+        )
+        return ".gif", file.getvalue()
+
+    def _recording(self, _client: Any) -> tuple[str, bytes]:
+        from .playback import record_session
+
+        return ".html", record_session(self.page.session, text=self.page.session.title).html().encode()
+
 
 ENDLESS = 0
 """Cycles that mean: for ever."""

@@ -5,29 +5,291 @@ The file has the laws as WebAssembly, from the C that `hk.follow` runs, and draw
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from html import escape
+from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path as FilePath
+from string import Template
 from typing import Any
 
 import numpy as np
 
-from ...analysis.curvature import CuspWitness
+from ...analysis.curvature import CuspWitness, cusps
 from ...base.arguments import typed
-from ...base.errors import ArgumentError, OpenPathError, PathError
+from ...base.errors import (
+    ArgumentError,
+    ExportError,
+    HolokinError,
+    MissingExtraError,
+    NativeError,
+    OpenPathError,
+    PathError,
+    UnknownNameError,
+)
 from ...base.files import write_text
+from ...base.tolerances import TOLERANCES
 from ...base.types import ArrayLike, Matrix, Value, Vector
 from ...motion import follow
-from ...motion.follow_path import by_leaf
+from ...motion.checks import CheckReport
+from ...motion.follow_path import by_leaf, path_rate, velocity_rules
+from ...motion.ik.branch import branch_code
+from ...motion.ik.leaf import leaf_rules, leaf_step, leaf_value, with_leaves
 from ...motion.ik.plan import check_start, make_plan
+from ...motion.trajectory import Trajectory
 from ...path import Path, circle
-from ...strategies import HolonomicStrategy, Strategy
+from ...robot import Box, Capsule, Cylinder
+from ...strategies import HolonomicStrategy, Strategy, may_jump, moore_penrose
 from ...strategies.tasks.task import Task, of_one_tool
-from ..report.palette import law_colors
-from .drawn_arm import DrawnArm
-from .page_text import digest, page_text
-from .wasm_law import begin_of, law_code, packed, wasm_of
+from ...symbolic import SX, Function, symbol, vertcat
+from ...symbolic.native import LARGEST
+from ...symbolic.native.toolchain import call
+from ...version import __version__
+from ..job import Job
+from ..report.plots import law_colors
+from ..report.robot_view import Piece, best_view, pieces_of
+from .followers import leaf_start, loop_start
+from .laws import Law
+from .session import Session
+
+# --------------------------------------------------------------------------------------------------
+# An arm as a page draws it: rods, discs and beams, each between two points of a link.
+# --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnArm:
+    """The pieces of a task's robot: rods, whatever shapes its model has."""
+
+    task: Task
+    parts: tuple[Piece, ...]
+
+    @staticmethod
+    def of(task: Task, Q: Matrix) -> DrawnArm:
+        """The arm, whose rails are long enough for postures (k, n)."""
+        bare = replace(task.robot, shapes=(), visuals=())
+        return DrawnArm(task, pieces_of(bare, Q))
+
+    @property
+    def pieces(self) -> list[dict[str, Any]]:
+        """What the page draws between the two points of each piece."""
+        return [
+            {"role": part.role, "radius": _size(part)[0], "flat": not isinstance(part.part.shape, Capsule)}
+            for part in self.parts
+        ]
+
+    @cached_property
+    def function(self) -> Function:
+        """q -> points in the base's frame (3 k,): the tool's, then both ends of each piece."""
+        robot = self.task.robot
+        q, tip = symbol("q", robot.n), robot.tip(self.task.tip)
+        joints = sorted({part.joint for part in self.parts} - {-1})
+        frames = {j: robot.kinematics_at(q, j, np.eye(4)) for j in joints}
+        rows = [robot.kinematics(q, tip.name).position]
+        for part in self.parts:
+            for end in _ends(part):
+                moved = frames.get(part.joint)
+                rows.append(SX(end) if moved is None else moved.position + moved.rotation @ SX(end))
+        return Function("drawn", {"q": q}, {"points": vertcat(*rows)})
+
+    def at(self, q: Vector) -> Matrix:
+        """The points (k, 3) at a posture (n,)."""
+        return np.asarray(self.function(q)).reshape(-1, 3)
+
+    def size(self, q: Vector) -> float:
+        """How large the arm is at a posture [m]: the diagonal of a box about it."""
+        return float(np.linalg.norm(np.ptp(self.at(q), axis=0)))
+
+    def view(self, Q: Matrix, path: Path) -> dict[str, Any]:
+        """From where the arm at postures (k, n) and a path are seen.
+
+        Returns:
+            The middle, half the size and the floor [m], azimuth and elevation [degrees].
+        """
+        line = path.at(np.linspace(0, path.duration, 61)).position
+        eight = 2 * path.start - line  # the other half of a figure eight
+        every = np.vstack([line, eight, *(self.at(q) for q in Q)])
+        low, high = every.min(axis=0), every.max(axis=0)
+        seen = best_view([self.at(Q[0])], [line])
+        planar = self.task.robot.planar
+        return {
+            "center": ((low + high) / 2).tolist(),
+            "around": float(np.linalg.norm(high - low)) / 2,
+            "azimuth": -90.0 if planar else seen.azimuth,
+            "elevation": 89.0 if planar else seen.elevation,
+            "floor": min(0.0, float(low[2])),
+        }
+
+
+def _size(piece: Piece) -> tuple[float, float]:
+    """(radius, half length) of a rod, a disc or a beam [m]."""
+    shape = piece.part.shape
+    if isinstance(shape, Box):
+        return float(shape.sides[0]) / 2, float(shape.sides[2]) / 2
+    if isinstance(shape, Capsule | Cylinder):
+        return float(shape.radius), float(shape.length) / 2
+    raise TypeError(f"a robot without shapes has no {shape!r}")
+
+
+def _ends(piece: Piece) -> tuple[Vector, Vector]:
+    """Both ends of a piece, in the frame of its joint."""
+    T, half = piece.part.placement, _size(piece)[1]
+    return T[:3, 3] - half * T[:3, 2], T[:3, 3] + half * T[:3, 2]
+
+
+# --------------------------------------------------------------------------------------------------
+# A strategy as WebAssembly: the C by which `hk.follow` goes along a path, compiled by zig for a
+# browser.
+# --------------------------------------------------------------------------------------------------
+
+PATIENCE = 300.0
+"""Seconds that the compiler may take: at its first call it builds the C library of WebAssembly, some 20 seconds."""
+
+FLAGS = ("-target", "wasm32-wasi", "-mexec-model=reactor", "-O1", "-std=gnu99", "-fno-math-errno", "-ffp-contract=off")
+"""As for native code: products and sums are not fused, so that a browser computes what Python does."""
+
+ENDLESS = 1e300
+"""A joint limit [joint units] that is none."""
+
+
+def law_code(strategy: Strategy, arm: DrawnArm, segments: int) -> str:
+    """The C of a strategy for a page: `hk_follow` with its functions, and law.c.
+
+    Args:
+        segments: of the longest loop.
+
+    Raises:
+        ExportError: the strategy is too long, may jump, or has no C.
+    """
+    leaf = by_leaf(strategy)
+    if leaf is not None and (jumps := may_jump(leaf)):
+        fact = f"the rule of {strategy.name!r} may jump ({', '.join(jumps)}), which a page does not look for"
+        raise ExportError(fact, "choose another rule")
+    function = path_rate(strategy) if leaf is None else leaf_step(leaf)
+    if (size := function.program.instructions) > LARGEST:
+        fact = f"{strategy.name!r} is {size:,} operations long, {LARGEST:,} are the most"
+        raise ExportError(fact, "take a shorter law; of one with leaves hk.strategies.fitted makes a polynomial")
+    try:
+        code = function.follower_c("velocity") if leaf is None else function.follower_c("leaf", branch_code(leaf))
+    except NativeError as problem:
+        raise ExportError(problem.fact, "write the law without it") from None
+    robot, slack = strategy.task.robot, TOLERANCES.limit
+    rules = velocity_rules() if leaf is None else leaf_rules(0.0)
+    words = {
+        "drawn": 3 + 6 * len(arm.parts), "segments": segments,
+        "lower": _row(robot.lower - slack), "upper": _row(robot.upper + slack),
+        "free_lower": _row(np.full(robot.n, -np.inf)), "free_upper": _row(np.full(robot.n, np.inf)),
+        "rules": ", ".join("side" if key == "side" else repr(getattr(rules, key)) for key, *_ in rules._fields_),
+    }  # fmt: skip
+    driver = Template(files("holokin.app.studio").joinpath("web", "law.c").read_text("utf-8")).substitute(words)
+    return code + arm.function.c("hk_drawn_body") + driver
+
+
+def _row(values: Vector) -> str:
+    return ", ".join(repr(float(np.clip(value, -ENDLESS, ENDLESS))) for value in values)
+
+
+def _check_zig() -> None:
+    """Raises: MissingExtraError: there is no zig."""
+    if importlib.util.find_spec("ziglang") is None:
+        raise MissingExtraError("ziglang", "native")
+
+
+def _wasm_of(code: str, name: str) -> bytes:
+    """The WebAssembly module of a C source, by zig.
+
+    Raises:
+        MissingExtraError: there is no zig. ExportError: it refuses the code, or does not end.
+    """
+    _check_zig()
+    with tempfile.TemporaryDirectory() as folder:
+        source, module = FilePath(folder) / "law.c", FilePath(folder) / "law.wasm"
+        source.write_text(code, "utf-8")
+        command = (sys.executable, "-m", "ziglang", "cc", *FLAGS, "-Wl,--strip-all", str(source), "-o", str(module))
+        try:
+            status, said = call(command, PATIENCE, "stderr")
+        except (OSError, subprocess.TimeoutExpired) as problem:
+            raise ExportError(f"zig did not compile {name!r} ({problem})", "try again, or take a shorter law") from None
+        if status != 0 or not module.is_file():
+            complaint = next((line for line in said.splitlines() if "error" in line), f"code {status}").strip()
+            raise ExportError(f"zig refused the C of {name!r} ({complaint})", "please report it, with the job")
+        return module.read_bytes()
+
+
+def packed(data: bytes) -> str:
+    """Bytes for a page: deflated, in base64."""
+    return base64.b64encode(zlib.compress(data, 9)).decode("ascii")
+
+
+def _begin_of(strategy: Strategy, q0: Vector, p: Vector, R: Matrix) -> dict[str, Any]:
+    """What a run begins with: joints, the state behind them (p, R, c), and the side of det [J; J_g]."""
+    leaf, found = by_leaf(strategy), {"q0": q0.tolist(), "state": [], "side": 0.0}
+    if leaf is None:
+        return found
+    c = leaf_value(leaf, q0)
+    side = float(leaf_step(leaf)(q0, p, R, c)[3])
+    return found | {"state": [*p.tolist(), *R.ravel().tolist(), *c.tolist()], "side": side}
+
+
+# --------------------------------------------------------------------------------------------------
+# The HTML of a page from its parts. What is the user's is escaped, and nothing but the page's own
+# script may run.
+# --------------------------------------------------------------------------------------------------
+
+SCRIPTS = ("stage.js", "loops.js", "law.js", "charts.js", "play.js")
+
+_HOLE = re.compile(r"\{\{(\w+)\}\}")
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Control characters, halves of characters, and those that turn the direction of what is written after them."""
+
+
+def page_text(title: str, text: str, data: dict[str, Any]) -> str:
+    """The page: one file with style, script and data. Its policy names script and style by their hashes."""
+    script, style = "\n".join(_file(name) for name in SCRIPTS), _file("page.css")
+    parts = {
+        "title": escape(title),
+        "text": f"<p>{escape(text)}</p>" if text else "",
+        "version": escape(__version__),
+        "sources": sources(),
+        "style": style,
+        "style_hash": _hash(style),
+        "script": script,
+        "script_hash": _hash(script),
+        "data": json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
+    }
+    return _CONTROL.sub("\ufffd", _HOLE.sub(lambda hole: parts[hole[1]], _file("page.html")))
+
+
+def sources() -> str:
+    """A number of the files that every page is made of: it says whether a page is of this version of them."""
+    names = ("page.html", "page.css", "law.c", *SCRIPTS)
+    return digest("\0".join(_file(name) for name in names))
+
+
+def digest(text: str) -> str:
+    """A number of a text, to tell whether it is another one."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _file(name: str) -> str:
+    return files("holokin.app.studio").joinpath("web", name).read_text("utf-8")
+
+
+def _hash(text: str) -> str:
+    """As a Content-Security-Policy names a script or a style."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")
+
 
 STEPS = 240
 """Steps of a round: `hk.follow` with as many samples gives the same joints."""
@@ -108,7 +370,7 @@ def web_page(
     plane = 2 if task.robot.planar else _plane(loop)
     data = {
         "joints": [{"name": joint.name, "unit": joint.unit} for joint in task.robot.coordinates],
-        "steps": STEPS, "rounds": ROUNDS, "planar": task.robot.planar, "plane": plane, "size": _size(loop, plane),
+        "steps": STEPS, "rounds": ROUNDS, "planar": task.robot.planar, "plane": plane, "size": _path_size(loop, plane),
         "pieces": arm.pieces, "loops": offered,
         "laws": _modules(laws, arm, max(2, *(len(one["counts"]) for one in offered))),
     }  # fmt: skip
@@ -159,7 +421,7 @@ def _modules(laws: Mapping[str, Strategy], arm: DrawnArm, segments: int) -> list
     for (name, law), color in zip(laws.items(), colors, strict=True):
         code = law_code(law, arm, segments)
         its = {"name": name, "leaf": by_leaf(law) is not None, "color": color}
-        found.append(its | {"code": digest(code), "module": packed(wasm_of(code, name))})
+        found.append(its | {"code": digest(code), "module": packed(_wasm_of(code, name))})
     return found
 
 
@@ -177,7 +439,7 @@ def _loop(loop: PageLoop, laws: Sequence[Strategy], starts: Sequence[Vector], ar
     return {
         "name": loop.name, "text": loop.text, "rounds": loop.rounds, "first": [*p.tolist(), *R.ravel().tolist()],
         "table": packed(path.table(plan.start_rotation).astype("<f8").tobytes()), "counts": plan.counts.tolist(),
-        "begin": [begin_of(law, q, p, R) for law, q in zip(laws, starts, strict=True)],
+        "begin": [_begin_of(law, q, p, R) for law, q in zip(laws, starts, strict=True)],
         "view": arm.view(_postures(laws, path, starts), path),
     }  # fmt: skip
 
@@ -207,7 +469,7 @@ def _first_circle(task: Task, q0: Vector) -> Path:
     return circle(start, start + [inward * SMALL / 2 * DrawnArm.of(task, q0[None]).size(q0), 0.0, 0.0])
 
 
-def _size(path: Path, plane: int) -> list[float]:
+def _path_size(path: Path, plane: int) -> list[float]:
     """From the start of a path to its farthest point, in a plane (3,)."""
     points = path.at(np.linspace(0, path.duration, 361)).position - path.start
     points[:, plane] = 0.0
@@ -218,3 +480,105 @@ def _plane(path: Path) -> int:
     """The axis, 0 to 2, about which a path winds most."""
     area: Matrix = np.abs(path.area)
     return int(area.argmax()) if area.max() > 0 else 2
+
+
+# --------------------------------------------------------------------------------------------------
+# From a session to a page that needs no installation: which laws, where they begin, and whether
+# they get round.
+# --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class PagePlan(Value):
+    """What a page of a session shows: two laws, the posture (n,) at which each begins, the closed path, a title."""
+
+    laws: tuple[Law, Law]
+    starts: tuple[Vector, Vector]
+    path: Path | None
+    title: str
+
+    @cached_property
+    def strategies(self) -> dict[str, Strategy]:
+        """Name -> strategy of each law."""
+        return {law.name: _strategy(law) for law in self.laws}
+
+    @cached_property
+    def rounds(self) -> dict[str, Trajectory | HolokinError]:
+        """Each law's name, and its first round of the path, or why it does not get round; nothing without a path."""
+        found: dict[str, Trajectory | HolokinError] = {}
+        for (name, law), start in zip(self.strategies.items(), self.starts, strict=True):
+            if self.path is not None:
+                try:
+                    found[name] = follow(law, self.path, start, samples=STEPS)
+                except HolokinError as problem:
+                    found[name] = problem
+        return found
+
+    def checked(self, job: Job) -> CheckReport | None:
+        """What the [checks] of a job find of the round of the second law; None where it has none, or gets round not."""
+        found = self.rounds.get(self.laws[1].name)
+        if job.checks is None or not isinstance(found, Trajectory):
+            return None
+        task = self.laws[1].task
+        return job.checks.checked(found, task.robot, task)
+
+    def cusp_loops(self) -> list[PageLoop]:
+        """The smallest loop that is found round a cusp of the second law, if there is one.
+
+        Raises:
+            MissingExtraError: there is no zig, so that no page can be made.
+        """
+        _check_zig()
+        law = self.strategies[self.laws[1].name]
+        if not isinstance(law, HolonomicStrategy):
+            return []
+        witness = cusps(with_leaves(law), self.starts[1]).witness
+        return [] if witness is None else [cusp_loop(witness, self.laws[1].name)]
+
+    def page(self, loops: list[PageLoop] | None = None) -> WebPage:
+        """The page, with more loops. Raises: as `web_page`."""
+        return web_page(self.strategies, list(self.starts), self.path, title=self.title, loops=loops or [])
+
+
+@typed
+def page_plan(session: Session, name: str | None = None) -> PagePlan:
+    """What a page of a session shows: its first law without leaves, else the pseudo-inverse, beside one with leaves.
+
+    Args:
+        name: of the second law; by default the first with leaves that is not radial, or else the first with leaves.
+
+    Raises:
+        UnknownNameError: of the law. ArgumentError: a session without two laws for a page.
+    """
+    known = [law for law in session.laws if law.strategy is not None]
+    if name is not None and name not in [law.name for law in known]:
+        raise UnknownNameError("strategy of a page", name, tuple(law.name for law in known))
+    leafed = sorted((law for law in known if law.holonomic), key=lambda law: "radial" in str(law.keys or law.name))
+    plain = [law for law in known if not law.holonomic]
+    asked = [law for law in known if law.name == name]
+    second = next((law for law in asked + leafed if law.holonomic), None)
+    if second is None:
+        raise ArgumentError(
+            "the number of strategies with leaves", 0, "a page shows one beside the pseudo-inverse: add a rule"
+        )
+    usual = Law("pseudo-inverse", 0, moore_penrose(second.task, name="pseudo-inverse"), second.task)
+    first = next((law for law in asked + plain if not law.holonomic and law.task.m == second.task.m), usual)
+    loop = session.loop
+    closed = loop is not None and isinstance(loop.path, Path) and loop.path.closed
+    if loop is not None and isinstance(loop.path, Path) and closed:
+        starts, path = (loop_start(first, loop, session.home), loop_start(second, loop, session.home)), loop.path
+    else:
+        starts, path = (leaf_start(first, session.home), leaf_start(second, session.home)), None
+    return PagePlan((first, second), starts, path, _title(session))
+
+
+def _title(session: Session) -> str:
+    """What the session is called, and what to do."""
+    return f"{session.title[:100]}: drag the loop"
+
+
+def _strategy(law: Law) -> Strategy:
+    """The strategy of a law of a page. Raises: ArgumentError."""
+    if law.strategy is None:
+        raise ArgumentError("the law of a page", law.name, "a page shows strategies: take one")
+    return law.strategy

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path as FilePath
@@ -10,7 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from ...base.types import Array, Flags, Indices, Matrix, Value, Vector
+from ...analysis.coverage import Coverage, coverage
+from ...analysis.curvature import around, curvature, involutivity
+from ...analysis.design.nearby_cusps import NearbyCusps, cusps_near
+from ...base.errors import HolokinError
+from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, Value, Vector
+from ...base.units import SI, PrintedUnits
+from ...motion.ik.leaf import leaf_value
+from ...path.workspaces import Workspace, pose_cloud, workspace
+from ...robot import Robot
+from ...strategies import HolonomicStrategy, Strategy
+from ...strategies.tasks.task import Task
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,3 +206,204 @@ class Snapshot:
         """Largest joint difference between any two laws [joint units]."""
         q = np.array([state.q for state in self.laws])
         return float((q.max(axis=0) - q.min(axis=0)).max(initial=0.0)) if len(q) else 0.0
+
+
+# --------------------------------------------------------------------------------------------------
+# What a law's joints did since its loop began, in bounded memory: thinned out as it gets longer.
+# --------------------------------------------------------------------------------------------------
+
+ROWS = 4096
+"""Samples that are kept; when they are full every second one is dropped, so that a plot shows all of a long run."""
+
+
+class History:
+    """Instants and joints. Rows that were shown are never written to again, so views of them stay true."""
+
+    def __init__(self, joints: int, rows: int = ROWS) -> None:
+        self._t, self._q = np.empty(rows), np.empty((rows, joints))
+        self._count, self._seen, self._every = 0, 0, 1
+
+    def add(self, t: Vector, q: Matrix) -> None:
+        """Samples at instants (k,) of joints (k, n)."""
+        for row in range(-self._seen % self._every, len(t), 1):
+            if (self._seen + row) % self._every:
+                continue
+            if self._count == len(self._t):
+                self._thin()
+                if (self._seen + row) % self._every:
+                    continue
+            self._t[self._count], self._q[self._count] = t[row], q[row]
+            self._count += 1
+        self._seen += len(t)
+
+    def _thin(self) -> None:
+        """Keep every second row, in new arrays."""
+        t, q, rows = self._t[::2], self._q[::2], len(self._t)
+        self._t, self._q = np.empty(rows), np.empty((rows, q.shape[1]))
+        self._t[: len(t)], self._q[: len(t)] = t, q
+        self._count, self._every = len(t), 2 * self._every
+
+    def view(self) -> tuple[Vector, Matrix]:
+        """(t (k,), q (k, n)): views that nobody can write to."""
+        t, q = self._t[: self._count], self._q[: self._count]
+        t.flags.writeable = q.flags.writeable = False
+        return t, q
+
+
+# --------------------------------------------------------------------------------------------------
+# The coverage of a workspace by one law, piece by piece, as points to draw.
+# --------------------------------------------------------------------------------------------------
+
+PIECE = 32
+"""Poses between two looks at whether to go on: some 50 ms where the arm is searched for other postures."""
+
+SHARE, LEAST, MOST = 0.5, 0.1, 0.6
+"""Half sides of the box that is looked at by default, as a share of the tool's distance from the base; [m]; [m]."""
+
+
+def default_workspace(task: Task, home: Vector) -> Workspace:
+    """A box of tool positions about the tool at a posture (n,), with the rotation that it has there."""
+    tool = task.pose(home).reshape(-1, 4, 4)[0]
+    half = np.full(3, np.clip(SHARE * float(np.linalg.norm(tool[:3, 3])), LEAST, MOST))
+    if task.robot.planar:
+        half[2] = 0.0
+    return workspace(box=(tool[:3, 3], half), rotation=tool[:3, :3])
+
+
+def covered(
+    strategy: HolonomicStrategy, name: str, q0: Vector, region: Workspace, samples: int, limits: bool,
+    tell: Callable[[Cloud], bool],
+) -> None:  # fmt: skip
+    """The coverage of a workspace by the leaf through a posture (n,); `tell` hears of each piece, and says to go on."""
+    try:
+        poses = region.poses(samples)
+        parts: list[Coverage] = []
+        if not tell(_cloud(name, parts, len(poses), CloudStatus.RUNNING)):
+            return
+        for first in range(0, len(poses), PIECE):
+            some = poses[first : first + PIECE]
+            parts.append(coverage(strategy, pose_cloud(some), q0, samples=len(some), limits=limits))
+            ended = CloudStatus.RUNNING if first + PIECE < len(poses) else CloudStatus.DONE
+            if not tell(_cloud(name, parts, len(poses), ended)):
+                return
+    except HolokinError as problem:
+        tell(failed_cloud(name, str(problem)))
+
+
+def _cloud(name: str, parts: list[Coverage], total: int, status: CloudStatus) -> Cloud:
+    """What the pieces so far show."""
+    if not parts:
+        none = np.zeros(0)
+        return Cloud(name, 0, total, status, "", np.zeros((0, 3)), none > 0, none, none, none.astype(int))
+    poses, q = np.concatenate([part.poses for part in parts]), np.concatenate([part.q for part in parts])
+    why = np.concatenate([part.status for part in parts])
+    reached = np.concatenate([part.reached for part in parts])
+    margin = np.where(reached, _margins(q, parts[0].lower, parts[0].upper), np.nan)
+    rcond = np.where(reached, np.concatenate([part.rcond for part in parts]), np.nan)
+    return Cloud(name, len(poses), total, status, "", poses[:, :3, 3].copy(), reached, margin, rcond, why)
+
+
+def failed_cloud(name: str, sentence: str) -> Cloud:
+    """That of a coverage that could not be found."""
+    none = np.zeros(0)
+    return Cloud(name, 0, 0, CloudStatus.FAILED, sentence, np.zeros((0, 3)), none > 0, none, none, none.astype(int))
+
+
+def _margins(q: Matrix, lower: Vector, upper: Vector) -> Vector:
+    """Least distance to a joint limit over half the joint's range (k,): 1 in the middle of all; 1 without limits."""
+    half = (upper - lower) / 2
+    bounded = np.isfinite(half) & (half > 0)
+    shares = np.minimum(q - lower, upper - q)[:, bounded] / half[bounded]
+    return shares.min(axis=1, initial=1.0)
+
+
+# --------------------------------------------------------------------------------------------------
+# What is said of a law: whether it is holonomic about its start, and its curvature at a posture.
+# --------------------------------------------------------------------------------------------------
+
+RADIUS = 0.2
+"""Half side [joint units] of the box about the start in which a law is judged, as in jobs."""
+
+
+def judged(strategy: Strategy, home: Vector, q: Vector) -> Judgement:
+    """The verdict of `hk.involutivity` about the start (n,), and the largest |F_ij| of `hk.curvature` at q (n,)."""
+    try:
+        verdict = involutivity(strategy, around(home, RADIUS))
+        holonomic, defect, sentence = verdict.holonomic, verdict.defect, str(verdict).partition("\n")[0]
+    except Exception as problem:  # noqa: BLE001  a law of one's own may raise anything; its thread goes on
+        holonomic, defect, sentence = False, np.nan, f"It could not be judged: {problem}"
+    return Judgement(holonomic, defect, sentence, largest_curvature(strategy, q), q)
+
+
+def largest_curvature(strategy: Strategy, q: Vector) -> float:
+    """The largest |F_ij| over the pairs of task rows [joint units / task units^2]; NaN where there is none."""
+    try:
+        return float(np.linalg.norm(curvature(strategy, q), axis=0).max(initial=0.0))
+    except Exception:  # noqa: BLE001  as above
+        return np.nan
+
+
+# --------------------------------------------------------------------------------------------------
+# How far a law's leaf is one function of the tool pose: the cusps that are found on it, as a page
+# shows them.
+# --------------------------------------------------------------------------------------------------
+
+POINTS = 120
+"""Points of the line of a loop."""
+
+
+def leaf_cusps(name: str, strategy: HolonomicStrategy, q: Vector) -> LeafCusps:
+    """Those of the leaf through a posture (n,), and how far they are from the tool there."""
+    found = cusps_near(strategy, q, pose_cloud(strategy.task.pose(q)[None]))
+    place = None if found.pose is None else found.pose[:3, 3]
+    least = None if found.found is None else found.found.witness
+    loop = np.zeros((0, 3)) if least is None else least.path.at(np.linspace(0, least.path.duration, POINTS)).position
+    return LeafCusps(name, leaf_value(strategy, q), False, _sentence(name, found), place, loop)
+
+
+def _sentence(name: str, found: NearbyCusps) -> str:
+    """What was found, in a line or two."""
+    if found.found is None:
+        return f"{name}: cusps were not looked for: {found.reason}"
+    if found.found.excluded:
+        return f"{name}: its leaf has no cusp: {found.found.excluded}."
+    if found.pose is None:
+        return (
+            f"{name}: no cusp was found within the joint limits from {found.found.starts:,} starts, which is no proof."
+        )
+    said = f"{name}: the nearest cusp found within the joint limits is {found.away:.2g} m away."
+    least = found.found.witness
+    if least is None:
+        return f"{said} No tool loop round a cusp was found."
+    return (
+        f"{said} The smallest tool loop found is {least.length:.2g} m long; after it a joint is {least.apart:.2g} (rad "
+        "or m) from where it was."
+    )
+
+
+# --------------------------------------------------------------------------------------------------
+# In what units the page shows joints and places. Sessions, jobs and files have radians and metres
+# throughout.
+# --------------------------------------------------------------------------------------------------
+
+UNITS = {f"{units.angle}, {units.length}": units for units in (SI, PrintedUnits("deg", "mm"))}
+"""By the names by which they are chosen."""
+
+SLOWEST, USUAL, FASTEST = 0.25, 2.0, 8.0
+"""Speed of a loop in a page, times its own."""
+
+
+def joint_factors(units: PrintedUnits, robot: Robot) -> Vector:
+    """By what each joint is multiplied (n,)."""
+    return units.factors([c.unit for c in robot.coordinates])
+
+
+def joint_unit(units: PrintedUnits, robot: Robot) -> str:
+    """The unit of what is said of any joint of a robot, that of angles first."""
+    kinds = sorted({c.unit for c in robot.coordinates}, key=lambda unit: unit != "rad")
+    return " or ".join(map(units.name, kinds))
+
+
+def largest(units: PrintedUnits, robot: Robot, differences: ArrayLike) -> Array:
+    """The largest of joint differences (..., n), each in its unit."""
+    return np.abs(np.asarray(differences) * joint_factors(units, robot)).max(axis=-1, initial=0.0)

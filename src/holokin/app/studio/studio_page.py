@@ -11,16 +11,13 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import HolokinError
-from ...base.printed_units import SI, PrintedUnits
 from ...base.types import Matrix
-from ..report.palette import BAD, LOOP, law_colors
-from ..report.plots import thin
-from .cameras import Cameras
-from .charts import Charts
-from .handles import Handles
+from ...base.units import SI, PrintedUnits
+from ..report.plots import BAD, LOOP, law_colors, thin
 from .page_scene import Scene
 from .session import Session
 from .side_panels import Panels
+from .stage import Cameras, Charts, Handles
 from .states import Phase, Snapshot
 
 RATE = 30.0

@@ -1,17 +1,21 @@
 """Surveys: the same questions asked of many robots, starts, loops and laws; resumable, on one machine or several.
 
-Uses `job` and `control_laws`. Read first: `survey_tables.py`, `one_case.py`, `resumable_run.py`.
+Uses `app/job` and `motion/control`. Read first: `survey_file.py`, `one_case.py`.
 """
 
-from .findings import Findings
-from .repeated_case import repeat
-from .resumable_run import Progress, run_survey
-from .store import Store
-from .survey_call import survey
-from .survey_figures import boxes_figure, coverage_figure, drift_figure, status_figure, survival_figure
-from .survey_file import read_survey, survey_of
-from .survey_report import repeated, write_survey_report
-from .survey_tables import SurveyTable
+from .findings import (
+    Findings,
+    boxes_figure,
+    coverage_figure,
+    drift_figure,
+    repeated,
+    status_figure,
+    survival_figure,
+    write_survey_report,
+)
+from .resumable_run import Progress, run_survey, survey
+from .store import Store, repeat
+from .survey_file import SurveyTable, read_survey, survey_of
 
 __all__ = [
     "Findings",

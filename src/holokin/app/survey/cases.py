@@ -21,10 +21,8 @@ import numpy as np
 from ...base.errors import ArgumentError, UnknownNameError
 from ...base.types import Flags, Indices, Value
 from ...robot import catalogue
-from ..job.robot_tables import RobotTable
-from .survey_laws import Own
-from .survey_tables import SurveyTable
-from .user_functions import source_of
+from ..job.tables import RobotTable
+from .survey_file import Own, SurveyTable, source_of
 
 SUFFIXES = (".urdf", ".xacro", ".xml", ".toml")
 

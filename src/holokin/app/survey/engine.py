@@ -2,17 +2,389 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+import asyncio
+import ctypes
+import math
+import multiprocessing
+import os
+import re
+import signal
+import sys
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for_futures
+from contextlib import contextmanager, suppress
+from itertools import islice
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from queue import SimpleQueue
-from types import MappingProxyType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
-from .batches import Batch, Batches, lasting
-from .guarded_process import Guarded, run_batch
-from .one_case import Row
-from .survey_tables import SurveyTable
+from ...base.errors import SchedulerError, SurveyError
+from ...base.extra_module import extra_module
+from .cases import Cases
+from .one_case import Row, fault, forget_built, prepare, run_case
+from .survey_file import SurveyTable, forget_imported, keep, sendable
+
+# --------------------------------------------------------------------------------------------------
+# Which cases are sent together: so many that a batch takes about a second, by the seconds of the
+# rows that came.
+# --------------------------------------------------------------------------------------------------
+
+SECONDS = 1.0
+"""That a batch is to take, at least: sending one costs milliseconds, and what a kill loses is a batch."""
+
+RATE = 100.0
+"""Batches in a second, at most: for each the client and the scheduler of a cluster take seven milliseconds."""
+
+SHARE = 4
+"""Batches that are left for each worker, at least, so that all end together."""
+
+MOST = 4096
+"""Cases of a batch."""
+
+Batch = tuple[int, ...]
+"""Numbers of cases."""
+
+
+def lasting(workers: int) -> float:
+    """Seconds that a batch is to take, with so many workers."""
+    return max(SECONDS, workers / RATE)
+
+
+class Batches:
+    """Numbers of cases that wait, taken in batches.
+
+    The first batches are all laws of one loop. The later ones follow the mean of the seconds of a case; what a worker
+    hands back, since it took too long, is taken again.
+    """
+
+    def __init__(self, numbers: Iterable[int], count: int, laws: int = 1) -> None:
+        self._numbers, self._back, self._laws = iter(numbers), deque[int](), laws
+        self.left, self.seconds = count, float("nan")
+
+    def take(self, workers: int) -> Batch:
+        """The next batch, for one of so many workers; empty where none is left."""
+        batch = [self._back.popleft() for _ in range(min(self.size(workers), len(self._back)))]
+        batch += islice(self._numbers, self.size(workers) - len(batch))
+        self.left = max(0, self.left - len(batch))
+        return tuple(batch)
+
+    def size(self, workers: int) -> int:
+        """Cases of the next batch: of whole loops, if they are few enough."""
+        wanted = lasting(workers) / self.seconds if self.seconds > 0 else self._laws
+        wanted = int(min(wanted, MOST, self.left / (SHARE * max(workers, 1))))
+        return max(1, wanted - wanted % self._laws if wanted > self._laws else wanted)
+
+    def came(self, batch: Batch, rows: Sequence[Row]) -> None:
+        """What became of a batch: cases without a row wait again. Later rows count more in the mean."""
+        if rows:
+            mean = sum(row.seconds for row in rows) / len(rows)
+            self.seconds = (self.seconds + mean) / 2 if self.seconds > 0 else mean
+        there = {row.number for row in rows}
+        self.again(number for number in batch if number not in there)
+
+    def again(self, batch: Iterable[int]) -> None:
+        """Cases to be taken again, before all others."""
+        before = len(self._back)
+        self._back.extendleft(reversed(tuple(batch)))
+        self.left += len(self._back) - before
+
+
+# --------------------------------------------------------------------------------------------------
+# Cases in a process of their own: one that kills it, or hangs, becomes a row, and the next process
+# does the others.
+# --------------------------------------------------------------------------------------------------
+
+HARD, MORE = 2.0, 1.0
+"""Time limits, and seconds more, after which a process that does not answer, in native code, is killed."""
+
+BUILDING = 60.0
+"""Seconds at least that robot, law and native code may take to build: no time of the case that is the first."""
+
+LOOK = 0.25
+"""Seconds between two looks at whether a case takes too long."""
+
+CHUNK = 0.2
+"""Seconds of cases whose rows are sent together: what a case that kills its process may cost its neighbours."""
+
+ROWS = 50
+"""Rows sent together at most, 10 kB: one write of a pipe, so that none is sent in part by a process that is killed."""
+
+TRIES = 3
+"""Processes that die of a case before it is a fault: one may be killed by chance, or for want of memory."""
+
+UNBORN, PAUSE = 6, 0.05
+"""Processes that die before their first case until the survey ends; pauses [s] grow by one each time."""
+
+SEE = "say --workers 0, in Python workers=0, to see why; rows that came are kept"
+
+LATE = 2.0
+"""Times the seconds of a batch after which a worker hands back the rest of it."""
+
+
+class _Late(BaseException):
+    """The case takes too long."""
+
+
+_board: Any = [-1.0, 0.0, 0.0]
+"""The number of the case that is done now, since when, how long it may take; a process for cases shares it."""
+
+
+class _Watch:
+    """Ends by an exception what takes too long in Python.
+
+    One thread watches all cases of a batch: one for each would cost more than a short case.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self._look_again = min(LOOK, seconds / 4)
+        self._thread, self._lock = ctypes.c_ulong(threading.get_ident()), threading.Lock()
+        self._until, self._over = math.inf, threading.Event()
+
+    def __enter__(self) -> _Watch:
+        threading.Thread(target=self._look, daemon=True).start()
+        return self
+
+    def __exit__(self, *_problem: object) -> None:
+        self._over.set()
+
+    def _look(self) -> None:
+        while not self._over.wait(self._look_again):
+            with self._lock:
+                if time.monotonic() > self._until:
+                    self._until = math.inf
+                    ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, ctypes.py_object(_Late))
+
+    @contextmanager
+    def limited(self, number: int, seconds: float) -> Iterator[None]:
+        """Around what may take so many seconds of a case. Raises: _Late."""
+        now = time.monotonic()
+        _board[:] = number, now, seconds
+        with self._lock:
+            self._until = now + seconds
+        try:
+            yield
+        finally:
+            with self._lock:  # from here on nothing rings; what was rung and not heard yet is taken back
+                self._until = math.inf
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, None)
+
+
+_cases: dict[tuple[str, str], Cases] = {}
+
+
+def forget_cases() -> None:
+    """Look at the files of robots and laws anew: they may be others in the next survey."""
+    _cases.clear()
+    if forget_imported():
+        forget_built()
+
+
+def _cases_of(table: str, folder: str) -> Cases:
+    """The cases of a survey, kept: a process does one survey after the other."""
+    key = table, folder
+    if key not in _cases:
+        _cases.clear()
+        _cases[key] = Cases(SurveyTable.model_validate_json(table), Path(folder))
+    return _cases[key]
+
+
+def _run_batch(table: str, folder: str, batch: Batch, seconds: float = SECONDS) -> Iterator[Row]:
+    """The rows of a batch, up to where it takes too long; what goes wrong with a case is said in its row.
+
+    Args:
+        seconds: that the batch is to take; after twice as many the rest of it is handed back.
+    """
+    cases, began = _cases_of(table, folder), time.monotonic()
+    limit = cases.table.time_limit
+    with _Watch(limit) as watch:
+        for k, number in enumerate(batch):
+            if k and time.monotonic() - began > LATE * seconds:
+                return
+            case, allowed = cases.case(number), max(limit, BUILDING)
+            try:
+                with watch.limited(number, allowed):
+                    ready = prepare(case, cases)
+                allowed = limit
+                with watch.limited(number, allowed):
+                    row = run_case(case, cases, ready)
+            except _Late:
+                row = fault(case, f"took longer than {allowed:g} s", allowed)
+            except (Exception, SystemExit, KeyboardInterrupt) as problem:  # a row, whatever a law of the user's throws
+                if isinstance(problem, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+                    raise  # the user's own
+                row = fault(case, f"{type(problem).__name__}: {problem}")
+            yield row
+
+
+def _serve(pipe: Connection, board: Any, objects: Mapping[str, Any], environment: dict[str, str]) -> None:
+    """What a process for cases does. Ctrl-C is not for it, and it ends with the one that began it."""
+    global _board
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    multiprocessing.current_process().daemon = False  # laws may have processes of their own
+    os.environ.update(environment)
+    keep(objects)
+    _board = board
+    parent = multiprocessing.parent_process()
+
+    def follow_parent() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=follow_parent, daemon=True).start()
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # what goes wrong is said in rows
+    with suppress(OSError, EOFError):
+        while True:
+            pipe.send(_some(*pipe.recv()))
+
+
+def _some(table: str, folder: str, batch: Batch) -> list[Row] | str:
+    """The rows of the first cases of a batch, as many as take CHUNK seconds, and no more than ROWS; or why not."""
+    try:
+        return list(islice(_run_batch(table, folder, batch, CHUNK / LATE), ROWS))
+    except Exception as problem:  # noqa: BLE001  it is told where the rows are awaited
+        return f"its processes fail beside its cases ({type(problem).__name__}: {problem})"
+
+
+_starting = threading.Lock()
+"""One process starts at a time: what it is to find of this one is arranged for it meanwhile."""
+
+
+class Guarded:
+    """A process for cases; a new one takes its place when it dies. For one thread at a time.
+
+    A pool of several, of the standard library or of pebble, ends with all its processes when one of them is killed at
+    a bad moment, and neighbours would begin again.
+    """
+
+    def __init__(self, objects: Mapping[str, Any] = MappingProxyType({})) -> None:
+        self._objects, self._closed, self._unborn = dict(objects), False, 0
+        self._board: Any = multiprocessing.RawArray("d", 3)
+        self._running: tuple[BaseProcess, Connection] | None = None
+
+    def rows(self, table: str, folder: str, batch: Batch, lasts: float = SECONDS) -> list[Row]:
+        """The rows of a batch: all, or up to where it took too long.
+
+        Raises:
+            SurveyError: process after process dies before it begins, or fails beside its cases.
+        """
+        left, found, deaths, began = list(batch), [], Counter[int](), time.monotonic()
+        while left and not self._closed and (deaths or time.monotonic() - began < LATE * lasts):
+            self._board[:] = -1, 0.0, 0.0
+            try:
+                rows = self._answer(table, folder, tuple(left))
+                self._unborn = 0
+            except (OSError, EOFError):  # it died; or the server that forks did, and a new one begins with the next try
+                rows = self._after_death(table, folder, left, deaths)
+            if isinstance(rows, str):
+                raise SurveyError("survey", rows, SEE)
+            for row in rows:
+                left.remove(row.number)
+                deaths.pop(row.number, None)
+            found += rows
+        return found
+
+    def _answer(self, table: str, folder: str, batch: Batch) -> list[Row] | str:
+        """As `_some`, of the process; it is killed if native code hangs. Raises: OSError, EOFError: it died."""
+        process, pipe = self._running or self._begun()
+        pipe.send((table, folder, batch))
+        while not (ready := wait((pipe, process.sentinel), LOOK)):
+            number, since, allowed = self._board
+            if number >= 0 and time.monotonic() - since > HARD * allowed + MORE:
+                process.kill()
+        if pipe not in ready:
+            raise EOFError
+        return pipe.recv()
+
+    def _begun(self) -> tuple[BaseProcess, Connection]:
+        """A new process, and the path to it. Raises: OSError, EOFError: it did not begin, or is closed."""
+        context: Any = multiprocessing.get_context(_start_method(self._objects))
+        objects = self._objects if context.get_start_method() != "fork" else {}  # what is forked has them already
+        with _starting, _without_main():
+            multiprocessing.current_process().daemon = False  # of Dask's: those that are daemons have no children
+            pipe, its = context.Pipe()
+            process = context.Process(target=_serve, args=(its, self._board, objects, dict(os.environ)), daemon=True)
+            process.start()
+            its.close()
+        self._running = process, pipe
+        if self._closed:
+            raise EOFError
+        return self._running
+
+    def _after_death(self, table: str, folder: str, left: list[int], deaths: Counter[int]) -> list[Row]:
+        """The row of the case at which the process died, if it is a fault now. Raises: SurveyError."""
+        end, (number, since, allowed) = self._ended(), self._board
+        if self._closed:
+            return []
+        if number not in left:
+            self._unborn += 1
+            if self._unborn == UNBORN:
+                raise SurveyError("survey", f"its processes die before they begin ({end})", SEE)
+            time.sleep(PAUSE * self._unborn)  # until the system has taken a server away that was killed
+            return []
+        deaths[int(number)] += 1
+        seconds = time.monotonic() - since
+        if seconds > HARD * allowed:
+            why = f"hung in native code for {seconds:.0f} s"
+        elif deaths[int(number)] == TRIES:
+            why = f"its process died {TRIES} times ({end})"
+        else:
+            return []
+        return [fault(_cases_of(table, folder).case(int(number)), why, seconds)]
+
+    def _ended(self) -> str:
+        """How the process died, in a word; nothing of it is left."""
+        running, self._running = self._running, None
+        if running is None:
+            return "it did not start"
+        process, pipe = running
+        process.kill()  # it may be alive, and the server that forked it dead
+        process.join()
+        pipe.close()
+        code = process.exitcode or 0
+        with suppress(ValueError):
+            return signal.Signals(-code).name
+        return f"exit code {code}"
+
+    def close(self) -> None:
+        """End the process, whatever it is at, or as soon as it has begun; from any thread.
+
+        A thread that waits for rows gets those there are.
+        """
+        self._closed = True
+        if (running := self._running) is not None:
+            running[0].kill()
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """A process that is begun now does not run the user's script again: it needs nothing of it."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+def _start_method(objects: Mapping[str, Any]) -> str:
+    """Forked from a server that has loaded what is needed; or from this process, which has what cannot be sent."""
+    if not sendable(objects):
+        return "fork"
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return "spawn"
+    multiprocessing.set_forkserver_preload(["holokin.app.survey.engine"])
+    return "forkserver"
+
 
 AHEAD = 2
 """Batches that wait for each worker, so that none is idle."""
@@ -27,7 +399,7 @@ class Here:
     def run(self, batches: Batches) -> Generator[list[Row], None, None]:
         """The rows of each batch."""
         while batch := batches.take(1):
-            rows = list(run_batch(self.text, self.folder, batch))
+            rows = list(_run_batch(self.text, self.folder, batch))
             batches.came(batch, rows)
             yield rows
 
@@ -64,7 +436,7 @@ class Pool:
                 if not running:
                     return
                 found: list[Row] = []
-                for done in wait(running, return_when=FIRST_COMPLETED).done:
+                for done in wait_for_futures(running, return_when=FIRST_COMPLETED).done:
                     batch, new = running.pop(done), done.result()
                     batches.came(batch, new)
                     found += new
@@ -73,3 +445,152 @@ class Pool:
             threads.shutdown(wait=False, cancel_futures=True)
             for process in guarded:
                 process.close()
+
+
+# --------------------------------------------------------------------------------------------------
+# Batches of cases on a Dask cluster; its workers need `holokin[cluster]`, and robot files at the
+# same places.
+# --------------------------------------------------------------------------------------------------
+
+PATIENCE = 6.0
+"""Seconds to wait for a scheduler and its first worker: with what loads before, an answer comes within ten."""
+
+ADDRESS = re.compile(r"(\w+://)?(\[[0-9a-fA-F:.]+\]|[\w.-]+):\d{1,5}")
+"""Of a scheduler: host and port, with or without the path there."""
+
+LOST = 60.0
+"""Seconds to wait for another worker after the last one was lost."""
+
+CLUSTER_PAUSE = 0.01
+"""Seconds between two looks at what came: workers have more than one batch, so that none waits for it."""
+
+_guarded: dict[int, Guarded] = {}
+
+
+def run_guarded(table: str, folder: str, batch: Batch, lasts: float = SECONDS) -> list[Row]:
+    """On a worker: the rows of a batch, from a process that belongs to this thread of the worker."""
+    process = _guarded.setdefault(threading.get_ident(), Guarded())
+    return process.rows(table, folder, batch, lasts)
+
+
+def _end_guarded() -> None:
+    """On a worker: end the processes of its threads."""
+    forget_cases()
+    while _guarded:
+        _guarded.popitem()[1].close()
+
+
+class Cluster:
+    """The workers of a Dask scheduler."""
+
+    def __init__(self, table: SurveyTable, folder: Path, scheduler: str, client: Any) -> None:
+        self.client = client
+        self.text, self.folder, self.scheduler = table.model_dump_json(exclude_unset=True), str(folder), scheduler
+        self.cases = Cases(table, folder)
+
+    def run(self, batches: Batches) -> Generator[list[Row], None, None]:
+        """Rows as they come: of all batches that are done. What its workers do not survive is done case by case.
+
+        Raises:
+            SchedulerError: it was lost, or has no workers any more.
+        """
+        import distributed
+
+        client = self.client
+        flow = distributed.as_completed(loop=client.loop)
+        running: dict[Any, Batch] = {}
+        alone: list[Batch] = []
+        workers, looked = 1, 0.0
+        while True:
+            if time.monotonic() - looked > 1.0:
+                workers, looked = max(1, sum(client.nthreads().values())), time.monotonic()
+            while len(running) < AHEAD * workers and (batch := alone.pop() if alone else batches.take(workers)):
+                future = client.submit(run_guarded, self.text, self.folder, batch, lasting(workers), pure=False)
+                running[future] = batch
+                flow.add(future)
+            if not running:
+                return
+            found: list[Row] = []
+            for future in self._came(client, flow):
+                batch = running.pop(future)
+                if future.status == "finished":
+                    new = self._checked(batch, future.result())
+                    batches.came(batch, new)
+                    found += new
+                elif future.cancelled():
+                    raise SchedulerError(self.scheduler, "was lost")
+                elif not isinstance(problem := future.exception(), distributed.KilledWorker):
+                    raise SchedulerError(self.scheduler, f"did not do a batch ({problem!r})", WORKERS)
+                elif len(batch) == 1:
+                    found += [fault(self.cases.case(number), "its workers died") for number in batch]
+                else:
+                    alone += [(number,) for number in batch]
+                future.release()
+            yield found
+
+    def _came(self, client: Any, flow: Any) -> list[Any]:
+        """What is done, after a wait."""
+        began = time.monotonic()
+        while not flow.has_ready():
+            time.sleep(CLUSTER_PAUSE)
+            if time.monotonic() - began > PATIENCE:
+                _wait_for_workers(client, self.scheduler, LOST)
+                began = time.monotonic()
+        return flow.next_batch(block=False)
+
+    def _checked(self, batch: Batch, rows: list[Row]) -> list[Row]:
+        """Rows of the cases that were asked for. Raises: SchedulerError: robots are others there."""
+        if rows and rows[0].id != self.cases.case(rows[0].number).id:
+            fact = f"has workers that read other robots for {rows[0].names['robot']!r}"
+            raise SchedulerError(self.scheduler, fact, "put the same robot files at the same places on all machines")
+        return rows
+
+
+WORKERS = "install the same holokin[cluster] on its workers"
+
+
+def _wait_for_workers(client: Any, scheduler: str, seconds: float) -> None:
+    """Raises: SchedulerError: there is none for so many seconds, or no scheduler any more."""
+    try:
+        client.wait_for_workers(1, timeout=seconds)
+    except TimeoutError:
+        fact = f"has had no workers for {seconds:g} s"
+        raise SchedulerError(scheduler, fact, f"start some: dask worker {scheduler}") from None
+    except OSError as problem:
+        raise SchedulerError(scheduler, f"was lost ({problem})") from None
+
+
+async def _greet(scheduler: str) -> None:
+    """Whether a scheduler of Dask answers. Raises: OSError, TimeoutError: it does not."""
+    from distributed.comm.core import connect
+    from distributed.security import Security
+
+    await (await connect(scheduler, timeout=PATIENCE / 2, **Security().get_connection_args("client"))).close()
+
+
+@contextmanager
+def reached(scheduler: str) -> Iterator[Any]:
+    """A client of a scheduler that has workers.
+
+    Raises:
+        MissingExtraError. SchedulerError: no address, or it cannot be reached, or has no workers.
+    """
+    if not ADDRESS.fullmatch(scheduler):
+        raise SchedulerError(scheduler, "is no address", "give one as tcp://host:8786")
+    distributed = extra_module("distributed", "cluster")
+    until = time.monotonic() + PATIENCE
+    try:
+        with ThreadPoolExecutor(1) as thread:  # first, since a client that reaches nothing complains for long
+            thread.submit(asyncio.run, asyncio.wait_for(_greet(scheduler), PATIENCE / 2)).result()
+        client = distributed.Client(scheduler, timeout=until - time.monotonic(), set_as_default=False)
+    except (OSError, TimeoutError, OverflowError, MemoryError, ValueError) as problem:
+        fact = f"cannot be reached within {PATIENCE:g} s ({str(problem) or 'no answer'})"
+        raise SchedulerError(scheduler, fact) from None
+    try:
+        _wait_for_workers(client, scheduler, max(PATIENCE / 2, until - time.monotonic()))
+        yield client
+    finally:
+        with suppress(Exception):
+            client.run(_end_guarded, on_error="ignore")
+        with suppress(OSError, TimeoutError):
+            client.close(timeout=2)

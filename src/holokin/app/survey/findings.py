@@ -2,21 +2,47 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, wraps
 from html import escape
+from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 
+from ...base.errors import HolokinError, SurveyError, brief
 from ...base.extra_module import extra_module
-from ...base.shown import one_line
-from ...base.types import Array, Flags, Indices, Value, Vector
-from ..report.html_page import html_table
-from .one_case import METRICS, CaseStatus
+from ...base.files import write_text
+from ...base.types import Array, Flags, Indices, Value, Vector, one_line
+from ...version import build
+from ..job.templates import table, toml
+from ..report.html_page import drawn, html_table, page
+from ..report.plots import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PAGE,
+    PALE,
+    PURPLE,
+    SKY,
+    TYPE,
+    VERMILLION,
+    YELLOW,
+    law_colors,
+    legible,
+    on_figure,
+    style,
+)
+from .cases import Case, Cases
+from .one_case import METRICS, CaseStatus, repeating_job
+from .survey_file import SurveyTable
 
 STATUS_ORDER = tuple(CaseStatus)
 FAULT = CaseStatus.FAULT
@@ -227,3 +253,337 @@ def robot_labels(robots: list[str]) -> list[str]:
 
 def _digits(value: Any) -> str:
     return "0" if value < 1e-12 else f"{value:.2g}"
+
+
+# --------------------------------------------------------------------------------------------------
+# Figures of a survey: distributions by law, never means alone.
+# --------------------------------------------------------------------------------------------------
+
+LEAST = 1e-12
+"""Drift [rad, m] that is drawn for less, which is round-off."""
+
+STATUS_COLORS = (GREEN, PURPLE, ORANGE, VERMILLION, YELLOW, SKY, GREY)
+
+DASHES = ("-", "--", ":", "-.")
+
+NAME = 30
+"""Letters of a robot's name in a line: the map of the laws needs the room beside it."""
+
+DEAR = 3.0
+"""Cost beyond which the boxes end at the edge of the figure: it is rare, and would make all others look alike."""
+
+
+def _styled(draw: Callable[[Findings], Any]) -> Callable[[Findings], Any]:
+    """With the house's settings of matplotlib, wherever it is called."""
+
+    @wraps(draw)
+    def drawn(found: Findings) -> Any:
+        from matplotlib import rc_context
+
+        with rc_context(style()):
+            return draw(found)
+
+    return drawn
+
+
+def _empty(height: float) -> Any:
+    """A figure that notebooks show without pyplot."""
+    from matplotlib.figure import Figure
+
+    class Shown(Figure):
+        def _repr_png_(self) -> bytes:
+            stream = io.BytesIO()
+            legible(self).savefig(stream, format="png", facecolor="white")
+            return stream.getvalue()
+
+    return Shown(figsize=(PAGE, height), layout="constrained")
+
+
+def _figure(height: float) -> tuple[Any, Any]:
+    figure = _empty(height)
+    return figure, figure.add_subplot()
+
+
+def _looks(found: Findings) -> dict[str, dict[str, Any]]:
+    """Law -> how its line is drawn: in a cool colour where half of its cases return, in a warm one else."""
+    drift = [found.of_law(law).known("drift_last") for law in found.laws]
+    return_ = [bool(d.size) and float(np.median(d)) < RETURNS for d in drift]
+    colors = [GREY if color == YELLOW else color for color in law_colors(return_)]  # no line is yellow on white
+    looks = {}
+    for i, law in enumerate(found.laws):
+        before = return_[:i].count(return_[i])
+        looks[law] = {"color": colors[i], "linestyle": DASHES[before // 4 % len(DASHES)], "linewidth": 2.0}
+    return looks
+
+
+def _title(axes: Any, text: str) -> None:
+    axes.set_title(text, loc="left", color=INK, fontsize=11)
+
+
+def _named(figure: Any, handles: Sequence[tuple[float, Any]]) -> None:
+    """The laws beside the axes, in the order of the lines from above."""
+    lines = [line for _, line in sorted(handles, key=lambda pair: -pair[0])]
+    figure.legend(handles=lines, fontsize=9, loc="outside right upper", frameon=False)
+
+
+@_styled
+def drift_figure(found: Findings) -> Any:
+    """Share of the cases of a law whose drift of their last cycle is below a value, over that value."""
+    figure, axes = _figure(4.4)
+    looks, handles = _looks(found), []
+    for law in found.laws:
+        drift = np.sort(np.maximum(found.of_law(law).known("drift_last"), LEAST))
+        if drift.size:
+            share = np.arange(1, drift.size + 1) / drift.size
+            (line,) = axes.step(
+                np.append(drift, max(drift[-1], 1.0)), np.append(share, 1.0), where="post", label=on_figure(law),
+                **looks[law],
+            )  # fmt: skip
+            handles.append((-float(np.median(drift)), line))
+    axes.axvline(RETURNS, color=GREY, linewidth=1.0, linestyle=(0, (1, 3)), zorder=0)
+    axes.set_xscale("log")
+    axes.set_xlim(0.7 * LEAST, 4.0)
+    axes.set_ylim(0, 1.02)
+    axes.set_xlabel("largest joint error after the last cycle of a case [rad, m]")
+    axes.set_ylabel("share of the cases with less")
+    _title(axes, "Drift: lines at the left return, lines at the right drift")
+    _named(figure, handles)
+    return figure
+
+
+@_styled
+def survival_figure(found: Findings) -> Any:
+    """Share of the arms that have met no limit after k cycles."""
+    figure, axes = _figure(4.0)
+    looks, handles, least = _looks(found), [], 1.0
+    for law in found.laws:
+        cycles, share, count = found.of_law(law).survival()
+        if count:
+            (line,) = axes.step(cycles, share, where="post", label=on_figure(law), **looks[law])
+            handles.append((float(share[-1]), line))
+            least = min(least, float(share.min()))
+    bottom = max(0.0, 1.0 - 1.15 * max(1.0 - least, 0.05))
+    axes.set_ylim(bottom, 1.0)
+    axes.set_yticks([tick for tick in axes.get_yticks() if bottom <= tick <= 1.0 + 1e-9])
+    axes.set_ylim(bottom, 1.0 + 0.02 * (1.0 - bottom))  # a line along the top is seen whole
+    axes.set_xlim(left=0)
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.yaxis.set_major_formatter(_percent)
+    axes.set_xlabel("cycles")
+    axes.set_ylabel("share without a limit so far")
+    _title(axes, "Joint limits: share of the arms that have met none")
+    _named(figure, handles)
+    return figure
+
+
+def _percent(value: float, _place: Any) -> str:
+    return f"{100 * value:.3g} %"
+
+
+@_styled
+def coverage_figure(found: Findings) -> Any:
+    """Of each robot and law the share of the loops asked that the law covers, as a map; best robots above.
+
+    What was not asked is empty; where all cases are faults it says so.
+    """
+    from matplotlib.colors import LinearSegmentedColormap
+
+    robots, laws, share = found.coverage()
+    names = robot_labels(robots)
+    known = np.isfinite(share)
+    order = np.argsort(-np.nansum(share, axis=1) / np.maximum(known.sum(axis=1), 1), kind="stable")
+    faults = found.faults()
+    figure, axes = _figure(2.2 + 0.29 * len(robots))
+    scale = [VERMILLION, YELLOW, "#FFFFFF", SKY, BLUE]
+    colors = LinearSegmentedColormap.from_list("coverage", scale).with_extremes(bad=PALE)
+    image = axes.imshow(np.ma.masked_invalid(share[order]), aspect="auto", vmin=0.0, vmax=1.0, cmap=colors)
+    for row, robot in enumerate(order):
+        for column in range(len(laws)):
+            value = share[robot, column]
+            if not np.isfinite(value) and (robots[robot], laws[column]) in faults:
+                axes.text(column, row, "faults", ha="center", va="center", fontsize=TYPE, color=INK)
+            if np.isfinite(value):
+                ink = "white" if value > 0.9 or value < 0.1 else INK
+                axes.text(column, row, f"{100 * value:.0f}", ha="center", va="center", fontsize=TYPE, color=ink)
+    axes.set_xticks(range(len(laws)), [on_figure(law, 30) for law in laws], rotation=35, ha="left", fontsize=9)
+    axes.xaxis.tick_top()
+    shown = [fill(on_figure(names[i]), NAME) for i in order]
+    axes.set_yticks(range(len(robots)), shown, fontsize=TYPE, linespacing=1.1)
+    axes.tick_params(length=0)
+    axes.grid(visible=False)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    bar = figure.colorbar(image, ax=axes, location="bottom", fraction=0.02, pad=0.01, aspect=40)
+    bar.outline.set_visible(False)
+    bar.ax.xaxis.set_major_formatter(_percent)
+    bar.set_label(f"loops that were gone round to the end\nwith the tool within {1e3 * ON_PATH:g} mm of the path")
+    return figure
+
+
+@_styled
+def status_figure(found: Findings) -> Any:
+    """How the cases of each law ended, as bars."""
+    laws = found.laws
+    figure, axes = _figure(1.2 + 0.34 * len(laws))
+    left = np.zeros(len(laws))
+    for status, color in zip(STATUS_ORDER, STATUS_COLORS, strict=True):
+        share = np.array([found.of_law(law).shares()[status] for law in laws])
+        if share.any():
+            axes.barh(np.arange(len(laws)), share, left=left, color=color, label=status, edgecolor="white")
+        left += share
+    axes.set_yticks(np.arange(len(laws)), [on_figure(law) for law in laws])
+    axes.invert_yaxis()
+    axes.set_xlim(0, 1)
+    axes.xaxis.set_major_formatter(_percent)
+    axes.grid(visible=False)
+    axes.set_xlabel("share of the cases")
+    _title(axes, "How the cases ended")
+    figure.legend(fontsize=9, loc="outside right upper", frameon=False)
+    return figure
+
+
+@_styled
+def boxes_figure(found: Findings) -> Any:
+    """Cost and margin of each law: median, quartiles, 5 and 95 percent."""
+    laws, looks = found.laws, _looks(found)
+    figure = _empty(1.5 + 0.34 * len(laws))
+    axes = figure.subplots(1, 2, sharey=True)
+    panels = (
+        ("cost", "joint speed over that\nof the pseudo-inverse"),
+        ("margin", "least distance to a limit,\nof its range"),
+    )
+    for ax, (metric, words) in zip(axes, panels, strict=True):
+        values = [found.of_law(law).known(metric) for law in laws]
+        boxes = ax.boxplot(
+            [v if v.size else [np.nan] for v in values], orientation="horizontal", whis=(5, 95), showfliers=False,
+            patch_artist=True, widths=0.6, medianprops={"color": INK, "linewidth": 1.8},
+        )  # fmt: skip
+        for law, box in zip(laws, boxes["boxes"], strict=True):
+            box.set_facecolor(looks[law]["color"])
+            box.set_alpha(0.6)
+        ax.set_xlabel(words)
+    right = axes[0].get_xlim()[1]
+    axes[0].set_xlim(0.95, min(max(right, 1.1), DEAR))
+    axes[1].set_xlim(left=min(0.0, axes[1].get_xlim()[0]))
+    axes[1].xaxis.set_major_formatter(_percent)
+    axes[0].set_yticks(np.arange(1, len(laws) + 1), [on_figure(law) for law in laws])
+    axes[0].invert_yaxis()
+    _title(axes[0], "What it costs, and how near to the limits")
+    return figure
+
+
+# --------------------------------------------------------------------------------------------------
+# `holokin survey report`: one self-contained page of a results file.
+# --------------------------------------------------------------------------------------------------
+
+WORST = 10
+"""Cases with the largest drift that are shown, each with a job that repeats it."""
+
+KINDS = 40
+"""Laws with a reason to stop, of each of which a case is shown."""
+
+LONGEST_REASON = 240
+"""Characters of a reason in the line of a case; the whole one is below it."""
+
+
+_TERMS = (
+    "First and last cycle: the largest joint error at their end, in rad or m, the median, and of the last cycle the 95 "
+    "percent. Returns: cases that close their last cycle to 1e-6. Covered: complete, with the tool no further than "
+    f"{1e3 * ON_PATH:g} mm from the path. Cost: joint speed over the least there is, that of the pseudo-inverse at the "
+    "same postures. Margin: the smallest distance of a joint to a limit, of its range. Cases that did not end a cycle "
+    "have no drift."
+)
+
+
+def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file: Path) -> None:
+    """Write the page. Raises: WriteError. SurveyError: there are no rows to report."""
+    cases = Cases(survey, folder)
+    if not len(found):
+        cure = "run it with `holokin survey FILE.toml`, or go on with --resume, and report then"
+        raise SurveyError(survey.title, f"none of its {len(cases):,} cases has a row yet", cure)
+    stopped = found.stopped(len(found))
+    parts = [
+        f"<h1>{escape(survey.title)}</h1>",
+        f"<p>{escape(' '.join(survey.about.split()))}</p>",
+        f"<p class='small'>{len(found):,} of {len(cases):,} cases; robots: {len(cases.robots)}, "
+        f"tasks: {len(survey.tasks)}, kinds of loop: {len(survey.loops)}, laws: {len(survey.laws)}; "
+        f"{survey.cycles} cycles each. holokin {escape(build())}.</p>",
+        *_stale(cases, found),
+        "<h2>By law</h2>",
+        found._repr_html_(),
+        f"<p class='small'>{escape(_TERMS)}</p>",
+        "<h2>Figures</h2>",
+        drawn(
+            lambda: drift_figure(found),
+            "Of each law the share of cases whose last cycle ends with a joint error below a value.",
+        ),
+        drawn(
+            lambda: survival_figure(found),
+            "Of each law the share of cases that met no joint limit within so many cycles (the estimate of Kaplan and "
+            "Meier). A case that completes all cycles, or stops for another reason, counts as one without a limit in "
+            "the cycles that it did, and is left out of the later ones.",
+        ),
+        drawn(
+            lambda: coverage_figure(found),
+            "Coverage, in percent: of the loops that a robot was asked to go round with a law those that it went round "
+            f"to the end, with the tool within {1e3 * ON_PATH:g} mm of the path. Grey and empty: not asked. "
+            + _faults(found),
+        ),
+        drawn(lambda: status_figure(found), "How the cases of each law ended."),
+        drawn(lambda: boxes_figure(found), "Medians, quartiles, and 5 and 95 percent of the cases."),
+        "<h2>The cases that drift most</h2>",
+        *(_told(row, cases) for row in found.drifting(WORST)),
+        "<h2>Cases that stopped: one of each law and reason</h2>",
+        "<p class='small'>The rarest first; reasons that differ in names and numbers alone are one."
+        + (f" {len(stopped) - KINDS:,} more frequent kinds are not shown.</p>" if len(stopped) > KINDS else "</p>"),
+        *([_told(row, cases, many) for many, row in stopped[:KINDS]] or ["<p>All were complete.</p>"]),
+    ]
+    write_text(file, page(survey.title, parts))
+
+
+def _stale(cases: Cases, found: Findings) -> list[str]:
+    """A sentence about rows of cases that the survey no longer has, where there are."""
+    many = len(set(found.columns["id"].tolist()).difference(cases.ids))
+    if not many:
+        return []
+    why = "there were more cases, or the file of a robot or a law was another one, or is not to be found here"
+    return [f"<p><b>{many:,} of the rows are of cases that the survey no longer has</b>: {why}. They count, too.</p>"]
+
+
+def _faults(found: Findings) -> str:
+    """How many cases of each law are faults, and how they count."""
+    many: Counter[str] = Counter()
+    for (_, law), count in found.faults().items():
+        many[law] += count
+    if not many:
+        return "No case was a fault."
+    told = ", ".join(f"{law} {count:,}" for law, count in many.most_common())
+    return f"Cases that are faults: {told}; where all are, the map says so, elsewhere they count as not gone round."
+
+
+def _told(row: dict[str, Any], cases: Cases, many: int = 0) -> str:
+    words = {"cycles": "complete cycles", "drift": "drift of the first", "drift_last": "of the last"}
+    words |= {"drift_total": "in all", "tracking": "tool error", "margin": "margin"}
+    told = [f"{said} {row[name]:.3g}" for name, said in words.items() if row[name] == row[name]]
+    line = f"{row['number']}: {row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
+    if many:
+        reason = brief(row["reason"], LONGEST_REASON)
+        line = f"{many:,} {'case' if many == 1 else 'cases'}, as {line}" + (f" ({reason})" if reason else "")
+    case = cases.of_row(row)
+    job = repeated(cases, case)[0] if case else "# no job repeats it: its survey, or the file of its robot, has changed"
+    return (
+        f"<details><summary>{escape('; '.join([line, ', '.join(told)] if told else [line]))}</summary>"
+        f"<p class='small'>{escape(row['reason'])}</p><pre>{escape(job)}</pre></details>"
+    )
+
+
+def repeated(cases: Cases, case: Case) -> tuple[str, str]:
+    """(a job file that repeats a case, why it does not); of a control law one of the pseudo-inverse on its loop."""
+    try:
+        job, why = repeating_job(case, cases)
+    except HolokinError as problem:
+        return f"# no job repeats it: {problem}", ""
+    head = "".join(f"{key} = {toml(job[key])}\n" for key in ("title", "about") if key in job)
+    tables = [table(name, job[name]) for name in ("robot", "task", "start", "path") if job[name]]
+    laws = [table(f"strategies.{toml(name)}", keys) for name, keys in job["strategies"].items()]
+    return "\n".join([head, *tables, *laws]), why

@@ -2,27 +2,75 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from datetime import timedelta
-from pathlib import Path
-from typing import Any
+from importlib.util import find_spec
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any, Literal
 
-from ...base.errors import ArgumentError
-from .batches import Batches
-from .cases import Cases
-from .cluster import Cluster, reached
-from .engine import Here, Pool
-from .guarded_process import forget_cases
-from .law_faults import check_laws
-from .objects import forks, keep, sendable
+from ...base.arguments import typed
+from ...base.errors import ArgumentError, MissingExtraError
+from ...base.progress import progress
+from ...motion.control.libraries import LIBRARIES
+from ...motion.trajectory import Trajectory
+from ...path import Path
+from ...robot import Robot
+from ...strategies import Strategy
+from .cases import Cases, Stratum
+from .engine import Batches, Cluster, Here, Pool, forget_cases, reached
 from .one_case import Row
-from .store import Store
-from .survey_tables import SurveyTable
+from .store import COLUMNS, Store
+from .survey_file import Library, Own, SurveyTable, forks, imported, keep, sendable
+
+if TYPE_CHECKING:
+    from .findings import Findings
+
+# --------------------------------------------------------------------------------------------------
+# What would be a fault of every case of a law is said before anything runs.
+# --------------------------------------------------------------------------------------------------
+
+
+def check_laws(cases: Cases, *, here: bool = True) -> None:
+    """Check what laws import, and that libraries are asked for whole poses alone.
+
+    Args:
+        here: libraries run on this machine, and not on the workers of a cluster.
+
+    Raises:
+        ArgumentError: a function that cannot be imported; a metric with the name of a column; a task that is no whole
+            pose. MissingExtraError.
+    """
+    asked = {law for stratum in cases.strata for law in stratum.laws}
+    for name, law in cases.table.laws.items():
+        if name in asked and isinstance(law, Own):
+            imported(law.function, cases.folder)
+        if name in asked and isinstance(law, Library) and here and find_spec(law.kind) is None:
+            raise MissingExtraError(LIBRARIES[law.kind].package, law.kind)
+    for name, metric in cases.table.metrics.items():
+        if name in COLUMNS:
+            raise ArgumentError("the name of a metric", name, f"take another one than {', '.join(COLUMNS)}")
+        if isinstance(metric, str):
+            imported(metric, cases.folder)
+    for stratum in cases.strata:
+        _check_tasks(stratum, cases)
+
+
+def _check_tasks(stratum: Stratum, cases: Cases) -> None:
+    task = cases.table.tasks[stratum.task]
+    if task.kind == "pose" and task.orientation == "twist" and task.rows is None:
+        return
+    for name in stratum.laws:
+        if isinstance(cases.table.laws[name], Library):
+            cure = f"it follows whole poses alone: leave it out, [[without]] law = {name!r}, task = {stratum.task!r}"
+            raise ArgumentError(f"the task of the law {name!r}", stratum.task, cure)
+
 
 MOST_WORKERS = 1024
 """Processes on one machine."""
@@ -101,7 +149,7 @@ class _Clock:
 
 
 def run_survey(
-    table: SurveyTable, folder: Path, out: Path, *, workers: int | None = None, scheduler: str | None = None,
+    table: SurveyTable, folder: FilePath, out: FilePath, *, workers: int | None = None, scheduler: str | None = None,
     resume: bool = False, again: bool = False, objects: Mapping[str, Any] | None = None,
     say: Say = lambda _progress: None,
 ) -> Progress:  # fmt: skip
@@ -146,7 +194,7 @@ def run_survey(
 
 @contextmanager
 def _engine(
-    table: SurveyTable, folder: Path, workers: int | None, scheduler: str | None, objects: Mapping[str, Any]
+    table: SurveyTable, folder: FilePath, workers: int | None, scheduler: str | None, objects: Mapping[str, Any]
 ) -> Iterator[Here | Pool | Cluster]:
     if workers is not None and not 0 <= workers <= MOST_WORKERS:
         raise ArgumentError("workers", workers, f"give 0 to {MOST_WORKERS}")
@@ -157,3 +205,116 @@ def _engine(
         yield Here(table, folder)
     else:
         yield Pool(table, folder, workers or os.cpu_count() or 1, objects)
+
+
+# --------------------------------------------------------------------------------------------------
+# `survey`: the same from Python, with robots, laws and paths as objects.
+# --------------------------------------------------------------------------------------------------
+
+Kind = Mapping[str, Any]
+
+
+@typed
+def survey(
+    robots: Sequence[str | Robot],
+    laws: Mapping[str, Any],
+    loops: Mapping[str, Any],
+    *,
+    tasks: Mapping[str, Kind] | Literal["position", "pose"] = "position",
+    starts: Kind | None = None,
+    metrics: Mapping[str, Callable[[Trajectory], Any]] | None = None,
+    cycles: int = 10,
+    samples: int = 200,
+    limits: bool = True,
+    cases: int | None = None,
+    seed: int = 0,
+    time_limit: float = 60.0,
+    workers: int | None = None,
+    out: str | FilePath | None = None,
+    resume: bool = False,
+    again: bool = False,
+) -> Findings:
+    """Send every robot, with every law, round every loop; what fails is a row, too.
+
+    Args:
+        robots: names of the catalogue (also patterns, as "ur*"), files, or robots.
+        laws: name -> a function of the task, or of the task and the start posture (n,), which gives a strategy or a
+            control law, as `hk.moore_penrose`; or a table as of a survey file.
+        loops: name -> a table as of a survey file; a closed path, which is moved to begin at the tool; or a function of
+            the tool pose (4, 4) that gives a path.
+        tasks: name -> a table [task] as of a job; or one word for one of them.
+        starts: as [starts] of a survey file; by default one regular posture.
+        metrics: name -> a function of the trajectory (to where the case ended) that gives a number, or None; each has a
+            column. What raises, or gives no finite number, makes its case a fault, and its reason says so.
+        cycles, samples, limits, cases, seed, time_limit: as of a survey file.
+        workers: processes, by default one for each processor; 0 for this one, in which nothing ends a law that sleeps,
+            or hangs in native code.
+        out: a results file to keep. resume: go on with what it holds, where objects are told by their names alone:
+            after a change of one take another file. again: the same, and do its faults again.
+
+    Returns:
+        A row for each case: `.frame()` for pandas, `.table()` by law, `.columns`.
+
+    Raises:
+        JobError: a table that makes no sense. SurveyError, WriteError: of the file. UnknownNameError: of a robot.
+    """
+    from .findings import Findings
+    from .store import Store
+    from .survey_file import OBJECT, survey_of
+
+    objects: dict[str, Any] = {}
+    names: list[str] = []
+    for k, robot in enumerate(robots):
+        if isinstance(robot, Robot):
+            names.append(
+                f"{OBJECT}{robot.name}" if f"{OBJECT}{robot.name}" not in objects else f"{OBJECT}{robot.name}-{k}"
+            )
+            objects[names[-1]] = robot
+        else:
+            names.append(robot)
+    content = {
+        "title": "survey", "seed": seed, "robots": names,
+        "tasks": {tasks: {"kind": tasks}} if isinstance(tasks, str) else {k: dict(v) for k, v in tasks.items()},
+        "loops": {name: _named(f"loop:{name}", loop, objects) for name, loop in loops.items()},
+        "laws": {name: _named(f"law:{name}", law, objects) for name, law in laws.items()},
+        "cycles": cycles, "samples": samples, "limits": limits, "time_limit": float(time_limit),
+    }  # fmt: skip
+    if metrics:
+        content["metrics"] = {name: {"kind": "given", "key": f"metric:{name}"} for name in metrics}
+        objects |= {f"metric:{name}": function for name, function in metrics.items()}
+    if starts is not None:
+        content["starts"] = dict(starts)
+    if cases is not None:
+        content["cases"] = cases
+    table = survey_of(content, "survey")
+    with tempfile.TemporaryDirectory(prefix="holokin-") as folder, progress("survey", 1.0, words=True) as report:
+        file = FilePath(folder) / "survey.sqlite" if out is None else FilePath(out)
+        done = run_survey(
+            table, FilePath(), file, workers=workers, resume=resume, again=again, objects=objects,
+            say=lambda found: report(found.share, str(found)),
+        )  # fmt: skip
+        if done.fewer:
+            logging.getLogger("holokin").warning("%s", done.fewer)
+        with Store.opened(file, None) as store:
+            return Findings.of(store.rows())
+
+
+def _named(key: str, thing: Any, objects: dict[str, Any]) -> dict[str, Any]:
+    """A table, as it is given; an object by its key."""
+    what, law = key.replace(":", " ", 1), key.startswith("law:")
+    if isinstance(thing, Mapping):
+        if thing.get("kind") == "given":
+            raise ArgumentError(
+                f"the kind of {what}", "given", "give the object itself, or a table as of a survey file"
+            )
+        return dict(thing)
+    if isinstance(thing, Path) and not law:
+        if not thing.closed:
+            raise ArgumentError(
+                what, "an open path", "give one that ends where it begins, as polyline(..., closed=True)"
+            )
+    elif isinstance(thing, Strategy) or not isinstance(thing, Callable):
+        kinds = "a function of the task" if law else "a closed path, a function of the tool pose"
+        raise ArgumentError(what, thing, f"give {kinds}, or a table as of a survey file")
+    objects[key] = thing
+    return {"kind": "given", "key": key}

@@ -17,20 +17,25 @@ from .holokin_error import (
     shown,
 )
 from .input_errors import (
+    AmbiguousTruthError,
     ArgumentError,
     CallError,
     CertificateError,
     ConstraintRowsError,
+    EmptyRegionError,
     ExpressionError,
+    FunctionError,
     JobError,
     MassError,
     NoArmError,
     NoAttributeError,
     NoProofError,
     NotFiniteError,
+    NotHolonomicError,
     OwnFunctionError,
     RecordingError,
     RobotFileError,
+    RoundOffError,
     ShapeError,
     SheetsFileError,
     SurveyError,
@@ -58,7 +63,6 @@ from .motion_errors import (
     StartError,
     TrackingError,
 )
-from .question_errors import AmbiguousTruthError, EmptyRegionError, FunctionError, NotHolonomicError, RoundOffError
 from .system_errors import ExportError, MissingExtraError, NativeError, PickleError, SchedulerError, WriteError
 
 __all__ = [

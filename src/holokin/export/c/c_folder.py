@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
+import subprocess
+import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError
+from ...base.errors import ArgumentError, ExportError
 from ...base.files import write_texts
-from ...base.shown import Shown
-from ...base.types import ArrayLike, number, whole
+from ...base.types import ArrayLike, Shown, number, whole
 from ...motion.ik.branch import enclosed_change, extended_jacobian
 from ...robot import start_posture
 from ...strategies import HolonomicStrategy, Strategy
+from ...symbolic.native import compiler
 from ...version import __version__
 from .c_text import Source, header, library, line, text, wrapper
 from .test_vectors import selftest, vectors, vectors_header
@@ -179,3 +183,49 @@ def write_export(folder: Path, texts: dict[str, str], project: str) -> None:
         why = problem.strerror if isinstance(problem, OSError) else str(problem)
         raise ArgumentError("the output folder", str(folder), f"cannot be written: {why}") from None
     write_texts(folder, texts)
+
+
+# --------------------------------------------------------------------------------------------------
+# The self-test of exported C, built and run here.
+# --------------------------------------------------------------------------------------------------
+
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
+PATIENCE = 300.0
+"""Seconds for each of compiler and test."""
+
+
+def check(exported: Exported) -> list[str]:
+    """Build and run the self-test in double and in single precision; returns what each says.
+
+    Flags for the compiler in CFLAGS of the environment come last, as with make.
+
+    Raises:
+        ExportError: no compiler, it refuses the code, or a test fails.
+    """
+    chosen = compiler()
+    if chosen is None:
+        raise ExportError("no C compiler was found, so the self-test was not run", "build it where there is one")
+    said = []
+    sources = [str(exported.folder / f"{exported.name}.c"), str(exported.folder / f"{exported.name}_selftest.c")]
+    with tempfile.TemporaryDirectory() as folder:
+        for precision, defined in (("double", ()), ("float", (f"-D{exported.name.upper()}_FLOAT",))):
+            test = str(Path(folder) / f"selftest-{precision}{'.exe' if sys.platform == 'win32' else ''}")
+            flags = ["-std=c99", "-O1", *WARNINGS, *os.environ.get("CFLAGS", "").split()]
+            command = [*chosen.command, *flags, *defined, *sources, "-o", test, "-lm"]
+            _run(command, f"{chosen.version} refused the exported code in {precision}")
+            said.append(_run([test], f"the self-test in {precision} failed").strip())
+    return said
+
+
+def _run(command: list[str], fault: str) -> str:
+    try:
+        done = subprocess.run(
+            command, capture_output=True, encoding="utf-8", errors="replace", timeout=PATIENCE, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as problem:
+        raise ExportError(f"{fault} ({problem})", "please report it") from problem
+    if done.returncode != 0:
+        lines = (done.stderr + done.stdout).strip().splitlines()
+        complaint = next((line for line in lines if "error" in line), lines[0] if lines else f"code {done.returncode}")
+        raise ExportError(f"{fault} ({complaint.strip()})", "do not use it; please report it, with the job")
+    return done.stdout

@@ -17,16 +17,13 @@ from ...base.errors import ArgumentError, ExportError, NativeError
 from ...base.tolerances import TOLERANCES
 from ...base.types import ROTATION, Vector
 from ...motion import has_leaf, step_function
-from ...motion.control_step import LEAST_RCOND, MOST_ERROR
+from ...motion.control_step import AT_LIMIT, LEAST_RCOND, MOST_ERROR
 from ...motion.ik import leaf_value
-from ...motion.ik.branch import branch_code, extended_jacobian
+from ...motion.ik.branch import branch_code, extended_jacobian, rays_code
+from ...motion.ik.edge import free_code
 from ...motion.ik.leaf import ALMOST, DONE, NEWTONS, leaf_step
-from ...motion.ik.rays import rays_code
-from ...motion.ik.stretch import free_code
-from ...motion.step_expression import AT_LIMIT
 from ...strategies import HolonomicStrategy, Strategy
-from ...strategies.tasks.frames import poses_expression
-from ...strategies.tasks.task import Task
+from ...strategies.tasks.task import Task, poses_expression
 from ...symbolic import SX, Function
 from ...symbolic.native import LARGEST, code_file
 

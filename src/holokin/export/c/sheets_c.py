@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ...analysis.sheets import Sheets
-from ...analysis.sheets.pose_features import features, seen_features
-from ...analysis.sheets.sheet import STATIONS
+from ...analysis.sheets.sheet import STATIONS, features, seen_features
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, ExportError
 from ...base.types import Array, positive

@@ -11,9 +11,8 @@ import numpy as np
 from ...base.errors import ArgumentError, HolokinError
 from ...base.tolerances import TOLERANCES
 from ...base.types import Matrix, Vector
-from ...motion.ik.branch import extended_jacobian
+from ...motion.ik.branch import extended_jacobian, on_ray
 from ...motion.ik.leaf import leaf_follower, leaf_step, straight_path
-from ...motion.ik.rays import on_ray
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task
 from .c_text import BOTH_FLOAT, CLEAR_FLOAT, PRECISE_FLOAT, Source, text

@@ -16,10 +16,9 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError
 from ...base.types import Array, whole
 from ...motion import TimedTrajectory
-from .controller_moves import ToolTolerance
-from .process_lines import Dialect, ProcessLines
-from .program_targets import Targets, Wiring, targets, with_lines
+from .moves import Dialect, ProcessLines, ToolTolerance
 from .robot_program import Program, header, program_name
+from .targets import Targets, Wiring, targets, with_lines
 
 NAME, SHORT = 36, 8
 """Characters of a program's name: the most an R-30iB takes, and what every controller takes, given by default."""

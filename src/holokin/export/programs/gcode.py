@@ -11,10 +11,9 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError
 from ...base.types import not_negative
 from ...motion import TimedTrajectory
-from .controller_moves import ToolTolerance
-from .process_lines import Dialect, ProcessLines
-from .program_targets import Wiring, targets, with_lines
+from .moves import Dialect, ProcessLines, ToolTolerance
 from .robot_program import Program, header, program_name
+from .targets import Wiring, targets, with_lines
 
 SLIDING, TURNING = "XYZUVW", "ABC"
 """The letters of axes, in the order in which joints take them."""

@@ -16,10 +16,9 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, ExportError
 from ...base.types import Matrix, positive, whole
 from ...motion import TimedTrajectory
-from .controller_moves import ToolTolerance
-from .process_lines import Dialect, ProcessLines
-from .program_targets import Targets, Wiring, speed_shares, targets, with_lines
+from .moves import Dialect, ProcessLines, ToolTolerance
 from .robot_program import Program, header, program_name
+from .targets import Targets, Wiring, speed_shares, targets, with_lines
 
 NAME, REMARK = 32, 32
 """Characters of a job's name and of a comment."""

@@ -13,10 +13,9 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError
 from ...base.types import not_negative, whole
 from ...motion import TimedTrajectory
-from .controller_moves import ToolTolerance
-from .process_lines import Dialect, ProcessLines
-from .program_targets import Targets, Wiring, targets, with_lines, zones
+from .moves import Dialect, ProcessLines, ToolTolerance
 from .robot_program import Program, header, program_name
+from .targets import Targets, Wiring, targets, with_lines, zones
 
 NAME = 24
 """Characters of a KRL name."""

@@ -10,10 +10,9 @@ from __future__ import annotations
 from ...base.arguments import typed
 from ...base.types import not_negative
 from ...motion import TimedTrajectory
-from .controller_moves import ToolTolerance
-from .process_lines import Dialect, ProcessLines
-from .program_targets import Targets, Wiring, targets, with_lines, zones
+from .moves import Dialect, ProcessLines, ToolTolerance
 from .robot_program import Program, checked_name, header, program_name
+from .targets import Targets, Wiring, targets, with_lines, zones
 
 NAME = 32
 """Characters of a RAPID identifier."""

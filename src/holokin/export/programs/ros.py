@@ -14,8 +14,8 @@ from ...base.errors import ArgumentError, MissingExtraError
 from ...base.files import writing
 from ...base.types import Indices, positive
 from ...motion import TimedTrajectory
-from .program_targets import chosen, deviation
 from .robot_program import Program, header
+from .targets import chosen, deviation
 
 NANO = 10**9
 

@@ -10,13 +10,12 @@ from collections.abc import Sequence
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError
-from ...base.printed_units import SI
 from ...base.types import Vector, finite, not_negative
+from ...base.units import SI
 from ...motion import TimedTrajectory
-from .controller_moves import ToolTolerance
-from .process_lines import Dialect, ProcessLines
-from .program_targets import Targets, Wiring, targets, with_lines, zones
+from .moves import Dialect, ProcessLines, ToolTolerance
 from .robot_program import Program, header, program_name
+from .targets import Targets, Wiring, targets, with_lines, zones
 
 STEPS = (0.002, 0.008)
 """Seconds of a control cycle: e-Series and later, CB3."""

@@ -13,10 +13,9 @@ from ...base.arguments import typed
 from ...base.errors import ExportError
 from ...base.types import Vector, not_negative
 from ...motion import TimedTrajectory
-from .controller_moves import ToolTolerance
-from .process_lines import Dialect, ProcessLines
-from .program_targets import Targets, Wiring, speed_shares, targets, with_lines, zones
+from .moves import Dialect, ProcessLines, ToolTolerance
 from .robot_program import Program, checked_name, header, program_name
+from .targets import Targets, Wiring, speed_shares, targets, with_lines, zones
 
 NAME = 15
 """Characters of a VAL3 name."""

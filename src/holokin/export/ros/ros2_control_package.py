@@ -12,9 +12,8 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ExportError
 from ...base.types import Array, ArrayLike, Vector
-from ...motion.control_step import LEAST_RCOND
+from ...motion.control_step import LEAST_RCOND, fastest_rate
 from ...motion.ik import leaf_value
-from ...motion.step_expression import fastest_rate
 from ...strategies import HolonomicStrategy, Strategy
 from ..c.c_folder import c_texts
 from ..c.c_text import Source, line

@@ -12,14 +12,12 @@ from typing import Any
 import numpy as np
 
 from ...base.errors import ArgumentError, ExportError
-from ...base.shown import Shown
-from ...base.types import Array
+from ...base.types import Array, Shown
 from ...motion import has_leaf
 from ...robot import to_urdf
-from ...robot.formats.model_texts import link_names
+from ...robot.formats.writers import link_names
 from ...strategies import HolonomicStrategy, Strategy
-from ...strategies.tasks.frames import TipFrame
-from ...strategies.tasks.task import Task
+from ...strategies.tasks.task import Task, TipFrame
 from ...version import __version__
 from ..c.c_folder import c_name, operations_of, write_export
 from ..c.c_text import RESERVED, Source, line, text

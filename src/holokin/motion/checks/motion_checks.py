@@ -2,23 +2,236 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ...base.arguments import typed
-from ...base.errors import ArgumentError
-from ...base.types import not_negative, number
-from ...robot import LinkShape, Robot, chain_length, with_capsules
-from ...robot.capsules import SLENDER
+from ...base.errors import ArgumentError, RobotFileError
+from ...base.tolerances import TOLERANCES
+from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, not_negative, number
+from ...robot import LinkShape, Robot, chain_length, joints_above, with_capsules
+from ...robot.links import SLENDER
+from ...robot.tree import Frames, joint_frames
 from ...strategies.tasks.task import Task
-from .check_report import CheckReport, Clearance, Finding, FindingKind
-from .checked_samples import Motion, motion_of
-from .joint_findings import limit_findings, singular_findings, unjudged_speeds
-from .pairs import Pairs, pairs_of
-from .posture_jumps import jump_findings, large_steps, self_motions
-from .sweep import Swept, sweep
+from .check_report import (
+    MOST_TOLD,
+    UNREAD_CURE,
+    CheckReport,
+    Clearance,
+    Finding,
+    FindingKind,
+    Motion,
+    counted,
+    keeps,
+    motion_of,
+)
+from .clearance import Pairs, Swept, pairs_of, sweep
+
+# --------------------------------------------------------------------------------------------------
+# Findings at the samples of a motion: limits of the joints, and singularities of the task.
+# --------------------------------------------------------------------------------------------------
+
+EXACT = 1e-9
+"""Share of a limit by which a rate may exceed it: that of round-off."""
+
+
+def _limit_findings(robot: Robot, motion: Motion, margin: float) -> Iterator[Finding]:
+    """Where a joint is nearer than `margin` [joint units] to a limit of its position, or exceeds one of a rate."""
+    for i, c in enumerate(robot.coordinates):
+        q, lower, upper = motion.q[:, i], c.lower + margin, c.upper - margin
+        for past, limit in ((lower - q, lower), (q - upper, upper)):
+            for a, b, k in stretches(past > TOLERANCES.limit, past):
+                yield _found(FindingKind.POSITION, (c.name,), motion, (a, b, k), float(q[k]), float(limit), c.unit)
+        for kind, values, limits, per in motion.rates:
+            size, most = np.abs(values[:, i]), float(limits[i])
+            for a, b, k in stretches(size > most * (1 + EXACT), size):
+                yield _found(kind, (c.name,), motion, (a, b, k), float(size[k]), most, c.unit + per)
+
+
+def _unjudged_speeds(robot: Robot, motion: Motion) -> list[str]:
+    """A sentence on the joints whose speeds were not judged, since nothing limits them; none where there are none."""
+    limits = [most for kind, _, most, _ in motion.rates if kind is FindingKind.VELOCITY]
+    names = [name for most in limits for name, one in zip(robot.joint_names, most, strict=True) if not np.isfinite(one)]
+    return [f"cannot tell whether {', '.join(names)} can be so fast: there is no limit of the speed"] if names else []
+
+
+def _singular_findings(task: Task, motion: Motion, J: Array, rcond: float) -> Iterator[Finding]:
+    """Where the smallest singular value of the task Jacobian J (k, m, n) is less than `rcond` times the largest."""
+    values = np.linalg.svd(J, compute_uv=False)
+    found = values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny)
+    for a, b, k in stretches(found < rcond, -found):
+        yield _found(FindingKind.SINGULARITY, (task.name,), motion, (a, b, k), float(found[k]), rcond, "")
+
+
+def stretches(wrong: Flags, size: Vector) -> Iterator[tuple[int, int, int]]:
+    """(first, last, worst) sample of each stretch that is wrong; the worst has the largest size."""
+    edges = np.diff(np.concatenate([[0], wrong, [0]]).astype(int))
+    for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+        yield int(a), int(b) - 1, int(a) + int(np.argmax(size[a:b]))
+
+
+def _found(
+    kind: FindingKind, what: tuple[str, ...], motion: Motion, place: tuple[int, int, int], value: float, limit: float,
+    unit: str,
+) -> Finding:  # fmt: skip
+    a, b, k = place
+    t = motion.t
+    return Finding(kind, what, float(t[a]), float(t[b]), float(t[k]), k, value, limit, unit)
+
+
+# --------------------------------------------------------------------------------------------------
+# Jumps of posture inside a motion: joint steps in whose middle the tool is off its way; and
+# self-motions.
+#
+# On a step from q to q + d, the joints going straight, the tool is near the middle of its way at q
+# + d/2: it is off by (1/8) d^T H d, H the second derivative of the pose, which is of second order
+# in its step. A step to another posture of nearly the same tool pose takes the tool off by as much,
+# but leads it nowhere.
+# --------------------------------------------------------------------------------------------------
+
+SHARE = 0.25
+"""Share of the tool's step by which its middle may be off, beside `TOLERANCES.tracking`: a circle of six samples is off
+by an eighth, joints that go 1 rad in any direction by a ninth as a rule."""
+
+LARGE, MANY = 0.3, 20.0
+"""A joint step [rad or m] that is told in any case, and how many times the median it is then."""
+
+AT_REST = 0.01
+"""How far the tool goes, over how far points at the arm's length would go, up to which it is called at rest."""
+
+LOOKED_AT = 64
+"""Samples of a self-motion at which it is looked at whether the tool is where it was."""
+
+
+def _jump_findings(task: Task, motion: Motion) -> Iterator[Finding]:
+    """Where a joint step takes the tool off the straight way between its two poses, by more than is allowed.
+
+    The middle may be off by `TOLERANCES.tracking` [m, rad] and `SHARE` of how far the step leads the tool, where a turn
+    counts as the arm's length times it. Of a joint without limits a step is what is left without whole turns.
+    """
+    robot, Q, task = task.robot, motion.samples, task if task.geometric else task.geometric_twin
+    step = _steps(robot, Q)
+    at = np.flatnonzero(_off_at_most(robot, Q, step) > TOLERANCES.tracking)
+    if not len(at):
+        return
+    # How far the tool is off in the middle of each step, and how far the step leads it.
+    p, R = task.poses(Q[at])
+    middle, end = Q[at] + step[at] / 2, Q[at] + step[at]
+    back, on = task.error(middle, p, R), task.error(middle, *task.poses(end))
+    whole = task.error(Q[at], *task.poses(end))
+    far, turn = _sizes(task, whole)
+    off = [
+        np.maximum(np.linalg.norm(a + b, axis=1), sum(np.linalg.norm(x, axis=1) for x in (a, b)) - size) / 2
+        for a, b, size in zip(_parts(task, back), _parts(task, on), (far, turn), strict=True)
+    ]
+    length = _length(robot)
+    allowed = [
+        TOLERANCES.tracking + SHARE * (far + length * turn), TOLERANCES.tracking + SHARE * (turn + far / length)
+    ]  # fmt: skip
+    worst = np.zeros(len(step))
+    worst[at] = np.maximum(off[0] / allowed[0], off[1] / allowed[1])
+    for a, b, k in stretches(worst > 1, worst):
+        i = int(np.searchsorted(at, k))
+        part = int(off[1][i] / allowed[1][i] > off[0][i] / allowed[0][i])
+        joint = robot.joint_names[int(np.argmax(np.abs(step[k])))]
+        times = motion.time(a), motion.time(b + 1), (motion.time(k) + motion.time(k + 1)) / 2
+        value, limit, unit = float(off[part][i]), float(allowed[part][i]), ("m", "rad")[part]
+        yield Finding(FindingKind.JUMP, (joint,), *times, motion.index(k), value, limit, unit)
+
+
+def _large_steps(robot: Robot, motion: Motion, known: Sequence[Finding] | None) -> list[str]:
+    """A note on the largest joint step, where it is larger than the others by far.
+
+    Args:
+        known: the jumps that were found by a task; None where there was none.
+    """
+    step = np.abs(_steps(robot, motion.samples))
+    size = step.max(axis=1, initial=0.0)
+    usual = float(np.median(size[size > 0])) if (size > 0).any() else 0.0
+    wrong = (size > LARGE) & (size > MANY * usual)
+    for k in np.flatnonzero(wrong).tolist():
+        wrong[k] = not any(one.start <= motion.time(k) < one.stop for one in known or ())
+    if not wrong.any():
+        return []
+    k = int(np.argmax(np.where(wrong, size, 0.0)))
+    joint, more = robot.coordinates[int(np.argmax(step[k]))], int(wrong.sum()) - 1
+    untold = "whether it is a jump of posture cannot be told without the task of a tool"
+    often = f"{size[k] / usual:.0f} times the median step{f', and there are {more} more' * (more > 0)}"
+    return [
+        f"a large step: {joint.name} goes {size[k]:.3g} {joint.unit} from one sample to the next at "
+        f"{motion.time(k):.3f} s, {often}; {untold if known is None else 'the tool stays near its straight line'}"
+    ]
+
+
+def self_motions(task: Task, motion: Motion, J: Array) -> list[str]:
+    """Notes on where joints move, by `LARGE` at least, and the tool rests. J (k, m, n): along the motion."""
+    robot, q = task.robot, motion.q
+    step = _steps(robot, q)
+    joints = np.abs(step).sum(axis=1)
+    far, turn = _sizes(task, np.einsum("kmn,kn->km", (J[1:] + J[:-1]) / 2, step))
+    length, found = _length(robot), []
+    rests = (far <= AT_REST * length * joints) & (turn <= AT_REST * joints)
+    for a, b, _ in stretches(rests, joints):
+        gone = np.abs(np.cumsum(step[a : b + 1], axis=0)).max(axis=0)
+        joint = robot.coordinates[int(np.argmax(gone))]
+        some = np.unique(np.linspace(a, b + 1, LOOKED_AT).astype(int))
+        if gone.max() <= LARGE or _strays(task, q, some):
+            continue
+        when, far_gone = f"{motion.t[a]:.3f} to {motion.t[b + 1]:.3f} s", f"{gone.max():.3g} {joint.unit}"
+        found.append(f"a self-motion: from {when} the tool rests while {joint.name} moves by {far_gone}")
+    return found if len(found) <= MOST_TOLD else [*found[:MOST_TOLD], f"and {len(found) - MOST_TOLD} more self-motions"]
+
+
+def _length(robot: Robot) -> float:
+    """Of the arm [m], by which turns are compared with distances; that of sliders alone may be 0."""
+    return max(chain_length(robot), TOLERANCES.tracking)
+
+
+def _strays(task: Task, q: Matrix, some: Indices) -> bool:
+    """Whether the tool leaves its place by more than `TOLERANCES.tracking`."""
+    p, R = task.poses(q[some[:1]])
+    return bool(max(size.max() for size in _sizes(task, task.error(q[some], p[0], R[0]))) > TOLERANCES.tracking)
+
+
+def _steps(robot: Robot, Q: Matrix) -> Matrix:
+    """Joint steps (k - 1, n); of joints without limits those that are left without whole turns."""
+    step = np.diff(Q, axis=0)
+    endless = robot.hinges & np.isinf(robot.lower) & np.isinf(robot.upper)
+    return step - 2 * np.pi * np.where(endless, np.round(step / (2 * np.pi)), 0.0)
+
+
+def _off_at_most(robot: Robot, Q: Matrix, step: Matrix) -> Vector:
+    """How far off the tool can be in the middle of a step at most [m], and how far turned [rad]: roughly, for a choice.
+
+    With |d^2 x / dq_i dq_j| <= arm of two hinges, 1 of a hinge and a slider, 0 of two sliders; 2 of rotations.
+    """
+    turns, slides = np.zeros(len(step)), np.zeros(len(step))
+    arm = max((float(np.linalg.norm(tip.placement[:3, 3])) for tip in robot.tips), default=0.0)
+    for joint in robot.joints:
+        size = abs(joint.multiplier) * np.abs(step[:, joint.coordinate])
+        arm += float(np.linalg.norm(joint.placement[:3, 3]))
+        if joint.kind == "prismatic":
+            slides += size
+            arm += float(np.abs(joint.multiplier * Q[:, joint.coordinate] + joint.offset).max(initial=0.0))
+        else:
+            turns += size
+    return turns * (max(2.0, arm) * turns + 2 * slides) / 8
+
+
+def _parts(task: Task, rows: Matrix) -> tuple[Matrix, Matrix]:
+    """The rows in metres, and those in radians, of (k, m)."""
+    turning = np.array([unit == "rad" for unit in task.units])
+    return rows[:, ~turning], rows[:, turning]
+
+
+def _sizes(task: Task, rows: Matrix) -> tuple[Vector, Vector]:
+    far, turn = (np.linalg.norm(part, axis=1) for part in _parts(task, rows))
+    return far, turn
+
 
 CLEARANCE = 0.01
 """What is wanted between links by default [m]: more than a robot's and its model's errors together, as a rule."""
@@ -89,20 +302,20 @@ def check(
     remarks = list(found.remarks)
     findings: list[Finding] = []
     if limits:
-        findings += limit_findings(robot, found, edge)
-        remarks += unjudged_speeds(robot, found)
+        findings += _limit_findings(robot, found, edge)
+        remarks += _unjudged_speeds(robot, found)
     seen: list[str] = []
     jumps: list[Finding] | None = None
     if task is not None:
         J = task.jacobian_batch(found.q)[0]
-        findings += singular_findings(task, found, J, not_negative("rcond", rcond))
+        findings += _singular_findings(task, found, J, not_negative("rcond", rcond))
         if task.spatial:
-            jumps = list(jump_findings(task, found))
+            jumps = list(_jump_findings(task, found))
             findings += jumps
             seen += self_motions(task, found, J)
     else:
         remarks.append("singularities were not looked at: no task was given")
-    seen += large_steps(robot, found, jumps)
+    seen += _large_steps(robot, found, jumps)
     swept: list[Swept] = []
     pairs = Pairs((), (), (), (), wanted)
     if level is not None or obstacles:
@@ -138,3 +351,141 @@ def _distance_findings(motion: Motion, swept: Sequence[Swept], pairs: Pairs) -> 
 
 def _time(motion: Motion, s: float) -> float:
     return float(np.interp(s, np.arange(len(motion.t)), motion.t))
+
+
+# --------------------------------------------------------------------------------------------------
+# How far apart links, obstacles and the floor are at many postures, and which of these keep clear.
+# --------------------------------------------------------------------------------------------------
+
+Clear = Callable[[Matrix], Flags]
+"""Which of some postures (k, n) are clear (k,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clearances(Value):
+    """What tells at single postures how far apart P pairs are: two links, a link and an obstacle, a link and the floor.
+
+    pairs: as of `check`, of the shapes of the robot; of a pair that is always nearer than is wanted it is only asked
+    that it does not touch.
+    """
+
+    robot: Robot
+    pairs: Pairs
+
+    @property
+    def wanted(self) -> float:
+        """The distance asked for [m]."""
+        return self.pairs.wanted
+
+    @cached_property
+    def limits(self) -> Vector:
+        """The distance asked of each pair (P,) [m]."""
+        return np.array(self.pairs.limits)
+
+    @property
+    def names(self) -> tuple[tuple[str, str], ...]:
+        """Of the pairs."""
+        return tuple(gap.names for gap in self.pairs.gaps)
+
+    @property
+    def free(self) -> Clearances:
+        """Those of the pairs that are not always nearer than is wanted."""
+        kept = [(gap, limit) for gap, limit in zip(self.pairs.gaps, self.limits, strict=True) if limit >= self.wanted]
+        gaps, limits = tuple(gap for gap, _ in kept), tuple(float(limit) for _, limit in kept)
+        return replace(self, pairs=replace(self.pairs, gaps=gaps, limits=limits))
+
+    def distances(self, Q: Matrix, near: float = -np.inf) -> Matrix:
+        """Of each pair at postures (k, n) -> (k, P) [m]; negative where they overlap.
+
+        Of meshes those of their convex hulls, and where these are below `near`, their own.
+        """
+        frames, every = joint_frames(self.robot, Q), np.arange(len(Q))
+        found = [gap.distances(frames, every, near) for gap in self.pairs.gaps if len(Q)]
+        return np.column_stack(found) if found else np.zeros((len(Q), len(self.pairs.gaps)))
+
+    def least(self, Q: Matrix, near: float = -np.inf) -> Vector:
+        """The least distance at postures (k, n) -> (k,) [m]; of pairs that are always near only where they touch."""
+        return counted(self.distances(Q, near), self.limits, self.wanted).min(axis=1, initial=np.inf)
+
+    def clear(self, Q: Matrix) -> Flags:
+        """Which postures (k, n) keep all pairs as far apart as is asked of them (k,)."""
+        return np.all(keeps(self.distances(Q, self.wanted), self.limits), axis=1)
+
+    def slopes(self, Q: Matrix, near: float) -> tuple[Matrix, Array]:
+        """The distances of pairs that are nearer than `near` (k, P), infinite for others, and their slopes (k, P, n).
+
+        Of points a and b of the two shapes where they are nearest, and n the unit vector from b to a,
+
+            d distance / dq = n . (J_a - J_b)
+        """
+        frames, robot = joint_frames(self.robot, Q), self.robot
+        found, slopes = np.empty((len(Q), len(self.limits))), np.zeros((len(Q), len(self.limits), robot.n))
+        turn, shift = _screws(robot, frames)
+        for p, gap in enumerate(self.pairs.gaps):
+            at = gap.nearest(frames, near)
+            found[:, p] = at.distance
+            rows = np.isfinite(at.distance)
+            if not rows.any():
+                continue
+            above = [joints_above(robot.joints, joint) for joint in gap.joints]
+            for sign, own, other, point in ((1.0, *above, at.on_one), (-1.0, *above[::-1], at.on_other)):
+                moving = [i for i in own if i not in other]
+                n = at.away[rows]
+                each = np.einsum("kij,kj->ki", turn[rows][:, moving], np.cross(point[rows], n))
+                each += np.einsum("kij,kj->ki", shift[rows][:, moving], n)
+                for column, i in enumerate(moving):
+                    joint = robot.joints[i]
+                    slopes[rows, p, joint.coordinate] += sign * joint.multiplier * each[:, column]
+        return found, slopes
+
+
+def _screws(robot: Robot, frames: Frames) -> tuple[Array, Array]:
+    """z and v (k, joints, 3): a joint moves a point x of what it carries by z x x + v per joint unit."""
+    turn, shift = np.zeros((len(frames[0][0]), len(frames), 3)), np.zeros((len(frames[0][0]), len(frames), 3))
+    for i, (p, R) in enumerate(frames):
+        axis = R @ robot.joints[i].axis
+        if robot.joints[i].kind == "prismatic":
+            shift[:, i] = axis
+        else:
+            turn[:, i], shift[:, i] = axis, np.cross(p, axis)
+    return turn, shift
+
+
+@typed
+def clear_postures(
+    robot: Robot,
+    *,
+    obstacles: Sequence[LinkShape] = (),
+    floor: float | None = None,
+    clearance: float = CLEARANCE,
+    self_collision: bool = True,
+    ignore: Sequence[tuple[str, str]] = (),
+) -> Clear:
+    """What tells of postures (k, n) whether every pair of links, obstacles and floor is at least `clearance` apart.
+
+    The pairs and shapes are those of `check`; what happens between the postures is not looked at.
+
+    Args:
+        obstacles, floor, clearance, self_collision, ignore: as of `check`.
+
+    Raises:
+        UnknownNameError: no such link. ArgumentError: a negative clearance; a robot without links. RobotFileError:
+        the shape of a link could not be read, and no clearance can be told.
+    """
+    return posture_clearances(robot, obstacles, floor, clearance, self_collision, ignore).clear
+
+
+def posture_clearances(
+    robot: Robot, obstacles: Sequence[LinkShape], floor: float | None, clearance: float, self_collision: bool,
+    ignore: Sequence[tuple[str, str]],
+) -> Clearances:  # fmt: skip
+    """What tells of postures how far apart they are. Raises: as `clear_postures`; RobotFileError: unread shapes."""
+    robot.check_links()
+    wanted, still = not_negative("clearance", clearance), np.zeros((1, robot.n))
+    shaped = with_capsules(robot) if all(shape.obstacle for shape in robot.shapes) else robot
+    pairs = pairs_of(
+        shaped, obstacles, still, clearance=wanted, floor=floor, self_collision=self_collision, ignore=ignore
+    )
+    if pairs.unread:
+        raise RobotFileError(robot.name, pairs.unread, UNREAD_CURE)
+    return Clearances(shaped, pairs)

@@ -1,11 +1,10 @@
 """Pose in, joints out: on a leaf, at the edge of reach, and all postures at a pose.
 
-Uses `strategies` and `path`. Read first: `inverse_function.py`, `leaf.py`, `branch.py`.
+Uses `strategies` and `path`. Read first: `inverse_function.py`, `leaf.py`.
 """
 
-from .inverse_function import InverseKinematics, inverse
+from .inverse_function import InverseKinematics, Nearest, inverse
 from .leaf import leaf_value, move_to_leaf
-from .nearest_pose import Nearest
 from .posture_search import Postures, all_postures
 from .solutions import InverseStatus, Solutions
 

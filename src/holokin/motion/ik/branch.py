@@ -13,6 +13,8 @@ fold lies between, and b is what continuous motion reaches from a.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -23,6 +25,147 @@ from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Matrix, Vector, kept
 from ...strategies import HolonomicStrategy, RowExpressions
 from ...symbolic import SX, Enclosure, Function, jacobian, short, vertcat
+
+# --------------------------------------------------------------------------------------------------
+# Rays of a radial law: straight paths of the tool from its center, on whose leaf each pose has one
+# posture.
+#
+# The transport leads a posture back along the ray to one over the center. Where arc length labels
+# those, two with one label differ by full turns of joints alone, and the transport, which can be
+# gone both ways, keeps that difference. So of an exact transport the postures of one pose on the
+# leaf, within the margins of the label, are q + 2 pi k, k whole numbers for the joints, and no
+# folds are looked for on the way there, as `follow` does. What is left to tell is k. In a piece of
+# the way in which each joint is found to move by less than half a turn, not far from where it was
+# looked for, it is taken to be 0: wrong only where a joint really makes more than half a turn in
+# that piece.
+#
+# Two things are not shown: that last one, and that the transport of a few steps leads different
+# postures to different ones, as the exact transport does. Both were tested: against the given law,
+# integrated along rays of hundreds of poses.
+# --------------------------------------------------------------------------------------------------
+
+LEAP = 0.1
+"""Joint motion [joint unit] to an answer near by that Newton's method finds in one go."""
+
+
+HALF_TURN = 3.14
+"""Joint motion [joint unit] in a piece of a ray from which on a full turn may be missed or made up."""
+
+ASIDE = 1.0
+"""Farthest that the answer to a piece may lie from where Newton's method began [joint unit]: as its corrections fall to
+an eighth each, the first was no more than 7/6 of this, and such a one leads no joint round."""
+
+
+SHORTEST = 2.0**-16
+"""Share of a ray below which it is given up: where the law ends is then nearer than some 1e-5 m. Poses of a Panda
+beyond are refused in half the time that 2^-48 takes, and the same are reached."""
+
+
+def keeps_turns(q: Vector, begun: Vector, found: Vector) -> bool:
+    """True where a piece of a ray from q to a posture that was found, begun somewhere, cannot miss a joint's turn."""
+    return bool((np.abs(found - q) < HALF_TURN).all() and (np.abs(found - begun) <= ASIDE).all())
+
+
+def rays_from(strategy: HolonomicStrategy) -> Vector | None:
+    """The center (n,) of a radial law whose leaves have one posture for each pose; None of other laws.
+
+    That is where its label is arc length, and straight paths of the tool are those of its transport.
+    """
+    transport, task = strategy.looped.transport, strategy.task
+    straight = task.turns or task.robot.planar or not any(task.angular)
+    return transport.center if transport is not None and straight and all(strategy.constraint.angular) else None
+
+
+def on_ray(strategy: HolonomicStrategy, q: Vector) -> bool:
+    """True where straight paths from q on its leaf are rays."""
+    center = rays_from(strategy)
+    return center is not None and np.array_equal(q, center)
+
+
+def rays_code(strategy: HolonomicStrategy) -> str:
+    """C that ray.c needs; empty without rays."""
+    center = rays_from(strategy)
+    if center is None:
+        return ""
+    values = ", ".join(f"HK_C({value!r})" for value in center.tolist())
+    rows = ", ".join(map(str, strategy.task.rows))
+    return (
+        f"#define HK_RAYS\n#define HK_LEAP {LEAP}\n#define HK_HALF_TURN {HALF_TURN}\n#define HK_ASIDE {ASIDE}\n"
+        f"#define HK_SHORTEST_RAY {SHORTEST!r}\nstatic const hk_t hk_center[] = {{{values}}};\n"
+        f"static const int hk_ray_rows[] = {{{rows}}};\n"
+    )
+
+
+# --------------------------------------------------------------------------------------------------
+# Folds: where a leaf ends, and the path with it; the same rules as fold.c.
+#
+# Ahead of one the joints go like the square root of the share of the path that is left, so that 1 /
+# |q'|^2 falls evenly, and is 0 there: two rates tell where. Of a path that passes close by one, the
+# place moves on by a quarter of what has been gone (or by half, past a posture about which joints
+# spin).
+#
+# A path is given up where the place stands still until 4^-SURE of the share is left; the posture is
+# then led on while Newton's method converges, to 4^-CLOSER at least. It is a judgement, no proof:
+# it refuses poses, and answers none.
+# --------------------------------------------------------------------------------------------------
+
+SURE, CLOSER = 4, 7
+STANDS, STILL = 0.25, 0.1
+"""By what share of the way gone the place may move on, between pieces and close by."""
+
+Solve = Callable[[Vector, float], Vector | None]
+"""(where to begin, share of the path) -> the posture there, None where Newton's method does not contract."""
+
+
+class Fold:
+    """The place of a fold ahead on a path, as far as the joints' rates tell it."""
+
+    def __init__(self) -> None:
+        self.share, self.slack, self.at, self.first, self.agreed = 0.0, 0.0, 0.0, 0.0, 0
+
+    def agrees(self, share: float, rate: Vector, most: float) -> bool:
+        """Take in the joints' rate at a share: whether the fold that it shows has moved by at most so much of what was
+        gone."""
+        square = float(rate @ rate)
+        slack = 1.0 / square if square > 0.0 else float("inf")
+        gone, fall = share - self.share, self.slack - slack
+        at = share + gone * (slack / fall) if fall != 0.0 else float("inf")
+        agrees = fall > 0.0 and at > share and abs(at - self.at) <= most * gone
+        self.share, self.slack, self.at = share, slack, at
+        return agrees
+
+    def ahead(
+        self, q: Vector, share: float, middle: float, rate: Vector, solve: Solve, rate_at: Callable[..., Vector]
+    ) -> Vector | None:
+        """A posture close to a fold before the path's end; None where none is found.
+
+        Args:
+            q: the posture at a share of the path. middle, rate: of the piece that led there.
+            rate_at: (posture, a share a little further on) -> the joint motion to there, to first order.
+        """
+        agrees = self.agrees(middle, rate, STANDS)
+        self.agreed = self.agreed + 1 if agrees else 0
+        if not agrees:
+            self.first = self.slack
+        if self.agreed < 2 or self.slack > 0.5 * self.first:
+            return None
+        if not (self.at > share and 2 * self.at - share < 1.0):
+            return None
+        near = copy(self)
+        self.first = self.slack  # the next look, if any, where this has halved again
+        for k in range(CLOSER + 1):  # to q at first, then to a quarter of the share left, by half of the motion
+            left = near.at - share if k else 0.0
+            share += 0.75 * left
+            found = solve(q + left * rate if k else q, share)
+            if found is None:
+                return q if k > SURE else None
+            q, ahead = found, 0.001 * (near.at - share)
+            rate = rate_at(q, share + ahead) / ahead
+            if k and not near.agrees(share, rate, STILL if k > 1 else STANDS):
+                return None
+            near.share, near.slack = share, 1.0 / float(rate @ rate)
+        return q
+
 
 THICKNESS = 0.125
 """Radius of a tube over half its length: thick enough for the bend of usual paths, thin enough to enclose little."""

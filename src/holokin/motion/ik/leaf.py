@@ -17,20 +17,17 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, BranchError, HolokinError, JumpError, NotFiniteError, ShapeError, posture_text
 from ...base.tolerances import TOLERANCES
 from ...base.types import ArrayLike, Matrix, Vector, finite, kept
-from ...path.straight_path import straight
+from ...path.path import straight
 from ...robot import start_posture
 from ...robot.joints import WOUND
 from ...strategies import HolonomicStrategy, Jump, Strategy, holonomic
 from ...strategies.constraints import custom
-from ...strategies.tasks.free_motion import completed
+from ...strategies.tasks.frame_task import completed
 from ...strategies.tasks.task import Task
 from ...symbolic import Function, symbol
 from ...symbolic.native import LeafRules
-from .branch import Branch, branch_code
-from .folds import Fold
-from .native_follower import NativeFollower
-from .plan import Plan
-from .rays import SHORTEST, keeps_turns
+from .branch import SHORTEST, Branch, Fold, branch_code, keeps_turns
+from .plan import NativeFollower, Plan
 
 ALMOST = 1e-7
 """A correction after which one more is the last, whether or not round-off lets it be smaller."""

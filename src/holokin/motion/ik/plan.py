@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,11 +13,12 @@ from ...base.errors import ArgumentError, StartError
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, Indices, Matrix, Vector
 from ...path import Samples, locate
-from ...path.straight_path import rotation_vector
-from ...path.synchronized_paths import AnyPath, paths_of
+from ...path.editing import AnyPath, paths_of
+from ...path.path import rotation_vector
 from ...robot import doubtful_unit
-from ...strategies.tasks.free_motion import free_directions, leaves_free
+from ...strategies.tasks.frame_task import free_directions, leaves_free
 from ...strategies.tasks.task import Task, check_representation
+from ...symbolic.native import FollowKernel
 
 LOOKS, FEWEST = 64, 3
 """Places of a path at which it is looked how its angular rates change, and of each of its segments besides."""
@@ -271,3 +274,36 @@ def check_start(task: Task, q: Vector, p: Vector, R: Matrix) -> None:
         gaps = R.reshape(-1, 3, 3) @ np.swapaxes(tools.reshape(-1, 3, 3), 1, 2)
         angle = float(np.linalg.norm(rotation_vector(gaps), axis=-1).max())
         raise StartError(off, here, p, doubtful_target(task, p), angle)
+
+
+# --------------------------------------------------------------------------------------------------
+# Following a plan by native code: many steps in one call, the same as those of the Python steppers.
+# --------------------------------------------------------------------------------------------------
+
+
+class NativeFollower:
+    """A kernel on its path along a plan; `x` is its memory, which begins with the posture.
+
+    halted: raises why it did fewer steps than asked, where that is known; else a step in Python tells it.
+    """
+
+    def __init__(
+        self, kernel: FollowKernel, plan: Plan, x: Vector, rules: ctypes.Structure, limits: bool,
+        halted: Callable[[], None] = lambda: None,
+    ) -> None:  # fmt: skip
+        self.halted = halted
+        robot, n, slack = plan.task.robot, plan.task.n, TOLERANCES.limit
+        p, R = plan.first
+        self._kernel, self._x, self._rules = kernel, x, rules
+        self._segments = plan.table
+        self._counts = np.array([*plan.counts, 0], dtype=np.int64)
+        self._home = np.concatenate([p, R.ravel()]) if plan.path.closed else None
+        span = np.full(n, np.inf)
+        self._limits = (robot.lower - slack, robot.upper + slack) if limits else (-span, span)
+
+    def run(self, q: Vector, first: int, last: int, Q: Matrix) -> int:
+        """Steps [first, last) of a cycle from q into the rows of Q; returns how many were done before a halt."""
+        self._x[: len(q)] = q
+        return self._kernel(
+            self._segments, self._counts, self._home, self._x, (first, last), self._limits, self._rules, Q
+        )

@@ -10,11 +10,10 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, RecordingError
-from ...base.pose_columns import Units, pose_rows
 from ...base.poses import pose_from
+from ...base.tables import Units, pose_rows
 from ...base.types import Array, ArrayLike, Indices, Vector, check_rotation, finite
-from ..segments import HALF_TURN, SURE, turn_between
-from ..waypoints import Poses, Waypoints, distinct
+from ..path import HALF_TURN, SURE, Poses, Waypoints, distinct, turn_between
 from ..workspaces import TOOL_DOWN, PoseCloud, pose_cloud
 
 WIDE = np.deg2rad(170)

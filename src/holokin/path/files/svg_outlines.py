@@ -14,11 +14,10 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, HolokinError, RecordingError
 from ...base.extra_module import extra_module
-from ...base.given_files import is_folder, shown
+from ...base.files import is_folder, shown
 from ...base.types import Matrix, Vector, positive
 from ..curves import even_curve
-from ..path import CLOSED, SAME, Path
-from ..segments import Segment, arc_segment, line_segment
+from ..path import CLOSED, SAME, Path, Segment, arc_segment, line_segment
 
 LENGTHS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6, "q": 2.5e-4}
 """Units of length of a drawing's size -> metres."""

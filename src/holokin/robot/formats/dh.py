@@ -11,12 +11,11 @@ import numpy as np
 from ...base.arguments import check, typed
 from ...base.errors import ArgumentError, NotFiniteError, UnknownNameError
 from ...base.poses import PoseLike, pose_cure, pose_numbers
-from ...base.shown import Shown
-from ...base.types import Matrix, number
+from ...base.types import Matrix, Shown, number
 from ...symbolic.rotations import exact_rotation
+from ..chains import TRUST, check_radians, plausible
 from ..joints import FARTHEST, MOST_MOVING, Coordinate, Joint, Tip
 from ..model import Robot
-from ..units import TRUST, check_radians, plausible
 
 Convention = Literal["standard", "modified"]
 """Where the frames of a DH table stand."""

@@ -13,8 +13,7 @@ from typing import Any
 from ...base.errors import MissingExtraError, RobotFileError, UnknownNameError, brief
 from ..tree import Tree
 from .mjcf import mjcf_text_tree
-from .urdf import urdf_text_tree
-from .urdf_xml import read_model
+from .urdf import read_model, urdf_text_tree
 from .xacro_expander import PATIENCE
 
 _WAIT = 4 * PATIENCE

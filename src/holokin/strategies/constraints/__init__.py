@@ -1,16 +1,14 @@
 """Constraints g(q) that complete a task to r + m = n rows.
 
-Uses `tasks`. Read first: `constraint.py`, `arm.py`, `costs.py`. CONTRIBUTING.md says what else a new one touches.
+Uses `tasks/`. Read first: `constraint.py`, `arm.py`. CONTRIBUTING.md says what else a new one touches.
 """
 
-from .arm import arm_angle, height
-from .arm_geometry import Arm, find_arm
+from .arm import Arm, arm_angle, coupled, find_arm, height
 from .constraint import Constraint, custom, linear, lock, stack, tilted, total
 from .constraint import as_gain as as_gain
 from .constraint import formulas_of as formulas_of
 from .constraint import nothing_jumps as nothing_jumps
 from .costs import Cost, centring_cost, gravity_cost, manipulability_cost, posture_cost, stationary
-from .coupled_orientation import coupled
 
 __all__ = [
     "Arm",

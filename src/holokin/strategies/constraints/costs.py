@@ -13,12 +13,10 @@ from ...base.errors import ArgumentError, ShapeError
 from ...base.types import ArrayLike, Value, Vector, finite, frozen
 from ...robot import Kinematics, link_jacobian, potential_expression
 from ...symbolic import SX, Formula, directional, factorise, jacobian, log, norm_2, solve, sumsqr, vertcat, written
-from ...symbolic.null_space import every_minor, minors_expression, null_vector, null_vector_expression
+from ...symbolic.linear import every_minor, minors_expression, null_vector, null_vector_expression
 from ..tasks.frame_task import FrameTask
-from ..tasks.frames import TipFrame
-from ..tasks.task import Task
-from .constraint import Constraint
-from .implicit import Implicit
+from ..tasks.task import Task, TipFrame
+from .constraint import Constraint, Implicit
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,10 +16,8 @@ from ...base.types import ArrayLike, Matrix, Vector, finite
 from ...robot import Robot
 from ...symbolic import SX, norm_2
 from ...symbolic.rotations import frame_about, log_s2
-from .frame_task import FrameTask, stack
-from .frames import ExpressionFrame, Frame, RelativeFrame, TipFrame
-from .orientation_rows import ORIENTATIONS, UP, Orientation
-from .task import Task, chosen_rows
+from .frame_task import ORIENTATIONS, UP, FrameTask, Orientation, stack
+from .task import ExpressionFrame, Frame, RelativeFrame, Task, TipFrame, chosen_rows
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": UP}
 

@@ -1,6 +1,6 @@
 """C from lists of operations: what is generated, compiled, kept and called. The expressions of `symbolic` build on it.
 
-Uses `base`. Read first: `evaluator.py`, `program.py`, `emit.py`.
+Uses `base`. Read first: `kernel.py`, `emit.py`.
 
 CasADi writes C, too, from the same list of operations. It does not serve here, because one text has to be read as
 numbers, as lanes of a vector register and as enclosures, in double and in single precision, under -Wconversion: in
@@ -9,13 +9,20 @@ single precision a compiler has 49 complaints about CasADi's C of a Panda's G (1
 and result whether it is there, and keeps its numbers in one array.
 """
 
-from .edge_kernel import EdgeKernel
+from .emit import Port
 from .emit import prelude as code_file
-from .evaluator import weak
-from .inverse_kernel import InverseKernel
-from .kernel import LARGEST, FollowKernel, LeafRules, StepKernel, StepMemory, VelocityRules
-from .native_library import compiler, enabled, engine, tell
-from .program import Port
+from .kernel import (
+    LARGEST,
+    EdgeKernel,
+    FollowKernel,
+    InverseKernel,
+    LeafRules,
+    StepKernel,
+    StepMemory,
+    VelocityRules,
+    weak,
+)
+from .toolchain import compiler, enabled, engine, tell
 
 __all__ = [
     "LARGEST",

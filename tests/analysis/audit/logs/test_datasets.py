@@ -14,9 +14,8 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import Command, assert_refused, sampled
-from holokin.analysis.audit.logs import chosen_episodes, joint_feature, pose_feature, read_dataset, unpacked_size
-from holokin.analysis.audit.logs.dataset_columns import postures_of, tool_poses_of
-from holokin.analysis.audit.logs.dataset_folder import batches, read_parquet, rows
+from holokin.analysis.audit.logs import bag, chosen_episodes, joint_feature, pose_feature, read_dataset
+from holokin.analysis.audit.logs.datasets import batches, postures_of, read_parquet, rows, tool_poses_of
 from holokin.base.errors import ArgumentError, RecordingError
 from small_datasets import write_dataset
 
@@ -158,7 +157,7 @@ def test_metadata_that_unpacks_to_more_than_a_dataset_has_is_not_unpacked(tmp_pa
     table = parquet.read_table(file)
     text = pa.array(["x" * 3_000_000] + [""] * (len(table) - 1))
     parquet.write_table(table.append_column("more", text), file, compression="zstd")
-    monkeypatch.setattr("holokin.analysis.audit.logs.dataset_folder.LARGEST_TEXT", 1_000_000)
+    monkeypatch.setattr("holokin.analysis.audit.logs.datasets.LARGEST_TEXT", 1_000_000)
     assert "more" not in read_dataset(folder).episodes[0].facts
     with pytest.raises(RecordingError, match=r"unpacks to 30.* bytes, by its own footer"):
         read_parquet(file)
@@ -320,7 +319,7 @@ def test_rows_are_read_as_they_are_and_never_take_more_memory_than_allowed(
     tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Texts that are all one, or each another one, or images: a batch has as many rows as there is room for."""
-    monkeypatch.setattr(unpacked_size, "MOST_ROWS", room := 2**20)
+    monkeypatch.setattr(bag, "MOST_ROWS", room := 2**20)
     rng = np.random.default_rng(seed)
     count, size = int(rng.integers(20, 400)), int(10 ** rng.uniform(3.5, 5))
     one = {
@@ -340,7 +339,7 @@ def test_rows_are_read_as_they_are_and_never_take_more_memory_than_allowed(
 def test_a_text_that_unpacks_to_thousands_of_times_its_size_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(unpacked_size, "MOST_ROWS", 2**20)
+    monkeypatch.setattr(bag, "MOST_ROWS", 2**20)
     table = pa.table({"q": [0.0] * 2, "text": ["x" * 8 * 2**20, ""]})
     parquet.write_table(table, tmp_path / "t.parquet", compression="zstd")
     with pytest.raises(RecordingError, match="text unpacks to far more"):

@@ -14,7 +14,7 @@ import small_datasets
 from bags import JOINTS, Q, T, write_bag
 from conftest import Command, sampled
 from holokin.analysis.audit.logs import joint_feature, read_dataset
-from holokin.analysis.audit.logs.dataset_columns import postures_of
+from holokin.analysis.audit.logs.datasets import postures_of
 from holokin.base.errors import ArgumentError, RecordingError, UnknownNameError
 
 PANDA = hk.load("panda")

@@ -1,25 +1,26 @@
 """Logs of robots: joint motion in CSV, rosbag2 folders and MCAP; LeRobot datasets.
 
-Uses `motion`. Read first: `log_samples.py`, `log_formats.py`, `dataset_folder.py`.
+Uses `motion`. Read first: `log_formats.py`, `datasets.py`.
 """
 
-from ....base.time_columns import TIMES as TIMES
-from ....motion.recording import GAP as GAP
-from ....motion.recording import Recording as Recording
-from .dataset_columns import (
+from ....base.tables import TIMES as TIMES
+from ....motion.trajectory import GAP as GAP
+from ....motion.trajectory import Recording as Recording
+from .datasets import (
     ACTION,
     STATE,
+    Dataset,
+    Episode,
     JointFeature,
     PoseFeature,
     chosen_episodes,
     has_joints,
+    is_dataset,
     joint_feature,
     pose_feature,
+    read_dataset,
 )
-from .dataset_folder import Dataset, Episode, is_dataset, read_dataset
-from .log_formats import read_recording
-from .log_runs import read_runs
-from .logged_turns import SLACK, joined_turns
+from .log_formats import SLACK, joined_turns, read_recording, read_runs
 
 __all__ = [
     "ACTION",

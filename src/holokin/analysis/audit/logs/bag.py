@@ -2,20 +2,274 @@
 
 from __future__ import annotations
 
+import bz2
+import re
+import sqlite3
+import struct
+import sys
 from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
+from urllib.parse import quote
 
 import numpy as np
 
 from ....base.errors import HolokinError, MissingExtraError, RecordingError
-from ....base.given_files import listed, shown
+from ....base.files import listed, shown
 from ....robot import Robot
-from .joint_columns import Columns, columns_named, joint_columns
-from .log_samples import Samples
-from .unpacked_size import MOST_MESSAGE, broken, check_folder, check_mcap, check_sqlite, unpacked
+from .joint_columns import Columns, Samples, columns_named, joint_columns
+
+# --------------------------------------------------------------------------------------------------
+# What a bag or a dataset unpacks to is measured before it is unpacked: a few bytes may stand for
+# gigabytes.
+# --------------------------------------------------------------------------------------------------
+
+MOST_CHUNK = 256 * 2**20
+"""Bytes that one chunk may unpack to; recorders write chunks of 1 to 16 MB."""
+
+MOST_MESSAGE = 2**20
+"""Bytes of one JointState message; that of an arm has less than a thousand."""
+
+MOST_FILE = 4 * 2**30
+"""Bytes that a packed storage file of a folder may unpack to, on disk."""
+
+MOST_METADATA = 2 * 2**20
+"""Bytes of metadata.yaml; that of an hour of bags in parts has a tenth, and parsing takes five seconds a megabyte."""
+
+MOST_ROWS = 64 * 2**20
+"""Bytes that the rows of a dataset may unpack to that are in memory at one time."""
+
+DICTIONARY = 2**20
+"""Bytes up to which writers of parquet files keep the texts of a column in a dictionary; rows name its entries."""
+
+DENSEST = 1000
+"""How many times its size in the file a column of over `MOST_ROWS` bytes may unpack to; texts come to some 100."""
+
+_WIDTHS = {"BOOLEAN": 1, "INT32": 4, "INT64": 8, "INT96": 12, "FLOAT": 4, "DOUBLE": 8}
+
+_PIECE = 2**20
+_DEEPEST = 50  # the parser's time grows with the square of it
+_ALIAS = re.compile(r"(?:^|[\s\[{,:-])[&*][^\s&*]", re.MULTILINE)
+
+
+def broken(file: Path, why: str) -> RecordingError:
+    """The refusal of a bag whose bytes make no sense."""
+    cure = "give a rosbag2 folder with metadata.yaml, or a whole .mcap, .db3 or .bag file"
+    return RecordingError(file, f"cannot be read as a bag ({shown(why, 200)})", cure)
+
+
+def _unpacker(kind: str) -> Any:
+    if kind == "zstd":
+        if sys.version_info >= (3, 14):
+            from compression import zstd
+        else:
+            from backports import zstd
+        return zstd.ZstdDecompressor()
+    if kind == "lz4":
+        from lz4.frame import LZ4FrameDecompressor
+
+        return LZ4FrameDecompressor()
+    return bz2.BZ2Decompressor()
+
+
+def _unpacked_pieces(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
+    """What zstd, lz4 or bz2 data unpack to, a megabyte at a time; several frames follow one another."""
+    unpacker = _unpacker(kind)
+    for piece in pieces:
+        data = piece
+        while True:
+            if unpacker.eof:
+                unpacker = _unpacker(kind)
+            yield unpacker.decompress(data, max_length=_PIECE)
+            data = (unpacker.unused_data or b"") if unpacker.eof else b""
+            if not data and (unpacker.eof or unpacker.needs_input):
+                break
+
+
+def _bounded(file: Path, what: str, kind: str, pieces: Iterator[bytes], most: int) -> Iterator[bytes]:
+    """What packed data unpack to, as long as it is at most `most` bytes. Raises: RecordingError."""
+    size = 0
+    for part in _unpacked_pieces(kind, pieces):
+        size += len(part)
+        if size > most:
+            raise _too_large(file, what, most)
+        yield part
+
+
+def unpacked(file: Path, what: str, kind: str, data: bytes, most: int) -> bytes:
+    """Unpacked bytes, at most `most`. Raises: RecordingError."""
+    return b"".join(_bounded(file, what, kind, iter([data]), most))
+
+
+def _check_size(file: Path, what: str, kind: str, pieces: Iterator[bytes], most: int) -> None:
+    """Raises: RecordingError when packed data unpack to more than `most` bytes."""
+    for _ in _bounded(file, what, kind, pieces, most):
+        pass
+
+
+def _too_large(file: Path, what: str, most: int) -> RecordingError:
+    """The refusal of a bag that would unpack to too much."""
+    fact = f"{what} unpacks to over {most} bytes, more than joint states need"
+    return RecordingError(file, fact, "record joint states alone")
+
+
+def check_folder(folder: Path) -> list[Path]:
+    """The files of a rosbag2 folder. Raises: RecordingError when it cannot be read without harm."""
+    try:
+        parts = sorted(folder.iterdir())
+        for part in parts:
+            if not (part.is_dir() or part.is_file()):
+                raise RecordingError(folder, f"{shown(part.name)!r} in it is no regular file", "delete it")
+        metadata = folder / "metadata.yaml"
+        if not metadata.is_file():
+            raise broken(folder, "there is no metadata.yaml in it")
+        if metadata.stat().st_size > MOST_METADATA:
+            fact = f"its metadata.yaml has over {MOST_METADATA} bytes"
+            raise RecordingError(folder, fact, "audit its .mcap or .db3 files one by one")
+        text = metadata.read_text("utf-8")
+        depth = accumulate((c in "[{") - (c in "]}") for c in text)
+        if _ALIAS.search(text) or max(depth, default=0) > _DEEPEST:
+            fact = (
+                f"its metadata.yaml holds aliases (& and *), or brackets over {_DEEPEST} deep, which no recorder writes"
+            )
+            raise RecordingError(folder, fact, "write it out, or audit its .mcap or .db3 files one by one")
+        files = [part for part in parts if part.is_file()]
+        for part in files:
+            if part.suffix == ".zstd":
+                with part.open("rb") as stream:
+                    pieces = iter(lambda: stream.read(_PIECE), b"")
+                    _check_size(folder, shown(part.name), "zstd", pieces, MOST_FILE)
+    except RecordingError:
+        raise
+    except Exception as problem:  # noqa: BLE001  zstd's errors are its own, and need the extra to be named
+        raise broken(folder, f"{type(problem).__name__}: {problem}") from None
+    return files
+
+
+def _check_mcap(file: Path) -> None:
+    """Raises: RecordingError when records are longer than the file, or chunks unpack to more than they say."""
+    size = file.stat().st_size
+    chunks: dict[int, int] = {}
+    indexed: set[int] = set()
+    try:
+        with file.open("rb") as stream:
+            if stream.read(8) != b"\x89MCAP0\r\n":
+                raise broken(file, "it does not begin like an MCAP file")
+            at = 8
+            while at + 9 <= size:
+                stream.seek(at)
+                kind, length = struct.unpack("<BQ", stream.read(9))
+                if at + 9 + length > size:
+                    raise broken(file, f"the record at byte {at} is longer than the file")
+                if kind == 0x06:
+                    chunks[at] = _check_chunk(file, stream, at, length)
+                if kind == 0x08:
+                    where, says = _index(stream.read(min(length, 2**20)))
+                    if where in indexed or chunks.get(where) != says:
+                        raise broken(file, f"its index names a chunk at byte {where} that is not there")
+                    indexed.add(where)
+                if kind == 0x02:
+                    break
+                at += 9 + length
+    except RecordingError:
+        raise
+    except Exception as problem:  # noqa: BLE001  the unpackers have errors of their own
+        raise broken(file, f"{type(problem).__name__}: {problem}") from None
+
+
+def _check_chunk(file: Path, stream: Any, at: int, length: int) -> int:
+    """The size that a chunk says it unpacks to, when it does."""
+    head = stream.read(min(length, 64))
+    says, letters = struct.unpack_from("<16xQ4xI", head)
+    kind = head[32 : 32 + letters].decode()
+    (packed,) = struct.unpack_from("<Q", head, 32 + letters)
+    begin = 40 + letters
+    if begin + packed > length or kind not in ("", "lz4", "zstd") or (not kind and says != packed):
+        raise broken(file, f"the chunk at byte {at} makes no sense")
+    if says > MOST_CHUNK:
+        raise _too_large(file, f"the chunk at byte {at}", MOST_CHUNK)
+    if kind:
+        stream.seek(at + 9 + begin)
+        pieces = (stream.read(min(_PIECE, packed - done)) for done in range(0, packed, _PIECE))
+        _check_size(file, f"the chunk at byte {at}", kind, pieces, says)
+    return says
+
+
+def _index(record: bytes) -> tuple[int, int]:
+    """(byte of the chunk, its unpacked size) of a chunk index."""
+    (where,) = struct.unpack_from("<16xQ", record)
+    (maps,) = struct.unpack_from("<I", record, 32)
+    (letters,) = struct.unpack_from("<8xI", record, 36 + maps)
+    (says,) = struct.unpack_from("<8xQ", record, 48 + maps + letters)
+    return where, says
+
+
+def _check_sqlite(file: Path) -> None:
+    """Raises: RecordingError when a database is none, or computes its rows (views, generated columns): that may never
+    end."""
+    try:
+        with file.open("rb") as stream:
+            if stream.read(16) != b"SQLite format 3\0":
+                raise broken(file, "it does not begin like an SQLite file")
+        base = sqlite3.connect(f"file:{quote(str(file.absolute()))}?mode=ro&immutable=1", uri=True)
+        try:
+            rows = base.execute("SELECT type, sql FROM sqlite_master").fetchmany(10_000)
+        finally:
+            base.close()
+    except (OSError, sqlite3.Error, ValueError, OverflowError) as problem:
+        raise broken(file, f"{type(problem).__name__}: {problem}") from None
+    for kind, sql in rows:
+        computed = re.search(r"\bas\s*\(|\bvirtual\s+table\b", str(sql or ""), re.IGNORECASE)
+        if kind not in ("table", "index") or computed:
+            raise broken(file, f"its tables are computed: {sql}")
+
+
+def record_batches(file: Path, table: Any, columns: Sequence[str] | None, most: int) -> Iterator[Any]:
+    """The rows of a parquet file, some `most` together, or fewer where these would take more than `MOST_ROWS` bytes.
+
+    Raises: RecordingError: a column is a bomb.
+    """
+    import pyarrow
+
+    def joined() -> Any:
+        return waiting[0] if len(waiting) == 1 else pyarrow.Table.from_batches(waiting).combine_chunks().to_batches()[0]
+
+    few, waiting, rows, size = _rows_at_once(file, table, columns, most), [], 0, 0
+    for batch in table.iter_batches(few, columns=None if columns is None else list(columns), use_threads=False):
+        waiting.append(batch)
+        rows, size = rows + len(batch), size + batch.nbytes
+        if rows >= most or size > MOST_ROWS:
+            yield joined()
+            waiting, rows, size = [], 0, 0
+    if waiting:
+        yield joined()
+
+
+def _rows_at_once(file: Path, table: Any, columns: Sequence[str] | None, most: int) -> int:
+    """How many rows of a parquet file, 1 to `most`, unpack to `MOST_ROWS` bytes by what its footer says of its parts.
+
+    Raises: RecordingError: a column is a bomb.
+    """
+    largest = MOST_ROWS / most
+    for group in map(table.metadata.row_group, range(table.metadata.num_row_groups)):
+        size = 0
+        for part in map(group.column, range(group.num_columns)):
+            if columns is not None and not part.path_in_schema.startswith(tuple(columns)):
+                continue
+            values, width, whole = part.num_values, _WIDTHS.get(part.physical_type), part.total_uncompressed_size
+            most_of_one = MOST_ROWS * group.num_rows if width else max(MOST_ROWS, DENSEST * part.total_compressed_size)
+            if (values * width if width else whole) > most_of_one:
+                fact = f"its column {shown(part.path_in_schema)} unpacks to far more than its size in the file"
+                raise RecordingError(file, fact, "no recorder writes such a one: download it anew")
+            size += values * width if width else whole
+            if not width and part.has_dictionary_page:  # any of its texts may be that of every row
+                size += values * min(whole, DICTIONARY)
+        largest = max(largest, size / max(group.num_rows, 1))
+    return max(1, int(MOST_ROWS / largest))
+
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
@@ -43,7 +297,7 @@ def read_bag(file: Path, robot: Robot, topic: str | None, columns: Columns | Non
         raise MissingExtraError("rosbags, to read bags and .mcap files", "log") from None
     old = file.suffix.lower() == ".bag" and not file.is_dir()
     for part in check_folder(file) if file.is_dir() else [file]:
-        {".mcap": check_mcap, ".db3": check_sqlite}.get(part.suffix.lower(), lambda _: None)(part)
+        {".mcap": _check_mcap, ".db3": _check_sqlite}.get(part.suffix.lower(), lambda _: None)(part)
     store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
     notes: list[str] = []
     with _refusals(file):

@@ -1,4 +1,4 @@
-/* The pose of a leaf that is nearest to a wanted one: the rules of motion/ik/edge.py and motion/ik/nearest_pose.py.
+/* The pose of a leaf that is nearest to a wanted one: the rules of motion/ik/edge.py and motion/ik/inverse_function.py.
    hk_edge_body takes (q, p, R, length) and gives (e, S, rcond^2, its slope, twist, p, R). HK_ROWS: m. */
 enum { HK_M = HK_ROWS, HK_MOST_HELD = 2 * HK_N + 1, HK_STATE = HK_N + 12 + HK_R };
 

@@ -2,7 +2,7 @@
 #pragma GCC optimize("O3") /* short loops unrolled: a quarter of the time */
 #endif
 
-/* Taylor models, symbolic/taylor.py: m + a t + b t^2 + c t^3 + sum e[j] u_j, give or take r, for |t| <= 1 and |u_j| <= 1;
+/* Taylor models, symbolic/calculus.py: m + a t + b t^2 + c t^3 + sum e[j] u_j, give or take r, for |t| <= 1 and |u_j| <= 1;
    give or take r0 where all u_j are 0. s: the sum of |e[j]|. The result may lie where an argument does. */
 enum { HK_WIDE = (HK_N + 3) / 4 * 4 };
 

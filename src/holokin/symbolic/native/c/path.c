@@ -1,5 +1,5 @@
 /* A path of segments, each a piece of an arc plus a cubic, on which the tool turns by a cubic rotation vector: the same
-   as path/segments.py. bend, sway: bounds of its second derivative and of its turn. */
+   as path/path.py. bend, sway: bounds of its second derivative and of its turn. */
 typedef struct {
   double center[3], x[3], y[3], angle, along[9], turning[12], rotation[9], duration, bend, sway;
 } hk_segment;

@@ -1,4 +1,4 @@
-/* Radial laws whose leaf has one posture for each pose, motion/ik/rays.py. hk_center: the posture over which the label is 0;
+/* Radial laws whose leaf has one posture for each pose, motion/ik/branch.py. hk_center: the posture over which the label is 0;
    hk_ray_rows: the task's rows among x, y, z and the turns about them. */
 #ifdef HK_RAYS
 /* 1 where a piece from q to the answer x, begun at `begun`, is one in which no joint can have made a full turn unseen. */

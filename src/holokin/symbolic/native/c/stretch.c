@@ -1,4 +1,4 @@
-/* A stretch of a way along a leaf, shown to be on one branch: motion/ik/stretch.py has the argument. hk_node_body takes
+/* A stretch of a way along a leaf, shown to be on one branch: motion/ik/edge.py has the argument. hk_node_body takes
    (q, p, R, c) and gives (dq, rcond, margin, sign of det, A^-1); hk_bend_body takes (q, v) and gives DA[v] v,
    hk_twist_body (q, v, w) and gives what goes with t^2 in A P';
    hk_along_body the Taylor models of A, column by column. hk_rows: the task's rows, six a frame: x, y, z and the turns about them. */

@@ -1,4 +1,4 @@
-/* The label of where a posture is carried to, its margin and its gradient, in the pieces of symbolic/native/transport.py. What the
+/* The label of where a posture is carried to, its margin and its gradient, in the pieces of symbolic/native/emit.py. What the
    rates leave behind is kept for the sweep back, or, where that is much, found again step by step. */
 enum {
   HK_TRANSPORT_ALL = 4 * HK_TRANSPORT_S * HK_TRANSPORT_K <= HK_TRANSPORT_MOST || HK_TRANSPORT_S == 1,

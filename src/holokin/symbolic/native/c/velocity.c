@@ -1,4 +1,4 @@
-/* Following by velocity: dq = G x' by Runge-Kutta steps of order 4, the same as motion/integrate_velocity.py. hk_rate_body takes
+/* Following by velocity: dq = G x' by Runge-Kutta steps of order 4, the same as motion/follow_path.py. hk_rate_body takes
    (q, p, R, v, w) and gives (dq, rcond, margin, largest task error). The segments of each frame lie one after the other,
    those of all frames in turn. */
 typedef struct {

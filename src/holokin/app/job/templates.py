@@ -1,0 +1,214 @@
+"""Job files to start from: a copy of a packaged job, or a job for a robot, tried before it is written."""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from ...analysis.coverage import fitting_task, locked_joints, regular_starts
+from ...base.errors import ArgumentError, HolokinError, JobError, UnknownNameError
+from ...base.files import aside, write_text, writing
+from ...robot import load
+from ...strategies.tasks.task import Task
+from .runner import packaged_jobs, run_job
+from .schema import Job
+
+# --------------------------------------------------------------------------------------------------
+# Writing job files: TOML values, robot files as a job names them, and files that must be new.
+# --------------------------------------------------------------------------------------------------
+
+
+def toml(value: Any) -> str:
+    """A value as TOML writes it on one line: text, numbers, lists, tables."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, int | np.integer):
+        return str(int(value))
+    if isinstance(value, float | np.floating):
+        return repr(float(value))
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{toml_key(key)} = {toml(one)}" for key, one in value.items()) + " }"
+    values: Sequence[Any] = value
+    return "[" + ", ".join(map(toml, values)) + "]"
+
+
+def toml_key(key: str) -> str:
+    """A key as TOML writes it: in quotes where it is no plain word."""
+    return key if key.replace("-", "").replace("_", "").isalnum() and key.isascii() else toml(key)
+
+
+def table(name: str, keys: Mapping[str, Any]) -> str:
+    """A table of a job file, a key on each line."""
+    return "\n".join([f"[{name}]", *(f"{toml_key(key)} = {toml(value)}" for key, value in keys.items())]) + "\n"
+
+
+def robot_name(robot: str, path: FilePath) -> str:
+    """A robot file as a job in another folder names it: relative where it lies near, so that both can be moved."""
+    try:
+        near = FilePath(os.path.relpath(robot, path.parent))
+    except ValueError:  # another drive
+        near = FilePath(robot).absolute()
+    return (near if near.parts.count("..") < 2 else FilePath(robot).absolute()).as_posix()
+
+
+def check_new(path: FilePath) -> None:
+    """Raises: JobError unless a job file may be written there: it ends in .toml and does not exist. WriteError: its
+    folder does not exist, or nothing can be written in it.
+    """
+    if path.suffix.lower() != ".toml":
+        raise JobError(path, "file", "does not end in .toml", "name it like my-job.toml")
+    if os.path.lexists(path):
+        raise JobError(path, "file", "exists already", "choose another name, or delete it first")
+    with writing(path), aside(path.parent):  # a hidden folder there for a moment is the surest test
+        pass
+
+
+def write_new(path: FilePath, text: str) -> None:
+    """Write a new file. Raises: JobError: it exists. WriteError."""
+    check_new(path)
+    write_text(path, text, new=True)
+
+
+_COPIED = """# What follows holds for the job as copied. For another robot, start, path or strategy measure first
+# (delete this part, run, read the table), then write here what must stay true.
+"""
+"""What a copied job says above its expectations."""
+
+_TRIED = 4
+"""Starts that are tried; each with circles of three sizes."""
+
+_JOB = """title = {title}
+about = \"\"\"
+A circle of {radius:g} m, {cycles} times, {task}. The start posture is a regular one, well inside the
+joint limits; all strategies below were followed to the end of the path when this file was written. Collisions were
+not looked at.
+\"\"\"
+
+[robot]
+name = {name}
+{chain}
+[task]
+{kind}
+
+[start]
+# {joints}
+q = {q}
+
+[path]
+kind = "circle"
+center = [{center:g}, 0, 0]
+relative = true
+speed = 0.1
+samples = {samples}
+cycles = {cycles}
+
+[strategies.moore-penrose]
+kind = "moore-penrose"
+
+[strategies.lock]
+kind = "lock"
+joints = [{locked}]
+
+[strategies.radial]
+kind = "radial"
+
+# Run it and read the table, then write here what must stay true, for instance:
+# [expect.lock]
+# holonomic = true
+# drift_total = {{ below = 1e-9 }}
+"""
+
+_SAMPLES, _CYCLES = 100, 2
+
+
+def packaged_text(name: str) -> str:
+    """The TOML text of a packaged job. Raises: UnknownNameError."""
+    if name not in packaged_jobs():
+        raise UnknownNameError("job", name, packaged_jobs())
+    return files("holokin.app.job").joinpath("packaged", f"{name}.toml").read_text("utf-8")
+
+
+def new_job(path: FilePath, template: str) -> None:
+    """Write a copy of a packaged job to a new file.
+
+    Raises:
+        UnknownNameError: of the template. JobError: the file exists. WriteError: the system refuses it.
+    """
+    write_new(path, packaged_text(template).replace("\n[expect.", f"\n{_COPIED}[expect.", 1))
+
+
+def new_job_for(
+    path: FilePath, robot: str, tip: str | None = None, base: str | None = None, trust_units: bool = False
+) -> None:
+    """Write a job for a robot to a new file: a small circle from a regular start posture, with three strategies.
+
+    Every strategy is followed round the circle before the file is written. Nothing is expected in it.
+
+    Args:
+        robot: a name of the catalogue, a model or a .toml file. tip, base, trust_units: as of `load`.
+
+    Raises:
+        JobError: the file exists. RobotFileError, UnknownNameError: of the robot. ArgumentError: a robot without
+        redundancy, or one for which no such circle was found. WriteError: the system refuses the file.
+    """
+    check_new(path)
+    arm = load(robot, tip=tip, base=base, trust_units=trust_units)
+    task = fitting_task(arm)
+    words, kind = _kind(task)
+    name = robot_name(robot, path) if FilePath(robot).suffix else robot
+    scale = arm.n**-0.5 * sum(np.linalg.norm(joint.step) for joint in arm.joints) + 0.05
+    for start in regular_starts(task)[:_TRIED]:
+        for share in (0.1, 0.03, 0.01):
+            radius = float(f"{min(0.1, share * scale):.1g}")
+            inward = -radius if arm.pose(start, task.tip)[0, 3] > 0 else radius
+            text = _JOB.format(
+                title=toml(f"{arm.name}, a circle of {radius:g} m"),
+                radius=radius,
+                cycles=_CYCLES,
+                samples=_SAMPLES,
+                task=words,
+                name=toml(name),
+                chain="".join(
+                    f"{key} = {toml(link)}\n" for key, link in (("tip", tip), ("base", base)) if link is not None
+                )
+                + trust_units * "trust_units = true\n",
+                kind=kind,
+                joints=", ".join(arm.joint_names).replace("\n", " "),
+                q=start.tolist(),
+                center=inward,
+                locked=", ".join(toml(arm.joint_names[i]) for i in locked_joints(task, start)),
+            )
+            if _completes(text, path):
+                write_new(path, text)
+                return
+    raise ArgumentError(
+        f"the circle for {arm.name!r}", None, "none was found that all strategies follow: copy a job with --from"
+    )
+
+
+def _completes(text: str, path: FilePath) -> bool:
+    """Whether all strategies of a job follow its path to the end."""
+    table = tomllib.loads(text) | {"verdict": {"samples": 1}}  # verdicts are not asked for here, and take longest
+    try:
+        return run_job(path.stem, Job.model_validate(table), path).passed
+    except HolokinError:
+        return False
+
+
+def _kind(task: Task) -> tuple[str, str]:
+    """A task in words, and in TOML."""
+    if task.orientation is not None:
+        return "with the tool's orientation held", 'kind = "pose"\norientation = "twist"'
+    if task.m == (2 if task.robot.planar else 3):
+        return "with the tool's orientation free", 'kind = "position"'
+    words = f"in {' and '.join('xy'[i] for i in task.rows)} alone"
+    return words, f'kind = "position"\nrows = {list(task.rows)}'

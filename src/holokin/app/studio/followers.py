@@ -1,0 +1,648 @@
+"""What a session knows of one law now, and what it tells of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ...base.errors import ArgumentError, HolokinError, JointLimitError
+from ...base.poses import PoseLike, given_pose, pose_from, pose_numbers
+from ...base.tolerances import TOLERANCES
+from ...base.types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, positive, tool_pose
+from ...motion import StepStatus, approach, controller
+from ...motion.control import ControlLaw
+from ...motion.follow_path import build_native, native_velocity, velocity_stepper
+from ...motion.ik import InverseStatus, inverse, move_to_leaf
+from ...motion.ik.inverse_function import how_far, is_native
+from ...motion.ik.leaf import LeafPath, PathEnd, leaf_follower, leaf_value, leaf_walk, native_leaf, straight_path
+from ...motion.ik.plan import NativeFollower, Plan, check_start, make_plan
+from ...motion.simulation import step_targets
+from ...path import Path, arc, figure_eight, polyline
+from ...path.editing import AnyPath, synchronized
+from ...path.path import StraightPath, straight
+from ...robot import start_posture
+from ...strategies import HolonomicStrategy, SelfMotion, Strategy, moore_penrose
+from ...strategies.tasks.frame_task import completed
+from ...strategies.tasks.task import Task
+from .laws import Law, Slider, across, along, level_slider, self_motion_curve, self_slider
+from .states import History, Judgement, LawState, LawStatus
+
+# --------------------------------------------------------------------------------------------------
+# The loop that all laws of a session run round: a path, and the [path] table of a job that says it.
+# --------------------------------------------------------------------------------------------------
+
+SAMPLES = 500
+"""Steps a cycle, as of `hk.drift`."""
+
+SPEED = 0.1
+"""Of the tool [m/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loop(Value):
+    """A path of the tool in the base frame, and how a job says it.
+
+    Make one with `circle_loop`, `polygon_loop`, `eight_loop`; those of jobs come with their session.
+
+    Attributes:
+        kind: as of [path] in a job. path: what is run round. samples: steps a cycle.
+        keys: the table [path] without samples and cycles. clockwise: whether it runs the other way round than drawn.
+    """
+
+    kind: str
+    path: AnyPath
+    keys: Mapping[str, Any]
+    samples: int = SAMPLES
+    clockwise: bool = False
+
+    def points(self, count: int = 200) -> Matrix:
+        """Points (F, count, 3) of the curves of the F frames, to draw them."""
+        at = self.path.at(np.linspace(0.0, self.path.duration, count)).position
+        return np.ascontiguousarray(at.reshape(count, -1, 3).swapaxes(0, 1))
+
+
+def circle_loop(
+    center: ArrayLike, radius: float, normal: ArrayLike = (0.0, 0.0, 1.0), *, near: ArrayLike | None = None,
+    clockwise: bool = False, speed: float = SPEED, samples: int = SAMPLES,
+) -> Loop:  # fmt: skip
+    """A circle about a center (3,) [m]; it begins at its point nearest to `near` (3,), such as the tool's place.
+
+    Raises:
+        ArgumentError: no radius or no normal.
+    """
+    c, n, r = finite("center", center, (3,)), _unit(normal), positive("radius", radius)
+    towards = np.zeros(3) if near is None else finite("near", near, (3,)) - c
+    flat = towards - (towards @ n) * n
+    if np.linalg.norm(flat) < 1e-9 * max(1.0, r):
+        flat = np.cross(n, [0.0, 1.0, 0.0] if abs(n[1]) < 0.9 else [1.0, 0.0, 0.0])
+    start = c + r * flat / np.linalg.norm(flat)
+    path = arc(start, c, -2 * np.pi if clockwise else 2 * np.pi, n, speed=positive("speed", speed))
+    keys = {"kind": "circle", "center": c.tolist(), "normal": n.tolist(), "clockwise": clockwise, "speed": float(speed)}
+    keys["at"] = start.tolist()
+    return Loop("circle", path, keys, samples, clockwise)
+
+
+def polygon_loop(points: ArrayLike, *, speed: float = SPEED, samples: int = SAMPLES, clockwise: bool = False) -> Loop:
+    """A closed polyline through points (k, 3), such as those of clicks; it begins at the first one.
+
+    Raises:
+        ArgumentError, ShapeError: fewer than three points, or points that repeat.
+    """
+    given = finite("the points of a polygon", points, ("k", 3), "give points in space")
+    if len(given) < 3:
+        raise ArgumentError("the number of points of a polygon", len(given), "give at least three")
+    order = np.vstack([given[:1], given[:0:-1]]) if clockwise else given
+    path = polyline(order, closed=True, speed=positive("speed", speed))
+    keys = {"kind": "polyline", "points": order.tolist(), "closed": True, "speed": float(speed)}
+    return Loop("polyline", path, keys, samples, clockwise)
+
+
+def eight_loop(
+    crossing: ArrayLike, width: float, height: float | None = None, normal: ArrayLike = (0.0, 0.0, 1.0), *,
+    along: ArrayLike | None = None, speed: float = SPEED, samples: int = SAMPLES, clockwise: bool = False,
+) -> Loop:  # fmt: skip
+    """A figure eight that begins where it crosses itself, as `hk.figure_eight`."""
+    at, n = finite("crossing", crossing, (3,)), _unit(normal)
+    flat = np.array([1.0, 0.0, 0.0] if abs(n[0]) < 0.9 else [0.0, 1.0, 0.0]) if along is None else _unit(along)
+    flat = flat - (flat @ n) * n
+    wide = (-1.0 if clockwise else 1.0) * flat / np.linalg.norm(flat)
+    path = figure_eight(at, width, height, n, along=wide, speed=speed)
+    keys: dict[str, Any] = {"kind": "figure-eight", "at": at.tolist(), "width": float(width)}
+    keys |= {} if height is None else {"height": float(height)}
+    keys |= {"normal": n.tolist(), "along": wide.tolist(), "speed": float(speed)}
+    return Loop("figure-eight", path, keys, samples, clockwise)
+
+
+def reversed_loop(loop: Loop) -> Loop:
+    """The same curve the other way round, begun at the same place.
+
+    Raises:
+        ArgumentError: a job's path of another kind, which no job file says the other way round.
+    """
+    found, *others = (_reversed(loop.kind, keys) for keys in (loop.keys, *(loop.keys.get("others") or ())))
+    keys = {**found, "others": others} if others else found
+    return Loop(loop.kind, loop.path.reversed(), keys, loop.samples, not loop.clockwise)
+
+
+def _reversed(kind: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """[path] of one tool the other way round. Raises: ArgumentError: as `reversed_loop`."""
+    keys, kind = dict(given), given.get("kind", kind)
+    if kind in ("circle", "spiral"):
+        keys["clockwise"] = not keys.get("clockwise", False)
+    elif kind == "polyline" and keys.get("closed") and not {"turns_deg", "blend"} & keys.keys():
+        keys["points"] = [keys["points"][0], *keys["points"][:0:-1]]
+    elif kind == "figure-eight" and keys.get("along"):
+        keys["along"] = [-v for v in keys["along"]]
+    else:
+        cure = "it has one direction only: circles, polygons and figure eights have two"
+        raise ArgumentError("the way round of the path", kind, cure)
+    return keys
+
+
+def _unit(direction: ArrayLike) -> Vector:
+    """A direction (3,) of length 1. Raises: ArgumentError: it is zero."""
+    found = finite("direction", direction, (3,))
+    size = float(np.linalg.norm(found))
+    if not size > 0:
+        raise ArgumentError("direction", found.tolist(), "it may not vanish")
+    return found / size
+
+
+def _for_tools(loop: Loop, places: Matrix) -> Loop:
+    """The same curve for several tools at once, each from its own place (F, 3) [m], as hands that carry a tray do."""
+    first = loop.points(2)[0, 0]
+    tables = [_shifted(loop.keys, place - first) for place in places]
+    paths = [loop.path.starting_at(place) for place in places]  # type: ignore[union-attr]  of one tool, so a Path
+    return replace(loop, path=synchronized(*paths), keys={**tables[0], "others": tables[1:]})
+
+
+def _shifted(keys: Mapping[str, Any], by: Vector) -> dict[str, Any]:
+    """[path] of the curve moved by a vector (3,) [m]."""
+    found = dict(keys)
+    for key in ("center", "at", "points"):
+        if found.get(key) is not None:
+            found[key] = (np.asarray(found[key], dtype=float) + by).tolist()
+    return found
+
+
+def entered(loop: Loop, task: Task, home: Vector) -> Loop:
+    """The loop as laws begin it at a posture (n,): with the entry of a job where it begins away from the tool.
+
+    A task of several tools has no entry: the curve begins where each of them is.
+    """
+    if task.frames > 1 and isinstance(loop.path, Path):
+        return _for_tools(loop, task.pose(home).reshape(-1, 4, 4)[:, :3, 3])
+    if task.frames > 1 or not isinstance(loop.path, Path):
+        return loop
+    R = task.pose(home)[:3, :3] if loop.path.rotation is None else loop.path.rotation
+    away = bool(np.abs(task.error(home, loop.path.start, R)).max() > TOLERANCES.start)
+    if away == (loop.keys.get("entry") is not None):
+        return loop
+    return replace(loop, keys={**loop.keys, "entry": "joints" if away else None})
+
+
+# --------------------------------------------------------------------------------------------------
+# One law after a dragged tool: from a posture to the joints of a tool pose, or where it stays and
+# why.
+# --------------------------------------------------------------------------------------------------
+
+PERIOD = 0.1
+"""Step of a law that follows by velocity [s]: no joint goes farther in a step than at its full speed in this time."""
+
+LONG, TURN = 0.01, 0.05
+"""Longest step of the target [m], [rad]: a Panda's joints then move by 0.02 rad, and errors stay below 1e-4."""
+
+CORRECTIONS = 12
+"""Steps at the end of the way that take the tool to its target: Newton's method needs three."""
+
+MOST = 400
+"""Steps of one way at most: four metres."""
+
+PIECES = 60
+"""Pieces of one path along a leaf where there is no native code: 0.1 s of a Panda's joint locked, at most."""
+
+STRETCHED = 0.03
+"""Smallest over largest singular value of J, in m and rad as they come, below which an arm that stops is stretched or
+folded, and its law no reason: on ways out of a Panda's workspace it was at most 0.02, where it is ready it is 0.1."""
+
+EXACT = 1e-9
+"""Error [m or rad] at which a tool is at its target."""
+
+DOUBTFUL = 1e-4
+"""The same of a control law, which may have no feedback."""
+
+
+@dataclass(frozen=True, eq=False)
+class Move(Value):
+    """Where a law stands after a target: joints (n,), its status, and a sentence where it does not follow."""
+
+    q: Vector
+    status: LawStatus
+    sentence: str = ""
+
+
+Follower = Callable[[Vector, Array, bool], Move]
+"""(posture, poses (F, 4, 4), whether to wait for the compiler) -> the move to them."""
+
+
+def poses_of(task: Task, pose: PoseLike) -> Array:
+    """(F, 4, 4) of a pose (4, 4), or of one for each of the F frames of a task.
+
+    Raises:
+        ShapeError, NotFiniteError, ArgumentError: what is no pose.
+    """
+    given = pose_numbers("a tool pose", pose)
+    shaped = given[None] if task.frames == 1 and given.ndim == 2 else given
+    poses = given_pose("a tool pose", shaped, (task.frames, 4, 4))
+    for one in poses:
+        tool_pose("a tool pose", one)
+    return poses
+
+
+def follower(law: Law, q0: Vector, limits: bool) -> Follower:
+    """What takes a law from a posture to a tool pose; a holonomic one on the leaf through `q0` (n,).
+
+    Raises:
+        HolokinError: the law is not defined there.
+    """
+    if isinstance(law.rule, HolonomicStrategy):
+        return _by_leaf(law.rule, q0, limits)
+    if isinstance(law.rule, Strategy):
+        return _by_velocity(law.rule, limits)
+    return _by_steps(law.rule, law.task, limits)
+
+
+def _by_leaf(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Follower:
+    """In a region round the start the same pose has the same joints, whatever the path of the tool."""
+    ik, task = inverse(strategy, q0, limits), strategy.task
+    level = leaf_value(strategy, q0)
+
+    def go(q: Vector, poses: Array, wait: bool) -> tuple[Vector, InverseStatus]:
+        pose = poses[0] if task.frames == 1 else poses
+        if wait and is_native(ik):
+            try:
+                return ik.near(pose, q), InverseStatus.REACHED
+            except HolokinError:
+                return how_far(ik, pose, q)
+        walk, at = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
+        levels = at, at + strategy.constraint.nearest(level - at)
+        last, ended = walk(q, straight_path(task, task.place(q), task.target(poses), levels))
+        return last, InverseStatus.REACHED if ended is PathEnd.REACHED else InverseStatus.LEAF_ENDS
+
+    def follow(q: Vector, poses: Array, wait: bool) -> Move:
+        last, status = go(q, poses, wait)
+        if status is InverseStatus.LIMIT or (limits and status is InverseStatus.REACHED and _beyond(task, last)):
+            return Move(q, LawStatus.LIMIT, _limit_sentence(task, last))
+        if status is InverseStatus.REACHED:
+            return Move(last, LawStatus.FOLLOWING)
+        return Move(q, *stopped(task, strategy.name, last))
+
+    return follow
+
+
+def _beyond(task: Task, q: Vector) -> bool:
+    """Whether a posture (n,) is beyond the joint limits."""
+    return bool((task.robot.beyond(q) > TOLERANCES.limit).any())
+
+
+def _by_velocity(strategy: Strategy, limits: bool) -> Follower:
+    """Small steps along the straight path, each slowed where a joint would be too fast, then Newton's method."""
+    task = strategy.task
+    law = controller(strategy, dt=PERIOD, gain=1 / PERIOD, limits=limits)
+    still = np.zeros(6) if task.frames == 1 else np.zeros((task.frames, 6))
+    error = task.error_function
+
+    def follow(q: Vector, poses: Array, _wait: bool) -> Move:
+        path, steps = _way(task, q, poses)
+        seen, status = [q], StepStatus.OK
+        for k in range(1, steps + CORRECTIONS + 1):
+            target = path.at(k / steps) if k < steps else task.target(poses)
+            seen.append(seen[-1] + PERIOD * law.step(seen[-1], _pose(task, target), still))
+            status = law.status
+            if status >= StepStatus.LIMIT:
+                break
+            if k >= steps and np.abs(error(seen[-1], *target)).max() < EXACT:
+                return Move(seen[-1], LawStatus.FOLLOWING)
+        if status is StepStatus.LIMIT:
+            return Move(q, LawStatus.LIMIT, _limit_sentence(task, seen[-1]))
+        return Move(q, *stopped(task, strategy.name, *seen))
+
+    return follow
+
+
+def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
+    """A control law along the straight path, as `simulate` runs it."""
+
+    def follow(q: Vector, poses: Array, _wait: bool) -> Move:
+        path, steps = _way(task, q, poses)
+        F = task.frames
+        twist = np.hstack([path.move.reshape(F, 3), path.turn.reshape(F, 3)]) / (steps * PERIOD)
+        at = q
+        try:
+            step = rule.begin(q.copy())
+            for k in range(1, steps + CORRECTIONS + 1):
+                target = _pose(task, path.at(min(1.0, k / steps)))
+                rates = twist if k <= steps else np.zeros((F, 6))
+                at = at + PERIOD * np.asarray(step(at.copy(), target, rates[0] if F == 1 else rates, PERIOD))
+        except HolokinError as problem:
+            return Move(q, LawStatus.STOPPED, str(problem))
+        except Exception as problem:  # noqa: BLE001  a control law of somebody's own may throw anything
+            return Move(q, LawStatus.STOPPED, f"{rule.name} threw {type(problem).__name__}: {problem}; correct it")
+        if at.shape != q.shape or not np.isfinite(at).all():
+            return Move(q, LawStatus.STOPPED, f"{rule.name} returned no {len(q)} finite joint rates; correct it")
+        if limits and _beyond(task, at):
+            return Move(q, LawStatus.LIMIT, _limit_sentence(task, at))
+        off = float(np.abs(task.error_function(at, *task.target(poses))).max())
+        if off < DOUBTFUL:
+            return Move(at, LawStatus.FOLLOWING)
+        return Move(q, *stopped(task, rule.name, at))
+
+    return follow
+
+
+def _way(task: Task, q: Vector, poses: Array) -> tuple[StraightPath, int]:
+    """The straight path of the tools from a posture to poses, and its number of steps."""
+    here = task.place(q)
+    path = straight(*here, *completed(task, task.target(poses), here))
+    far = float(np.linalg.norm(path.move.reshape(-1, 3), axis=1).max())
+    turned = float(np.linalg.norm(path.turn.reshape(-1, 3), axis=1).max())
+    return path, int(np.clip(np.ceil(max(far / LONG, turned / TURN)), 1, MOST))
+
+
+def _pose(task: Task, target: tuple[Vector, Array]) -> Array:
+    """(4, 4), or (F, 4, 4), of positions (3F,) and rotations (3F, 3)."""
+    F = task.frames
+    poses = pose_from(target[0].reshape(F, 3), target[1].reshape(F, 3, 3))
+    return poses[0] if F == 1 else poses
+
+
+def stopped(task: Task, name: str, *seen: Vector) -> tuple[LawStatus, str]:
+    """Why a law got no farther: on the postures (n,) of its way the arm is stretched, or the law alone is singular."""
+    J, margin = task.jacobian_batch(np.array(seen))
+    if margin.min() < 2 * TOLERANCES.representation:
+        cure = "turn the tool less, or choose a task with another orientation"
+        return LawStatus.SINGULAR, f"The angles of the {task.name} are singular on the way; {cure}."
+    s = np.linalg.svd(J[np.isfinite(J).all(axis=(1, 2))], compute_uv=False)
+    if (s[:, -1] / s[:, 0]).min(initial=1.0) < STRETCHED:
+        return LawStatus.OUT_OF_REACH, "The arm is stretched or folded, and reaches no farther this way; drag it back."
+    cure = "drag it back, or choose another law or leaf"
+    return LawStatus.SINGULAR, f"{name} is singular on the way, the arm itself is not; {cure}."
+
+
+def _limit_sentence(task: Task, q: Vector) -> str:
+    """Which joint is at or beyond its limit at a posture (n,), with the cure."""
+    robot = task.robot
+    i = int(np.argmax(robot.beyond(q)))
+    bound = robot.lower[i] if robot.lower[i] - q[i] >= q[i] - robot.upper[i] else robot.upper[i]
+    unit = robot.coordinates[i].unit
+    return f"{robot.joint_names[i]} would pass its limit of {bound:.4g} {unit}; drag it back, or choose another law."
+
+
+# --------------------------------------------------------------------------------------------------
+# One law round the loop of a session: the steps of `hk.follow`, as many at a time as a frame of the
+# page asks for.
+# --------------------------------------------------------------------------------------------------
+
+LOOP_PIECES = 200
+"""Pieces of one step in Python. A step takes one or two; where a leaf ends, native code has tried them all before."""
+
+LOOK = 60
+"""Steps of a cycle with which it is tried whether a law gets round a loop: 30 ms in Python."""
+
+Stepper = Callable[[Vector, int], Vector]
+"""(posture, step of the plan) -> the posture after it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A law on its way round a loop: its plan, where it begins (n,), and what makes its steps."""
+
+    law: Law
+    plan: Plan
+    q0: Vector
+    limits: bool
+    native: NativeFollower | None
+    stepper: Stepper
+
+    def run(self, q: Vector, first: int, last: int) -> tuple[Matrix, tuple[LawStatus, str]]:
+        """Steps [first, last) of a cycle from a posture: the postures (k, n) after each, fewer where it stops; why."""
+        rows = np.empty((last - first, len(q)))
+        done = self.native.run(q, first, last, rows) if self.native is not None else 0
+        at = rows[done - 1] if done else q
+        robot = self.law.task.robot
+        try:
+            for i in range(first + done, last):
+                at = self.stepper(at, i)
+                if self.limits:
+                    robot.check_limits(at)
+                rows[done] = at
+                done += 1
+        except JointLimitError:
+            return rows[:done], (LawStatus.LIMIT, _limit_sentence(self.law.task, at))
+        except HolokinError as problem:
+            if self.law.strategy is None:
+                return rows[:done], (LawStatus.STOPPED, str(problem))
+            return rows[:done], stopped(self.law.task, self.law.name, rows[done - 1] if done else q)
+        return rows, (LawStatus.FOLLOWING, "")
+
+
+def leaf_start(law: Law, home: Vector) -> Vector:
+    """The posture (n,) with the tool of `home`, on the leaf that a law asks for; `home` where it asks for none.
+
+    Raises:
+        SingularityError, BranchError: the self-motion does not lead there.
+    """
+    if law.level is None or not isinstance(law.rule, HolonomicStrategy):
+        return home
+    return move_to_leaf(law.rule, home, law.level, limits=False)
+
+
+def loop_start(law: Law, loop: Loop, home: Vector) -> Vector:
+    """The posture (n,) at which a law begins a loop: that of its leaf, led to the loop's start as a job's entry does.
+
+    Raises:
+        HolokinError: the law does not lead there.
+    """
+    begin = leaf_start(law, home)
+    if not isinstance(loop.path, Path) or loop.keys.get("entry") is None:
+        return begin
+    leading = law.strategy or moore_penrose(law.task)
+    return approach(leading, loop.path, begin, by=loop.keys["entry"]).q[-1]
+
+
+def walk(law: Law, loop: Loop, q0: Vector, limits: bool, *, build: bool = False) -> Walk:
+    """A law that begins a loop at a posture (n,) with the tool at its start.
+
+    Args:
+        build: compile native steps if there are none yet, which takes a second; else they are made in Python.
+
+    Raises:
+        HolokinError: the tool is elsewhere, the law is not defined there, or the posture is beyond the limits.
+    """
+    task = law.task
+    start_posture(task.robot, q0, limits)
+    if law.strategy is not None:
+        law.strategy(q0)
+    plan = make_plan(task, loop.path, loop.samples, task.place(q0)[1])
+    check_start(task, q0, *plan.first)
+    native: NativeFollower | None = None
+    if isinstance(law.rule, HolonomicStrategy):
+        native = native_leaf(law.rule, plan, q0, limits, load=True, build=build)
+        stepper = _leaf_stepper(law.rule, plan, q0)
+    elif isinstance(law.rule, Strategy):
+        native = native_velocity(law.rule, plan, q0, limits, load=True, build=build)
+        stepper = velocity_stepper(law.rule, plan)
+    else:
+        stepper = _control_stepper(law.rule, plan, q0)
+    return Walk(law, plan, q0, limits, native, stepper)
+
+
+def _leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Stepper:
+    """The steps of `follow`; but no step has more than PIECES, so that a loop is never held up for long."""
+    follow, c = leaf_follower(strategy, q0, LOOP_PIECES), leaf_value(strategy, q0)
+    return lambda q, i: follow(q, LeafPath(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
+
+
+def _control_stepper(rule: ControlLaw, plan: Plan, q0: Vector) -> Stepper:
+    """The steps of `simulate`."""
+    poses, twists = step_targets(plan)
+    step = rule.begin(q0.copy())
+
+    def stepper(q: Vector, i: int) -> Vector:
+        rates = np.asarray(step(q.copy(), poses[i].copy(), twists[i].copy(), float(plan.h[i])), dtype=float)
+        return q + plan.h[i] * rates
+
+    return stepper
+
+
+def poses_at(plan: Plan, step: int) -> Array:
+    """Where the tools are wanted after some steps of a cycle (F, 4, 4)."""
+    p, R = plan.first if step == 0 else plan.target(step - 1, 1.0)
+    return pose_from(p.reshape(-1, 3), R.reshape(-1, 3, 3))
+
+
+def compiled(law: Law, q0: Vector) -> None:
+    """Build, or load, the native code with which a law follows drags and loops; without a compiler nothing happens."""
+    try:
+        if isinstance(law.rule, HolonomicStrategy):
+            _ = inverse(law.rule, q0, limits=False).engine
+        if law.strategy is not None:
+            build_native(law.strategy)
+    except HolokinError:  # told when the law is asked to follow
+        return
+
+
+def loop_fault(law: Law, loop: Loop, home: Vector, limits: bool) -> str:
+    """Why a law does not get round a loop that begins at a posture (n,), and where; empty where it does.
+
+    A few coarse steps; of control laws, which have memory, nothing is known.
+    """
+    if law.strategy is None:
+        return ""
+    try:
+        begin = loop_start(law, loop, home)
+        walked = walk(law, replace(loop, samples=LOOK), begin, limits)
+    except HolokinError as problem:
+        return f"{law.name} cannot begin this loop: {problem}."
+    steps = len(walked.plan.h)
+    rows, (status, sentence) = walked.run(begin, 0, steps)
+    if status is LawStatus.FOLLOWING:
+        return ""
+    return f"{law.name} gets round {100 * len(rows) / steps:.0f} % of this loop only. {sentence}"
+
+
+MOVED = 0.02
+"""Joint motion [joint units] from which the curvature at a posture is asked for again."""
+
+
+@dataclass(eq=False)
+class Run:
+    """One law of a session: where it stands, what moves it, and what was recorded. Only its session changes it."""
+
+    law: Law
+    q: Vector
+    follow: Follower
+    level: Vector
+    history: History
+    drifts: Matrix  # (cycles, n)
+    status: LawStatus = LawStatus.FOLLOWING
+    sentence: str = ""
+    q0: Vector | None = None  # of the loop
+    walk: Walk | None = None
+    whole: bool = True  # it has made every step of the loop
+    judgement: Judgement | None = None
+    curves: dict[int, tuple[SelfMotion, float]] = field(default_factory=dict)  # of sliders, with the place on each
+    levels: dict[int, Slider] = field(default_factory=dict)  # sliders across the leaves
+    ready: bool = False  # native code was built, or tried
+    state: LawState | None = None
+
+    @property
+    def due(self) -> bool:
+        """Whether its judgement is missing, or of a posture that it has left."""
+        known = self.judgement
+        return self.law.strategy is not None and (known is None or bool(np.abs(self.q - known.q).max() > MOVED))
+
+    def put(self, move: Move) -> None:
+        """Where it stands from now on."""
+        self.q, self.status, self.sentence = frozen(move.q), move.status, move.sentence
+        self.curves, self.levels, self.state = {}, {}, None
+
+    def forget(self) -> None:
+        """What was recorded of the loop."""
+        self.q0, self.walk, self.whole, self.state = None, None, True, None
+        self.history, self.drifts = History(len(self.q)), frozen(np.zeros((0, len(self.q))))
+
+
+def new_run(law: Law, q: Vector, limits: bool) -> Run:
+    """A law that stands at a posture (n,), on the leaf through it. Raises: HolokinError: it is not defined there."""
+    if law.strategy is not None:
+        law.strategy(q)
+    return Run(
+        law, frozen(q), follower(law, q, limits), _level_of(law, q), History(len(q)), frozen(np.zeros((0, len(q))))
+    )
+
+
+def _level_of(law: Law, q: Vector) -> Vector:
+    """g(q) (r,) of a holonomic law; empty for others."""
+    return leaf_value(law.rule, q) if isinstance(law.rule, HolonomicStrategy) else np.zeros(0)
+
+
+def state_of(run: Run) -> LawState:
+    """What a page is told of it."""
+    if run.state is None:
+        strategy, largest = run.law.strategy, np.abs(run.drifts).max(axis=1, initial=0.0)
+        rcond = np.nan if strategy is None else float(strategy.gain(run.q)[1])
+        t, history = run.history.view()
+        run.state = LawState(
+            run.law.name, run.law.colour, run.law.holonomic, run.q, run.status, run.sentence, rcond, frozen(run.level),
+            frozen(largest), run.drifts, t, history, run.judgement,
+        )  # fmt: skip
+    return run.state
+
+
+def put_on_leaf(run: Run, q: Vector, limits: bool) -> None:
+    """A law at another posture (n,) with its tool pose; a holonomic one on the leaf through it from now on.
+
+    Raises:
+        HolokinError: the law is not defined there; nothing changes then.
+    """
+    if run.law.holonomic:
+        law = replace(run.law, level=_level_of(run.law, q))
+        run.follow = follower(law, q, limits)
+        run.law, run.level = law, _level_of(law, q)
+    run.put(Move(q, run.status, run.sentence))
+
+
+def slider_of(run: Run, direction: int, limits: bool) -> Slider:
+    """The slider of a law along its self-motion; it counts from where the law stood when it was first asked for."""
+    if direction not in run.curves:
+        run.curves[direction] = self_motion_curve(run.law.task, run.q, limits, direction), 0.0
+    return self_slider(run.law, *run.curves[direction], direction)
+
+
+def slide(run: Run, direction: int, s: float, limits: bool) -> None:
+    """A law to the place s of its slider. Raises: as `slider_of`, `along`, `put_on_leaf`."""
+    slider_of(run, direction, limits)
+    curve = run.curves[direction][0]
+    put_on_leaf(run, along(curve, s), limits)
+    run.curves = {direction: (curve, s)}
+
+
+def level_slider_of(run: Run, row: int, limits: bool) -> Slider:
+    """The slider of a row of the level of a law; angles count on through whole turns from when it was asked for."""
+    if row not in run.levels:
+        run.levels[row] = level_slider(run.law, run.q, limits, row)
+    return run.levels[row]
+
+
+def move_across(run: Run, row: int, value: float, limits: bool) -> None:
+    """A law to the leaf of a value of its slider. Raises: as `level_slider`, `across`; JointLimitError."""
+    slider = level_slider_of(run, row, limits)
+    q = across(run.law, run.q, slider, value, row)
+    if limits:
+        run.law.task.robot.check_limits(q)
+    put_on_leaf(run, q, limits)
+    run.levels = {row: replace(slider, value=value)}

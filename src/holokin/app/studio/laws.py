@@ -1,0 +1,359 @@
+"""Two paths to one pose: how far the joints of each law are apart where they meet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...analysis.coverage import locked_joints
+from ...base.errors import ArgumentError, HolokinError, NoArmError
+from ...base.types import Array, Matrix, Value, Vector
+from ...motion import path_spread
+from ...motion.control import ControlLaw
+from ...motion.ik.leaf import REGULAR, PathEnd, leaf_follower, leaf_value, leaf_walk, straight_path
+from ...path import Path, polyline
+from ...strategies import HolonomicStrategy, SelfMotion, Strategy, holonomic, moore_penrose, radial
+from ...strategies.constraints import arm_angle, find_arm, lock
+from ...strategies.radial_strategy import SelfMotions
+from ...strategies.tasks.task import Task, of_one_tool
+from .states import LawStatus
+
+# --------------------------------------------------------------------------------------------------
+# The laws of a session: a strategy or a control law, with a name, a colour, and what a job file
+# says of it.
+# --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Law(Value):
+    """One law of a session.
+
+    Attributes:
+        name: as it is shown. colour: its index in the palette.
+        rule: a strategy, or a control law (q, pose, twist, dt) -> dq.
+        task: what it serves.
+        level: the leaf g(q) = c (r,) that a holonomic law holds; None is that of the session's start posture.
+        keys: what a job file says of it, kind and its keys; None of a law that a job cannot say.
+        label: its name in a job, where one strategy is run for several tasks; else empty.
+    """
+
+    name: str
+    colour: int
+    rule: Strategy | ControlLaw
+    task: Task
+    level: Vector | None = None
+    keys: Mapping[str, Any] | None = None
+    label: str = ""
+
+    @property
+    def holonomic(self) -> bool:
+        """True where it has leaves, so that the tool pose tells its joints."""
+        return isinstance(self.rule, HolonomicStrategy)
+
+    @property
+    def strategy(self) -> Strategy | None:
+        """The strategy; None of a control law."""
+        return self.rule if isinstance(self.rule, Strategy) else None
+
+
+def default_laws(task: Task, q0: Vector) -> tuple[Law, ...]:
+    """Laws to begin with, all defined at a posture (n,).
+
+    The pseudo-inverse; the joints locked that fix the self-motion best; the arm angle, where the task leaves one joint
+    of an arm with shoulder, elbow and wrist; the radial law of the pseudo-inverse.
+
+    Raises:
+        ArgumentError: the robot has no joint to spare.
+    """
+    names = task.robot.joint_names
+    redundant(task)
+    pinv = moore_penrose(task, name="pseudo-inverse")
+    joints = [names[i] for i in locked_joints(task, q0)]
+    found: list[tuple[str, Strategy, Mapping[str, Any]]] = [("pseudo-inverse", pinv, {"kind": "moore-penrose"})]
+    said = f"lock {', '.join(joints)}"
+    found.append((said, holonomic(task, lock(*joints), name=said), {"kind": "lock", "joints": joints}))
+    if task.n - task.m == 1:
+        try:
+            find_arm(task)
+            angle = holonomic(task, arm_angle(), name="arm angle")
+            found.append(("arm angle", angle, {"kind": "arm-angle"}))
+        except NoArmError:
+            pass
+    found.append(("radial", radial(pinv, q0, name="radial"), {"kind": "radial"}))
+    return tuple(
+        Law(name, colour, rule, task, None, keys)
+        for colour, (name, rule, keys) in enumerate(found)
+        if defined(rule, q0)
+    )
+
+
+def defined(rule: Strategy, q: Vector) -> bool:
+    """Whether a strategy is defined at a posture (n,)."""
+    try:
+        rule(q)
+    except HolokinError:
+        return False
+    return True
+
+
+def redundant(task: Task) -> None:
+    """Raises: ArgumentError: a task that leaves no joint free, so that there is nothing to see."""
+    if task.n <= task.m:
+        cure = "the studio shows redundant joints: give a task with fewer rows, or a robot with more joints"
+        raise ArgumentError(f"the number of joints to spare of the {task.name}", task.n - task.m, cure)
+
+
+# --------------------------------------------------------------------------------------------------
+# Sliders: along a self-motion, with the tool still; and across the leaves of a holonomic law.
+# --------------------------------------------------------------------------------------------------
+
+STEP = 0.02
+"""Arc length between the postures of a curve [joint units]."""
+
+LENGTH = 4 * np.pi
+"""Longest self-motion that is traced each way [joint units]."""
+
+MOVE = 0.05
+"""Joint motion of one step across the leaves [joint units]."""
+
+STEPS = 400
+"""Steps across the leaves each way: 20 rad of joint motion."""
+
+DEGREES = "deg"
+
+ENDINGS = {
+    "closed": "it comes back to itself",
+    "limit": "a joint meets its limit",
+    "singular": "the arm or the law is singular",
+    "length": "it is followed no farther",
+}
+"""Why a slider ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slider:
+    """What a slider shows: its value now, from `low` to `high`, and why it ends there.
+
+    unit: "rad" or "m" of joints (of both: joint units), "deg" of an angle of the arm, "" of another level.
+    closed: whether it comes round, so that low and high are one posture. label: what it moves, in a few words.
+    """
+
+    name: str
+    label: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    closed: bool
+    why_low: str
+    why_high: str
+
+
+def self_motion_curve(task: Task, q: Vector, limits: bool, direction: int = 0) -> SelfMotion:
+    """The postures with the tool where it is at q (n,), on either side of it.
+
+    With several redundant joints the curve that begins in the direction in which one of them moves alone, the others
+    following as little as they can: `direction` counts the joints of `locked_joints`.
+
+    Raises:
+        ArgumentError: no such direction, or no joint is to spare.
+    """
+    free = task.n - task.m
+    if not 0 <= direction < free:
+        cure = f"the {task.name} leaves {free} joints free: give a number from 0 to {free - 1}"
+        raise ArgumentError("the direction of the self-motion", direction, cure)
+    pulled = None if free == 1 else np.eye(task.n)[[locked_joints(task, q)[direction]]]
+    motions = SelfMotions.through(task, q[None])
+    return motions.traced(q[None], step=STEP, length=LENGTH, limits=limits, directions=pulled)[0]
+
+
+def along(curve: SelfMotion, s: float) -> Vector:
+    """The posture (n,) at an arc length s of a curve, with the tool exactly still.
+
+    Raises:
+        ArgumentError: the curve does not reach so far.
+    """
+    low, high = float(curve.s[0]), float(curve.s[-1])
+    slack = 1e-9 * max(1.0, high - low)
+    if not low - slack <= s <= high + slack:
+        raise ArgumentError("the place on the self-motion", s, f"give a number from {low:.4g} to {high:.4g}")
+    return curve.at(s)
+
+
+def self_slider(law: Law, curve: SelfMotion, s: float, direction: int = 0) -> Slider:
+    """The slider along a curve, at the place s."""
+    task, robot = law.task, law.task.robot
+    units = {c.unit for c in robot.coordinates}
+    middle = curve.q[int(np.argmin(np.abs(curve.s)))]
+    label = "self-motion"
+    if task.n - task.m > 1:
+        label = f"self-motion, by {robot.joint_names[locked_joints(task, middle)[direction]]}"
+    why = [ENDINGS[ending] for ending in curve.endings]
+    unit = units.pop() if len(units) == 1 else "joint units"
+    return Slider(law.name, label, s, float(curve.s[0]), float(curve.s[-1]), unit, curve.closed, why[0], why[1])
+
+
+def level_slider(law: Law, q: Vector, limits: bool, row: int = 0) -> Slider:
+    """The slider of a row of the level g(q) of a holonomic law, from a posture (n,), the tool and the other rows still.
+
+    Raises:
+        ArgumentError: a law without leaves, or no such row.
+    """
+    strategy = leaves_of(law)
+    level = leaf_value(strategy, q)
+    if not 0 <= row < len(level):
+        raise ArgumentError("the row of the level", row, f"give a number from 0 to {len(level) - 1}")
+    ends, angular = [], strategy.constraint.angular[row]
+    for sign in (-1.0, 1.0):
+        reached, why = _across(strategy, q, row, sign, limits)
+        ends.append((level[row] + sign * reached, why))
+    closed = all(why == "closed" for _, why in ends)
+    (low, why_low), (high, why_high) = ends
+    scale, unit = (180 / np.pi, DEGREES) if angular else (1.0, _unit(law, row))
+    label = strategy.constraint.name if len(level) == 1 else f"{strategy.constraint.name}, row {row + 1}"
+    return Slider(
+        law.name, label, float(level[row] * scale), float(low * scale), float(high * scale), unit, closed,
+        ENDINGS[why_low], ENDINGS[why_high],
+    )  # fmt: skip
+
+
+def across(law: Law, q: Vector, slider: Slider, value: float, row: int) -> Vector:
+    """The posture (n,) at a value of a slider whose value at q (n,) it knows, gone to through all between.
+
+    Raises:
+        ArgumentError: the slider does not go so far. SingularityError, BranchError: the leaves end before.
+    """
+    strategy = leaves_of(law)
+    slack = 1e-9 * max(1.0, abs(slider.high - slider.low))
+    if not slider.low - slack <= value <= slider.high + slack:
+        raise ArgumentError("the level", value, f"give a number from {slider.low:.4g} to {slider.high:.4g}")
+    moved = value - slider.value
+    change = np.zeros(law.task.n - law.task.m)
+    change[row] = np.deg2rad(moved) if slider.unit == DEGREES else moved
+    here, level = law.task.place(q), leaf_value(strategy, q)
+    return leaf_follower(strategy, q)(q, straight_path(law.task, here, here, (level, level + change)))
+
+
+def leaves_of(law: Law) -> HolonomicStrategy:
+    """The strategy of a law with leaves. Raises: ArgumentError: it has none."""
+    if not isinstance(law.rule, HolonomicStrategy):
+        raise ArgumentError("the law", law.name, HolonomicStrategy.cure)
+    return law.rule
+
+
+def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limits: bool) -> tuple[float, str]:
+    """How far a row of the level goes one way with the tool still, and why no farther."""
+    task, robot = strategy.task, strategy.task.robot
+    walk = leaf_walk(strategy, q)
+    here, unit = task.place(q), np.eye(task.n - task.m)[row]
+    at, c, gone = q, leaf_value(strategy, q), 0.0
+    wide, full = MOVE, 2 * np.pi if strategy.constraint.angular[row] else np.inf
+    for _ in range(STEPS):
+        rate = _null_rate(strategy, at, sign * unit)
+        if rate is None:
+            return gone, "singular"
+        size = min(wide / max(float(np.abs(rate).max()), 1e-12), full - gone)
+        new, ended = walk(at, straight_path(task, here, here, (c, c + sign * size * unit)))
+        beyond = ended is PathEnd.REACHED and limits and not robot.within(new)
+        if ended is not PathEnd.REACHED or beyond:
+            if wide < MOVE / 100:
+                return gone, "limit" if beyond else "singular"
+            wide /= 4
+            continue
+        at, c, gone = new, c + sign * size * unit, gone + size
+        if gone >= full - 1e-12:
+            return gone, "closed"
+    return gone, "length"
+
+
+def _null_rate(strategy: HolonomicStrategy, q: Vector, wanted: Vector) -> Vector | None:
+    """dq (n,) with J dq = 0 and J_g dq as wanted; None where [J; J_g] is near singular."""
+    if not strategy.gain(q)[1] > REGULAR:
+        return None
+    try:
+        stacked = np.vstack([strategy.task.jacobian(q), strategy.rows(q)])
+        rate = np.linalg.solve(stacked, np.concatenate([np.zeros(strategy.task.m), wanted]))
+    except (HolokinError, np.linalg.LinAlgError):
+        return None
+    return np.asarray(rate, dtype=float) if np.isfinite(rate).all() else None
+
+
+def _unit(law: Law, row: int) -> str:
+    """The unit of a level that is no angle of the arm, where the kind of its law tells."""
+    kind, robot = (law.keys or {}).get("kind"), law.task.robot
+    if kind == "lock":
+        return robot.coordinates[robot.joint_index((law.keys or {})["joints"][row])].unit
+    return "m" if kind == "height" else ""
+
+
+WIDTH = 0.1
+"""How far the two paths go apart in their middle, each from the straight line [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class LawPaths(Value):
+    """One law on both paths: joints a (k, n), b (k, n), and the largest joint's difference at their ends.
+
+    Where it does not get there both ways, a and b are empty, `spread` is NaN and `sentence` says why.
+    """
+
+    name: str
+    colour: int
+    a: Matrix
+    b: Matrix
+    spread: float
+    sentence: str
+
+
+@dataclass(frozen=True, eq=False)
+class TwoPaths:
+    """Two paths of the tool to one pose, points (2, k, 3) to draw, and what each law's joints do on them."""
+
+    points: Array
+    paths: tuple[Path, Path]
+    by_law: tuple[LawPaths, ...]
+
+
+def two_paths(
+    laws: Sequence[tuple[Law, Vector, LawStatus]], pose: Matrix, width: float, samples: int, limits: bool
+) -> TwoPaths:
+    """The tool goes from where it is to a pose (4, 4) by a corner to the left, and by one to the right.
+
+    laws: each with the posture (n,) where it stands, and whether it follows.
+
+    Raises:
+        ArgumentError: a task of several tools; the pose is where the tool is.
+    """
+    of_one_tool(laws[0][0].task, "two paths to one pose")
+    law, q, _ = next((one for one in laws if one[2] is LawStatus.FOLLOWING), laws[0])
+    paths = _pair(law.task.pose(q), pose, width)
+    found = []
+    for law, q, _ in laws:
+        a, b, spread, sentence = np.zeros((0, len(q))), np.zeros((0, len(q))), np.nan, ""
+        try:
+            if law.strategy is None:
+                raise ArgumentError("the law", law.name, "two paths are followed by strategies, not by control laws")
+            both = path_spread(law.strategy, *paths, q, samples=samples, limits=limits)
+            a, b, spread = both.a.q, both.b.q, both.largest
+        except HolokinError as problem:
+            sentence = str(problem)
+        found.append(LawPaths(law.name, law.colour, a, b, spread, sentence))
+    points = np.array([path.at(np.linspace(0.0, path.duration, 100)).position for path in paths])
+    return TwoPaths(points, paths, tuple(found))
+
+
+def _pair(begin: Matrix, end: Matrix, width: float) -> tuple[Path, Path]:
+    """Polylines of poses with a corner on either side of the straight line, upright where the line is not."""
+    line = end[:3, 3] - begin[:3, 3]
+    up = np.array([0.0, 0.0, 1.0]) if abs(line[2]) < 0.9 * np.linalg.norm(line) else np.array([1.0, 0.0, 0.0])
+    side = np.cross(up, line) if np.linalg.norm(line) > 1e-6 else np.array([1.0, 0.0, 0.0])
+    side = side / np.linalg.norm(side)
+    paths = []
+    for sign in (1.0, -1.0):
+        corner = end.copy()
+        corner[:3, 3] = (begin[:3, 3] + end[:3, 3]) / 2 + sign * width * side
+        paths.append(polyline(np.array([begin, corner, end])))
+    return paths[0], paths[1]

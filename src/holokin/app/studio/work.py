@@ -1,0 +1,439 @@
+"""A dragged arm that takes the joints of a map of sheets, and changes its sheet with its tool at rest."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...analysis.sheets import Sheets, StillMotion, self_motion_between
+from ...base.errors import HolokinError, NoSheetError, brief
+from ...base.types import Array, Matrix, Value, Vector
+from ...path.workspaces import Workspace
+from ...strategies import HolonomicStrategy
+from .followers import Loop, Move, Run, compiled, follower, loop_fault, put_on_leaf
+from .states import Cloud, LawStatus, LeafCusps, covered, failed_cloud, judged, largest_curvature, leaf_cusps
+
+# --------------------------------------------------------------------------------------------------
+# What a session does in the background: compiling, judging, looking round its loop, and the cloud
+# of a workspace.
+#
+# A thread reads what it needs under the session's lock, works without it, and tells under it again.
+# What it raises is told, too: no thread ends in silence.
+# --------------------------------------------------------------------------------------------------
+
+REST = 0.3
+"""Seconds between two looks at the postures: no number on a page need change faster than one can read it."""
+
+LONGEST = 200
+"""Characters of a foreign error's own words."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """What the threads of a session share: its lock, and under the lock its laws, home and loop, and how to tell.
+
+    changed: of a change. failed: of what failed, in a sentence. unseen: the loop, with its number, that nobody has
+    looked round yet. looked_at: what was found on the loop of a number. limits: whether joint limits stop laws.
+    """
+
+    lock: threading.RLock
+    runs: Callable[[], list[Run]]
+    home: Callable[[], Vector]
+    changed: Callable[[], object]
+    failed: Callable[[str], None]
+    unseen: Callable[[], tuple[int, Loop] | None]
+    looked_at: Callable[[int, str], None]
+    limits: bool
+
+    def tell_failure(self, what: str, problem: Exception) -> None:
+        """Something was not done, and why."""
+        with self.lock:
+            self.failed(failure(what, problem))
+            self.changed()
+
+
+def failure(what: str, problem: Exception) -> str:
+    """The sentence of an error: that of holokin's own says what helps, another one is a fault of holokin."""
+    if isinstance(problem, HolokinError):
+        return f"{what}: {problem}"
+    return f"{what}: holokin failed where it should not, {type(problem).__name__}: {brief(problem, LONGEST)}"
+
+
+class Worker:
+    """A thread of a session, until it is closed; a program that ends does not wait for it."""
+
+    def __init__(self, name: str, work: Callable[[threading.Event], None], failed: Callable[[Exception], None]) -> None:
+        def run() -> None:
+            try:
+                work(self._closed)
+            except Exception as problem:  # noqa: BLE001  a thread has nobody who could catch it
+                failed(problem)
+
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=run, name=name, daemon=True)
+        self._thread.start()
+
+    @property
+    def alive(self) -> bool:
+        """True while it works."""
+        return self._thread.is_alive()
+
+    def cancel(self) -> None:
+        """Have it end, and do not wait."""
+        self._closed.set()
+
+    def close(self, patience: float = 10.0) -> None:
+        """Have it end, and wait for that."""
+        self.cancel()
+        if threading.current_thread() is not self._thread:
+            self._thread.join(patience)
+
+
+def look_after(shared: Shared) -> Worker:
+    """Compile the laws of a session, judge them, and keep the curvature at their postures, until it is closed.
+
+    Between these it looks round each new loop: which law does not get round it?
+    """
+
+    def work(closed: threading.Event) -> None:
+        while not closed.is_set():
+            with shared.lock:
+                loop, home, runs = shared.unseen(), shared.home(), shared.runs()
+                waiting = [run for run in runs if not run.ready or run.due]
+                run = min(waiting, key=lambda run: (run.ready, run.judgement is not None), default=None)
+                q = home if run is None else run.q
+            if loop is not None:
+                _look_round(shared, loop, runs, home)
+            elif run is None:
+                closed.wait(REST)
+            else:
+                again = run.judgement is not None
+                _look_at(shared, run, q, home)
+                if again:  # while laws move there is always one that is due: leave time for what draws them
+                    closed.wait(REST / len(runs))
+
+    return Worker("holokin-studio", work, lambda problem: shared.tell_failure("The background work ended", problem))
+
+
+def _look_round(shared: Shared, unseen: tuple[int, Loop], runs: list[Run], home: Vector) -> None:
+    """Tell of the first law that does not get round a loop."""
+    number, loop = unseen
+    try:
+        found = next(filter(None, (loop_fault(run.law, loop, home, shared.limits) for run in runs)), "")
+    except Exception as problem:  # noqa: BLE001  its thread goes on
+        found = failure("The loop could not be tried", problem)
+    with shared.lock:
+        shared.looked_at(number, found)
+        shared.changed()
+
+
+def _look_at(shared: Shared, run: Run, q: Vector, home: Vector) -> None:
+    """Compile a law, or judge it at a posture (n,)."""
+    if not run.ready:
+        try:
+            compiled(run.law, home)
+        except Exception as problem:  # noqa: BLE001  its thread goes on, with the other laws
+            shared.tell_failure(f"{run.law.name} could not be compiled, and follows more slowly", problem)
+    strategy, known = run.law.strategy, run.judgement
+    if not run.ready or strategy is None:  # compile all laws first: the loop is smooth then
+        found = known
+    elif known is None:
+        found = judged(strategy, home, q)
+    else:
+        found = replace(known, curvature=largest_curvature(strategy, q), q=q)
+    with shared.lock:
+        if found is not known:
+            run.judgement, run.state = found, None
+        run.ready = True
+        shared.changed()
+
+
+def cover(
+    shared: Shared, law: str, strategy: HolonomicStrategy, q: Vector, region: Workspace, samples: int, limits: bool,
+    keep: Callable[[Cloud], None],
+) -> Worker:  # fmt: skip
+    """Fill the cloud of a workspace by the leaf through a posture (n,); `keep` takes what is known, under the lock.
+
+    Once the worker is cancelled nothing is kept any more.
+    """
+
+    def work(closed: threading.Event) -> None:
+        def tell(cloud: Cloud) -> bool:
+            with shared.lock:
+                if not closed.is_set():
+                    keep(cloud)
+                    shared.changed()
+                return not closed.is_set()
+
+        covered(strategy, law, q, region, samples, limits, tell)
+
+    def failed(problem: Exception) -> None:
+        with shared.lock:
+            keep(failed_cloud(law, failure("The coverage was not found", problem)))
+            shared.changed()
+
+    return Worker("holokin-studio-cloud", work, failed)
+
+
+def look_for_cusps(
+    shared: Shared, law: str, strategy: HolonomicStrategy, q: Vector, keep: Callable[[LeafCusps | None], None]
+) -> Worker:
+    """Look for cusps of the leaf through a posture (n,); `keep` takes them, under the lock, unless it is cancelled."""
+
+    def work(closed: threading.Event) -> None:
+        found = leaf_cusps(law, strategy, q)
+        with shared.lock:
+            if not closed.is_set():
+                keep(found)
+                shared.changed()
+
+    def failed(problem: Exception) -> None:
+        with shared.lock:
+            keep(None)
+        shared.tell_failure("The cusps were not found", problem)
+
+    return Worker("holokin-studio-cusps", work, failed)
+
+
+FASTEST_CHANGE = 0.6
+"""Seconds in which a change is shown at least: a faster one would not be seen."""
+
+SAME = 1e-6
+"""Difference [joint units] below which postures are one."""
+
+LOOKED_FOR = "Why no sheet serves this pose is being looked for."
+
+Search = Callable[[Callable[[str], None]], Sheets]
+"""What makes or reads the map; it tells a function what it does."""
+
+
+class _EndedError(Exception):
+    """The session was closed while sheets were searched for."""
+
+
+@dataclass(frozen=True, eq=False)
+class SheetState(Value):
+    """What a page is told of the sheets of a session.
+
+    count: sheets of the map, 0 while there is none. law: the one whose arm follows them, or empty. sheet: that which
+    serves the target, -1 for none. sentence: what the arm does; why: why no sheet serves the target. searching: what
+    goes on while the map is made. about: what the map serves.
+    """
+
+    count: int
+    law: str
+    sheet: int
+    sentence: str
+    why: str
+    searching: str
+    about: str
+
+
+@dataclass(eq=False)
+class _Change:
+    """A self-motion that is shown, at a time [s] of it and so at a posture q (n,); then the arm goes on to poses."""
+
+    motion: StillMotion
+    target: Array
+    q: Vector
+    at: float = 0.0
+
+
+class SheetFollower:
+    """The map of a session, and the law whose arm follows it. Its session calls it under its lock."""
+
+    def __init__(self, shared: Shared, search: Search) -> None:
+        """No map yet: `find` makes it, in a thread."""
+        self._shared, self._search = shared, search
+        self.found: Sheets | None = None
+        self._change: _Change | None = None
+        self._known: dict[tuple[bytes, int], StillMotion] = {}  # from where the arm rests
+        self._why: tuple[bytes, str] = (b"", "")
+        self._state = SheetState(0, "", -1, "", "", "", "")
+        self._finder: Worker | None = None
+        self._asker: Worker | None = None
+
+    @property
+    def state(self) -> SheetState:
+        """What there is now, as a value."""
+        run = self._run
+        return replace(self._state, law="" if run is None else run.law.name)
+
+    @property
+    def _run(self) -> Run | None:
+        """The law whose arm follows the sheets; none once a slider or another start has given it its leaf back."""
+        return next((run for run in self._shared.runs() if run.follow == self._move), None)
+
+    def find(self) -> None:
+        """Make the map in a thread; nothing happens while that is done, or where there is one."""
+        if self.found is None and (self._finder is None or not self._finder.alive):
+            self._tell(searching="The sheets are looked for.")
+            self._finder = Worker("holokin-studio-sheets", self._find, self._lost)
+
+    def _find(self, closed: threading.Event) -> None:
+        def say(text: str) -> None:
+            if closed.is_set():
+                raise _EndedError
+            with self._shared.lock:
+                self._tell(searching=f"{text.removeprefix('sheets: ')} ...")
+
+        found = self._search(say)
+        with self._shared.lock:
+            if not closed.is_set():
+                self.found = found
+                self._tell(count=len(found), searching="", about=found.sentence)
+
+    def _lost(self, problem: Exception) -> None:
+        with self._shared.lock:
+            said = "" if isinstance(problem, _EndedError) else failure("The sheets were not found", problem)
+            self._tell(searching=said)
+
+    def look(self, poses: Array) -> None:
+        """Which sheet serves tool poses (1, 4, 4) to which no arm was taken by them."""
+        if self.found is not None and self._run is None:
+            try:
+                sheet = self.found(poses[0])[0]
+            except NoSheetError:
+                self._unserved(poses[0])
+            else:
+                self._tell(sheet=sheet, sentence="", why="")
+
+    def take(self, run: Run, target: Array) -> None:
+        """A law's arm follows the sheets from now on: it goes to them by a self-motion where there is one, else it is
+        put there."""
+        self.release()
+        if self.found is None:
+            return
+        run.follow = self._move
+        run.put(self._move(run.q, target, True))
+        if self._change is None and run.status is not LawStatus.FOLLOWING and self._state.sheet < 0:
+            try:
+                sheet, q = self.found(target[0])
+            except NoSheetError:
+                return
+            self._tell(sheet=sheet, sentence=f"No self-motion led to sheet {sheet}: the arm was put there.")
+            run.put(Move(q, LawStatus.FOLLOWING))
+
+    def release(self, limits: bool = True) -> None:
+        """The arm follows its law again, on the leaf through the posture where it stands."""
+        run, self._change = self._run, None
+        if run is not None:
+            run.follow = follower(run.law, run.q, limits)
+            put_on_leaf(run, run.q, limits)
+            run.put(Move(run.q, LawStatus.FOLLOWING))
+            self._tell(sentence="")
+
+    def advance(self, dt: float) -> bool:
+        """A change that is shown goes on by a time [s]; whether there was one."""
+        change, run = self._change, self._run
+        if change is None or run is None or not np.array_equal(run.q, change.q):  # it was moved by somebody
+            self._change = None
+            return False
+        seconds = change.motion.seconds
+        change.at += dt * seconds / max(seconds, FASTEST_CHANGE)
+        if change.at < seconds:
+            change.q = _posture_at(change.motion, change.at)
+            run.put(Move(change.q, LawStatus.STOPPED, self._state.sentence))
+            return True
+        self._change, self._known = None, {}
+        run.put(self._move(change.motion.q[-1], change.target, True))
+        return True
+
+    def _move(self, q: Vector, poses: Array, _wait: bool) -> Move:
+        """The joints of the sheet on which the arm stands; another one only where that does not serve, by a change."""
+        if self._change is not None and np.array_equal(q, self._change.q):
+            self._change.target = poses
+            return Move(q, LawStatus.STOPPED, self._state.sentence)
+        self._change, found = None, self.found
+        if found is None:
+            return Move(q, LawStatus.STOPPED, "There is no map of sheets.")
+        try:
+            wanted, there = found.near(poses[0], q)
+            if wanted in found.of(q):  # the arm stands on it, and it leads there
+                self._tell(sheet=wanted, sentence=f"Sheet {wanted} serves.", why="")
+                return Move(there, LawStatus.FOLLOWING)
+            return self._begin(found, q, poses, wanted)
+        except NoSheetError:
+            self._unserved(poses[0])
+            return Move(q, LawStatus.OUT_OF_REACH, "No sheet serves this pose; drag the tool back.")
+        except HolokinError as problem:
+            self._tell(sheet=-1, sentence=str(problem), why="")
+            return Move(q, LawStatus.STOPPED, str(problem))
+
+    def _begin(self, found: Sheets, q: Vector, poses: Array, wanted: int) -> Move:
+        """Begin a self-motion to a sheet that serves the target, at the pose where the arm rests; or say why not."""
+        here, there = (found.postures(T[None])[:, 0] for T in (found.task.pose(q), poses[0]))
+        serves = np.flatnonzero(np.isfinite(there).all(axis=1))
+        reason = ""
+        for second in sorted(serves.tolist(), key=lambda s: s != wanted):
+            if not np.isfinite(here[second]).all():
+                reason = reason or f"sheet {second} does not serve the pose where the arm rests"
+                continue
+            on, _ = found.sheets[second].reached(here[[second]], poses, found.clear)
+            if not np.abs(on[0] - there[second]).max() < SAME:  # NaN is not
+                reason = reason or f"sheet {second} does not lead straight from there to the tool"
+                continue
+            motion = self._motion(found, q, here[second], second)
+            if motion.hindrance is None:
+                self._change = _Change(motion, poses, q)
+                first = min(found.of(q), default=-1)
+                way = f"Goes to sheet {second}" if first < 0 else f"Changes from sheet {first} to sheet {second}"
+                self._tell(sheet=second, sentence=f"{way}, the tool at rest: {motion.seconds:.2f} s.", why="")
+                return Move(q, LawStatus.STOPPED, self._state.sentence)
+            reason = reason or motion.hindrance.text
+        said = f"The arm rests: it would have to change to sheet {wanted}, and no self-motion leads there: {reason}."
+        self._tell(sheet=-1, sentence=said, why="")
+        return Move(q, LawStatus.STOPPED, said)
+
+    def _motion(self, found: Sheets, q: Vector, to: Vector, second: int) -> StillMotion:
+        key = (q.tobytes(), second)
+        if key not in self._known:
+            self._known = {k: v for k, v in self._known.items() if k[0] == key[0]}
+            self._known[key] = self_motion_between(found.task, q, to, found.clear)
+        return self._known[key]
+
+    def _unserved(self, pose: Matrix) -> None:
+        """No sheet serves a pose (4, 4): why, is looked for in a thread, the last pose first."""
+        key = pose.tobytes()
+        self._tell(sheet=-1, sentence="No sheet serves this pose.", why=LOOKED_FOR if self._why[0] != key else "")
+        if self._why[0] == key:
+            self._tell(why=self._why[1])
+            return
+        self._why = (key, LOOKED_FOR)
+        if self._asker is None or not self._asker.alive:
+            self._asker = Worker("holokin-studio-why", self._ask, self._unknown)
+
+    def _ask(self, closed: threading.Event) -> None:
+        while not closed.is_set():
+            with self._shared.lock:
+                (key, known), found = self._why, self.found
+                if known != LOOKED_FOR or found is None:
+                    self._asker = None
+                    return
+            text = found.why(np.frombuffer(key).reshape(4, 4)).text
+            with self._shared.lock:
+                if self._why[0] == key:
+                    self._why = (key, text)
+                    if self._state.sheet < 0 and self._state.why:
+                        self._tell(why=f"{text[:1].upper()}{text[1:]}.")
+
+    def _unknown(self, problem: Exception) -> None:
+        self._shared.tell_failure("Why no sheet serves the pose was not found", problem)
+
+    def _tell(self, **changed: object) -> None:
+        self._state = replace(self._state, **changed)  # type: ignore[arg-type]
+        self._shared.changed()
+
+    def close(self) -> None:
+        """End its threads; a search ends at its next step."""
+        for worker in (self._finder, self._asker):
+            if worker is not None:
+                worker.close(patience=2.0)
+
+
+def _posture_at(motion: StillMotion, t: float) -> Vector:
+    """The joints (n,) of a motion at a time [s], even between its rows."""
+    return np.array([np.interp(t, motion.t, column) for column in motion.q.T])

@@ -1,0 +1,644 @@
+"""The columns of a CSV file that hold points or poses of the tool: their names, units and forms of orientation."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase as fnmatch
+from itertools import chain, islice
+from math import isfinite
+from pathlib import Path
+from typing import NamedTuple, TextIO
+
+import numpy as np
+
+from .errors import ArgumentError, RecordingError
+from .files import is_folder, listed, shown
+from .poses import ORDERS, UNIT
+from .types import ROTATION, Array, Indices, Matrix, Vector, rotation_cure, rotation_gap
+
+# --------------------------------------------------------------------------------------------------
+# Reads tables of numbers from CSV files, a piece at a time: the text of a long one is never in
+# memory as a whole.
+# --------------------------------------------------------------------------------------------------
+
+PIECE = 10_000
+"""Rows that are text at one time: some megabytes."""
+
+_COMMA, _POINT = re.compile(r"(?<=\d),(?=\d)"), re.compile(r"\d\.\d")
+"""Decimal marks."""
+
+_NUMBERS = re.compile(r"[-+.,;\s\deE]*")
+"""A line without names."""
+
+LONGEST_LINE = 1_000_000
+"""Characters of a line; a file with a longer one is no table, and may be gigabytes of one line."""
+
+
+def read_table(
+    file: Path, wanted: Callable[[Sequence[str]], Sequence[int]], cure: str, names: str, *,
+    headless: Callable[[Sequence[str]], list[str]] | None = None, bad: list[RecordingError] | None = None,
+    labels: Sequence[int] = (),
+) -> Iterator[Rows]:  # fmt: skip
+    """Some rows of a CSV file at a time: the wanted columns as finite numbers, the first of them as text, the lines.
+
+    Args:
+        wanted: the columns that are read, of the header's names.
+        labels: columns whose text is wanted too; `wanted` may fill it.
+        cure: for a file without a header or rows. names: of the columns that it should have.
+        headless: names the columns of a file whose first line holds numbers, by this line; None refuses such a file.
+        bad: gets the error of each row that cannot be read, and the row is left out; None raises it.
+
+    Raises:
+        RecordingError: it cannot be read, has no header, or a cell that is no finite number.
+    """
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            first, lines, done = _from_header(_lines(file, stream))
+            delimiter = _delimiter(first)
+            if delimiter not in first and '"' not in first and len(first.split()) > 1:  # as UR's RTDE client writes it
+                delimiter, first = ",", ",".join(first.split())
+                lines = (",".join(line.split()) + "\n" for line in lines)
+            plain = first if delimiter == "," else _COMMA.sub(".", first)
+            cells = next(csv.reader([plain], delimiter=delimiter), [])
+            header = [cell.strip().strip("#").strip() for cell in cells]
+            if not any(header):
+                raise RecordingError(file, f"line {done} is empty, no header" if first else "is empty", cure)
+            if number_in(header[0]) is not None:
+                if headless is None:
+                    fact = f"line {done} holds numbers, no header"
+                    raise RecordingError(file, fact, f"name the columns: {names}")
+                header, lines, done = headless([cell.strip() for cell in cells]), chain([first], lines), done - 1
+            if delimiter != ",":
+                lines = _with_points(file, lines, done)
+            columns = _told_apart(file, header, wanted(header))
+            yield from _pieces(file, header, columns, lines, delimiter, done, bad, labels)
+    except (OSError, UnicodeError, csv.Error) as problem:
+        fact = f"cannot be read as text ({shown(str(problem), 200)})"
+        raise RecordingError(file, fact, "give a CSV file in UTF-8, a bag or .mcap") from None
+
+
+def _from_header(lines: Iterator[str]) -> tuple[str, Iterator[str], int]:
+    """(the header, the lines after it, the header's number): comments, from # on, and empty lines may stand before it.
+
+    A comment is the header where no other line is: numbers follow, and it has as many cells as they.
+    """
+    before: list[str] = []
+    for line in lines:
+        if line.strip() and not line.startswith("#"):
+            break
+        before.append(line)
+    else:
+        line = ""
+    mark = _delimiter(line)
+    cells = line.count(mark)
+    holds_numbers = not line or number_in(line.split(mark)[0].replace(",", ".")) is not None
+    for i, comment in reversed([*enumerate(before)]):
+        if holds_numbers and "#" in comment and (not line or cells == comment.count(mark)):
+            return comment, chain(before[i + 1 :], [line] * bool(line), lines), i + 1
+    return line, lines, len(before) + 1
+
+
+def _delimiter(line: str) -> str:
+    """What ends the cells of a line: the most frequent mark; of numbers alone a comma may be a decimal mark."""
+    return max(";\t" if _NUMBERS.fullmatch(line) and re.search("[;\t]", line) else ",;\t", key=line.count)
+
+
+def _with_points(file: Path, lines: Iterator[str], done: int) -> Iterator[str]:
+    """Lines whose cells no comma ends, with points for decimal commas. Raises: RecordingError: the lines have both."""
+    comma = point = 0
+    for number, line in enumerate(lines, done + 1):
+        if not point and "." in line and not line.startswith("#") and _POINT.search(line):
+            point = number
+        if "," in line and not line.startswith("#"):
+            line, count = _COMMA.subn(".", line)
+            comma = comma or number * bool(count)
+        if comma and point:
+            fact = f"line {comma} has a decimal comma, line {point} a decimal point"
+            raise RecordingError(file, fact, "write all decimals with points, and no commas between thousands")
+        yield line
+
+
+class Rows(NamedTuple):
+    """Some rows of a table: numbers (k, c), the first of them as text, the line of each, and its labels."""
+
+    table: Matrix
+    texts: list[str]
+    lines: Sequence[int]
+    labels: list[tuple[str, ...]]
+
+
+def _labels(rows: Sequence[Sequence[str]], columns: Sequence[int]) -> list[tuple[str, ...]]:
+    return [tuple(row[c].strip() if c < len(row) else "" for c in columns) for row in rows]
+
+
+def number_in(text: str) -> float | None:
+    """The number that a cell holds; None for text."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _told_apart(file: Path, header: Sequence[str], wanted: Sequence[int]) -> Sequence[int]:
+    """The wanted columns, each of a name that no other has. Raises: RecordingError."""
+    for c in wanted:
+        if header.count(header[c]) > 1:
+            fact = f"its header has {header.count(header[c])} columns {shown(header[c])!r}"
+            raise RecordingError(file, fact, "rename or delete all but one")
+    return wanted
+
+
+def _lines(file: Path, stream: TextIO) -> Iterator[str]:
+    while line := stream.readline(LONGEST_LINE):
+        if len(line) == LONGEST_LINE and not line.endswith(("\n", "\r")):
+            fact = f"a line has over {LONGEST_LINE} characters"
+            raise RecordingError(file, fact, "give a CSV file with a line a sample")
+        yield line
+
+
+def _pieces(
+    file: Path, header: Sequence[str], wanted: Sequence[int], lines: Iterator[str], delimiter: str, done: int,
+    bad: list[RecordingError] | None, labels: Sequence[int],
+) -> Iterator[Rows]:  # fmt: skip
+    """Rows, some at a time; the first of the wanted columns is the time."""
+    while piece := list(islice(lines, PIECE)):
+        plain = not any('"' in line for line in piece)
+        fits = plain and max(line.count(delimiter) for line in piece) < len(header)
+        table = _plain_numbers(piece, wanted, delimiter) if fits else None
+        if table is not None:
+            c = wanted[0]
+            texts = [line.split(delimiter, c + 1)[c].strip() for line in piece]
+            words = _labels([line.split(delimiter) for line in piece], labels) if labels else []
+            yield Rows(table, texts, range(done + 1, done + len(piece) + 1), words)
+            done += len(piece)
+            continue
+        # A quoted cell may run on beyond the piece: from here to the end, or to that of a piece without quotes.
+        reader = csv.reader(piece if plain else chain(piece, lines), delimiter=delimiter)
+        rows = ((done + reader.line_num, row) for row in reader if _holds_values(row, len(header), wanted))
+        while some := list(islice(rows, PIECE)):
+            kept, numbers = _row_numbers(file, header, wanted, some, bad)
+            if kept:
+                texts = [row[wanted[0]].strip() for _, row in kept]
+                words = _labels([row for _, row in kept], labels) if labels else []
+                yield Rows(np.array(numbers), texts, [line for line, _ in kept], words)
+        done += reader.line_num
+
+
+def _holds_values(row: Sequence[str], width: int, wanted: Sequence[int]) -> bool:
+    """Whether a row is neither empty nor a comment, which begins with # and is no row of the header's with numbers."""
+    if not any(map(str.strip, row)):
+        return False
+    return not row[0].startswith("#") or (len(row) == width and any(number_in(row[c]) is not None for c in wanted))
+
+
+def _plain_numbers(lines: Sequence[str], wanted: Sequence[int], delimiter: str) -> Matrix | None:
+    """Columns of lines without quotes, several times as fast as cell by cell; None where one is not a finite number."""
+    if not all(map(str.strip, lines)):
+        return None
+    try:
+        table = np.loadtxt(lines, delimiter=delimiter, usecols=wanted, comments=None, ndmin=2)
+    except ValueError:
+        return None
+    return table if len(table) == len(lines) and np.isfinite(table).all() else None
+
+
+def _row_numbers(
+    file: Path, header: Sequence[str], wanted: Sequence[int], rows: Sequence[tuple[int, list[str]]],
+    bad: list[RecordingError] | None,
+) -> tuple[list[tuple[int, list[str]]], list[list[float]]]:  # fmt: skip
+    """(the rows, their wanted columns), cell by cell. Raises: RecordingError: one cannot be read, and `bad` is None."""
+    kept, numbers = [], []
+    for line, row in rows:
+        try:
+            numbers.append(_row(file, header, wanted, line, row))
+        except RecordingError as problem:
+            if bad is None:
+                raise
+            bad.append(problem)
+        else:
+            kept.append((line, row))
+    return kept, numbers
+
+
+def _row(file: Path, header: Sequence[str], wanted: Sequence[int], line: int, row: Sequence[str]) -> list[float]:
+    """The wanted columns of a row. Raises: RecordingError: one is no finite number; the row is too long or short."""
+    lengths = f"cells, the header {len(header)}"
+    if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
+        cure = "delete what is too much; write decimals with a point, not a comma"
+        raise RecordingError(file, f"line {line} has {len(row)} {lengths}", cure)
+    found = []
+    for c in wanted:
+        if c >= len(row):
+            raise RecordingError(file, f"line {line} has {len(row)} {lengths}", "complete or delete the line")
+        number = number_in(row[c])
+        if number is None or not isfinite(number):
+            fact = f"line {line}, column {shown(header[c])!r} holds {shown(row[c].strip())!r}, not a finite number"
+            comma = _COMMA.search(row[c])
+            raise RecordingError(file, fact, "write decimals with points" if comma else "correct or delete the line")
+        found.append(number)
+    return found
+
+
+# --------------------------------------------------------------------------------------------------
+# Times in CSV files: which columns hold them, and their unit, told by the header or by the size of
+# the stamps.
+# --------------------------------------------------------------------------------------------------
+
+TIMES = ("t", "time", "stamp", "secs", "sec", "seconds", "timestamp")
+"""Names of a time column; a prefix ('header.stamp'), a unit at the end ('t_ms', 'Time (s)') and capitals do not
+matter."""
+
+UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+WORDS = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+
+EPOCH = (9e8, 4.2e9)
+"""Unix time [s] that stamps are believed to have: 1998 to 2103."""
+
+STEPS = (1e-5, 100.0)
+"""Time [s] between two samples that belongs to such stamps."""
+
+BY_STEP = ((5.0, "s"), (100.0, "ms"), (1e3, None), (1e5, "us"), (1e6, None), (np.inf, "ns"))
+"""Units of whole stamps without a date, by the largest step that they have in each: of 5 Hz to 10 kHz, and in seconds
+rarer. Between them are steps that could have two units."""
+
+_SPELT = {
+    "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "ms": "ms", "msec": "ms", "msecs": "ms",
+    "millis": "ms", "milliseconds": "ms", "us": "us", "µs": "us", "μs": "us", "usec": "us", "usecs": "us",
+    "micros": "us", "microseconds": "us", "ns": "ns", "nsec": "ns", "nsecs": "ns", "nanos": "ns", "nanosec": "ns",
+    "nanosecs": "ns", "nanoseconds": "ns",
+}  # fmt: skip
+_UNIT = re.compile(rf"(.+?)\s*(?:[\[(]\s*({'|'.join(_SPELT)})\s*[\])]|[_ ]({'|'.join(_SPELT)}))")
+_PART = re.compile(r"(.*?)(sec|secs|seconds|nsec|nsecs|nanosec|nanosecs|nanoseconds)")
+
+
+@dataclass(frozen=True)
+class TimeColumns:
+    """The columns of a time: one, whose unit is None where the header does not say it; or seconds and nanoseconds."""
+
+    places: tuple[int, ...]
+    unit: str | None = None
+
+    @property
+    def split(self) -> bool:
+        """Whether it has a part of whole seconds and one of nanoseconds."""
+        return len(self.places) == 2
+
+
+def time_columns(header: Sequence[str], prefixes: bool = True) -> TimeColumns | None:
+    """The time columns of a header, whose names may have prefixes; None where there are none."""
+    names = [name.lower().strip() for name in header]
+    parts = {match[1] + match[2][0]: i for i, name in enumerate(names) if (match := _PART.fullmatch(name))}
+    plain = [_without_unit(name) for name in names]
+    words = [re.split(r"[^a-z]+", name.strip("_"))[-1] for name, _ in plain]
+    for wanted in TIMES:
+        exact = [i for i, (name, _) in enumerate(plain) if name == wanted]
+        for i in exact or [i for i, word in enumerate(words) if word == wanted and prefixes]:
+            match = _PART.fullmatch(names[i])
+            pair = () if match is None else tuple(parts.get(match[1] + part, -1) for part in "sn")
+            if not pair or -1 in pair:
+                return TimeColumns((i,), plain[i][1] or ("s" if wanted in _SPELT else None))
+            return TimeColumns(pair)
+    for stem, i in parts.items():  # header_stamp_sec and header_stamp_nanosec
+        if stem.endswith("s") and f"{stem[:-1]}n" in parts and prefixes:
+            return TimeColumns((i, parts[f"{stem[:-1]}n"]))
+    return None
+
+
+def unit_in(name: str) -> str | None:
+    """The unit of a time that a column's name says."""
+    return _without_unit(name.lower().strip())[1]
+
+
+def _without_unit(name: str) -> tuple[str, str | None]:
+    match = _UNIT.fullmatch(name)
+    return (name, None) if match is None else (match[1], _SPELT[match[2] or match[3]])
+
+
+def unit_of(file: Path, stamps: Vector, steady: bool) -> str:
+    """The unit of stamps (k,) by their size: those of Unix time in the years 1998 to 2103; of others, whole and of
+    samples in `steady` succession, by their usual step; else seconds.
+
+    Raises:
+        RecordingError: whole stamps whose step could have two units.
+    """
+    first = abs(float(stamps[0]))
+    fits = [unit for unit, size in UNITS.items() if EPOCH[0] <= first * size <= EPOCH[1]]
+    whole = bool((np.floor(stamps[:1000]) == stamps[:1000]).all())
+    step = float(np.median(np.abs(np.diff(stamps)))) if steady and (fits or whole) and len(stamps) > 1 else 0.0
+    fits = [unit for unit in fits if not step or STEPS[0] <= step * UNITS[unit] <= STEPS[1]]
+    if fits or not (steady and whole):
+        return fits[0] if fits else "s"
+    unit = next(unit for most, unit in BY_STEP if step <= most)
+    if unit is None:
+        fact = f"its whole-number stamps are {step:g} apart, which could be two units"
+        raise RecordingError(file, fact, "name the unit in the header, as in t_ms, t_us or t_ns")
+    return unit
+
+
+def no_time(file: Path, header: Sequence[str]) -> RecordingError:
+    """The refusal of a header without a time."""
+    cure = f"name the column of times one of {', '.join(TIMES)}, with a unit as in t_ms; the columns are"
+    return RecordingError(file, "there is no time column", f"{cure} {listed(header)}")
+
+
+POSITION = ("x", "y", "z")
+MATRIX = tuple(f"t{row}{column}" for row in range(3) for column in range(4))
+"""Columns of a pose as the first three rows of its matrix, counted from 0; a last row may stand there too."""
+
+NAMED = {
+    "quaternion": ("qx", "qy", "qz", "qw"), "angles": ("roll", "pitch", "yaw"), "vector": ("rx", "ry", "rz"),
+    "KUKA": ("a", "b", "c"),
+}  # fmt: skip
+NUMBERED = (("q1", "q2", "q3", "q4"), ("q0", "q1", "q2", "q3"))
+REMARKS = {"", "name", "label", "comment", "remark", "note", "id", "index", "number", "point", "line", "row"}
+"""Columns that say nothing of a pose; a table that pandas wrote has one without a name."""
+
+LAST_ROW = ("t30", "t31", "t32", "t33")
+
+COVERAGE = (("x", "y", "z", "qx", "qy", "qz", "qw", "status"), ("rcond", "margin"))
+"""How the header of a saved coverage begins and ends; between are the joints."""
+
+AS_KUKA = (
+    "a, b, c are read as KUKA's angles: a about z, b about the new y, c about the new x. Where a is about x, name them "
+    "roll, pitch, yaw"
+)
+
+ALLOWED = {"units": ("m", "cm", "mm", "um"), "angles": ("rad", "deg")}
+SCALES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": np.pi / 180}
+
+FAR = 20.0
+"""Coordinates [m] beyond which metres are doubted: no robot reaches so far, and a workpiece of 20 mm is a small one."""
+
+NEAR = 2e-3
+"""Coordinates [m] below which millimetres are doubted."""
+
+FULL = 2 * np.pi * 1.001
+"""Angles [rad] beyond which radians are doubted, unless an argument says them."""
+
+_MEANT = {*POSITION, *MATRIX, *chain(*NAMED.values(), *NUMBERED)}
+
+_NAME = re.compile(r"\s*([a-z]+\d{0,2})\s*[_ ]?\s*[\[(]?\s*(mm|cm|um|m|deg|rad|)\s*[\])]?\s*")
+"""A column's name and the unit at its end: x_mm, x [mm], x(mm), roll_deg."""
+
+
+@dataclass(frozen=True)
+class Units:
+    """What the caller says of a file; None where its header must say it.
+
+    With `assumed` a header that does not say it means metres and radians; q1 to q4 are no quaternion then, and times
+    are left out. Columns that `ignore` names, or fits with a *, are not there. `place` is what messages call a row.
+    """
+
+    units: str | None
+    angles: str | None
+    order: str | None
+    assumed: bool
+    ignore: tuple[str, ...] = ()
+    place: str = "line"
+
+    def __post_init__(self) -> None:
+        known = {"units": ("m", "mm"), "angles": ("rad", "deg"), "order": tuple(ORDERS)}
+        for what, choices in known.items():
+            value = getattr(self, what)
+            if value is not None and value not in choices:
+                raise ArgumentError(what, value, f"use one of {', '.join(choices)}")
+
+
+@dataclass
+class PoseRows:
+    """Points [m] (k, 3), rotations (k, 3, 3) and times [s] (k,) where there are, and the line of each."""
+
+    points: Matrix
+    rotations: Array | None
+    times: Vector | None
+    lines: Indices
+    notes: list[str]
+
+
+@dataclass
+class PoseColumns:
+    """Where a file has position, orientation and time, and what turns each column into SI units."""
+
+    position: list[int]
+    orientation: list[int]
+    kind: str
+    time: TimeColumns | None
+    scales: Vector
+
+    @property
+    def wanted(self) -> list[int]:
+        """All columns that are read, in this order."""
+        return [*self.position, *self.orientation, *(self.time.places if self.time else ())]
+
+
+def pose_rows(file: Path, noun: str, said: Units) -> PoseRows:
+    """The points or poses of a CSV file, a `noun` a line.
+
+    Raises:
+        RecordingError: no such file, unreadable; missing columns, no unit; text or NaN in a cell, with line and column;
+            values that look like another unit; quaternions that are not of unit length, matrices that do not rotate.
+    """
+    if is_folder(file):
+        raise RecordingError(file, "is a folder", f"give a CSV file of {noun}s")
+    chosen: list[PoseColumns] = []
+
+    def wanted(header: Sequence[str]) -> list[int]:
+        chosen.append(columns_of_poses(file, header, said))
+        return chosen[0].wanted
+
+    pieces = read_table(file, wanted, f"give a {noun} a line", "x_mm, y_mm, z_mm")
+    found = [(piece.table, piece.lines) for piece in pieces]
+    if not found:
+        raise RecordingError(file, f"has a header but no {noun}s", f"give a {noun} a line")
+    lines = np.concatenate([places for _, places in found])
+    return poses_of(file, chosen[0], np.vstack([rows for rows, _ in found]), lines, said)
+
+
+def poses_of(file: Path, columns: PoseColumns, values: Matrix, lines: Indices, said: Units) -> PoseRows:
+    """The points or poses of values (k, c) of the columns `wanted`, in SI units. Raises: RecordingError."""
+    table = values[:, : len(columns.scales)] * columns.scales
+    notes: list[str] = []
+    points, turned = table[:, :3], table[:, 3 : 3 + len(columns.orientation)]
+    _check_lengths(file, points, lines, notes, columns.scales[0], said.place)
+    rotations = _rotations(file, columns.kind, turned, lines, said, notes) if columns.kind else None
+    if columns.kind == "KUKA":
+        notes.append(AS_KUKA)
+    times = _seconds(file, columns.time, values[:, len(columns.scales) :], notes) if columns.time else None
+    return PoseRows(points, rotations, times, lines, notes)
+
+
+def _seconds(file: Path, columns: TimeColumns, values: Matrix, notes: list[str]) -> Vector:
+    """Times [s] of the time columns (k, 1) or (k, 2); Unix time from the first on."""
+    t = values[:, 0]
+    unit = "s" if columns.split else columns.unit or unit_of(file, t, steady=False)
+    since = (t - t[0]) * UNITS[unit] + (1e-9 * (values[:, 1] - values[0, 1]) if columns.split else 0.0)
+    first = t[0] * UNITS[unit] + (1e-9 * values[0, 1] if columns.split else 0.0)
+    if columns.unit is None and unit != "s":
+        notes.append(f"times read as {WORDS[unit]}")
+    return since if abs(first) > 1e6 else since + first
+
+
+def columns_of_poses(file: Path, header: Sequence[str], said: Units) -> PoseColumns:
+    """Which columns of a header hold points or poses. Raises: RecordingError."""
+    header = header[: len(POSITION) + 4] if _is_coverage(header) else header
+    left = _ignored(header, said.ignore)
+    known: dict[str, tuple[int, str]] = {}
+    for i, name in enumerate(header):
+        match = _NAME.fullmatch(name.lower())
+        if match is None or i in left:
+            continue
+        if match[1] in known and match[1] in _MEANT:
+            raise RecordingError(file, f"its header has 2 columns {match[1]!r}", "keep or name one of them")
+        known[match[1]] = (i, match[2])
+    matrix = all(name in known for name in MATRIX)
+    where = MATRIX[3::4] if matrix else POSITION
+    missing = [name for name in where if name not in known]
+    if missing:
+        cure = f"name the columns x_mm, y_mm, z_mm or x, y, z; they are {listed(header)}"
+        raise RecordingError(file, f"has no column {', '.join(missing)}", cure)
+    otherwise = ("m", "rad") if said.assumed else (None, None)
+    scales = _scales(file, known, where, "units", said.units, otherwise[0])
+    kind, names = (
+        ("matrix", tuple(n for n in MATRIX if n not in where)) if matrix else _orientation(file, known, header, said)
+    )
+    if kind in ("angles", "vector", "KUKA"):
+        scales += _scales(file, known, names, "angles", said.angles, otherwise[1])
+    else:
+        if said.angles is not None:
+            raise RecordingError(file, "has no angles", "leave out angles=")
+        scales += [1.0] * len(names)
+    time = time_columns(["" if i in left else name for i, name in enumerate(header)], prefixes=False)
+    places = {name: place for name, (place, _) in known.items()}
+    read = {places[name] for name in (*where, *names)} | set(time.places if time else ())
+    passed = {places[name] for name in LAST_ROW * matrix if name in places}
+    for i, name in enumerate(header):
+        if i not in read | passed | left and name.lower() not in REMARKS:
+            fact = f"its column {shown(name)!r} is neither a position, nor an orientation or a time that is read"
+            cure = f"delete it, or leave it out on purpose with ignore={[shown(name)]}"
+            raise RecordingError(file, fact, cure)
+    time = None if said.assumed else time
+    return PoseColumns([places[n] for n in where], [places[n] for n in names], kind, time, np.array(scales))
+
+
+def _is_coverage(header: Sequence[str]) -> bool:
+    first, last = COVERAGE
+    return tuple(header[: len(first)]) == first and tuple(header[-len(last) :]) == last
+
+
+def _ignored(header: Sequence[str], patterns: Sequence[str]) -> set[int]:
+    """The places of the columns to leave out. Raises: ArgumentError: one that is not there."""
+    left: set[int] = set()
+    for pattern in patterns:
+        fits = {i for i, name in enumerate(header) if fnmatch(name.lower(), pattern.strip().lower())}
+        if not fits:
+            raise ArgumentError("ignore", pattern, f"there is no such column; they are {listed(header)}")
+        left |= fits
+    return left
+
+
+def _orientation(
+    file: Path, known: Mapping[str, object], header: Sequence[str], said: Units
+) -> tuple[str, tuple[str, ...]]:
+    """(kind, names of the columns) of the orientation; ("", ()) where there is none."""
+    there = [(kind, names) for kind, names in NAMED.items() if all(name in known for name in names)]
+    if not there and (said.order is not None or not said.assumed):
+        there = [("numbered", names) for names in NUMBERED if all(name in known for name in names)]
+    if len(there) > 1:
+        fact = f"its columns hold more than one orientation: {listed(there[0][1])} and {listed(there[1][1])}"
+        raise RecordingError(file, fact, "keep one of them")
+    if not there:
+        some = [n for names in (*NAMED.values(), MATRIX, *([] if said.assumed else NUMBERED)) for n in names]
+        some = [n for n in some if n in known]
+        if some:
+            fact = f"its column {some[0]!r} alone is no orientation"
+            cure = (
+                f"name qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz, or a, b, c; the columns are {listed(header)}"
+            )
+            raise RecordingError(file, fact, cure)
+        if said.order is not None:
+            raise RecordingError(file, "has no quaternions", "leave out order=")
+        return "", ()
+    kind, names = there[0]
+    if kind == "numbered" and said.order is None:
+        fact = f"its columns {', '.join(names)} do not say which number is the scalar"
+        raise RecordingError(file, fact, "say order='xyzw' or order='wxyz', or name them qx, qy, qz, qw")
+    if kind != "numbered" and said.order is not None:
+        raise RecordingError(file, f"names its columns {', '.join(names)}", "leave out order=")
+    return kind, names
+
+
+def _scales(
+    file: Path, known: Mapping[str, tuple[int, str]], names: Sequence[str], argument: str, given: str | None,
+    otherwise: str | None,
+) -> list[float]:  # fmt: skip
+    """What makes SI units of columns: by the unit in each name, or the given one, or what is taken otherwise."""
+    out = []
+    allowed = ALLOWED[argument]
+    for name in names:
+        unit = known[name][1]
+        if unit and unit not in allowed:
+            fact = f"its column {name!r} is in {unit}"
+            raise RecordingError(file, fact, f"give it in {' or '.join(allowed)}")
+        if unit and given is not None and unit != given:
+            cure = f"leave out {argument}=, or correct the header"
+            raise RecordingError(file, f"its header says {unit} for {name!r}, and you {given}", cure)
+        taken = unit or given or otherwise
+        if taken is None:
+            small, plain = ("mm", "m") if argument == "units" else ("deg", "rad")
+            cure = f"say {argument}='{small}' or {argument}='{plain}', or put the unit into the header: {name}_{small}"
+            raise RecordingError(file, f"does not say in which unit {name!r} is", cure)
+        out.append(SCALES[taken])
+    return out
+
+
+def _check_lengths(
+    file: Path, points: Matrix, lines: Indices, notes: list[str], scale: float, place: str
+) -> None:  # fmt: skip
+    size = np.abs(points).max(axis=1)
+    if size.max() > FAR:
+        i = int(np.argmax(size > FAR))
+        fact = f"{place} {lines[i]} has a coordinate of {size[i]:g} m: this looks like millimetres"
+        raise RecordingError(file, fact, "say units='mm', or name the columns x_mm, y_mm, z_mm")
+    if scale == SCALES["mm"] and size.max() < NEAR:
+        notes.append(f"no coordinate is beyond {1e3 * size.max():.3g} mm: are they metres?")
+
+
+def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, said: Units, notes: list[str]) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    if kind == "matrix":
+        matrices = values.reshape(-1, 3, 3)
+        for line, R in zip(lines, matrices, strict=True):
+            if not rotation_gap(R) < ROTATION:
+                raise RecordingError(file, f"{said.place} {line} has no rotation", rotation_cure(R))
+        return matrices
+    if kind in ("quaternion", "numbered"):
+        values = values[:, ORDERS[said.order or "xyzw"]]
+        _check_quaternions(file, values, lines, said.place)
+        flips = np.flatnonzero(np.sum(values[1:] * values[:-1], axis=1) < 0) + 1
+        if flips.size:
+            where = ", ".join(str(lines[i]) for i in flips[:5]) + (", ..." if flips.size > 5 else "")
+            many = f"{flips.size} quaternion{'s change' if flips.size > 1 else ' changes'}"
+            notes.append(f"{many} sign ({said.place} {where}): read as the rotation that it is, by the shorter way")
+        return Rotation.from_quat(values).as_matrix()
+    far = np.abs(values).max(axis=1) > FULL
+    if far.any() and said.angles != "rad":
+        i = int(np.argmax(far))
+        fact = f"{said.place} {lines[i]} has an angle of {np.abs(values[i]).max():g} rad, over a turn: "
+        fact += "it looks like degrees"
+        raise RecordingError(file, fact, "say angles='deg', or name the columns so, as in roll_deg")
+    if kind == "vector":
+        return Rotation.from_rotvec(values).as_matrix()
+    return Rotation.from_euler("ZYX" if kind == "KUKA" else "xyz", values).as_matrix()
+
+
+def _check_quaternions(file: Path, values: Matrix, lines: Indices, place: str) -> None:
+    off = np.abs(np.linalg.norm(values, axis=1) - 1)
+    if (off > UNIT).any():
+        i = int(np.argmax(off > UNIT))
+        fact = f"{place} {lines[i]} has a quaternion of length {np.linalg.norm(values[i]):.6g}"
+        more = f", and {int((off > UNIT).sum()) - 1} {place}s after it" if (off > UNIT).sum() > 1 else ""
+        raise RecordingError(file, f"{fact}, {off[i]:.2g} away from 1{more}", "give unit quaternions, qw the scalar")

@@ -1,0 +1,127 @@
+"""The units in which results are printed: rad and m, or degrees and mm where somebody asks for them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import ArgumentError
+from .types import Vector
+
+# --------------------------------------------------------------------------------------------------
+# Bounds as text: rounded to the side on which they stay true.
+# --------------------------------------------------------------------------------------------------
+
+DIGITS = 3
+"""Significant digits of a bound."""
+
+
+def at_least(value: float, digits: int = DIGITS) -> str:
+    """A lower bound as text, not above it."""
+    return _rounded(value, False, digits)
+
+
+def at_most(value: float, digits: int = DIGITS) -> str:
+    """An upper bound as text, not below it."""
+    return _rounded(value, True, digits)
+
+
+def share_text(share: float) -> str:
+    """A share that is proven, 0 to 1, in percent, rounded down."""
+    return percentages([share, 1 - share])[0]
+
+
+def percentages(shares: Sequence[float]) -> list[str]:
+    """Shares, 0 to 1, that add up to 1, in percent: the first one rounded down, and all together 100 %.
+
+    Tenths go to those that lack most. What is there, and has none, is "under 0.1 %"; so is all that is not, "over".
+    """
+    tenths = np.clip(np.asarray(shares, dtype=float), 0.0, 1.0) * 1000
+    counts = np.floor(tenths + 1e-9).astype(int)
+    for i in 1 + np.argsort(counts[1:] - tenths[1:], kind="stable")[: max(1000 - int(counts.sum()), 0)]:
+        counts[i] += 1
+    return [_percent(int(k), share > 0, len(counts) > 1 and share < 1) for k, share in zip(counts, shares, strict=True)]
+
+
+def _percent(tenths: int, some: bool, others: bool) -> str:
+    if tenths == 0 and some:
+        return "under 0.1 %"
+    if tenths == 1000 and others:
+        return "over 99.9 %"
+    return f"{tenths / 10:g} %"
+
+
+def _rounded(value: float, up: bool, digits: int) -> str:
+    if value == 0 or not np.isfinite(value):
+        return f"{value:g}"
+    text = f"{value:.{digits - 1}e}"
+    if (float(text) < value) if up else (float(text) > value):
+        step = 10.0 ** (int(np.floor(np.log10(abs(value)))) - digits + 1)
+        text = f"{float(text) + (step if up else -step):.{digits - 1}e}"
+    short = f"{float(text):.{digits}g}"
+    return short if float(short) == float(text) else text
+
+
+WORDS = {
+    "degrees": ("rad", "deg"), "deg": ("rad", "deg"), "radians": ("rad", "rad"), "rad": ("rad", "rad"),
+    "mm": ("m", "mm"), "millimetres": ("m", "mm"), "m": ("m", "m"), "metres": ("m", "m"),
+}  # fmt: skip
+"""What one may ask for -> the unit of SI that it is of, and the unit that is printed."""
+
+_FACTORS = {"deg": 180 / np.pi, "rad": 1.0, "mm": 1000.0, "m": 1.0}
+_UNIT = re.compile(r"(?<![\w/^])(rad|m)(?![\w])")
+
+
+@dataclass(frozen=True)
+class PrintedUnits:
+    """angle: "rad" or "deg". length: "m" or "mm". Data are in rad and m all the same."""
+
+    angle: str = "rad"
+    length: str = "m"
+
+    def name(self, unit: str) -> str:
+        """A unit as it is printed: "deg/s" of "rad/s", "mm or deg" of "m or rad"; others as they are."""
+        return _UNIT.sub(lambda found: self.angle if found[1] == "rad" else self.length, unit)
+
+    def factor(self, unit: str) -> float:
+        """By what a value in a unit that begins with rad or m is multiplied; 1 for other units."""
+        plain = re.split(r"[/^ ]", unit)[0]
+        return _FACTORS[{"rad": self.angle, "m": self.length}[plain]] if plain in ("rad", "m") else 1.0
+
+    def factors(self, units: Sequence[str]) -> Vector:
+        """Those of several units (k,)."""
+        return np.array([self.factor(unit) for unit in units])
+
+    def together(self, units: Iterable[str]) -> tuple[str, float]:
+        """(unit, factor) for figures that may be in any of several units: of more than one they stay as they are."""
+        kinds = tuple(dict.fromkeys(units))
+        return (self.name(kinds[0]), self.factor(kinds[0])) if len(kinds) == 1 else (" or ".join(kinds), 1.0)
+
+    def said(self, value: float, unit: str, digits: int = 4) -> str:
+        """A value with its unit as they are printed."""
+        return f"{self.factor(unit) * value:.{digits}g} {self.name(unit)}".rstrip()
+
+    @property
+    def plain(self) -> bool:
+        """Whether these are rad and m."""
+        return self == SI
+
+
+SI = PrintedUnits()
+"""Radians and metres."""
+
+
+def printed_units(words: str | Sequence[str]) -> PrintedUnits:
+    """The units of "degrees", "mm" or "degrees, mm". Raises: ArgumentError: no such unit, or two of one kind."""
+    given = words.replace(",", " ").split() if isinstance(words, str) else list(words)
+    found: dict[str, str] = {}
+    for word in given or [""]:
+        if word not in WORDS:
+            raise ArgumentError("the unit", word, "results are printed in degrees or rad, and in mm or m: give these")
+        kind, unit = WORDS[word]
+        if found.setdefault(kind, unit) != unit:
+            raise ArgumentError("the unit", word, f"{found[kind]} is asked for, too: give one of them")
+    return PrintedUnits(found.get("rad", "rad"), found.get("m", "m"))

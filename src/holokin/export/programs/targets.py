@@ -1,0 +1,397 @@
+"""Targets of robot programs: which samples of a timed motion they are, on which axes of the controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from ...base.arguments import check, check_counts
+from ...base.errors import ArgumentError, ExportError, UnknownNameError
+from ...base.types import Indices, Matrix, Value, Vector, number, positive
+from ...motion import TimedTrajectory
+from ...robot import FARTHEST
+from .moves import FINER, KINDS, PLACES, Dialect, Kind, ProcessLines, ToolDeviation, ToolMotion, ToolTolerance, finer
+
+# --------------------------------------------------------------------------------------------------
+# Which samples of a timed motion become targets of a program, and by which moves the controller
+# goes between them.
+# --------------------------------------------------------------------------------------------------
+
+LOOKS = 33
+"""Instants of a move that are looked at while it is made longer; all are, before it is taken."""
+
+TRIED: tuple[Kind, ...] = ("linear", "circular", "joint")
+"""Of moves that lead equally far the first of these is taken."""
+
+SHORTEST = 1e-4
+"""Way of a tool [m] below which no linear move is made of it: it turns in place, and has no speed in m/s."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """From sample a to sample b; a circular one by way of sample `via`.
+
+    `length` [m] is the tool's way, and `speed` [m/s] its speed on linear and circular moves: NaN where nobody asked.
+    """
+
+    kind: Kind
+    a: int
+    b: int
+    via: int = -1
+    speed: float = float("nan")
+    length: float = float("nan")
+
+
+def farthest(fits: Callable[[int], bool], here: int, end: int) -> int:
+    """The last sample up to `end` that fits, by doubling and halving; the next one always does."""
+    good, bad, step = here + 1, end + 1, 1
+    while good + step < bad:
+        if fits(good + step):
+            good, step = good + step, 2 * step
+        else:
+            bad = good + step
+            break
+    while good < end and bad - good > 1:
+        middle = min((good + bad) // 2, end)
+        good, bad = (middle, bad) if fits(middle) else (good, middle)
+    return good
+
+
+def _fixed_samples(timed: TimedTrajectory, more: Indices | tuple[int, ...] = ()) -> list[int]:
+    """Samples that are targets in any case: the start, the end, corners, and where cycles begin."""
+    return sorted({0, *timed.marks, *timed.stops, *map(int, more), len(timed) - 1})
+
+
+def tool_moves(
+    timed: TimedTrajectory,
+    tolerance: ToolTolerance,
+    own: Indices,
+    more: tuple[int, ...] = (),
+    kinds: tuple[Kind, ...] = KINDS,
+) -> tuple[list[Move], ToolDeviation]:
+    """The moves that keep a tool within its tolerance, each as long as may be, and how far they are from the motion.
+
+    Args:
+        own: the joints (a,) that the controller's own inverse moves.
+        more: samples that must be targets too.
+        kinds: the moves that the language has.
+
+    Where two samples that follow each other are not within the tolerance, the move between them is a joint move all
+    the same: there is none shorter.
+    """
+    motion = ToolMotion.of(timed, tolerance, own)
+    tried: list[Kind] = [kind for kind in TRIED if kind == "joint" or (tolerance.linear and kind in kinds)]
+    moves: list[Move] = []
+    largest = ToolDeviation()
+    for end in _fixed_samples(timed, more)[1:]:
+        while (here := moves[-1].b if moves else 0) < end:
+            allowed = tried if here >= timed.begin else tried[-1:]  # an entry is the joints' own way
+            ends = {kind: _end(motion, tolerance, kind, here, end) for kind in allowed}
+            kind = max(allowed, key=ends.__getitem__)  # of equal ones the first
+            kind = kind if ends[kind] > here + 1 else "joint"
+            moves.append(_move(motion, kind, here, ends[kind]))
+            largest |= measured(motion, kind, here, ends[kind])
+    share = float(motion.has_speed.mean())
+    return moves, replace(largest, compared=share, kept=largest.within(tolerance))
+
+
+def _move(motion: ToolMotion, kind: Kind, a: int, b: int) -> Move:
+    first, last = FINER * a, FINER * b
+    length = float(motion.way[last] - motion.way[first])
+    if kind == "joint":
+        return Move(kind, a, b, length=length)
+    via = motion.middle(first, last) // FINER if kind == "circular" else -1
+    return Move(kind, a, b, via, motion.steady(first, last), length)
+
+
+def measured(motion: ToolMotion, kind: Kind, a: int, b: int, looks: int | None = None) -> ToolDeviation:
+    """How far a move from sample a to sample b is from the motion, with its joints, at some instants or all."""
+    first, last, rows = _instants(a, b, looks)
+    found = motion.deviation(kind, first, last, rows)
+    return found | ToolDeviation(joints=motion.joint_deviation(kind, first, last, rows))
+
+
+def _instants(a: int, b: int, looks: int | None) -> tuple[int, int, Indices]:
+    """The instants of sample a and of sample b, and some of those from one to the other, or all."""
+    first, last = FINER * a, FINER * b
+    return first, last, np.unique(np.linspace(first, last, looks or last - first + 1).astype(int))
+
+
+def _end(motion: ToolMotion, tolerance: ToolTolerance, kind: Kind, here: int, end: int) -> int:
+    """The last sample to which one move of a kind keeps the tolerance; the next one if none does."""
+
+    def kept(b: int, looks: int | None = None) -> bool:
+        first, last, rows = _instants(here, b, looks)
+        if not motion.deviation(kind, first, last, rows).within(tolerance):
+            return False
+        if motion.load(kind, first, last, rows) > 1.0 + tolerance.speed:
+            return False
+        return motion.joint_deviation(kind, first, last, rows) <= tolerance.joints
+
+    found = farthest(lambda b: kept(b, LOOKS), here, end)
+    while found > here + 1 and not kept(found):
+        found = here + max(1, (found - here) * 7 // 8)
+    moved = np.ptp(motion.p[FINER * here : FINER * found + 1], axis=0).max()
+    return found if kind == "joint" or moved > SHORTEST else here + 1
+
+
+NEAR = 0.05
+"""Share of a path's time by which its samples may be off when one is sought by its time."""
+
+Entry = str | float
+"""Of an axis: the joint that it moves, or the value [rad or m] at which it stands still."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wiring(Value):
+    """How a controller's axes are moved by the joints: axis = sign * joint + offset [rad or m].
+
+    Attributes:
+        axes: of the robot itself, in the controller's order: joints by name, or values at which an axis stands still.
+            By default the joints in the order of the trajectory.
+        external: of external axes, the same.
+        signs: -1 for the joints that the controller counts the other way round, by name.
+        offsets: the controller's value where the joint is at 0 [rad or m], by name.
+    """
+
+    axes: Sequence[Entry] | None = None
+    external: Sequence[Entry] = ()
+    signs: Mapping[str, int] = field(default_factory=dict)
+    offsets: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check("axes", Sequence[Entry] | None, self.axes)
+        check("external", Sequence[Entry], self.external)
+        check_counts(self.signs, self.offsets, {})
+
+
+@dataclass(frozen=True, eq=False)
+class Targets(Value):
+    """Targets of a program, and the moves to them.
+
+    Attributes:
+        timed, wiring, dialect, lines: of what, for which axes, in which language, with which lines of the process.
+        t, q: instants (k,) and the controller's axes (k, axes + external) [rad or m].
+        samples: which samples of the timed motion they are.
+        lengths: which axes are in metres.
+        stops: which targets are stops. own: how many axes are the robot's own.
+        deviation: how far joints are off if they move evenly between.
+        moves: how the controller goes to each but the first (k - 1).
+        via: the axes on the way of circular moves, by their place in `moves`.
+        tool: how far the tool is off; None where nobody asked.
+        asked: whether linear moves were asked for.
+        on, off: the targets at which the process begins and ends.
+    """
+
+    timed: TimedTrajectory
+    wiring: Wiring
+    dialect: Dialect
+    lines: ProcessLines
+    t: Vector
+    q: Matrix
+    samples: tuple[int, ...]
+    lengths: tuple[bool, ...]
+    stops: tuple[bool, ...]
+    own: int
+    deviation: float
+    moves: tuple[Move, ...]
+    via: Mapping[int, Vector]
+    tool: ToolDeviation | None
+    asked: bool
+    on: int
+    off: int
+
+    def shown(self, axes: Matrix | Vector | None = None) -> Matrix:
+        """Axes in degrees and millimetres: those of all targets (k, axes + external), or given ones."""
+        q = self.q if axes is None else axes
+        return np.where(np.array(self.lengths), 1e3 * q, np.rad2deg(q)) + 0.0
+
+    @property
+    def seconds(self) -> Vector:
+        """From each target to the next (k - 1,); of linear and circular moves without the ramps."""
+        even = [m.length / m.speed if m.kind != "joint" else np.nan for m in self.moves]
+        return np.where(np.isfinite(even), even, np.diff(self.t))
+
+    @property
+    def linear(self) -> bool:
+        """Whether there are linear or circular moves."""
+        return any(move.kind != "joint" for move in self.moves)
+
+
+def targets(
+    timed: TimedTrajectory, wiring: Wiring | None, dialect: Dialect, tolerance: float | ToolTolerance | None,
+    lines: ProcessLines | None,
+) -> Targets:  # fmt: skip
+    """As few samples as keep the motion within a tolerance of the trajectory, as a controller moves between them.
+
+    Args:
+        wiring: of the controller's axes; by default one for each joint.
+        dialect: of the language, which says how many axes it holds, and which moves it has.
+        tolerance: of the joints [rad or m], or of the tool; None for all samples. Starts, ends and corners are always
+            targets.
+        lines: of the process; those where it begins and ends need targets. By default none.
+
+    Raises:
+        ExportError: the program's language cannot hold the robot, or has no linear moves for it.
+        ArgumentError: bad wiring; a tolerance of another robot's tool.
+    """
+    wiring, lines = wiring or Wiring(), lines or ProcessLines()
+    q, lengths = _wired(timed, wiring, dialect)
+    on, off = window = _window(timed, lines)
+    more = window if lines.on or lines.off else ()
+    tool = None
+    if isinstance(tolerance, ToolTolerance):
+        moves, tool = tool_moves(timed, tolerance, _of_arm(timed, wiring, tolerance), more, dialect.kinds)
+    else:
+        at = range(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance), more).tolist()
+        moves = [Move("joint", a, b) for a, b in pairwise(at)]
+    picked = np.array([0, *(move.b for move in moves)])
+    stops = np.isin(picked, [*timed.stops, *more])  # where lines stand the robot stops, so that they come in time
+    via = {i: q[move.via] for i, move in enumerate(moves) if move.kind == "circular"}
+    return Targets(
+        timed, wiring, dialect, lines, timed.t[picked], q[picked], tuple(picked.tolist()), lengths,
+        tuple(stops.tolist()), dialect.own or timed.q.shape[1], deviation(timed, picked), tuple(moves), via, tool,
+        isinstance(tolerance, ToolTolerance) and tolerance.linear and "linear" in dialect.kinds,
+        int(np.searchsorted(picked, on)), int(np.searchsorted(picked, off)),
+    )  # fmt: skip
+
+
+def _window(timed: TimedTrajectory, lines: ProcessLines) -> tuple[int, int]:
+    """The samples at which the process begins and ends: those nearest to the path's postures at these times."""
+    if lines.window is None:
+        return timed.begin, len(timed) - 1
+    rows = slice(timed.begin, len(timed))
+    speed = timed.path_speed[rows]
+    gone = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * timed.dt)])
+    found = []
+    for t in lines.window:
+        posture = [np.interp(t, timed.untimed.t, column) for column in timed.untimed.q.T]
+        apart = np.abs(timed.q[rows] - posture).max(axis=1)
+        apart[np.abs(gone - t) > NEAR * gone[-1]] = np.inf  # the path may come by there again
+        found.append(timed.begin + int(np.argmin(apart)))
+    on, off = found
+    return on, off
+
+
+def speed_shares(found: Targets, speeds: Sequence[float] | None) -> Vector:
+    """The share of its axes' greatest speeds that each move takes (k - 1,), if all axes start and end together.
+
+    Args:
+        speeds: of the joints (n,) [rad/s or m/s], as the controller knows them; by default the limits of the motion.
+
+    Raises:
+        ArgumentError: a moving joint without one.
+    """
+    timed = found.timed
+    known = timed.limits.velocity if speeds is None else np.array([positive("a speed of axes", v) for v in speeds])
+    if known.shape != timed.limits.velocity.shape:
+        raise ArgumentError("the speeds of axes", speeds, f"give one for each of {', '.join(timed.joint_names)}")
+    moved = np.abs(np.diff(timed.q[list(found.samples)], axis=0))
+    endless = ~np.isfinite(known) & (moved.max(axis=0) > 0)
+    if endless.any():
+        name = timed.joint_names[int(np.argmax(endless))]
+        raise ArgumentError(f"the greatest speed of {name}", None, "give speeds=, of the controller's axes")
+    return (moved / known).max(axis=1) / found.seconds
+
+
+def zones(found: Targets, zone: float) -> tuple[Vector, int]:
+    """Radii [m] at which targets are passed (k,): 0 at stops, else the zone, but at most half of a move beside it.
+
+    And at how many targets it is less for that reason. Moves whose length nobody knows leave it as it is.
+    """
+    steps = np.array([move.length for move in found.moves])
+    near = np.fmin(np.append(np.inf, steps), np.append(steps, np.inf)) / 2
+    radii = np.fmin(zone, near)
+    radii[[0, *np.flatnonzero(found.stops).tolist(), -1]] = 0.0
+    return radii, int(((radii > 0) & (radii < zone)).sum())
+
+
+def with_lines(found: Targets, moves: Sequence[Sequence[str]]) -> list[str]:
+    """The lines that move to each target (k,), with those of the process between. Raises: ArgumentError: a bad line."""
+    before, on, off, after = (found.dialect.written(getattr(found.lines, place)) for place in PLACES)
+    text = list(before)
+    for i, moved in enumerate(moves):
+        text += moved
+        text += on if i == found.on else []
+        text += off if i == found.off else []
+    return text + after
+
+
+def _of_arm(timed: TimedTrajectory, wiring: Wiring, tolerance: ToolTolerance) -> Indices:
+    """The joints that the controller's own inverse moves. Raises: ExportError: linear moves do not fix these joints."""
+    names = list(timed.joint_names)
+    axes = [name for name in names if name not in wiring.external] if wiring.axes is None else wiring.axes
+    own = np.array(sorted(names.index(axis) for axis in axes if isinstance(axis, str)))
+    if tolerance.linear and (len(own) != 6 or np.ptp(own) != 5):
+        fact = (
+            f"a linear move to a pose does not say where {len(own)} joints are, but those of six axes one after another"
+        )
+        raise ExportError(fact, "write joint moves: leave out linear")
+    return own
+
+
+def chosen(timed: TimedTrajectory, tolerance: float, more: tuple[int, ...] = ()) -> Indices:
+    """Indices of samples between which straight lines stay within a tolerance: each step as long as may be."""
+    q, found = finer(timed)[1], [0]
+    for end in _fixed_samples(timed, more)[1:]:
+        while (here := found[-1]) < end:
+            found.append(farthest(lambda b, a=here: _off(q, a, b) <= tolerance, here, end))
+    return np.array(found)
+
+
+def _off(q: Matrix, a: int, b: int) -> float:
+    """How far joints q (k, n) at `FINER` instants a step are from even motion between two samples [joint units]."""
+    rows = q[FINER * a : FINER * b + 1]
+    share = np.linspace(0.0, 1.0, len(rows))[:, None]
+    return float(np.abs(rows - (rows[0] + share * (rows[-1] - rows[0]))).max())
+
+
+def deviation(timed: TimedTrajectory, picked: Indices) -> float:
+    """How far even motion between picked samples is from the timed motion [joint units]."""
+    q = finer(timed)[1]
+    return max(_off(q, int(a), int(b)) for a, b in pairwise(picked))
+
+
+def _wired(timed: TimedTrajectory, wiring: Wiring, dialect: Dialect) -> tuple[Matrix, tuple[bool, ...]]:
+    """(axes (k, own + external), which are lengths). Raises: ExportError, ArgumentError."""
+    names = list(timed.joint_names)
+    axes, external = wiring.axes, wiring.external
+    language, own, most = dialect.language, dialect.own or len(names), dialect.external
+    if axes is None:
+        axes = tuple(name for name in names if name not in external)
+    held = f"{language} holds {own} axes of a robot" + (f" and {most} external ones" if most else "")
+    if len(axes) != own:
+        cure = f"name the {own} in axes=, joints or fixed values" + (", and the others in external=" if most else "")
+        raise ExportError(f"{held}, but {len(axes)} are given: {', '.join(map(str, axes))}", cure)
+    if len(external) > most:
+        cure = f"name at most {most}" if most else "export to another language, or lock joints in the robot"
+        raise ExportError(f"{held}, but {len(external)} external are given: {', '.join(map(str, external))}", cure)
+    used = [entry for entry in (*axes, *external) if isinstance(entry, str)]
+    if sorted(used) != sorted(names):
+        wrong = [u for u in used if u not in names] + [n for n in names if used.count(n) != 1]
+        raise ArgumentError("the joints of axes and external", wrong[0], f"name each of {', '.join(names)} once")
+    for name in (*wiring.signs, *wiring.offsets):
+        if name not in names:
+            raise UnknownNameError("joint of signs or offsets", name, names)
+    columns, lengths = [], []
+    for k, entry in enumerate((*axes, *external)):
+        joint = names.index(entry) if isinstance(entry, str) else None
+        is_length = joint is not None and timed.joint_units[joint] == "m"
+        if is_length and k < own and not dialect.sliding:
+            raise ExportError(f"{entry} slides, which no axis of a robot in {language} does", "name it in external=")
+        column = timed.q[:, joint] if joint is not None else np.full(len(timed), _still(entry))
+        columns.append(wiring.signs.get(str(entry), 1) * column + wiring.offsets.get(str(entry), 0.0))
+        lengths.append(is_length)
+    return np.column_stack(columns), tuple(lengths)
+
+
+def _still(entry: Entry) -> float:
+    """The value at which an axis stands still. Raises: ArgumentError."""
+    value = number("the value of an axis", entry)
+    if not abs(value) <= FARTHEST:
+        raise ArgumentError("the value of an axis", value, f"give one within {FARTHEST:g} rad or m")
+    return value

@@ -1,0 +1,593 @@
+"""Which pairs of links are looked at: not parent and child, nor those that always touch, nor those that may touch."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+
+from ...base.errors import UnknownNameError
+from ...base.types import Array, Indices, Matrix, Value, Vector, frozen
+from ...robot import Capsule, LinkShape, Robot, Shape, Unread, joints_above
+from ...robot.shapes.link_shapes import coal_package, lowest
+from ...robot.tree import Frames, joint_frames, placed
+from .check_report import LeftOut, Unseen, cannot_tell, keeps
+
+# --------------------------------------------------------------------------------------------------
+# `Gap`: the distance of a link from another one, from an obstacle or from the floor, at many
+# postures.
+# --------------------------------------------------------------------------------------------------
+
+FLOOR = "floor"
+"""The name of the floor in findings."""
+
+UP = np.array([0.0, 0.0, 1.0])
+"""The direction taken for two axes that meet, which have none."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Link(Value):
+    """The shapes of one link; all are on the moving side of one joint (-1: the base)."""
+
+    name: str
+    joint: int
+    shapes: tuple[LinkShape, ...]
+
+    @cached_property
+    def radius(self) -> float:
+        """Of the ball about the origin of its joint's frame that holds it [m]."""
+        return max(float(np.linalg.norm(_middle(s))) + s.shape.ball[1] for s in self.shapes)
+
+
+def links_of(shapes: Sequence[LinkShape]) -> list[Link]:
+    """The links that have shapes. Links of one name on several joints, as a robot of parts may have, stay apart."""
+    found: dict[tuple[str, int], list[LinkShape]] = {}
+    for shape in shapes:
+        found.setdefault((shape.link, shape.joint), []).append(shape)
+    return [Link(name, joint, tuple(of)) for (name, joint), of in found.items()]
+
+
+@dataclass(frozen=True, eq=False)
+class Nearest(Value):
+    """Where two things are nearest at k postures.
+
+    distance (k,) [m], infinite where it was not looked at; away (k, 3), of length 1, from the other to the one; on_one,
+    on_other (k, 3) [m], points of them, or of the axes of capsules, by whose motion along `away` the distance changes.
+    """
+
+    distance: Vector
+    away: Matrix
+    on_one: Matrix
+    on_other: Matrix
+
+    @staticmethod
+    def of(columns: Matrix, near: float) -> Nearest:
+        """Of (k, 10) numbers, those fields side by side; only what is nearer than `near` counts."""
+        far = columns[:, 0] >= near
+        return Nearest(np.where(far, np.inf, columns[:, 0]), columns[:, 1:4], columns[:, 4:7], columns[:, 7:])
+
+
+@dataclass(frozen=True, eq=False)
+class Gap(Value, ABC):
+    """What the distance of two things is at a posture, and how fast it can change. Abstract.
+
+    weights (n,): metres by which any points of the two can come nearer per joint unit that a joint moves.
+    """
+
+    names: tuple[str, str]
+    weights: Vector
+
+    @abstractmethod
+    def distances(self, frames: Frames, rows: Indices, near: float) -> Vector:
+        """Distance [m] at some rows of frames, negative for how deep one is in the other; 0 for meshes that meet.
+
+        That of meshes is the distance of their convex hulls, which is no larger; where this is below `near`, their own.
+        """
+
+    @abstractmethod
+    def nearest(self, frames: Frames, near: float) -> Nearest:
+        """Where the two are nearest at all postures of frames, if nearer than `near`; of meshes their convex hulls."""
+
+    @property
+    @abstractmethod
+    def joints(self) -> tuple[int, int]:
+        """On whose moving sides the two are; -1 for the base."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class FloorGap(Gap):
+    """A link above the floor, the plane z = height."""
+
+    link: Link
+    height: float
+
+    def distances(self, frames: Frames, rows: Indices, near: float) -> Vector:
+        """Height of the lowest point over the floor."""
+        found = [lowest(s.shape, *_pose(frames, s, rows))[:, 2] for s in self.link.shapes]
+        return np.min(found, axis=0) - self.height
+
+    def nearest(self, frames: Frames, near: float) -> Nearest:
+        """The lowest point, and that of the floor below it."""
+        count = len(frames[0][0])
+        low = np.array([lowest(s.shape, *_pose(frames, s, np.arange(count))) for s in self.link.shapes])
+        point = low[low[:, :, 2].argmin(axis=0), np.arange(count)]
+        below = point * [1.0, 1.0, 0.0] + [0.0, 0.0, self.height]
+        columns = point[:, 2] - self.height, np.tile(UP, (count, 1)), point, below
+        return Nearest.of(np.column_stack(columns), near)
+
+    @property
+    def joints(self) -> tuple[int, int]:
+        """That of the link; the floor stands still."""
+        return self.link.joint, -1
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class LinkGap(Gap):
+    """Two links, or a link and an obstacle."""
+
+    one: Link
+    other: Link
+
+    def distances(self, frames: Frames, rows: Indices, near: float) -> Vector:
+        """The least over pairs of their shapes; those whose balls are farther apart than another pair are left out."""
+        sides = [[(s.shape, *_pose(frames, s, rows)) for s in link.shapes] for link in (self.one, self.other)]
+        pairs = [(a, b) for a in sides[0] for b in sides[1]]
+        least = np.full(len(rows), np.inf)
+        bounds = [_ball_gap(a, b) for a, b in pairs]
+        for i in np.argsort([bound.min() for bound in bounds]):
+            open_rows = np.flatnonzero(bounds[i] < least)
+            if len(open_rows):
+                found = _distance(pairs[i][0], pairs[i][1], open_rows, near)
+                least[open_rows] = np.minimum(least[open_rows], found)
+        return least
+
+    def nearest(self, frames: Frames, near: float) -> Nearest:
+        """Of the pair of their shapes that is nearest."""
+        count = len(frames[0][0])
+        sides = [
+            [(s.shape, *_pose(frames, s, np.arange(count))) for s in link.shapes] for link in (self.one, self.other)
+        ]
+        pairs = [(a, b) for a in sides[0] for b in sides[1]]
+        bounds, best = [_ball_gap(a, b) for a, b in pairs], np.zeros((count, 10))
+        best[:, 0] = near
+        for i in np.argsort([bound.min() for bound in bounds]):
+            rows = np.flatnonzero(bounds[i] < best[:, 0])
+            if len(rows):
+                found = _nearest(pairs[i][0], pairs[i][1], rows)
+                nearer = found[:, 0] < best[rows, 0]
+                best[rows[nearer]] = found[nearer]
+        return Nearest.of(best, near)
+
+    @property
+    def joints(self) -> tuple[int, int]:
+        """Those of the links."""
+        return self.one.joint, self.other.joint
+
+
+def link_gap(robot: Robot, one: Link, other: Link, travel: Vector) -> LinkGap:
+    """The gap of two links; `travel` (joints,): the farthest that sliders are from their zero [m]."""
+    ups = [joints_above(robot.joints, link.joint) for link in (one, other)]
+    shared = set(ups[0]) & set(ups[1])
+    weights = sum(_weights(robot, link, shared, travel) for link in (one, other))
+    return LinkGap((one.name, other.name), np.asarray(weights), one, other)
+
+
+def floor_gap(robot: Robot, link: Link, height: float, travel: Vector) -> FloorGap:
+    """The gap of a link and the floor."""
+    return FloorGap((link.name, FLOOR), _weights(robot, link, set(), travel), link, height)
+
+
+def _weights(robot: Robot, link: Link, shared: set[int], travel: Vector) -> Vector:
+    """How far a point of the link can move per joint unit: the length of the arm from the joint to it, at most."""
+    weights, arm = np.zeros(robot.n), link.radius
+    for index in joints_above(robot.joints, link.joint):
+        if index in shared:
+            break
+        joint = robot.joints[index]
+        sliding = joint.kind == "prismatic"
+        weights[joint.coordinate] += abs(joint.multiplier) * (1.0 if sliding else arm)
+        arm += float(np.linalg.norm(joint.placement[:3, 3])) + (float(travel[index]) if sliding else 0.0)
+    return weights
+
+
+Posed = tuple[Shape, Matrix, Array]
+"""A shape with the positions (k, 3) and rotations (k, 3, 3) of its frame."""
+
+
+def _pose(frames: Frames, shape: LinkShape, rows: Indices) -> tuple[Matrix, Array]:
+    if shape.joint < 0:
+        return placed([], -1, shape.placement, len(rows))
+    p, R = frames[shape.joint]
+    return placed([(p[rows], R[rows])], 0, shape.placement, len(rows))
+
+
+def _middle(shape: LinkShape) -> Vector:
+    return shape.placement[:3, :3] @ shape.shape.ball[0] + shape.placement[:3, 3]
+
+
+def _ball_gap(one: Posed, other: Posed) -> Vector:
+    """How far apart the balls round two shapes are (k,): no more than the shapes."""
+    (a, p, R), (b, x, S) = one, other
+    centers = [p + R @ a.ball[0], x + S @ b.ball[0]]
+    return np.linalg.norm(centers[0] - centers[1], axis=1) - a.ball[1] - b.ball[1]
+
+
+def _distance(one: Posed, other: Posed, rows: Indices, near: float) -> Vector:
+    (a, p, R), (b, x, S) = one, other
+    if isinstance(a, Capsule) and isinstance(b, Capsule):
+        steps = [R[rows, :, 2] * a.length / 2, S[rows, :, 2] * b.length / 2]
+        return segment_distance(p[rows], steps[0], x[rows], steps[1]) - a.radius - b.radius
+    found = _coal_distance(a.solid, b.solid, one, other, rows)
+    if a.surface is not None or b.surface is not None:
+        close = np.flatnonzero(found < near)
+        c, d = (shape.solid if shape.surface is None else shape.surface for shape in (a, b))
+        found[close] = np.maximum(_coal_distance(c, d, one, other, rows[close]), 0.0)
+    return found
+
+
+def _coal_distance(a: Any, b: Any, one: Posed, other: Posed, rows: Indices) -> Vector:
+    """What coal finds of its shapes a and b, which are where `one` and `other` are."""
+    coal = coal_package()
+    (_, p, R), (_, x, S) = one, other
+    asked, answer = coal.DistanceRequest(), coal.DistanceResult()
+    asked.enable_signed_distance = True
+    found = np.empty(len(rows))
+    for k, row in enumerate(rows):
+        answer.clear()
+        ends = coal.Transform3s(R[row], p[row]), coal.Transform3s(S[row], x[row])
+        found[k] = coal.distance(a, ends[0], b, ends[1], asked, answer)
+    return found
+
+
+def _nearest(one: Posed, other: Posed, rows: Indices) -> Matrix:
+    """Where two shapes, meshes as their hulls, are nearest at some rows: (k, 10), the fields of `Nearest`."""
+    (a, p, R), (b, x, S) = one, other
+    p, R, x, S = p[rows], R[rows], x[rows], S[rows]
+    if isinstance(a, Capsule) and isinstance(b, Capsule):
+        u, v = R[:, :, 2] * a.length / 2, S[:, :, 2] * b.length / 2
+        s, t = _segment_places(p, u, x, v)
+        ends = p + s[:, None] * u, x + t[:, None] * v
+        step = ends[0] - ends[1]
+        size = np.linalg.norm(step, axis=1)
+        across = np.where(size[:, None] > 0, step / np.where(size > 0, size, 1.0)[:, None], UP)
+        return np.column_stack([size - a.radius - b.radius, across, *ends])
+    coal = coal_package()
+    asked, answer = coal.DistanceRequest(), coal.DistanceResult()
+    asked.enable_signed_distance = True
+    found = np.empty((len(rows), 10))
+    for k in range(len(rows)):
+        answer.clear()
+        places = coal.Transform3s(R[k], p[k]), coal.Transform3s(S[k], x[k])
+        found[k, 0] = coal.distance(a.solid, places[0], b.solid, places[1], asked, answer)
+        found[k, 1:] = np.concatenate([-answer.normal, answer.getNearestPoint1(), answer.getNearestPoint2()])
+    return found
+
+
+def segment_distance(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> Vector:
+    """Distances (k,) of the segments p +- u and x +- v."""
+    return frozen(np.linalg.norm(segment_step(p, u, x, v), axis=1))
+
+
+def segment_step(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> Matrix:
+    """The shortest p + s u - x - t v (k, 3) over s, t in [-1, 1], of the segments p +- u and x +- v."""
+    s, t = _segment_places(p, u, x, v)
+    return p - x + s[:, None] * u - t[:, None] * v
+
+
+def _segment_places(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> tuple[Vector, Vector]:
+    """s, t (k,) in [-1, 1] of the shortest p + s u - x - t v, of the segments p +- u and x +- v.
+
+    Its length is convex in (s, t), so it is least at the free optimum, if that is inside, or on one of the four edges.
+    """
+    w = p - x
+    a, b, c = (np.einsum("ki,ki->k", *pair) for pair in ((u, u), (u, v), (v, v)))
+    d, e = np.einsum("ki,ki->k", u, w), np.einsum("ki,ki->k", v, w)
+    best, least = (np.zeros(len(p)), np.zeros(len(p))), np.full(len(p), np.inf)
+
+    def meet(s: Vector, t: Vector) -> None:
+        step = w + s[:, None] * u - t[:, None] * v
+        length = np.linalg.norm(step, axis=1)
+        shorter = length < least
+        best[0][shorter], best[1][shorter], least[shorter] = s[shorter], t[shorter], length[shorter]
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        det = a * c - b * b
+        s = np.nan_to_num((b * e - c * d) / det, posinf=0.0, neginf=0.0)
+        s = np.clip(s, -1, 1)
+        meet(s, np.clip(np.nan_to_num((b * s + e) / c, posinf=0.0, neginf=0.0), -1, 1))
+        for end in (-1.0, 1.0):
+            ends = np.full(len(p), end)
+            meet(ends, np.clip(np.nan_to_num((b * end + e) / c, posinf=0.0, neginf=0.0), -1, 1))
+            meet(np.clip(np.nan_to_num((b * end - d) / a, posinf=0.0, neginf=0.0), -1, 1), ends)
+    return best
+
+
+# --------------------------------------------------------------------------------------------------
+# Distances along a whole motion: at few instants, and bounded between them.
+# --------------------------------------------------------------------------------------------------
+
+ACCURACY = 1e-3
+"""How much less [m] than the least distance found it may be anywhere on the motion: a millimetre."""
+
+FINE = 2e-4
+"""Motion [m] below which an interval between two samples is not halved any more: half of it is a tenth of ACCURACY."""
+
+TOUCH = float(np.nextafter(0.0, 1.0))
+"""The least distance [m] of two things that do not touch."""
+
+FIRST = 16
+"""Intervals into which a motion is cut to begin with."""
+
+
+@dataclass(frozen=True, eq=False)
+class Swept(Value):
+    """A gap along a motion.
+
+    s (k,): where it was looked at, as numbers of samples from 0, rising; d (k,): the distances there [m];
+    bound: what the distance is at least on the whole motion, joints going straight from sample to sample [m].
+    """
+
+    gap: Gap
+    s: Vector
+    d: Vector
+    bound: float
+
+    @property
+    def least(self) -> float:
+        """The least distance found [m]."""
+        return float(self.d.min())
+
+    @property
+    def least_at(self) -> float:
+        """Where it is, as a number of a sample."""
+        return float(self.s[int(np.argmin(self.d))])
+
+    def stretches(self, limit: float) -> list[tuple[float, float, float, float]]:
+        """(first s, last s, least distance there, its s) of each stretch on which the distance is below a limit."""
+        edges = np.diff(np.concatenate([[0], ~keeps(self.d, limit), [0]]).astype(int))
+        found = []
+        for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+            k = a + int(np.argmin(self.d[a:b]))
+            found.append((float(self.s[a]), float(self.s[b - 1]), float(self.d[k]), float(self.s[k])))
+        return found
+
+
+def sweep(robot: Robot, gaps: Sequence[Gap], q: Matrix, limits: Sequence[float]) -> list[Swept]:
+    """Every gap along the joints q (k, n), which go straight from sample to sample.
+
+    Between two postures whose distances are d and e, and over which points of the two things move by S at most towards
+    each other, the distance is at least (d + e - S) / 2. An interval is halved until that is no less than its limit
+    [m] and than the least distance less `ACCURACY`, that of the pairs with the largest limit: those with a smaller one
+    are not held against the clearance, and do not tell it.
+    """
+    if not gaps:
+        return []
+    near = max(*limits, TOUCH)
+    judged = [i for i, limit in enumerate(limits) if limit == max(limits)]
+    walks = [np.concatenate([[0.0], np.cumsum(np.abs(np.diff(q, axis=0)) @ gap.weights)]) for gap in gaps]
+    starts = np.unique(np.linspace(0, len(q) - 1, FIRST + 1).astype(int)).astype(float)
+    known = [dict.fromkeys(starts.tolist(), 0.0) for _ in gaps]
+    _look(robot, gaps, q, known, [starts for _ in gaps], near)
+    bounds = np.full(len(gaps), np.inf)
+    waiting = [(starts[:-1], starts[1:]) for _ in gaps]
+    if len(q) == 1:
+        bounds = np.array([distances[0.0] for distances in known])
+    while any(len(a) for a, _ in waiting):
+        best = min(min(known[i].values()) for i in judged)
+        asked: list[Vector] = []
+        for i, (a, b) in enumerate(waiting):
+            d, e = (np.array([known[i][s] for s in ends.tolist()]) for ends in (a, b))
+            step = _at(walks[i], b) - _at(walks[i], a)
+            bound, limit = (d + e - step) / 2, max(limits[i], TOUCH)
+            inside = (d < limit) & (e < limit) & ((d + e + step) / 2 < limit)
+            own = min(known[i].values()) - ACCURACY
+            least = max(limit, best - ACCURACY) if i in judged else limit
+            want = np.where(inside, bound < own, bound < least)
+            split = want & ((b - a > 1) | ((step > FINE) & ((bound < own) | ((d >= limit) & (e >= limit)))))
+            bounds[i] = min(bounds[i], float(bound[~split].min(initial=np.inf)))
+            middle = (a[split] + b[split]) / 2
+            middle = np.where(b[split] - a[split] > 1, np.floor(middle), middle)
+            asked.append(middle)
+            waiting[i] = (np.concatenate([a[split], middle]), np.concatenate([middle, b[split]]))
+        _look(robot, gaps, q, known, asked, near)
+    found = []
+    for gap, distances, bound in zip(gaps, known, bounds, strict=True):
+        s = np.array(sorted(distances))
+        d = np.array([distances[x] for x in s.tolist()])
+        found.append(Swept(gap, s, d, min(float(bound), float(d.min()))))
+    return found
+
+
+def postures_at(q: Matrix, s: Vector) -> Matrix:
+    """The joints at numbers of samples s (k,), which need not be whole."""
+    low = np.minimum(np.floor(s).astype(int), max(len(q) - 2, 0))
+    high = np.minimum(low + 1, len(q) - 1)
+    share = (s - low)[:, None]
+    return (1 - share) * q[low] + share * q[high]
+
+
+def _look(
+    robot: Robot, gaps: Sequence[Gap], q: Matrix, known: list[dict[float, float]], asked: list[Vector],
+    near: float,
+) -> None:  # fmt: skip
+    """Find the distances of each gap at its places, and note them."""
+    places = np.unique(np.concatenate(asked))
+    if not len(places):
+        return
+    frames = joint_frames(robot, postures_at(q, places))
+    for gap, distances, s in zip(gaps, known, asked, strict=True):
+        if len(s):
+            rows: Indices = np.searchsorted(places, s)
+            distances.update(zip(s.tolist(), gap.distances(frames, rows, near).tolist(), strict=True))
+
+
+def _at(walk: Vector, s: Vector) -> Vector:
+    return np.interp(s, np.arange(len(walk)), walk)
+
+
+POSTURES = 200
+"""Random postures within the limits at which pairs are looked at, to find those that always touch."""
+
+ADJACENT = "parent and child"
+ALWAYS = f"they touch at each of {POSTURES} random postures"
+NEAR = f"nearer than the clearance at each of {POSTURES} random postures, so only collisions are told"
+ASKED = "allowed to touch"
+
+LEVEL = 1e-9
+"""By how much a plane for which a floor stands may be tilted [-], or be above it [m]: round-off."""
+
+ALL = "*"
+"""In a pair that may touch: all other things."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs(Value):
+    """Gaps to look at, the distance asked of each [m], what is not looked at, and the clearance that was wanted [m]."""
+
+    gaps: tuple[Gap, ...]
+    limits: tuple[float, ...]
+    left_out: tuple[LeftOut, ...]
+    unseen: tuple[Unseen, ...]
+    wanted: float
+
+    @property
+    def unread(self) -> str:
+        """That nothing can be told of links whose shapes could not be read, and why; empty where all were read."""
+        first = next((one.reason for one in self.unseen if one.unread), "")
+        return f"{cannot_tell(self.unseen)} ({first})" if first else ""
+
+
+def _readable(shapes: Sequence[LinkShape]) -> tuple[list[LinkShape], list[tuple[LinkShape, str]]]:
+    """The shapes that can be looked at, and the others with the reason."""
+    faults = [(shape, shape.shape.fault) for shape in shapes]
+    return [s for s, fault in faults if not fault], [(s, fault) for s, fault in faults if fault]
+
+
+def pairs_of(
+    robot: Robot, obstacles: Sequence[LinkShape], q: Matrix, *, clearance: float, floor: float | None,
+    self_collision: bool, ignore: Sequence[tuple[str, str]],
+) -> Pairs:  # fmt: skip
+    """The pairs of a robot among obstacles, for a motion q (k, n). Raises: UnknownNameError: an unknown link.
+
+    Links that do not move against each other are no pair, nor are such links and what stands still.
+    """
+    good, faulty = _readable([*robot.shapes, *obstacles])
+    links = links_of([shape for shape in good if not shape.obstacle])
+    things = links_of([shape for shape in good if shape.obstacle])
+    names = [link.name for link in (*links, *things)] + [shape.link for shape, _ in faulty]
+    _known(ignore, names if floor is None else [*names, FLOOR])
+    allowed, every = _Allowed(ignore), [*robot.shapes, *obstacles]
+    unseen = [
+        Unseen(one.link, fault, _asked_about(one, every, allowed, floor, self_collision)) for one, fault in faulty
+    ]
+    if not all(isinstance(shape.shape, Capsule) for shape in robot.shapes):  # a link without length has no capsule
+        bare = sorted({*range(len(robot.joints))} - {shape.joint for shape in robot.shapes})
+        unseen += [Unseen(robot.joints[j].name, "no shape moves with this joint") for j in bare]
+    travel = _travel(robot, q)
+    parents = [_parent(robot, links, link) for link in links]
+    left_out, gaps, tested = [], [], []
+    for i, one in enumerate(links):
+        for thing in things if one.joint >= 0 else ():
+            if (one.name, thing.name) in allowed:
+                left_out.append(LeftOut((one.name, thing.name), ASKED))
+            else:
+                gaps.append(link_gap(robot, one, thing, travel))
+        for j, other in enumerate(links[:i] if self_collision else ()):
+            pair = (other.name, one.name)
+            if one.joint == other.joint:
+                continue  # they never move against each other
+            if pair in allowed:
+                left_out.append(LeftOut(pair, ASKED))
+            elif other is parents[i] or one is parents[j]:
+                left_out.append(LeftOut(pair, ADJACENT))
+            else:
+                tested.append(link_gap(robot, other, one, travel))
+    limits = [clearance] * len(gaps)
+    for gap, values in zip(tested, _at_random(robot, tested, clearance), strict=True):
+        if values.max(initial=-np.inf) <= 0:
+            left_out.append(LeftOut(gap.names, ALWAYS))
+            continue
+        if values.max() < clearance:
+            left_out.append(LeftOut(gap.names, NEAR))
+        gaps.append(gap)
+        limits.append(0.0 if values.max() < clearance else clearance)
+    for link in links:
+        if floor is None or link.joint < 0:
+            continue
+        if (link.name, FLOOR) in allowed:
+            left_out.append(LeftOut((link.name, FLOOR), ASKED))
+        else:
+            gaps.append(floor_gap(robot, link, floor, travel))
+            limits.append(clearance)
+    return Pairs(tuple(gaps), tuple(limits), tuple(left_out), tuple(unseen), clearance)
+
+
+class _Allowed:
+    """The pairs of names that may touch."""
+
+    def __init__(self, pairs: Sequence[tuple[str, str]]) -> None:
+        self.pairs = {frozenset(pair) for pair in pairs}
+
+    def __contains__(self, names: tuple[str, str]) -> bool:
+        asked = (names, *((name, ALL) for name in names)) if self.pairs else ()
+        return any(frozenset(pair) in self.pairs for pair in asked)
+
+
+def _asked_about(
+    one: LinkShape, every: Sequence[LinkShape], allowed: _Allowed, floor: float | None, self_collision: bool
+) -> bool:
+    """Whether a shape may meet a thing that it may not touch."""
+    up, height = one.placement[2, 2:]
+    level = isinstance(one.shape, Unread) and one.shape.plane and up > 1 - LEVEL
+    if level and floor is not None and floor >= height - LEVEL:
+        return False  # the floor stands for it
+    rivals = [FLOOR] if floor is not None and not one.obstacle and one.joint >= 0 else []
+    for other in every:
+        if one.obstacle or other.obstacle:
+            meet = one.obstacle != other.obstacle and max(one.joint, other.joint) >= 0
+        else:
+            meet = self_collision and one.joint != other.joint
+        rivals += [other.link] if meet else []
+    return any((one.link, name) not in allowed for name in rivals)
+
+
+def _known(ignore: Sequence[tuple[str, str]], names: Sequence[str]) -> None:
+    for name in (name for pair in ignore for name in pair):
+        if name != ALL and name not in names:
+            raise UnknownNameError("link or obstacle", name, tuple(dict.fromkeys(names)))
+
+
+def _travel(robot: Robot, q: Matrix) -> Vector:
+    """The farthest that each joint of the tree is from its zero in a motion (joints,)."""
+    values = [np.abs(joint.multiplier * q[:, joint.coordinate] + joint.offset).max() for joint in robot.joints]
+    return np.array(values)
+
+
+def _parent(robot: Robot, links: Sequence[Link], link: Link) -> Link | None:
+    """The link with shapes on which one hangs, if only links without shapes are between. See `LinkShape.parent`."""
+    own, rest = link.shapes[0], [one for one in links if not one.shapes[0].carried]
+    if own.carried and any(one.joint == link.joint for one in rest):
+        return None  # it is fixed to that
+    for joint in [*joints_above(robot.joints, link.joint)[1:], -1] if link.joint >= 0 else ():
+        there = [one for one in rest if one.joint == joint]
+        named = [one for one in there if one.name == own.parent]
+        if named:
+            return named[0]
+        if there and (own.parent is None or there[0].shapes[0].parent is None):
+            return there[0] if len(there) == 1 else None
+    return None
+
+
+def _at_random(robot: Robot, gaps: Sequence[Gap], near: float) -> list[Vector]:
+    """Distances of each gap at random postures; a hinge without limits turns once round, a slider stays in 1 m."""
+    lower, upper = robot.ranges(np.where(robot.hinges, np.pi, 0.5))
+    Q = np.random.default_rng(0).uniform(lower, upper, (POSTURES, robot.n))
+    frames = joint_frames(robot, Q)
+    return [gap.distances(frames, np.arange(POSTURES), near) for gap in gaps]

@@ -1,0 +1,820 @@
+"""`retime`: the joint curve of a trajectory, run through as fast as the limits of the joints allow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from ..base.arguments import typed
+from ..base.errors import ArgumentError
+from ..base.types import HUGE, ArrayLike, Flags, Indices, Matrix, Value, Vector, numbers, positive, whole
+from ..path.path import Poses, distinct
+from ..robot import GIVE_SPEEDS, Robot, speed_limits
+from .timed_trajectory import RATES, Limits, Slowdown, TimedTrajectory
+from .trajectory import Status, Trajectory
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+# --------------------------------------------------------------------------------------------------
+# `JointCurve`: the joints along a path without any time, q(s), as splines between the corners.
+# --------------------------------------------------------------------------------------------------
+
+DEGREE = 5
+"""Of the splines: up to the third derivative they have no jumps, so that jerks are defined."""
+
+CLOSED = 1e-12
+"""Difference [joint units] between the starts of cycles up to which one cycle stands for all: that of round-off. A
+controller at 1 kHz sees it as an acceleration of 1e-6."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch(Value):
+    """A smooth part of a curve: a spline through samples q (k, n) at s (k,), from 0; `round`: its end is its start.
+
+    s is the time of the untimed trajectory: s runs as a clock when the tool keeps the speed of its path.
+    """
+
+    s: Vector
+    q: Matrix
+    round: bool = False
+
+    def __post_init__(self) -> None:
+        from scipy.interpolate import make_interp_spline
+
+        super().__post_init__()
+        degree = min(DEGREE, len(self.s) - 1)
+        q, bounds = self.q, None
+        if self.round and degree == DEGREE:
+            q, bounds = np.vstack([self.q[:-1], self.q[:1]]), "periodic"
+        odd = degree - (degree in (2, 4))  # even splines are not uniquely given by their samples
+        object.__setattr__(self, "_spline", make_interp_spline(self.s, q, odd, bc_type=bounds))
+
+    @property
+    def length(self) -> float:
+        """Where s ends [s]."""
+        return float(self.s[-1])
+
+    def derivatives(self, s: Vector, most: int = 3) -> list[Matrix]:
+        """[q, dq/ds, ... to the order `most`], each (k, n); a round stretch goes on from its start beyond its end."""
+        inside = np.clip(s - self.length * np.floor(s / self.length) * self.round, 0.0, self.length)
+        spline: BSpline = self.__dict__["_spline"]
+        return [np.asarray(spline(inside, order)) for order in range(most + 1)]
+
+    def motion(self, s: Vector, rates: list[Vector]) -> list[Matrix]:
+        """[q, dq, ddq, dddq] of q(s(t)) from s and its three derivatives in time, by the chain rule."""
+        q, d1, d2, d3 = self.derivatives(s)
+        v, a, j = (rate[:, None] for rate in rates)
+        return [q, d1 * v, d2 * v**2 + d1 * a, d3 * v**3 + 3 * d2 * v * a + d1 * j]
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        super().__setstate__(state)
+        self.__post_init__()
+
+
+@dataclass(frozen=True, eq=False)
+class JointCurve(Value):
+    """The stretches of one cycle, or of all cycles where no two are alike; between them the joints must stand still."""
+
+    stretches: tuple[Stretch, ...]
+    repeats: bool
+
+    @property
+    def smooth(self) -> bool:
+        """True of a cycle that can be run again and again without a stop."""
+        return len(self.stretches) == 1 and self.stretches[0].round
+
+
+def joint_curve(trajectory: Trajectory) -> JointCurve:
+    """The curve of a trajectory. Raises: ArgumentError: it did not reach its end, or has no two samples."""
+    if trajectory.status is not Status.COMPLETE:
+        cure = "time one that was followed to its end"
+        raise ArgumentError("the trajectory", trajectory.status.cause, cure)
+    if len(trajectory) < 2:
+        raise ArgumentError("the samples of the trajectory", len(trajectory), "give at least two")
+    if not np.ptp(trajectory.q, axis=0).any():
+        raise ArgumentError("the motion of the joints", 0.0, "they all stand still: there is nothing to time")
+    marks = list(trajectory.marks)
+    repeats = len(marks) > 1 and bool(np.abs(trajectory.q[marks] - trajectory.q[0]).max() <= CLOSED)
+    last = marks[1] if repeats else len(trajectory) - 1
+    t, q = trajectory.t[: last + 1], trajectory.q[: last + 1]
+    kept = distinct(Poses(q, None), t)[1]  # samples that repeat the one before, of a piece of path as short as that
+    kept[-1] = last
+    corners = np.searchsorted(kept, [k for k in trajectory.corners if 0 < k < last], side="right") - 1
+    ends = np.unique([0, *corners, len(kept) - 1]).tolist()
+    turns_round = repeats and len(ends) == 2 and 0 not in trajectory.corners
+    t, q = t[kept], q[kept]
+    stretches = [Stretch(t[a : b + 1] - t[a], q[a : b + 1], turns_round) for a, b in pairwise(ends)]
+    return JointCurve(tuple(stretches), repeats)
+
+
+# --------------------------------------------------------------------------------------------------
+# `TimeLaw`: how far along a curve one is at a time, s(t): quintic, time-optimal, and smoothed for
+# jerk.
+#
+# All laws but the quintic one have path accelerations that are constant, or linear in time, in
+# pieces.
+# --------------------------------------------------------------------------------------------------
+
+FINEST = 2_000
+"""Most points a cycle at which the time-optimal law looks at the limits. Twice as many change the time by 1e-5."""
+
+COARSEST = 600
+"""Fewest of them; joint curves with fewer samples get points between these."""
+
+FASTEST = 1e6
+"""Rate over the slowest bound of it at which the law passes where nothing moves, and nothing is limited."""
+
+STEPS_OF_RAMP, GROWTH = 64, 1.12
+"""First interval of a grid as a share of the shortest ramp, and each interval over the one before."""
+
+
+@dataclass(frozen=True, eq=False)
+class TimeLaw(Value):
+    """Polynomials in pieces: s = sum of c[j, i] (t - t_i)^j on [t_i, t_(i+1)], with t (pieces + 1,) from 0 [s]."""
+
+    t: Vector
+    c: Matrix
+
+    @property
+    def duration(self) -> float:
+        """Seconds that the law takes."""
+        return float(self.t[-1])
+
+    def slower(self, factor: float) -> TimeLaw:
+        """The same law in `factor` times the time."""
+        return replace(self, t=factor * self.t, c=self.c / factor ** np.arange(len(self.c))[:, None])
+
+    def at(self, t: Vector) -> list[Vector]:
+        """[s, ds/dt, second, third derivative] at times (k,); before the start and after the end it rests."""
+        index = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
+        found = self._on(index, np.clip(t, 0.0, self.duration) - self.t[index])
+        rest = (t < 0.0) | (t > self.duration)
+        return [found[0], *(np.where(rest, 0.0, f) for f in found[1:])]
+
+    def within(self, count: int) -> tuple[Vector, list[Vector]]:
+        """(t, `at`) at some `count` times, both ends of every piece among them, each as the piece itself has it."""
+        h = np.diff(self.t)
+        inner = np.maximum(5, np.ceil(count * h / self.duration).astype(int))
+        index = np.repeat(np.arange(len(h)), inner)
+        share = (np.arange(len(index)) - np.repeat(np.cumsum(inner) - inner, inner)) / (inner[index] - 1)
+        return self.t[index] + share * h[index], self._on(index, share * h[index])
+
+    def _on(self, index: Indices, x: Vector) -> list[Vector]:
+        c, found = self.c, []
+        for _ in range(4):
+            value = np.zeros(len(x))
+            for row in c[::-1]:
+                value = value * x + row[index]
+            found.append(value)
+            c = c[1:] * np.arange(1, len(c))[:, None] if len(c) > 1 else np.zeros_like(c)
+        return found
+
+
+def quintic(length: float) -> TimeLaw:
+    """s = L (10 x^3 - 15 x^4 + 6 x^5) with x = t: at rest, and without acceleration, at both ends; takes one second."""
+    return TimeLaw(np.array([0.0, 1.0]), length * np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])[:, None])
+
+
+def smoothed(law: TimeLaw, window: float) -> TimeLaw:
+    """The moving average of a law of constant accelerations over a window [s]: its accelerations change evenly.
+
+    It ends where the law ends, takes `window` longer, and its path jerk is at most the largest jump of two
+    accelerations a window apart, divided by the window.
+    """
+    t = np.unique(np.concatenate([law.t, law.t + window]))
+    t = t[np.concatenate([[True], np.diff(t) > 1e-12 * t[-1]])]
+    t[-1] = law.duration + window
+    middle = (t[:-1] + t[1:]) / 2
+    jerk = (law.at(middle)[2] - law.at(middle - window)[2]) / window
+    start = np.concatenate([[0.0], np.cumsum(jerk * np.diff(t))[:-1]])
+    return _of_accelerations(t, start, jerk, float(law.at(law.t[-1:])[0][0]))
+
+
+def time_optimal(
+    stretch: Stretch,
+    laps: int,
+    velocity: Vector,
+    acceleration: Vector,
+    jerk: Vector,
+    speed: float,
+    bare: TimeLaw | None = None,
+) -> TimeLaw:
+    """The fastest law from rest to rest over some laps of a stretch, by reachability [PP18], that keeps ds/dt <= speed.
+
+    Where the curve alone, at even ds/dt, would take more than half of a joint's jerk, ds/dt is bounded so that it
+    does not: |d^3 q / ds^3| (ds/dt)^3 <= jerk / 2.
+
+    Args:
+        bare: the law without a limit of jerk: then accelerations are bounded to what is worth while under one,
+            see `_gentle`.
+
+    Raises:
+        ArgumentError: none was found.
+    """
+    grid = _grid(stretch)
+    _, d1, d2, d3 = stretch.derivatives(grid)
+    with np.errstate(divide="ignore"):
+        unit = 1.0 / float(
+            np.minimum(_caps(d1, d3, velocity, jerk, speed), np.sqrt(acceleration / np.abs(d2)).min(axis=1)).min()
+        )
+    unit = unit if unit > 0.0 else float(np.sqrt((np.abs(d1) / acceleration).max() / stretch.length))
+    s = np.concatenate([[0.0], *(grid[1:] + lap * stretch.length for lap in range(laps))])
+    s = _graded(stretch, s, velocity, acceleration, jerk, speed)
+    _, d1, d2, d3 = stretch.derivatives(s)
+    caps = _caps(d1, d3, velocity, jerk, speed)
+    less = np.ones(len(s)) if bare is None else _gentle(bare, s, d1, jerk)
+    rates = _fastest(s, d1, d2, less[:, None] * acceleration, np.minimum(caps, FASTEST / unit))
+    if not np.isfinite(rates).all() or not (rates[:-1] + rates[1:]).min() > 0:
+        raise ArgumentError("the limits", acceleration.tolist(), "no motion was found within them: give larger ones")
+    h = 2 * np.diff(s) / (rates[:-1] + rates[1:])
+    t = np.concatenate([[0.0], np.cumsum(h)])
+    c = np.vstack([s[:-1], rates[:-1], np.diff(rates) / h / 2])
+    return TimeLaw(t, c)
+
+
+def _caps(d1: Matrix, d3: Matrix, velocity: Vector, jerk: Vector, speed: float) -> Vector:
+    with np.errstate(divide="ignore"):
+        most = np.minimum(speed, (velocity / np.abs(d1)).min(axis=1))
+        return np.minimum(most, np.cbrt(0.5 * jerk / np.abs(d3)).min(axis=1))
+
+
+def _graded(stretch: Stretch, s: Vector, velocity: Vector, acceleration: Vector, jerk: Vector, speed: float) -> Vector:
+    """The grid with more points where a law begins and ends, dense enough for the ramps there.
+
+    A ramp at the least acceleration of the joints to the rate v that is allowed takes v^2 / (2 a) of the way. The grid
+    begins with a share of that, and each interval is longer than the last one by the same factor.
+    """
+    found = [s]
+    _, d1, _, d3 = stretch.derivatives(s[[0, -1]])
+    for end, rate, fall in zip((0, 1), _caps(d1, d3, velocity, jerk, speed), np.abs(d1), strict=True):
+        ramp = rate**2 * float((fall / acceleration).max()) / 2
+        widest = s[1] if end == 0 else s[-1] - s[-2]
+        first = ramp / STEPS_OF_RAMP
+        if 0.0 < first < widest:
+            steps = first * GROWTH ** np.arange(int(np.log(widest / first) / np.log(GROWTH)) + 1)
+            off = np.cumsum(steps)
+            off = off[off < s[-1] / 2]
+            found.append(s[-1] - off if end else off)
+    joined = np.unique(np.concatenate(found))
+    return joined[np.concatenate([[True], np.diff(joined) > 1e-13 * joined[-1]])]
+
+
+def _gentle(bare: TimeLaw, s: Vector, d1: Matrix, jerk: Vector) -> Vector:
+    """Shares (k,) of the accelerations to which a law is bounded before it is smoothed.
+
+    A change of the rate by v at the acceleration a, smoothed over a / j, takes v / a + a / j: least at a = sqrt(v j).
+    More acceleration is no gain; so it is bounded by that in each part of the law that only speeds up, or slows down.
+    """
+    h, a = np.diff(bare.t), 2 * bare.c[2]
+    start = bare.c[0]
+    with np.errstate(divide="ignore"):
+        allowed = (jerk / np.abs(d1)).min(axis=1)
+    side = np.sign(a) * (np.abs(a) > 1e-6 * np.abs(a).max())
+    edges = np.flatnonzero(np.diff(side)) + 1
+    less = np.ones(len(s))
+    for part in np.split(np.arange(len(a)), edges):
+        if side[part[0]] == 0:
+            continue
+        v, peak = abs(float((a[part] * h[part]).sum())), float(np.abs(a[part]).max())
+        low, high = start[part[0]], start[part[-1] + 1] if part[-1] + 1 < len(start) else s[-1]
+        inside = (s >= low) & (s <= high)
+        share = min(1.0, float(np.sqrt(v * allowed[inside].min())) / peak)
+        longer = (high - low) / share
+        less[(s >= low - longer) & (s <= high + longer)] *= share
+    return np.maximum(less, 1e-6)
+
+
+def _fastest(s: Vector, d1: Matrix, d2: Matrix, acceleration: Matrix, most: Vector) -> Vector:
+    """ds/dt (k,) at s (k,), the greatest from rest to rest with |q''| <= acceleration (k, n) and ds/dt <= most [PP18].
+
+    With an even path acceleration u between two points, x = (ds/dt)^2 goes over into y = x + 2 h u, and the joints have
+    q'' = d1 u + d2 x at the first point and d1 u + d2 y at the second: |a x + b y| <= 1, a row a joint and a point. All
+    such rows hold for x = y = 0. So from 0 to some greatest x the end can be reached at rest.
+    """
+    h = 2 * np.diff(s)[:, None]
+    e1, e2 = d1 / acceleration, d2 / acceleration
+    a = np.hstack([e2[:-1] - e1[:-1] / h, -e1[1:] / h])
+    b = np.hstack([e1[:-1] / h, e2[1:] + e1[1:] / h])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        p, q = 1 / np.abs(a), 1 / np.abs(b)
+        r, w = np.where(a == 0, 0.0, b / a), np.where(b == 0, 0.0, a / b)
+    bound = most**2
+
+    # The greatest x of each interval, whatever follows: that which two rows allow, or one and the bounds of x and y.
+    x = np.minimum(bound[:-1], np.maximum(p, p - r * bound[1:, None]).min(axis=1))
+    for k in range(1, a.shape[1]):
+        crossed = np.abs(a[:, k:] * b[:, :-k] - a[:, :-k] * b[:, k:])
+        both = np.abs(b[:, k:]) + np.abs(b[:, :-k])
+        x = np.minimum(x, np.divide(both, crossed, out=np.full_like(both, np.inf), where=crossed > 0).min(axis=1))
+    # The least y that it goes over into: up to there a greater y allows a greater x.
+    y = np.clip(np.where(b == 0, 0.0, -q - w * x[:, None]).max(axis=1), 0.0, bound[1:])
+
+    # Backward: the greatest x from which the next point's can be reached.
+    reach = np.append(x, 0.0)
+    for i in range(len(h) - 1, -1, -1):
+        reach[i] = min(x[i], np.minimum.reduce(p[i] - r[i] * min(y[i], reach[i + 1])))
+    # Forward: the greatest x that can be reached.
+    x = np.zeros(len(s))
+    for i in range(len(h)):
+        x[i + 1] = max(0.0, min(reach[i + 1], np.minimum.reduce(q[i] - w[i] * x[i])))
+    return np.sqrt(x)
+
+
+def _grid(stretch: Stretch) -> Vector:
+    """Points of s: all samples with as many between as make it fine; evenly spread where the samples are too many."""
+    count = len(stretch.s) - 1
+    if count > FINEST:
+        return np.linspace(0.0, stretch.length, FINEST + 1)
+    parts = -(-COARSEST // count)
+    share = np.arange(parts) / parts
+    inner = stretch.s[:-1, None] + share * np.diff(stretch.s)[:, None]
+    return np.append(inner.ravel(), stretch.length)
+
+
+def _of_accelerations(t: Vector, a: Vector, jerk: Vector, length: float) -> TimeLaw:
+    """The law from rest of accelerations a + jerk (t - t_i) in pieces, made to end at s = length."""
+    h = np.diff(t)
+    v = np.concatenate([[0.0], np.cumsum(h * (a + h * jerk / 2))[:-1]])
+    s = np.concatenate([[0.0], np.cumsum(h * (v + h * (a / 2 + h * jerk / 6)))])
+    return TimeLaw(t, np.vstack([s[:-1], v, a / 2, jerk / 6]) * (length / s[-1]))
+
+
+# --------------------------------------------------------------------------------------------------
+# `_fastest_trapezoid`: one ramp up, a constant rate, one ramp down; each ramp is as short as its own
+# place allows.
+#
+# A ramp takes T seconds from rest to the path rate V, over the length V T / 2. Its acceleration
+# rises for a share w of T, stays, and falls for the same share; w = 0 is even acceleration, for
+# where no jerk is limited. On a straight curve this is T = V/a + a/j, or 2 sqrt(V/j) where the
+# limit a of the acceleration is not reached.
+# --------------------------------------------------------------------------------------------------
+
+RISES = np.concatenate([np.geomspace(0.01, 0.2, 7), np.linspace(0.225, 0.5, 12)])
+"""Shares of a ramp in which its acceleration rises; the one with the shortest ramp is taken: 5 % lie between two."""
+
+LADDER = 24
+"""Times of a ramp that are tried at first, evenly spread by their logarithms; the shortest that holds is refined."""
+
+HALVINGS = 12
+"""Of the interval between two of them: the last one is narrower by 4,096."""
+
+RATES_TRIED, NARROWER, ROUNDS = 24, 50.0, 6
+"""Constant rates tried at once, the greatest over the least of them, and rounds before it is given up."""
+
+ROUND_OFF = 1.0 + 1e-9
+"""By which a rate may be above what a straight curve allows, whose derivatives are known to so much."""
+
+
+def _fastest_trapezoid(stretch: Stretch, laps: int, bounds: tuple[Vector, Vector, Vector], speed: float) -> TimeLaw:
+    """The fastest such law over some laps of a stretch, within limits (n,) of speed, acceleration and jerk.
+
+    Raises:
+        ArgumentError: none was found.
+    """
+    length = laps * stretch.length
+    rises = RISES if np.isfinite(bounds[2]).any() else np.zeros(1)
+    grid = np.linspace(0.0, stretch.length, 2 * FINEST + 1)
+    _, d1, d2, d3 = stretch.derivatives(grid)
+    with np.errstate(divide="ignore"):
+        caps = np.minimum(speed, (bounds[0] / np.abs(d1)).min(axis=1))
+        caps = np.minimum(caps, np.sqrt(bounds[1] / np.abs(d2)).min(axis=1))
+        caps = np.minimum(caps, np.cbrt(bounds[2] / np.abs(d3)).min(axis=1))
+        liveliest = (bounds[1] / np.abs(d1)).min(axis=1)
+    s = np.concatenate([grid[:-1] + lap * stretch.length for lap in range(laps)])
+    caps_all = np.tile(caps[:-1], laps)
+    top = min(float(caps.max()), 2.0 * float(np.sqrt(length * liveliest[np.isfinite(liveliest)].max())))
+
+    def tried(rates: Vector, rises: Vector) -> tuple[float, float, tuple[float, float], tuple[float, float]]:
+        """(seconds, rate, ramps (T, w) at both ends) of the fastest of some rates; infinite where none holds."""
+        up, down = (_ramps(stretch, length, bounds, rates, rises, end) for end in (False, True))
+        best = np.inf, 0.0, (0.0, 0.0), (0.0, 0.0)
+        for k, rate in enumerate(rates.tolist()):
+            first, last = rate * up[0][k] / 2, length - rate * down[0][k] / 2
+            if not first <= last * (1 + 1e-12) or rate > ROUND_OFF * caps_all[(s >= first) & (s <= last)].min(
+                initial=np.inf
+            ):
+                continue
+            seconds = length / rate + (up[0][k] + down[0][k]) / 2
+            if seconds < best[0]:
+                best = seconds, rate, (up[0][k], up[1][k]), (down[0][k], down[1][k])
+        return best
+
+    at_once = tried(np.array([top, min(top, float(caps.min()))]), rises)
+    if sum(ramp[0] for ramp in at_once[2:]) < at_once[0] / 4 < np.inf:  # ramps do not pay for a lower rate
+        return _law(length, *at_once[1:])
+    for attempt in range(ROUNDS):
+        rates = np.geomspace(1.0, 1.0 / NARROWER, RATES_TRIED) * top / NARROWER**attempt
+        best = tried(rates, rises[::3])
+        if np.isfinite(best[0]):
+            break
+    else:
+        raise ArgumentError("the limits", bounds[1].tolist(), "no trapezoidal motion keeps them: give larger ones")
+    step = rates[0] / rates[1]
+    while step > 1.003:
+        finer = best[1] * np.geomspace(1 / step, step, 9)
+        best = min(best, tried(finer[finer <= rates[0]], rises), key=lambda found: found[0])
+        step **= 1 / 4
+    return _law(length, *best[1:])
+
+
+def _ramps(
+    stretch: Stretch, length: float, bounds: tuple[Vector, Vector, Vector], rates: Vector, rises: Vector, end: bool
+) -> tuple[Vector, Vector]:
+    """(T, w) of the shortest ramp to each rate (k,) that is within its limits; T is infinite where there is none."""
+    V, w = (x.ravel() for x in np.meshgrid(rates, rises, indexing="ij"))
+    longest = 2 * length / V
+    d1 = stretch.derivatives(np.array([stretch.length if end else 0.0]), 1)[1][0]
+    shortest = np.clip(0.25 * V * float((np.abs(d1) / bounds[1]).max()), 1e-9 * longest, 0.5 * longest)
+    ladder = shortest[:, None] * (longest / shortest)[:, None] ** np.linspace(0.0, 1.0, LADDER)
+    each = [np.repeat(x, LADDER) for x in (V, w)]
+    holds = _holds(stretch, length, bounds, each[0], each[1], ladder.ravel(), end).reshape(ladder.shape)
+    at = holds.argmax(axis=1)
+    rows = np.arange(len(V))
+    low, high = ladder[rows, np.maximum(at - 1, 0)], ladder[rows, at]
+    for _ in range(HALVINGS):
+        middle = np.sqrt(low * high)
+        good = _holds(stretch, length, bounds, V, w, middle, end)
+        low, high = np.where(good, low, middle), np.where(good, middle, high)
+    found = np.where(holds.any(axis=1), high, np.inf).reshape(len(rates), len(rises))
+    best = found.argmin(axis=1)
+    return found[np.arange(len(rates)), best], rises[best]
+
+
+def _holds(
+    stretch: Stretch, length: float, bounds: tuple[Vector, Vector, Vector], V: Vector, w: Vector, T: Vector, end: bool
+) -> Flags:
+    """Which ramps (k,) are within all limits, looked at at nine points of each of their three pieces."""
+    share = np.linspace(0.0, 1.0, 9)
+    rise, height = w[:, None], (1.0 / (1.0 - w))[:, None]
+    x = np.hstack([rise * share, rise + (1 - 2 * rise) * share, 1 - rise + rise * share])
+    piece = np.repeat([0, 1, 2], len(share))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.where(rise > 0, height / rise, 0.0)
+    near = np.where(piece == 2, 1 - x, x)  # the last piece is the first one, turned
+    early = np.array([height * near, slope * near**2 / 2, slope * near**3 / 6])
+    early[0] = np.where(rise > 0, slope * near, height)
+    late = [height + 0 * x, height * (rise / 2 + x - rise), height * (rise**2 / 6 + (x - rise) * x / 2)]
+    bend = np.where(piece == 1, late[0], early[0])
+    fast = np.where(piece == 0, early[1], np.where(piece == 1, late[1], 1 - early[1]))
+    way = np.where(piece == 0, early[2], np.where(piece == 1, late[2], x - 0.5 + early[2]))
+    jump = slope * np.where(piece == 0, 1.0, np.where(piece == 1, 0.0, -1.0))
+    V, T = V[:, None], T[:, None]
+    s, a = V * T * way, V / T * bend
+    s, a = (length - s, -a) if end else (s, a)
+    rates = [V * fast, a, V / T**2 * jump]
+    found = stretch.motion(s.ravel(), [x.ravel() for x in rates])[1:]
+    worst = np.max([np.abs(x / limit).max(axis=1) for x, limit in zip(found, bounds, strict=True)], axis=0)
+    return (worst <= 1.0).reshape(x.shape).all(axis=1)
+
+
+def _law(length: float, rate: float, up: tuple[float, float], down: tuple[float, float]) -> TimeLaw:
+    steps: list[tuple[float, float, float]] = []  # (seconds, acceleration at the start, jerk) of each piece
+    for sign, (T, w) in ((1.0, up), (0.0, (length / rate - (up[0] + down[0]) / 2, 0.0)), (-1.0, down)):
+        if sign == 0.0:
+            steps.append((T, 0.0, 0.0))
+            continue
+        a = sign * rate / (T * (1 - w))
+        slope = a / (w * T) if w else 0.0
+        steps += [(w * T, 0.0, slope), ((1 - 2 * w) * T, a, 0.0), (w * T, a, -slope)]
+    total = sum(h for h, _, _ in steps)
+    kept = np.array([step for step in steps if step[0] > 1e-12 * total]).T
+    return _of_accelerations(np.concatenate([[0.0], np.cumsum(kept[0])]), kept[1], kept[2], length)
+
+
+Profile = Literal["time-optimal", "trapezoidal", "quintic"]
+"""The kinds of speed profiles."""
+
+WINDOWS, FINER = 12, 2
+"""Windows of smoothing between a step and half of the time, of which the fastest is taken; and how often as many more
+are tried about it: 3 % lie between the last ones."""
+
+ROUGHLY = 500
+"""Instants at which laws are compared; at those of `FINEST` and more the chosen one is looked at."""
+
+TRIES = 20
+"""Times that a motion is slowed by a step or more because a sample exceeds a limit; none or one is needed. What is left
+then is the round-off of differences, 2e-9 rad/s^2 at 1 kHz, which no slower motion has less of."""
+
+STEADY = 1e-6
+"""Relative difference of the path speeds at both ends of a cycle up to which it may be repeated;
+that of accelerations may be a thousand times as large, for they are its differences on the grid."""
+
+BETWEEN = 17
+"""Instants within a step at which it is asked which limit binds."""
+
+BINDS = 0.9
+"""Share of a limit from which on it is said to bind; below it is the shape of the profile that takes the time."""
+
+ALMOST = 0.99
+"""Share of the largest share from which on a sample counts when it is asked which limit binds in most of a part."""
+
+EVEN = 1e-6
+"""Relative change of the path speed from sample to sample up to which it is constant."""
+
+SLOW = 2e-3
+"""Share by which the path speed is below the one asked for before it is called slower: rounding up to whole steps of a
+controller takes a thousandth of it."""
+
+MOST_STEPS = 4_000_000
+"""Samples of a timed trajectory: an hour at 1 kHz, and a gigabyte for seven joints."""
+
+
+GIVE_VELOCITY = f"{GIVE_SPEEDS}, or give the motion its own: velocity= here or in [timing], where inf is no limit"
+"""What to do about a joint without a speed limit in a motion that is to be timed."""
+
+
+@typed
+def retime(
+    trajectory: Trajectory,
+    robot: Robot,
+    *,
+    acceleration: ArrayLike | None = None,
+    jerk: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    profile: Profile = "time-optimal",
+    speed: float | None = None,
+    cycles: int | None = None,
+    endless: bool = False,
+    dt: float = 0.001,
+) -> TimedTrajectory:
+    """Time a trajectory under limits of joint speed, acceleration and jerk, from rest to rest, at a controller's step.
+
+    The joints take the curve through the samples of the trajectory, quintic splines between the corners of the
+    path; at a corner they rest. Where all cycles are alike, as those of a holonomic strategy, one is timed for all.
+    The start and the end of every cycle, and every corner, are samples: the trajectory's own, to the last bit.
+
+    s(t) runs through the curve q(s) by one of three profiles, within every limit at every sample, by exact derivatives
+    and by differences of samples:
+
+    - "time-optimal": the fastest law under speed and acceleration, by reachability, TOPP-RA [PP18].
+    - "trapezoidal": a ramp up, a constant rate of s, a ramp down; each ramp is as short as its own place allows.
+    - "quintic": s = 10 x^3 - 15 x^4 + 6 x^5 of the time's share x, slowed until the limits hold.
+
+    A limit of the jerk gives trapezoids ramps whose acceleration rises and falls evenly. Time-optimal laws keep it by
+    a moving average of s(t), over the window that is the fastest in the end: the curve stays the same, since only the
+    time along it is smoothed. That is not the least time under a limit of jerk.
+
+    Args:
+        robot: whose limits of position, and of speed, hold.
+        acceleration: largest accelerations [rad/s^2 or m/s^2], one for all joints or (n,); needed for "time-optimal"
+            and "trapezoidal".
+        jerk: the same of the jerks; None for no limit.
+        velocity: the same of the speeds; by default the robot's `max_velocity`, of which no joint may lack one.
+            `math.inf` is no limit.
+        speed: a bound of the tool's speed, as a share of the speed with which the trajectory was followed: 1 keeps
+            the path's constant speed wherever the limits allow it. None for as fast as the limits allow.
+        cycles: runs of the cycle; by default as many as the trajectory has.
+        endless: three cycles of which the middle one may be repeated without end; see `TimedTrajectory.loop`. With a
+            corner in the path the joints rest in every cycle, and any cycle can be repeated.
+        dt: the controller's step [s].
+
+    Returns:
+        The motion at every step.
+
+    Raises:
+        ArgumentError: bad limits, or a joint without a speed limit; a trajectory that did not reach its end; cycles of
+        one that does not repeat.
+        ShapeError: limits that are not n numbers.
+    """
+    n = trajectory.q.shape[1]
+    if trajectory.joint_names != robot.joint_names:
+        raise ArgumentError("the robot", robot.name, "give the one that the trajectory is of")
+    if profile not in get_args(Profile):
+        raise ArgumentError("profile", profile, f"use one of {', '.join(get_args(Profile))}")
+    speeds = speed_limits(robot, GIVE_VELOCITY) if velocity is None else velocity
+    limits = Limits(
+        robot.lower, robot.upper, _limit("velocity", speeds, n),
+        _limit("acceleration", acceleration, n), _limit("jerk", jerk, n),
+    )  # fmt: skip
+    if profile != "quintic" and not np.isfinite(limits.acceleration).all():
+        raise ArgumentError("acceleration", acceleration, f"a {profile} profile needs that of every joint")
+    if not any(np.isfinite(getattr(limits, rate)).any() for rate in RATES) and speed is None:
+        raise ArgumentError("the limits", None, "give at least one of velocity, acceleration, jerk and speed")
+    most = np.inf if speed is None else positive("speed", speed)
+    curve = joint_curve(trajectory)
+    had = max(1, trajectory.cycles) if curve.repeats else 1
+    count = 3 if endless else had if cycles is None else whole("cycles", cycles)
+    if (endless or count > 1) and not curve.repeats:
+        raise ArgumentError("cycles", count, "the trajectory does not end where it started; retime it as a whole")
+    laps = count if curve.smooth else 1
+    plan = _Plan(limits, profile, most, positive("dt", dt))
+    parts = [plan.timed(_open(stretch) if laps == 1 else stretch, laps) for stretch in curve.stretches]
+    return _joined(trajectory, plan, parts, count // laps, endless)
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Samples of a stretch: [q, dq, ddq, dddq] (k, n), path speed (k,), indices of the laps' ends, seconds smoothed.
+
+    `taken` (k, 2): the largest share of a limit taken within half a step of a sample, and which one, counted through
+    rates and joints. It is known where the path speed is below that asked for.
+    """
+
+    rows: list[Matrix]
+    speed: Vector
+    taken: Matrix
+    ends: list[int]
+    window: float
+
+
+@dataclass(frozen=True)
+class _Plan:
+    limits: Limits
+    profile: Profile
+    speed: float
+    dt: float
+
+    def timed(self, stretch: Stretch, laps: int) -> _Part:
+        """A stretch, run through from rest to rest some laps long: with as few steps as keep the limits."""
+        run = min(laps, 3)
+        law, window = self._law(stretch, run)
+        ends = _lap_ends(law, stretch.length, run)
+        base = law.duration if run < 3 else ends[1] - ends[0]
+        wanted = self._slowing(stretch, law) * base / self.dt
+        if not wanted * laps <= MOST_STEPS:  # NaN and infinity included
+            cure = f"it takes {wanted * laps:.3g} steps: give a longer one, or larger limits"
+            raise ArgumentError("dt", self.dt, cure)
+        steps = max(2, int(np.ceil(wanted * (1 - 1e-12))))
+        part = self._sampled(stretch, law, steps * self.dt / base, laps, window)
+        for _ in range(TRIES):
+            worst = max(self.worst(part.rows[1:]), self.worst(_differences(part.rows[0], self.dt)))
+            if worst <= 1.0:
+                break
+            steps += 1 + int(steps * (worst - 1.0) / 4)
+            part = self._sampled(stretch, law, steps * self.dt / base, laps, window)
+        return part
+
+    def _law(self, stretch: Stretch, laps: int) -> tuple[TimeLaw, float]:
+        if self.profile == "quintic":
+            return quintic(laps * stretch.length), 0.0
+        if self.profile == "trapezoidal":
+            return _fastest_trapezoid(stretch, laps, self._bounds, self.speed), 0.0
+        bare = time_optimal(stretch, laps, *self._bounds, self.speed)
+        if not np.isfinite(self.limits.jerk).any():
+            return bare, 0.0
+        gentle = time_optimal(stretch, laps, *self._bounds, self.speed, bare)
+        law, w = bare, 0.5
+        least = min(0.1, self.dt / bare.duration)
+        tried = [
+            (law, w) for law in (bare, gentle) for w in np.geomspace(least, 0.5, WINDOWS).tolist()
+        ]  # a share of the time
+        step = (0.5 / least) ** (1 / (WINDOWS - 1))
+        for _ in range(1 + FINER):
+            taken = [
+                self._slowing(stretch, smoothed(law, w * law.duration), ROUGHLY) * law.duration * (1 + w)
+                for law, w in tried
+            ]
+            law, w = tried[int(np.argmin(taken))]
+            tried = [(law, w), *((law, x) for x in (w * np.geomspace(1 / step, step, WINDOWS)).tolist() if x <= 0.5)]
+            step **= 2 / (WINDOWS - 1)
+        return smoothed(law, w * law.duration), w * law.duration
+
+    def _slowing(self, stretch: Stretch, law: TimeLaw, count: int = 2 * FINEST) -> float:
+        """The factor of time by which every limit just holds, looked at at all pieces of the law and between."""
+        _, (s, *rates) = law.within(count)
+        found = stretch.motion(s, rates)[1:]
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            ratios = [
+                float(np.abs(x / limit).max()) ** (1.0 / order)
+                for order, (x, limit) in enumerate(zip(found, self._bounds, strict=True), 1)
+            ]
+        return max(*ratios, float(rates[0].max()) / self.speed)
+
+    @property
+    def _bounds(self) -> tuple[Vector, Vector, Vector]:
+        return self.limits.velocity, self.limits.acceleration, self.limits.jerk
+
+    def worst(self, rates: list[Matrix]) -> float:
+        """The largest share of a limit taken."""
+        pairs = zip(rates, self._bounds, strict=False)
+        return max(float(np.abs(x / limit).max()) for x, limit in pairs if len(x))
+
+    def _sampled(self, stretch: Stretch, law: TimeLaw, factor: float, laps: int, window: float) -> _Part:
+        """Samples at every step and at the end of every lap; the first and the last step may rest for a while."""
+        law = law.slower(factor)
+        run = min(laps, 3)
+        inner = _lap_ends(law, stretch.length, run)
+        if not inner:
+            count = round(law.duration / self.dt)
+            times = [np.append(np.arange(count) * self.dt, law.duration)]
+        else:
+            before, after = (int(np.ceil(x / self.dt - 1e-9)) for x in (inner[0], law.duration - inner[-1]))
+            middle = [a + self.dt * np.arange(1, 1 + round((b - a) / self.dt)) for a, b in pairwise(inner)]
+            first = np.append(inner[0] - self.dt * np.arange(before, 0, -1), inner[0])
+            times = [first, *middle * (laps - 2), np.append(inner[-1] + self.dt * np.arange(1, after), law.duration)]
+        ends = np.cumsum([len(part) for part in times]) - 1
+        when = np.concatenate(times)
+        s, *rates = law.at(when)
+        taken = self._taken(stretch, law, when, rates[0])
+        rates[0][[0, -1]] = 0.0
+        rows = stretch.motion(s, rates)
+        rows[0][0], rows[0][ends] = stretch.q[0], stretch.q[-1]
+        return _Part(rows, rates[0], taken, [int(i) for i in ends], factor * window)
+
+    def _taken(self, stretch: Stretch, law: TimeLaw, t: Vector, rate: Vector) -> Matrix:
+        """See `_Part`: looked at between the samples too, for a ramp may be shorter than a step."""
+        found = np.zeros((len(t), 2))
+        slow = np.flatnonzero(rate < (1.0 - SLOW) * self.speed) if np.isfinite(self.speed) else np.zeros(0, dtype=int)
+        for part in np.split(slow, range(10_000, len(slow), 10_000)):
+            if not len(part):
+                continue
+            near = np.clip(t[part, None] + self.dt * np.linspace(-0.5, 0.5, BETWEEN), 0.0, law.duration)
+            s, *rates = law.at(near.ravel())
+            moved = stretch.motion(s, rates)[1:]
+            shares = np.stack([np.abs(x / b) for x, b in zip(moved, self._bounds, strict=True)], axis=1)
+            shares = shares.reshape(len(part), BETWEEN, -1).max(axis=1)
+            found[part] = np.column_stack([shares.max(axis=1), shares.argmax(axis=1)])
+        return found
+
+
+def _open(stretch: Stretch) -> Stretch:
+    return Stretch(stretch.s, stretch.q)
+
+
+def _limit(what: str, given: ArrayLike | None, n: int) -> Vector:
+    """Limits (n,), infinite where there are none. Raises: ArgumentError, ShapeError."""
+    if given is None:
+        return np.full(n, np.inf)
+    found = numbers(what, given)
+    if found.shape not in ((), (n,)) or not ((found > 0) & ((found <= HUGE) | (found == np.inf))).all():
+        raise ArgumentError(what, given, f"give one positive number, or {n} of them, at most {HUGE:g}")
+    return np.broadcast_to(found, (n,))
+
+
+def _lap_ends(law: TimeLaw, length: float, laps: int) -> list[float]:
+    """Times at which all laps but the last end."""
+    from scipy.optimize import brentq
+
+    def past(t: float, lap: int) -> float:
+        return float(law.at(np.array([t]))[0][0]) - lap * length
+
+    found = [brentq(past, 0.0, law.duration, args=(lap,), xtol=1e-15) for lap in range(1, laps)]
+    return [float(t) for t in found]  # type: ignore[arg-type]  no RootResults, which are given when asked for
+
+
+def _differences(q: Matrix, dt: float) -> list[Matrix]:
+    """First and second differences of samples that begin and end at rest; the third drown in round-off."""
+    held = np.vstack([q[:1], q[:1], q, q[-1:], q[-1:]])
+    return [np.diff(held, order, axis=0) / dt**order for order in (1, 2)]
+
+
+def _joined(trajectory: Trajectory, plan: _Plan, parts: list[_Part], times: int, endless: bool) -> TimedTrajectory:
+    """One stretch after the other, the whole `times` times; the end of one is the start of the next."""
+    columns: list[list[Matrix]] = [[] for _ in range(6)]
+    stops: list[int] = []
+    marks = [0]
+    count = 1
+    for _ in range(times):
+        for part in parts:
+            skip = int(count > 1)
+            for column, rows in zip(columns, [*part.rows, part.speed, part.taken], strict=True):
+                column.append(rows[skip:])
+            laps = [count - 1 + end for end in part.ends]
+            count += part.ends[-1]
+            stops.append(count - 1)
+            if part is parts[-1]:
+                marks += laps
+    q, dq, ddq, dddq, speed, taken = (np.concatenate(column) for column in columns)
+    if len(marks) == max(2, len(trajectory.marks)):
+        q[marks[-1]] = trajectory.q[-1]
+    t = np.asarray(np.arange(len(q)) * plan.dt, dtype=float)
+    loop = (marks[1], marks[2]) if endless else None
+    if loop is not None:
+        jumps = [float(np.abs(x[loop[1]] - x[loop[0]]).max() / np.abs(x).max()) for x in (speed, ddq)]
+        if jumps[0] > STEADY or jumps[1] > 1e3 * STEADY:
+            cure = f"the second of three {plan.profile} cycles is not steady: give larger accelerations, or cycles="
+            raise ArgumentError("the jump of an endless cycle", max(jumps), cure)
+    slow = _slowdowns(trajectory, plan, t, speed, taken)
+    return TimedTrajectory(
+        trajectory, plan.limits, plan.profile, plan.dt, t, q, dq, ddq, dddq, speed, tuple(marks),
+        tuple(k for k in stops if k < len(q) - 1), loop, slow, max(part.window for part in parts),
+    )  # fmt: skip
+
+
+def _slowdowns(trajectory: Trajectory, plan: _Plan, t: Vector, speed: Vector, taken: Matrix) -> tuple[Slowdown, ...]:
+    """Where the path speed is below that asked for; a constant speed has a reason of its own, its ramps have theirs."""
+    if not np.isfinite(plan.speed):
+        return ()
+    slow = speed < (1.0 - SLOW) * plan.speed
+    still = np.concatenate([[False], np.abs(np.diff(speed)) <= EVEN * plan.speed])
+    even = still & np.concatenate([still[1:], [False]]) & (speed > SLOW * plan.speed)
+    kind = np.where(slow, 1 + even, 0)
+    edges = np.flatnonzero(np.diff(kind)) + 1
+    found = []
+    for part in np.split(np.arange(len(t)), edges):
+        if not kind[part[0]]:
+            continue
+        share = taken[part, 0].max()
+        among = taken[part[taken[part, 0] >= ALMOST * share], 1].astype(
+            int
+        )  # the last half step is also the next part's
+        rate, joint = divmod(int(np.bincount(among).argmax()), len(trajectory.joint_names))
+        least = float(speed[part].min() / plan.speed)
+        binds = share >= BINDS
+        name, limit = (trajectory.joint_names[joint], RATES[rate]) if binds else ("", f"{plan.profile} profile")
+        found.append(Slowdown(float(t[part[0]]), float(t[part[-1]]), least, name, limit))
+    return tuple(found)
