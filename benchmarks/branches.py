@@ -2,7 +2,7 @@
 
     python -m benchmarks.branches --targets 20000      # a quarter of an hour on two cores
 
-Random tool poses on five robots, reached straight from a start posture: by `hk.inverse`, by the exported C, and by a
+Random tool poses on five robots, reached straight from a start posture: by `hk.ik`, by the exported C, and by a
 continuation of its own: 3,000 Euler steps with a Newton correction each, which must be small beside the step, else
 the step is halved. Counted: answers that differ, answers where the continuation ends, poses refused that it reaches.
 """
@@ -176,7 +176,7 @@ def compare(case: Case, count: int, steps: int = STEPS, seed: int = 0) -> Count:
     """Inverse kinematics against the continuation; `by_c`: answers of the exported C that are not Python's."""
     poses = targets(case, count, seed)
     truth = Continuation(case, poses).run(steps)
-    ik = hk.inverse(case.strategy, case.start, limits=False)
+    ik = hk.ik(case.strategy, case.start, limits=False)
     c_ik = exported(case) if compiler() is not None else None
     different = refused = by_c = 0
     for pose, wanted in zip(poses, truth, strict=True):

@@ -50,7 +50,7 @@ def damped(robot: hk.Robot, damping: float) -> Law:
 
 def laws(robot: hk.Robot, poses: np.ndarray) -> dict[str, Law]:
     """Ours, what is usual, and the libraries that are installed."""
-    ik = hk.inverse(hk.holonomic(hk.pose(robot), hk.lock(2)), READY)
+    ik = hk.ik(hk.holonomic(hk.pose(robot), hk.lock(2)), READY)
     found = ik.batch(poses)
     known = {pose.tobytes(): q for pose, q, reached in zip(poses, found.q, found.reached, strict=True) if reached}
     fastest = robot.max_velocity * DT

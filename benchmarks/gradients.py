@@ -43,7 +43,7 @@ def main() -> int:
 
     count, rounds = (20, 1) if quick else (10_000, 12)
     robot = hk.load("panda")
-    ik = hk.inverse(hk.holonomic(hk.pose(robot), hk.arm_angle()), START)
+    ik = hk.ik(hk.holonomic(hk.pose(robot), hk.arm_angle()), START)
     joints = hk.learning.torch.inverse(ik)
     Q = START + np.random.default_rng(0).uniform(-0.2, 0.2, (count, robot.n))
     poses = np.stack([robot.pose(q) for q in Q])

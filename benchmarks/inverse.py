@@ -125,7 +125,7 @@ def any_order(ik: InverseKinematics, count: int) -> tuple[float, float]:
 def free_spins(robot: hk.Robot, count: int) -> tuple[float, float, bool]:
     """(time on poses spun about a free axis, over that on the same poses: of `ik(pose)`, of `ik.near` from an answer
     nearby; whether all joints are the same to 1e-9)."""
-    ik = hk.inverse(hk.holonomic(hk.pose(robot, "axis"), hk.lock(2, 6)), READY)
+    ik = hk.ik(hk.holonomic(hk.pose(robot, "axis"), hk.lock(2, 6)), READY)
     poses, rng = poses_of_the_box(count), np.random.default_rng(0)
     poses = poses[ik.batch(poses).reached]
     spun, near = poses.copy(), poses.copy()
@@ -161,7 +161,7 @@ def main(arguments: list[str] | None = None) -> int:
     for name, (strategy, start) in laws(robot).items():
         if given.quick and name != "joint 3 locked":
             continue
-        ik = hk.inverse(strategy, start, limits=False)
+        ik = hk.ik(strategy, start, limits=False)
         native = "native" in ik.engine
         count = (20 if native else 1) if given.quick else given.poses if native else 20
         t = measure(name, ik, count, 1 if given.quick or not native else 12)
@@ -174,7 +174,7 @@ def main(arguments: list[str] | None = None) -> int:
         shares = f"{t.reached:.1%} | {t.within:.1%}"
         label = name if native else f"{name} ({t.engine})"
         print(f"| {label} | {shares} | " + " | ".join([*map(cell, map(float, times)), *near]) + " |", flush=True)
-    ik = hk.inverse(*laws(robot)["joint 3 locked"], limits=False)
+    ik = hk.ik(*laws(robot)["joint 3 locked"], limits=False)
     count = 200 if given.quick else given.order
     difference, seconds = any_order(ik, count)
     lost = ik.batch(np.full((1, 4, 4), np.nan)).status[0]

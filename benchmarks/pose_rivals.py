@@ -175,7 +175,7 @@ def ours(robot: hk.Robot, start: np.ndarray, names: Iterable[str]) -> list[tuple
     task = hk.pose(robot)
     found: list[tuple[str, Begin]] = []
     for name in names:
-        ik = hk.inverse(LAWS[name](task, start), start)
+        ik = hk.ik(LAWS[name](task, start), start)
         found.append((f"holokin, {name}, `ik(pose)`", lambda _start, ik=ik: lambda pose: _or_none(lambda: ik(pose))))
         near = _from_last(lambda pose, seed, ik=ik: _or_none(lambda: ik.near(pose, seed)))
         found.append((f"holokin, {name}, `ik.near(pose, q)`", near))

@@ -149,7 +149,7 @@ class Examined:
         T = np.tile(np.eye(4), (min(BOTH, self.count), 1, 1))
         k = len(T)
         T[:, :3, :3], T[:, :3, 3] = self.R[:k], self.p[:k]
-        found = hk.inverse(self.problem.strategy, self.start, limits=False).batch(T)
+        found = hk.ik(self.problem.strategy, self.start, limits=False).batch(T)
         self.need(found.reached, "`batch` does not reach a pose")
         self.need(np.abs(found.q - self.q[:k])[found.reached] < 1e-7, "`batch` finds another posture")
         self.counts["of them by batch, too"] += k

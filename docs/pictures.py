@@ -112,11 +112,11 @@ def leaves() -> None:
     axes = figure.add_subplot(projection="3d", computed_zorder=False)
     x, y = np.meshgrid(np.linspace(-0.7, 0.7, 15), np.linspace(-0.7, 0.7, 9))
     for angle, alpha in ((0.85, 0.32), (1.35, 0.32)):
-        ik = hk.inverse(g, on_tool(0.0, 0.0, angle))
+        ik = hk.ik(g, on_tool(0.0, 0.0, angle))
         height = np.array([ik([a, b, 0.0])[2] for a, b in zip(x.flat, y.flat, strict=True)]).reshape(x.shape)
         axes.plot_surface(x, y, height, color=SKY, alpha=alpha, linewidth=0, zorder=1)
         axes.plot_wireframe(x, y, height, color=BLUE, linewidth=0.4, alpha=0.6, zorder=2)
-    start = hk.inverse(g, on_tool(0.0, 0.0, 0.85))([0.5, 0.0, 0.0])
+    start = hk.ik(g, on_tool(0.0, 0.0, 0.85))([0.5, 0.0, 0.0])
     tool = robot.pose(start)[:3, 3]
     loop = hk.circle(tool, center=tool - [0.5, 0, 0])
     for law, colour, label, cycles in (

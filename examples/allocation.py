@@ -43,5 +43,5 @@ together = stack(*(hk.linear(row) for row in ([1, -1, 0, 0, 0, 0], [0, 0, 1, -1,
 laws = {"pseudo-inverse": hk.moore_penrose(task), "pairs alike": hk.holonomic(task, together)}
 for name, law in laws.items():
     print(f"{name:14s}: {hk.drift(law, loop, u0, cycles=3)} off after 1, 2 and 3 loops")
-ik = hk.inverse(laws["pairs alike"], u0)
+ik = hk.ik(laws["pairs alike"], u0)
 print(dict(zip(names, ik(at + [0.5, -0.3, 0.2]).round(4), strict=True)))

@@ -13,7 +13,7 @@ from holokin.app.studio import Motion
 RATE, robot = 100.0, hk.load("panda")  # poses of the hand a second
 ready = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785])
 task = hk.pose(robot)
-ik = hk.inverse(hk.holonomic(task, hk.lock("panda_joint3")), ready)
+ik = hk.ik(hk.holonomic(task, hk.lock("panda_joint3")), ready)
 Joints = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (tool pose wanted, joints now) -> joints
 
 

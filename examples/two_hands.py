@@ -36,7 +36,7 @@ for name, law in laws.items():
     bent = np.ptp(np.linalg.norm(left - right, axis=1))
     print(f"{name}: {found} rad off after 1, 2, ... loops; the hands' distance changes by {bent:.0e} m")
 
-ik = hk.inverse(laws["both arm angles held"], q0)
+ik = hk.ik(laws["both arm angles held"], q0)
 poses = task.pose(q0)
 poses[:, :3, 3] += forward
 print("joints with the tray forward:", np.round(ik(poses), 3))

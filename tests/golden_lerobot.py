@@ -72,7 +72,7 @@ if __name__ == "__main__":
     from holokin.learning import retarget
 
     data = read_dataset(place)
-    ik = hk.inverse(hk.holonomic(hk.pose(robot), hk.lock("panda_joint3")), Q0, limits=True)
+    ik = hk.ik(hk.holonomic(hk.pose(robot), hk.lock("panda_joint3")), Q0, limits=True)
     sources = [joint_feature(data, robot, name) for name in ("observation.state", "action")]
     retarget(data, ik, sources, GOLDEN / "again")
     text = json.dumps(facts(python, place, GOLDEN / "again"))

@@ -89,7 +89,7 @@ def drive(file: Path) -> dict:
 
     robot = hk.load("panda")
     given = np.load(file)
-    ik = hk.inverse(hk.holonomic(hk.pose(robot), hk.lock("panda_joint3")), given["q0"])
+    ik = hk.ik(hk.holonomic(hk.pose(robot), hk.lock("panda_joint3")), given["q0"])
     step = lerobot_step(ik, degrees=True)
     pipeline = RobotProcessorPipeline[tuple[RobotAction, RobotObservation], RobotAction](
         steps=[step], to_transition=robot_action_observation_to_transition, to_output=transition_to_robot_action

@@ -194,7 +194,7 @@ def calls() -> dict[str, Call]:
         "all_postures": (hk.all_postures, (held, k["pose"]), {"level": 0.0, "limits": True, "starts": 16}),
         "obstruction": (hk.obstruction, (held, loop, q), {"samples": 8}),
         "winding": (motion.winding, (held, loop, q), following),
-        "inverse": (hk.inverse, (held, q), {}),
+        "ik": (hk.ik, (held, q), {}),
         "learning.torch.inverse": (hk.learning.torch.inverse, (k["ik"],), {}),
         "learning.jax.inverse": (hk.learning.jax.inverse, (k["ik"],), {}),
         "numeric": (strategies.numeric, (task, law), {"q0": q, "name": "n", "accuracy": 1e-6}),

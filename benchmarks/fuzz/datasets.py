@@ -31,7 +31,7 @@ def law() -> tuple[hk.Robot, InverseKinematics]:
     """The robot, and the leaf to which a dataset is retargeted."""
     robot = hk.load("panda")
     q0 = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
-    return robot, hk.inverse(hk.holonomic(hk.pose(robot), hk.lock("panda_joint3")), q0, limits=False)
+    return robot, hk.ik(hk.holonomic(hk.pose(robot), hk.lock("panda_joint3")), q0, limits=False)
 
 
 def _json(data: bytes, chance: random.Random) -> bytes:

@@ -171,13 +171,13 @@ def things() -> dict[str, Any]:
     around = hk.follow(held, k["loop"], q, samples=40, cycles=4)
     log = hk.analysis.audit.logs.Recording(tuple(robot.joint_names), around.t, around.q, "here")
     made: dict[str, Callable[[], Any]] = {
-        "ik": lambda: hk.inverse(held, q), "verdict": lambda: hk.involutivity(held, k["region"], samples=4),
+        "ik": lambda: hk.ik(held, q), "verdict": lambda: hk.involutivity(held, k["region"], samples=4),
         "controller": lambda: hk.controller(held, dt=0.02, q0=q), "constraint": lambda: hk.lock(2),
         "check": lambda: hk.check(walk, robot),
         "drift": lambda: hk.drift(held, k["loop"], q, samples=4), "timed": lambda: k["timed"],
         "postures": lambda: hk.all_postures(held, robot.pose(q), held.g(q), starts=8),
         "watch": lambda: hk.motion.LoopWatch(0.1), "status": lambda: hk.Status.COMPLETE, "pose task": lambda: task,
-        "solutions": lambda: hk.inverse(held, q).batch(np.array([robot.pose(q)])),
+        "solutions": lambda: hk.ik(held, q).batch(np.array([robot.pose(q)])),
         "stacked": lambda: pair, "synchronized": lambda: hk.synchronized(k["loop"], k["loop"]),
         "rows": lambda: strategies.pfaffian(task, lambda q: [[q[0], 1.0, 0.0]]), "radial": lambda: hk.radial(law, q),
         "null basis": lambda: hk.null_basis(task, lambda q: [[1, 0], [0, 1], [q[0], 0]]),

@@ -41,7 +41,7 @@ def kit() -> dict[str, Any]:
         "elbow": hk.position(robot, rows=[0]),
         "Q": q + 0.01 * rng.normal(size=(40, 3)), "pose": robot.pose(q), "start": start,
         "turn": hk.pose(robot), "region": hk.around(q, 0.1), "ball": curvature.ball(q, 0.05), "g": hk.lock(0),
-        "cost": constraints.posture_cost(q), "weight": np.diag([1.0, 2.0, 3.0]), "ik": hk.inverse(held, q),
+        "cost": constraints.posture_cost(q), "weight": np.diag([1.0, 2.0, 3.0]), "ik": hk.ik(held, q),
         "servo": hk.controller(held, dt=0.01, q0=q), "closed": control.closed_loop(law),
         "leaf": curvature.leaf_function(held, q, samples=1), "line": hk.line(start, start + [0.02, 0, 0]),
         "timed": hk.retime(walk, robot, acceleration=1.0, velocity=1.0, profile="trapezoidal", dt=0.01),

@@ -117,7 +117,7 @@ def score(
 def rested(robot: hk.Robot, start: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """Joints (k, n) at poses on the leaf through the start whose posture is nearest to it: what posture tasks seek."""
     ik, walk = (
-        hk.inverse(hk.holonomic(hk.pose(robot), hk.stationary(hk.strategies.constraints.posture_cost(start))), start),
+        hk.ik(hk.holonomic(hk.pose(robot), hk.stationary(hk.strategies.constraints.posture_cost(start))), start),
         [start],
     )
     for pose in poses:

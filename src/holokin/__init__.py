@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from .motion import TimedTrajectory, approach, controller, drift, follow, path_spread, retime, simulate
     from .motion.checks import CheckReport, check
     from .motion.control import ControlLaw, mink_task, pink_task
-    from .motion.ik import all_postures, inverse, move_to_leaf
+    from .motion.ik import all_postures, ik, move_to_leaf
     from .motion.trajectory import Status, Trajectory
     from .path import (
         Path,
@@ -147,7 +147,7 @@ __all__ = [
     "from_urdf",
     "from_yourdfpy",
     "holonomic",
-    "inverse",
+    "ik",
     "involutivity",
     "join",
     "learning",
@@ -214,7 +214,7 @@ _HOMES = {
     "motion.control": "ControlLaw mink_task pink_task",
     "analysis.design": "Advice ClosestHolonomic Design Objective advise closest_holonomic design",
     "export": "export_c",
-    "motion.ik": "all_postures inverse move_to_leaf",
+    "motion.ik": "all_postures ik move_to_leaf",
     "app.job.runner": "read_sheets",
     "motion": "TimedTrajectory approach controller drift follow path_spread retime simulate",
     "motion.trajectory": "Status Trajectory",

@@ -334,7 +334,7 @@ def test_numbers_that_no_float_or_no_thing_can_have_are_refused(planar_3r: hk.Ro
     strategy, q = hk.holonomic(hk.position(planar_3r), hk.lock(0)), np.array([0.3, 0.7, -0.5])
     task, points = strategy.task, [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.0]]
     calls: list[tuple[str, Callable[[], object]]] = [
-        ("from 0 to 1", lambda: hk.inverse(strategy, q).nearest(planar_3r.pose(q), rcond=2.0)),
+        ("from 0 to 1", lambda: hk.ik(strategy, q).nearest(planar_3r.pose(q), rcond=2.0)),
         ("kg/m", lambda: hk.to_mjcf(planar_3r, density=1e9)),
         ("yourdfpy", lambda: hk.from_yourdfpy(task)),
         ("at most 1e", lambda: hk.spline(points, speed=1e308)),

@@ -29,7 +29,7 @@ def values(robot: hk.Robot) -> dict[str, Any]:
     task, start = hk.pose(robot, rows=[0, 1]), robot.pose(Q)[:3, 3]
     law, held = hk.moore_penrose(task), hk.holonomic(task, hk.lock(0))
     loop = hk.circle(start, start + [0.02, 0, 0])
-    ik, leaf = hk.inverse(held, Q), curvature.leaf_function(held, Q, samples=1)
+    ik, leaf = hk.ik(held, Q), curvature.leaf_function(held, Q, samples=1)
     found = {
         "robot": robot, "task": task, "pseudo-inverse": law, "held": held, "circle": loop,
         "polyline": hk.polyline([[0, 0], [1, 0], [1, 1]], turns=[[0, 0, 0.1]] * 2), "region": hk.around(Q, 0.1),
@@ -108,7 +108,7 @@ def test_no_array_that_a_value_keeps_can_be_written_to(everything: dict[str, Any
         ),
         (np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]]), lambda task, P: hk.polyline(P)),
         (np.array([0.0, 0.0, 1.0]), lambda task, p: hk.line(p, p + 1)),
-        (Q.copy(), lambda task, q: hk.inverse(hk.holonomic(task, hk.lock(0)), q)),
+        (Q.copy(), lambda task, q: hk.ik(hk.holonomic(task, hk.lock(0)), q)),
         (Q.copy(), lambda task, q: curvature.leaf_function(hk.holonomic(task, hk.lock(0)), q, samples=1)),
         (Q.copy(), lambda task, q: curvature.ball(q, 0.1)),
         (np.eye(3), lambda task, R: hk.pose(task.robot, "rotation-vector", reference=R, rows=[0, 1, 2])),

@@ -136,7 +136,7 @@ def test_what_an_equal_robot_was_proven_for_is_taken() -> None:
     law = hk.holonomic(task, hk.lock(2))
     region = hk.unique_region(law, q0)
     anew = hk.holonomic(hk.position(replace(hk.load("planar-3r"))), hk.lock(2))
-    ik = hk.inverse(anew, q0, region=region)
+    ik = hk.ik(anew, q0, region=region)
     assert np.allclose(ik(task.pose(q0)), q0)
     with pytest.raises(hk.HolokinError):
-        hk.inverse(hk.holonomic(task, hk.lock(1)), q0, region=region)
+        hk.ik(hk.holonomic(task, hk.lock(1)), q0, region=region)

@@ -22,7 +22,7 @@ FORMULAS = {"motion.control.repetitive_motion"}
 """Published with limits and without: two laws, whose motions are judged by who runs them."""
 
 DOORS: dict[str, Callable[[HolonomicStrategy, np.ndarray], object]] = {
-    "inverse": hk.inverse,
+    "inverse": hk.ik,
     "move_to_leaf": hk.move_to_leaf,
     "follow": lambda law, q: hk.follow(law, around(law, q), q, samples=4),
     "drift": lambda law, q: hk.drift(law, around(law, q), q, samples=4),
@@ -37,7 +37,7 @@ DOORS: dict[str, Callable[[HolonomicStrategy, np.ndarray], object]] = {
     "serving_levels": lambda law, q: hk.analysis.design.level_range(law, SPACE, q),
     "self_motion": lambda law, q: hk.strategies.self_motion(law.task, q),
     "witness_between": lambda law, q: hk.analysis.curvature.witness_between(law, q, q),
-    "nearest": lambda law, q: hk.inverse(law, q, limits=False).nearest([1.0, 1.0], limits=True),
+    "nearest": lambda law, q: hk.ik(law, q, limits=False).nearest([1.0, 1.0], limits=True),
 }
 
 
@@ -96,7 +96,7 @@ def test_without_limits_such_a_start_is_one_to_begin_from() -> None:
     law, *_ = narrow(0)
     beyond = law.task.robot.upper + 0.05
     pose = law.task.robot.pose(beyond)[:2, 3]
-    assert np.abs(hk.inverse(law, beyond, limits=False)(pose) - beyond).max() < 1e-9
+    assert np.abs(hk.ik(law, beyond, limits=False)(pose) - beyond).max() < 1e-9
     assert np.abs(hk.move_to_leaf(law, beyond, law.g(beyond), limits=False) - beyond).max() < 1e-9
     assert hk.follow(law, around(law, beyond), beyond, samples=4, limits=False).status is hk.Status.COMPLETE
     assert hk.controller(law, dt=0.01, q0=beyond, limits=False).leaf == pytest.approx(law.g(beyond))
@@ -109,7 +109,7 @@ def test_no_answer_is_beyond_the_limits(seed: int) -> None:
     robot = law.task.robot
     postures = q0 + rng.uniform(-0.8, 0.8, (40, 3))
     points = np.vstack([robot.pose_batch(postures)[0][:, :2], rng.uniform(-4, 4, (5, 2))])
-    ik, free = hk.inverse(law, q0), hk.inverse(law, q0, limits=False)
+    ik, free = hk.ik(law, q0), hk.ik(law, q0, limits=False)
     found, all_ = ik.batch(points), free.batch(points)
     assert robot.within(found.q[found.reached]).all()
     beyond = all_.reached & ~np.array([robot.within(q) for q in all_.q])

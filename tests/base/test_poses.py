@@ -21,7 +21,7 @@ mujoco = pytest.importorskip("mujoco")
 PANDA = hk.load("panda")
 TASK = hk.pose(PANDA)
 LAW = hk.holonomic(TASK, hk.linear([1, 0, -1, 0, 0, 0, 0]))
-IK = hk.inverse(LAW, PANDA_START)
+IK = hk.ik(LAW, PANDA_START)
 STEP = hk.controller(LAW, dt=0.002, q0=PANDA_START).step
 GOAL = PANDA.pose(PANDA_START + 0.02)
 
@@ -193,7 +193,7 @@ def test_a_rotation_needs_no_order_and_a_pair_is_told_how_to_become_a_pose(seed:
     assert np.abs(hk.pose_of(points[0], turns[0].as_matrix().tolist()) - poses[0]).max() < 1e-15
     with pytest.raises(ArgumentError, match="left-handed"):
         hk.pose_of(points, -turns.as_matrix())
-    ik = hk.inverse(hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2)), PANDA_START)
+    ik = hk.ik(hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2)), PANDA_START)
     for one in (turns[0], turns[0].as_matrix(), turns[0].as_matrix().tolist()):
         for pair in ((points[0], one), [points[0].tolist(), one]):
             with pytest.raises(ArgumentError, match=r"give hk.pose_of\(position, rotation\)"):
@@ -203,5 +203,5 @@ def test_a_rotation_needs_no_order_and_a_pair_is_told_how_to_become_a_pose(seed:
 def test_a_pose_of_spatialmath_is_its_matrix() -> None:
     """Which it has as `A`."""
     T = hk.load("panda").pose(PANDA_START)
-    ik = hk.inverse(hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2)), PANDA_START)
+    ik = hk.ik(hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2)), PANDA_START)
     assert np.array_equal(ik(SimpleNamespace(A=T)), ik(T))  # type: ignore[arg-type]

@@ -37,7 +37,7 @@ def two_links(monkeypatch: pytest.MonkeyPatch, planar_3r: hk.Robot) -> hk.motion
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     first, *others = planar_3r.coordinates
     robot = replace(planar_3r, coordinates=(replace(first, lower=0.0, upper=2.0), *others))
-    return hk.inverse(hk.holonomic(hk.position(robot), hk.lock(2)), BETWEEN)
+    return hk.ik(hk.holonomic(hk.position(robot), hk.lock(2)), BETWEEN)
 
 
 def test_a_posture_that_is_not_finite_is_told_by_its_joints(two_links) -> None:
@@ -56,7 +56,7 @@ def test_a_step_limits_the_motion_from_a_posture_and_without_one_it_is_refused(t
 @pytest.mark.parametrize(
     "begin",
     [
-        hk.inverse,
+        hk.ik,
         hk.move_to_leaf,
         lambda G, q: hk.radial(G, q),
         lambda G, q: hk.controller(G, dt=0.001, q0=q),
@@ -74,13 +74,13 @@ def test_a_start_beyond_its_limits_or_wound_by_a_turn_is_one_to_begin_from(panda
     """The same tool pose: a simulation without limits gets there."""
     G = hk.holonomic(hk.pose(panda), hk.lock(2))
     wound = PANDA_START + 2 * np.pi * np.eye(7)[0]
-    assert hk.inverse(G, wound, limits=False)(panda.pose(PANDA_START)) == pytest.approx(wound, abs=1e-9)
+    assert hk.ik(G, wound, limits=False)(panda.pose(PANDA_START)) == pytest.approx(wound, abs=1e-9)
 
 
 def test_joints_without_limits_may_have_wound_up_as_far_as_they_like(planar_3r: hk.Robot) -> None:
     free = replace(planar_3r, coordinates=tuple(hk.robot.Coordinate(f"q{i}", "revolute") for i in (1, 2, 3)))
     G = hk.holonomic(hk.position(free), hk.lock(2))
-    assert hk.inverse(G, np.degrees(R3_START)).q0 == pytest.approx(np.degrees(R3_START))
+    assert hk.ik(G, np.degrees(R3_START)).q0 == pytest.approx(np.degrees(R3_START))
 
 
 # --- millimetres ----------------------------------------------------------------------------------------------
@@ -104,7 +104,7 @@ def test_millimetres_are_told_from_what_is_only_out_of_reach(panda: hk.Robot) ->
         far = pose.copy()
         far[:3, 3] *= distance / np.linalg.norm(far[:3, 3])
         with pytest.raises(OutOfReachError, match=said):
-            hk.inverse(G, PANDA_START)(far)
+            hk.ik(G, PANDA_START)(far)
     round_trip = hk.circle(1000 * pose[:3, 3], 1000 * pose[:3, 3] - [100, 0, 0])
     with pytest.raises(StartError, match="give metres"):
         hk.follow(G, round_trip, PANDA_START)
@@ -180,7 +180,7 @@ def test_coverage_says_which_poses_of_a_cloud_it_looked_at(panda: hk.Robot) -> N
 
 
 def test_a_rounded_rotation_is_refused_with_the_cure_and_the_cure_helps(panda: hk.Robot) -> None:
-    ik, pose = hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START), panda.pose(PANDA_START)
+    ik, pose = hk.ik(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START), panda.pose(PANDA_START)
     pose[:3, :3] = pose[:3, :3].round(4)
     with pytest.raises(ArgumentError, match=r"away from 1.* of a rounded one Rotation.from_matrix\(R\).as_matrix\(\)"):
         ik(pose)

@@ -173,7 +173,7 @@ def test_joints_by_their_names_are_read_by_them_at_every_door(kind: str, seed: i
     doors: dict[str, Callable[[Any], object]] = {
         "pose": panda.pose, "jacobian": panda.jacobian, "within": panda.within, "task": task, "J": task.jacobian,
         "error": lambda q: task.error(q, T[:3, 3], T[:3, :3]), "law": law, "g": law.g,
-        "inverse": lambda q: hk.inverse(law, q)(T),
+        "inverse": lambda q: hk.ik(law, q)(T),
         "step": lambda q: hk.controller(law, dt=0.01, q0=q).step(q, T, twist),
         "follow": lambda q: hk.follow(law, hk.line(T[:3, 3], T[:3, 3] + 0.01), q, samples=3).q,
     }  # fmt: skip

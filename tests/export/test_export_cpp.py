@@ -79,7 +79,7 @@ def test_cpp_gives_what_python_gives(name: str, tmp_path: Path) -> None:
     twist[0] = 0.01
     loop = hk.controller(law, dt=1e-3, q0=start)
     target = T[:3, 3] if name == "ppr" else T
-    parts = [T.ravel(), law(q).ravel(), law(q) @ dx, loop.step(q, target, twist), hk.inverse(law, start)(T), q, q[[2]]]
+    parts = [T.ravel(), law(q).ravel(), law(q) @ dx, loop.step(q, target, twist), hk.ik(law, start)(T), q, q[[2]]]
     np.testing.assert_allclose(found, np.concatenate(parts), rtol=1e-9, atol=1e-11)
 
 

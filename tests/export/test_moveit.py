@@ -61,7 +61,7 @@ def test_the_same_pose_has_the_joints_of_python_whatever_the_seed(plugin: Plugin
     """1,000 poses, 100 of them anywhere within the joint ranges, where many are out of reach on this leaf."""
     T = poses(np.vstack([near(900), anywhere(100)]))
     found = ask(plugin, T, anywhere(1000, seed=1), tip=TIP)
-    expected = hk.inverse(LAW, PANDA_START, limits=True).batch(T)
+    expected = hk.ik(LAW, PANDA_START, limits=True).batch(T)
     reached = expected.reached
     assert found.exit == 0 and reached[:900].all() and 20 < reached[900:].sum() < 90
     np.testing.assert_array_equal(found.codes == SUCCESS, reached)
@@ -278,7 +278,7 @@ def test_a_pose_that_is_none_is_refused(plugin: Plugin) -> None:
 
 
 def test_from_seeds_near_the_start_come_the_same_joints(plugin: Plugin) -> None:
-    T, ik = poses(near(60)), hk.inverse(LAW, PANDA_START, limits=True)
+    T, ik = poses(near(60)), hk.ik(LAW, PANDA_START, limits=True)
     close = near(60, seed=3, size=0.05)
     found = ask(plugin, T, close, "from_seed=bool:true", tip=TIP)
     assert (found.codes == SUCCESS).all()

@@ -145,7 +145,7 @@ def test_a_robot_without_limits_and_with_any_names_is_solved(named: Plugin) -> N
     T = poses(around(50, 0.2))
     found = ask(named, T, around(50, 0.2), tip=TIP)
     assert found.exit == 0, found.words
-    expected = hk.inverse(LAW, START).batch(T[:, :3, 3])
+    expected = hk.ik(LAW, START).batch(T[:, :3, 3])
     assert expected.reached.all() and (found.codes == SUCCESS).all()
     np.testing.assert_allclose(found.joints, expected.q, atol=1e-9)
 

@@ -22,7 +22,7 @@ import holokin as hk
 pytestmark = pytest.mark.campaign
 START = drift.STARTS["iiwa14"]
 ROBOT = hk.load("iiwa14")
-TIED = hk.inverse(hk.holonomic(hk.pose(ROBOT), hk.linear([1, 0, -1, 0, 0, 0, 0])), START)
+TIED = hk.ik(hk.holonomic(hk.pose(ROBOT), hk.linear([1, 0, -1, 0, 0, 0, 0])), START)
 TOLD = {
     "name": "a", "example": True, "arm": "iiwa14", "fault": "", "missing": 0, "call_us": 1.0, "first_seconds": 0.1,
     "source": "here",
@@ -84,9 +84,7 @@ def test_a_jump_is_faster_than_a_joint_can_be(
     runs: dict[str, dict[str, np.ndarray]], tied: dict[str, np.ndarray]
 ) -> None:
     """Another leaf from the middle of the circle on: the tool is on its path, the joints are not there in time."""
-    other = hk.inverse(
-        TIED.strategy, hk.move_to_leaf(TIED.strategy, START, TIED.strategy.constraint_value(START) + 0.5)
-    )
+    other = hk.ik(TIED.strategy, hk.move_to_leaf(TIED.strategy, START, TIED.strategy.constraint_value(START) + 0.5))
     half = len(tied["circle"]) // 2
     jumped = tied["circle"].copy()
     jumped[half:] = [other(pose) for pose in runs["circle"]["poses"][half - 1 :]]

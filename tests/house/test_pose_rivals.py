@@ -14,8 +14,8 @@ import holokin as hk
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 ROBOT = hk.load("panda")
 READY_Z = float(ROBOT.pose(READY)[2, 3])
-LOCKED = hk.inverse(hk.holonomic(hk.pose(ROBOT), hk.lock(2)), READY)
-OTHER = hk.inverse(hk.holonomic(hk.pose(ROBOT), hk.lock(2)), hk.move_to_leaf(LOCKED.strategy, READY, 0.6))
+LOCKED = hk.ik(hk.holonomic(hk.pose(ROBOT), hk.lock(2)), READY)
+OTHER = hk.ik(hk.holonomic(hk.pose(ROBOT), hk.lock(2)), hk.move_to_leaf(LOCKED.strategy, READY, 0.6))
 
 
 def moved(**by: float) -> np.ndarray:

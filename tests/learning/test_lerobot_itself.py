@@ -59,7 +59,7 @@ def test_lerobots_loader_reads_what_is_written_and_finds_its_statistics(tmp_path
         np.savez(tmp_path / "episodes.npz", **arrays)
     in_lerobot(python, "make", str(tmp_path / "old"), str(tmp_path / "episodes.npz"), "video")
     data = read_dataset(tmp_path / "old")
-    ik = hk.inverse(hk.holonomic(hk.pose(robot), hk.lock("panda_joint3")), Q0, limits=True)
+    ik = hk.ik(hk.holonomic(hk.pose(robot), hk.lock("panda_joint3")), Q0, limits=True)
     sources = [joint_feature(data, robot, name) for name in ("observation.state", "action")]
     done = retarget(data, ik, sources, tmp_path / "new", bad=bad)
     assert done.left_out == ((1,) if bad == "skip" else ())
@@ -122,7 +122,7 @@ def test_the_golden_facts_are_those_of_today(tmp_path: Path) -> None:
     golden = Path(__file__).parents[1] / "golden"
     robot, version = hk.load("panda"), "v3.0"
     data = read_dataset(golden / f"lerobot-{version}")
-    ik = hk.inverse(hk.holonomic(hk.pose(robot), hk.lock("panda_joint3")), Q0, limits=True)
+    ik = hk.ik(hk.holonomic(hk.pose(robot), hk.lock("panda_joint3")), Q0, limits=True)
     retarget(data, ik, [joint_feature(data, robot, name) for name in ("observation.state", "action")], tmp_path / "new")
     found = facts(python_of(version), golden / f"lerobot-{version}", tmp_path / "new")
     assert found["columns"] == json.loads((golden / f"lerobot-{version}.json").read_text())["columns"]

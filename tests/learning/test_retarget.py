@@ -22,12 +22,12 @@ GOLDEN = Path(__file__).parents[1] / "golden"
 PANDA = hk.load("panda")
 Q0 = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 JOINTS = ("observation.state", "action")
-LOCKED = hk.inverse(hk.holonomic(hk.pose(PANDA), hk.lock("panda_joint3")), Q0, limits=True)
+LOCKED = hk.ik(hk.holonomic(hk.pose(PANDA), hk.lock("panda_joint3")), Q0, limits=True)
 
 ARM = hk.load("planar-3r")
 NAMES = ["gripper.pos", *(f"{joint}.pos" for joint in ARM.joint_names[::-1])]
 START = np.array([0.3, 0.8, 0.5])
-PLANAR = hk.inverse(hk.holonomic(hk.position(ARM), hk.lock(2)), START, limits=True)
+PLANAR = hk.ik(hk.holonomic(hk.position(ARM), hk.lock(2)), START, limits=True)
 
 
 def on_leaf(folder: Path, out: Path, ik: Any = LOCKED, robot: hk.Robot = PANDA, **options: Any) -> Retargeted:
@@ -194,9 +194,9 @@ def test_joints_beyond_their_limits_are_no_answer_unless_limits_are_left_out(tmp
         given[0][name][:, 1] = 0.2
     folder = planar(tmp_path / "old", given)
     task = hk.holonomic(hk.position(narrow), hk.lock(2))
-    ik = hk.inverse(task, START, limits=True)
+    ik = hk.ik(task, START, limits=True)
     kinds = {b.why for b in on_leaf(folder, tmp_path / "new", ik, narrow).bad}
-    free = on_leaf(folder, tmp_path / "free", hk.inverse(task, START), narrow)
+    free = on_leaf(folder, tmp_path / "free", hk.ik(task, START), narrow)
     assert kinds <= {"beyond the joint limits", "the leaf ends before"}
     assert free.written is not None or not kinds
 

@@ -48,7 +48,7 @@ every = sampled(2, "name", LAWS)
 @cache
 def solved(name: str) -> InverseKinematics:
     strategy = LAWS[name]()
-    return hk.inverse(strategy, start_of(strategy))
+    return hk.ik(strategy, start_of(strategy))
 
 
 def start_of(strategy: hk.Strategy) -> np.ndarray:
@@ -124,7 +124,7 @@ def test_the_derivative_is_that_of_moving_on_the_poses(name: str) -> None:
 def test_a_planar_arm_with_its_hand_held_moves_as_the_formula_of_two_links_says() -> None:
     """Law of cosines: c2 = (d^2 - a^2 - b^2) / (2 a b) for links a, b; torch differentiates the formula itself."""
     robot = hk.from_dh([{"a": a, "joint": f"j{a}"} for a in (0.7, 0.5, 0.3)], name="links")
-    ik = hk.inverse(hk.holonomic(hk.position(robot, rows=[0, 1]), hk.lock(2)), [0.3, 0.8, 0.0])
+    ik = hk.ik(hk.holonomic(hk.position(robot, rows=[0, 1]), hk.lock(2)), [0.3, 0.8, 0.0])
     f, a, b = hk.learning.torch.inverse(ik), 0.7, 0.8
 
     def formula(x: Any) -> Any:
@@ -251,11 +251,11 @@ def test_what_is_no_tensor_of_poses_is_refused_with_the_cure() -> None:
 
 
 def test_native_code_serves_a_large_batch_and_its_gradients(monkeypatch: pytest.MonkeyPatch) -> None:
-    ik = hk.inverse(LAWS["planar"](), [0.3, 0.8, -0.4])
+    ik = hk.ik(LAWS["planar"](), [0.3, 0.8, -0.4])
     points = torch.tensor(given(ik, 300)[:, :3, 3], requires_grad=True)
     hk.learning.torch.inverse(ik)(points).q.sum().backward()
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    slow = hk.inverse(LAWS["planar"](), [0.3, 0.8, -0.4])
+    slow = hk.ik(LAWS["planar"](), [0.3, 0.8, -0.4])
     again = points.detach().requires_grad_()
     hk.learning.torch.inverse(slow)(again).q.sum().backward()
     np.testing.assert_allclose(points.grad, again.grad, atol=1e-9)

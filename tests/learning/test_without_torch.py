@@ -16,7 +16,7 @@ from holokin.base.errors import MissingExtraError
 def test_a_library_that_is_missing_is_named_with_its_extra(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, library, None)
     room: Any = getattr(hk.learning, library)
-    ik = hk.inverse(hk.holonomic(hk.position(hk.load("planar-3r")), hk.lock(2)), [0.3, 0.8, 0.5])
+    ik = hk.ik(hk.holonomic(hk.position(hk.load("planar-3r")), hk.lock(2)), [0.3, 0.8, 0.5])
     with pytest.raises(MissingExtraError, match=rf"this needs {library}; .*holokin\[interop\]"):
         room.inverse(ik)
 

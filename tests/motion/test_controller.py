@@ -241,7 +241,7 @@ def test_hand_and_elbow_are_led_at_once_and_the_joints_come_back(constraint: hk.
     strategy = hk.holonomic(hk.pose(panda), constraint)
     dt, seconds = 4e-3, 8.0
     c, c0, q = hk.controller(strategy, dt=dt, q0=PANDA_START), strategy.constraint_value(PANDA_START), PANDA_START
-    ik, far, off = hk.inverse(strategy, PANDA_START), 0.0, 0.0
+    ik, far, off = hk.ik(strategy, PANDA_START), 0.0, 0.0
     for i in range(1, round(seconds / dt) + 1):
         pose, _, level, _ = both(panda, PANDA_START, i * dt / seconds)
         _, twist, _, rate = both(panda, PANDA_START, (i - 0.5) * dt / seconds)

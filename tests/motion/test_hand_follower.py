@@ -35,7 +35,7 @@ def hand(kind: str, p: np.ndarray, dt: float, rng: np.random.Generator) -> list[
 def test_joints_keep_their_limits_and_rest_where_the_hand_does(name: str, dt: float, kind: str) -> None:
     rng = np.random.default_rng([len(name), len(kind)])
     robot, q0 = hk.load(name), np.array(STARTS[name])
-    ik = hk.inverse(hk.holonomic(hk.pose(robot), hk.lock(2)), q0, limits=True)
+    ik = hk.ik(hk.holonomic(hk.pose(robot), hk.lock(2)), q0, limits=True)
     acceleration, jerk = rng.uniform(5.0, 15.0, 7), rng.uniform(200.0, 1000.0, 7)
     follow = hand_follower(ik, dt=dt, max_acceleration=acceleration, max_jerk=jerk).begin(q0)
     pose, Q, last = robot.pose(q0), [q0, q0, q0, q0], None
@@ -55,7 +55,7 @@ def test_joints_keep_their_limits_and_rest_where_the_hand_does(name: str, dt: fl
 
 def test_a_pose_that_is_none_keeps_the_last_target(panda: hk.Robot) -> None:
     q0 = np.array(STARTS["panda"])
-    ik = hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), q0)
+    ik = hk.ik(hk.holonomic(hk.pose(panda), hk.lock(2)), q0)
     follow = hand_follower(ik, dt=0.01, max_acceleration=10.0).begin(q0)
     goal = panda.pose(q0)
     goal[0, 3] += 0.05
@@ -68,9 +68,9 @@ def test_a_pose_that_is_none_keeps_the_last_target(panda: hk.Robot) -> None:
 
 def test_limits_that_are_missing_or_none_are_told(panda: hk.Robot) -> None:
     q0 = np.array(STARTS["panda"])
-    ik = hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), q0)
+    ik = hk.ik(hk.holonomic(hk.pose(panda), hk.lock(2)), q0)
     bare = hk.with_limits(panda, max_velocity=np.inf)
-    bare_ik = hk.inverse(hk.holonomic(hk.pose(bare), hk.lock(2)), q0)
+    bare_ik = hk.ik(hk.holonomic(hk.pose(bare), hk.lock(2)), q0)
     with pytest.raises(ArgumentError, match=r"hk\.with_limits"):
         hand_follower(bare_ik, dt=0.002, max_acceleration=10.0)
     with pytest.raises(ArgumentError, match="2 ms is"):

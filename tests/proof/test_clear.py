@@ -38,7 +38,7 @@ def box(panda: hk.Robot, half: float, **more: float) -> hk.Workspace:
 
 
 def postures(strategy: hk.HolonomicStrategy, space: hk.Workspace, count: int) -> np.ndarray:
-    found = hk.inverse(strategy, Q0).batch(space.poses(count))
+    found = hk.ik(strategy, Q0).batch(space.poses(count))
     assert found.reached.all()
     return found.q
 
@@ -113,7 +113,7 @@ def test_an_obstacle_that_is_one_millimetre_too_near_is_never_proven_away(panda:
     corners = np.array([np.ravel(c) for c in np.meshgrid(*[[-1.0, 1.0]] * 3)]).T
     T = np.tile(panda.pose(Q0), (8, 1, 1))
     T[:, :3, 3] += 0.01 * corners
-    seen = coal_distances(panda, found.demands.clear.pairs, [POST], hk.inverse(strategy, Q0).batch(T).q)
+    seen = coal_distances(panda, found.demands.clear.pairs, [POST], hk.ik(strategy, Q0).batch(T).q)
     nearest = float(seen.min())
     asked = hk.certify(strategy, space, Q0, clear_of=[POST], clearance=nearest + 0.001, self_collision=False)
     assert not asked.whole and asked.extent is Extent.NEAR
@@ -128,7 +128,7 @@ def test_a_corner_that_an_obstacle_takes_is_left_out_and_the_rest_is_proven(pand
     found = hk.unique_region(strategy, Q0, space, clear_of=[ball], clearance=0.0, self_collision=False, budget=4000)
     poses = space.poses(300)
     inside = found.contains(poses)
-    Q = hk.inverse(strategy, Q0).batch(poses).q
+    Q = hk.ik(strategy, Q0).batch(poses).q
     seen = coal_distances(panda, found.certificate.demands.clear.pairs, [ball], Q).min(axis=1)
     assert (seen < 0).any() and (seen[inside] > 0).all()
     assert 0.5 < found.share < 1.0

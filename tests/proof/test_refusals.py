@@ -165,7 +165,7 @@ def test_a_box_of_the_other_elbow_is_not_proven_for_a_start(monkeypatch: pytest.
     assert np.abs(arm.pose(elbow)[:3, 3] - p).max() < 1e-12
     space = hk.workspace(box=(p, [0.01, 0.01, 0.0]))
     assert hk.certify(G, space, q0).whole
-    monkeypatch.setattr("holokin.proof.box_proof.inverse", lambda *_, **_more: lambda _pose: elbow)
+    monkeypatch.setattr("holokin.proof.box_proof.ik", lambda *_, **_more: lambda _pose: elbow)
     found = hk.certify(G, space, q0)
     assert found.extent is Extent.APART and found.where == "the start"
     assert np.abs(found.cells.q0[0] - elbow).max() < 0.1
@@ -188,7 +188,7 @@ def test_a_joint_that_is_held_at_its_limit_is_refused_as_that_and_not_as_singula
         proof = hk.certify(law, where, q)
         assert proof.extent is Extent.LIMIT and "a joint is at its limit" in str(proof) and len(proof) == 0
     assert hk.follow(law, path, q, samples=5).status is hk.Status.COMPLETE
-    assert hk.inverse(law, q, limits=True).nearest(T[:3, 3] + [0.005, 0.005, 0.0]).status == 0
+    assert hk.ik(law, q, limits=True).nearest(T[:3, 3] + [0.005, 0.005, 0.0]).status == 0
     control = hk.controller(law, dt=0.01, q0=q)
     control.step(q, T[:3, 3] + 1e-5, np.full(3, 1e-3))
     assert control.status is hk.motion.StepStatus.OK

@@ -70,7 +70,7 @@ def test_a_refuted_part_holds_a_posture_of_the_leaf_that_is_too_near() -> None:
 def test_the_corner_that_the_ball_takes_is_open_and_all_that_touches_is_there() -> None:
     found, parts = region(), region().parts
     poses = found.workspace.poses(1500)
-    apart, inside = to_ball(hk.inverse(found.strategy, Q0).batch(poses).q), found.contains(poses)
+    apart, inside = to_ball(hk.ik(found.strategy, Q0).batch(poses).q), found.contains(poses)
     assert (apart[inside] >= WANTED).all() and (apart < WANTED).any() and 0.5 < inside.mean() < 1
     causes = found.causes(poses)
     assert ((causes == NEAR) == (apart < WANTED)).all()

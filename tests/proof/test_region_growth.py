@@ -47,7 +47,7 @@ def test_near_a_fold_the_pose_of_the_start_is_in_and_a_larger_budget_never_prove
         assert region.holds_start and region.contains([T]).all()
         assert region.share >= before[0] - 1e-12 and inside[before[1]].all()
         before = region.share, inside
-    ik = hk.inverse(strategy, q0, region=region)
+    ik = hk.ik(strategy, q0, region=region)
     found = ik.batch(poses)
     assert (found.reached == inside).all() and np.abs(ik(T) - q0).max() < 1e-9
     elbows = np.sin(found.q[inside][:, 1] - stretched)
@@ -63,7 +63,7 @@ def test_a_start_whose_cell_is_not_proven_is_said_and_inverse_refuses_the_region
     assert not region.holds_start and "the pose of q0 is not proven" in region.sentence
     assert "the pose of the start is not proven" in region.certificate.theorem or not len(region.certificate)
     with pytest.raises(ArgumentError, match="the pose of q0 is not proven"):
-        hk.inverse(strategy, q0, region=region)
+        hk.ik(strategy, q0, region=region)
 
 
 @pytest.mark.parametrize("seed", SOME)

@@ -88,7 +88,7 @@ def test_a_box_is_found_and_random_loops_in_it_bring_the_joints_back(name: str) 
 @pytest.mark.parametrize(("steps", "seed"), [(100, 7), *(campaign(("steps", "seed"), (100_000, k)) for k in range(10))])
 def test_inside_ik_and_near_agree_whatever_the_tool_did_before(steps: int, seed: int) -> None:
     region = of_panda("lock 3", FEW if steps < 1000 else 600)
-    ik, plain = hk.inverse(region.strategy, PANDA, region=region), hk.inverse(region.strategy, PANDA)
+    ik, plain = hk.ik(region.strategy, PANDA, region=region), hk.ik(region.strategy, PANDA)
     q, poses = PANDA, walks(region, steps, seed)
     assert region.contains(poses).all()
     for i, pose in enumerate(poses):
@@ -102,7 +102,7 @@ def test_inside_ik_and_near_agree_whatever_the_tool_did_before(steps: int, seed:
 
 def test_a_pose_outside_is_refused_and_another_orientation_is_outside() -> None:
     region = of_panda("lock 3", FEW)
-    ik, poses = hk.inverse(region.strategy, PANDA, region=region), walks(region, 3, 1)
+    ik, poses = hk.ik(region.strategy, PANDA, region=region), walks(region, 3, 1)
     poses[1, :3, 3] += [0.4, 0, 0]
     poses[2, :3, :3] = poses[2, :3, :3] @ np.diag([-1.0, -1.0, 1.0])
     assert region.contains(poses).tolist() == [True, False, False]
@@ -117,8 +117,8 @@ def test_a_pose_outside_is_refused_and_another_orientation_is_outside() -> None:
 def test_from_a_posture_a_turn_further_near_says_that_it_is_another_one() -> None:
     region = of_panda("lock 3", FEW)
     turned = PANDA + 2 * np.pi * np.eye(7)[0]
-    ik = hk.inverse(region.strategy, PANDA, region=region, limits=False)
-    plain = hk.inverse(region.strategy, PANDA, limits=False)
+    ik = hk.ik(region.strategy, PANDA, region=region, limits=False)
+    plain = hk.ik(region.strategy, PANDA, limits=False)
     pose = walks(region, 1, 3)[0]
     there = plain.near(pose, turned)
     assert there[0] - plain(pose)[0] == pytest.approx(2 * np.pi) and not plain.agrees(there)
@@ -134,7 +134,7 @@ def test_of_a_plane_round_the_base_the_part_is_found_on_which_a_closed_form_is_o
     poses = region.workspace.poses(3_000, seed=3)
     inside = region.contains(poses)
     assert inside.mean() == pytest.approx(region.share, abs=4 * np.sqrt(0.25 / len(poses)))
-    ik = hk.inverse(region.strategy, R3, region=region)
+    ik = hk.ik(region.strategy, R3, region=region)
     found = ik.batch(poses)
     assert (found.reached == inside).all()
     q = found.q[inside]
@@ -215,9 +215,9 @@ def test_bad_input_is_refused_with_a_cure() -> None:
     with pytest.raises(ArgumentError, match="a workspace has its own"):
         hk.unique_region(strategy, R3, square, tilt=0.1)
     with pytest.raises(ArgumentError, match=r"hk\.unique_region\(strategy, q0\)"):
-        hk.inverse(strategy, R3, region=of_panda("lock 3", FEW))
+        hk.ik(strategy, R3, region=of_panda("lock 3", FEW))
     other = hk.holonomic(strategy.task, hk.lock(2))
     with pytest.raises(ArgumentError, match="of the same strategy"):
-        hk.inverse(other, R3, region=around(SOME))
+        hk.ik(other, R3, region=around(SOME))
     with pytest.raises(ArgumentError, match="of the same strategy"):
-        hk.inverse(strategy, R3 + 0.1, region=around(SOME))  # another leaf
+        hk.ik(strategy, R3 + 0.1, region=around(SOME))  # another leaf

@@ -23,14 +23,14 @@ def test_three_parallel_hinges_whose_sum_is_held_keep_the_pitch_of_the_jaws() ->
     assert np.ptp(directions[:, 2]) < 1e-9
     assert np.ptp(np.arctan2(directions[:, 1], directions[:, 0])) > 0.05  # the jaws turn with the shoulder only
     assert np.abs(walk.q[-1] - walk.q[0]).max() < 1e-9
-    ik = hk.inverse(law, START)
+    ik = hk.ik(law, START)
     assert np.abs(ik(loop.at([0.7 * loop.duration]).position[0])[4] - START[4]) < 1e-12
     pseudo_inverse = hk.moore_penrose(hk.position(ARM))
     assert hk.drift(pseudo_inverse, loop, START).largest[0] > 1e-3
 
 
 def test_position_and_axis_leave_nothing_redundant_and_a_whole_pose_is_refused() -> None:
-    ik = hk.inverse(hk.moore_penrose(hk.pose(ARM, "axis")), START)
+    ik = hk.ik(hk.moore_penrose(hk.pose(ARM, "axis")), START)
     near = START + [0.05, -0.04, 0.03, 0.02, 0.0]
     found = ik(ARM.pose(near))
     assert np.abs(ARM.pose(found)[:3, 3] - ARM.pose(near)[:3, 3]).max() < 1e-9

@@ -59,7 +59,7 @@ def test_a_jump_of_g_is_told_by_the_verdict_and_ends_follow_and_inverse(name: st
             end[:3, 3] += step
             line = hk.line(tool[:3, 3], end[:3, 3]) if name == "panda" else hk.line(tool[:2, 3], end[:2, 3])
             goal = end if name == "panda" else end[:2, 3]
-            ik = hk.inverse(G, q0)
+            ik = hk.ik(G, q0)
             try:
                 walk = hk.follow(G, line, q0, samples=20, limits=False)
             except JumpError as problem:

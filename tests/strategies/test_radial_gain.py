@@ -105,7 +105,7 @@ def test_inverse_answers_with_no_posture_whose_gain_is_refused(
     """On the PPR arm from 1 to 12 m, 4 steps: what is reached is the ideal strategy's posture, by its closed form."""
     monkeypatch.setenv("HOLOKIN_NATIVE", native_code)
     twin = hk.radial(hk.moore_penrose(hk.position(hk.load("ppr"))), START)
-    ik, draw = hk.inverse(twin, START), np.random.default_rng(3)
+    ik, draw = hk.ik(twin, START), np.random.default_rng(3)
     rho, angle = draw.uniform(1, 12, 60), draw.uniform(-np.pi, np.pi, 60)
     found = ik.batch(np.column_stack([rho * np.cos(angle), rho * np.sin(angle)]))
     ideal = angle + 2 * np.arctan(np.tan((0.8 - angle) / 2) * np.exp(-rho / 2))

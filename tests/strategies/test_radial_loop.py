@@ -167,7 +167,7 @@ def test_its_inverse_is_where_following_the_ray_ends(
     monkeypatch.setenv("HOLOKIN_NATIVE", native_code)
     twin = hk.radial(hk.moore_penrose(panda_twin.task), PANDA_START)
     point, turned = twin.task.robot.pose(PANDA_START)[:3, 3], twin.task.robot.pose(PANDA_START)
-    ik = hk.inverse(twin, PANDA_START)
+    ik = hk.ik(twin, PANDA_START)
     assert rays_from(twin) is not None
     q = PANDA_START
     for end in point + np.array([[0.05, 0.1, -0.2], [-0.15, -0.3, 0.1], [-0.1, 0.2, 0.1]]):
@@ -203,7 +203,7 @@ def test_its_inverse_is_where_the_given_law_leads_along_hundreds_of_rays(arm: st
     robot, rng = hk.load(arm), np.random.default_rng(1)
     task = hk.position(robot) if robot.planar else hk.pose(robot)
     start = np.array([0.3, 1.5, 1.0]) if robot.planar else PANDA_START
-    ik = hk.inverse(hk.radial(hk.moore_penrose(task), start, steps=16), start)
+    ik = hk.ik(hk.radial(hk.moore_penrose(task), start, steps=16), start)
     v = rng.uniform(-1.5, 1.5, (count, 2)) if robot.planar else rng.uniform(-0.5, 0.5, (count, 6)) * [1, 1, 1, 3, 3, 3]
     poses = np.tile(robot.pose(start), (count, 1, 1))
     poses[:, : min(3, v.shape[1]), 3] += v[:, :3]
@@ -224,13 +224,13 @@ def test_a_full_turn_from_which_newton_begins_is_not_taken_over(monkeypatch: pyt
     shorter pieces."""
     start, first = np.array([0.3, 0.9, 0.7]), "rate[i] = y[HK_TRANSPORT_S % 2][i] - q[i];"
     task = hk.position(hk.load("planar-3r"))
-    right = hk.inverse(hk.radial(hk.moore_penrose(task), start), start)([1.0, 1.2])
+    right = hk.ik(hk.radial(hk.moore_penrose(task), start), start)([1.0, 1.2])
     written = kernel.prelude
     assert first in written("ray.c")
     monkeypatch.setattr(
         kernel, "prelude", lambda name: written(name).replace(first, f"{first} rate[0] += 6.283185307179586;")
     )
-    ik = hk.inverse(hk.radial(hk.moore_penrose(task), start), start)
+    ik = hk.ik(hk.radial(hk.moore_penrose(task), start), start)
     assert ik([1.0, 1.2]) == pytest.approx(right, abs=1e-12)
 
 

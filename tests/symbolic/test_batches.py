@@ -93,7 +93,7 @@ def test_native_code_agrees_with_the_virtual_machine(door: Callable, monkeypatch
 
 def test_the_poses_of_postures_are_what_inverse_kinematics_takes(monkeypatch: Patch) -> None:
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # twenty poses are no compiler's work
-    ik = hk.inverse(HELD, PANDA_START)
+    ik = hk.ik(HELD, PANDA_START)
     wanted = PANDA.pose(PANDA_START) + np.zeros((20, 1, 1))
     wanted[:, :3, 3] += np.random.default_rng(1).uniform(-0.05, 0.05, (20, 3))
     found = ik.batch(wanted)

@@ -29,10 +29,10 @@ def stepped(make):
 
 
 def solved(make):
-    """A run of `hk.inverse`: the joints are asked for at each pose, from the last answer."""
+    """A run of `hk.ik`: the joints are asked for at each pose, from the last answer."""
 
     def start(arm: Arm) -> Step:
-        ik = hk.inverse(make(hk.pose(hk.from_urdf(Path(arm.urdf), tip=arm.frame)), arm), arm.start, limits=False)
+        ik = hk.ik(make(hk.pose(hk.from_urdf(Path(arm.urdf), tip=arm.frame)), arm), arm.start, limits=False)
         return lambda q, pose, twist, h: ik.near(pose, q)
 
     return start

@@ -109,7 +109,7 @@ MAKERS = {
     "Workspace": "hk.workspace(box=(center, half))",
     "Trajectory": "hk.follow(strategy, path, q0)",
     "TimedTrajectory": "hk.retime(trajectory, robot)",
-    "InverseKinematics": "hk.inverse(strategy, q0)",
+    "InverseKinematics": "hk.ik(strategy, q0)",
 }
 """The kinds that callers mix up -> a call that makes one."""
 

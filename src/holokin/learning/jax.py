@@ -62,7 +62,7 @@ def inverse(ik: InverseKinematics) -> JaxInverse:
     It serves `grad`, `jacfwd`, `jacrev`, `hessian`, `vmap` and `jit`. See `JaxInverse.__call__` for what it takes.
 
     Args:
-        ik: of `hk.inverse(strategy, q0)`.
+        ik: of `hk.ik(strategy, q0)`.
 
     Raises:
         MissingExtraError: JAX is not installed.

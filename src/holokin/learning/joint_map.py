@@ -34,7 +34,7 @@ NATIVE_SLOPES_FROM = 2_000
 
 @dataclass(frozen=True, eq=False)
 class JointMap(Value):
-    """q(pose) of `hk.inverse`, over batches, with its derivatives. Rows that were not reached have NaN and zeros."""
+    """q(pose) of `hk.ik`, over batches, with its derivatives. Rows that were not reached have NaN and zeros."""
 
     ik: InverseKinematics
 

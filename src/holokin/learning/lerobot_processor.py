@@ -35,7 +35,7 @@ def lerobot_step(
     After a call, `last` is its `Nearest`: the status, and what is missing.
 
     Args:
-        ik: of a task with the whole orientation, as `hk.inverse(strategy, q0)`.
+        ik: of a task with the whole orientation, as `hk.ik(strategy, q0)`.
         degrees: the unit of hinges in the robot's actions.
         step: how far each joint may move in a call [rad or m], as of `ik.nearest`: its speed limit times the period.
         prefix: what stands before the point in the names of the pose's entries.

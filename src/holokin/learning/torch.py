@@ -56,7 +56,7 @@ def inverse(ik: InverseKinematics) -> TorchInverse:
     See `TorchInverse.__call__` for what it takes.
 
     Args:
-        ik: of `hk.inverse(strategy, q0)`.
+        ik: of `hk.ik(strategy, q0)`.
 
     Raises:
         MissingExtraError: torch is not installed.

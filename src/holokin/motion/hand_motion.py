@@ -106,7 +106,7 @@ def hand_follower(
     """A loop that follows a hand within limits of joint speed, acceleration and jerk. Extra `teleoperation`.
 
     Args:
-        ik: as of `hk.inverse`.
+        ik: as of `hk.ik`.
         dt: period of the loop [s].
         max_acceleration: of each joint [rad/s^2, m/s^2], one number for all or (n,).
         max_jerk: likewise [rad/s^3, m/s^3]; infinite for none.

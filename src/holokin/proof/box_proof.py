@@ -11,7 +11,7 @@ import numpy as np
 from ..base.errors import ArgumentError, BranchError, HolokinError, SingularityError, TrackingError
 from ..base.poses import pose_from
 from ..base.types import Array, Flags, Indices, Matrix, Value, Vector, kept, some
-from ..motion.ik import inverse
+from ..motion.ik import ik
 from ..motion.ik.leaf import LeafPath, leaf_follower, leaf_step, leaf_value, newton_on_leaf, straight_path
 from ..motion.ik.plan import Plan, check_start, make_plan
 from ..path.editing import AnyPath
@@ -171,7 +171,7 @@ class PoseRegion(Value, Domain):
 
     @staticmethod
     def of(strategy: HolonomicStrategy, space: Workspace, q0: Vector, partial: bool = False) -> PoseRegion:
-        """Raises: ArgumentError: no box; what `inverse` raises where the leaf does not reach its middle.
+        """Raises: ArgumentError: no box; what `ik` raises where the leaf does not reach its middle.
 
         partial: cells are sought all over it, continued from q0 where the box holds its tool pose.
         """
@@ -194,7 +194,7 @@ class PoseRegion(Value, Domain):
         if partial and (np.abs(at := region.place_of(q0)) <= 1).all():
             return replace(region, u0=at)
         try:
-            return replace(region, q=inverse(strategy, q0, limits=False)(space.center))
+            return replace(region, q=ik(strategy, q0, limits=False)(space.center))
         except HolokinError as problem:
             if not partial:
                 raise
@@ -227,7 +227,7 @@ class PoseRegion(Value, Domain):
         if not self.u0.any():
             return here[:2]
         try:
-            q = inverse(self.equation.strategy, self.q, limits=False)(pose_from(self.p0, self.R0))
+            q = ik(self.equation.strategy, self.q, limits=False)(pose_from(self.p0, self.R0))
         except HolokinError:
             return here[:2]
         middle = self._counted(np.zeros(self.equation.d), q)

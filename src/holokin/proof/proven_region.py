@@ -23,7 +23,7 @@ from ..base.poses import PoseLike, pose_from, tool_poses
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, kept, some, whole
 from ..base.units import at_least, percentages
-from ..motion.ik import InverseKinematics, InverseStatus, inverse
+from ..motion.ik import InverseKinematics, InverseStatus, ik
 from ..motion.ik.inverse_function import leads_to
 from ..path.workspaces import PoseRange, workspace
 from ..robot import LinkShape, Robot, reach
@@ -138,7 +138,7 @@ def _sound(strategy: HolonomicStrategy, q0: Vector, poses: Array, asked: Demands
     """(k,) True for poses that are reached, regular, and as asked with some room."""
     if not len(poses):
         return np.zeros(0, dtype=bool)
-    found, robot = inverse(strategy, q0, limits=False).batch(poses), strategy.task.robot
+    found, robot = ik(strategy, q0, limits=False).batch(poses), strategy.task.robot
     good = found.reached.copy()
     q = found.q[good]
     rcond = np.array([strategy.gain(one)[1] for one in q]) if len(q) else np.zeros(0)
@@ -427,7 +427,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
 
     @cached_property
     def _ik(self) -> InverseKinematics:
-        return inverse(self.strategy, self.q0, limits=self.certificate.limits is not None)
+        return ik(self.strategy, self.q0, limits=self.certificate.limits is not None)
 
     def _elsewhere(self, pose: Matrix, q: Vector) -> bool:
         """Whether the leaf, followed from the nearest cell to a pose, has another posture there than q."""
@@ -436,7 +436,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
         if not (len(boxes) and np.isfinite(u).all()):
             return False
         begin = cells.q0[int(self._middles.query(u)[1]), : self.strategy.task.n]
-        return not leads_to(inverse(self.strategy, self.q0, limits=False), pose, begin, q)
+        return not leads_to(ik(self.strategy, self.q0, limits=False), pose, begin, q)
 
     @property
     def sentence(self) -> str:

@@ -471,7 +471,7 @@ def radial(strategy: Strategy, q0: ArrayLike, *, steps: int = 4, name: str | Non
     start = frozen(start_posture(task.robot, q0, False))
     whole("steps", steps)
     if task.n == task.m:
-        cure = "each tool pose has its joints already: hk.inverse(hk.moore_penrose(task), start) finds them"
+        cure = "each tool pose has its joints already: hk.ik(hk.moore_penrose(task), start) finds them"
         raise ArgumentError("the number of redundant joints", 0, cure)
     strategy(start)
     lines = _lines(strategy, start, steps)

@@ -65,7 +65,7 @@ def test_a_holonomic_strategy_has_equal_joints_in_all_episodes_and_the_pseudo_in
 def test_the_one_episode_with_another_posture_is_named_with_its_joint(tmp_path: Path) -> None:
     """One episode runs with the elbow on the other side: the mirror image of the arm about the line to its tool."""
     episodes = [q.copy() for q in HELD]
-    other = hk.inverse(hk.holonomic(hk.position(ARM), hk.lock(2)), [1.4, -1.2, 0.5])
+    other = hk.ik(hk.holonomic(hk.position(ARM), hk.lock(2)), [1.4, -1.2, 0.5])
     episodes[2] = other.batch(ARM.pose_batch(HELD[2])[0]).q
     assert np.isfinite(episodes[2]).all()
     found = audited(write(tmp_path / "d", episodes))
@@ -80,7 +80,7 @@ def test_a_difference_below_the_tolerance_is_equal_and_above_it_is_not(tmp_path:
     """The spare joint is moved by a known amount at the same tool pose."""
     task = hk.position(ARM)
     for size, verdict in ((0.004, LogVerdict.REPEATS), (0.03, LogVerdict.DIFFERS)):
-        ik = hk.inverse(hk.holonomic(task, hk.lock(2)), Q0)
+        ik = hk.ik(hk.holonomic(task, hk.lock(2)), Q0)
         moved = ik.batch(ARM.pose_batch(HELD[1])[0], level=float(Q0[2] + size)).q
         found = audited(write(tmp_path / f"{size}", [HELD[0], moved]))
         assert found.verdict is verdict, size
@@ -112,7 +112,7 @@ def test_episodes_of_one_frame_are_compared(tmp_path: Path) -> None:
 
 def test_poses_that_are_near_but_not_equal_leave_it_open(tmp_path: Path) -> None:
     """Poses up to 4 mm apart do not show whether joints are equal to 1e-5 rad; they do show that they are to 0.02."""
-    ik = hk.inverse(hk.holonomic(hk.position(ARM), hk.lock(2)), Q0)
+    ik = hk.ik(hk.holonomic(hk.position(ARM), hk.lock(2)), Q0)
     place = ARM.pose_batch(HELD[0])[0] + [0.0028, 0.0028, 0.0]
     found = audited(write(tmp_path / "d", [HELD[0][:-1], ik.batch(place).q[:-1]]), tolerance=1e-5)
     assert len(found.pairs.first) > 10 and not found.decided.any()
@@ -122,7 +122,7 @@ def test_poses_that_are_near_but_not_equal_leave_it_open(tmp_path: Path) -> None
 
 def test_poses_a_millimetre_apart_are_compared_wherever_they_lie(tmp_path: Path) -> None:
     """Two of them may lie on two sides of a cell of one grid; then they are in one cell of the other."""
-    ik = hk.inverse(hk.holonomic(hk.position(ARM), hk.lock(2)), Q0)
+    ik = hk.ik(hk.holonomic(hk.position(ARM), hk.lock(2)), Q0)
     across = np.mgrid[-3:4, -3:4].reshape(2, -1).T * 0.03 + np.random.default_rng(4).uniform(0, 5e-3, (49, 2))
     places = ARM.pose(Q0)[:3, 3] + np.pad(across, ((0, 0), (0, 1)))
     for axis, step in enumerate(1e-3 * np.eye(3)[:2]):

@@ -249,4 +249,4 @@ def test_what_needs_a_formula_says_so() -> None:
     with pytest.raises(ArgumentError, match="say how many"):
         hk.involutivity(given, hk.around(PLANAR_START, 0.1), thorough=True)
     with pytest.raises(ArgumentError, match="a strategy with leaves"):
-        hk.inverse(given, PLANAR_START)
+        hk.ik(given, PLANAR_START)

@@ -83,7 +83,7 @@ def from_a_stranger() -> list[Any]:
     start = robot.pose(q0)[:3, 3]
     loop = hk.circle(start, start - [0.05, 0, 0])
     space = hk.workspace(box=(start[:2], [0.02, 0.02]))
-    walk, ik = hk.follow(law, loop, q0, samples=20), hk.inverse(law, q0)
+    walk, ik = hk.follow(law, loop, q0, samples=20), hk.ik(law, q0)
     return [
         robot, task, law, hk.lock(2, name=EVIL), loop, walk, ik, ik.batch(space.poses(5)), ik.nearest(robot.pose(q0)),
         hk.involutivity(hk.moore_penrose(task), hk.around(q0, 0.1), samples=4), hk.check(walk, robot),
@@ -129,7 +129,7 @@ def test_a_table_says_what_was_found() -> None:
     assert "<td" in walk._repr_html_() and "0.3000 rad" in walk._repr_html_() and "q3" in walk._repr_html_()
     assert "holonomic" in hk.involutivity(law, hk.around(q0, 0.1), samples=4)._repr_html_()
     assert "3.142 rad" in robot._repr_html_()
-    solutions = hk.inverse(law, q0).batch(np.array([robot.pose(q0), np.full((4, 4), np.nan)]))
+    solutions = hk.ik(law, q0).batch(np.array([robot.pose(q0), np.full((4, 4), np.nan)]))
     assert repr(solutions) == "Solutions(2 poses, 1 reached)"
     assert "not finite" in solutions._repr_html_()
 

@@ -84,7 +84,7 @@ def test_what_verbs_answer_is_neither_true_nor_false(planar_3r: hk.Robot) -> Non
     law = hk.moore_penrose(task)
     verdict = hk.involutivity(law, hk.around(q0, 0.2), samples=8)
     walk = hk.follow(law, hk.line(task(q0), task(q0) + 0.01), q0, samples=4)
-    for answer in (verdict, walk, walk.status, hk.inverse(hk.holonomic(task, hk.lock(2)), q0).batch(task(q0)[None])):
+    for answer in (verdict, walk, walk.status, hk.ik(hk.holonomic(task, hk.lock(2)), q0).batch(task(q0)[None])):
         with pytest.raises(AmbiguousTruthError):
             if answer:
                 pass

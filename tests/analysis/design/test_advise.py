@@ -210,7 +210,7 @@ def test_lines_side_by_side_end_where_inverse_kinematics_ends() -> None:
     )
     T, law = space.poses(24), hk.holonomic(task, hk.lock(2))
     ends = along_leaf(law, PANDA_START[None], T)
-    closely = hk.inverse(law, PANDA_START).batch(T)
+    closely = hk.ik(law, PANDA_START).batch(T)
     assert ends.reached[0].sum() >= 22
     both = ends.reached[0] & closely.reached
     assert np.abs(ends.q[0][both] - closely.q[both]).max() < 1e-7
@@ -222,7 +222,7 @@ def test_radial_lines_end_where_the_inverse_of_radial_ends(name: str) -> None:
     at = task.robot.pose(q0)
     words = {"box": (at[:2, 3], [0.2, 0.2])} if name == "planar" else {"box": (at[:3, 3], [0.1] * 3), "tilt": 0.2}
     T = hk.workspace(**words, rotation=at[:3, :3]).poses(4)
-    exact = hk.inverse(hk.radial(hk.moore_penrose(task), q0, steps=16), q0)
+    exact = hk.ik(hk.radial(hk.moore_penrose(task), q0, steps=16), q0)
     assert np.abs(along_radial(task, q0[None], T).q[0] - [exact(pose) for pose in T]).max() < 2e-4
 
 
@@ -297,7 +297,7 @@ def test_bad_input_is_refused_with_a_cure(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(advice_case, "POSES", 16)
     with pytest.raises(OutOfReachError, match="nearer to the base"):
         hk.advise(arm(), hk.workspace(box=([9.0, 0, 0], [0.1, 0.1, 0])))
-    with pytest.raises(ArgumentError, match=r"hk\.inverse"):
+    with pytest.raises(ArgumentError, match=r"hk\.ik"):
         hk.advise("irb140", task="pose")
     with pytest.raises(NotFiniteError):
         hk.advise(arm(), PLANE, q0=[0.1, np.nan, 0.2])

@@ -47,7 +47,7 @@ def clear() -> Advice:
 @pytest.mark.campaign
 def test_what_is_advised_keeps_clear_where_the_law_without_the_post_does_not(plain: Advice, clear: Advice) -> None:
     poses = PLANE.poses(500, seed=3)
-    near, far = (hk.inverse(one.best.strategy, one.q0).batch(poses) for one in (plain, clear))
+    near, far = (hk.ik(one.best.strategy, one.q0).batch(poses) for one in (plain, clear))
     assert near.reached.all() and far.reached.all()
     assert from_post(near.q).min() < 0.03
     assert from_post(far.q).min() > 0.05

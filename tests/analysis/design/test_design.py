@@ -55,7 +55,7 @@ def swift(task: hk.Task) -> hk.Design:
 
 def squared_speed(law: HolonomicStrategy, start: np.ndarray, cloud: PoseCloud) -> np.ndarray:
     """|G|_F^2 over the position columns at each pose, by the library's public doors alone."""
-    return np.sum(law.batch(hk.inverse(law, start).batch(cloud.given).q)[:, :, :3] ** 2, axis=(1, 2))
+    return np.sum(law.batch(hk.ik(law, start).batch(cloud.given).q)[:, :, :3] ** 2, axis=(1, 2))
 
 
 def test_a_panda_over_a_box_has_the_known_least_squared_speeds(found: hk.Design, oracle: PoseCloud) -> None:
@@ -77,7 +77,7 @@ def test_the_bound_is_the_mean_of_the_least_along_whole_self_motions(
     assert found.bound_here == pytest.approx(found.bound, rel=1e-6)
     few = PoseCloud(oracle.given[:4])
     least = []
-    for q in hk.inverse(found.strategy, found.q0).batch(few.given).q:
+    for q in hk.ik(found.strategy, found.q0).batch(few.given).q:
         postures = hk.strategies.self_motion(task, q, limits=False).q
         inside = ((postures >= task.robot.lower) & (postures <= task.robot.upper)).all(axis=1)
         pseudo = np.linalg.pinv(task.jacobian_batch(postures[inside])[0])[:, :, :3]
@@ -137,9 +137,9 @@ def test_exported_c_of_a_designed_law_is_python(found: hk.Design, tmp_path: Path
 def search_of(task: hk.Task, space: hk.Workspace, base: hk.Constraint, goal: Objective, limits: Limits) -> Search:
     """A search at eight poses."""
     law = hk.holonomic(task, base)
-    center = hk.inverse(law, READY)(space.center)
+    center = hk.ik(law, READY)(space.center)
     poses = space.poses(8)
-    Q = hk.inverse(law, center).batch(poses).q
+    Q = hk.ik(law, center).batch(poses).q
     c = coordinates_of(chart_of(task, space.center[:3, :3]), Q)
     terms = monomials_up_to(c.d, 2)
     section = SectionSamples(TiltedLeaves(law, c), terms, poses[:, :3, 3], poses[:, :3, :3], c.at(Q))
@@ -198,7 +198,7 @@ def test_limits_that_bind_are_kept_at_other_poses(arm: str, monkeypatch: pytest.
     held = hk.design(task, space, q0, **words, margin=margin, rcond=rcond)
 
     def least_margin(d: hk.Design, poses: np.ndarray) -> float:
-        q = hk.inverse(d.strategy, d.q0).batch(poses).q
+        q = hk.ik(d.strategy, d.q0).batch(poses).q
         return float(np.minimum(q - task.robot.lower, task.robot.upper - q).min())
 
     checked = space.poses(192, seed=1)
@@ -240,7 +240,7 @@ def test_a_sliding_joint_counts_as_a_hinge_that_uses_the_same_share_of_its_speed
 @pytest.mark.parametrize("arm", ["planar-3r", campaign("arm", "panda")])
 def test_radials_own_coordinate_can_be_tilted(task: hk.Task, arm: str) -> None:
     if arm == "panda":
-        center = hk.inverse(hk.holonomic(task, hk.lock(2)), READY)(SMALL.center)
+        center = hk.ik(hk.holonomic(task, hk.lock(2)), READY)(SMALL.center)
     else:
         task, center = hk.position(hk.load(arm)), R3_START
     radial = hk.radial(hk.moore_penrose(task), center, steps=1)
@@ -268,9 +268,7 @@ def test_descent_finds_the_bottom_of_a_curved_valley_that_ends() -> None:
 
 
 def test_bad_input_is_told_with_its_cure(task: hk.Task, irb140: hk.Robot) -> None:
-    with pytest.raises(
-        ArgumentError, match=r"redundant joints is 0; each tool pose has its joints already: hk.inverse"
-    ):
+    with pytest.raises(ArgumentError, match=r"redundant joints is 0; each tool pose has its joints already: hk.ik"):
         hk.design(hk.pose(irb140), SMALL, np.full(6, 0.3))
     with pytest.raises(OutOfReachError, match=r"middle of the workspace.*another workspace"):
         hk.design(task, hk.workspace(box=([2.0, 0, 0.3], [0.1, 0.1, 0.1])), READY)

@@ -33,9 +33,9 @@ def task(panda: hk.Robot) -> hk.Task:
 def search_of(task: hk.Task, goal: Objective, wanted: float) -> Search:
     """A search at eight poses, shapes to be kept a distance apart."""
     law = hk.holonomic(task, hk.lock(2))
-    center = hk.inverse(law, READY)(SPACE.center)
+    center = hk.ik(law, READY)(SPACE.center)
     poses = SPACE.poses(8)
-    Q = hk.inverse(law, center).batch(poses).q
+    Q = hk.ik(law, center).batch(poses).q
     c = coordinates_of(chart_of(task, SPACE.center[:3, :3]), Q)
     near, apart = (
         posture_clearances(task.robot, [TABLE, POST], -0.3, far, True, ()) for far in (goal.enough_clearance, wanted)
@@ -69,7 +69,7 @@ def least_by_coal(found: hk.Design, poses: np.ndarray) -> float:
     robot = with_capsules(found.strategy.task.robot)
     model = pin.buildModelFromXML(hk.to_urdf(robot))
     data, least = model.createData(), np.inf
-    solved = hk.inverse(found.strategy, found.q0).batch(poses)
+    solved = hk.ik(found.strategy, found.q0).batch(poses)
     assert solved.reached.all()
     for q in solved.q:
         pin.forwardKinematics(model, data, q)

@@ -37,7 +37,7 @@ def test_a_panda_s_elbow_may_go_so_far_while_its_tool_works_in_a_box() -> None:
     assert low < found.level < high and found.cusps is not None
     for level, all_of_it in ((low + 0.02, True), (found.best, True), (high - 0.02, True), (high + 0.1, False)):
         moved = hk.move_to_leaf(law, q0, level)
-        reached = hk.inverse(law, moved, limits=True).batch(space.poses(256)).reached
+        reached = hk.ik(law, moved, limits=True).batch(space.poses(256)).reached
         assert reached.all() == all_of_it
 
 
@@ -53,7 +53,7 @@ def test_an_advice_tells_the_levels_of_its_best_law_if_it_is_asked() -> None:
     low, high = next(ends for ends in found.intervals if ends[0] <= found.best <= ends[1])
     for level, all_of_it in ((low + 0.02, True), (found.best, True), (high - 0.02, True), (high + 0.05, False)):
         moved = hk.move_to_leaf(law.strategy, law.q0, level)
-        assert hk.inverse(law.strategy, moved, limits=True).batch(space.poses(256)).reached.all() == all_of_it
+        assert hk.ik(law.strategy, moved, limits=True).batch(space.poses(256)).reached.all() == all_of_it
 
 
 def test_a_law_of_several_rows_is_refused_and_where_no_level_serves_all_the_best_is_told() -> None:

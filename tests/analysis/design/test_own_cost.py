@@ -34,7 +34,7 @@ def test_a_design_comes_as_near_to_a_wish_as_any_law_can() -> None:
     found = hk.design(TASK, SPACE, Q0, objective=EXPRESSED, degree=2, samples=32)
     assert found.before.own["away"] > 5 * found.after.own["away"]
     assert found.bound <= found.after.own["away"] < 1.01 * found.bound
-    mean = np.mean([away(q) for q in hk.inverse(found.strategy, found.q0).batch(SPACE.poses(32, 0)).q])
+    mean = np.mean([away(q) for q in hk.ik(found.strategy, found.q0).batch(SPACE.poses(32, 0)).q])
     assert found.after.own["away"] == pytest.approx(mean, rel=1e-6)
     assert f"away {found.checked.own['away']:.5g}" in str(found.checked)
     assert pickle.loads(pickle.dumps(found.checked)).own == found.checked.own  # it is not lost where results are kept

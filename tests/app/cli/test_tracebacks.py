@@ -39,7 +39,7 @@ MISTAKES: dict[str, Callable[[Path], object]] = {
         str(written(folder, "arm.toml", 'name = "a"\nsource = "s"\n[[joints]]\na = "long"\n'))
     ),
     "a DH row with a bad key": lambda _: hk.from_dh([{"b": 1.0}]),
-    "a pose that is none": lambda _: hk.inverse(hk.holonomic(hk.position(hk.load("planar-3r")), hk.lock(2)),
+    "a pose that is none": lambda _: hk.ik(hk.holonomic(hk.position(hk.load("planar-3r")), hk.lock(2)),
                                                 [0.3, 0.9, 0.7])(np.eye(3)),
     "a posture too short": lambda _: hk.load("planar-3r").pose([0.1]),
     "a constraint of text": lambda _: hk.holonomic(hk.position(hk.load("planar-3r")), hk.custom(lambda q: "q", rows=1)),

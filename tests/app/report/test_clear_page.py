@@ -172,7 +172,7 @@ def test_the_picture_shows_green_only_where_nothing_is_too_near_and_red_where_it
     assert len(slices) == 3
     for shown, poses in slices:
         chosen = np.arange(0, len(shown), 97)
-        apart = np.array([to_ball(q) for q in hk.inverse(region.strategy, Q0).batch(poses[chosen]).q])
+        apart = np.array([to_ball(q) for q in hk.ik(region.strategy, Q0).batch(poses[chosen]).q])
         assert (apart[shown[chosen] == 0] >= WANTED).all() and (shown == 0).any()
         assert (shown[chosen][apart < -0.001] != 0).all()
         assert (shown == 1 + NEAR).any(), "the slices go through the posture that is too near"

@@ -234,7 +234,7 @@ def test_where_the_leaf_ends_the_tool_falls_behind_and_the_leaf_is_kept(
         at.integrate_inplace(v, 0.01)
         assert np.abs(leaf.compute_error(at)).max() < 2e-5
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # for one pose
-    assert hk.inverse(strategy, PANDA_START).batch(goal[None]).status[0] == hk.motion.ik.InverseStatus.LEAF_ENDS
+    assert hk.ik(strategy, PANDA_START).batch(goal[None]).status[0] == hk.motion.ik.InverseStatus.LEAF_ENDS
     assert 0.01 < np.linalg.norm(panda.pose(at.q)[:3, 3] - goal[:3, 3]) < 0.02
 
 

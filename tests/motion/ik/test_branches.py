@@ -55,7 +55,7 @@ def two_link_answer(start: np.ndarray, target: np.ndarray) -> np.ndarray | None:
 def test_inverse_settle_and_few_samples_answer_what_the_closed_form_does() -> None:
     strategy = locked()
     task = strategy.task
-    ik, rng = hk.inverse(strategy, R3_START), np.random.default_rng(3)
+    ik, rng = hk.ik(strategy, R3_START), np.random.default_rng(3)
     start = task.robot.pose(R3_START)[:3, 3]
     refused = reached = 0
     for target in rng.uniform(-2.6, 2.6, (150, 2)):

@@ -104,7 +104,7 @@ def case(kind: str, seed: int) -> tuple[InverseKinematics, Change]:
         law = hk.holonomic(task, hk.linear(rng.normal(size=(robot.n - task.m, robot.n))))
         try:
             if law.gain(q0)[1] > 0.02 and law.gain(q0)[2] > 0.2:
-                return hk.inverse(law, q0, False), change
+                return hk.ik(law, q0, False), change
         except HolokinError:
             continue
 
@@ -235,8 +235,8 @@ def check_regions(kind: str, seed: int) -> None:
     if not region.whole:
         return
     assert inside[:20].all() and region.contains(np.array([change(T, 2.0)])).all()
-    within = hk.inverse(law, ik.q0, False, region=region)
-    free = hk.inverse(law, ik.q0, False).batch(X[inside])
+    within = hk.ik(law, ik.q0, False, region=region)
+    free = hk.ik(law, ik.q0, False).batch(X[inside])
     assert same(within.batch(Y[inside]).q, free.q) and same(within(Y[0]), free.q[0])
 
 
@@ -323,7 +323,7 @@ def test_each_frame_of_several_has_its_own_free_part(monkeypatch: pytest.MonkeyP
     task = hk.stacked(hk.position(robot, one), hk.pose(robot, "axis", tip=other))
     rng, q0 = np.random.default_rng(0), np.clip(np.full(robot.n, 0.4), robot.lower + 0.1, robot.upper - 0.1)
     law = hk.holonomic(task, hk.linear(rng.normal(size=(robot.n - task.m, robot.n))))
-    ik, T = hk.inverse(law, q0, False), task.pose(q0)
+    ik, T = hk.ik(law, q0, False), task.pose(q0)
     for amount in (1e-6, 0.1, 1.0):
         free = np.array([turned("x")(turned("y")(T[0], amount), 2 * amount), turned("z")(T[1], amount)])
         assert same(ik(free), q0) and same(ik.near(free, q0), q0)

@@ -1,4 +1,4 @@
-"""`hk.inverse`: the same pose, the same joints; alone, from nearby, and many at once."""
+"""`hk.ik`: the same pose, the same joints; alone, from nearby, and many at once."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def inner(count: int, seed: int = 0) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def ik(panda: hk.Robot) -> hk.motion.ik.InverseKinematics:
-    return hk.inverse(hk.holonomic(hk.pose(panda), hk.arm_angle()), PANDA_START, limits=False)
+    return hk.ik(hk.holonomic(hk.pose(panda), hk.arm_angle()), PANDA_START, limits=False)
 
 
 def test_a_batch_answers_each_pose_as_a_single_call_does_and_raises_nothing(ik, panda: hk.Robot) -> None:
@@ -92,7 +92,7 @@ def test_a_transposed_pose_is_refused_wherever_one_comes_in(
 ) -> None:
     monkeypatch.setenv("HOLOKIN_NATIVE", native_code)
     strategy = hk.holonomic(hk.pose(panda), hk.lock(2))
-    ik, step = hk.inverse(strategy, PANDA_START), hk.controller(strategy, dt=1e-3, q0=PANDA_START)
+    ik, step = hk.ik(strategy, PANDA_START), hk.controller(strategy, dt=1e-3, q0=PANDA_START)
     point = hk.controller(hk.moore_penrose(hk.position(panda)), dt=1e-3)
     pose = panda.pose(PANDA_START)
     turned, lost = np.ascontiguousarray(pose.T), pose.copy()
@@ -128,13 +128,13 @@ def test_from_a_posture_nearby_the_same_joints_are_found_though_it_is_not_on_the
 
 
 def test_a_posture_of_another_branch_is_refused_as_a_beginning(planar_3r: hk.Robot) -> None:
-    ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), [0.3, 0.9, 0.7])
+    ik = hk.ik(hk.holonomic(hk.position(planar_3r), hk.lock(2)), [0.3, 0.9, 0.7])
     with pytest.raises(BranchError, match="another branch"):
         ik.near([1.5, 0.5], [0.3, -2.2, 0.7])
 
 
 def test_limits_are_looked_at_unless_told_otherwise(panda: hk.Robot, ik) -> None:
-    strict, poses = hk.inverse(ik.strategy, ik.q0), poses_of_the_box(20)
+    strict, poses = hk.ik(ik.strategy, ik.q0), poses_of_the_box(20)
     free, held = ik.batch(poses), strict.batch(poses)
     slack = 1e-9
     beyond = ((free.q < panda.lower - slack) | (free.q > panda.upper + slack)).any(axis=1)
@@ -153,7 +153,7 @@ def test_both_engines_look_at_limits(planar_3r: hk.Robot, monkeypatch: pytest.Mo
     found = []
     for flag in ("1", "0"):
         monkeypatch.setenv("HOLOKIN_NATIVE", flag)
-        free, held = (hk.inverse(law, q0, limits=limits).batch(points) for limits in (False, True))
+        free, held = (hk.ik(law, q0, limits=limits).batch(points) for limits in (False, True))
         beyond = (robot.beyond(free.q) > 1e-9).any(axis=1)
         assert 5 < beyond.sum() < free.reached.sum() - 5
         assert np.array_equal(held.status == InverseStatus.LIMIT, beyond)
@@ -163,7 +163,7 @@ def test_both_engines_look_at_limits(planar_3r: hk.Robot, monkeypatch: pytest.Mo
 
 def test_without_redundancy_inverse_follows_the_branch_of_the_start(irb140: hk.Robot) -> None:
     task, start = hk.pose(irb140), np.deg2rad([10.0, 70.0, 10.0, 20.0, 50.0, 30.0])
-    ik = hk.inverse(hk.holonomic(task, hk.custom(lambda q: q[:0], rows=0)), start)
+    ik = hk.ik(hk.holonomic(task, hk.custom(lambda q: q[:0], rows=0)), start)
     rng = np.random.default_rng(0)
     for q in start + rng.uniform(-0.15, 0.15, (10, 6)):
         assert ik(irb140.pose(q)) == pytest.approx(q, abs=1e-11)
@@ -172,7 +172,7 @@ def test_without_redundancy_inverse_follows_the_branch_of_the_start(irb140: hk.R
 @pytest.mark.campaign
 def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot) -> None:
     """In random order, sorted, each from the last answer, and after excursions out of reach."""
-    ik = hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START)
+    ik = hk.ik(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START)
     if "native" not in ik.engine:
         pytest.skip("a minute on the virtual machine")
     poses = inner(20_000)
@@ -197,7 +197,7 @@ def test_twenty_thousand_poses_have_the_same_joints_in_any_order(panda: hk.Robot
 def test_a_hand_that_goes_round_the_base_keeps_its_turn_and_a_new_one_does_not(planar_3r: hk.Robot) -> None:
     """Where near and cold differ: round the hole that the locked arm cannot reach, by a full turn of the base joint."""
     start = np.array([0.3, 0.9, 0.7])
-    ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), start, limits=False)
+    ik = hk.ik(hk.holonomic(hk.position(planar_3r), hk.lock(2)), start, limits=False)
     tool, q = planar_3r.pose(start)[:2, 3], start
     for angle in np.linspace(0, 2 * np.pi, 200)[1:]:
         c, s = np.cos(angle), np.sin(angle)
@@ -245,7 +245,7 @@ def test_threads_that_lead_hands_get_what_each_gets_alone_to_the_last_bit(ik, pa
 def test_after_its_engine_is_asked_no_call_builds_anything(
     planar_3r: hk.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), [0.3, 0.9, 0.7])
+    ik = hk.ik(hk.holonomic(hk.position(planar_3r), hk.lock(2)), [0.3, 0.9, 0.7])
     assert ik.engine
     for module, name in ((kernel, "library"), (kernel, "_module"), (kernel, "bound_call")):
         monkeypatch.setattr(module, name, None)
@@ -254,7 +254,7 @@ def test_after_its_engine_is_asked_no_call_builds_anything(
 
 
 def test_an_inverse_and_its_solutions_can_be_pickled(planar_3r: hk.Robot) -> None:
-    ik = hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), [0.3, 0.9, 0.7])
+    ik = hk.ik(hk.holonomic(hk.position(planar_3r), hk.lock(2)), [0.3, 0.9, 0.7])
     q = ik([1.5, 0.5])
     again = pickle.loads(pickle.dumps(ik))
     assert np.array_equal(again([1.5, 0.5]), q)
@@ -264,22 +264,22 @@ def test_an_inverse_and_its_solutions_can_be_pickled(planar_3r: hk.Robot) -> Non
 
 def test_without_a_redundant_joint_the_pose_tells_the_joints_of_the_starts_branch(irb140: hk.Robot) -> None:
     task, q = hk.pose(irb140), np.deg2rad([10.0, 40.0, -10.0, 20.0, 50.0, 30.0])
-    ik = hk.inverse(hk.moore_penrose(task), q)
+    ik = hk.ik(hk.moore_penrose(task), q)
     there = q + [0.1, -0.1, 0.1, 0.2, -0.1, 0.3]
     assert ik(irb140.pose(there)) == pytest.approx(there, abs=1e-9)
     space = hk.workspace(box=(irb140.pose(q)[:3, 3], [0.02, 0.02, 0.02]))
     for refused in (lambda: hk.radial(hk.moore_penrose(task), q), lambda: hk.design(task, space, q)):
-        with pytest.raises(ArgumentError, match=r"hk.inverse\(hk.moore_penrose\(task\), start\)"):
+        with pytest.raises(ArgumentError, match=r"hk.ik\(hk.moore_penrose\(task\), start\)"):
             refused()
-    with pytest.raises(HolokinError, match=r"to hk\.inverse"):
+    with pytest.raises(HolokinError, match=r"to hk\.ik"):
         hk.holonomic(task, hk.lock(0))
     with pytest.raises(ArgumentError, match="give a strategy with leaves"):
-        hk.inverse(hk.moore_penrose(hk.position(irb140)), q)
+        hk.ik(hk.moore_penrose(hk.position(irb140)), q)
 
 
 @pytest.mark.parametrize("native", ["0", "1"])
 def test_no_pose_has_no_joints(native: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOLOKIN_NATIVE", native)
     robot = hk.load("planar-3r")
-    ik = hk.inverse(hk.holonomic(hk.position(robot), hk.lock(0)), [0.3, 0.7, -0.5])
+    ik = hk.ik(hk.holonomic(hk.position(robot), hk.lock(0)), [0.3, 0.7, -0.5])
     assert ik.batch(np.zeros((0, 4, 4))).q.shape == (0, 3)

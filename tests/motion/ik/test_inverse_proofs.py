@@ -102,7 +102,7 @@ def test_a_fold_however_narrow_is_not_passed(kind: str, width: float) -> None:
     value = ca.Function("h", [s := ca.SX.sym("s")], [h(s)])
     start = np.array([0.3, 0.2, begin])
     tool = strategy.task.robot.pose(start)[:3, 3]
-    ik, room = hk.inverse(strategy, start), float(value(begin) - value(fold))
+    ik, room = hk.ik(strategy, start), float(value(begin) - value(fold))
     assert "native" in ik.engine
     near = ik(tool + [0.999 * room, 0, 0])
     assert fold < near[2] < begin
@@ -121,9 +121,7 @@ def test_a_way_that_ends_at_a_fold_ends_close_to_it_and_says_so() -> None:
     """The PPR arm with g = q3^3 - 3 w^2 q3 + x: the leaf folds at q3 = w, however far beyond it the pose lies."""
     w, start = 0.05, np.array([0.3, 0.2, 0.4])
     h = FOLDS["cubic"][0](w)
-    ik = hk.inverse(
-        hk.holonomic(hk.position(hk.load("ppr")), hk.custom(lambda q: h(q[2]) + q[0] + ca.cos(q[2]))), start
-    )
+    ik = hk.ik(hk.holonomic(hk.position(hk.load("ppr")), hk.custom(lambda q: h(q[2]) + q[0] + ca.cos(q[2]))), start)
     room = start[2] ** 3 - 3 * w * w * start[2] + 2 * w**3
     beyond = ik.strategy.task.robot.pose(start)[:3, 3] + np.outer([1.1 * room, 1.5 * room, 3 * room], [1, 0, 0])
     found = ik.batch(beyond)
@@ -142,5 +140,5 @@ def test_a_way_that_passes_close_by_a_fold_goes_on(slope: float) -> None:
     )
     start = np.array([0.3, 0.2, 0.3])
     tool = strategy.task.robot.pose(start)[:3, 3]
-    q = hk.inverse(strategy, start)(tool + [2 * (0.3**3 + slope * 0.3), 0, 0])
+    q = hk.ik(strategy, start)(tool + [2 * (0.3**3 + slope * 0.3), 0, 0])
     assert q[2] == pytest.approx(-0.3, abs=1e-12)

@@ -54,7 +54,7 @@ def test_settling_beyond_the_elbows_reach_ends_where_the_self_motion_turns(panda
 
 def test_inverse_kinematics_is_a_function_of_the_pose_to_the_last_bit(panda: hk.Robot, panda_pose: hk.Task) -> None:
     strategy = hk.radial(hk.moore_penrose(panda_pose), PANDA_START)
-    ik = hk.inverse(strategy, PANDA_START)
+    ik = hk.ik(strategy, PANDA_START)
     home = panda.pose(PANDA_START)
     rng = np.random.default_rng(0)
     for _ in range(5):
@@ -74,7 +74,7 @@ def test_inverse_kinematics_is_a_function_of_the_pose_to_the_last_bit(panda: hk.
         with pytest.raises(error):
             ik(bad)
     with pytest.raises(ArgumentError, match="radial"):
-        hk.inverse(hk.moore_penrose(panda_pose), PANDA_START)
+        hk.ik(hk.moore_penrose(panda_pose), PANDA_START)
 
 
 def test_a_loop_round_the_base_comes_home_but_for_full_turns_T15(planar_3r: hk.Robot) -> None:

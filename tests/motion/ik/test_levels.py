@@ -24,7 +24,7 @@ LAWS = {
 @cache
 def of_panda(name: str) -> tuple[HolonomicStrategy, hk.InverseKinematics]:
     strategy = hk.holonomic(hk.pose(hk.load("panda")), LAWS[name]())
-    return strategy, hk.inverse(strategy, PANDA, limits=False)
+    return strategy, hk.ik(strategy, PANDA, limits=False)
 
 
 def poses_and_levels(name: str, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -54,7 +54,7 @@ def test_the_joints_are_those_of_the_pose_and_of_the_level_whatever_was_asked_be
         assert np.abs(data.oMf[hand].homogeneous @ tip - pose).max() < 1e-9
         assert np.abs(strategy.constraint_value(q) - c).max() < 1e-12
         moved = hk.move_to_leaf(strategy, PANDA, c)
-        assert np.abs(hk.inverse(strategy, moved)(pose) - q).max() < 1e-10
+        assert np.abs(hk.ik(strategy, moved)(pose) - q).max() < 1e-10
         assert ik.agrees(q, level=c) and not ik.agrees(q)
     again = [ik(pose, level=c) for pose, c in zip(poses[::-1], levels[::-1], strict=True)][::-1]
     np.testing.assert_array_equal(again, found)
@@ -92,7 +92,7 @@ def test_the_nearest_pose_on_another_level_is_that_of_the_leaf_there(name: str) 
         far = pose.copy()
         far[:3, 3] += [0.5, 0.1, 0.1]
         found, moved = ik.nearest(far, level=c), hk.move_to_leaf(strategy, PANDA, c)
-        theirs = hk.inverse(strategy, moved, limits=False).nearest(far)
+        theirs = hk.ik(strategy, moved, limits=False).nearest(far)
         assert found.status is InverseStatus.CLAMPED and np.abs(found.q - theirs.q).max() < 1e-6
         assert np.abs(strategy.constraint_value(found.q) - c).max() < 1e-9
         assert np.abs(ik.nearest(far, level=c).q - found.q).max() == 0.0
@@ -126,7 +126,7 @@ def test_native_code_and_the_virtual_machine_have_the_same_joints(monkeypatch: p
     poses, levels = poses_and_levels("lock 3", 1, 4)
     native = ik.batch(poses, level=levels)
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    slow = hk.inverse(hk.holonomic(strategy.task, hk.lock(2)), PANDA)
+    slow = hk.ik(hk.holonomic(strategy.task, hk.lock(2)), PANDA)
     assert "virtual machine" in slow.engine
     assert np.abs(slow.batch(poses, level=levels).q - native.q).max() < 1e-12
     assert np.abs(slow.near(poses[0], PANDA, level=levels[0]) - native.q[0]).max() < 1e-12
@@ -149,7 +149,7 @@ def test_limits_hold_on_other_levels_as_well() -> None:
     strategy, free = of_panda("arm angle")
     robot, T = strategy.task.robot, strategy.task.pose(PANDA)
     levels = strategy.constraint_value(PANDA) + np.linspace(-3.0, 3.0, 31)[:, None]
-    ik, poses = hk.inverse(strategy, PANDA), np.tile(T, (31, 1, 1))
+    ik, poses = hk.ik(strategy, PANDA), np.tile(T, (31, 1, 1))
     kept, all_ = ik.batch(poses, level=levels), free.batch(poses, level=levels)
     within = ((all_.q >= robot.lower) & (all_.q <= robot.upper)).all(axis=1)
     assert (kept.status[all_.reached & within] == InverseStatus.REACHED).all() and within.sum() > 5
@@ -177,4 +177,4 @@ def test_bad_levels_are_refused_with_a_cure() -> None:
         ik.batch(np.tile(T, (3, 1, 1)), level=[[0.1], [0.2]])
     region = hk.unique_region(strategy, PANDA, budget=60)
     with pytest.raises(ArgumentError, match="region is of one level"):
-        hk.inverse(strategy, PANDA, region=region)(T, level=0.3)
+        hk.ik(strategy, PANDA, region=region)(T, level=0.3)

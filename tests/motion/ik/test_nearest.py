@@ -23,12 +23,12 @@ BETWEEN = np.array([0.3, 0.9, 0.0])
 def two_links(monkeypatch: pytest.MonkeyPatch, planar_3r: hk.Robot) -> hk.motion.ik.InverseKinematics:
     """An arm of links 1 and 2 m long, the last two of a planar 3R in line, on the virtual machine."""
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
-    return hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), BETWEEN, limits=False)
+    return hk.ik(hk.holonomic(hk.position(planar_3r), hk.lock(2)), BETWEEN, limits=False)
 
 
 @pytest.fixture(scope="module")
 def ik(panda: hk.Robot) -> hk.motion.ik.InverseKinematics:
-    return hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START, limits=False)
+    return hk.ik(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START, limits=False)
 
 
 def shifted(robot: hk.Robot, start: np.ndarray, by: list[float], turn: float = 0.0) -> np.ndarray:
@@ -85,7 +85,7 @@ def test_sliders_with_limits_stop_at_the_corner_and_the_sides_of_their_box(
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     box = [replace(c, lower=a, upper=b) for c, a, b in zip(ppr.coordinates, (-1, -0.5, -9), (1, 0.5, 9), strict=True)]
     robot = replace(ppr, coordinates=tuple(box))
-    ik = hk.inverse(hk.holonomic(hk.position(robot), hk.lock(2)), [0.2, 0.1, PPR_START[2]], limits=True)
+    ik = hk.ik(hk.holonomic(hk.position(robot), hk.lock(2)), [0.2, 0.1, PPR_START[2]], limits=True)
     shift = robot.pose([0.0, 0.0, PPR_START[2]])[:2, 3]
     for wanted in ([3.0, 4.0], [0.3, -2.0], [-7.0, 0.2], [0.5, 0.4]):
         found = ik.nearest(shift + wanted)
@@ -191,7 +191,7 @@ def test_a_robot_that_is_stuck_leaves_for_a_pose_that_its_start_reaches(planar_3
     robot = replace(
         planar_3r, coordinates=(replace(planar_3r.coordinates[0], lower=-2.9, upper=2.9), *planar_3r.coordinates[1:])
     )
-    ik = hk.inverse(hk.holonomic(hk.position(robot), hk.lock(2)), BETWEEN, limits=True)
+    ik = hk.ik(hk.holonomic(hk.position(robot), hk.lock(2)), BETWEEN, limits=True)
     behind, beyond = (
         np.array([2.0 * np.cos(2.6), 2.0 * np.sin(2.6)]),
         np.array([2.0 * np.cos(-0.9), 2.0 * np.sin(-0.9)]),
@@ -249,7 +249,7 @@ def test_a_start_beyond_its_limits_has_no_edge_within_them(
         planar_3r, coordinates=(replace(planar_3r.coordinates[0], lower=1.0, upper=2.0), *planar_3r.coordinates[1:])
     )
     with pytest.raises(JointLimitError):
-        hk.inverse(hk.holonomic(hk.position(robot), hk.lock(2)), R3_START).nearest([1.0, 1.0], limits=True)
+        hk.ik(hk.holonomic(hk.position(robot), hk.lock(2)), R3_START).nearest([1.0, 1.0], limits=True)
 
 
 def test_a_longer_length_trades_position_for_angle(ik, panda: hk.Robot) -> None:

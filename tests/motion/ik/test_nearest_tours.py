@@ -60,9 +60,9 @@ def case(name: str, seven: dict[str, tuple[hk.Robot, np.ndarray]], planar: hk.Ro
     robot, law = name.split()
     constraints = {"lock": lambda: hk.lock(2), "arm": hk.arm_angle}
     if robot == "planar":
-        return Case(hk.inverse(hk.holonomic(hk.position(planar), constraints[law]()), R3_START), FLAT)
+        return Case(hk.ik(hk.holonomic(hk.position(planar), constraints[law]()), R3_START), FLAT)
     arm, start = seven[robot]
-    return Case(hk.inverse(hk.holonomic(hk.pose(arm), constraints[law]()), start), WIDE)
+    return Case(hk.ik(hk.holonomic(hk.pose(arm), constraints[law]()), start), WIDE)
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +119,7 @@ def test_a_hand_that_rests_within_reach_is_reached_in_a_known_number_of_calls(
 @sampled(1, "start", [[0, 0.5, 0, -1.4, 0, 1.2, 0], [0.3, 0.7, 0.2, -1.5, 0.1, 1.0, 0.4]])
 def test_a_hand_once_round_the_base_ends_at_the_joints_that_it_began_with(iiwa14: hk.Robot, start: list[float]) -> None:
     """Joint 1 has made a full turn by then, or the tool is held on the far side: the joints go back."""
-    one = Case(hk.inverse(hk.holonomic(hk.pose(iiwa14), hk.arm_angle()), start), WIDE)
+    one = Case(hk.ik(hk.holonomic(hk.pose(iiwa14), hk.arm_angle()), start), WIDE)
     pose, q = iiwa14.pose(start), np.array(start)
     x, y = pose[:2, 3]
     for angle in np.linspace(0, 2 * np.pi, 300):
@@ -130,7 +130,7 @@ def test_a_hand_once_round_the_base_ends_at_the_joints_that_it_began_with(iiwa14
 
 
 def test_a_wound_up_arm_has_the_joints_of_its_start_in_one_call_or_a_step_at_a_time(planar_3r: hk.Robot) -> None:
-    one = Case(hk.inverse(hk.holonomic(hk.position(planar_3r), hk.lock(2)), R3_START), FLAT)
+    one = Case(hk.ik(hk.holonomic(hk.position(planar_3r), hk.lock(2)), R3_START), FLAT)
     x, y = planar_3r.pose(R3_START)[:2, 3]
     wound = R3_START + [2 * np.pi, 0, 0]
     assert one.ik.nearest([x, y], wound).q == pytest.approx(R3_START, abs=1e-12)
@@ -177,7 +177,7 @@ def test_native_code_and_the_virtual_machine_lead_a_robot_alike(
         if name != "ppr radial":
             return case(name, seven, planar_3r)
         law = hk.radial(hk.moore_penrose(hk.position(ppr)), PPR_START, steps=1)
-        return Case(hk.inverse(law, PPR_START), 0.2 * FLAT)
+        return Case(hk.ik(law, PPR_START), 0.2 * FLAT)
 
     one = made()
     start, rng = one.ik.q0, np.random.default_rng(2)

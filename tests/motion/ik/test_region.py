@@ -61,7 +61,7 @@ def test_pinocchio_finds_one_tool_pose_for_both_postures(size: str) -> None:
 def test_two_poses_a_millimetre_apart_may_have_joints_far_apart_though_no_joint_turned_fully() -> None:
     """Between them lies the shadow of a place where the leaf ends: straight paths pass it on either side."""
     panda = hk.load("panda")
-    ik = hk.inverse(hk.holonomic(hk.pose(panda), hk.lock(2)), README_START)
+    ik = hk.ik(hk.holonomic(hk.pose(panda), hk.lock(2)), README_START)
     R = np.array([
         [-0.3830620429654401, 0.6789896766821064, 0.6262878652810316],
         [0.8594212394548654, 0.013433424176621278, 0.5110916515545464],
@@ -86,13 +86,13 @@ def test_two_poses_a_millimetre_apart_may_have_joints_far_apart_though_no_joint_
 
 def test_an_inverse_keeps_its_cusps_and_says_whether_it_has_a_region() -> None:
     strategy, q0 = hk.holonomic(hk.position(hk.load("planar-3r")), hk.linear([[0.3, 0, 1]])), [0.3, 0.9, 0.7]
-    ik = hk.inverse(strategy, q0)
+    ik = hk.ik(strategy, q0)
     found, other = hk.cusps(ik, starts=50), hk.cusps(strategy, q0, starts=50)
     assert found is hk.cusps(ik, starts=50) and np.array_equal(found.q, other.q) and found.sentence == other.sentence
     assert hk.cusps(ik, starts=60).starts == 60 and hk.cusps(ik, starts=50) is found
     assert "no region was asked for" in str(ik) and "hk.unique_region" in str(ik)
     region = hk.unique_region(strategy, q0, hk.workspace(box=([1.0, 2.17], [0.1, 0.1])), limits=False, budget=500)
-    assert str(region) in str(hk.inverse(strategy, q0, region=region))
+    assert str(region) in str(hk.ik(strategy, q0, region=region))
     with pytest.raises(ArgumentError, match="leave it out"):
         hk.cusps(ik, q0)
     with pytest.raises(ArgumentError, match="give the posture"):

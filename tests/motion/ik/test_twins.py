@@ -47,7 +47,7 @@ class Twins:
 
     @cached_property
     def ik(self) -> tuple[InverseKinematics, InverseKinematics]:
-        native, machine = self.both(lambda law: hk.inverse(law, self.q0, limits=self.limits), self.laws)
+        native, machine = self.both(lambda law: hk.ik(law, self.q0, limits=self.limits), self.laws)
         assert self.both(lambda ik: "virtual machine" in ik.engine, (native, machine)) == (False, True)
         return native, machine
 

@@ -87,7 +87,7 @@ def test_thrusts_that_follow_a_force_round_a_loop_return_on_a_leaf_alone(force: 
 
 
 def test_the_inverse_of_an_allocation_is_its_closed_form(force: hk.Task, pairs: hk.Strategy) -> None:
-    ik, rng = hk.inverse(pairs, U0), np.random.default_rng(0)
+    ik, rng = hk.ik(pairs, U0), np.random.default_rng(0)
     wanted = force(U0) + rng.uniform(-0.5, 0.5, (20, 3))
     for x, u in zip(wanted, ik.batch(wanted).q, strict=True):
         assert np.abs(u - closed_form(x)).max() < 1e-9
@@ -164,7 +164,7 @@ def test_paths_lead_through_points_of_five_coordinates(six: hk.Task, monkeypatch
     assert np.abs(walk.drift()).max() < 1e-12
     assert np.abs(six.value_batch(walk.q)[walk.t == 1.0] - points[1]).max() < 1e-9
     assert hk.drift(hk.moore_penrose(six), loop, Q0, samples=100).largest[0] > 1e-5
-    ik = hk.inverse(law, Q0)
+    ik = hk.ik(law, Q0)
     assert np.abs(six(ik(points[2])) - points[2]).max() < 1e-9
     assert hk.through(points, speed=0.1).duration == pytest.approx(
         np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / 0.1
@@ -196,7 +196,7 @@ def test_seven_joints_hold_a_pose_written_as_six_rows_of_ones_own(monkeypatch: p
     target[:3, :3] = target[:3, :3] @ Rotation.from_rotvec([0.1, 0.0, -0.2]).as_matrix()
     M = reference.T @ target[:3, :3]
     x = np.array([*target[:3, 3], M[2, 1] - M[1, 2], M[0, 2] - M[2, 0], M[1, 0] - M[0, 1]])
-    a, b = (hk.inverse(hk.holonomic(task, hk.lock(2)), Q0) for task in (own, pose))
+    a, b = (hk.ik(hk.holonomic(task, hk.lock(2)), Q0) for task in (own, pose))
     assert np.abs(a(x) - b(target)).max() < 1e-9
 
 

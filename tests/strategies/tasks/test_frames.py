@@ -105,7 +105,7 @@ def test_inverse_kinematics_of_an_axis_is_that_of_following(panda: Robot, monkey
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # for two poses
     task = hk.pose(panda, "axis")
     law = hk.holonomic(task, hk.lock(2, 6))
-    ik, pose = hk.inverse(law, PANDA_START), panda.pose(PANDA_START)
+    ik, pose = hk.ik(law, PANDA_START), panda.pose(PANDA_START)
     pose[:3, 3] += [0.1, -0.15, 0.05]
     pose[:3, :3] = Rotation.from_rotvec([0.3, -0.2, 0.0]).as_matrix() @ pose[:3, :3]
     q = ik(pose)

@@ -137,7 +137,7 @@ def test_inverse_kinematics_takes_a_pose_for_each_hand(
     monkeypatch.setenv("HOLOKIN_NATIVE", str(int(native)))
     task, start, thirds = (plane_hands, PLANE_Q0, (2, 6)) if native else (hands, Q0, THIRDS)
     law = hk.holonomic(task, hk.lock(*thirds))
-    ik, rng = hk.inverse(law, start), np.random.default_rng(2)
+    ik, rng = hk.ik(law, start), np.random.default_rng(2)
     there = start + rng.uniform(-0.15, 0.15, (6, task.n))
     there[:, thirds] = start[list(thirds)]
     poses = np.array([task.pose(q) for q in there])

@@ -19,7 +19,7 @@ from ...base.progress import progress
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, frozen, numbers, whole
 from ...motion.checks import Clear
-from ...motion.ik import InverseStatus, inverse, leaf_value
+from ...motion.ik import InverseStatus, ik, leaf_value
 from ...motion.ik.inverse_function import leads_to
 from ...motion.ik.leaf import leaf_step
 from ...motion.ik.pose_paths import nearest_postures
@@ -268,7 +268,7 @@ def coverage(
 ) -> Coverage:
     """How much of a workspace the leaf through a posture reaches, and why the rest is not reached.
 
-    Each pose is gone to on the straight path from the tool pose at q0, as `inverse` does. Where the leaf does not get
+    Each pose is gone to on the straight path from the tool pose at q0, as `ik` does. Where the leaf does not get
     there within the limits, other postures of the arm are searched for, by least squares from random postures: so it
     shows whether the law fails there or no law can serve. A workspace that is out of reach altogether has the share 0.
 
@@ -323,12 +323,12 @@ def coverage(
 
 def _gone_to(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matrix, Matrix, Indices]:
     """Where the leaf through a posture leads at poses (k, 4, 4): its postures, where its paths end (k, n), statuses."""
-    ik, n = inverse(strategy, q0, limits=False), strategy.task.n
+    solver, n = ik(strategy, q0, limits=False), strategy.task.n
     q, last, found = np.empty((len(poses), n)), np.empty((len(poses), n)), np.empty(len(poses), dtype=int)
     with progress(f"coverage: {strategy.name}", len(poses)) as report:
         for first in range(0, len(poses), PIECE):
             some = slice(first, first + PIECE)
-            solutions = ik.batch(poses[some])
+            solutions = solver.batch(poses[some])
             q[some], last[some], found[some] = solutions.q, solutions.last, solutions.status
             report(first + len(solutions.status))
     return q, last, found
@@ -514,9 +514,9 @@ def _cuts(strategy: HolonomicStrategy, inside: Flags, found: Coverage) -> Indice
     """Pairs (c, 2) of neighbouring cells, both with a posture, that no straight path on the leaf joins."""
     pairs = neighbouring_cells(inside)
     apart = np.abs(found.q[pairs[:, 0]] - found.q[pairs[:, 1]]).max(axis=1)  # NaN where there is no posture
-    ik, poses = inverse(strategy, found.q0, limits=False), found.poses
+    solver, poses = ik(strategy, found.q0, limits=False), found.poses
     far = pairs[apart > JUMP]
-    return far[[not leads_to(ik, poses[j], found.q[i], found.q[j]) for i, j in far]]
+    return far[[not leads_to(solver, poses[j], found.q[i], found.q[j]) for i, j in far]]
 
 
 # --------------------------------------------------------------------------------------------------

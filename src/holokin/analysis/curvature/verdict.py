@@ -162,7 +162,7 @@ class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
     `may_jump` names the operations of the law's formula that may jump (if_else, floor, ...). Places where they turn
     over are sought in the region, and `jumps` holds those where g jumps, or where the planes do so that the two sides
     lead the joints elsewhere: then the law is not holonomic, whether it is `curved` or not. A jump of g alone leaves it
-    holonomic between the jumps; a leaf ends there, and `follow` and `inverse` stop.
+    holonomic between the jumps; a leaf ends there, and `follow` and `ik` stop.
 
     Even with no curvature anywhere in the region, only small closed paths of the tool are sure to bring the joints
     back: one round a cusp, or round a place where the strategy is not defined, may not (theory 7.3). On the PPR arm
@@ -256,7 +256,7 @@ class Verdict(NoTruthValue, Value, ask="`.holonomic`"):
         jump = max(self.jumps, key=lambda one: one.level)
         return (
             f", between the jumps of its g, as by {jump.level:.3g} at q = {posture_text(jump.q)} ({jump.what}), where "
-            "leaves end and `follow` and `inverse` stop"
+            "leaves end and `follow` and `ik` stop"
         )
 
     @property

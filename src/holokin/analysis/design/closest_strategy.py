@@ -26,7 +26,7 @@ from ...base.arguments import made, typed
 from ...base.errors import ArgumentError, SingularityError, posture_text
 from ...base.poses import pose_from
 from ...base.types import Array, Matrix, Value, Vector, frozen, whole
-from ...motion.ik import inverse
+from ...motion.ik import ik
 from ...path.workspaces import Cylinder, Sphere, sobol
 from ...robot import Kinematics
 from ...strategies import HolonomicStrategy, SelfMotions, Strategy, holonomic, radial, self_motion
@@ -383,7 +383,7 @@ def _postures(law: HolonomicStrategy, region: Region | Ball, q0: Vector, count: 
         raise ArgumentError("`along` of the ball", region.along, cure)
     u, pose = sobol(4, count, seed), task.pose(q0)
     poses = pose_from(_positions(pose[:3, 3], region.radius, u, task.robot.planar), pose[:3, :3])
-    found = inverse(law, q0, limits=False).batch(poses)
+    found = ik(law, q0, limits=False).batch(poses)
     ok = found.reached
     Q, p, R = found.q[ok], poses[ok, :3, 3], poses[ok, :3, :3]
     along = region.along

@@ -14,7 +14,7 @@ from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Flags, Matrix, NoTruthValue, Value, Vector, not_negative, whole
 from ...motion.checks.check_report import counted
 from ...motion.checks.motion_checks import Clearances
-from ...motion.ik import inverse
+from ...motion.ik import ik
 from ...motion.ik.solutions import InverseStatus
 from ...path.workspaces import Workspace
 from ...proof.kept_apart import CLEARANCE, clearances_of
@@ -93,7 +93,7 @@ def reached(strategy: HolonomicStrategy, q0: Vector, poses: Array) -> tuple[Matr
     Raises:
         OutOfReachError: none is.
     """
-    found = inverse(strategy, q0, limits=False).batch(poses)
+    found = ik(strategy, q0, limits=False).batch(poses)
     if not found.reached.any():
         causes = ", ".join(sorted({InverseStatus(s).name.lower().replace("_", " ") for s in found.status}))
         fact = f"none of {len(poses)} poses of the workspace is reached by the leaf of {strategy.name!r} ({causes})"
@@ -339,7 +339,7 @@ class Problem(Value):
         zeta = Polynomial(self.coordinates, coefficients)
         constraint = tilted(self.law.constraint, zeta, chart=self.coordinates.chart)
         strategy = holonomic(self.law.task, constraint, name="designed")
-        middle = inverse(strategy, best.Q[0], limits=False)(self.workspace.center)
+        middle = ik(strategy, best.Q[0], limits=False)(self.workspace.center)
         arrived, _ = reached(strategy, middle, self.others)
         over, rconds, nearer = self.over(arrived), strategy.gain.batch(arrived)[1], self.hard.nearer(arrived)
         fits = (over <= 0).all(axis=1) & (rconds >= self.hard.rcond) & (nearer <= 0).all(axis=1)
@@ -397,7 +397,7 @@ def based(
     """The base law, and its posture at the middle of the workspace. Raises: OutOfReachError."""
     law = holonomic(task, base) if base is not None else _along_self_motion(task, q0, units)
     try:
-        center = inverse(law, q0, limits=False)(middle)
+        center = ik(law, q0, limits=False)(middle)
     except PathError as problem:
         fact = (
             f"the base law {law.name!r} does not lead from the start to the middle of the workspace: {problem.args[0]}"
@@ -606,7 +606,7 @@ def design(
     of_one_tool(task, "design")
     q0 = start_posture(robot, q0, limits)
     if task.n == task.m:
-        cure = "each tool pose has its joints already: hk.inverse(hk.moore_penrose(task), start) finds them"
+        cure = "each tool pose has its joints already: hk.ik(hk.moore_penrose(task), start) finds them"
         raise ArgumentError("the number of redundant joints", 0, cure)
     if whole("the degree", degree, 0) > HIGHEST:
         raise ArgumentError("the degree", degree, f"give 0 to {HIGHEST}")

@@ -10,7 +10,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, HolokinError
 from ...base.types import ArrayLike, Matrix, NoTruthValue, Shown, Value, Vector, positive
-from ...motion.ik import inverse, move_to_leaf
+from ...motion.ik import ik, move_to_leaf
 from ...path.workspaces import Workspace
 from ...robot import start_posture
 from ...strategies import HolonomicStrategy, Strategy
@@ -97,7 +97,7 @@ def cusps_near(strategy: Strategy, q0: Vector, space: Workspace) -> NearbyCusps:
     if found.excluded:
         return NearbyCusps(found, np.inf)
     poses = space.poses(CUSP_POSES)
-    ends = inverse(strategy, q0, limits=False).batch(space.poses(STARTS))
+    ends = ik(strategy, q0, limits=False).batch(space.poses(STARTS))
     near = cusps_from(found.strategy, found.level, ends.last[np.isfinite(ends.last).all(axis=1)], limits=True)
     all_of_them = np.concatenate([found.poses, near])
     away = tool_away(strategy.task, all_of_them, poses)
@@ -238,13 +238,13 @@ def level_range(
         raise ArgumentError("the number of rows of the constraint", rows, cure)
     positive("step", step)
     begin = start_posture(strategy.task.robot, q0, limits)
-    ik, poses = inverse(strategy, begin, limits), workspace.poses(LEVEL_POSES)
+    solver, poses = ik(strategy, begin, limits), workspace.poses(LEVEL_POSES)
     at = float(np.ravel(strategy.constraint_value(begin))[0])
     far = int(np.pi / step) if strategy.constraint.angular[0] else MOST
 
     def share(c: float) -> float:
         try:
-            return float(ik.batch(poses, level=c).reached.mean())
+            return float(solver.batch(poses, level=c).reached.mean())
         except ArgumentError:  # no joints take this level
             return 0.0
 

@@ -70,7 +70,7 @@ def retarget(
     from ...analysis.audit.log_audit import task_of_tool
     from ...analysis.audit.logs import ACTION, STATE, read_dataset
     from ...base.errors import ArgumentError
-    from ...motion.ik import inverse
+    from ...motion.ik import ik
     from ...robot import is_model, load
     from ..job import axis_of
     from ..job.strategy_tables import leaf_of_words
@@ -85,11 +85,11 @@ def retarget(
     start = _start(data, arm, sources, q0, bool(degrees))
     whole = None if axis is not None else not position
     task, _ = task_of_tool(arm, tip, whole, None if axis is None else axis_of(axis), start)
-    ik = inverse(leaf_of_words(strategy, task, start), start, limits=limits)
+    solver = ik(leaf_of_words(strategy, task, start), start, limits=limits)
     bad: Literal["refuse", "skip", "nearest"] = "skip" if skip_bad else "nearest" if nearest else "refuse"
     with ending().telling("retarget") as say:
         say(f"{data.frames} frames")
-        done = learning.retarget(data, ik, sources, out, tip=tip, bad=bad, double=double)
+        done = learning.retarget(data, solver, sources, out, tip=tip, bad=bad, double=double)
     for line in str(done).splitlines():
         show(line)
     for name in {STATE, ACTION} & set(data.features) - {source.name for source in sources}:

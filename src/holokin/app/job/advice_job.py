@@ -17,7 +17,7 @@ from ...analysis.design.advice_case import advise_chain
 from ...base.errors import ArgumentError, HolokinError
 from ...base.types import Value, Vector
 from ...motion.checks.motion_checks import Clearances
-from ...motion.ik import inverse
+from ...motion.ik import ik
 from ...path.workspaces import Box, PoseRange, Workspace, workspace
 from ...robot import LinkShape, Robot
 from ...strategies.tasks.frame_task import FrameTask
@@ -214,7 +214,7 @@ def _begin(advice: Advice, keys: dict[str, Any]) -> str:
     if np.abs(q0 - law.q0).max() <= SAME:
         return ""
     try:
-        begins = inverse(law.strategy, law.q0, limits=True)(advice.task.pose(q0))
+        begins = ik(law.strategy, law.q0, limits=True)(advice.task.pose(q0))
     except HolokinError as problem:
         return f"the leaf of the law does not reach the tool pose of the start ({problem}): give the job another start"
     keys["start"] = {"q": (begins / scales).tolist()} | ({"degrees": True} if degrees else {})

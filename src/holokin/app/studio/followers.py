@@ -15,7 +15,7 @@ from ...base.types import Array, ArrayLike, Matrix, Value, Vector, finite, froze
 from ...motion import StepStatus, approach, controller
 from ...motion.control import ControlLaw
 from ...motion.follow_path import build_native, native_velocity, velocity_stepper
-from ...motion.ik import InverseStatus, inverse, move_to_leaf
+from ...motion.ik import InverseStatus, ik, move_to_leaf
 from ...motion.ik.inverse_function import how_far, is_native
 from ...motion.ik.leaf import LeafPath, PathEnd, leaf_follower, leaf_value, leaf_walk, native_leaf, straight_path
 from ...motion.ik.plan import NativeFollower, Plan, check_start, make_plan
@@ -257,16 +257,16 @@ def follower(law: Law, q0: Vector, limits: bool) -> Follower:
 
 def _by_leaf(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Follower:
     """In a region round the start the same pose has the same joints, whatever the path of the tool."""
-    ik, task = inverse(strategy, q0, limits), strategy.task
+    solver, task = ik(strategy, q0, limits), strategy.task
     level = leaf_value(strategy, q0)
 
     def go(q: Vector, poses: Array, wait: bool) -> tuple[Vector, InverseStatus]:
         pose = poses[0] if task.frames == 1 else poses
-        if wait and is_native(ik):
+        if wait and is_native(solver):
             try:
-                return ik.near(pose, q), InverseStatus.REACHED
+                return solver.near(pose, q), InverseStatus.REACHED
             except HolokinError:
-                return how_far(ik, pose, q)
+                return how_far(solver, pose, q)
         walk, at = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
         levels = at, at + strategy.constraint.nearest(level - at)
         last, ended = walk(q, straight_path(task, task.place(q), task.target(poses), levels))
@@ -508,7 +508,7 @@ def compiled(law: Law, q0: Vector) -> None:
     """Build, or load, the native code with which a law follows drags and loops; without a compiler nothing happens."""
     try:
         if isinstance(law.rule, HolonomicStrategy):
-            _ = inverse(law.rule, q0, limits=False).engine
+            _ = ik(law.rule, q0, limits=False).engine
         if law.strategy is not None:
             build_native(law.strategy)
     except HolokinError:  # told when the law is asked to follow

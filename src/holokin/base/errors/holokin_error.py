@@ -24,7 +24,7 @@ SYNONYMS = {
 FORMS = {
     "robot.pose(q)": "fk fkine forward forward_kinematics end_effector end_effector_pose tool_pose get_pose",
     "robot.jacobian(q)": "jac jacob jacob0 jacobe geometric_jacobian get_jacobian",
-    "ik = hk.inverse(strategy, q0), and then q = ik(pose)": "ik ikine solve_ik inverse_kinematics solve",
+    "ik = hk.ik(strategy, q0), and then q = ik(pose)": "ik inverse ikine solve_ik inverse_kinematics solve",
     "hk.follow(strategy, path, q0)": "run execute track trace plan play",
     "hk.load(name)": "load_robot load_urdf from_file robots",
 }

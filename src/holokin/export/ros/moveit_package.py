@@ -11,7 +11,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, ExportError
 from ...base.types import ArrayLike
-from ...motion.ik import InverseStatus, inverse
+from ...motion.ik import InverseStatus, ik
 from ...strategies import HolonomicStrategy, Strategy
 from ..c.c_folder import c_texts
 from ..c.c_text import Source, line
@@ -93,7 +93,7 @@ def export_moveit(
 ) -> MoveItPackage:
     """Write a package of ROS 2: a kinematics plugin of MoveIt 2 over the exported C, with tests and README.
 
-    The plugin answers as `inverse(strategy, q0)`: the same pose gives the same joints, whatever the seed.
+    The plugin answers as `ik(strategy, q0)`: the same pose gives the same joints, whatever the seed.
     The C lies in the folder c, as `export_c` writes it.
 
     Args:
@@ -130,10 +130,10 @@ def export_moveit(
 def _python_joints(source: Source, strategy: HolonomicStrategy) -> str:
     """Poses, and the joints that Python finds for them, as a header of C++."""
     robot, tip = strategy.task.robot, tip_name(strategy.task)
-    ik, rng = inverse(strategy, source.q0, limits=source.limits), np.random.default_rng(0)
+    solver, rng = ik(strategy, source.q0, limits=source.limits), np.random.default_rng(0)
     near = source.q0 + rng.uniform(-0.3, 0.3, (4 * POSES, robot.n))
     poses = np.array([robot.pose(q, tip) for q in near])
-    found = ik.batch(poses if strategy.task.orientation is not None else poses[:, :3, 3])
+    found = solver.batch(poses if strategy.task.orientation is not None else poses[:, :3, 3])
     kept = np.flatnonzero(found.status == InverseStatus.REACHED)[:POSES]
     if not len(kept):
         raise ExportError("no pose near the start is reached within the joint limits", "choose another start posture")

@@ -3,7 +3,7 @@
 Uses `strategies` and `path`. Read first: `inverse_function.py`, `leaf.py`.
 """
 
-from .inverse_function import InverseKinematics, Nearest, inverse
+from .inverse_function import InverseKinematics, Nearest, ik
 from .leaf import leaf_value, move_to_leaf
 from .posture_search import Postures, all_postures
 from .solutions import InverseStatus, Solutions
@@ -15,7 +15,7 @@ __all__ = [
     "Postures",
     "Solutions",
     "all_postures",
-    "inverse",
+    "ik",
     "leaf_value",
     "move_to_leaf",
 ]

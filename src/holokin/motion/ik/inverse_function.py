@@ -275,7 +275,7 @@ AGREE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class InverseKinematics(Value):
-    """pose -> q on one leaf of a strategy, on the branch of its start. Make one with `inverse`.
+    """pose -> q on one leaf of a strategy, on the branch of its start. Make one with `ik`.
 
     `ik(pose)` begins at the start, `ik.near(pose, q)` at a posture nearby, such as the last answer; `ik.batch(poses)`
     does the first for many poses.
@@ -307,7 +307,7 @@ class InverseKinematics(Value):
 
         Reached from the start along the straight line to it (turning evenly about one axis), so it is a
         function of the pose: the same pose gives the same joints to the last bit. The posture of the pose keeps the
-        joint limits, unless `inverse` was told not to look at them; those on the way to it need not.
+        joint limits, unless `ik` was told not to look at them; those on the way to it need not.
 
         Args:
             level: c (r,), or one number for all rows; by default that of the start. The path leads straight from level
@@ -416,7 +416,7 @@ class InverseKinematics(Value):
             q: the last answer (n,), or where the joints are, to begin from; by default the start.
             length: what a radian counts in metres [m].
             rcond: how near to singular postures the tool goes, from 0 to 1; see `Nearest`.
-            limits: whether to keep to the joint limits; by default as `inverse` was told.
+            limits: whether to keep to the joint limits; by default as `ik` was told.
             step: how far each joint may move in this call, a number or (n,) [joint units]: its speed limit times the
                 period of the loop. Only with q.
             level: c (r,), or one number for all rows; by default that of the start. The search then begins at the
@@ -565,7 +565,7 @@ class InverseKinematics(Value):
     def _at_level(self, level: ArrayLike) -> PosePaths:
         """The paths that lead to another level. Raises: ArgumentError, ShapeError, NotFiniteError: a bad one."""
         if self.region is not None:
-            raise ArgumentError("level", level, "a region is of one level: ask hk.inverse(strategy, q0) without it")
+            raise ArgumentError("level", level, "a region is of one level: ask hk.ik(strategy, q0) without it")
         goal = level_towards(self.strategy, self.q0, level)
         last = self._last_level[:]
         if not last or not np.array_equal(last[0].level, goal):
@@ -584,9 +584,7 @@ class InverseKinematics(Value):
 
 
 @typed
-def inverse(
-    strategy: Strategy, q0: ArrayLike, limits: bool = True, *, region: PoseSet | None = None
-) -> InverseKinematics:
+def ik(strategy: Strategy, q0: ArrayLike, limits: bool = True, *, region: PoseSet | None = None) -> InverseKinematics:
     """Inverse kinematics q(x) of a strategy with leaves, on the one through `q0`.
 
     With `radial(G, start)` this is the straight-line transport of G from `q0`, free of drift by construction:

@@ -1,4 +1,4 @@
-"""Straight paths to tool poses on one leaf of a strategy: from the start of `inverse`, or from another posture."""
+"""Straight paths to tool poses on one leaf of a strategy: from the start of `ik`, or from another posture."""
 
 from __future__ import annotations
 

@@ -232,7 +232,7 @@ def all_postures(
     """All postures with f(q) = x and g(q) = c that Newton's method finds from many starts: the branches of a leaf.
 
     A six-axis arm, or one of seven axes with a joint locked, has at most 16, or a curve of them [Pri86]. A rule that
-    ties several joints may have more: 26 were found of a Panda with 4 q1 + 3 q3 held. `inverse` keeps to the one that
+    ties several joints may have more: 26 were found of a Panda with 4 q1 + 3 q3 held. `ik` keeps to the one that
     it began with. Where nothing is redundant, n = m, any strategy will do, as `moore_penrose(task)`: all postures with
     f(q) = x. The starts are a low-discrepancy sequence over the joint ranges, the same at every call.
 

@@ -156,7 +156,7 @@ def test_positions_alone_are_a_workspace_of_a_position_task(tmp_path: Path, plan
     assert np.array_equal(cloud.given[0, :3, :3], np.diag([1, -1, -1]))
     assert np.array_equal(hk.read_workspace(file, rotation=np.eye(3)).given[2, :3, :3], np.eye(3))
     law, q0 = hk.holonomic(hk.position(planar_3r), hk.lock(0)), [0.3, 0.9, 0.7]
-    tools = [planar_3r.pose(q)[:2, 3] for q in hk.inverse(law, q0).batch(points[:, :2]).q]
+    tools = [planar_3r.pose(q)[:2, 3] for q in hk.ik(law, q0).batch(points[:, :2]).q]
     assert np.allclose(tools, points[:, :2], atol=1e-12) and hk.coverage(law, cloud, q0).share == 1.0
     with pytest.raises(ArgumentError, match="rotation"):
         hk.read_workspace(file, rotation=2 * np.eye(3))
