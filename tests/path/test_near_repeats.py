@@ -101,7 +101,7 @@ def test_an_outline_with_near_repeats_is_the_clean_one_and_says_how_many_were_le
     assert np.abs(a.position - b.position).max() < 1e-6 and np.abs(a.rotation - b.rotation).max() < 1e-5
     assert len(found.corners) == len(want.corners)
     added += door == "outline given whole"  # which has two ends then
-    assert len(found.notes) == 1 and found.notes[0].startswith(f"{added} "), (added, found.notes)
+    assert [note.split()[0] for note in found.notes] == [str(added)] * (added > 0)
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.campaign) for k in range(1, 10))])
@@ -167,5 +167,5 @@ def test_a_spline_of_many_points_takes_time_and_memory_in_proportion() -> None:
         tracemalloc.stop()
         return seconds, peak
 
-    few, many = work(3_000), work(30_000)
-    assert many[0] < 15 * few[0] and many[1] < 30_000 * 12_000
+    few, many = work(1_000), work(10_000)
+    assert many[0] < 15 * few[0] and many[1] < 10_000 * 12_000

@@ -115,7 +115,7 @@ def polyline(
     if turns is not None and poses.rotations is not None:
         raise ArgumentError("turns", "given beside poses", "leave them out: the poses say how the tool turns")
     spins = np.zeros(shape) if turns is None else finite("turns", turns, shape, "one rotation vector a line")
-    turned = np.append(0.0, np.cumsum(np.linalg.norm(spins, axis=1)))
+    turned = None if turns is None else np.append(0.0, np.cumsum(np.linalg.norm(spins, axis=1)))
     poses, index, notes = distinct(poses, turned)
     first, spins = None, spins[index[1:] - 1]
     if poses.rotations is not None:

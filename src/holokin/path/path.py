@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import dist
+from math import dist, hypot, sqrt
 from typing import Any
 
 import numpy as np
@@ -752,10 +752,12 @@ def distinct(poses: Poses, more: Vector | None = None) -> tuple[Poses, Indices, 
     Raises:
         ArgumentError: not even two are left.
     """
-    columns = [poses.points] if more is None else [poses.points, more[:, None]]
-    if poses.rotations is not None:
-        columns.append(poses.rotations.reshape(-1, 9) / np.sqrt(2))  # so that the distance of two is their angle
-    rows = np.hstack(columns).tolist()
+    rows = poses.points
+    if more is not None:
+        rows = np.column_stack([rows, more])
+    if poses.rotations is not None:  # divided so that the distance of two is their angle
+        rows = np.hstack([rows, poses.rotations.reshape(-1, 9) / sqrt(2)])
+    rows = rows.tolist()
     kept: list[int] = []
     for i, row in enumerate(rows):
         if not kept or dist(row, rows[kept[-1]]) > SAME:
@@ -766,16 +768,16 @@ def distinct(poses: Poses, more: Vector | None = None) -> tuple[Poses, Indices, 
     repeats = len(rows) - len(kept)
     what = "point" if repeats == 1 else "points"
     notes = (f"{repeats} repeated {what} left out, within {SAME:g} m of the one before",) * (repeats > 0)
-    return returned(poses.at(index)), index, notes
+    return returned(poses.at(index) if notes else poses), index, notes
 
 
 def meets(poses: Poses) -> bool:
     """Whether the last pose is the first one."""
-    first, last = poses.at(0), poses.at(-1)
-    turned = 0.0
-    if first.rotations is not None and last.rotations is not None:
-        turned = float(np.linalg.norm(last.rotations - first.rotations)) / np.sqrt(2)
-    return float(np.hypot(np.linalg.norm(last.points - first.points), turned)) <= SAME
+    off = dist(poses.points[0].tolist(), poses.points[-1].tolist())
+    if poses.rotations is None:
+        return off <= SAME
+    turned = dist(poses.rotations[0].ravel().tolist(), poses.rotations[-1].ravel().tolist()) / sqrt(2)
+    return hypot(off, turned) <= SAME
 
 
 def returned(poses: Poses) -> Poses:
@@ -797,4 +799,6 @@ def as_poses(points: PoseLike | Waypoints) -> Poses:
     if given.ndim != 2 or pose_cure(given):
         cure = pose_cure(given) or "give points or poses, one a row"
         raise ShapeError("the waypoints", "(k, 3) or (k, 4, 4)", given.shape, cure)
-    return Poses(np.array([as_point(p) for p in given]), None)
+    if given.shape[1] == 2:
+        given = np.column_stack([given, np.zeros(len(given))])
+    return Poses(finite("the waypoints", given, ("k", 3)), None)

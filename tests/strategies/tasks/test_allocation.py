@@ -169,7 +169,7 @@ def test_paths_lead_through_points_of_five_coordinates(six: hk.Task, monkeypatch
     assert hk.through(points, speed=0.1).duration == pytest.approx(
         np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / 0.1
     )
-    for bad, fault in (([points[0]], "at least two"), (points[[0, 0]], "repeated")):
+    for bad, fault in (([points[0]], "at least two"), (points[[0, 0]], "points that differ")):
         with pytest.raises(hk.HolokinError, match=fault):
             hk.through(bad)
     with pytest.raises(hk.HolokinError, match=r"\(5,\)"):

@@ -96,7 +96,7 @@ def read_svg(
         if pieces:
             short = len(drawn) - len(pieces)
             notes = (f"{short} of {len(drawn)} pieces left out, which are at most {SAME:g} m long",) * (short > 0)
-            out.append(replace(_path(file, pieces, tolerance, speed), notes=notes))
+            out.append(_path(file, pieces, tolerance, speed, notes))
     if not out:
         raise RecordingError(file, "has no outlines", "convert text and images to paths in your drawing program")
     return out
@@ -189,10 +189,11 @@ def _piece(drawn: Any, to_metres: Matrix, svgelements: Any) -> _Piece | None:
     return piece
 
 
-def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float) -> Path:
+def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float, notes: tuple[str, ...]) -> Path:
     """An outline: its smooth stretches one after the other, begun at a corner where a closed one has corners."""
     ends = pieces[0].points(np.zeros(1))[0], pieces[-1].points(np.ones(1))[0]
-    closed = float(np.linalg.norm(ends[0] - ends[1])) <= SAME
+    gap = float(np.linalg.norm(ends[0] - ends[1]))
+    closed = gap <= SAME
     angles = [_angle(a, b) for a, b in pairwise([*pieces, pieces[0]])]  # after each piece
     smooth = [angle < SMOOTH for angle in angles]
     smooth[-1] = smooth[-1] and closed
@@ -221,7 +222,8 @@ def _path(file: FilePath, pieces: list[_Piece], tolerance: float, speed: float) 
             )
             raise RecordingError(file, f"{fact} ({problem.what})", problem.cure) from None
     try:
-        return _welded(Path(tuple(segments), speed), closed)
+        path = Path(tuple(segments), speed, notes=notes)
+        return _welded(path, closed) if notes or CLOSED < gap <= SAME else path
     except HolokinError as problem:
         raise RecordingError(file, f"has an outline that no tool can follow ({problem})", "simplify it") from None
 
