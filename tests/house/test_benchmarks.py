@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.calls import Floor, in_turns, repeated
+from benchmarks.speed import Floor, in_turns, repeated
 
 import holokin as hk
 from conftest import PANDA_START, campaign
@@ -26,16 +26,16 @@ FILES = [
     if f.parent.name != "workers" and '__name__ == "__main__"' in f.read_text("utf-8")
 ]  # fmt: skip
 MODULES = [".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__") for f in FILES]
-STARTING = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "kills", "speed"))
+STARTING = tuple(f"benchmarks.{name}" for name in ("fuzz", "kills", "speed"))
 """These start processes or compilers; the others run in this one."""
 FORKED = STARTING if hasattr(os, "fork") else ()
 OF_ITS_OWN = (
-    tuple(f"benchmarks.{name}" for name in ("league", "random_cusps", "sheets", "startup", "surveys"))
+    tuple(f"benchmarks.{name}" for name in ("league", "random_cusps", "sheets", "startup"))
     + STARTING[len(FORKED) :]
 )
 """These measure what a process imports and keeps, or need native code: they are begun as a user begins them."""
-QUICK = ("benchmarks.growth", "benchmarks.selftests")
-"""These take a second each; the others are of the campaign."""
+QUICK = ("benchmarks.selftests",)
+"""This takes a second; the others are of the campaign."""
 ELSEWHERE = {
     "benchmarks.drift": "tests/house/test_docs.py",
     "benchmarks.logs": "tests/analysis/audit/test_log_campaign.py",
@@ -48,7 +48,7 @@ def test_the_benchmarks_are_those_that_the_pages_name() -> None:
     pages = "".join(page.read_text("utf-8") for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
     named = {words.split("`")[0].split()[0].rstrip(".,;)") for words in pages.split("python -m ")[1:]}
     assert {name for name in named if name.startswith("benchmarks.")} <= set(MODULES)
-    assert len(MODULES) == 28
+    assert len(MODULES) == 17
 
 
 @pytest.mark.parametrize(
