@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks import drift
 from benchmarks.speed import Floor, in_turns, repeated
 
 import holokin as hk
-from benchmarks import drift
 from conftest import PANDA_START
 from holokin.symbolic.native import toolchain as native
 from holokin.symbolic.native.kernel import HEAVY

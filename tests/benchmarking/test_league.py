@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks import drift
 from benchmarks.league import league_entries
 from benchmarks.league.courses import panda_file, write_course
 from benchmarks.league.environments import NoEnvironment, python_of, reason_of
@@ -17,7 +18,6 @@ from benchmarks.league.played import play, runs_of
 from benchmarks.league.scores import Score, best_of, score
 
 import holokin as hk
-from benchmarks import drift
 
 pytestmark = pytest.mark.campaign
 START = drift.STARTS["iiwa14"]

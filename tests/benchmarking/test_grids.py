@@ -8,10 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-import holokin as hk
-from benchmarks import grid_bounds, grid_resolution, grid_roadmap, reconfigurations, sheets
-from conftest import PANDA_START
+from benchmarks import grid_bounds, grid_resolution, grid_roadmap, sheets
 
 LIMIT = np.radians(150)
 LINKS, LIMITS = (1.0, 1.0, 1.0), ((-LIMIT, LIMIT),) * 3
@@ -130,27 +127,9 @@ def test_the_fewest_changes_are_those_of_trying_all_choices() -> None:
             q = np.array([layer[k] for layer, k in zip(layers, choice, strict=True)])
             joined = (np.abs(np.diff(q, axis=0)) <= most).all(axis=1)
             best.append((int((~joined).sum()), float(np.linalg.norm(np.diff(q, axis=0)[joined], axis=1).sum())))
-        found = reconfigurations.fewest_changes(layers, most)
+        found = sheets.fewest_changes(layers, most)
         assert found.changes == min(best)[0]
         assert found.way == pytest.approx(min(best)[1])
-
-
-def test_the_postures_along_a_path_have_their_tool_on_it(tmp_path: Path) -> None:
-    """The path is read from a table as the published one: time, position, quaternion."""
-    robot = hk.load("panda")
-    pose = robot.pose(PANDA_START)
-    rows = [[k / 30, *(pose[:3, 3] + [0, 0.01 * k, 0]), 1.0, 0.0, 0.0, 0.0] for k in range(3)]
-    file = tmp_path / "path.csv"
-    np.savetxt(file, rows, delimiter=",", header="time,x,y,z,qx,qy,qz,qw", comments="")
-    times, poses = reconfigurations.read_path(file)
-    np.testing.assert_allclose(times, [0, 1 / 30, 2 / 30])
-    np.testing.assert_allclose(poses[0, :3, :3], np.diag([1.0, -1.0, -1.0]))
-    layers = reconfigurations.path_postures(hk.pose(robot), poses, count=6)
-    assert min(map(len, layers)) >= 6
-    for at, layer in zip(poses, layers, strict=True):
-        for q in layer:
-            np.testing.assert_allclose(robot.pose(q), at, atol=2e-6)
-            assert ((q >= robot.lower) & (q <= robot.upper)).all()
 
 
 def test_the_positions_in_reach_are_the_disc_without_the_lens_behind_the_base() -> None:
