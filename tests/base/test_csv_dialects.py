@@ -89,7 +89,7 @@ def test_a_row_whose_name_begins_with_a_number_sign_is_a_row(tmp_path: Path) -> 
 
 def test_comments_over_numbers_alone_are_no_header(tmp_path: Path) -> None:
     (tmp_path / "bare.csv").write_text("# exported by CAM\n\n1;2;3\n4;5;6\n")
-    with pytest.raises(RecordingError, match="line 3 holds numbers, no header; name the columns"):
+    with pytest.raises(RecordingError, match="line 3 holds numbers, no header"):
         hk.read_waypoints(tmp_path / "bare.csv")
 
 

@@ -323,5 +323,5 @@ def test_a_fit_to_what_the_job_has_not_is_refused(of: str, said: str, tmp_path: 
 
 def test_a_fit_to_a_law_without_leaves_is_refused(tmp_path: Path) -> None:
     (tmp_path / "fit.toml").write_text(JOB.replace('kind = "radial"', 'kind = "moore-penrose"'))
-    with pytest.raises(JobError, match="it has no leaves: name one that has"):
+    with pytest.raises(JobError, match="it has no leaves"):
         run_job(*open_job(str(tmp_path / "fit.toml")))
