@@ -7,6 +7,7 @@ processor time, so that what else the machine does counts little.
 from __future__ import annotations
 
 import ctypes
+import pickle
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -107,7 +108,8 @@ def repeated(call: Callable[[], object]) -> Callable[[int], object]:
 
 
 def functions(robot: hk.Robot) -> dict[str, Callable[[np.ndarray], object]]:
-    """What users call in loops, made anew."""
+    """What users call in loops, made anew: of a copy, since a robot that is in use is not loaded again."""
+    robot = pickle.loads(pickle.dumps(robot))
     task = hk.pose(robot)
     held = hk.holonomic(task, hk.arm_angle())
     return {

@@ -191,7 +191,7 @@ class LeastCosts(Value):
             return np.zeros(len(self.postures.p))
         return np.maximum(self.postures.least(self._over, self._over), 0.0)
 
-    def _least(self, cost: Cost) -> Vector:
+    def _least(self, cost: PostureCost) -> Vector:
         """The least of a cost over the postures that count."""
 
         def counted(q: Matrix) -> Vector:
