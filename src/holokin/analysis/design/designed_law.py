@@ -35,6 +35,9 @@ from ..coverage.pose_postures import (
     coordinates_of,
     postures_at_poses,
 )
+from ..coverage.pose_postures import (
+    Cost as PostureCost,
+)
 from .nearby_cusps import MORE_SPEED, DegreeTried, NearbyCusps, cusps_near, said_of_degrees
 from .objectives import POWER, Cost, Costs, Objective, OwnCost, as_objective, costs_of, joint_weights, length_of
 from .section import Limits, Sampled, Search, SectionSamples, TiltedLeaves
