@@ -288,7 +288,7 @@ def test_a_name_of_example_robot_data_is_its_file(monkeypatch: pytest.MonkeyPatc
     def absent(_name: str) -> None:
         raise PackageNotFoundError
 
-    monkeypatch.setattr("holokin.robot.formats.loading.files", absent)
+    monkeypatch.setattr("holokin.robot.formats.loading.package_files", absent)
     with pytest.raises(MissingExtraError, match=r"holokin\[descriptions\]"):
         hk.load("example-robot-data:panda")
 

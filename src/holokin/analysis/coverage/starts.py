@@ -85,7 +85,7 @@ def task_of_kind(robot: Robot, tip: str | None, kind: str | None) -> Task:
         found = pose(robot, "axis", tip=tip) if kind == "axis" else pose(robot, tip=tip)
     if found.n == found.m:
         cure = (
-            "the robot is not redundant for this task: hk.inverse finds the joints of a pose; take the task 'axis' if "
+            "the robot is not redundant for this task: hk.ik finds the joints of a pose; take the task 'axis' if "
             "the tool may spin, or 'position'; or leave the task out"
         )
         raise ArgumentError(f"the number of redundant joints of {robot.name!r} for its {kind}", 0, cure)
