@@ -187,8 +187,8 @@ def repaired(folder: Path, titles: tuple[str, str], number: int) -> list[str]:
 
 def job(folder: Path, title: str) -> Path:
     """A job file."""
-    (folder / "app.job.toml").write_text(JOB.format(title=title), "utf-8")
-    return folder / "app.job.toml"
+    (folder / "job.toml").write_text(JOB.format(title=title), "utf-8")
+    return folder / "job.toml"
 
 
 def prepare(folder: Path) -> float:

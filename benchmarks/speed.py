@@ -16,6 +16,7 @@ import contextlib
 import ctypes
 import importlib
 import os
+import pickle
 import platform
 import tempfile
 import time
@@ -247,7 +248,8 @@ def repeated(call: Callable[[], object]) -> Callable[[int], object]:
 
 
 def functions(robot: hk.Robot) -> dict[str, Callable[[np.ndarray], object]]:
-    """What users call in loops, made anew."""
+    """What users call in loops, made anew: of a copy, since a robot that is in use is not loaded again."""
+    robot = pickle.loads(pickle.dumps(robot))
     task = hk.pose(robot)
     held = hk.holonomic(task, hk.arm_angle())
     return {

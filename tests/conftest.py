@@ -259,7 +259,7 @@ def shell(*arguments: object) -> Outcome:
     return Outcome(done.returncode, done.stdout, done.stderr)
 
 
-def write_job(folder: Path, name: str = "app.job.toml", **spoilt: str) -> Path:
+def write_job(folder: Path, name: str = "job.toml", **spoilt: str) -> Path:
     file = folder / name
     file.write_text("".join((SOUND | spoilt).values()), "utf-8")
     return file

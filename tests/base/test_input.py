@@ -188,7 +188,7 @@ def test_a_start_in_degrees_is_recognised(holokin: Command, tmp_path: Path, out:
     start = "[start]\nq = [10, 70, 10, 20, 50, 30]\n"
     file = write_job(tmp_path, robot=robot, path=path, start=start)
     outcome = holokin("run", file, "--out", out)
-    assert_refused(outcome, "app.job.toml", "[start.q]", "joint 'q2' at 70 rad", "degrees = true")
+    assert_refused(outcome, "job.toml", "[start.q]", "joint 'q2' at 70 rad", "degrees = true")
     assert_untouched(out)
     turned = write_job(tmp_path, robot=robot, path=path, start=start + "degrees = true\n")
     assert holokin("run", turned, "--out", out).code == 0
@@ -259,6 +259,6 @@ def test_a_value_that_does_not_fit_is_told_in_plain_words_what_does(
     holokin: Command, tmp_path: Path, out: Path, spoilt: dict[str, str], words: str
 ) -> None:
     outcome = holokin("run", write_job(tmp_path, **spoilt), "--out", out)
-    assert_refused(outcome, "app.job.toml", words)
+    assert_refused(outcome, "job.toml", words)
     assert not any(word in outcome.err for word in ("Input", "valid", "change it"))
     assert_untouched(out)

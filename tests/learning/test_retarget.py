@@ -104,7 +104,7 @@ def test_all_other_columns_videos_and_metadata_are_as_they_were(tmp_path: Path, 
         assert sorted(changed) == ["action", "observation.state"]
     videos = list(old.rglob("*.mp4"))
     assert videos and all((new / file.relative_to(old)).samefile(file) for file in videos)
-    same = ["strategies.tasks.jsonl", "episodes.jsonl"] if version == "v2.1" else ["strategies.tasks.parquet"]
+    same = ["tasks.jsonl", "episodes.jsonl"] if version == "v2.1" else ["strategies.tasks.parquet"]
     assert all((new / "meta" / name).read_bytes() == (old / "meta" / name).read_bytes() for name in same)
     for e in range(4):
         was, now = (episode_statistics(folder, version, e) for folder in (old, new))

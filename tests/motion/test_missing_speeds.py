@@ -109,15 +109,15 @@ def test_what_judges_a_speed_says_whose_it_cannot_tell(missing: np.ndarray) -> N
 
 
 def test_a_job_times_nothing_without_speed_limits_unless_it_is_told_to(tmp_path: Path) -> None:
-    (tmp_path / "app.job.toml").write_text(JOB)
-    kept = run_job(*open_job(str(tmp_path / "app.job.toml")))
+    (tmp_path / "job.toml").write_text(JOB)
+    kept = run_job(*open_job(str(tmp_path / "job.toml")))
     (tmp_path / "arm.urdf").write_text(hk.to_urdf(hk.with_limits(hk.load("planar-3r"), max_velocity={"q2": np.inf})))
     assert kept.strategies[0].metrics["peak_speed"] < 1.0
     text = JOB.replace('"planar-3r"\nmax_velocity = 1.5', '"arm.urdf"')
-    (tmp_path / "app.job.toml").write_text(text)
+    (tmp_path / "job.toml").write_text(text)
     with pytest.raises(JobError, match=r"timing\.velocity.*q2"):
-        run_job(*open_job(str(tmp_path / "app.job.toml")))
-    (tmp_path / "app.job.toml").write_text(text.replace("[timing]", "[timing]\nvelocity = inf"))
-    told = run_job(*open_job(str(tmp_path / "app.job.toml")))
+        run_job(*open_job(str(tmp_path / "job.toml")))
+    (tmp_path / "job.toml").write_text(text.replace("[timing]", "[timing]\nvelocity = inf"))
+    told = run_job(*open_job(str(tmp_path / "job.toml")))
     assert np.isnan(told.strategies[0].metrics["peak_speed"])
     assert "Cannot tell whether speed limits are kept" in str(strategy_verdicts(told))

@@ -39,7 +39,7 @@ limits = false
 
 
 def done(folder: Path, points: np.ndarray, more: str = "") -> JobResult:
-    file = folder / "app.job.toml"
+    file = folder / "job.toml"
     file.write_text(JOB.format(points=[[*map(float, point), 0.0] for point in points], more=more))
     return run_job(*open_job(str(file)))
 

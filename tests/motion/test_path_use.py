@@ -197,8 +197,8 @@ FRAME = "frame = { xyz = [0.42, 0.1, 0.45], rpy_deg = [0, 0, 10] }\n"
 )  # fmt: skip
 def test_a_job_follows_every_kind_of_path(tmp_path: Path, path: str, length: float) -> None:
     (tmp_path / "w.csv").write_text(CSV)
-    (tmp_path / "app.job.toml").write_text(HEAD + path)
-    result = run_job(*open_job(str(tmp_path / "app.job.toml")))
+    (tmp_path / "job.toml").write_text(HEAD + path)
+    result = run_job(*open_job(str(tmp_path / "job.toml")))
     (tied,) = result.strategies
     assert tied.status is hk.Status.COMPLETE
     assert tied.metrics["tracking"] < 1e-10

@@ -43,9 +43,7 @@ def drawing(points: np.ndarray, folder: Path) -> hk.Path:
 def job(kind: str, points: np.ndarray) -> AnyPath:
     robot = hk.load("planar-3r")
     keys = {"kind": kind, "points": points.tolist(), "closed": True, "entry": "joints"}
-    return build_path(
-        PathTable.model_validate(keys), hk.position(robot), np.array([0.3, 0.8, -0.4]), Path("app.job.toml")
-    )
+    return build_path(PathTable.model_validate(keys), hk.position(robot), np.array([0.3, 0.8, -0.4]), Path("job.toml"))
 
 
 DOORS: dict[str, Door] = {

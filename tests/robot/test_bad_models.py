@@ -37,7 +37,7 @@ def test_a_model_without_its_meshes_has_its_kinematics_and_a_job(holokin: Comman
     turns = np.cumsum([0, *q[:2]])
     expected = [np.cos(turns).sum(), np.sin(turns).sum(), 0]
     assert hk.load(file).pose(q)[:3, 3] == pytest.approx(expected, abs=1e-15)
-    job = tmp_path / "app.job.toml"
+    job = tmp_path / "job.toml"
     assert holokin("new", job, "--robot", file).code == 0
 
 
@@ -47,7 +47,7 @@ def test_a_floating_base_is_refused_and_a_chain_above_it_is_taken(holokin: Comma
     with pytest.raises(RobotFileError) as caught:
         hk.load(file)
     assert all(word in str(caught.value) for word in words)
-    job = tmp_path / "app.job.toml"
+    job = tmp_path / "job.toml"
     assert_refused(holokin("new", job, "--robot", file), *words)
     assert not job.exists()
     assert hk.load(file, base="b").joint_names == ("j2", "j3")
@@ -57,7 +57,7 @@ def test_a_job_begins_at_the_base_that_is_asked_for(holokin: Command, tmp_path: 
     links, fly = LINKS.replace('<link name="d"/>', '<link name="d"/><link name="e"/>'), ("fly", "floating", "a", "b")
     joints = [JOINT.format(*joint) for joint in (fly, *CHAIN, ("j4", "revolute", "d", "e"))]
     (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{links}{"".join(joints)}</robot>')
-    job = tmp_path / "app.job.toml"
+    job = tmp_path / "job.toml"
     assert holokin("new", job, "--robot", tmp_path / "arm.urdf", "--base", "b").code == 0
     assert 'base = "b"' in job.read_text()
     assert_refused(holokin("new", tmp_path / "other.toml", "--base", "b"), "--base without --robot")
@@ -76,7 +76,7 @@ def test_links_in_a_ring_are_refused(
     file = model(tmp_path, *joints)
     with pytest.raises(RobotFileError, match=words[-1]):
         hk.load(file, tip="d")
-    outcome = holokin("new", tmp_path / "app.job.toml", "--robot", file, "--tip", "d")
+    outcome = holokin("new", tmp_path / "job.toml", "--robot", file, "--tip", "d")
     assert_refused(outcome, words[0])
 
 
@@ -131,7 +131,7 @@ def test_a_joint_that_cannot_move_is_named_by_all_that_look_for_a_start(holokin:
     still = after.replace('lower="-3" upper="3"', 'lower="0" upper="0"', 1)
     file.write_text(f'{before}name="j2"{still}')
     words = "the range of joint 'j2' is [0.0, 0.0]", "or hold it: locked={'j2': 0}"
-    assert_refused(holokin("new", tmp_path / "app.job.toml", "--robot", file), *words)
+    assert_refused(holokin("new", tmp_path / "job.toml", "--robot", file), *words)
     for ask in (lambda: studio.open_session(str(file)), lambda: hk.advise(str(file))):
         with pytest.raises(ArgumentError) as caught:
             ask()

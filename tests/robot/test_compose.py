@@ -198,7 +198,7 @@ def test_a_tool_and_a_mounting_of_one_robot_in_a_job(tmp_path: Path) -> None:
 def test_a_composition_that_makes_no_sense_is_refused_by_key(
     holokin: Command, tmp_path: Path, robot: str, words: tuple[str, ...]
 ) -> None:
-    assert_refused(holokin("run", write_job(tmp_path, robot=robot), "--out", tmp_path / "o"), "app.job.toml", *words)
+    assert_refused(holokin("run", write_job(tmp_path, robot=robot), "--out", tmp_path / "o"), "job.toml", *words)
 
 
 @pytest.mark.parametrize(

@@ -333,8 +333,8 @@ def test_bad_input_shows_where_it_was_met_only_when_asked(holokin: Command) -> N
 
 
 def test_a_pipe_as_a_job_is_refused_and_not_waited_for(holokin: Command, tmp_path: Path, out: Path) -> None:
-    os.mkfifo(tmp_path / "app.job.toml")
-    assert_refused(holokin("run", tmp_path / "app.job.toml", "--out", out), "no regular file")
+    os.mkfifo(tmp_path / "job.toml")
+    assert_refused(holokin("run", tmp_path / "job.toml", "--out", out), "no regular file")
     for name in ("..toml", "...toml"):
         write_job(tmp_path, name)
         assert_refused(holokin("run", tmp_path / name, "--out", out), "has no name")

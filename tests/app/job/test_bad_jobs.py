@@ -33,7 +33,7 @@ def test_a_missing_job_file_is_named_in_one_sentence(holokin: Command, tmp_path:
 
 def test_a_malformed_job_file_is_refused_with_its_line(holokin: Command, tmp_path: Path, out: Path) -> None:
     file = write_job(tmp_path, title='title = "a circle\n')
-    assert_refused(holokin("run", file, "--out", out), "app.job.toml", "is not TOML", "line 1")
+    assert_refused(holokin("run", file, "--out", out), "job.toml", "is not TOML", "line 1")
     assert_untouched(out)
 
 
@@ -45,9 +45,9 @@ def test_an_unknown_job_is_answered_with_the_jobs_there_are(holokin: Command, ou
 
 @pytest.mark.parametrize("content", [b"title = \xff\xfe", b"\x00\x01\x02", b"{}", b"title = [1,"])
 def test_a_file_of_another_kind_is_no_job(holokin: Command, tmp_path: Path, out: Path, content: bytes) -> None:
-    file = tmp_path / "app.job.toml"
+    file = tmp_path / "job.toml"
     file.write_bytes(content)
-    assert_refused(holokin("run", file, "--out", out), "app.job.toml")
+    assert_refused(holokin("run", file, "--out", out), "job.toml")
     (tmp_path / "folder.toml").mkdir()
     assert_refused(holokin("run", tmp_path / "folder.toml", "--out", out), "folder.toml", "cannot be read")
     assert_untouched(out)
@@ -69,14 +69,14 @@ def test_an_unknown_key_is_refused_by_file_key_and_cure(
     holokin: Command, tmp_path: Path, out: Path, spoilt: dict[str, str], key: str
 ) -> None:
     outcome = holokin("run", write_job(tmp_path, **spoilt), "--out", out)
-    assert_refused(outcome, "app.job.toml", f"{key} is an unknown key", "known: ")
+    assert_refused(outcome, "job.toml", f"{key} is an unknown key", "known: ")
     assert_untouched(out)
 
 
 @pytest.mark.parametrize("table", ["title", "robot", "start", "path", "strategies"])
 def test_a_job_without_a_table_it_needs_is_told_which(holokin: Command, tmp_path: Path, out: Path, table: str) -> None:
     outcome = holokin("run", write_job(tmp_path, **{table: ""}), "--out", out)
-    assert_refused(outcome, "app.job.toml", f"[{table}] is missing", "add it")
+    assert_refused(outcome, "job.toml", f"[{table}] is missing", "add it")
     assert_untouched(out)
 
 
@@ -88,7 +88,7 @@ def test_a_job_without_a_table_it_needs_is_told_which(holokin: Command, tmp_path
         ({"robot": '[robot]\nname = "gone.toml"\n'}, ("gone.toml", "no such file")),
         ({"robot": '[robot]\nname = "arm.xml"\n'}, ("arm.xml", "no such file")),
         ({"robot": '[robot]\nname = "arm.stl"\n'}, ("arm.stl", ".xacro", "or a .toml table")),
-        ({"robot": "[robot]\nname = 3\n"}, ("app.job.toml", "[robot.name] is 3")),
+        ({"robot": "[robot]\nname = 3\n"}, ("job.toml", "[robot.name] is 3")),
         ({"robot": '[robot]\nname = "ppr"\ntip = "hand"\n'}, ("hand", "only models (.urdf")),
         (
             {"strategies": '[strategies.held]\nkind = "lock"\njoints = ["q4"]\n'},
@@ -96,25 +96,25 @@ def test_a_job_without_a_table_it_needs_is_told_which(holokin: Command, tmp_path
         ),
         (
             {"strategies": '[strategies.mine]\nkind = "moore"\n'},
-            ("app.job.toml", "[strategies.mine.kind] is 'moore'", "did you mean 'moore-penrose'?", "null-basis"),
+            ("job.toml", "[strategies.mine.kind] is 'moore'", "did you mean 'moore-penrose'?", "null-basis"),
         ),
-        ({"strategies": "[strategies]\n"}, ("app.job.toml", "[strategies]")),
+        ({"strategies": "[strategies]\n"}, ("job.toml", "[strategies]")),
         (
             {"strategies": '[strategies.mine]\nkind = "custom"\n'},
-            ("app.job.toml", "[strategies.mine] kind = 'custom' needs g", "add it"),
+            ("job.toml", "[strategies.mine] kind = 'custom' needs g", "add it"),
         ),
         (
             {"strategies": SOUND["strategies"] + "gain = 1\n"},
-            ("app.job.toml", "[strategies.moore-penrose]", "does not use gain", "leave it out"),
+            ("job.toml", "[strategies.moore-penrose]", "does not use gain", "leave it out"),
         ),
         ({"strategies": SOUND["strategies"] + 'method = "leaf"\n'}, ("'leaf'", "'moore-penrose' has no constraint")),
         (
             {"expect": "[expect.lock]\nholonomic = true\n"},
-            ("app.job.toml", "[expect.lock] is for no strategy", "known: moore-penrose"),
+            ("job.toml", "[expect.lock] is for no strategy", "known: moore-penrose"),
         ),
         ({"expect": "[expect.moore-penrose]\ndrift = {}\n"}, ("[expect.moore-penrose.drift]", "below, above")),
         ({"task": "[task]\nrows = [5]\n"}, ("task row '5'", "known: 0, 1")),
-        ({"task": '[task]\nkind = "pose"\norientation = []\n'}, ("app.job.toml", "[task.orientation] is []")),
+        ({"task": '[task]\nkind = "pose"\norientation = []\n'}, ("job.toml", "[task.orientation] is []")),
         ({"task": '[task]\nkind = "pose"\norientation = "zyz"\n'}, ("'zyz'", "use 'twist'")),
     ],
 )
@@ -163,7 +163,7 @@ def test_nan_and_infinity_are_refused_by_file_and_key(
     holokin: Command, tmp_path: Path, out: Path, value: str, table: str, text: str, key: str
 ) -> None:
     outcome = holokin("run", write_job(tmp_path, **{table: text.format(value)}), "--out", out)
-    assert_refused(outcome, "app.job.toml", f"{key} is {value}", "give a finite number")
+    assert_refused(outcome, "job.toml", f"{key} is {value}", "give a finite number")
     assert_untouched(out)
 
 
@@ -181,7 +181,7 @@ def test_a_start_of_another_number_of_joints_is_refused_with_their_names(
     holokin: Command, tmp_path: Path, out: Path, q: str
 ) -> None:
     outcome = holokin("run", write_job(tmp_path, start=f"[start]\nq = {q}\n"), "--out", out)
-    assert_refused(outcome, "app.job.toml", f"[start.q] has {len(json.loads(q))} numbers", "give 3, for q1, q2, q3")
+    assert_refused(outcome, "job.toml", f"[start.q] has {len(json.loads(q))} numbers", "give 3, for q1, q2, q3")
     assert_untouched(out)
 
 
@@ -244,6 +244,6 @@ def test_a_path_that_is_none_is_refused(
 def test_a_job_error_names_file_key_and_cure(tmp_path: Path) -> None:
     with pytest.raises(JobError) as caught:
         read_job(write_job(tmp_path, path=SOUND["path"] + "samlpes = 3\n"))
-    assert caught.value.path == tmp_path / "app.job.toml"
+    assert caught.value.path == tmp_path / "job.toml"
     assert caught.value.key == "path.samlpes"
     assert caught.value.cure in str(caught.value)

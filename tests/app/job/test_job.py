@@ -154,7 +154,7 @@ def test_a_copied_job_pointed_at_a_urdf_gives_the_same_numbers(tmp_path: Path) -
 def test_a_robot_path_counts_from_the_job_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = Path(hk.__file__).parent / "robot" / "data" / "ppr.toml"
     (tmp_path / "mine.toml").write_text(robot.read_text())
-    job = tmp_path / "app.job.toml"
+    job = tmp_path / "job.toml"
     new_job(job, "ppr-half-circle")
     job.write_text(job.read_text().replace('name = "ppr"', 'name = "mine.toml"'))
     monkeypatch.chdir("/")

@@ -243,7 +243,7 @@ def test_a_misspelt_key_at_any_depth_is_told_the_keys_of_its_own_table(key: str,
     if "strategies" in content:
         content["strategies"]["s"]["kind"] = "moore-penrose"
     with pytest.raises(JobError) as told:
-        job_of(tmp_path / "app.job.toml", content)
+        job_of(tmp_path / "job.toml", content)
     assert f"[{key}] is an unknown key" in str(told.value)
     assert f"did you mean {nearest!r}?" in str(told.value)
 

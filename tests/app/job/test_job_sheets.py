@@ -65,11 +65,11 @@ def result(folder: Path) -> JobResult:
     """With 80 samples of the path: in all that two sheets have in common a change may be as fast."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Sheets, "follow", partialmethod(Sheets.follow, samples=80))
-        return run_job(*open_job(str(folder / "app.job.toml")))
+        return run_job(*open_job(str(folder / "job.toml")))
 
 
 def test_a_saved_map_answers_in_a_job_as_where_it_was_made(folder: Path, mapped: Sheets) -> None:
-    _, job, file = open_job(str(folder / "app.job.toml"))
+    _, job, file = open_job(str(folder / "job.toml"))
     found = saved_map(job, mapped.task, file)
     assert found is not None
     for point in ([0.4, -1.3], [1.5, 0.8], [-2.0, 0.1]):

@@ -10,8 +10,7 @@ import pytest
 
 import holokin as hk
 from holokin.app.job import is_job, open_job, robot_of_file
-from holokin.app.job.advice_job import Typed, question
-from holokin.app.job.schema import read_workspace_table
+from holokin.app.job.advice_job import question
 from holokin.app.job.strategy_tables import leaf_of_words
 from holokin.app.studio import open_session
 from holokin.base.errors import HolokinError
@@ -21,8 +20,7 @@ DOORS: dict[str, Callable[[str], object]] = {
     "robots": robot_of_file,
     "run": open_job,
     "studio": open_session,
-    "advise": lambda name: question(name, Typed()),
-    "a workspace": lambda name: read_workspace_table(Path(name)),
+    "advise": question,
 }
 
 
@@ -57,11 +55,11 @@ def test_a_windows_path_in_double_quotes_is_told_how_to_write_it(door: str, tmp_
 
 def test_a_path_of_which_toml_made_control_characters_is_told_so(tmp_path: Path) -> None:
     for name in (r"C:\robots.urdf", r"C:\tools.toml", r"D:\new.xml", r"D:\fanuc.urdf"):
-        (tmp_path / "app.job.toml").write_text(
+        (tmp_path / "job.toml").write_text(
             open_job("panda-circle")[2].read_text("utf-8").replace('"panda"', f'"{name}"')
         )
         with pytest.raises(HolokinError, match="control characters"):
-            robot_of_file(str(tmp_path / "app.job.toml"))
+            robot_of_file(str(tmp_path / "job.toml"))
 
 
 def test_a_byte_order_mark_changes_nothing(tmp_path: Path) -> None:

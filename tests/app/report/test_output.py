@@ -204,7 +204,7 @@ def test_a_robot_without_speed_limits_has_no_peak_speed(tmp_path: Path) -> None:
             "strategies": {"mp": {"kind": "moore-penrose"}},
         }
     )
-    result = run_job("job", job, tmp_path / "app.job.toml")
+    result = run_job("job", job, tmp_path / "job.toml")
     assert np.isnan(result.strategies[0].metrics["peak_speed"])
     assert rows(result)[0][-2:] == ["-", "-"]
     assert speed_warning(result, result.strategies[0]) == ""

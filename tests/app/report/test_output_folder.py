@@ -34,13 +34,13 @@ def test_a_new_job_never_overwrites_a_file(holokin: Command, tmp_path: Path) -> 
     file.write_text("keep me")
     assert_refused(holokin("new", file), "mine.toml", "exists already")
     assert file.read_text() == "keep me"
-    assert_refused(holokin("new", tmp_path / "app.job.txt"), "app.job.txt", ".toml")
-    assert_refused(holokin("new", tmp_path / "no" / "app.job.toml"), "app.job.toml", "cannot be written")
-    assert_refused(holokin("new", tmp_path / "app.job.toml", "--from", "panda-circel"), "did you mean 'panda-circle'")
+    assert_refused(holokin("new", tmp_path / "job.txt"), "job.txt", ".toml")
+    assert_refused(holokin("new", tmp_path / "no" / "job.toml"), "job.toml", "cannot be written")
+    assert_refused(holokin("new", tmp_path / "job.toml", "--from", "panda-circel"), "did you mean 'panda-circle'")
     assert [entry.name for entry in tmp_path.iterdir()] == ["mine.toml"]
-    outcome = holokin("new", tmp_path / "app.job.toml")
+    outcome = holokin("new", tmp_path / "job.toml")
     assert (outcome.code, outcome.err) == (0, "")
-    assert read_job(tmp_path / "app.job.toml").robot.name == "panda"
+    assert read_job(tmp_path / "job.toml").robot.name == "panda"
 
 
 def test_an_expectation_that_fails_exits_1_with_the_report_whole(holokin: Command, tmp_path: Path, out: Path) -> None:

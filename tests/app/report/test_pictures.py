@@ -174,8 +174,8 @@ def test_a_job_hands_its_obstacles_to_its_report(tmp_path: Path) -> None:
     post = 'name = "post"\nkind = "sphere"\nradius = 0.1\nxyz = [0, 1, 0]\n'
     pin = 'name = "pin"\non = "panda_hand_tcp"\nkind = "sphere"\nradius = 0.01\n'
     text = file.read_text("utf-8") + f"[checks]\n[[checks.obstacles]]\n{post}[[checks.obstacles]]\n{pin}"
-    (tmp_path / "app.job.toml").write_text(text.replace("samples = 400", "samples = 20"), "utf-8")
-    result = run_job(*open_job(str(tmp_path / "app.job.toml")))
+    (tmp_path / "job.toml").write_text(text.replace("samples = 400", "samples = 20"), "utf-8")
+    result = run_job(*open_job(str(tmp_path / "job.toml")))
     assert [one.link for one in result.obstacles] == ["post"]
     assert [one.link for one in result.robot.shapes if one.carried] == ["pin"]
 

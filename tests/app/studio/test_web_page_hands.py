@@ -226,7 +226,7 @@ def test_a_rule_that_begins_on_another_leaf_has_the_joints_of_follow_on_the_page
     """And the loop that `--cusps` finds ends on the page where `hk.cusps` says."""
     pytest.importorskip("ziglang", reason="the extra `native` is not installed")
     text = (Path("examples") / "panda-strategies.toml").read_text("utf-8")
-    job, page = tmp_path / "app.job.toml", tmp_path / "page.html"
+    job, page = tmp_path / "job.toml", tmp_path / "page.html"
     job.write_text(text.replace("[strategies.linear-1-3]\n", "[strategies.linear-1-3]\nlevel = -1.2\n"), "utf-8")
     done = holokin("export", "web", job, "--strategy", "linear-1-3", "--cusps", "--out", page)
     assert done.code == 0, done.err

@@ -139,7 +139,7 @@ def test_the_page_of_the_public_survey_is_written_from_its_results(
     assert np.all([f"pictures/{f.name}" in page for f in (tmp_path / "pictures").iterdir()])
 
 
-REFERENCE = (ROOT / "docs" / "app.survey.md").read_text("utf-8")
+REFERENCE = (ROOT / "docs" / "surveys.md").read_text("utf-8")
 
 
 def rows_of(heading: str, head: str) -> dict[str, list[str]]:

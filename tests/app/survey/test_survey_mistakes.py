@@ -219,7 +219,7 @@ def test_faults_are_done_again_when_what_caused_them_is_cured(holokin: Command, 
 
 def test_files_of_the_other_kind_say_what_runs_them(holokin: Command, tmp_path: Path) -> None:
     survey = survey_file(tmp_path, '[laws.d]\nkind = "damped"\n')
-    job = tmp_path / "app.job.toml"
+    job = tmp_path / "job.toml"
     assert holokin("new", job).code == 0
     ran, asked = holokin("run", survey, "--out", tmp_path / "out"), holokin("survey", job)
     assert ran.code == asked.code == 2

@@ -234,7 +234,7 @@ clearance = {{ above = 0.0 }}
 def test_no_command_passes_a_motion_whose_shapes_could_not_be_read(holokin: Command, cell: Path, out: Path) -> None:
     """`run` and `check` exit 1, `export` writes nothing; with the link ignored all is well."""
     arm_of(cell, [*meshes(READ["slash"])[:4], FAULTS["another case"](cell, "l4.stl"), *meshes(READ["slash"])[5:]])
-    job, log = cell / "app.job.toml", cell / "log.csv"
+    job, log = cell / "job.toml", cell / "log.csv"
     job.write_text(JOB.format("").replace("line", "polyline"), "utf-8")
     told = "cannot tell: the shapes of l4 could not be read"
     ran = holokin("run", job, "--out", out)

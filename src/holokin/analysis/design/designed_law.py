@@ -35,6 +35,9 @@ from ..coverage.pose_postures import (
     coordinates_of,
     postures_at_poses,
 )
+from ..coverage.pose_postures import (
+    Cost as PostureCost,
+)
 from .nearby_cusps import MORE_SPEED, DegreeTried, NearbyCusps, cusps_near, said_of_degrees
 from .objectives import POWER, Cost, Costs, Objective, OwnCost, as_objective, costs_of, joint_weights, length_of
 from .section import Limits, Sampled, Search, SectionSamples, TiltedLeaves
@@ -191,7 +194,7 @@ class LeastCosts(Value):
             return np.zeros(len(self.postures.p))
         return np.maximum(self.postures.least(self._over, self._over), 0.0)
 
-    def _least(self, cost: Cost) -> Vector:
+    def _least(self, cost: PostureCost) -> Vector:
         """The least of a cost over the postures that count."""
 
         def counted(q: Matrix) -> Vector:
