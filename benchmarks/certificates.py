@@ -33,8 +33,15 @@ import numpy as np
 
 import holokin as hk
 from benchmarks.campaigns import campaign, options, summary
-from benchmarks.random_arms import Motion, Problem, random_motion, random_posture, random_problem
-from benchmarks.random_turns import turned_motion, turned_problem
+from benchmarks.random_arms import (
+    Motion,
+    Problem,
+    random_motion,
+    random_posture,
+    random_problem,
+    turned_motion,
+    turned_problem,
+)
 from holokin.proof import Certificate, certify
 
 Array = np.ndarray

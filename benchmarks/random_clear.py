@@ -30,7 +30,7 @@ import numpy as np
 
 import holokin as hk
 from benchmarks.campaigns import campaign, options, summary
-from benchmarks.random_arms import Array, Motion, Problem, random_motion, random_posture
+from benchmarks.random_arms import Array, Motion, Problem, random_motion, random_posture, turned_motion
 from benchmarks.random_scenes import (
     KINDS,
     Part,
@@ -44,7 +44,6 @@ from benchmarks.random_scenes import (
     random_scene,
     random_solid,
 )
-from benchmarks.random_turns import turned_motion
 from holokin.base.errors import HolokinError
 from holokin.proof import Certificate, certify, joint_rates
 from holokin.proof.certificate import digest

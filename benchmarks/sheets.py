@@ -36,9 +36,7 @@ import holokin as hk
 from holokin.path.workspaces import pose_cloud
 
 from .disc_law import disc_law, disc_starts
-from .grid_bounds import least_cut, single_jump
-from .grid_resolution import Free, cut_pieces, grid_resolution, planar_grid, self_motions
-from .grid_roadmap import grid_roadmap
+from .grids import Free, cut_pieces, grid_resolution, grid_roadmap, least_cut, planar_grid, self_motions, single_jump
 
 LINKS = (1.0, 1.0, 1.0)
 LIMIT = np.radians(150)

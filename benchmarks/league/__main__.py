@@ -15,11 +15,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.league.courses import CYCLES, DT, TOURS, write_course
-from benchmarks.league.environments import default_folder
-from benchmarks.league.league_entries import ENTRIES, OURS
-from benchmarks.league.league_figure import league_figure
-from benchmarks.league.league_page import league_text
-from benchmarks.league.played import Played, play
+from benchmarks.league.league_page import league_figure, league_text
+from benchmarks.league.played import ENTRIES, OURS, Played, default_folder, play
 from holokin.app.report.plots import write_figure
 from holokin.base.errors import HolokinError
 

@@ -9,12 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks import drift
-from benchmarks.league import league_entries
 from benchmarks.league.courses import panda_file, write_course
-from benchmarks.league.environments import NoEnvironment, python_of, reason_of
-from benchmarks.league.league_entries import ENTRIES, WORKERS, Entry
 from benchmarks.league.league_page import league_text
-from benchmarks.league.played import play, runs_of
+from benchmarks.league.played import ENTRIES, WORKERS, Entry, NoEnvironment, play, python_of, reason_of, runs_of
 from benchmarks.league.scores import Score, best_of, score
 
 import holokin as hk
@@ -188,7 +185,7 @@ def test_the_panda_that_all_get_is_that_of_its_file(tmp_path: Path) -> None:
 def test_a_library_in_an_environment_of_its_own_answers(tmp_path: Path) -> None:
     """placo without a posture task drifts, and its joints task leads back; both follow the path."""
     write_course(tmp_path / "course", ("iiwa14",), cycles=2, dt=0.05, tours=0)
-    (placo,) = (entry for entry in league_entries.ENTRIES if entry.name == "placo")
+    (placo,) = (entry for entry in ENTRIES if entry.name == "placo")
     played = play(placo, tmp_path / "course", tmp_path / "environments", tmp_path / "answers")
     if played.left_out.startswith("it cannot be installed"):
         pytest.skip(played.left_out)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchmarks.disc_law import disc_law, disc_starts
-from benchmarks.grid_resolution import cut_pieces, grid_resolution, planar_grid
+from benchmarks.grids import cut_pieces, grid_resolution, planar_grid
 from benchmarks.sheets import LIMIT, LINKS, grid_workspace, limits_of, planar_task, poses_of
 from scipy.spatial import KDTree
 

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks import drift
-from benchmarks.drift_figure import COLORS, drift_picture
-from benchmarks.league.league_entries import ENTRIES
-from benchmarks.league.league_figure import league_figure
-from benchmarks.league.played import Played
+from benchmarks.drift import COLORS, drift_picture
+from benchmarks.league.league_page import league_figure
+from benchmarks.league.played import ENTRIES, Played
 from benchmarks.league.scores import Score
 from matplotlib.figure import Figure
 from matplotlib.text import Text
