@@ -483,8 +483,8 @@ def single_jump(links: Sequence[float], limits: Sequence[tuple[float, float]], c
 # postures of neighbouring nodes are joined when the straight line between them, moved onto the straight line of the
 # tool, makes no large step. One posture a node is then chosen so that the most pairs stay joined: first the nodes with
 # the fewest postures left that fit all neighbours, then by turns each node in conflict takes the posture with the
-# fewest conflicts. Here that is done in short form: postures are sampled at all nodes at once and then from their neighbours',
-# and each posture is tried with the nearest few of a neighbour's. Their code is public under GPL-3.0.
+# fewest conflicts. Here that is done in short form: postures are sampled at all nodes at once and then from their
+# neighbours', and each posture is tried with the nearest few of a neighbour's. Their code is public under GPL-3.0.
 
 
 NEAREST = 5
