@@ -11,7 +11,7 @@ law = hk.holonomic(task, hk.arm_angle())
 start = robot.pose(q0)[:3, 3]
 stroke = hk.polyline([start, start - [0, 0, 0.1], start + [0, 0.15, -0.1], start + [0, 0.15, 0]], closed=True)
 walk = hk.follow(law, stroke, q0, samples=200)
-timed = hk.retime(walk, robot, acceleration=5.0, profile="trapezoidal", dt=0.004)
+timed = hk.retime(walk, acceleration=5.0, profile="trapezoidal", dt=0.004)
 
 for height in (0.25, 0.35):
     rim = hk.obstacle("rim", hk.robot.Capsule(0.02, 0.6), [start[0], start[1], height], [np.pi / 2, 0, 0])

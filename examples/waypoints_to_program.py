@@ -28,7 +28,7 @@ path = hk.with_leads(layers, 0.01, retract=0.05).in_frame([0.42, 0.1, 0.4, 0, 0,
 entry = hk.approach(law, path, here)  # from any posture to the path's first one, joint by joint
 start = entry.q[-1]
 walk = hk.follow(law, path, start, samples=600)
-timed = hk.retime(walk, robot, acceleration=8.0, profile="trapezoidal", dt=0.01)
+timed = hk.retime(walk, acceleration=8.0, profile="trapezoidal", dt=0.01)
 wiring = hk.export.Wiring(external=("panda_joint3",))  # of seven axes a KUKA controller has one as external
 program = hk.export.to_krl(timed, name="contour", about="q1 - q3 is kept", wiring=wiring)
 program.save("program")

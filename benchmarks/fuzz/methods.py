@@ -184,7 +184,7 @@ def things() -> dict[str, Any]:
         "arm": lambda: hk.strategies.constraints.find_arm(hk.pose(hk.load("panda"))),
         "other solids": lambda: Cylinder(np.zeros(3), 0.1, 0.2), "sphere": lambda: Sphere(np.zeros(3), 0.1),
         "box": lambda: Box(np.zeros(3), np.ones(3)), "cloud": lambda: pose_cloud(np.array([k["pose"]])),
-        "audit": lambda: hk.audit(k["closed"], robot, task, [k["loop"]], q0=q, dt=0.5, cycles=3),
+        "audit": lambda: hk.audit(k["closed"], task, [k["loop"]], q0=q, dt=0.5, cycles=3),
         "log": lambda: log, "log audit": lambda: hk.audit_recording(log, robot),
         "certificate": lambda: hk.certify(held, k["loop"], q, budget=60),
         "nearest pose": lambda: k["ik"].nearest(k["pose"]),

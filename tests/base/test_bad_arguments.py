@@ -264,7 +264,7 @@ METHODS: dict[str, Callable[[hk.HolonomicStrategy, Any], object]] = {
     "strategy.leaf_gap(c)": lambda s, bad: s.leaf_gap(bad),
     "robot.origins(q)": lambda s, bad: s.task.robot.origins(bad),
     "robot.columns(q)": lambda s, bad: s.task.robot.columns(bad),
-    "robot.tip(name)": lambda s, bad: s.task.robot.tip(bad if bad is not None else "no such tip"),
+    "robot.find_tip(name)": lambda s, bad: s.task.robot.find_tip(bad if bad is not None else "no such tip"),
     "workspace.at(positions)": lambda _s, bad: hk.workspace(box=([0, 0, 0], [1, 1, 1])).at(bad),
     "watch.see(q, dq)": lambda _s, bad: hk.motion.LoopWatch(0.1).see(np.zeros(3), bad),
     "watch.see(q, dq) again": lambda _s, bad: hk.motion.LoopWatch(0.1).see(bad, np.zeros(3)),

@@ -47,7 +47,7 @@ def values(robot: hk.Robot) -> dict[str, Any]:
         "deviation": curvature.deviation(law,
         held, [Q]),
         "filtration": curvature.filtration(law, Q),
-        "audit": hk.audit(control.closed_loop(law), robot, task, [loop], q0=Q, dt=0.2),
+        "audit": hk.audit(control.closed_loop(law), task, [loop], q0=Q, dt=0.2),
         "recording": logs.Recording(tuple(robot.joint_names), np.arange(3.0), np.zeros((3, 3)), "here"),
         "radial": hk.radial(law, Q), "stack": constraints.stack(hk.lock(0), hk.linear([1, 0, 0])),
         "stationary": hk.stationary(constraints.posture_cost(Q)), "impedance": hk.strategies.impedance(task,

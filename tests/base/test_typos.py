@@ -35,7 +35,7 @@ def walk() -> hk.Trajectory:
 
 
 def timed() -> motion.TimedTrajectory:
-    return hk.retime(walk(), ROBOT, acceleration=4.0)
+    return hk.retime(walk(), acceleration=4.0)
 
 
 TYPOS: dict[str, Callable[[], object]] = {
@@ -48,7 +48,7 @@ TYPOS: dict[str, Callable[[], object]] = {
     "method of two paths": lambda: hk.path_spread(LAW, LINE, LINE, Q0, method="leafs"),  # pyright: ignore[reportArgumentType]
     "method of curvature": lambda: hk.curvature(LAW, Q0, method="hesian"),  # pyright: ignore[reportArgumentType]
     "objective": lambda: hk.design(TASK, SPACE, Q0, objective="worst_sped"),  # pyright: ignore[reportArgumentType]
-    "profile": lambda: hk.retime(walk(), ROBOT, profile="trapezoid"),  # pyright: ignore[reportArgumentType]
+    "profile": lambda: hk.retime(walk(), profile="trapezoid"),  # pyright: ignore[reportArgumentType]
     "by of excess": lambda: timed().excess("differences"),  # pyright: ignore[reportArgumentType]
     "by of approach": lambda: hk.approach(LAW, LINE, Q0, by="hand"),  # pyright: ignore[reportArgumentType]
     "format": lambda: export.to_ros(timed(), format="yml"),  # pyright: ignore[reportArgumentType]

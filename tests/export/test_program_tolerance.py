@@ -50,7 +50,7 @@ def welder(irb140: hk.Robot) -> hk.Task:
 
 def seam(task: hk.Task, path: hk.Path, speed: float, dt: float = 0.008) -> TimedTrajectory:
     walk = hk.follow(hk.holonomic(task, hk.lock(3)), path.at_speed(speed), Q0, samples=300)
-    return hk.retime(walk, task.robot, acceleration=5.0, speed=1.0, dt=dt)
+    return hk.retime(walk, acceleration=5.0, speed=1.0, dt=dt)
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +173,7 @@ def test_no_linear_move_leads_along_a_singular_posture(irb140: hk.Robot) -> None
     at = irb140.pose(q0)[:3, 3]
     task = hk.position(irb140)
     walk = hk.follow(hk.holonomic(task, hk.lock(3, 4, 5)), hk.polyline(at + np.array([[0, 0, 0], [0, 0.05, 0]])), q0)
-    timed = hk.retime(walk, irb140, acceleration=5.0, dt=0.02)
+    timed = hk.retime(walk, acceleration=5.0, dt=0.02)
     found = read(to_rapid(timed, tolerance=ToolTolerance(task, 1e-3, 0.05, 0.05, 0.05, True)), "rapid")
     assert set(found.kinds) == {"joint"}
     assert "or the arm is nearly singular" in " ".join(found.comments)
@@ -186,7 +186,7 @@ def test_linear_moves_of_a_seven_axis_arm_are_refused(panda: hk.Robot) -> None:
     at = panda.pose(q0)[:3, 3]
     line = hk.polyline(at + np.array([[0, 0, 0], [0.05, 0, 0]]))
     walk = hk.follow(hk.holonomic(task, hk.lock(2)), line, q0, samples=50)
-    timed = hk.retime(walk, panda, acceleration=5.0, dt=0.01)
+    timed = hk.retime(walk, acceleration=5.0, dt=0.01)
     wiring = hk.export.Wiring(external=("panda_joint3",))
     assert to_rapid(timed, wiring=wiring, tolerance=ToolTolerance(task)).tool is not None
     with pytest.raises(ExportError, match="leave out linear"):

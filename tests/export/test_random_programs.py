@@ -65,7 +65,7 @@ def random_motion(rng: np.random.Generator) -> tuple[hk.Task, hk.motion.TimedTra
     speed = float(rng.choice([0.005, 0.008, 0.02, 0.1]))
     walk = hk.follow(hk.holonomic(task, law), path.at_speed(speed), q0, samples=300)
     dt = 0.008 if speed > 0.05 else 0.04
-    return task, hk.retime(walk, robot, acceleration=8.0, speed=1.0, dt=dt), speed
+    return task, hk.retime(walk, acceleration=8.0, speed=1.0, dt=dt), speed
 
 
 def written(language: str, timed: hk.motion.TimedTrajectory, robot: hk.Robot, tolerance: ToolTolerance) -> tuple:

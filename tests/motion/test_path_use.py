@@ -94,7 +94,7 @@ def test_a_controller_follows_a_spline_and_a_timed_one_ends_where_it_should(pand
     path = loops(panda)["poses"]
     walk = hk.follow(tied, path, Q0, samples=200)
     assert walk.corners == ()
-    timed = hk.retime(walk, panda, acceleration=10.0, profile="trapezoidal", dt=0.01)
+    timed = hk.retime(walk, acceleration=10.0, profile="trapezoidal", dt=0.01)
     assert timed.q[-1] == pytest.approx(walk.q[-1], abs=0)
     assert max(timed.excess().values()) < 1e-9
     run = hk.simulate(hk.controller(tied, dt=0.01, q0=Q0), tied.task, path, Q0, dt=0.01)

@@ -124,7 +124,7 @@ def test_a_motion_along_it_takes_the_time_of_the_clean_one(seed: int) -> None:
     for name, paths in ways.items():
         for profile in ("time-optimal", "quintic"):
             want, found = (
-                hk.retime(hk.follow(law, path, q0, samples=60), panda, profile=profile, acceleration=10.0)  # type: ignore[arg-type]
+                hk.retime(hk.follow(law, path, q0, samples=60), profile=profile, acceleration=10.0)  # type: ignore[arg-type]
                 for path in paths
             )
             assert abs(found.duration - want.duration) <= 2e-3 * want.duration + 2e-3, (name, profile)

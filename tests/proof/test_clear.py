@@ -230,7 +230,7 @@ def test_along_a_path_no_joint_is_faster_than_is_proven(panda: hk.Robot) -> None
 def test_of_two_tools_the_speed_is_that_of_the_fastest() -> None:
     """Both at the same speed: no joint is faster, over the speed of one, than is proven."""
     arm = hk.load("planar-3r")
-    both = hk.compose(hk.Part(arm, prefix="a_"), hk.Part(arm, prefix="b_", on="base", xyz=(0.0, 5.0, 0.0)))
+    both = hk.compose(hk.Part(arm, prefix="a_"), hk.Part(arm, prefix="b_", on="base", pose=(0.0, 5.0, 0.0)))
     task = hk.stacked(*(hk.position(both, tip=tip.name) for tip in both.tips))
     G = hk.holonomic(task, hk.linear([[0, 1, -1, 0, 0, 0], [0, 0, 0, 0, 1, -1]]))
     q0 = np.array([0.3, 0.9, 0.9] * 2)

@@ -410,7 +410,7 @@ def _recorded(strategy: Strategy, q: Matrix, speed: float) -> Trajectory:
         error=lambda samples: np.zeros((samples, task.m)), sigma=sigma, residual=np.zeros,
     )  # fmt: skip
     return Trajectory(
-        joint_names=task.robot.joint_names, joint_units=tuple(c.unit for c in task.robot.coordinates),
+        robot=task.robot, joint_units=tuple(c.unit for c in task.robot.coordinates),
         row_names=task.row_names, row_units=task.units, t=t, q=q, marks=(0, len(q) - 1) if len(q) > 1 else (0,),
         status=Status.COMPLETE, measures=measures,
     )  # fmt: skip

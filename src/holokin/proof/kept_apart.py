@@ -219,7 +219,7 @@ def _is_rotation(T: Matrix) -> bool:
 
 
 def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str, float]) -> None:
-    size, foot = max(chain_length(robot), 0.1), foot_of(robot.joints, robot.tip().joint)
+    size, foot = max(chain_length(robot), 0.1), foot_of(robot.joints, robot.find_tip().joint)
     most = LARGE * size
     for name, length in lengths.items():
         if abs(length - (foot[2] if name == "floor" else 0.0)) > most:

@@ -42,7 +42,7 @@ def link_jacobian(robot: Robot, q: SX, tip: str | None = None, *, turned: bool =
     Args:
         turned: all six rows are to count. Else the linear ones (3, n) of the tool's own point.
     """
-    end = robot.tip(tip)
+    end = robot.find_tip(tip)
     chain = [end.joint]
     while robot.joints[chain[-1]].parent >= 0:
         chain.append(robot.joints[chain[-1]].parent)
@@ -157,7 +157,7 @@ def reach(robot: Robot, tip: str | None = None) -> float:
     """
     from scipy.optimize import minimize
 
-    end = robot.tip(tip)
+    end = robot.find_tip(tip)
     if not (np.isfinite(robot.upper - robot.lower) | robot.hinges).all():
         return float("inf")
     lower, upper = robot.ranges(np.pi)
@@ -268,7 +268,7 @@ def chain_length(robot: Robot) -> float:
     Raises:
         ArgumentError: a robot without links.
     """
-    tip = robot.tip()
+    tip = robot.find_tip()
     total = float(np.linalg.norm(tip.arm_end))
     for index in joints_above(robot.joints, tip.joint):
         total += float(np.linalg.norm(robot.joints[index].step))
@@ -342,7 +342,7 @@ def with_shape(
     Raises:
         UnknownNameError: no such tip. ArgumentError, ShapeError, NotFiniteError.
     """
-    end = robot.tip(tip)
+    end = robot.find_tip(tip)
     placed = end.placement @ pose_matrix(finite("xyz of a shape", xyz, (3,)), finite("rpy of a shape", rpy, (3,)))
     clad = with_capsules(robot) if all(known.obstacle for known in robot.shapes) else robot
     return replace(clad, shapes=(*clad.shapes, LinkShape(name, end.joint, placed, shape, carried=True)))

@@ -279,7 +279,7 @@ class Robot(ByValue):
                 raise ArgumentError(f"the name of a joint of {self.name!r}", name, "leave out its control characters")
 
     def __repr__(self) -> str:
-        tip = f", tip={self.tips[0].name!r}" if self.tips else ""
+        tip = f", tip={self.tip!r}" if self.tips else ""
         return f"Robot({self.name!r}, n={self.n}{tip})"
 
     def _shown_rows(self) -> list[Sequence[str]]:
@@ -343,7 +343,7 @@ class Robot(ByValue):
     @typed
     def kinematics(self, q: SX, tip: str | None = None) -> Kinematics:
         """Expressions of a tip's pose and geometric Jacobian (columns: v = a x (p - o), w = a, or v = a)."""
-        chosen = self.tip(tip)
+        chosen = self.find_tip(tip)
         return self.kinematics_at(q, chosen.joint, chosen.placement)
 
     @typed
@@ -361,7 +361,7 @@ class Robot(ByValue):
     @typed
     def columns(self, q: SX, tip: str | None = None) -> list[tuple[int, float, SX, SX]]:
         """(coordinate, multiplier, v (3,), w (3,)) of each joint from the base to a tip: what it does to the tool."""
-        chosen, frames = self.tip(tip), self._frames(q)
+        chosen, frames = self.find_tip(tip), self._frames(q)
         return self._columns(frames, chosen.joint, _compose(frames, chosen.joint, chosen.placement)[0])
 
     def _columns(self, frames: list[tuple[SX, SX]], joint: int, p: SX) -> list[tuple[int, float, SX, SX]]:
@@ -513,8 +513,13 @@ class Robot(ByValue):
         if not self.tips:
             raise ArgumentError("the robot", self, "it has coordinates and no links: give their task by hk.custom_task")
 
+    @property
+    def tip(self) -> str | None:
+        """Name of the tool, of several the first; None of `coordinates`, which have none."""
+        return self.tips[0].name if self.tips else None
+
     @typed
-    def tip(self, name: str | None = None) -> Tip:
+    def find_tip(self, name: str | None = None) -> Tip:
         """A tip by name, by default the first. Raises: UnknownNameError, ArgumentError: these are `coordinates`."""
         self.check_links()
         for tip in self.tips:
@@ -541,7 +546,7 @@ class Robot(ByValue):
         return {}
 
     def _numeric(self, tip: str | None) -> Function:
-        name = self.tip(tip).name
+        name = self.find_tip(tip).name
         if name not in self._functions:
             q = symbol("q", self.n)
             k = self.kinematics(q, name)
@@ -562,7 +567,7 @@ class Robot(ByValue):
             return known[tip]
         except (KeyError, TypeError):  # a new one, or no name at all
             check("tip", str | None, tip)
-        name = self.tip(tip).name
+        name = self.find_tip(tip).name
         if name not in known:
             q = symbol("q", self.n)
             k = self.kinematics(q, name)

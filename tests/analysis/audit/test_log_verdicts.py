@@ -361,7 +361,7 @@ def test_a_posture_task_logged_one_way_at_one_speed_is_cleared_of_nothing_else()
         "the path back", "other speeds", "other paths to a pose within a cycle", "paths that are not in the log",
     ]  # fmt: skip
     loop = CIRCLE.starting_at(PANDA.pose(q[0])[:3, 3])
-    asked = hk.audit(law, PANDA, POSE, [loop], q0=q[0], dt=0.02, cycles=3)
+    asked = hk.audit(law, POSE, [loop], q0=q[0], dt=0.02, cycles=3)
     assert asked.verdict is Repeatability.CONVERGES
     assert asked["paths"].metrics["apart"] > 0.02
     assert asked["speed"].metrics["apart"] > 1e-3

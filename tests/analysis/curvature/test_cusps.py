@@ -67,7 +67,7 @@ def test_round_a_cusp_the_joints_of_a_panda_do_not_come_back(name: str, steps: i
         assert np.abs(strategy.task.pose(one.first) - strategy.task.pose(one.second)).max() < 1e-9
         assert np.abs(strategy.g(one.first) - strategy.g(one.second)).max() < 1e-9
         model = pin.buildModelFromXML(hk.to_urdf(robot))
-        end, signs = continued(model, model.getFrameId(robot.tip().name), strategy, one, steps)
+        end, signs = continued(model, model.getFrameId(robot.tip), strategy, one, steps)
         assert np.abs(end - one.second).max() < 1e-7
         assert len(signs) == 1
 

@@ -52,7 +52,7 @@ def test_the_leaf_of_a_held_joint_has_many_postures_of_one_tool_pose_and_small_l
 def poses_by_pinocchio(robot: hk.Robot, Q: np.ndarray) -> np.ndarray:
     """Tool poses (k, 4, 4) of postures (k, n)."""
     model = pin.buildModelFromXML(hk.to_urdf(robot))
-    data, frame, poses = model.createData(), model.getFrameId(robot.tip().name), []
+    data, frame, poses = model.createData(), model.getFrameId(robot.tip), []
     for q in Q:
         pin.framesForwardKinematics(model, data, q)
         poses.append(data.oMf[frame].homogeneous.copy())

@@ -159,7 +159,7 @@ def test_follow_drift_and_audit_take_a_function_and_find_what_they_find_of_its_f
         lambda G: G.batch(np.array([PLANAR_START, PLANAR_START + 0.1])),
     ):
         np.testing.assert_allclose(verb(given), verb(by_formula), atol=1e-9)
-    known, found = (hk.audit(G, robot, task, q0=PLANAR_START, dt=0.1, cycles=3) for G in (by_formula, given))
+    known, found = (hk.audit(G, task, q0=PLANAR_START, dt=0.1, cycles=3) for G in (by_formula, given))
     assert found.verdict is known.verdict
     assert found["cycles, loop 1"].metrics == pytest.approx(known["cycles, loop 1"].metrics, abs=1e-6)
 

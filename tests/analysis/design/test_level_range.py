@@ -46,7 +46,7 @@ def test_an_advice_tells_the_levels_of_its_best_law_if_it_is_asked() -> None:
     """Referee: inverse kinematics of that law, within the limits, begun on leaves inside and outside the interval."""
     bars = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
     space = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
-    advice = hk.advise(hk.from_dh(bars, name="planar"), space, levels=True)
+    advice = hk.advise(hk.position(hk.from_dh(bars, name="planar")), space, levels=True)
     found, law = advice.levels, advice.best
     assert found is not None and f"{found.served}." in advice.reasons[-1]
     assert advice.summary()["levels"] == [list(ends) for ends in found.intervals]

@@ -120,7 +120,7 @@ def test_a_panda_changes_its_elbow_where_it_is_allowed_and_a_controller_can_play
     assert found.changes == 1
     assert [(one.sheet, round(one.start, 9), round(one.stop, 9)) for one in found.pieces] == [(0, 0, 0.4), (1, 0.4, 1)]
     walk = found.trajectory
-    timed = hk.retime(walk, task.robot, acceleration=10.0, profile="trapezoidal", dt=0.001)
+    timed = hk.retime(walk, acceleration=10.0, profile="trapezoidal", dt=0.001)
     for motion in (walk, timed):
         report = hk.check(motion, task.robot, task=task, self_collision=False)
         assert report.passed and [text[:13] for text in report.observations] == ["a self-motion"]

@@ -26,7 +26,7 @@ GRID = 2001
 def at_each_millisecond(task: hk.Task, motion: hk.analysis.sheets.StillMotion) -> np.ndarray:
     """The joints (k, n) of the motion, timed from rest to rest at 1 kHz."""
     pose = task.robot.pose(motion.q[0])
-    timed = hk.retime(still_trajectory(task, pose, motion), task.robot, profile="quintic", dt=0.001)
+    timed = hk.retime(still_trajectory(task, pose, motion), profile="quintic", dt=0.001)
     assert (np.abs(timed.dq) <= task.robot.max_velocity * (1 + 1e-9)).all()
     assert ((timed.q >= task.robot.lower - 1e-9) & (timed.q <= task.robot.upper + 1e-9)).all()
     return timed.q

@@ -67,7 +67,7 @@ def test_a_timed_motion_keeps_its_own_limits_and_breaks_smaller_ones(planar_3r: 
     start = planar_3r.pose(R3_START)[:3, 3]
     walk = hk.follow(hk.moore_penrose(task), hk.line(start, start + [0.1, 0, 0]), R3_START, samples=50)
     bounds = {"acceleration": 2.0, "jerk": 40.0, "velocity": 1.0}
-    timed = hk.retime(walk, planar_3r, profile="trapezoidal", dt=0.01, **bounds)
+    timed = hk.retime(walk, profile="trapezoidal", dt=0.01, **bounds)
     assert hk.check(timed, planar_3r, task=task, self_collision=False).passed
     half = type(timed.limits)(*(getattr(timed.limits, key) / (2 if key in bounds else 1) for key in vars(timed.limits)))
     report = hk.check(type(timed)(**vars(timed) | {"limits": half}), planar_3r, self_collision=False)
@@ -183,7 +183,7 @@ def test_a_broken_collision_element_does_not_hinder_the_kinematics(tmp_path: Pat
 def test_shapes_stay_on_their_links_when_robots_are_put_together() -> None:
     """The same arm turned round on a rail: distances between its links stay, its floor moves with it."""
     arm = hk.load(urdf("ur5_robot.urdf"), tip="ee_link")
-    cell = hk.compose(hk.load("rail"), hk.Part(arm, xyz=[0, 0, 0.4], rpy=[0, 0, 1.0], prefix="r_"))
+    cell = hk.compose(hk.load("rail"), hk.Part(arm, pose=[0, 0, 0.4], rpy=[0, 0, 1.0], prefix="r_"))
     q = np.array([0.3, -1.2, 1.4, -1.0, -1.5, 0.2])
     alone, both = hk.check(q[None], arm, floor=-1.0), hk.check(np.array([[0.0, *q]]), cell, floor=-0.6)
     wanted = {one.pair: one.least for one in alone.pairs}

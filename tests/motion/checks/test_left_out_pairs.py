@@ -182,7 +182,7 @@ def test_a_tool_is_no_neighbour_of_the_link_before_the_one_that_carries_it() -> 
 
 def test_the_floor_and_any_obstacle_may_be_allowed_for_one_link() -> None:
     """A sledge on the floor pushes a box; an arm on it touches neither: each pair alone, misspelt ones are refused."""
-    sledge = hk.compose(hk.load("rail"), hk.Part(hk.load("ur5e"), xyz=[0, 0, 0.02]))
+    sledge = hk.compose(hk.load("rail"), hk.Part(hk.load("ur5e"), pose=[0, 0, 0.02]))
     q, crate = (
         np.array([[0.5, 0, -1.2, 1.3, -1.6, -1.5, 0]]),
         hk.obstacle("crate", Box([0.05, 0.05, 0.05]), [0.5, 0.07, 0.03]),

@@ -137,7 +137,7 @@ def test_a_jump_is_found_in_postures_trajectories_logs_and_slow_timed_motions(
     """All speeds are within their limits, so that nothing else tells it."""
     task, q = hk.pose(panda), jumped.q
     log = Recording(panda.joint_names, 2.0 * np.arange(len(q)), q, "made here")
-    timed = hk.retime(jumped, panda, acceleration=1.0, profile="trapezoidal", dt=0.02, speed=0.5)
+    timed = hk.retime(jumped, acceleration=1.0, profile="trapezoidal", dt=0.02, speed=0.5)
     for motion in (q, jumped, log, timed):
         report = hk.check(motion, panda, task=task)
         (found,) = report.findings
@@ -145,7 +145,7 @@ def test_a_jump_is_found_in_postures_trajectories_logs_and_slow_timed_motions(
         assert found.start <= found.time <= found.stop
     inside = np.abs(timed.t - jumps(hk.check(timed, panda, task=task))[0].time).argmin()
     assert np.abs(timed.q[inside] - (q[49] + q[50]) / 2).max() < 0.2
-    clean = hk.retime(circle(panda, PANDA_START), panda, acceleration=1.0, profile="trapezoidal", dt=0.02)
+    clean = hk.retime(circle(panda, PANDA_START), acceleration=1.0, profile="trapezoidal", dt=0.02)
     assert hk.check(clean, panda, task=task).passed
 
 

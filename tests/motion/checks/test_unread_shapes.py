@@ -153,7 +153,7 @@ def doors(robot: hk.Robot) -> dict[str, Callable[..., Any]]:
         "certify a path": lambda **a: hk.certify(strategy, hk.line(at, at + [0, 0, 1e-3]), q0, **a),
         "unique_region": lambda **a: hk.unique_region(strategy, q0, space, budget=200, **a),
         "design": lambda **a: hk.design(task, space, q0, degree=1, **few, **a),
-        "advise": lambda **a: hk.advise(robot, space, task=task, q0=q0, **a),
+        "advise": lambda **a: hk.advise(task, space, q0=q0, **a),
         "sheets": lambda **a: hk.sheets(task, space, **a),
     }
 

@@ -126,7 +126,7 @@ def test_the_verdict_and_the_curvature_are_of_all_rows_together(hands: hk.Task, 
 def plane_hands() -> hk.Task:
     """The poses of two plane arms of four joints, side by side: short code for a compiler."""
     arm = hk.from_dh([{"a": 0.3}] * 4, name="arm")
-    both = hk.compose(hk.Part(arm, prefix="left_"), hk.Part(arm, on="base", xyz=[0, -0.5, 0], prefix="right_"))
+    both = hk.compose(hk.Part(arm, prefix="left_"), hk.Part(arm, on="base", pose=[0, -0.5, 0], prefix="right_"))
     return hk.stacked(*(hk.pose(both, tip=tip.name) for tip in both.tips))
 
 
@@ -289,7 +289,7 @@ def test_bad_stacks_and_paths_are_refused_with_their_cure(yumi: Robot, hands: hk
 def test_exported_c_of_two_arms_does_what_python_does(tmp_path: Path) -> None:
     """Two plane arms side by side: a pose of one and a point of the other, and two points."""
     arm = hk.load("planar-3r")
-    both = hk.compose(hk.Part(arm, prefix="left_"), hk.Part(arm, on="base", xyz=[0, -0.5, 0], prefix="right_"))
+    both = hk.compose(hk.Part(arm, prefix="left_"), hk.Part(arm, on="base", pose=[0, -0.5, 0], prefix="right_"))
     (left, right), q0 = (tip.name for tip in both.tips), np.array([0.3, 0.9, 0.7, -0.3, 0.9, 0.7])
     points = hk.stacked(hk.position(both, left), hk.position(both, right))
     laws = {

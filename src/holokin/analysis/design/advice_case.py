@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -20,16 +19,16 @@ from ...proof.kept_apart import CLEARANCE, clearances_of
 from ...robot import LinkShape, Robot, check_metres
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.cover_workspace import Coverage, Reach, coverage, largest_part
-from ..coverage.pose_postures import Chain, chain_to_tool, chart_of, coordinates_of
+from ..coverage.pose_postures import Chain, chart_of, coordinates_of
 from ..coverage.starts import (
     Candidate,
     candidates,
+    check_redundant,
     check_that_joints_move,
     first_start,
     postures_at,
     proposed_workspace,
     reached,
-    task_of_kind,
 )
 from .designed_law import Design, design, least_costs
 from .nearby_cusps import MORE_SPEED, LevelRange, NearbyCusps, cusps_near, level_range, said_of
@@ -354,12 +353,9 @@ ASKED = ("clear_of", "floor", "clearance", "self_collision", "ignore", "shapes_o
 
 @typed
 def advise(
-    robot: Robot | str | Path,
+    task: Task,
     workspace: Workspace | None = None,
     *,
-    tip: str | None = None,
-    base: str | None = None,
-    task: Literal["pose", "axis", "position"] | Task | None = None,
     q0: ArrayLike | None = None,
     clear_of: Sequence[LinkShape] | None = None,
     floor: float | None = None,
@@ -370,7 +366,7 @@ def advise(
     levels: bool = False,
     say: Callable[[str], None] = lambda _text: None,
 ) -> Advice:
-    """The laws that fit a robot, each on its best leaf, compared on a workspace, and a sentence on why the best is.
+    """The strategies that fit a task, each on its best leaf, compared on a workspace, and why the best is the best.
 
     Locked joints, differences of parallel joints, arm angles, the elbow's height, stationary costs, `radial` of the
     pseudo-inverse, and laws designed from the best of these: each from several postures at the workspace's centre.
@@ -381,12 +377,8 @@ def advise(
     looked at pose by pose; `certify_by` of the advice is the call that proves it.
 
     Args:
-        robot: a robot, a name of the catalogue, or a file.
+        task: what the tool does: `hk.pose(robot)`, `hk.pose(robot, "axis")` if it may spin, `hk.position(robot)`.
         workspace: by default a box round the tool at the start, with moderate turns.
-        tip: the link that is the tool; for a URDF by default the palm at the end of its longest arm. base: the link
-            that stands still.
-        task: "pose", "axis" (the tool may spin about its z axis) or "position", or a task of this robot; by default the
-            pose, for arms of up to six joints the position.
         q0: the posture (n,) that the leaf is to go through; by default each law gets the best of several.
         clear_of: a pose is served only where no link is nearer than `clearance` to these obstacles (`hk.obstacle`), to
             the floor, or to another link; [] for the floor and the links alone. By default nothing is looked at. The
@@ -397,23 +389,17 @@ def advise(
 
     Raises:
         ArgumentError: the robot is not redundant for the task; a workspace of one pose. OutOfReachError: no pose of
-        the workspace is reached within the joint limits. JointLimitError: the start is beyond them. RobotFileError,
-        UnknownNameError, ShapeError, NotFiniteError.
+        the workspace is reached within the joint limits. JointLimitError: the start is beyond them. ShapeError,
+        NotFiniteError.
     """
-    say("the robot")
-    chain = chain_to_tool(robot, tip, base)
-    if isinstance(task, Task):
-        work = task
-        if task.robot != chain.robot:
-            raise ArgumentError("the task", task, "give a task of the same robot: load the robot first")
-    else:
-        work = task_of_kind(chain.robot, tip if isinstance(robot, Robot) else None, task)
-    words = {"tip": not chain.chosen, "task": task, "q0": q0, "workspace": workspace}
-    chosen = tuple(word for word, value in words.items() if value is None or value is False)
+    of_one_tool(task, "advice")
+    check_redundant(task)
+    chain = Chain(task.robot, None, task.tip or task.robot.tips[0].name, (), False)
+    chosen = tuple(word for word, value in {"q0": q0, "workspace": workspace}.items() if value is None)
     asked = clear_of, floor, clearance, self_collision, ignore, shapes_of
     apart = clearances_of(chain.robot, *asked)
     proven: dict[str, Any] = {} if apart is None else dict(zip(ASKED, asked, strict=True))
-    return advise_chain(chain, work, workspace, q0, chosen=chosen, apart=apart, proven=proven, levels=levels, say=say)
+    return advise_chain(chain, task, workspace, q0, chosen=chosen, apart=apart, proven=proven, levels=levels, say=say)
 
 
 def advise_chain(

@@ -427,7 +427,7 @@ def joined(task: Task, stages: Sequence[Stage]) -> Trajectory:
         residual=lambda k: off[:k],
     )
     return Trajectory(
-        robot.joint_names, tuple(c.unit for c in robot.coordinates), task.row_names, task.units,
+        robot, tuple(c.unit for c in robot.coordinates), task.row_names, task.units,
         put([one + start for one, start in zip(t, starts, strict=False)]), joints, (0, len(joints) - 1),
         Status.COMPLETE, measures, tuple(sorted(corners)),
     )  # fmt: skip

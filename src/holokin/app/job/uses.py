@@ -174,9 +174,8 @@ def program_of_job(
     with naming(file, "path"):
         path = build_paths(job.path, strategy.task, start, file)
         entry = build_entry(job, strategy, path, start)
-    robot = strategy.task.robot
     walk = follow(strategy, path, entry.q0, samples=job.path.samples, cycles=job.path.cycles)
-    timed = entry.before(timing.timed(walk, robot), timing, robot)
+    timed = entry.before(timing.timed(walk), timing)
     found = checked(job, file, timed, strategy.task)
     told = label, strategy.name
     return written(name, job, file, language, told, strategy.task, window(job, path), timed, short), timed, found
@@ -281,7 +280,7 @@ def program_of_sheets(
     if way is not None and abs(float(walk.t[-1]) - path.duration) > SAME_TIME * path.duration:
         cure = "the motion over sheets has times of its own: leave lead_in, lead_out and retract out"
         raise ArgumentError("the leads of [path]", job.path.lead_in or job.path.lead_out, cure)
-    timed = timing.timed(walk, tasks[0].robot)
+    timed = timing.timed(walk)
     report = checked(job, file, timed, tasks[0])
     many = f"{motion.changes} change{'' if motion.changes == 1 else 's'}"
     told = ("sheets", f"{len({one.sheet for one in motion.pieces})} of {len(found)} sheets with {many}")

@@ -93,7 +93,7 @@ class DrawnArm:
     def function(self) -> Function:
         """q -> points in the base's frame (3 k,): the tool's, then both ends of each piece."""
         robot = self.task.robot
-        q, tip = symbol("q", robot.n), robot.tip(self.task.tip)
+        q, tip = symbol("q", robot.n), robot.find_tip(self.task.tip)
         joints = sorted({part.joint for part in self.parts} - {-1})
         frames = {j: robot.kinematics_at(q, j, np.eye(4)) for j in joints}
         rows = [robot.kinematics(q, tip.name).position]
