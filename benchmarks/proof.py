@@ -116,7 +116,7 @@ def where_the_tool_turns(task: hk.Task, x: np.ndarray) -> Iterator[Case]:
 def two_hands() -> Iterator[Case]:
     """Both arms of a YuMi, 14 joints: one hand seen from the other, and each on a circle of its own."""
     robot, hands = hk.load("yumi"), ("left_flange", "right_flange")
-    task = hk.relative_pose(robot, *hands)
+    task = hk.strategies.tasks.relative_pose(robot, *hands)
     x = task.pose(YUMI)[:3, 3]
     rows = hk.linear(np.linalg.svd(task.jacobian(YUMI))[2][6:])
     yield (
@@ -125,7 +125,7 @@ def two_hands() -> Iterator[Case]:
     )  # fmt: skip
     both = hk.stacked(*(hk.pose(robot, tip=hand) for hand in hands))
     left, right = both.pose(YUMI)[:, :3, 3]
-    path = hk.synchronized(hk.circle(left, left - [0.04, 0, 0]), hk.circle(right, right - [0.04, 0, 0]))
+    path = hk.path.synchronized(hk.circle(left, left - [0.04, 0, 0]), hk.circle(right, right - [0.04, 0, 0]))
     yield "YuMi, both hands, joints 3 locked, circles of 0.04 m", hk.holonomic(both, hk.lock(2, 9)), path, YUMI
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 import holokin as hk
 
-robot = hk.with_capsules(hk.load("panda"), {"panda_joint7": 0.05})  # a hand of 5 cm about the tool's axis
+robot = hk.robot.with_capsules(hk.load("panda"), {"panda_joint7": 0.05})  # a hand of 5 cm about the tool's axis
 q0 = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 task = hk.pose(robot)
 law = hk.holonomic(task, hk.arm_angle())

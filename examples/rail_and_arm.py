@@ -7,7 +7,9 @@ import numpy as np
 
 import holokin as hk
 
-cell = hk.compose(hk.load("rail"), hk.Part(hk.load("irb140"), pose=[0, 0, 0.4], rpy=[0, 0, np.pi / 2]), name="cell")
+cell = hk.compose(
+    hk.load("rail"), hk.robot.Part(hk.load("irb140"), pose=[0, 0, 0.4], rpy=[0, 0, np.pi / 2]), name="cell"
+)
 q0 = [0.4, *np.deg2rad([0, 20, 10, 0, 60, 0])]
 task = hk.pose(cell)
 carried = hk.holonomic(task, hk.lock(cell.joint_names[1]))

@@ -32,7 +32,7 @@ def seam(top: np.ndarray) -> hk.Path:
         return axis + RADIUS * np.array([0, -np.sin(angle), np.cos(angle)])
 
     def across(start: float, sweep: float) -> hk.Path:
-        return hk.arc(edge(start), axis, sweep, ALONG, turn=sweep * ALONG)
+        return hk.path.arc(edge(start), axis, sweep, ALONG, turn=sweep * ALONG)
 
     side = -SWEEP / 2
     path = across(0.0, side)
@@ -47,8 +47,8 @@ def seam(top: np.ndarray) -> hk.Path:
 def with_torch(arm: hk.Robot) -> hk.Robot:
     """The arm with a torch that is drawn, too: its nozzle along the wire, its handle from there to the flange."""
     robot = hk.with_tool(arm, **torch)
-    robot = hk.with_shape(robot, "nozzle", Cylinder(0.011, 0.1), xyz=[0, 0, -0.062])
-    return hk.with_shape(robot, "handle", Capsule(0.022, 0.15), xyz=[0.039, 0, -0.176], rpy=[0, -0.574, 0])
+    robot = hk.robot.with_shape(robot, "nozzle", Cylinder(0.011, 0.1), xyz=[0, 0, -0.062])
+    return hk.robot.with_shape(robot, "handle", Capsule(0.022, 0.15), xyz=[0.039, 0, -0.176], rpy=[0, -0.574, 0])
 
 
 def plate(top: np.ndarray) -> list[LinkShape]:

@@ -38,7 +38,7 @@ def values(robot: hk.Robot) -> dict[str, Any]:
         hk.around(Q, 0.1)),
         "inverse": ik, "leaf function": leaf, "servo": hk.controller(held, dt=0.01, q0=Q),
         "walk": hk.follow(law, loop, Q, samples=8), "drift": hk.drift(held, loop, Q, samples=8),
-        "spread": hk.path_spread(law, loop, loop.reversed(), Q, samples=8),
+        "spread": hk.motion.path_spread(law, loop, loop.reversed(), Q, samples=8),
         "predicted drift": curvature.predicted_drift(law, loop, Q),
         "winding": motion.winding(law, loop, Q, samples=8), "general form": curvature.general_form(held, Q),
         "simulate": hk.simulate(control.closed_loop(law), task, loop, Q, dt=0.1),

@@ -64,7 +64,7 @@ def corner(welder: hk.Task) -> TimedTrajectory:
 def bow(welder: hk.Task) -> TimedTrajectory:
     """A third of a turn, radius 60 mm, at 50 mm/s."""
     at = welder.robot.pose(Q0)[:3, 3]
-    return seam(welder, hk.arc(at, at - [0.06, 0, 0], 2.0), 0.05)
+    return seam(welder, hk.path.arc(at, at - [0.06, 0, 0], 2.0), 0.05)
 
 
 def read(program: Program, language: str) -> grammars.Parsed:
@@ -215,7 +215,7 @@ def test_a_tool_that_only_turns_has_no_speed_and_few_targets(welder: hk.Task) ->
 
 def test_a_tolerance_that_the_samples_cannot_keep_is_said_to_be_missed(welder: hk.Task) -> None:
     at = welder.robot.pose(Q0)[:3, 3]
-    timed = seam(welder, hk.arc(at, at - [0.06, 0, 0], 2.0), 0.2, dt=0.1)
+    timed = seam(welder, hk.path.arc(at, at - [0.06, 0, 0], 2.0), 0.2, dt=0.1)
     program = to_rapid(timed, tolerance=ToolTolerance(welder, 1e-6, 0.02, 1e-6, 0.02))
     assert not program.tool.kept and "NOT within what was asked for" in " ".join(read(program, "rapid").comments)
 
@@ -223,7 +223,7 @@ def test_a_tolerance_that_the_samples_cannot_keep_is_said_to_be_missed(welder: h
 def test_the_tool_is_as_near_between_the_steps_as_the_header_says(welder: hk.Task) -> None:
     """Of a motion at 1 kHz a program gets every 64th sample: the others are the referee."""
     at, every = welder.robot.pose(Q0)[:3, 3], 64
-    whole = seam(welder, hk.arc(at, at - [0.06, 0, 0], 2.0), 0.2, dt=0.001)
+    whole = seam(welder, hk.path.arc(at, at - [0.06, 0, 0], 2.0), 0.2, dt=0.001)
     rows = np.minimum(np.arange(0, len(whole) + every - 1, every), len(whole) - 1)  # it rests at its end
     parts = {what: getattr(whole, what)[rows] for what in ("q", "dq", "ddq", "dddq", "path_speed")}
     t = every * whole.dt * np.arange(len(rows))

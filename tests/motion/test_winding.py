@@ -106,7 +106,7 @@ def test_a_tool_that_turns_round_once_cannot_be_drawn_together(panda: hk.Robot) 
     found = hk.motion.winding(strategy, round_once, PANDA_START, limits=False)
     assert found.cause is Cause.TOOL_TURNS
     there_and_back = hk.polyline([point] * 5, turns=[third, third, [0, 0, -4 * np.pi / 3], [0.2, 0, 0]])
-    home = hk.join(there_and_back, hk.polyline([point] * 2, turns=[[-0.2, 0, 0]]))
+    home = hk.path.join(there_and_back, hk.polyline([point] * 2, turns=[[-0.2, 0, 0]]))
     assert hk.motion.winding(strategy, home, PANDA_START, limits=False).cause is not Cause.TOOL_TURNS
 
 

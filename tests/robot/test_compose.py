@@ -38,7 +38,7 @@ def test_the_pose_of_an_arm_on_a_rail_is_the_product_of_both() -> None:
 
 def test_a_part_stands_where_it_is_mounted_and_a_base_where_it_is_put() -> None:
     base, arm = hk.load("planar-base"), hk.load("ur5e")
-    whole = hk.compose(base, hk.Part(arm, pose=[0.1, 0.2, 0.3], rpy=[0.4, 0.5, 0.6]))
+    whole = hk.compose(base, hk.robot.Part(arm, pose=[0.1, 0.2, 0.3], rpy=[0.4, 0.5, 0.6]))
     q = np.random.default_rng(0).uniform(-1, 1, 9)
     expected = base.pose(q[:3]) @ pose([0.1, 0.2, 0.3], [0.4, 0.5, 0.6]) @ arm.pose(q[3:])
     assert np.abs(whole.pose(q) - expected).max() < 1e-15
@@ -85,7 +85,7 @@ def test_joints_stand_in_the_order_asked_for() -> None:
 
 def test_masses_go_with_the_part_that_has_them() -> None:
     arm = hk.from_urdf(urdf("panda.urdf"), tip="panda_link8")
-    whole = hk.compose(hk.load("rail"), hk.Part(arm, pose=[0, 0, 0.5], rpy=[0, 0, 0.3]))
+    whole = hk.compose(hk.load("rail"), hk.robot.Part(arm, pose=[0, 0, 0.5], rpy=[0, 0, 0.3]))
     q = hk.symbolic.symbol("q", 8)
     M = hk.symbolic.Function("M", {"q": q}, {"M": hk.robot.mass_matrix_expression(whole, q)})(np.full(8, 0.2))
     moving = sum(body.mass for body in arm.bodies)  # the rail carries all of the arm, its base included
@@ -101,7 +101,7 @@ def test_the_inertia_of_a_base_turns_with_its_mounting(tmp_path: Path) -> None:
     arm = hk.load(tmp_path / "a.urdf")
     q = hk.symbolic.symbol("q", 4)
     for rpy, about_z in (([0, 0, 0], 3 + 5 * 0.01), ([np.pi / 2, 0, 0], 2 + 5 * 0.01), ([0, np.pi / 2, 0], 1.0)):
-        whole = hk.compose(hk.load("planar-base"), hk.Part(arm, rpy=rpy))
+        whole = hk.compose(hk.load("planar-base"), hk.robot.Part(arm, rpy=rpy))
         M = hk.symbolic.Function("M", {"q": q}, {"M": hk.robot.mass_matrix_expression(whole, q)})(np.zeros(4))
         assert M[2, 2] == pytest.approx(about_z)
 
@@ -109,13 +109,15 @@ def test_the_inertia_of_a_base_turns_with_its_mounting(tmp_path: Path) -> None:
 def test_names_that_clash_are_named_and_a_prefix_parts_them() -> None:
     arm = hk.load("ur5e")
     with pytest.raises(ArgumentError, match=r"name of two joints is 'shoulder_pan_joint'; give a part a prefix"):
-        hk.compose(arm, hk.Part(arm, on="base", pose=[0, 1, 0]))
-    both = hk.compose(hk.Part(arm, prefix="left_"), hk.Part(arm, on="base", pose=[0, 1, 0], prefix="right_"))
+        hk.compose(arm, hk.robot.Part(arm, on="base", pose=[0, 1, 0]))
+    both = hk.compose(
+        hk.robot.Part(arm, prefix="left_"), hk.robot.Part(arm, on="base", pose=[0, 1, 0], prefix="right_")
+    )
     assert [tip.name for tip in both.tips] == ["left_tool0", "right_tool0"]
     q = np.zeros(12)
     assert both.pose(q, "right_tool0")[:3, 3] - both.pose(q, "left_tool0")[:3, 3] == pytest.approx([0, 1, 0])
     with pytest.raises(UnknownNameError, match="tip to mount a part on 'hand'"):
-        hk.compose(arm, hk.Part(arm, on="hand", prefix="b_"))
+        hk.compose(arm, hk.robot.Part(arm, on="hand", prefix="b_"))
     with pytest.raises(ArgumentError, match="parts of a robot"):
         hk.compose()
 
@@ -156,7 +158,7 @@ def test_a_job_and_a_robot_file_put_together_what_python_does(tmp_path: Path) ->
     of_job = build_robot(open_job(str(file))[1], file)
     (tmp_path / "cell.toml").write_text(FILE.format(order=list(of_job.joint_names)))
     whole = hk.compose(
-        hk.load("rail"), hk.Part(hk.load("ur10e"), rpy=[0, 0, np.pi / 6]), order=list(of_job.joint_names)
+        hk.load("rail"), hk.robot.Part(hk.load("ur10e"), rpy=[0, 0, np.pi / 6]), order=list(of_job.joint_names)
     )
     of_python = hk.with_base_pose(hk.with_tool(whole, [0, 0, 0.1], [0, 0.2, 0]), [1, 0, 0], [0, 0, np.pi / 2])
     q = np.random.default_rng(8).uniform(0, 1, 7)
@@ -269,7 +271,7 @@ def test_a_tool_and_a_mounting_are_given_as_a_pose_or_as_position_and_turn(panda
     for robot in (
         hk.with_base_pose(hk.with_tool(panda, tool), base),
         hk.with_base_pose(hk.with_tool(panda, at, turn), to, lean),
-        hk.with_tool(hk.compose(hk.Part(panda, pose=base)), tool),
+        hk.with_tool(hk.compose(hk.robot.Part(panda, pose=base)), tool),
     ):
         assert robot.tip == "tool" and f"tip={robot.tip!r}" in repr(robot)
         assert np.abs(robot.pose(q) - wanted).max() < 1e-12
@@ -278,4 +280,4 @@ def test_a_tool_and_a_mounting_are_given_as_a_pose_or_as_position_and_turn(panda
             hk.with_tool(panda, bad)
     with pytest.raises(ArgumentError, match="has its turn"):
         hk.with_tool(panda, tool, turn)
-    assert hk.coordinates(["a", "b"]).tip is None
+    assert hk.robot.coordinates(["a", "b"]).tip is None

@@ -178,7 +178,7 @@ class PoseRegion(Value, Domain):
         if not isinstance(space, PoseRange) or not isinstance(space.solid, Box):
             raise ArgumentError("the workspace to certify", str(space), "give a box: hk.workspace(box=(center, half))")
         if strategy.task.frames > 1:
-            cure = "certify it along paths of its frames, hk.synchronized(...): a box of poses is of one tool"
+            cure = "certify it along paths of its frames, hk.path.synchronized(...): a box of poses is of one tool"
             raise ArgumentError("the task to certify over a box", strategy.task.name, cure)
         p0, R = completed(strategy.task, (space.solid.center, space.rotation), strategy.task.place(q0))
         tilt, spin = (space.tilt, space.spin) if _turns(strategy.task) else (0.0, 0.0)

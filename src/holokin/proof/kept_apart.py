@@ -232,7 +232,7 @@ def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str,
             raise ArgumentError("a shape of the robot", shape.link, cure)
     for one in obstacles:
         if one.joint >= 0:
-            cure = "a proof is about obstacles that stand still: put what the tool carries on it by hk.with_shape"
+            cure = "a proof is about obstacles that stand still: put what the tool carries on it by hk.robot.with_shape"
             raise ArgumentError("an obstacle that moves", one.link, cure)
         if one.shape.fault:
             raise ArgumentError(f"the obstacle {one.link!r}", one.shape.fault, "give a shape that can be read")

@@ -804,7 +804,7 @@ def with_base_pose(robot: Robot, pose: PoseLike = (0, 0, 0), rpy: ArrayLike = (0
     Raises:
         ShapeError, NotFiniteError, ArgumentError.
     """
-    return compose(Part(robot, pose=pose, rpy=rpy), name=robot.name)
+    return compose(Part(robot, pose=_placed("a robot", pose, rpy, "")), name=robot.name)
 
 
 def _placed(what: str, pose: PoseLike, rpy: ArrayLike, overruled: str | None) -> Matrix:
@@ -838,7 +838,7 @@ def _unlike(kind: str, named: Sequence[Joint | Tip]) -> None:
     names = [thing.name for thing in named]
     for name in names:
         if names.count(name) > 1:
-            cure = f"give a part a prefix, as in hk.Part(arm, prefix='left_'), or the {kind} another name"
+            cure = f"give a part a prefix, as in hk.robot.Part(arm, prefix='left_'), or the {kind} another name"
             raise ArgumentError(f"the name of two {kind}s", name, cure)
 
 

@@ -84,7 +84,7 @@ def test_of_loops_that_are_given_the_planes_without_area_are_named(panda: hk.Rob
     both = hk.audit(law, hk.pose(panda), path=[hk.circle(point, point - [0.1, 0, 0]), around], **QUICK)
     assert both.verdict is hk.analysis.audit.Repeatability.DRIFTS
     assert "y-z" not in both.untested and "x-z" in both.untested
-    eight = hk.join(hk.circle(point, point - [0.07, 0, 0]), hk.circle(point, point + [0.07, 0, 0], clockwise=True))
+    eight = hk.path.join(hk.circle(point, point - [0.07, 0, 0]), hk.circle(point, point + [0.07, 0, 0], clockwise=True))
     nothing = hk.audit(law, hk.pose(panda), path=[eight], **QUICK)
     assert len(nothing.untested) == 15, "the two halves of an eight undo each other"
 
@@ -154,7 +154,7 @@ def test_every_plane_of_every_task_is_gone_round(robot: str, make, start) -> Non
             assert p.drift == pytest.approx(followed, rel=0.05, abs=1e-4), p.name
 
 
-def between_runs(robot: hk.Robot, every: int) -> hk.ControlLaw:
+def between_runs(robot: hk.Robot, every: int) -> hk.motion.control.ControlLaw:
     """Joint 3 stands in so many runs, and joint 1 in the next."""
     begun = 0
 
@@ -163,10 +163,10 @@ def between_runs(robot: hk.Robot, every: int) -> hk.ControlLaw:
         begun += 1
         return locked(robot, 0 if begun // every % 2 else 2)
 
-    return hk.ControlLaw("alternates between runs", begin)
+    return hk.motion.control.ControlLaw("alternates between runs", begin)
 
 
-def between_calls(robot: hk.Robot, every: int) -> hk.ControlLaw:
+def between_calls(robot: hk.Robot, every: int) -> hk.motion.control.ControlLaw:
     """The joint that stands changes every so many calls, and runs do not matter."""
     calls = 0
     laws = (locked(robot, 2), locked(robot, 0))
@@ -176,7 +176,7 @@ def between_calls(robot: hk.Robot, every: int) -> hk.ControlLaw:
         calls += 1
         return laws[calls // every % 2](q, pose, twist, dt)
 
-    return hk.ControlLaw("alternates between calls", lambda q0: law)
+    return hk.motion.control.ControlLaw("alternates between calls", lambda q0: law)
 
 
 @pytest.mark.campaign

@@ -134,7 +134,7 @@ def test_a_table_says_what_was_found() -> None:
     assert "not finite" in solutions._repr_html_()
 
 
-@pytest.mark.parametrize("value", [1.0, 3, None, True, "x", np.eye(3), [1, 2], {"a": 1}, hk.Status.COMPLETE])
+@pytest.mark.parametrize("value", [1.0, 3, None, True, "x", np.eye(3), [1, 2], {"a": 1}, hk.motion.Status.COMPLETE])
 def test_a_part_of_any_kind_is_shown(value: Any) -> None:
     cost = OwnCost("mine", function=len)
     object.__setattr__(cost, "weight", value)

@@ -139,7 +139,7 @@ def test_the_least_nearby_is_that_of_a_piece_of_the_self_motion() -> None:
             values.append(np.min(np.sum(np.linalg.pinv(task.jacobian_batch(near)[0]) ** 2, axis=(1, 2))))
         Q.append(motion[at])
     coordinates = coordinates_of(chart_of(task, np.eye(3)), np.array(Q))
-    costs = costs_of(task.robot, hk.Objective(squared_speed=1.0), coordinates.turns, coordinates.spread)
+    costs = costs_of(task.robot, hk.analysis.design.Objective(squared_speed=1.0), coordinates.turns, coordinates.spread)
     found = least_near(coordinates, costs, np.array(Q), T[reached, :3, 3], T[reached, :3, :3])
     assert len(found) > 4
     assert (found <= np.array(least) * 1.003).all() and (found >= np.array(farther) * 0.997).all()

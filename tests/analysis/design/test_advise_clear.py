@@ -22,7 +22,7 @@ ASKED: dict[str, Any] = {"clear_of": [hk.obstacle("post", Capsule(BALL), (*PLACE
 def arm() -> hk.Robot:
     """A planar arm of three bars of a metre, 0.1 m thick."""
     row = {"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0}
-    return hk.with_capsules(hk.from_dh([dict(row) for _ in range(3)], name="planar"), BAR)
+    return hk.robot.with_capsules(hk.from_dh([dict(row) for _ in range(3)], name="planar"), BAR)
 
 
 def from_post(Q: np.ndarray) -> np.ndarray:

@@ -217,7 +217,7 @@ def test_the_direction_of_a_designed_law_counts_from_the_middle_of_the_workspace
 
 def test_clear_postures_are_those_whose_links_keep_the_distance() -> None:
     """Referee: the distance of a point from three segments of a planar arm, less both radii."""
-    arm = hk.with_capsules(hk.load("planar-3r"), 0.05)
+    arm = hk.robot.with_capsules(hk.load("planar-3r"), 0.05)
     post = hk.obstacle("post", Capsule(0.1, 0.0), [1.2, 0.9, 0.0])
     clear = clear_postures(arm, obstacles=[post], clearance=0.02, self_collision=False)
     Q = np.random.default_rng(2).uniform(-2.0, 2.0, (300, 3))
@@ -297,7 +297,7 @@ def test_a_law_on_trial_serves_only_where_its_postures_are_clear() -> None:
 
 def test_a_pose_at_which_a_link_is_too_near_is_not_served() -> None:
     """The least that can fail: a post on the way of the arm. The coverage names it, and its share falls."""
-    arm = hk.with_capsules(hk.load("planar-3r"), 0.05)
+    arm = hk.robot.with_capsules(hk.load("planar-3r"), 0.05)
     space = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
     law = hk.holonomic(hk.position(arm), hk.lock(2))
     whole = hk.coverage(law, space, [0.3, 0.8, 0.5], samples=64)

@@ -128,7 +128,7 @@ def test_a_panda_changes_its_elbow_where_it_is_allowed_and_a_controller_can_play
     begin, end = walk.q[first], walk.q[first + len(found.seams[0].q) - 1]
     a, b = (int(np.argmin(np.abs(timed.q - q).max(axis=1))) for q in (begin, end))
     assert {a, b} <= set(timed.stops)
-    model = pin.buildModelFromXML(hk.to_urdf(task.robot))
+    model = pin.buildModelFromXML(hk.robot.to_urdf(task.robot))
     data, poses = model.createData(), []
     for q in timed.q[a : b + 1]:
         pin.framesForwardKinematics(model, data, q)

@@ -49,7 +49,7 @@ def two_links(tool: np.ndarray, q1: np.ndarray, sign: float) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(3))
 def test_the_tool_of_a_panda_is_still_at_each_millisecond_and_the_joints_keep_their_limits(seed: int) -> None:
     task = hk.pose(hk.load("panda"))
-    model = pin.buildModelFromXML(hk.to_urdf(task.robot))
+    model = pin.buildModelFromXML(hk.robot.to_urdf(task.robot))
     data, rng = model.createData(), np.random.default_rng(seed)
     q0 = PANDA_START + 0.2 * rng.standard_normal(7)
     curve = hk.strategies.self_motion(task, q0)
@@ -182,7 +182,7 @@ def test_an_arm_without_a_redundant_joint_has_none() -> None:
 def test_several_redundant_joints_go_straight_where_they_can() -> None:
     """A Panda that holds a point has four: Pinocchio sees the point still; where all is blocked none is found."""
     task = hk.position(hk.load("panda"))
-    model = pin.buildModelFromXML(hk.to_urdf(task.robot))
+    model = pin.buildModelFromXML(hk.robot.to_urdf(task.robot))
     data, rng = model.createData(), np.random.default_rng(1)
     other = (PANDA_START + 0.4 * rng.standard_normal(7))[None]
     for _ in range(3):

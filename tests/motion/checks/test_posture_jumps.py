@@ -23,7 +23,7 @@ class Referee:
     """Tool poses by Pinocchio, and how far off its straight way the tool is in the middle of a joint step."""
 
     def __init__(self, robot: hk.Robot) -> None:
-        self.model = pin.buildModelFromXML(hk.to_urdf(robot))
+        self.model = pin.buildModelFromXML(hk.robot.to_urdf(robot))
         self.data, self.tip = self.model.createData(), self.model.getFrameId(robot.tips[0].name)
 
     def pose(self, q: np.ndarray) -> pin.SE3:
@@ -211,7 +211,7 @@ def test_a_joint_that_moves_no_tool_may_jump_and_is_noted(panda: hk.Robot, walk:
 def test_a_table_that_turns_beside_an_arm_is_part_of_the_way() -> None:
     """Of a relative pose the way counts from one tool to the other: both arms may go far, as long as they go along."""
     robot = hk.load("yumi")
-    task = hk.relative_pose(robot, robot.tips[0].name, robot.tips[1].name)
+    task = hk.strategies.tasks.relative_pose(robot, robot.tips[0].name, robot.tips[1].name)
     middle = robot.ranges(1.0)[0] * 0.4 + robot.ranges(1.0)[1] * 0.6
     steps = middle + 0.005 * np.arange(30)[:, None] * np.linspace(-1, 1, robot.n)
     assert not jumps(looked(steps, robot, task))

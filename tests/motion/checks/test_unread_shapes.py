@@ -120,9 +120,9 @@ def test_a_mesh_that_is_only_drawn_may_be_missing(cell: Path) -> None:
 
 def test_a_capsule_of_a_radius_by_name_stands_for_a_link_that_cannot_be_read(cell: Path) -> None:
     robot = hk.load(arm_of(cell, [*meshes(READ["slash"])[:5], FAULTS["missing"](cell, "l5.stl")]))
-    assert not hk.check(np.zeros((1, 6)), hk.with_capsules(robot)).passed, "asked for by name alone"
+    assert not hk.check(np.zeros((1, 6)), hk.robot.with_capsules(robot)).passed, "asked for by name alone"
     inner = hk.load(arm_of(cell, [FAULTS["missing"](cell, "l0.stl"), *meshes(READ["slash"])[1:]]))
-    report = hk.check(np.zeros((1, 6)), hk.with_capsules(inner, {"j0": 0.05}))
+    report = hk.check(np.zeros((1, 6)), hk.robot.with_capsules(inner, {"j0": 0.05}))
     assert report.passed and ("l2", "j0") in {one.pair for one in report.pairs}
 
 
@@ -175,7 +175,7 @@ def test_a_plane_of_mjcf_is_told_by_a_floor_that_is_as_high() -> None:
         f'<body name="a"><joint name="j" axis="0 0 1"/>{geom}'
         f'<body name="b" pos="1 0 0"><joint name="k" axis="0 1 0"/>{geom}</body></body></worldbody></mujoco>'
     )
-    robot, still = hk.from_mjcf(text), np.zeros((1, 2))
+    robot, still = hk.robot.from_mjcf(text), np.zeros((1, 2))
     assert "give its height as floor" in hk.check(still, robot).table() and not hk.check(still, robot).passed
     assert not hk.check(still, robot, floor=-0.6).passed and hk.check(still, robot, floor=-0.5).passed
     assert hk.check(still, robot, ignore=[("ground", "*")]).passed

@@ -104,7 +104,7 @@ def eight_loop(
     crossing: ArrayLike, width: float, height: float | None = None, normal: ArrayLike = (0.0, 0.0, 1.0), *,
     along: ArrayLike | None = None, speed: float = SPEED, samples: int = SAMPLES, clockwise: bool = False,
 ) -> Loop:  # fmt: skip
-    """A figure eight that begins where it crosses itself, as `hk.figure_eight`."""
+    """A figure eight that begins where it crosses itself, as `hk.path.figure_eight`."""
     at, n = finite("crossing", crossing, (3,)), _unit(normal)
     flat = np.array([1.0, 0.0, 0.0] if abs(n[0]) < 0.9 else [0.0, 1.0, 0.0]) if along is None else _unit(along)
     flat = flat - (flat @ n) * n

@@ -252,7 +252,7 @@ def make_plan(task: Task, path: AnyPath, samples: int, start_rotation: Matrix) -
     """
     paths = paths_of(path)
     if len(paths) != task.frames:
-        several = f"give {task.frames} of them, one a frame of the task, by hk.synchronized"
+        several = f"give {task.frames} of them, one a frame of the task, by hk.path.synchronized"
         raise ArgumentError("the number of paths", len(paths), several if task.frames > 1 else "give one")
     begun = start_rotation.reshape(-1, 3, 3)
     own = [R if one.rotation is None else one.rotation for one, R in zip(paths, begun, strict=True)]
