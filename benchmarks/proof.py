@@ -103,7 +103,7 @@ def where_the_tool_turns(task: hk.Task, x: np.ndarray) -> Iterator[Case]:
     turn = np.array([0.04, 0.06, -0.03])
     there = hk.line(x, x - [0.05, 0, 0], turn=turn)
     loop = there + hk.line(x - [0.05, 0, 0], x, turn=-turn)
-    chart = hk.pose(task.robot).counted_from(task.pose(PANDA)[:3, :3])
+    chart = hk.pose(task.robot)._counted_from(task.pose(PANDA)[:3, :3])
     tilt = C.tilted(hk.lock(2), lambda x: 0.3 * x[3] * x[4] + 0.2 * x[0] * x[5], chart=chart)
     what = "Panda, joint 3 a function of the tool's pose, line of 0.05 m with a turn of 0.08 rad, and back"
     yield what, hk.holonomic(task, tilt), loop, PANDA

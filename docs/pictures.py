@@ -398,7 +398,7 @@ def cusps_of_orthogonal_arms() -> None:
         lines = plt.figure().gca().contour(grid, grid, det, [0.0]).allsegs[0]
         plt.close()
         for line in lines:
-            p = task.poses(np.column_stack([np.zeros(len(line)), line]))[0]
+            p = task._poses(np.column_stack([np.zeros(len(line)), line]))[0]
             axes.plot(np.hypot(p[:, 0], p[:, 1]), p[:, 2], color="0.25", linewidth=1.1)
 
         found = hk.cusps(law, [0.1, 0.3, 0.6], starts=300)

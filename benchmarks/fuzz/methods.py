@@ -102,22 +102,18 @@ def _pseudo_inverse(q: SX) -> SX:
 def _special() -> dict[str, dict[str, Any]]:
     """Arguments of some functions, where their names do not tell what they are."""
     k, pair, cube = kit(), things()["stacked"], {"u": np.full((2, 3), 0.5), "points": np.zeros((2, 3))}
-    two = {"k": pair.kinematics(symbol("q", 3)), "rotations": np.tile(np.eye(3), (2, 1))}
-    wide = {name: SX.ones(6, 3 if name in "R rotation" else 1) for name in ("R", "rotation", "v", "w", "position")}
-    kinds = ["chart", "counted_from", "error_expression", "jacobian_expression", "rates_expression", "value_expression"]
-    both = dict.fromkeys(kinds, two | wide)
+    two = {"k": pair.kinematics(symbol("q", 3))}
     panda, q7 = hk.pose(hk.load("panda")), symbol("q", 7)
     arm = {"task": panda, "k": panda.kinematics(q7), "q": q7}
     return {
         "strategies.constraints.find_arm": {"task": panda}, "Arm.places": {"task": panda}, "Arm.expressions": arm,
         "strategies.inertia_weighted": {"task": panda}, "analysis.curvature.general_form": {"strategy": k["held"],
         "q": k["q"]},
-        **{f"StackedTask.{name}": own for name, own in both.items()}, "StackedTask.margin_expression": wide,
+        "StackedTask.jacobian_expression": two, "StackedTask.value_expression": two,
         "Solid.points": cube, "Solid.contains": cube,
         "Slice.grid": {"values": np.zeros(int(things()["slices"].inside.sum()))},
         "SynchronizedPaths.table": {"start_rotation": np.tile(np.eye(3), (2, 1))},
         "SynchronizedPaths.part": {"start": 0.1}, "Path.cut": {"start": 0.0, "stop": 1.0},
-        "Robot.kinematics_at": {"joint": 0},
         "lock": {"joints": (0,)}, "strategies.constraints.height": {"joints": ("q2",)},
         "strategies.constraints.stack": {"constraints": (k["g"],)},
         "strategies.constraints.total": {"constraints": (k["g"], k["g"]), "weights": (1.0, 2.0)},

@@ -63,7 +63,7 @@ def written_out(twin: hk.HolonomicStrategy) -> ca.Function:
     e = twin.expressions
     found, g = e.rate(ca.SX.eye(twin.task.m), written_out=True), twin.constraint_expression
     return ca.Function(
-        "written_out", [e.q], [found.X, found.rcond, twin.margin_expression, g, ca.densify(ca.jacobian(g, e.q))]
+        "written_out", [e.q], [found.X, found.rcond, twin._margin_expression, g, ca.densify(ca.jacobian(g, e.q))]
     )
 
 

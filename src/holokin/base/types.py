@@ -468,7 +468,7 @@ class ByValue(Value):
     when two values are first compared or one is first a key; 32 bytes of them are kept.
     """
 
-    aside: ClassVar[tuple[str, ...]] = ()
+    _aside: ClassVar[tuple[str, ...]] = ()
     """Fields that do not count."""
 
     def __eq__(self, other: object) -> bool:
@@ -476,26 +476,26 @@ class ByValue(Value):
             return True
         if type(self) is not type(other):
             return NotImplemented
-        return self.digest == other.digest  # type: ignore[attr-defined]
+        return self._digest == other._digest  # type: ignore[attr-defined]
 
     def __hash__(self) -> int:
         return self._number
 
     @cached_property
-    def digest(self) -> bytes:
+    def _digest(self) -> bytes:
         """32 bytes that stand for the parts, in this process."""
         return blake2b(b"".join(_parts(self)), digest_size=32).digest()
 
     @cached_property
     def _number(self) -> int:
-        return int.from_bytes(self.digest[:7], "big")
+        return int.from_bytes(self._digest[:7], "big")
 
 
 def _parts(value: ByValue) -> list[bytes]:
     recipe = vars(value).get("_recipe")
     if recipe is not None:
         return [_written(type(value)), _call(*recipe)]
-    return [_written(type(value)), *_fields(value, value.aside)]
+    return [_written(type(value)), *_fields(value, value._aside)]
 
 
 def _call(function: Callable[..., Any], arguments: tuple[Any, ...], named: Mapping[str, Any]) -> bytes:
@@ -517,7 +517,7 @@ def _written(value: Any) -> bytes:
 
 def _body(value: Any) -> tuple[str, bytes]:
     if isinstance(value, ByValue):
-        return "value", value.digest
+        return "value", value._digest
     if value is None or isinstance(value, bool | np.bool_ | str | bytes | Enum | PurePath):
         return type(value).__name__, repr(value).encode(errors="surrogatepass")
     if isinstance(value, Real | np.ndarray | list | tuple) and (numbers := _numbers(value)) is not None:

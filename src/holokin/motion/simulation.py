@@ -64,7 +64,7 @@ def simulate(
         positive("patience", patience, "give positive seconds, or None")
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"simulating {cycles} cycles", path.gap)
-    tool = task.place(start)
+    tool = task._place(start)
     steps = np.ceil(path.duration / dt - 1e-9)
     if not steps * cycles <= MOST:
         raise ArgumentError("the number of steps", float(steps * cycles), f"give a larger dt, for at most {MOST:g}")

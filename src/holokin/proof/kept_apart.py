@@ -146,7 +146,7 @@ def clearances_of(
             raise ArgumentError("floor", floor, "give clear_of, too: [] for the floor and the links alone")
         return None
     robot = shapes_of or own
-    robot.check_links()
+    robot._check_links()
     if joints_of(robot) != joints_of(own):
         raise ArgumentError("shapes_of", robot.name, "give the same robot, with other shapes")
     level = None if floor is None else number("floor", floor)
@@ -219,7 +219,7 @@ def _is_rotation(T: Matrix) -> bool:
 
 
 def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str, float]) -> None:
-    size, foot = max(chain_length(robot), 0.1), foot_of(robot.joints, robot.find_tip().joint)
+    size, foot = max(chain_length(robot), 0.1), foot_of(robot.joints, robot._find_tip().joint)
     most = LARGE * size
     for name, length in lengths.items():
         if abs(length - (foot[2] if name == "floor" else 0.0)) > most:

@@ -362,7 +362,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
     @property
     def holds_start(self) -> bool:
         """True where the pose of q0 belongs to it, with the posture q0."""
-        p, R = self.strategy.task.place(self.q0)
+        p, R = self.strategy.task._place(self.q0)
         near, alone = self.near(p[None], R[None])
         return bool(np.linalg.norm(near[0] - self.q0) <= alone[0])
 

@@ -60,7 +60,7 @@ def longest_span(robot: Robot, tip: str | None = None, *, turned: bool) -> Span:
     Args:
         turned: whether the tool's rotation is known: then the span ends on the last hinge's axis; else at the tip.
     """
-    links = _Links.of(robot, robot.find_tip(tip), turned)
+    links = _Links.of(robot, robot._find_tip(tip), turned)
     at = links.drawn_in()
     return Span(links.first(at), links.last(at), links.length(at)[0] + links.slides)
 
@@ -222,7 +222,7 @@ def start_posture(robot: Robot, q: ArrayLike, limits: bool, what: str = "the sta
 
 def doubtful_unit(robot: Robot, places: Matrix, tip: str | None = None) -> str:
     """What to say of places (k, 3) that are all too far from the base to be in metres; empty of others."""
-    away = places - foot_of(robot.joints, robot.find_tip(tip).joint)
+    away = places - foot_of(robot.joints, robot._find_tip(tip).joint)
     least, reach = float(np.linalg.norm(away, axis=-1).min()), longest_reach(robot, tip)
     if not FAR * reach < least < np.inf:
         return ""
@@ -699,7 +699,7 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
     carrying: set[str] = set()
     on = BASE
     for part in given:
-        part.robot.check_links()
+        part.robot._check_links()
         on = on if part.on is None else part.on
         mount = _mount(on, tips)
         carrying.add(mount.name)
@@ -787,7 +787,7 @@ def with_tool(
         degrees, or a tool ten times as long as the arm, which looks like millimetres. ShapeError, NotFiniteError.
     """
     T = _placed("a tool", pose, rpy, None if trust_units else TRUST)
-    carrier = robot.find_tip(tip)
+    carrier = robot._find_tip(tip)
     if not trust_units:
         _check_tool(robot, T[:3, 3], carrier.name)
     tips = [Tip(name, t.joint, t.placement @ T, t.arm_end) if t is carrier else t for t in robot.tips]

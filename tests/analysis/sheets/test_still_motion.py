@@ -186,7 +186,7 @@ def test_several_redundant_joints_go_straight_where_they_can() -> None:
     data, rng = model.createData(), np.random.default_rng(1)
     other = (PANDA_START + 0.4 * rng.standard_normal(7))[None]
     for _ in range(3):
-        other = held(task, other, *task.place(PANDA_START))
+        other = held(task, other, *task._place(PANDA_START))
     other = other[0]
     motion = self_motion_between(task, PANDA_START, other)
     points = []

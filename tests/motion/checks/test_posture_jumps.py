@@ -44,7 +44,7 @@ class Referee:
 
 def self_motion(task: hk.Task, q: np.ndarray, size: float) -> np.ndarray:
     """Postures (k, n) of one tool pose, 0.01 rad apart, until a joint has moved by a size."""
-    p, R = task.place(q)
+    p, R = task._place(q)
     found = [q]
     while np.abs(found[-1] - q).max() < size and len(found) < 500:
         N = np.linalg.svd(task.jacobian(found[-1]))[2][-1]

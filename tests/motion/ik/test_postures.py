@@ -57,7 +57,7 @@ def test_every_posture_that_is_found_is_on_the_leaf_and_at_the_pose_and_q_is_amo
             found = hk.motion.ik.all_postures(law, robot.pose(q), c, limits=limits, near=near, starts=256)
             for i, one in enumerate(found.q):
                 assert np.abs(law.constraint.nearest(law.g(one) - c)).max() < 1e-8 * (1 + np.abs(c).max()), law.name
-                assert np.abs(task.error(one, *task.place(q))).max() < 1e-8
+                assert np.abs(task.error(one, *task._place(q))).max() < 1e-8
                 others = np.where(robot.hinges, wrapped(found.q[:i] - one), found.q[:i] - one)
                 assert not len(others) or np.abs(others).max(axis=1).min() > 1e-6
                 if limits:

@@ -84,10 +84,10 @@ def test_value_error_and_jacobian_of_any_two_tasks_belong_together(yumi: Robot, 
         assert np.abs(J - np.vstack([part.jacobian(q) for part in parts])).max() < 1e-12
         assert np.abs(task(q) - np.concatenate([part(q) for part in parts])).max() < 1e-12
         dq = rng.uniform(-1, 1, 14)  # the error to a pose a little on is what J says of the path there
-        moved = task.error(q - h * dq, *task.place(q + h * dq)) / (2 * h)
+        moved = task.error(q - h * dq, *task._place(q + h * dq)) / (2 * h)
         assert np.abs(moved - J @ dq).max() < 1e-6
-    several = task.error(Q0 + np.zeros((3, 14)), *task.place(Q0 + 0.1))
-    assert np.abs(several - task.error(Q0, *task.place(Q0 + 0.1))).max() == 0.0
+    several = task.error(Q0 + np.zeros((3, 14)), *task._place(Q0 + 0.1))
+    assert np.abs(several - task.error(Q0, *task._place(Q0 + 0.1))).max() == 0.0
 
 
 def test_rows_of_a_stacked_task_are_those_of_its_parts(hands: hk.Task) -> None:

@@ -548,7 +548,7 @@ def _compared(task: Task, q: Numbers, first: Whole, second: Whole, less: Flags) 
     less: joints (p, n) whose whole turns do not count.
     """
     here, there = q[first].astype(float), q[second].astype(float)
-    met, moved = to_pose(task, there, *task.poses(here))
+    met, moved = to_pose(task, there, *task._poses(here))
     gap = np.abs(less_turns(met - here, less))
     joint = np.argmax(gap, axis=1)
     return gap[np.arange(len(gap)), joint], moved, joint

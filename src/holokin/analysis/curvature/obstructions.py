@@ -80,7 +80,7 @@ def turns(task: Task, Q: Matrix) -> Turns:
     Args:
         task: leaves one joint redundant.
     """
-    p, R = task.poses(Q)
+    p, R = task._poses(Q)
     middle, reference = _references(task, Q[0], p, R)
     if reference is None or middle is None:
         return Turns(np.zeros(0), "a straight path from its start to one of its points meets a singular posture")
@@ -189,7 +189,7 @@ def sphere_of(task: Task, q0: Vector, arm: Arm) -> ToolSphere:
     points = places.batch(some).reshape(-1, 3, 3)
     if np.ptp(points[:, 0], axis=0).max() > FIXED:
         raise ArgumentError("the shoulder", arm.shoulder.place, "name joints=(...) with one that no joint moves")
-    p, R = task.poses(some)
+    p, R = task._poses(some)
     held = np.einsum("kji,kj->ki", R, points[:, 2] - p)
     pose, (S, _, W) = task.pose(q0), places(q0)
     radius = float(np.linalg.norm(W - S))
@@ -386,7 +386,7 @@ def obstruction(
     if isinstance(over, Directions):
         task = law if isinstance(law, Task) else law.task
         of_one_tool(task, "obstruction")
-        if not task.turns:
+        if not task._turns:
             raise ArgumentError("the task", task.name, "give one with the tool's orientation, hk.pose(robot)")
         start, arm = task.robot.checked(q0, "the start posture"), find_arm(task, over.joints)
         sphere = sphere_of(task, start, arm)

@@ -297,7 +297,7 @@ class CandidateSheets:
 
     def _on_other_levels(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> Matrix:
         """Postures at the pose of a sheet's start, on levels about its own."""
-        at, spread, found = pose_from(*self.task.poses(sheet.q0[None]))[0], self._spread(sheet), []
+        at, spread, found = pose_from(*self.task._poses(sheet.q0[None]))[0], self._spread(sheet), []
         if spread is None:
             return np.zeros((0, self.task.n))
         for _ in range(LEVELS):
@@ -309,7 +309,7 @@ class CandidateSheets:
 
     def _spread(self, sheet: Sheet) -> Vector | None:
         """How far the levels (r,) of postures at the pose of a sheet's start are off its own; None where none is."""
-        others = postures_at(self.task, pose_from(*self.task.poses(sheet.q0[None]))[0], STARTS)
+        others = postures_at(self.task, pose_from(*self.task._poses(sheet.q0[None]))[0], STARTS)
         if not len(others):
             return None
         levels = sheet.strategy.constraint_value.batch(others).reshape(len(others), -1)

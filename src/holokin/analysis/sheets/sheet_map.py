@@ -246,7 +246,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         Raises: ShapeError, NotFiniteError.
         """
         begin = self.task.robot.checked(q, "the posture")
-        at = pose_from(*self.task.place(begin))
+        at = pose_from(*self.task._place(begin))
         return tuple(
             s for s, sheet in enumerate(self.sheets)
             if sheet.off(begin) < ON_LEAF and leads_to(sheet.ik, at, begin, begin)
@@ -484,7 +484,7 @@ def write_sheets(found: Sheets, path: str | FilePath) -> None:
         "leaves": [{"name": one.name, "keys": dict(one.keys), "rcond": one.rcond} for one in found.sheets],
         "workspace": _workspace_keys(found.workspace), "length": found.length, "stopped": found.stopped,
         "least": found.least, "least_cuts": found.least_cuts, "candidates": found.candidates,
-        "around": None if found.around is None else found.around.digest,
+        "around": None if found.around is None else found.around._digest,
     }  # fmt: skip
     q0 = np.array([one.q0 for one in found.sheets]).reshape(-1, found.task.n)
     with replacing(path) as part, part.open("wb") as stream:
@@ -516,7 +516,7 @@ def sheets_of_file(path: str | FilePath, task: Task, around: Surroundings | None
     given = (about["robot"], about["joints"], about["task"])
     if given != wanted:
         raise SheetsFileError(file, f"it is of {given}", f"give that robot and task, not {wanted}")
-    if about["around"] != (None if around is None else around.digest):
+    if about["around"] != (None if around is None else around._digest):
         cure = "give clear_of, floor, clearance, self_collision and ignore as they were given to hk.sheets"
         raise SheetsFileError(file, "it is of other surroundings", cure)
     try:
