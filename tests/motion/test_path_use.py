@@ -106,7 +106,7 @@ def test_a_controller_follows_a_spline_and_a_timed_one_ends_where_it_should(pand
 def test_an_approach_leads_from_anywhere_to_the_start_of_a_path(panda: hk.Robot, laws, by: str, leaf) -> None:
     tied, _ = laws
     path = loops(panda)["poses"].in_frame([0.05, 0.1, 0.02, 0, 0, 0.2])
-    with pytest.raises(StartError, match=r"hk\.approach"):
+    with pytest.raises(StartError, match=r"hk\.motion\.approach"):
         hk.follow(tied, path, Q0)
     way = hk.motion.approach(tied, path, Q0, by=by, level=leaf, samples=30)
     assert way.q[0] == pytest.approx(Q0, abs=0)

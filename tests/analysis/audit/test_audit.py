@@ -146,7 +146,7 @@ def test_an_audit_can_be_written_down(panda: hk.Robot) -> None:
     import json
 
     found = hk.audit(locked(panda, 2), hk.pose(panda), q0=PANDA_START, cycles=3, dt=0.08)
-    told = json.loads(json.dumps(found.summary()))
+    told = json.loads(json.dumps(found.to_dict()))
     assert told["verdict"] == "repeats"
     assert [f["question"] for f in told["findings"]][:2] == ["cycles, loop 1", "cycles, loop 2"]
     with pytest.raises(ArgumentError, match="asked"):

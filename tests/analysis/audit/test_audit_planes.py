@@ -79,7 +79,7 @@ def test_of_loops_that_are_given_the_planes_without_area_are_named(panda: hk.Rob
     assert flat.verdict is hk.analysis.audit.Repeatability.REPEATS
     assert len(flat.untested) == 14
     assert "y-z" in flat.sentence
-    assert flat.summary()["untested"] == list(flat.untested)
+    assert flat.to_dict()["untested"] == list(flat.untested)
     around = hk.circle(point, point - [0, 0.1, 0], normal=[1, 0, 0])
     both = hk.audit(law, hk.pose(panda), path=[hk.circle(point, point - [0.1, 0, 0]), around], **QUICK)
     assert both.verdict is hk.analysis.audit.Repeatability.DRIFTS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
@@ -106,6 +107,17 @@ class Tags(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         self.words += data
+
+
+def test_every_result_is_plain_data_of_its_own_fields() -> None:
+    """As JSON writes and reads it, without NaN; a number and a status are what the result has."""
+    results = [one for one in from_a_stranger() if hasattr(one, "to_dict")]
+    assert len(results) > 6
+    for one in results:
+        assert json.loads(json.dumps(one.to_dict(), allow_nan=False)), type(one)
+    report, verdict = (next(r for r in results if type(r).__name__ == name) for name in ("CheckReport", "Verdict"))
+    assert report.to_dict()["samples"] == report.samples and str(report) == report.table()
+    assert verdict.to_dict()["holonomic"] == verdict.holonomic
 
 
 def test_no_text_of_a_stranger_is_html_or_breaks_a_line() -> None:

@@ -97,7 +97,7 @@ def test_the_same_advice_is_given_twice() -> None:
     advice, again = (hk.advise(hk.position(arm()), PLANE) for _ in range(2))
     assert [law.name for law in again.laws] == [law.name for law in advice.laws]
     assert np.array_equal(again.q0, advice.q0)
-    assert again.summary() == advice.summary()
+    assert again.to_dict() == advice.to_dict()
 
 
 @pytest.mark.campaign

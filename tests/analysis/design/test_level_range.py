@@ -49,7 +49,7 @@ def test_an_advice_tells_the_levels_of_its_best_law_if_it_is_asked() -> None:
     advice = hk.advise(hk.position(hk.from_dh(bars, name="planar")), space, levels=True)
     found, law = advice.levels, advice.best
     assert found is not None and f"{found.served}." in advice.reasons[-1]
-    assert advice.summary()["levels"] == [list(ends) for ends in found.intervals]
+    assert advice.to_dict()["levels"] == [list(ends) for ends in found.intervals]
     low, high = next(ends for ends in found.intervals if ends[0] <= found.best <= ends[1])
     for level, all_of_it in ((low + 0.02, True), (found.best, True), (high - 0.02, True), (high + 0.05, False)):
         moved = hk.motion.ik.move_to_leaf(law.strategy, law.q0, level)

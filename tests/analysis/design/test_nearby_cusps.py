@@ -95,7 +95,7 @@ def test_of_laws_that_serve_alike_one_without_a_cusp_nearby_is_taken(
         assert f"so has {order[1]!r}, {order[2]!r}" in said
     else:
         assert f"{order[0]!r}, which needs" in said and "0.4 m from the workspace" not in said.split("which needs")[0]
-    assert advice.summary()["reasons"] == list(advice.reasons)
+    assert advice.to_dict()["reasons"] == list(advice.reasons)
 
 
 @pytest.mark.campaign

@@ -106,4 +106,4 @@ def test_an_audit_has_a_finding_for_each_metric_apart_from_its_verdict() -> None
     assert found["metric nothing"].metrics == {}
     for name, (_, words) in BROKEN.items():
         assert words in found[f"metric {name}"].fault
-        assert words in json.dumps(found.summary())
+        assert words in json.dumps(found.to_dict())

@@ -156,7 +156,7 @@ def test_without_a_task_a_jump_is_a_note(panda: hk.Robot, walk: Trajectory, jump
     assert (
         report.passed and f"{step:.3g} rad" in told and "cannot be told without the task" in told and "49.000 s" in told
     )
-    assert told in report.table() and report.summary()["observations"] == [told]
+    assert told in report.table() and report.to_dict()["observations"] == [told]
     assert not hk.check(walk.q, panda).observations
     assert not hk.check(np.array([walk.q[0], walk.q[0] + 1.0]), panda).observations, "a single step has no others"
 

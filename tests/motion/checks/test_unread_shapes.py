@@ -94,7 +94,7 @@ def test_links_whose_shapes_cannot_be_read_are_all_named_and_no_motion_passes(ce
     report = hk.check(Q, robot, **more)
     assert not report.passed and report.unread == f"cannot tell: the shapes of {', '.join(names)} could not be read"
     assert report.unread in report.table() and "nothing found" not in report.table()
-    assert np.isnan(report.clearance) and np.isnan(report.bound) and report.summary()["clearance"] is None
+    assert np.isnan(report.clearance) and np.isnan(report.bound) and report.to_dict()["clearance"] is None
     with pytest.raises(RobotFileError, match=f"cannot tell: the shapes of {', '.join(names)} could"):
         clear_postures(robot)
     some = [(name, "*") for name in names[1:]]

@@ -277,7 +277,7 @@ def test_bad_stacks_and_paths_are_refused_with_their_cure(yumi: Robot, hands: hk
         hk.stacked(hands, hk.pose(yumi))
     with pytest.raises(hk.HolokinError, match="at least one"):
         hk.stacked()
-    with pytest.raises(hk.HolokinError, match=r"give 2 of them, one a frame .* hk\.synchronized"):
+    with pytest.raises(hk.HolokinError, match=r"give 2 of them, one a frame .* hk\.path\.synchronized"):
         hk.follow(held, hk.line([0, 0, 0], [0.1, 0, 0]), Q0)
     with pytest.raises(hk.HolokinError, match="at least one path"):
         hk.path.synchronized([0, 0, 0], [1, 0, 0])

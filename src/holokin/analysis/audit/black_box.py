@@ -282,7 +282,7 @@ class Audit(NoTruthValue, ask="`.verdict`"):
         lines += [f"  {f.question}: {'; '.join(filter(None, (f.sentence, f.fault)))}" for f in self.findings]
         return "\n".join(lines)
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
         findings = [
             {"question": f.question, "sentence": f.sentence, "fault": f.fault} | f.metrics for f in self.findings

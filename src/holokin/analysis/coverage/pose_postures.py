@@ -254,7 +254,7 @@ def chart_of(task: Task, rotation: Matrix) -> FrameTask:
     one = parts_of(task)[0]
     if one.orientation == "axis":
         return replace(one, reference=rotation)
-    if one.turns:
+    if one._turns:
         return replace(one, orientation="rotation-vector", reference=rotation)
     return replace(one, reference=rotation) if one.robot.planar else one
 
@@ -266,7 +266,7 @@ def coordinates_of(chart: FrameTask, Q: Matrix) -> Coordinates:
         ArgumentError: poses that all are one, or that turn by more than FAR from the middle orientation.
     """
     x, angular = chart.value_batch(Q), np.array([unit == "rad" for unit in chart.units])
-    if chart.turns and (turn := float(np.linalg.norm(x[:, angular], axis=1).max())) > FAR:
+    if chart._turns and (turn := float(np.linalg.norm(x[:, angular], axis=1).max())) > FAR:
         what = "the largest turn of the workspace from its middle orientation [rad]"
         raise ArgumentError(what, turn, f"keep it below {FAR:g}, or design two laws")
     P = np.hstack([_directions(x, np.flatnonzero(rows)) for rows in (~angular, angular)])

@@ -484,7 +484,7 @@ def write_sheets(found: Sheets, path: str | FilePath) -> None:
         "leaves": [{"name": one.name, "keys": dict(one.keys), "rcond": one.rcond} for one in found.sheets],
         "workspace": _workspace_keys(found.workspace), "length": found.length, "stopped": found.stopped,
         "least": found.least, "least_cuts": found.least_cuts, "candidates": found.candidates,
-        "around": None if found.around is None else found.around._digest,
+        "around": None if found.around is None else found.around.digest,
     }  # fmt: skip
     q0 = np.array([one.q0 for one in found.sheets]).reshape(-1, found.task.n)
     with replacing(path) as part, part.open("wb") as stream:
@@ -516,7 +516,7 @@ def sheets_of_file(path: str | FilePath, task: Task, around: Surroundings | None
     given = (about["robot"], about["joints"], about["task"])
     if given != wanted:
         raise SheetsFileError(file, f"it is of {given}", f"give that robot and task, not {wanted}")
-    if about["around"] != (None if around is None else around._digest):
+    if about["around"] != (None if around is None else around.digest):
         cure = "give clear_of, floor, clearance, self_collision and ignore as they were given to hk.sheets"
         raise SheetsFileError(file, "it is of other surroundings", cure)
     try:

@@ -262,7 +262,9 @@ def impedance_with_memory(
             "margin": task._margin_expression(k.rotation),
         }
         R, twist = task._target_symbols()[1], symbol("twist", 6 * task.frames)
-        rates = Function("wanted", {"R": R, "twist": twist}, {"dx": task._rates_expression(R, *task._velocities(twist))})
+        rates = Function(
+            "wanted", {"R": R, "twist": twist}, {"dx": task._rates_expression(R, *task._velocities(twist))}
+        )
         return Function("impedance", {"q": q, "F": F, "dx": dx}, outputs), rates
 
     def begin(q0: Vector) -> Step:
