@@ -152,7 +152,7 @@ def calls() -> dict[str, Call]:
         "synchronized": (hk.path.synchronized, (line, line, [0, 1, 0]), {"duration": 2.0}),
         "through": (hk.path.through, ([[0, 0, 0, 0], [1, 0, 0, 1]],), {"closed": True, "speed": None, "seconds": 1.0}),
         "follow": (hk.follow, (held, loop, q), {**following, "cycles": 1}),
-        "certify": (hk.certify, (held, loop, q), {"limits": True, "budget": 60, "say": str}),
+        "certify": (hk.certify, (held, loop, q), {"limits": True, "budget": 60, "progress": str}),
         "retime": (hk.retime, (walk, robot), {
             "acceleration": 1.0, "jerk": 100.0, "velocity": [1.0, 1.0, 1.0], "profile": "trapezoidal", "speed": 1.0,
             "cycles": 1, "endless": False, "dt": 0.01}),
@@ -229,7 +229,7 @@ def calls() -> dict[str, Call]:
         "involutivity_of": (curvature.involutivity_of, (lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], 3), {
             "region": region, "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
         "curvature": (hk.curvature, (law, q), {"method": "auto"}),
-        "unique_region": (hk.unique_region, (held, q), {"limits": False, "budget": 40, "say": str}),
+        "unique_region": (hk.unique_region, (held, q), {"limits": False, "budget": 40, "progress": str}),
         "witness_between": (hk.analysis.curvature.witness_between, (held, q, q), {"via": 8, "limits": False}),
         "why_elsewhere": (hk.analysis.curvature.why_elsewhere, (held, hk.follow(held, loop, q)), {}),
         "cusps": (hk.cusps, (held, q), {"starts": 8, "limits": False}),
@@ -272,7 +272,7 @@ def calls() -> dict[str, Call]:
         "closest_holonomic": (hk.analysis.design.closest_holonomic, (law, region), {
             "base": k["g"], "degree": 1, "samples": 32, "seed": 0, "length": 0.5}),
         "advise": (hk.advise, (robot, k["space"]), {
-            "tip": None, "base": None, "task": "position", "q0": q, "say": lambda _: None, **shapes}),
+            "tip": None, "base": None, "task": "position", "q0": q, "progress": lambda _: None, **shapes}),
         "coverage_slices": (hk.analysis.coverage.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
         "posture_reach": (hk.analysis.coverage.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),
         "Workspace.poses": (k["space"].poses, (5,), {"seed": 0}),

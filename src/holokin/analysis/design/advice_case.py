@@ -95,12 +95,12 @@ class Case:
 
     def __init__(
         self, task: Task, workspace: Workspace, q0: Vector | None, apart: Clearances | None, proven: Mapping[str, Any],
-        say: Callable[[str], None],
+        progress: Callable[[str], None],
     ) -> None:  # fmt: skip
-        self.task, self.workspace, self.apart, self.proven, self.say = task, workspace, apart, proven, say
+        self.task, self.workspace, self.apart, self.proven, self.progress = task, workspace, apart, proven, progress
         T = workspace.poses(POSES)
         check_metres(task.robot, T, task.tip)
-        say("which poses can be reached")
+        progress("which poses can be reached")
         self.Q, self.reach = reached(task, T, q0)
         if not self.reach.within.any():
             raise _nothing(task, workspace, self.reach)
@@ -130,7 +130,7 @@ class Case:
         rough = self.poses.some(slice(None, None, SCREENED))
         trials: list[Trial] = []
         for candidate in candidates(self.task, self.starts):
-            self.say(candidate.name)
+            self.progress(candidate.name)
             found = tried(candidate, self.starts, rough)
             if found:
                 best = ranked(found)[0]
@@ -143,7 +143,7 @@ class Case:
         self.floor = self._floor(trials)
         laws = ranked(self._law(trial) for trial in trials)
         while laws[0].name not in self.checked:
-            self.say(f"{laws[0].name}, pose by pose")
+            self.progress(f"{laws[0].name}, pose by pose")
             laws[0] = self._looked_at(laws[0])
             laws = ranked(laws)
         return tuple(self._without_cusps(laws))
@@ -154,7 +154,7 @@ class Case:
         most = MORE_SPEED * best.squared_speed
         equal = [one for one in laws[1:] if alike(one, best) and one.squared_speed <= most]
         for law in [best, *equal][:MOST]:
-            self.say(f"{law.name}, its cusps")
+            self.progress(f"{law.name}, its cusps")
             self.cusps[law.name] = found = cusps_near(law.strategy, law.q0, self.workspace)
             if found.clear:
                 law = law if law.name in self.checked else self._looked_at(law)
@@ -165,9 +165,9 @@ class Case:
 
     def levels(self, law: Law) -> tuple[LevelRange | None, Sequence[str]]:
         """The levels of a law that serve the workspace; and what is said of them."""
-        self.say(f"{law.name}, its levels")
+        self.progress(f"{law.name}, its levels")
         try:
-            found = level_range(law.strategy, self.workspace, law.q0, say=self.say)
+            found = level_range(law.strategy, self.workspace, law.q0, progress=self.progress)
         except HolokinError as problem:  # of several rows
             return None, [f"Levels were not looked for: {problem}."]
         blind = "" if self.apart is None else " Collisions were not looked at for them."
@@ -197,7 +197,7 @@ class Case:
         law, found = trial.candidate, []
         for words, goal in GOALS.items():
             name = f"designed from {law.name}{words}"
-            self.say(name)
+            self.progress(name)
             try:
                 made = self._design(trial, margin=self._room if goal["limits"] else 0.0, **goal)
             except HolokinError:  # no law where there is none: the others stay
@@ -285,7 +285,7 @@ class Case:
         made = self.made.get(law.name)
         if made is not None and law.margin > FAR * ROOM:
             return None
-        self.say(f"{law.name}, joint limits aside")
+        self.progress(f"{law.name}, joint limits aside")
         trial = self.trials[law.name]
         if made is not None:
             trial = replace(trial, candidate=replace(trial.candidate, strategy=made.base))
@@ -305,7 +305,7 @@ class Case:
             return None
         best: Part | None = None
         for law in laws[:PARTS]:
-            self.say(f"the part of the workspace that {law.name} serves")
+            self.progress(f"the part of the workspace that {law.name} serves")
             candidate = Candidate(law.name, law.keys, self.task, None if law.keys["kind"] == "radial" else law.strategy)
 
             def serves(T: Array, law: Law = law, candidate: Candidate = candidate) -> bool:
@@ -364,7 +364,7 @@ def advise(
     ignore: Sequence[tuple[str, str]] = (),
     shapes_of: Robot | None = None,
     levels: bool = False,
-    say: Callable[[str], None] = lambda _text: None,
+    progress: Callable[[str], None] = lambda _text: None,
 ) -> Advice:
     """The strategies that fit a task, each on its best leaf, compared on a workspace, and why the best is the best.
 
@@ -385,7 +385,7 @@ def advise(
             pairs are those of `certify`; meshes are their convex hulls, and where these are nearer, themselves.
         floor, clearance, self_collision, ignore, shapes_of: as of `certify`.
         levels: which levels of the best law serve the workspace, as `level_range` finds them; it takes seconds.
-        say: hears what is going on.
+        progress: hears how far it is.
 
     Raises:
         ArgumentError: the robot is not redundant for the task; a workspace of one pose. OutOfReachError: no pose of
@@ -399,12 +399,14 @@ def advise(
     asked = clear_of, floor, clearance, self_collision, ignore, shapes_of
     apart = clearances_of(chain.robot, *asked)
     proven: dict[str, Any] = {} if apart is None else dict(zip(ASKED, asked, strict=True))
-    return advise_chain(chain, task, workspace, q0, chosen=chosen, apart=apart, proven=proven, levels=levels, say=say)
+    return advise_chain(
+        chain, task, workspace, q0, chosen=chosen, apart=apart, proven=proven, levels=levels, progress=progress
+    )
 
 
 def advise_chain(
     chain: Chain, task: Task, workspace: Workspace | None, q0: ArrayLike | None, *, chosen: Sequence[str],
-    apart: Clearances | None, proven: Mapping[str, Any], say: Callable[[str], None], levels: bool = False,
+    apart: Clearances | None, proven: Mapping[str, Any], progress: Callable[[str], None], levels: bool = False,
 ) -> Advice:  # fmt: skip
     """The advice for a chain and its task, as of `advise`.
 
@@ -423,9 +425,9 @@ def advise_chain(
     if workspace is None:
         at = first_start(task) if start is None else start
         workspace = proposed_workspace(task, at)
-    case = Case(task, workspace, start, apart, proven, say)
+    case = Case(task, workspace, start, apart, proven, progress)
     laws = case.ranked()
-    say("the reasons")
+    progress("the reasons")
     part = case.part(laws) if not laws[0].served.all() else None
     found = case.checked[laws[0].name]
     range_, said = case.levels(laws[0]) if levels else (None, ())

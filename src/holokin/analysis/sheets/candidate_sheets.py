@@ -155,7 +155,7 @@ class CandidateSheets:
         """Lines from which on native code runs; None for as many as is usual."""
         return NATIVE if len(self.T) >= MANY else None
 
-    def grow(self, at: Matrix, wanted: Indices, end: float, say: Callable[[str], None]) -> None:
+    def grow(self, at: Matrix, wanted: Indices, end: float, progress: Callable[[str], None]) -> None:
         """Adds leaves of all laws through postures at a tool pose (4, 4): of each law those that serve most.
 
         Args:
@@ -173,7 +173,7 @@ class CandidateSheets:
         for law in self.laws:
             if time.monotonic() > end and self.found:
                 return
-            say(f"{law.name}, {self.tried} leaves so far")
+            progress(f"{law.name}, {self.tried} leaves so far")
             some_served, _ = lines_served(law, starts, self.T[some], self.clear, self.rcond, self._native)
             known_already = np.array([(one <= self.sets[:, some]).all(axis=1).any() for one in some_served])
             found: Vector = np.where(known_already, 0.0, some_served.astype(float) @ weights)

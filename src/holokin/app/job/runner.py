@@ -231,7 +231,7 @@ def sheets_of_job(
     with naming(file, "sheets"):
         space = workspace_of_job(job, task, start, file)
         around = kept_clear(job.checks, task.robot)
-        return sheets(task, space, say=lambda text: say(f"sheets: {text}"), **searched(job.sheets), **around)
+        return sheets(task, space, progress=lambda text: say(f"sheets: {text}"), **searched(job.sheets), **around)
 
 
 def _sheets_result(

@@ -306,7 +306,7 @@ class WorkPanel:
         if session.task.frames > 1:
             raise ArgumentError("advice", session.task.name, "it is given for robots with one tool")
         task = task_of_kind(session.robot, None, "position" if session.task.orientation is None else "pose")
-        found = advise(task, q0=session.home, say=self._tell)
+        found = advise(task, q0=session.home, progress=self._tell)
         self._tell(f"The best is {found.best.name}.", *found.reasons)
 
     def _label(self) -> str:
