@@ -21,15 +21,9 @@ Whatever is not so is a fault. One certificate of every tenth seed is written an
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
-import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -38,6 +32,7 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
+from benchmarks.campaigns import campaign, options, summary
 from benchmarks.random_arms import Motion, Problem, random_motion, random_posture, random_problem
 from benchmarks.random_turns import turned_motion, turned_problem
 from holokin.proof import Certificate, certify
@@ -260,58 +255,21 @@ def rejected(proof: Certificate) -> str | None:
     return None
 
 
-def campaign(seeds: list[int], workers: int, kinds: str = "plain") -> Iterator[dict[str, Any]]:
-    """`tried` of all seeds, in any number of processes."""
-    one = partial(tried, kinds=kinds)
-    if workers == 1:
-        yield from map(one, seeds)
-    else:
-        with ProcessPoolExecutor(workers) as pool:
-            yield from pool.map(one, seeds)
-
-
-def summary(rows: list[dict[str, Any]]) -> str:
-    """All counts, the faults, and one line of it."""
-    total, faults = Counter[str](), [fault for row in rows for fault in row["faults"]]
-    for row in rows:
-        total.update(row["counts"])
-    seconds = sum(row["seconds"] for row in rows)
-    lines = [f"{total[key]:9,} {key}" for key in sorted(total)] + faults
-    said = f"{total['certificates']:,} certificates tried on {len(rows):,} robots, {total['with cells']:,} with cells, "
-    said += f"{total['ended: WHOLE']:,} whole; {total['cells']:,} cells, {total['roots']:,} roots, {len(faults)} faults"
-    return "\n".join([*lines, f"{said}; {seconds:.0f} s"])
-
-
 def main() -> int:
     """Prints the faults as they are found, and a summary; 1 where there is one."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.certificates", description=__doc__)
-    parser.add_argument("--count", type=int, default=1000, help="Certificates to try, eight a seed.")
-    parser.add_argument("--seed", type=int, default=0, help="The first one.")
-    parser.add_argument("--workers", type=int, default=1)
+    parser = options("certificates", __doc__, "Certificates to try, eight a seed.")
     parser.add_argument("--kinds", choices=list(DRAWN), default="plain", help="Of problems; each in a file of its own.")
-    parser.add_argument("--out", type=Path, help="A line of JSON for each seed; those that it has are not done again.")
-    parser.add_argument("--quick", action="store_true", help="One robot.")
     asked = parser.parse_args()
-    os.environ.setdefault("HOLOKIN_NATIVE", "0")  # no robot comes again: compilers would not pay
     count = 1 if asked.quick else -(-asked.count // (AGAIN * len(KINDS)))
     first = 2 if asked.quick else asked.seed  # that robot takes little time
-    wanted = range(first, first + count)
-    rows: list[dict[str, Any]] = []
-    if asked.out is not None and asked.out.exists():
-        rows = [json.loads(line) for line in asked.out.read_text("utf-8").splitlines()]
-        rows = [row for row in rows if row["seed"] in wanted]
-    done = {row["seed"] for row in rows}
-    for row in campaign([seed for seed in wanted if seed not in done], asked.workers, asked.kinds):
-        rows.append(row)
-        for fault in row["faults"]:
-            print(fault, flush=True)
-        if asked.out is not None:
-            with asked.out.open("a", encoding="utf-8") as stream:
-                stream.write(json.dumps(row) + "\n")
-        if len(rows) % 50 == 0:
-            print(f"{len(rows)} of {count} robots", file=sys.stderr, flush=True)
-    print(summary(rows))
-    return 1 if any(row["faults"] for row in rows) else 0
+    rows = campaign(partial(tried, kinds=asked.kinds), range(first, first + count), asked.workers, asked.out)
+    total, lines = summary(rows)
+    faults = [fault for row in rows for fault in row["faults"]]
+    print("\n".join([lines, *faults]))
+    said = f"{total['certificates']:,} certificates tried on {len(rows):,} robots, {total['with cells']:,} with cells, "
+    said += f"{total['ended: WHOLE']:,} whole; {total['cells']:,} cells, {total['roots']:,} roots, {len(faults)} faults"
+    print(f"{said}; {sum(row['seconds'] for row in rows):.0f} s")
+    return 1 if faults else 0
 
 
 if __name__ == "__main__":

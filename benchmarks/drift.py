@@ -21,7 +21,6 @@ import numpy as np
 
 import holokin as hk
 from benchmarks.drift_figure import drift_picture
-from benchmarks.trackers import tracker_page
 from holokin.app.report.plots import write_figure
 from holokin.base.errors import ControllerError, MissingExtraError, PathError
 from holokin.motion.control import PostureTask, mink_law, pink_law, placo_law
@@ -295,7 +294,6 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
     cheap = [rows["radial strategy"].effort for rows in every.values() if "radial strategy" in rows]
     bent = max((r.tracking for r in posture), default=np.nan)
     parts += [
-        *tracker_page(cycles < 10),
         "## Reading it\n",
         f"- Without a rule for the redundant joint every law drifts, {span(free, 'first')} rad in the first cycle,",
         f"  and goes on: on the Panda the pseudo-inverse is {mp.history[-1]:.2f} rad away after {cycles} circles.",

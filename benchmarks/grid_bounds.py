@@ -1,4 +1,4 @@
-"""How short can the cuts of a planar arm of three links be? Part of `python -m benchmarks.grid_resolution`.
+"""How short can the cuts of a planar arm of three links be? Part of `python -m benchmarks.sheets`.
 
 The tool stands at p = exp(i q1) w(q2, q3), w = a + exp(i q2) (b + c exp(i q3)). A function of p that is continuous on
 a whole circle about the base comes back to its q1, and w goes once round zero. So the joints follow a closed curve

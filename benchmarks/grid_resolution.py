@@ -1,7 +1,6 @@
-"""A referee without holokin: the shortest cuts of a planar arm of three links with one posture for each pose of a grid.
+"""A referee without holokin: the shortest cuts of a planar arm with one posture for each pose of a grid.
 
-    python -m benchmarks.grid_resolution                 # links of 1 m, +-150 deg, 200 x 200 poses
-    python -m benchmarks.grid_resolution --limit 114.6   # other limits
+Part of `python -m benchmarks.sheets`. The arm has three links.
 
 A pose is a position p of the tool in the plane. Its self-motion is a curve in the three joints, in closed form: one
 joint is given, the two others follow from a triangle. Each grid pose gets some hundred postures of that curve, those
@@ -17,7 +16,6 @@ is an upper bound of the optimum; `grid_bounds` has the lower ones.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -27,8 +25,6 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
 from scipy.spatial import KDTree
-
-from .grid_bounds import least_cut, single_jump
 
 SIDES = ((0, 1), (2, 1), (1, 0), (1, 2))
 CUT, EVEN = 1000, 20
@@ -333,31 +329,3 @@ def grid_resolution(
     best = min((settled(grid, q, 20) for q in (_nearest(grid, away), spread)), key=lambda q: int(grid.cut(q).sum()))
     best = settled(grid, searched(grid, max(1, proposals // 10), rng, best), 20)
     return Resolution(grid, best, time.process_time() - began)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Print the cuts found, and the bounds."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--limit", type=float, default=150.0, help="of each joint, both ways [deg]")
-    parser.add_argument("--cells", type=int, default=200)
-    parser.add_argument("--proposals", type=int, default=60)
-    parser.add_argument("--quick", action="store_true", help="a coarse grid and two proposals")
-    asked = parser.parse_args(arguments)
-    bound = np.radians(asked.limit)
-    links, limits = (1.0, 1.0, 1.0), ((-bound, bound),) * 3
-    cells, proposals = (32, 2) if asked.quick else (asked.cells, asked.proposals)
-    found = grid_resolution(links, limits, cells, proposals)
-    least = least_cut(links, limits)
-    jump = single_jump(links, limits, cells)
-    print(
-        f"{len(found.grid.points)} poses, step {found.grid.step:.3f} m: cuts of {found.cut_length:.2f} m in "
-        f"{found.pieces} pieces, {found.seconds:.0f} s\n"
-        f"shortest possible of any function: {least.length:.3f} m (each circle from {least.inner:.3f} to "
-        f"{least.outer:.3f} m is cut)\n"
-        f"shortest with one jump on each circle: {jump.length:.2f} m, counted in pairs {jump.pairs:.2f} m"
-    )
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

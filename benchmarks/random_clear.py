@@ -16,15 +16,11 @@ refuse one, as near singular postures. Whatever else is not so is a fault.
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
-import sys
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -33,6 +29,7 @@ from typing import Any
 import numpy as np
 
 import holokin as hk
+from benchmarks.campaigns import campaign, options, summary
 from benchmarks.random_arms import Array, Motion, Problem, random_motion, random_posture
 from benchmarks.random_scenes import (
     KINDS,
@@ -348,47 +345,14 @@ def tried(seed: int, count: int = ASKED) -> dict[str, Any]:
     return {"seed": seed, "counts": counts, "faults": faults, "seconds": time.process_time() - began}
 
 
-def campaign(seeds: list[int], workers: int, count: int) -> Iterator[dict[str, Any]]:
-    """`tried` of all seeds, in any number of processes."""
-    one = partial(tried, count=count)
-    if workers == 1:
-        yield from map(one, seeds)
-    else:
-        with ProcessPoolExecutor(workers) as pool:
-            yield from pool.map(one, seeds)
-
-
 def main() -> int:
     """Prints the faults as they are found, and a summary; 1 where there is one."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.random_clear", description=__doc__)
-    parser.add_argument("--count", type=int, default=1000, help="Arms.")
-    parser.add_argument("--seed", type=int, default=0, help="The first one.")
+    parser = options("random_clear", __doc__, "Arms.")
     parser.add_argument("--postures", type=int, default=ASKED, help="Of each certificate.")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="A line of JSON for each seed; those that it has are not done again.")
-    parser.add_argument("--quick", action="store_true", help="One arm, few postures.")
     asked = parser.parse_args()
-    os.environ.setdefault("HOLOKIN_NATIVE", "0")  # no robot comes again: compilers would not pay
-    wanted = range(asked.seed, asked.seed + (1 if asked.quick else asked.count))
-    rows: list[dict[str, Any]] = []
-    if asked.out is not None and asked.out.exists():
-        rows = [json.loads(line) for line in asked.out.read_text("utf-8").splitlines()]
-        rows = [row for row in rows if row["seed"] in wanted]
-    done = {row["seed"] for row in rows}
-    count = 50 if asked.quick else asked.postures
-    for row in campaign([seed for seed in wanted if seed not in done], asked.workers, count):
-        rows.append(row)
-        for fault in row["faults"]:
-            print(fault, flush=True)
-        if asked.out is not None:
-            with asked.out.open("a", encoding="utf-8") as stream:
-                stream.write(json.dumps(row) + "\n")
-        if len(rows) % 50 == 0:
-            print(f"{len(rows)} of {len(wanted)} arms", file=sys.stderr, flush=True)
-    total = Counter[str]()
-    for row in rows:
-        total.update(row["counts"])
-    print("\n".join(f"{total[key]:9,} {key}" for key in sorted(total)))
+    seeds = range(asked.seed, asked.seed + (1 if asked.quick else asked.count))
+    rows = campaign(partial(tried, count=50 if asked.quick else asked.postures), seeds, asked.workers, asked.out)
+    print(summary(rows)[1])
     faults = sum(len(row["faults"]) for row in rows)
     print(f"{len(rows):,} arms, {faults} faults; {sum(row['seconds'] for row in rows):.0f} s")
     return 1 if faults else 0

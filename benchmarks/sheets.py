@@ -25,7 +25,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,7 +39,6 @@ from .disc_law import disc_law, disc_starts
 from .grid_bounds import least_cut, single_jump
 from .grid_resolution import Free, cut_pieces, grid_resolution, planar_grid, self_motions
 from .grid_roadmap import grid_roadmap
-from .reconfigurations import fewest_changes
 
 LINKS = (1.0, 1.0, 1.0)
 LIMIT = np.radians(150)
@@ -220,6 +219,45 @@ def line(answer: Answer, area: float, paths: np.ndarray) -> str:
         f"{kept.max():.1f}", f"{answer.seconds:.0f}",
     )  # fmt: skip
     return f"| {' | '.join(map(str, cells))} |"
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A choice of postures along a path."""
+
+    changes: int
+    chosen: np.ndarray
+    """(m,) which posture of each sample"""
+    way: float
+    """The joint motion between changes [rad]"""
+
+
+def fewest_changes(layers: Sequence[np.ndarray], most: np.ndarray) -> Motion:
+    """The fewest changes along a path, then the least joint motion, over all choices of one posture a sample.
+
+    Args:
+        layers: postures (k_i, n) at each of m samples.
+        most: how far each joint may go from one sample to the next, (n,) or (m - 1, n) [rad].
+    """
+    most = np.broadcast_to(most, (len(layers) - 1, layers[0].shape[1]))
+    changes, way = np.zeros(len(layers[0]), int), np.zeros(len(layers[0]))
+    before: list[np.ndarray] = []
+    for last, here, reach in zip(layers, layers[1:], most, strict=False):
+        step = np.abs(here[:, None] - last[None])
+        joined = (step <= reach + 1e-12).all(-1)
+        far = np.sqrt((step**2).sum(-1))
+        count = changes[None] + ~joined
+        length = way[None] + np.where(joined, far, 0)
+        best = np.lexsort((length, count), axis=1)[:, 0]
+        row = np.arange(len(here))
+        changes, way = count[row, best], length[row, best]
+        before.append(best)
+    at = int(np.lexsort((way, changes))[0])
+    total, length = int(changes[at]), float(way[at])
+    chosen = [at]
+    for best in reversed(before):
+        chosen.append(int(best[chosen[-1]]))
+    return Motion(total, np.array(chosen[::-1]), length)
 
 
 def of_these_sheets(s: hk.analysis.sheets.Sheets, paths: np.ndarray) -> np.ndarray:

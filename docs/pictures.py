@@ -6,6 +6,7 @@ import re
 import shutil
 import sys
 import tempfile
+from itertools import pairwise
 from pathlib import Path
 
 import matplotlib
@@ -28,8 +29,6 @@ from holokin.app.report.proof_picture import box_figure
 from holokin.app.report.sheets_plots import coverage_figure, sheets_figure
 
 HERE = Path(__file__).parent
-sys.path.append(str(HERE.parent))
-from benchmarks import edge  # noqa: E402  from beside this folder
 
 OUT = HERE / "pictures"
 PANDA = [0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5]
@@ -143,11 +142,42 @@ def on_tool(x: float, y: float, angle: float) -> np.ndarray:
     return np.array([x - link[0], y - link[1], angle])
 
 
+EDGE_DT, HAND_SPEED = 1e-3, 0.5
+EDGE_CORNERS = np.array([[0, 0, 0], [0.55, 0, 0.1], [0.45, 0.45, 0.1], [0.2, 0.35, 0], [0, 0, 0]])
+"""Of a hand that leaves the reach of a Panda along the tool's x axis and comes back elsewhere [m]."""
+
+
+def hand_at_the_edge(robot: hk.Robot, ready: np.ndarray) -> np.ndarray:
+    """The poses (k, 4, 4) of the hand, one a millisecond, in one orientation."""
+    counts = [int(np.ceil(np.linalg.norm(b - a) / (EDGE_DT * HAND_SPEED))) for a, b in pairwise(EDGE_CORNERS)]
+    legs = zip(pairwise(EDGE_CORNERS), counts, strict=True)
+    shifts = np.vstack([*(np.linspace(*leg, k, endpoint=False) for leg, k in legs), EDGE_CORNERS[-1:]])
+    poses = np.tile(robot.pose(ready), (len(shifts), 1, 1))
+    poses[:, :3, 3] += shifts
+    return poses
+
+
+def damped_step(robot: hk.Robot, q: np.ndarray, pose: np.ndarray, damping: float) -> np.ndarray:
+    """q + J^T (J J^T + damping^2)^-1 e, the whole error in one step."""
+    J, tool = robot.jacobian(q), robot.pose(q)
+    turn = np.cross(tool[:3, :3].T, pose[:3, :3].T).sum(axis=0) / 2
+    e = np.concatenate([pose[:3, 3] - tool[:3, 3], turn])
+    return q + J.T @ np.linalg.solve(J @ J.T + damping**2 * np.eye(6), e)
+
+
 def edge_of_reach() -> None:
     """A hand leaves the reach of a Panda: the nearest pose, damped steps, and a robot that waits."""
-    robot = hk.load("panda")
-    poses = edge.hand(robot)
-    laws, time = edge.laws(robot, poses), edge.DT * np.arange(len(poses))
+    robot, ready = hk.load("panda"), np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+    poses = hand_at_the_edge(robot, ready)
+    ik = hk.ik(hk.holonomic(hk.pose(robot), hk.lock(2)), ready)
+    answers = ik.batch(poses)
+    solved = {pose.tobytes(): q for pose, q, ok in zip(poses, answers.q, answers.reached, strict=True) if ok}
+    laws = {
+        "`ik`, waits where the pose is out of reach": lambda q, pose: solved.get(pose.tobytes(), q),
+        "damped least squares, 0.1": lambda q, pose: damped_step(robot, q, pose, 0.1),
+        "`ik.nearest`": lambda q, pose: ik.nearest(pose, q, limits=True).q,
+    }
+    time = EDGE_DT * np.arange(len(poses))
     figure, (top, joint, speed) = plt.subplots(1, 3, figsize=(9.4, 3.7), width_ratios=(1, 1.1, 1.1))
     top.plot(*poses[:, :2, 3].T, "--", color="0.45", linewidth=1.4, label="hand")
     lines = {
@@ -155,13 +185,13 @@ def edge_of_reach() -> None:
         "`ik.nearest`": (BLUE, 1.9),
     }  # fmt: skip
     for name, (colour, width) in lines.items():
-        Q = [edge.READY]
+        Q = [ready]
         for pose in poses[1:]:
             Q.append(laws[name](Q[-1], pose))
         tool = robot.pose_batch(np.array(Q))[0]
         top.plot(*tool[:, :2].T, color=colour, linewidth=width, label=name.replace("`", ""))
         joint.plot(time, [q[3] for q in Q], color=colour, linewidth=width)
-        rates = np.abs(np.diff(Q, axis=0)).max(axis=1) / edge.DT
+        rates = np.abs(np.diff(Q, axis=0)).max(axis=1) / EDGE_DT
         speed.plot(time[1:], rates, color=colour, linewidth=width)
     top.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="the tool from above")
     joint.set(xlabel="time [s]", ylabel="elbow, joint 4 [rad]", title="a joint")

@@ -1,18 +1,13 @@
 """Runs mutants of one kind in processes of their own, with limits of time and memory, and counts what became of them.
 
-A kind is a module of this package with
-
-    def attempt(seed: int, folder: Path) -> None
-
-which makes the mutant of a seed, in an empty folder of its own, and gives it to holokin. It returns, or raises a
-`HolokinError`; anything else is a crash. The same seed makes the same mutant.
+A kind is a row of `formats`, or `calls`: it makes the mutant of a seed, in an empty folder of its own, and gives it to
+holokin, which answers or raises a `HolokinError`; anything else is a crash. The same seed makes the same mutant.
 """
 
 from __future__ import annotations
 
 import _thread
 import contextlib
-import importlib
 import multiprocessing
 import os
 import signal
@@ -26,6 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from benchmarks.fuzz import calls, formats
 from holokin.base.errors import HolokinError
 
 SECONDS = 20
@@ -94,12 +90,14 @@ def limited(seconds: float) -> Iterator[None]:
 
 def one(kind: str, seed: int) -> tuple[int, bool, float, str]:
     """(seed, refused, seconds, fault or nothing) of one mutant, in this process."""
-    attempt = importlib.import_module(f"benchmarks.fuzz.{kind}").attempt
     begin, refused, fault = time.perf_counter(), False, ""
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
         try:
             with limited(SECONDS):
-                attempt(seed, Path(folder))
+                if kind == "calls":
+                    calls.attempt(seed, Path(folder))
+                else:
+                    formats.attempt(kind, seed, Path(folder))
         except HolokinError as problem:
             refused = True
             if len(str(problem)) > LONGEST_MESSAGE:

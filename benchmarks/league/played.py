@@ -43,7 +43,7 @@ def play(entry: Entry, course: Path, environments: Path, answers: Path) -> Playe
 
 def _asked(entry: Entry, course: Path, python: Path, answers: Path) -> str:
     """Run a script. Returns: why it did not come to its end, or nothing."""
-    command = [str(python), str(entry.script), str(course), str(answers)]
+    command = [str(python), str(entry.script), str(course), str(answers), entry.name]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=entry.seconds, check=False)
     except subprocess.TimeoutExpired:

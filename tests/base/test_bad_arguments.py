@@ -101,7 +101,7 @@ def test_constraint_rows_must_make_up_for_the_missing_task_rows(panda: hk.Robot,
             hk.holonomic(task, g)
         assert (caught.value.rows, caught.value.n, caught.value.m) == (g.rows, robot.n, task.m)
         assert f"exactly r = n - m = {robot.n - task.m}" in str(caught.value)
-    with pytest.raises(ConstraintRowsError, match="no joint is left for it: keep fewer rows"):
+    with pytest.raises(ConstraintRowsError, match="no joint is left for it"):
         hk.holonomic(hk.pose(hk.load("irb140")), hk.lock(2))
     with pytest.raises(ShapeError, match="rows= must match"):
         hk.holonomic(hk.position(ppr), hk.custom(lambda q: [q[0], q[1]], rows=1))

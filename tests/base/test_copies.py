@@ -190,7 +190,7 @@ def test_a_law_made_with_a_function_of_ones_own_says_why_it_is_not_pickled(
     planar_3r: hk.Robot, value: Callable[[hk.Task], Any]
 ) -> None:
     made = value(hk.position(planar_3r))
-    with pytest.raises(HolokinError, match=r"cannot be pickled: .*; pickle what you made it from") as caught:
+    with pytest.raises(HolokinError, match="cannot be pickled:") as caught:
         pickle.dumps(made)
     assert "\n" not in str(caught.value)
     assert copy.deepcopy(made) is made

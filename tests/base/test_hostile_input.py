@@ -156,10 +156,10 @@ def test_a_dh_row_is_made_of_plain_numbers_and_names(row: object) -> None:
 @pytest.mark.parametrize("line", ['a = "0.3"', "a = true", "joint = 3", "a = 1e200", "base = 1"])
 def test_a_dh_file_names_itself(tmp_path: Path, line: str) -> None:
     (tmp_path / "arm.toml").write_text(f'source = "x"\n[[joints]]\na = 1\n[[joints]]\n{line}\n')
-    with pytest.raises(RobotFileError, match=r"arm\.toml: "):
+    with pytest.raises(RobotFileError, match=r"arm\.toml:"):
         hk.load(tmp_path / "arm.toml")
     (tmp_path / "base.toml").write_text('source = "x"\nbase = { xyz = [1] }\n[[joints]]\na = 1\n')
-    with pytest.raises(RobotFileError, match=r"base\.xyz is \[1\]; give three numbers"):
+    with pytest.raises(RobotFileError, match=r"base\.xyz is \[1\]"):
         hk.load(tmp_path / "base.toml")
 
 

@@ -140,7 +140,7 @@ def test_rounded_quaternions_are_made_unit_and_other_lengths_refused() -> None:
     assert np.abs(R @ R.T - np.eye(3)).max() < 1e-14
     assert np.abs(R - GOAL[:3, :3]).max() < 2e-4
     for wrong in (np.zeros(4), 1.1 * four, [1.0, 1.0, 1.0, 1.0], [180.0, 0, 0, 1]):
-        with pytest.raises(ArgumentError, match=r"its length is .*: give one of length 1"):
+        with pytest.raises(ArgumentError, match="its length is"):
             hk.pose_of([0, 0, 0], wrong, order="wxyz")
     with pytest.raises(ArgumentError, match="its length is 0:"):
         hk.pose_of(np.zeros((2, 3)), [four, np.zeros(4)], order="wxyz")

@@ -1,22 +1,24 @@
-"""The house plan: imports downhill, one door to CasADi, lazy extras, a light import, docstrings, errors."""
+"""The house plan: imports downhill, one door to CasADi, extras, a light import, docstrings, errors, references."""
 
 from __future__ import annotations
 
 import ast
-import gc
 import importlib
 import inspect
 import re
 import subprocess
 import sys
+import tomllib
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 import holokin as hk
+from holokin.__main__ import NEEDED
 from holokin.base import errors
 
 ROOT = Path(hk.__file__).parent
@@ -35,16 +37,6 @@ MESHES = ("yourdfpy", "trimesh", "collada", "lxml", "six", "PIL")
 """Those that read meshes, or came with what read URDFs before."""
 HEAVY = (*APP, *MESHES, "casadi", "numpy", "scipy", "torch", "jax")
 MODULES = sorted(ROOT.rglob("*.py"))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def no_rubbish() -> Iterator[None]:
-    """Among the trees of hundreds of files none is sought, which would take longer than to make them."""
-    gc.disable()
-    yield
-    parsed.cache_clear()
-    imports.cache_clear()
-    gc.enable()
 
 
 @cache
@@ -68,14 +60,8 @@ def folder_of_name(name: str) -> str:
 def imports(module: Path) -> list[tuple[str, ast.stmt]]:
     """(absolute dotted name, statement) of every import, relative ones resolved."""
     package = list(module.relative_to(ROOT.parent).with_suffix("").parts)[:-1]
-    return imports_of(parsed(module), package)
-
-
-def imports_of(tree: ast.Module, package: list[str] | None = None) -> list[tuple[str, ast.stmt]]:
-    """The same of a parsed file, in a package or in none."""
-    package = package or []
     found: list[tuple[str, ast.stmt]] = []
-    for node in statements(tree):
+    for node in statements(parsed(module)):
         if isinstance(node, ast.Import):
             found += [(alias.name, node) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -166,21 +152,7 @@ def test_there_is_no_import_cycle() -> None:
         }
         for name, module in names.items()
     }
-    visiting: set[str] = set()
-    done: set[str] = set()
-
-    def visit(name: str) -> None:
-        assert name not in visiting, f"import cycle through {name}"
-        if name in done:
-            return
-        visiting.add(name)
-        for target in graph[name]:
-            visit(target)
-        visiting.discard(name)
-        done.add(name)
-
-    for name in graph:
-        visit(name)
+    TopologicalSorter(graph).prepare()  # it raises CycleError, which names the cycle
 
 
 def test_importing_holokin_loads_nothing_heavy() -> None:
@@ -273,15 +245,88 @@ def test_an_error_is_holokins_and_its_message_names_the_cure(kind: type[Exceptio
     assert facts.get("cure", "") in cure
 
 
-def test_every_test_file_stands_alone() -> None:
-    """None imports another or shares a random generator between tests, whose numbers would depend on their order."""
-    for file in Path(__file__).parents[1].rglob("test_*.py"):
-        text = file.read_text("utf-8")
-        if not re.search(r"^(from|import) .*\btest_|^\S.*default_rng", text, re.MULTILINE):
-            continue
-        body = ast.parse(text).body
-        top = ast.Module([node for node in body if isinstance(node, ast.Import | ast.ImportFrom)], [])
-        names = {name.split(".")[-2 if "." in name else 0] for name, _ in imports_of(top)}
-        assert not {name for name in names if name.startswith("test_")}, file.name
-        shared = [node for node in body if isinstance(node, ast.Assign) and "default_rng" in ast.unparse(node)]
-        assert not shared, (file.name, shared[0].lineno)
+def test_what_is_called_hk_something_can_be_had_of_it() -> None:
+    """In the code's own sentences, above all in the cures of its errors."""
+    named = {word for module in MODULES for word in re.findall(r"\bhk\.(\w+)", module.read_text("utf-8"))}
+    assert len(named) > 10
+    assert sorted(word for word in named if not hasattr(hk, word)) == []
+
+
+def test_the_core_needs_three_packages_and_the_app_those_that_the_command_asks_for() -> None:
+    project = tomllib.loads((ROOT.parents[1] / "pyproject.toml").read_text("utf-8"))["project"]
+    names = {extra: [one.split(">")[0] for one in wanted] for extra, wanted in project["optional-dependencies"].items()}
+    assert [one.split(">")[0] for one in project["dependencies"]] == ["numpy", "scipy", "casadi"]
+    assert tuple(names["app"]) == NEEDED
+    assert [
+        extra for extra in ("studio", "survey", "cluster") if not re.search(r"\bapp\b", "".join(names[extra]))
+    ] == []
+
+
+BARE = """
+import sys
+from importlib.machinery import PathFinder
+
+class Bare(PathFinder):
+    @classmethod
+    def find_spec(cls, name, path=None, target=None):
+        return None if name.partition(".")[0] in LEFT_OUT else super().find_spec(name, path, target)
+
+sys.meta_path[:] = [Bare if finder is PathFinder else finder for finder in sys.meta_path]
+"""
+"""Begins a program for which packages are not installed, whatever this environment has."""
+
+CORE = """
+import numpy as np
+import holokin as hk
+
+robot = hk.load(sys.argv[1], tip="tip")
+(part,) = robot.shapes
+print(part.shape.fault)
+print(hk.check([[0.1, 0.2]], robot, limits=False, floor=-1.0).unread)
+q0 = [0.3, 0.8, -0.4]
+arm = hk.from_dh([{"a": 0.3}, {"a": 0.3}, {"a": 0.2}])
+task = hk.position(arm, rows=[0, 1])
+G = hk.holonomic(task, hk.linear([0, 1, -1]))
+start = arm.pose(q0)[:3, 3]
+print(hk.drift(G, hk.circle(start, center=start - [0.05, 0, 0]), q0, cycles=2).largest.max() < 1e-10)
+for function in (hk.studio, hk.survey, hk.read_sheets):
+    try:
+        function(1)
+    except hk.HolokinError as problem:
+        print(problem)
+help(hk)
+"""
+
+
+def bare(code: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    text = f"LEFT_OUT = {[*APP, *MESHES]!r}{BARE}{code}"
+    return subprocess.run([sys.executable, "-c", text, *map(str, arguments)], capture_output=True, text=True)
+
+
+def test_with_numpy_scipy_and_casadi_alone_a_urdf_is_read_and_a_path_followed(tmp_path: Path) -> None:
+    """The shape that is a mesh cannot be read, and says by which extra; what the app has says how to install it."""
+    file = tmp_path / "arm.urdf"
+    (tmp_path / "a.stl").write_text("solid a\nendsolid a\n")
+    ends = '<limit lower="-2" upper="2" effort="1" velocity="1"/></joint>'
+    file.write_text(
+        '<robot name="arm"><link name="base"/><link name="a"><collision><geometry><mesh filename="a.stl"/></geometry>'
+        '</collision></link><link name="tip"/><joint name="j1" type="revolute"><parent link="base"/><child link="a"/>'
+        f'<axis xyz="0 0 1"/>{ends}<joint name="j2" type="prismatic"><parent link="a"/><child link="tip"/>'
+        f'<axis xyz="1 0 0"/>{ends}</robot>'
+    )
+    done = bare(CORE, file)
+    assert done.returncode == 0, done.stderr
+    fault, unread, repeats, *needs = done.stdout.splitlines()[:6]
+    assert "pip install 'holokin[meshes]'" in fault and unread.startswith("cannot tell: the shapes of a could not")
+    assert repeats == "True"
+    for extra, line in zip(("studio", "survey", "app"), needs, strict=True):
+        assert line == f"this needs pydantic; install it with: pip install 'holokin[{extra}]'"
+
+
+def test_without_its_packages_the_command_says_in_one_line_how_to_install_them() -> None:
+    done = bare(
+        "import runpy; sys.argv = ['holokin', 'run', 'paper']; runpy.run_module('holokin', run_name='__main__')"
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    line = 'error: the command holokin needs typer, rich, pydantic, matplotlib; run: pip install "holokin[app]"\n'
+    assert done.stderr == line

@@ -44,7 +44,7 @@ def test_a_path_out_of_reach_keeps_what_was_computed(constraint: hk.Constraint |
     strategy = r3(constraint)
     start = tool(strategy, R3_START)
     away = hk.line(start, start / np.linalg.norm(start) * 3.5)
-    with pytest.raises(OutOfReachError, match="out of reach") as caught:
+    with pytest.raises(OutOfReachError) as caught:
         hk.follow(strategy, away, R3_START, samples=200, limits=False)
     walk = caught.value.trajectory
     assert walk.status is hk.motion.Status.OUT_OF_REACH

@@ -117,7 +117,7 @@ def test_a_job_times_nothing_without_speed_limits_unless_it_is_told_to(tmp_path:
     assert kept.strategies[0].metrics["peak_speed"] < 1.0
     text = JOB.replace('"planar-3r"\nmax_velocity = 1.5', '"arm.urdf"')
     (tmp_path / "job.toml").write_text(text)
-    with pytest.raises(JobError, match=r"timing\.velocity.*speed limit of .*q2.* not given"):
+    with pytest.raises(JobError, match=r"timing\.velocity.*q2"):
         run_job(*open_job(str(tmp_path / "job.toml")))
     (tmp_path / "job.toml").write_text(text.replace("[timing]", "[timing]\nvelocity = inf"))
     told = run_job(*open_job(str(tmp_path / "job.toml")))

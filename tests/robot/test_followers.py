@@ -238,11 +238,11 @@ def test_soft_limits_narrow_a_joint_and_one_that_is_missing_does_not(
 def test_limits_that_exclude_each_other_or_were_never_filled_in_are_told(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(urdf_of([replace(ARM[0], soft=(3.0, 4.0))]))
-    with pytest.raises(RobotFileError, match=r"range of joint 'a' is \(3.0, 2.0\); .*soft limits"):
+    with pytest.raises(RobotFileError, match=r"range of joint 'a' is \(3.0, 2.0\)"):
         hk.from_urdf(file)
     bare = [replace(ARM[0], lower=0.0, upper=0.0, speed=0.0), replace(ARM[2], parent="a_link")]
     file.write_text(urdf_of(bare))
-    with pytest.raises(RobotFileError, match=r"joint 'a' is from 0 to 0, at speed 0; fill in its <limit>, or hold"):
+    with pytest.raises(RobotFileError, match="joint 'a' is from 0 to 0, at speed 0"):
         hk.from_urdf(file)
     assert hk.from_urdf(file, locked={"a": 0.3}).joint_names == ("c",)
     file.write_text(urdf_of([ARM[0], replace(ARM[1], lower=0.0, upper=0.0, speed=0.0)]))

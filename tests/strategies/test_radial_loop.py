@@ -134,13 +134,16 @@ def test_c_gives_what_is_written_out_also_where_it_keeps_little(
 
 
 @compiled
-def test_a_control_step_in_c_is_the_step_of_the_virtual_machine(panda_twin: hk.HolonomicStrategy) -> None:
+def test_a_control_step_in_c_is_the_step_of_the_virtual_machine(
+    panda_twin: hk.HolonomicStrategy, monkeypatch: pytest.MonkeyPatch
+) -> None:
     step = hk.controller(panda_twin, dt=1e-3, q0=PANDA_START)
-    assert "native" in step.engine
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    machine = hk.controller(panda_twin, dt=1e-3, q0=PANDA_START)
+    assert "native" in step.engine and "native" not in machine.engine
     pose, twist = panda_twin.task.robot.pose(PANDA_START + 0.01), np.full(6, 0.05)
     for q in PANDA_START + np.random.default_rng(5).uniform(-0.03, 0.03, (4, 7)):  # the tool is within 0.1 m
-        wanted = step._compiled.function(q, pose, twist, step.parameters)[0]
-        assert step.step(q, pose, twist) == pytest.approx(wanted, abs=1e-12)
+        assert step.step(q, pose, twist) == pytest.approx(machine.step(q, pose, twist), abs=1e-12)
 
 
 @pytest.mark.campaign
@@ -323,5 +326,5 @@ def test_a_fit_to_what_the_job_has_not_is_refused(of: str, said: str, tmp_path: 
 
 def test_a_fit_to_a_law_without_leaves_is_refused(tmp_path: Path) -> None:
     (tmp_path / "fit.toml").write_text(JOB.replace('kind = "radial"', 'kind = "moore-penrose"'))
-    with pytest.raises(JobError, match="it has no leaves: name one that has"):
+    with pytest.raises(JobError, match="it has no leaves"):
         run_job(*open_job(str(tmp_path / "fit.toml")))

@@ -2,7 +2,7 @@
 
 A worker runs in its library's environment, with NumPy and without holokin:
 
-    python with_pink.py COURSE_FOLDER ANSWER_FOLDER
+    python libraries.py COURSE_FOLDER ANSWER_FOLDER LIBRARY
 
 The robot is perfect: it is where the last answer put it. An answer that is missing leaves it there. A run begins with a
 call at the pose of the start: where a library has a posture of its own for that pose, the run begins there.

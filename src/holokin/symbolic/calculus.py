@@ -49,7 +49,7 @@ def pairwise_brackets(fields: ca.SX, q: ca.SX) -> dict[tuple[int, int], ca.SX]:
     return {(a, b): along[a][:, b] - along[b][:, a] for a in range(k) for b in range(a + 1, k)}
 
 
-def staged(outputs: ca.SX, early: ca.SX, late: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _staged(outputs: ca.SX, early: ca.SX, late: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     """(outputs, symbols, values): outputs (k,) of early and late symbols, in two stages.
 
     What an output that needs late symbols takes from early ones alone stands in it as one of the new symbols, with its
@@ -346,7 +346,7 @@ def transport(
         return w + gradient(by_v.T @ began, q).T
 
     n = len(center)
-    found, left, values = staged(ca.vertcat(moved, rcond, by_y, by_v), ca.vertcat(y, v), w)
+    found, left, values = _staged(ca.vertcat(moved, rcond, by_y, by_v), ca.vertcat(y, v), w)
     pieces = Pieces(
         begin=_function("begin", [q], began),
         rate=_function("rate", [y, v], found[:n], found[n], values),

@@ -190,7 +190,7 @@ def test_degrees_and_radians_modulo_a_turn_are_told_apart(tmp_path: Path, seed: 
             if scale == 1.0:
                 hk.read_recording(file, motion.robot)  # and is not told to be in degrees
             elif np.abs(log.q).max() * scale > 13:  # rad, two turns: no endless joint is logged so
-                with pytest.raises(RecordingError, match="but every joint fits in degrees; pass --degrees"):
+                with pytest.raises(RecordingError, match="but every joint fits in degrees"):
                     hk.read_recording(file, motion.robot)
 
 

@@ -263,15 +263,15 @@ def test_what_has_curvature_has_no_leaf_function_however_weak(ppr: hk.Robot, siz
     """The two paths back end 1e-2 * size apart, which is too little to be seen there."""
     law = hk.strategies.pfaffian(hk.position(ppr), lambda q: [[size * q[1], 0, 1]])
     assert not hk.involutivity(law, hk.around(PPR_START, 0.1)).holonomic
-    with pytest.raises(NotHolonomicError, match="not holonomic"):
+    with pytest.raises(NotHolonomicError):
         hk.analysis.curvature.leaf_function(law, PPR_START)
-    with pytest.raises(NotHolonomicError, match="not holonomic"):
+    with pytest.raises(NotHolonomicError):
         hk.analysis.curvature.general_form(law, PPR_START)
 
 
 def test_a_small_radius_does_not_make_leaves(irb140: hk.Robot) -> None:
     law = hk.strategies.coupled_twist(hk.position(irb140), 0.1)
-    with pytest.raises(NotHolonomicError, match="it has a curvature of") as caught:
+    with pytest.raises(NotHolonomicError) as caught:
         hk.analysis.curvature.leaf_function(law, IRB_START, radius=1e-4)
     assert caught.value.gap is None and caught.value.curvature > 1e-9
 
@@ -281,7 +281,7 @@ def test_the_general_form_is_refused_where_curvature_lies_on_the_way_to_the_refe
     place = PPR_START + np.array([0.6, 0.5, 0.1])
     law = hk.strategies.pfaffian(hk.position(ppr), lambda q: [[ca.exp(-ca.sumsqr(q - place) / 0.05**2), 0, 1]])
     hk.analysis.curvature.leaf_function(law, PPR_START)
-    with pytest.raises(NotHolonomicError, match="it has a curvature of"):
+    with pytest.raises(NotHolonomicError):
         hk.analysis.curvature.general_form(law, place + np.array([0.0, 0.02, 0.0]), PPR_START)
     form = hk.analysis.curvature.general_form(law, PPR_START + 0.05, PPR_START)
     assert form.residuals()["(10)"] < 1e-9

@@ -212,7 +212,7 @@ def test_what_no_sheet_serves_is_left_out_and_named(planar: Sheets) -> None:
     assert "out of reach" in planar.why(out.pose).text
     assert found.cuts == 1
     assert "left out" in str(found)
-    with pytest.raises(DividedPathError, match="left out") as problem:
+    with pytest.raises(DividedPathError) as problem:
         _ = found.trajectory
     assert problem.value.trajectory is found.parts[0]
     nowhere = planar.follow(hk.line([4, 0, 0], [5, 0, 0]), samples=10)

@@ -245,7 +245,7 @@ def contents(out: Path) -> dict[str, str]:
 
 @pytest.mark.campaign
 def test_a_signal_at_a_random_moment_loses_nothing(holokin: Command, tmp_path: Path) -> None:
-    """Ctrl-C here, a kill by `benchmarks.kills --quick` in tests/house/test_benchmarks.py, hundreds without --quick."""
+    """Ctrl-C here, a kill by `benchmarks.kills --quick` in tests/benchmarking, hundreds without --quick."""
     assert holokin("run", kills.job(tmp_path, "first"), "--out", tmp_path / "out").code == 0
     kills.keep(tmp_path / "out" / "job")
     ended, faults = kills.trial(signal.SIGINT, (True, 0.1), tmp_path, 1)

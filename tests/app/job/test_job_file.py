@@ -15,7 +15,7 @@ import holokin as hk
 from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched, sampled, urdf, write_job
 from holokin.app.job import KINDS, job_strategy, keys_of, open_job, run_job
 from holokin.app.job.metrics import METRICS
-from holokin.app.job.schema import _JOB, Job, keys_beside
+from holokin.app.job.schema import Job, job_of, keys_beside
 from holokin.base.errors import JobError
 
 REFERENCE = (Path(__file__).parents[3] / "docs" / "job-keys.md").read_text("utf-8")
@@ -243,7 +243,7 @@ def test_a_misspelt_key_at_any_depth_is_told_the_keys_of_its_own_table(key: str,
     if "strategies" in content:
         content["strategies"]["s"]["kind"] = "moore-penrose"
     with pytest.raises(JobError) as told:
-        _JOB.checked(tmp_path / "job.toml", content)
+        job_of(tmp_path / "job.toml", content)
     assert f"[{key}] is an unknown key" in str(told.value)
     assert f"did you mean {nearest!r}?" in str(told.value)
 

@@ -37,7 +37,7 @@ def test_tables_nested_however_deep_are_refused_in_a_sentence(door: str, tmp_pat
     for depth in (17, *np.exp(draw.uniform(np.log(18), np.log(20_000), 3)).astype(int)):
         for head in ("", '[robot]\nname = "panda"\n'):
             file.write_text(head + _nested(int(depth), draw))
-            with pytest.raises(HolokinError, match=r"deeper than 16 levels; take the inner ones out"):
+            with pytest.raises(HolokinError, match="deeper than 16 levels"):
                 DOORS[door](str(file))
 
 
@@ -58,7 +58,7 @@ def test_a_path_of_which_toml_made_control_characters_is_told_so(tmp_path: Path)
         (tmp_path / "job.toml").write_text(
             open_job("panda-circle")[2].read_text("utf-8").replace('"panda"', f'"{name}"')
         )
-        with pytest.raises(HolokinError, match=r"control characters; write paths in single quotes"):
+        with pytest.raises(HolokinError, match="control characters"):
             robot_of_file(str(tmp_path / "job.toml"))
 
 

@@ -173,7 +173,7 @@ def test_every_packaged_job_opens_or_says_why_not(name: str) -> None:
 
 def test_a_robot_without_joints_to_spare_is_refused() -> None:
     arm = hk.load("ur5e")
-    with pytest.raises(hk.HolokinError, match=r"joints to spare .* 0; the studio shows redundant joints"):
+    with pytest.raises(hk.HolokinError, match="joints to spare"):
         session_of_robot(arm, task=hk.pose(arm))
 
 

@@ -163,7 +163,7 @@ def test_every_door_that_keeps_clear_refuses_shapes_that_could_not_be_read(cell:
     robot = hk.load(
         arm_of(cell, [*meshes(READ["slash"])[:4], FAULTS["missing"](cell, "l4.stl"), *meshes(READ["slash"])[5:]])
     )
-    with pytest.raises(HolokinError, match=r"cannot tell: the shapes of l4 could not be read .*there is no such mesh"):
+    with pytest.raises(HolokinError, match=r"shapes of l4 .*there is no such mesh"):
         doors(robot)[door](clear_of=[], clearance=0.005)
 
 

@@ -70,7 +70,7 @@ def test_a_batch_answers_each_pose_as_a_single_call_does_and_raises_nothing(ik, 
 def test_a_pose_that_no_posture_reaches_is_told_so(ik) -> None:
     far = poses_of_the_box(1)[0]
     far[:3, 3] = [3.0, 0.0, 0.0]
-    with pytest.raises(OutOfReachError, match="no search came closer"):
+    with pytest.raises(OutOfReachError):
         ik(far)
 
 

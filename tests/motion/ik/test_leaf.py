@@ -107,7 +107,7 @@ def test_curvature_is_not_judged_in_its_own_round_off(iiwa14: hk.Robot) -> None:
     strategy = hk.holonomic(hk.pose(iiwa14), hk.arm_angle())
     for q4 in (1e-2, 1e-3):
         assert hk.involutivity(strategy, hk.around([0.1, 0.6, 0.2, q4, 0.1, 0.6, 0.1], q4 / 10)).holonomic
-    with pytest.raises(EmptyRegionError, match="nearly"):
+    with pytest.raises(EmptyRegionError):
         hk.involutivity(strategy, hk.around([0.1, 0.6, 0.2, 1e-6, 0.1, 0.6, 0.1], 1e-7))
 
 

@@ -147,7 +147,7 @@ def test_joints_go_by_name_or_by_index_from_0(panda: hk.Robot) -> None:
         a, b = hk.holonomic(task, by_index), hk.holonomic(task, by_name)
         assert np.array_equal(a(PANDA_START), b(PANDA_START))
     for wrong in (hk.lock(7), hk.strategies.constraints.height(-8), hk.arm_angle(joints=(1, 3, 9))):
-        with pytest.raises(UnknownNameError, match=r"unknown index of a joint.* known: 0 \(panda_joint1\), 1 "):
+        with pytest.raises(UnknownNameError, match=r"unknown index of a joint.*0 \(panda_joint1\)"):
             hk.holonomic(task, wrong)
     with pytest.raises(UnknownNameError, match="unknown joint 'panda_joint8'"):
         hk.holonomic(task, hk.strategies.constraints.height("panda_joint8"))

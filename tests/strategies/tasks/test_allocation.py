@@ -121,7 +121,7 @@ def test_coordinates_have_no_pose_and_say_so(ship: Robot, force: hk.Task) -> Non
         lambda: to_urdf(ship), lambda: to_mjcf(ship), lambda: servo(ship, "position", U0), lambda: with_capsules(ship),
         lambda: with_shape(ship, "ball", Capsule(0.1)), lambda: hk.check(U0[None], ship, floor=0.0),
     ):  # fmt: skip
-        with pytest.raises(hk.HolokinError, match=r"no links: give their task by hk\.custom_task"):
+        with pytest.raises(hk.HolokinError, match="no links"):
             asked()
     assert ship.skeleton(U0) == []
     assert repr(ship) == "Robot('ship', n=6)"

@@ -467,7 +467,7 @@ CLUSTER_PAUSE = 0.01
 _guarded: dict[int, Guarded] = {}
 
 
-def run_guarded(table: str, folder: str, batch: Batch, lasts: float = SECONDS) -> list[Row]:
+def _run_guarded(table: str, folder: str, batch: Batch, lasts: float = SECONDS) -> list[Row]:
     """On a worker: the rows of a batch, from a process that belongs to this thread of the worker."""
     process = _guarded.setdefault(threading.get_ident(), Guarded())
     return process.rows(table, folder, batch, lasts)
@@ -505,7 +505,7 @@ class Cluster:
             if time.monotonic() - looked > 1.0:
                 workers, looked = max(1, sum(client.nthreads().values())), time.monotonic()
             while len(running) < AHEAD * workers and (batch := alone.pop() if alone else batches.take(workers)):
-                future = client.submit(run_guarded, self.text, self.folder, batch, lasting(workers), pure=False)
+                future = client.submit(_run_guarded, self.text, self.folder, batch, lasting(workers), pure=False)
                 running[future] = batch
                 flow.add(future)
             if not running:

@@ -120,7 +120,7 @@ def test_without_a_header_columns_are_named_by_their_numbers(tmp_path: Path) -> 
 def test_columns_that_nobody_knows_are_refused_with_the_counts_that_are_known(tmp_path: Path) -> None:
     t, q = cycles(1)
     file = write(tmp_path / "many.csv", t, np.hstack([q, q[:, :1], q[:, :1], q, q]))
-    with pytest.raises(RecordingError, match=r"12 columns are none.*--columns 2,3,.*4, 5, 7, 8, 10, 11 are known"):
+    with pytest.raises(RecordingError, match=r"12 columns are none.*4, 5, 7, 8, 10, 11 are known"):
         read_recording(file, ARM)
     one = hk.from_dh([{"a": 1.0}])  # of one joint, three columns may be a time in two parts or a rate
     both = tmp_path / "one.csv"

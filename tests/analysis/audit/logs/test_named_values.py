@@ -155,9 +155,7 @@ def test_encoder_ticks_are_told_from_angles_and_read_with_scales_and_zeros(seed:
         return hk.read_recording(file, PANDA, **said)
 
     for degrees in (None, True):
-        with pytest.raises(
-            RecordingError, match="all values are whole numbers; if they are encoder ticks, give the rad"
-        ):
+        with pytest.raises(RecordingError, match="all values are whole numbers"):
             read(ticks, degrees=degrees)
     scales = dict(zip(names, 2 * np.pi / per_turn, strict=True))
     offsets = dict(zip(names, zeros * 2 * np.pi / per_turn, strict=True))

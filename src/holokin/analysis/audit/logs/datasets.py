@@ -322,7 +322,7 @@ def _episode(folder: Path, info: dict[str, Any], row: dict[str, Any]) -> Episode
             fields = {"chunk_index": int(row["data/chunk_index"]), "file_index": int(row["data/file_index"])}
         else:
             fields = {"episode_chunk": index // info["chunks_size"], "episode_index": index}
-    except (KeyError, TypeError, ValueError) as problem:
+    except (KeyError, TypeError, ValueError, OverflowError) as problem:
         fact = f"has an episode without a number {shown(str(problem), 60)}"
         raise RecordingError(folder / "meta", fact, "download the dataset anew") from problem
     return Episode(index, first, length, _place(folder, "data_path", info["data_path"], fields), row)

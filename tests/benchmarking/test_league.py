@@ -12,7 +12,7 @@ from benchmarks import drift
 from benchmarks.league import league_entries
 from benchmarks.league.courses import panda_file, write_course
 from benchmarks.league.environments import NoEnvironment, python_of, reason_of
-from benchmarks.league.league_entries import ENTRIES, OURS, WORKERS, Entry
+from benchmarks.league.league_entries import ENTRIES, WORKERS, Entry
 from benchmarks.league.league_page import league_text
 from benchmarks.league.played import play, runs_of
 from benchmarks.league.scores import Score, best_of, score
@@ -132,7 +132,7 @@ def test_a_worker_runs_without_holokin_and_its_faults_are_told(
     script = tmp_path / "with_nothing.py"
     script.write_text(STILL.replace("END", str(ends)), "utf-8")
     monkeypatch.setenv("PYTHONPATH", str(WORKERS))
-    played = play(Entry("still", (), str(script)), course, tmp_path, tmp_path / "answers")
+    played = play(Entry("still", (), script), course, tmp_path, tmp_path / "answers")
     still, silent, broken = played.scores
     assert still.tracking == pytest.approx(200, abs=0.1)
     assert (still.first, still.ways, still.missing, still.whole, still.again) == (0, 0, 0, 0, 0)
@@ -142,7 +142,7 @@ def test_a_worker_runs_without_holokin_and_its_faults_are_told(
     page = league_text([played])
     assert "stands" not in page and "| still | as its example: still |" in page
     assert ("## Left out" in page) == ends
-    again = play(Entry("still", ("nobody-asks-pip",), str(script)), course, tmp_path, tmp_path / "answers")
+    again = play(Entry("still", ("nobody-asks-pip",), script), course, tmp_path, tmp_path / "answers")
     assert again.scores == played.scores  # what is there is not asked for again
 
 
@@ -154,21 +154,23 @@ def test_what_pip_or_a_script_says_last_is_the_reason_and_a_strangers_folder_is_
     mine.parent.mkdir()
     mine.write_text("years of work", "utf-8")
     with pytest.raises(NoEnvironment, match="--environments"):
-        python_of(Entry("placo", ("placo",), "with_placo.py"), tmp_path)
+        python_of(Entry("placo", ("placo",)), tmp_path)
     assert mine.read_text("utf-8") == "years of work"
 
 
-def test_every_script_belongs_to_a_library_and_imports_no_holokin() -> None:
-    scripts = {f.name for f in WORKERS.glob("with_*.py")}
-    assert {entry.worker for entry in ENTRIES} == scripts
+def test_every_library_takes_part_once_and_the_workers_import_no_holokin() -> None:
+    """But for the function that asks holokin itself."""
     assert len({entry.name for entry in ENTRIES}) == len(ENTRIES)
-    for script in WORKERS.glob("*.py"):
-        names = {n.module for n in ast.walk(ast.parse(script.read_text("utf-8"))) if isinstance(n, ast.ImportFrom)}
-        names |= {
-            a.name for n in ast.walk(ast.parse(script.read_text("utf-8"))) if isinstance(n, ast.Import) for a in n.names
-        }
-        ours = {name for name in names if name and name.split(".")[0] in ("holokin", "benchmarks")}
-        assert ours == ({"holokin"} if script.name == OURS.worker else set()), script
+    trees = {script.name: ast.parse(script.read_text("utf-8")) for script in WORKERS.glob("*.py")}
+    (table,) = (node.value for node in trees["libraries.py"].body if isinstance(node, ast.Assign))
+    assert isinstance(table, ast.Dict)
+    assert [ast.literal_eval(key) for key in table.keys if key] == [entry.name for entry in ENTRIES]
+    for tree in trees.values():
+        inside = [n for n in tree.body if not (isinstance(n, ast.FunctionDef) and n.name == "holokin")]
+        nodes = [n for part in inside for n in ast.walk(part)]
+        names = [n.module or "" for n in nodes if isinstance(n, ast.ImportFrom)]
+        names += [a.name for n in nodes if isinstance(n, ast.Import) for a in n.names]
+        assert not {"holokin", "benchmarks"} & {name.split(".")[0] for name in names}
 
 
 def test_the_panda_that_all_get_is_that_of_its_file(tmp_path: Path) -> None:

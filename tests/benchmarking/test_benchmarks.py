@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.calls import Floor, in_turns, repeated
+from benchmarks import drift
+from benchmarks.speed import Floor, in_turns, repeated
 
 import holokin as hk
-from conftest import PANDA_START, campaign
-from forked import child
+from conftest import PANDA_START
 from holokin.symbolic.native import toolchain as native
 from holokin.symbolic.native.kernel import HEAVY
 from holokin.symbolic.native.toolchain import idle
@@ -26,74 +25,35 @@ FILES = [
     if f.parent.name != "workers" and '__name__ == "__main__"' in f.read_text("utf-8")
 ]  # fmt: skip
 MODULES = [".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__") for f in FILES]
-STARTING = tuple(f"benchmarks.{name}" for name in ("edge", "fuzz", "inverse", "kills", "speed"))
-"""These start processes or compilers; the others run in this one."""
-FORKED = STARTING if hasattr(os, "fork") else ()
-OF_ITS_OWN = (
-    tuple(f"benchmarks.{name}" for name in ("league", "random_cusps", "sheets", "startup", "surveys"))
-    + STARTING[len(FORKED) :]
-)
-"""These measure what a process imports and keeps, or need native code: they are begun as a user begins them."""
-QUICK = ("benchmarks.growth", "benchmarks.selftests")
-"""These take a second each; the others are of the campaign."""
-ELSEWHERE = {
-    "benchmarks.drift": "tests/house/test_docs.py",
-    "benchmarks.logs": "tests/analysis/audit/test_log_campaign.py",
-}
+WRITING = ("benchmarks.league", "benchmarks.speed")
+"""These write pages."""
+ELSEWHERE = ("benchmarks.drift", "benchmarks.logs", "benchmarks.selftests")
+"""The first and the last are run below, the other in tests/analysis/audit/test_log_campaign.py."""
 compiled = pytest.mark.skipif(native.compiler() is None, reason="no C compiler here")
 
 
-def test_the_benchmarks_are_those_that_the_pages_name() -> None:
-    """Each page that says `python -m benchmarks.X` names one that is run below."""
+def test_the_benchmarks_that_the_pages_name_are_there() -> None:
     pages = "".join(page.read_text("utf-8") for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
     named = {words.split("`")[0].split()[0].rstrip(".,;)") for words in pages.split("python -m ")[1:]}
     assert {name for name in named if name.startswith("benchmarks.")} <= set(MODULES)
-    assert len(MODULES) == 28
 
 
-@pytest.mark.parametrize(
-    "module",
-    [
-        name if name in QUICK else campaign("module", name)
-        for name in MODULES
-        if name not in (*OF_ITS_OWN, *FORKED, *ELSEWHERE)
-    ],
-)
-def test_it_runs_with_quick_in_this_process(
-    module: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(sys, "argv", [module, "--quick"])
-    monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # they take less time than a compiler
-    assert not importlib.import_module(module).main()
+def test_the_self_tests_run_with_quick(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "argv", ["benchmarks.selftests", "--quick"])
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")  # it takes less time than a compiler
+    assert not importlib.import_module("benchmarks.selftests").main()
     assert capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("module", "file"), ELSEWHERE.items())
-def test_what_is_not_run_here_is_run_elsewhere(module: str, file: str) -> None:
-    text = (ROOT / file).read_text("utf-8")
-    assert f"from benchmarks import {module.rpartition('.')[2]}" in text and '"--quick"' in text
-
-
 @pytest.mark.campaign
-@pytest.mark.parametrize("module", OF_ITS_OWN)
-def test_it_runs_with_quick_in_a_process_of_its_own(module: str, tmp_path: Path) -> None:
-    more = ["--out", str(tmp_path)] if module in ("benchmarks.league", "benchmarks.speed") else []
+@pytest.mark.parametrize("module", [name for name in MODULES if name not in ELSEWHERE])
+def test_it_runs_with_quick(module: str, tmp_path: Path) -> None:
+    more = ["--out", str(tmp_path)] if module in WRITING else []
     command = [sys.executable, "-m", module, "--quick", *more]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=280, check=False)
     assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr[-2000:]
     assert done.stdout
-
-
-@pytest.mark.campaign
-@pytest.mark.parametrize("module", FORKED)
-def test_it_runs_with_quick_in_a_child_of_this_process(module: str, tmp_path: Path) -> None:
-    more = ["--out", str(tmp_path)] if module == "benchmarks.speed" else []
-    package = module == "benchmarks.fuzz"
-    main = importlib.import_module(f"{module}.__main__" if package else module).main
-    done = child(module, "--quick", *more, work=main, folder=ROOT).wait()
-    assert (done.code, "Traceback" in done.err) == (0, False), done.err[-2000:]
-    assert done.out
-    if more:
+    if module == "benchmarks.speed":
         page = (tmp_path / "speed.md").read_text("utf-8")
         assert "nan" not in page
         rows = {cells[1].strip(): cells for line in page.splitlines() if len(cells := line.split("|")) > 5}
@@ -102,6 +62,20 @@ def test_it_runs_with_quick_in_a_child_of_this_process(module: str, tmp_path: Pa
         for library in ("pink", "mink", "placo"):
             if importlib.util.find_spec(library) is None:
                 assert f"{library} ({library} is not installed)" in page
+
+
+@pytest.mark.campaign
+def test_the_drift_benchmark_runs_and_says_what_it_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drift, "DT", 0.05)
+    monkeypatch.setattr(drift, "GAIN", 10.0)
+    assert drift.main(["--quick", "--out", str(tmp_path)]) == 0
+    page = (tmp_path / "drift.md").read_text("utf-8")
+    assert "nan" not in page
+    rows = {line.split("|")[1].strip(): line.split("|")[3:7] for line in page.splitlines() if line.startswith("| ")}
+    assert float(rows["Moore-Penrose"][0]) > 0.05
+    assert float(rows["locked joint 3"][0]) < 1e-3
+    assert float(rows["locked joint 3"][2]) < 0.2 * float(rows["gradient projection, 1/s"][2])
+    assert (tmp_path / "drift.png").stat().st_size > 20_000
 
 
 @pytest.mark.campaign
