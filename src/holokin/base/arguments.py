@@ -314,10 +314,7 @@ def _remade(function: Callable[..., Any], arguments: tuple[Any, ...], named: dic
     return function(*arguments, **named)
 
 
-# --------------------------------------------------------------------------------------------------
-# How axes count joints: an axis may turn the other way round, begin elsewhere, or have a unit of
-# its own.
-# --------------------------------------------------------------------------------------------------
+# --- How axes count joints: an axis may turn the other way round, begin elsewhere, or have a unit of its own.
 
 
 def check_counts(signs: Mapping[str, int], offsets: Mapping[str, float], scales: Mapping[str, float]) -> None:

@@ -19,10 +19,7 @@ from .files import is_folder, listed, shown
 from .poses import ORDERS, UNIT
 from .types import ROTATION, Array, Indices, Matrix, Vector, rotation_cure, rotation_gap
 
-# --------------------------------------------------------------------------------------------------
-# Reads tables of numbers from CSV files, a piece at a time: the text of a long one is never in
-# memory as a whole.
-# --------------------------------------------------------------------------------------------------
+# --- Reads tables of numbers from CSV files, a piece at a time: the text of a long one is never in memory as a whole.
 
 PIECE = 10_000
 """Rows that are text at one time: some megabytes."""
@@ -242,10 +239,7 @@ def _row(file: Path, header: Sequence[str], wanted: Sequence[int], line: int, ro
     return found
 
 
-# --------------------------------------------------------------------------------------------------
-# Times in CSV files: which columns hold them, and their unit, told by the header or by the size of
-# the stamps.
-# --------------------------------------------------------------------------------------------------
+# --- Times in CSV files: which columns hold them, and their unit, told by the header or by the size of the stamps.
 
 TIMES = ("t", "time", "stamp", "secs", "sec", "seconds", "timestamp")
 """Names of a time column; a prefix ('header.stamp'), a unit at the end ('t_ms', 'Time (s)') and capitals do not

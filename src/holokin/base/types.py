@@ -33,10 +33,7 @@ from .errors import (
     ShapeError,
 )
 
-# --------------------------------------------------------------------------------------------------
-# How values are shown: one short line in a console, a small table in a notebook, with every text
-# escaped.
-# --------------------------------------------------------------------------------------------------
+# --- How values are shown: one short line in a console, a small table in a notebook, with every text escaped.
 
 LONGEST = 200
 """Characters of a value's line."""
@@ -454,12 +451,6 @@ def joined(*parts: Any) -> Any:
     return type(parts[0])(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0])))
 
 
-# --------------------------------------------------------------------------------------------------
-# Equality by value: robots, tasks, constraints and strategies are equal when they are made of equal
-# parts.
-# --------------------------------------------------------------------------------------------------
-
-
 class ByValue(Value):
     """The parent of values that are equal by what they are made of, and may be keys.
 
@@ -543,11 +534,6 @@ def _numbers(value: Any) -> np.ndarray | None:
     except (ValueError, OverflowError):  # ragged
         return None
     return found.astype(float) + 0.0 if found.dtype.kind in "iuf" and found.size else None
-
-
-# --------------------------------------------------------------------------------------------------
-# A number from a function of the user's own: whatever goes wrong in it is said with its name.
-# --------------------------------------------------------------------------------------------------
 
 
 def own_number(what: str, function: Callable[..., Any], *given: Any) -> float | None:

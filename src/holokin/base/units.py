@@ -11,9 +11,7 @@ import numpy as np
 from .errors import ArgumentError
 from .types import Vector
 
-# --------------------------------------------------------------------------------------------------
-# Bounds as text: rounded to the side on which they stay true.
-# --------------------------------------------------------------------------------------------------
+# --- Bounds as text: rounded to the side on which they stay true.
 
 DIGITS = 3
 """Significant digits of a bound."""

@@ -30,9 +30,7 @@ from ..base.files import shown
 from ..base.types import Array, Matrix
 from ..strategies.tasks.task import Task
 
-# --------------------------------------------------------------------------------------------------
-# Statistics of a dataset's columns, episode by episode and together, by the definitions of LeRobot.
-# --------------------------------------------------------------------------------------------------
+# --- Statistics of a dataset's columns, episode by episode and together, by the definitions of LeRobot.
 
 QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
 """Those that format v3.0 keeps, as q01 to q99."""
@@ -95,10 +93,7 @@ def _as_arrays(stats: dict[str, Any]) -> Stats:
     return {name: np.asarray(value, dtype=float) for name, value in stats.items()}
 
 
-# --------------------------------------------------------------------------------------------------
-# The metadata of a dataset whose joints were written anew: info.json, the episodes and their
-# statistics.
-# --------------------------------------------------------------------------------------------------
+# --- The metadata of a dataset whose joints were written anew: info.json, the episodes and their statistics.
 
 EPISODES, STATS, SUMMARY = "meta/episodes.jsonl", "meta/episodes_stats.jsonl", "meta/stats.json"
 

@@ -154,13 +154,10 @@ def _stacked(R: Array) -> Array:
     return np.ascontiguousarray(R.reshape(len(R), -1, 3))
 
 
-# --------------------------------------------------------------------------------------------------
-# Tool poses as tensors of torch or JAX: positions and rotations of all frames, and the twist with
-# which they move.
+# --- Tool poses as tensors of torch or JAX: positions and rotations of all frames, and the twist with which they move.
 #
-# The library is an argument `xp`: of torch and of `jax.numpy` the functions used here have one
-# signature. Leading axes, any number, are those of a batch.
-# --------------------------------------------------------------------------------------------------
+# The library is an argument `xp`: of torch and of `jax.numpy` the functions used here have one signature. Leading axes,
+# any number, are those of a batch.
 
 ORDERS = {"wxyz": (0, 1, 2, 3), "xyzw": (1, 2, 3, 0)}
 """Which of w, x, y, z each number of a quaternion is."""

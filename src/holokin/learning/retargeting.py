@@ -22,10 +22,6 @@ from ..motion.ik import InverseKinematics, InverseStatus
 from ..robot import Robot
 from .dataset_writer import Change, check_meta, write_changed
 
-# --------------------------------------------------------------------------------------------------
-# Is the action of a dataset a joint position? Joint rates and differences have the same names.
-# --------------------------------------------------------------------------------------------------
-
 FAR = 0.5
 """Median distance [rad or m] of an action from the state beyond which it is doubted to be a position."""
 
@@ -49,10 +45,7 @@ def check_targets(dataset: Dataset, robot: Robot, columns: Sequence[JointFeature
             raise RecordingError(dataset.folder / INFO, fact, cure)
 
 
-# --------------------------------------------------------------------------------------------------
-# The joints of a dataset on one leaf: a posture for each tool pose of its columns, and which poses
-# have none.
-# --------------------------------------------------------------------------------------------------
+# --- The joints of a dataset on one leaf: a posture for each tool pose of its columns, and which poses have none.
 
 JUMPED = -1
 """The status of a frame at which the joints jump, beside those of `InverseStatus`."""

@@ -46,10 +46,7 @@ from ..symbolic.native import LARGEST, Port, StepKernel, StepMemory, enabled, en
 from .control.control_law import ControlLaw, Step, feedback, tracking, wanted_symbols
 from .ik.leaf import leaf_value
 
-# --------------------------------------------------------------------------------------------------
-# The control step as one expression: (q, pose, twist, parameters) -> joint rates, and what its
-# status is made of.
-# --------------------------------------------------------------------------------------------------
+# --- The control step as one expression: (q, pose, twist, parameters) -> joint rates, and what its status is made of.
 
 UNLIMITED = {"rad": 2 * np.pi, "m": 2.0}
 """Speed [unit/s] of a joint that has no limit of its own: a turn a second, which few arms reach, and what fast linear
@@ -152,9 +149,7 @@ def _sum_by_halves(values: SX) -> SX:
     return values
 
 
-# --------------------------------------------------------------------------------------------------
-# The control step on CasADi's virtual machine, where there is no compiler.
-# --------------------------------------------------------------------------------------------------
+# --- The control step on CasADi's virtual machine, where there is no compiler.
 
 
 class _Memory(threading.local):
@@ -542,10 +537,6 @@ def _generated(f: Function) -> tuple[Any, list[tuple[int, ...]], list[tuple[int,
     thresholds = {"SINGULAR": TOLERANCES.singular, "REPRESENTATION": TOLERANCES.representation, "AT_LIMIT": AT_LIMIT}
     return f.program, list(f.input_shapes.values()), list(f.output_shapes.values()), thresholds
 
-
-# --------------------------------------------------------------------------------------------------
-# `LoopWatch`: tells whether joints move as a loop commands them.
-# --------------------------------------------------------------------------------------------------
 
 STARVED = 0.5
 """Share of the commanded motion below which a loop is starved: a servo that merely lags makes up for it."""

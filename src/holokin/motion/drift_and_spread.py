@@ -116,15 +116,11 @@ def path_spread(
     return Spread(a, follow(strategy, path_b, q0, samples=samples, method=method, limits=limits))
 
 
-# --------------------------------------------------------------------------------------------------
-# Why a closed path drifts: curvature, or a place that it winds round. The path is contracted and
-# followed again.
+# --- Why a closed path drifts: curvature, or a place that it winds round. The path is contracted and followed again.
 #
-# Leaves are local. Where a strategy is holonomic and defined, drift does not change while a loop is
-# contracted to a point, at which it is zero (theory 1.1). So a drift that stays while the loop
-# shrinks, and is gone at a point, has jumped on the way: there the loop passed a place where the
-# strategy is not defined. Curvature lets it fade instead.
-# --------------------------------------------------------------------------------------------------
+# Leaves are local. Where a strategy is holonomic and defined, drift does not change while a loop is contracted to a
+# point, at which it is zero (theory 1.1). So a drift that stays while the loop shrinks, and is gone at a point, has
+# jumped on the way: there the loop passed a place where the strategy is not defined. Curvature lets it fade instead.
 
 NO_DRIFT = 1e-6
 """Drift [joint units] that needs no reason: well over the integration error of 500 samples."""

@@ -42,10 +42,7 @@ from .ik.pose_paths import nearest_postures, out_of_reach
 from .ik.posture_search import all_postures
 from .trajectory import Measures, Status, Trajectory, record
 
-# --------------------------------------------------------------------------------------------------
-# Following by velocity: dq = G(q) x', integrated by Runge-Kutta of order 4 with fixed steps, as the
-# paper does.
-# --------------------------------------------------------------------------------------------------
+# --- Following by velocity: dq = G(q) x', integrated by Runge-Kutta of order 4 with fixed steps, as the paper does.
 
 
 @kept
@@ -305,10 +302,6 @@ def _record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Stat
 
     return record(task, plan, q, dq, cycles, status, residual)
 
-
-# --------------------------------------------------------------------------------------------------
-# `approach`: from any posture to the start of a path.
-# --------------------------------------------------------------------------------------------------
 
 Way = Literal["joints", "tool"]
 """What goes straight: the joints, or the tool."""

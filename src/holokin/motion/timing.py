@@ -19,9 +19,6 @@ from .trajectory import Status, Trajectory
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-# --------------------------------------------------------------------------------------------------
-# `JointCurve`: the joints along a path without any time, q(s), as splines between the corners.
-# --------------------------------------------------------------------------------------------------
 
 DEGREE = 5
 """Of the splines: up to the third derivative they have no jumps, so that jerks are defined."""
@@ -111,13 +108,9 @@ def joint_curve(trajectory: Trajectory) -> JointCurve:
     return JointCurve(tuple(stretches), repeats)
 
 
-# --------------------------------------------------------------------------------------------------
-# `TimeLaw`: how far along a curve one is at a time, s(t): quintic, time-optimal, and smoothed for
-# jerk.
+# --- `TimeLaw`: how far along a curve one is at a time, s(t): quintic, time-optimal, and smoothed for jerk.
 #
-# All laws but the quintic one have path accelerations that are constant, or linear in time, in
-# pieces.
-# --------------------------------------------------------------------------------------------------
+# All laws but the quintic one have path accelerations that are constant, or linear in time, in pieces.
 
 FINEST = 2_000
 """Most points a cycle at which the time-optimal law looks at the limits. Twice as many change the time by 1e-5."""
@@ -343,15 +336,11 @@ def _of_accelerations(t: Vector, a: Vector, jerk: Vector, length: float) -> Time
     return TimeLaw(t, np.vstack([s[:-1], v, a / 2, jerk / 6]) * (length / s[-1]))
 
 
-# --------------------------------------------------------------------------------------------------
-# `_fastest_trapezoid`: one ramp up, a constant rate, one ramp down; each ramp is as short as its own
-# place allows.
+# --- `_fastest_trapezoid`: one ramp up, a constant rate, one ramp down; each ramp is as short as its own place allows.
 #
-# A ramp takes T seconds from rest to the path rate V, over the length V T / 2. Its acceleration
-# rises for a share w of T, stays, and falls for the same share; w = 0 is even acceleration, for
-# where no jerk is limited. On a straight curve this is T = V/a + a/j, or 2 sqrt(V/j) where the
-# limit a of the acceleration is not reached.
-# --------------------------------------------------------------------------------------------------
+# A ramp takes T seconds from rest to the path rate V, over the length V T / 2. Its acceleration rises for a share w of
+# T, stays, and falls for the same share; w = 0 is even acceleration, for where no jerk is limited. On a straight curve
+# this is T = V/a + a/j, or 2 sqrt(V/j) where the limit a of the acceleration is not reached.
 
 RISES = np.concatenate([np.geomspace(0.01, 0.2, 7), np.linspace(0.225, 0.5, 12)])
 """Shares of a ramp in which its acceleration rises; the one with the shortest ramp is taken: 5 % lie between two."""

@@ -201,12 +201,6 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         write_csv(path, header, np.column_stack([seen.t, seen.q, seen.dq, seen.x]).tolist())
 
 
-# --------------------------------------------------------------------------------------------------
-# The trajectory of a run: its postures along a plan, and what is measured of them when somebody
-# asks.
-# --------------------------------------------------------------------------------------------------
-
-
 def record(
     task: Task,
     plan: Plan,
@@ -258,10 +252,6 @@ def record(
         corners=tuple(k for k in corners if k <= count),
     )
 
-
-# --------------------------------------------------------------------------------------------------
-# `Recording`: the joints of a robot over time, as they were logged.
-# --------------------------------------------------------------------------------------------------
 
 GAP = 10.0
 """A step longer than this many median steps is a gap: something is missing there."""
@@ -323,11 +313,6 @@ class Recording(Value):
         """Indices i at which the step from sample i to i + 1 is over `GAP` median steps."""
         steps = np.diff(self.t)
         return frozen(np.flatnonzero(steps > GAP * np.median(steps)))
-
-
-# --------------------------------------------------------------------------------------------------
-# The joint speed of a motion over the least that any law could have.
-# --------------------------------------------------------------------------------------------------
 
 
 def over_least_speed(task: Task, walk: Trajectory) -> float:

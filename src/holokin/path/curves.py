@@ -38,9 +38,7 @@ from .path import (
     turn_between,
 )
 
-# --------------------------------------------------------------------------------------------------
-# Paths of lines and arcs.
-# --------------------------------------------------------------------------------------------------
+# --- Paths of lines and arcs.
 
 
 @typed
@@ -375,10 +373,6 @@ def even_curve(
     return evenly(lambda s: Poses(points(s), None), breaks, closed, speed, 1.0, tolerance)
 
 
-# --------------------------------------------------------------------------------------------------
-# `spline` and `path_of`: smooth paths through waypoints, and of functions of time.
-# --------------------------------------------------------------------------------------------------
-
 SHAPE = 1e-4
 """How far [m] a spline at even speed may be from the spline of chord lengths through the same waypoints; of one larger
 than a metre the same share of its size."""
@@ -531,9 +525,7 @@ def _slope(x: Array, h: float) -> tuple[Vector, Vector]:
     return first, last
 
 
-# --------------------------------------------------------------------------------------------------
-# Paths over a plane or curved patch: figure eight, raster, spiral.
-# --------------------------------------------------------------------------------------------------
+# --- Paths over a plane or curved patch: figure eight, raster, spiral.
 
 Surface = Callable[[float, float], float]
 """Height z = f(u, v) [m] over the plane of a patch."""

@@ -239,12 +239,6 @@ def _direction(what: str, value: ArrayLike) -> Vector:
     return v / np.linalg.norm(v)
 
 
-# --------------------------------------------------------------------------------------------------
-# `SynchronizedPaths`: a path for each frame of a task, run through in the same time, as two hands
-# carry one tray.
-# --------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class SynchronizedPaths(Value):
     """Paths of F frames, as many segments in each, each segment as long in all of them [s].

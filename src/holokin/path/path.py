@@ -36,11 +36,6 @@ from ..base.types import (
 )
 from ..symbolic.rotations import rotation_from_rpy
 
-# --------------------------------------------------------------------------------------------------
-# `StraightPath`: from one tool pose to another, the position along a line, the rotation evenly
-# about one axis.
-# --------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True, eq=False)
 class StraightPath(Value):
@@ -89,11 +84,6 @@ def rotation_matrix(turn: Array) -> Array:
         return np.tile(np.eye(3), (*np.shape(turn)[:-1], 1, 1))
     return Rotation.from_rotvec(np.array(turn)).as_matrix()  # a copy: it refuses what nobody can write to
 
-
-# --------------------------------------------------------------------------------------------------
-# `Segment`: a piece of a path, on which the tool moves along a line, an arc or a cubic and turns
-# meanwhile.
-# --------------------------------------------------------------------------------------------------
 
 NODES, WEIGHTS = (frozen(values) for values in np.polynomial.legendre.leggauss(20))
 """Gauss-Legendre points on [-1, 1]: exact for the area of a cubic, and 1e-15 of the length of the segments of a spline,
@@ -697,11 +687,6 @@ def as_point(point: ArrayLike) -> Vector:
     if p.shape == (2,):
         p = np.append(p, 0.0)
     return finite("a point", p, (3,))
-
-
-# --------------------------------------------------------------------------------------------------
-# `Waypoints`: points or poses of the tool, as a file has them; and those of arrays.
-# --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,11 +19,6 @@ from .shapes.link_shapes import LinkShape
 from .shapes.visuals import Visual
 from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, rerooted, root_of
 
-# --------------------------------------------------------------------------------------------------
-# `longest_span`: a distance beyond which no posture brings a tool, by the lengths of the links
-# alone.
-# --------------------------------------------------------------------------------------------------
-
 CORNERS = (0.1, 0.01, 1e-3)
 """The length of a link is sqrt(d^2 + corner^2) while the points are looked for [m]: where axes meet, d has a kink."""
 
@@ -183,10 +178,7 @@ class _Links:
         return np.asarray(self.tip[:3, :3].T @ (t[-1] * self.axis[-1] - self.tip[:3, 3]))
 
 
-# --------------------------------------------------------------------------------------------------
-# Are joints in rad, and places in metres? What is far beyond all limits and all reach is in other
-# units.
-# --------------------------------------------------------------------------------------------------
+# --- Are joints in rad, and places in metres? What is far beyond all limits and all reach is in other units.
 
 FAR = 100.0
 """Reaches of an arm from its base at which a place is not in metres: millimetres make a thousand of one."""
@@ -279,11 +271,6 @@ def _check_tool(robot: Robot, xyz: Vector, tip: str | None = None) -> None:
         cure = f"this looks like millimetres, {robot.name} reaches {reach:.3g} m: give metres"
         raise ArgumentError("xyz of a tool", np.asarray(xyz).tolist(), cure)
 
-
-# --------------------------------------------------------------------------------------------------
-# `with_limits`: a robot with limits of its joints that its model does not have, or with others than
-# it has.
-# --------------------------------------------------------------------------------------------------
 
 FASTEST = 50.0
 """Speed [rad/s, m/s] beyond which a limit is doubted: eight turns a second; limits in deg/s are beyond it."""
@@ -638,9 +625,7 @@ def _axis(tree: Tree, joint: Branch) -> Vector:
     return joint.axis / length
 
 
-# --------------------------------------------------------------------------------------------------
-# Robots put together: an arm on a rail or a mobile base, two arms side by side, a tool on a flange.
-# --------------------------------------------------------------------------------------------------
+# --- Robots put together: an arm on a rail or a mobile base, two arms side by side, a tool on a flange.
 
 BASE = "base"
 """What a part stands on when it stands on the ground, in `Part.on`."""

@@ -21,14 +21,11 @@ from .model import Robot
 from .shapes.link_shapes import Capsule, LinkShape, Shape
 from .tree import joint_frames, motion, placed
 
-# --------------------------------------------------------------------------------------------------
-# The geometric Jacobian as a link in the middle of the chain sees it: of few operations, for
-# proofs.
+# --- The geometric Jacobian as a link in the middle of the chain sees it: of few operations, for proofs.
 #
-# Seen from the base each column holds all joints before it; seen from a middle link only those in
-# between. The rows are turned together, and the linear ones are the velocities of another point of
-# the tool: a factor A with det A = 1, which keeps null vectors and det J J^T.
-# --------------------------------------------------------------------------------------------------
+# Seen from the base each column holds all joints before it; seen from a middle link only those in between. The rows are
+# turned together, and the linear ones are the velocities of another point of the tool: a factor A with det A = 1, which
+# keeps null vectors and det J J^T.
 
 Frames = dict[int, tuple[SX, SX]]
 
@@ -92,11 +89,6 @@ def _columns(robot: Robot, frames: Frames, chain: list[int], point: SX, turned: 
     return horzcat(*columns)[: 6 if turned else 3, :]
 
 
-# --------------------------------------------------------------------------------------------------
-# Coordinates without a robot, for tasks x = f(u) of any other kind, as control allocation.
-# --------------------------------------------------------------------------------------------------
-
-
 @typed
 def coordinates(
     names: Sequence[str],
@@ -133,10 +125,6 @@ def coordinates(
     made = tuple(Coordinate(one, "quantity", float(a), float(b), float(v), unit) for one, unit, a, b, v in rows)
     return Robot(name, made, (), (), "coordinates without links")
 
-
-# --------------------------------------------------------------------------------------------------
-# How far a robot's tool gets from its base, without CasADi: a list of robots is printed at once.
-# --------------------------------------------------------------------------------------------------
 
 _SAMPLES = 2048
 """Postures of which the farthest are improved: for the robots of the catalogue 16 times as many change no digit."""
@@ -188,10 +176,7 @@ def _points(robot: Robot, Q: Matrix, end: Tip) -> tuple[Matrix, Array]:
     return point, J
 
 
-# --------------------------------------------------------------------------------------------------
-# Capsules for robots whose links have no shapes, such as those of DH tables; and obstacles around a
-# robot.
-# --------------------------------------------------------------------------------------------------
+# --- Capsules for robots whose links have no shapes, such as those of DH tables; and obstacles around a robot.
 
 SLENDER = 20.0
 """Length of an arm over the radius of its capsules: 7 cm for a Panda, 6 cm for a UR5e."""
@@ -446,9 +431,7 @@ def knows_masses(robot: Robot) -> bool:
     return any(body.joint >= 0 for body in robot.bodies)
 
 
-# --------------------------------------------------------------------------------------------------
-# What a robot's masses give: the joint-space mass matrix and the gravity potential. [Kha87]
-# --------------------------------------------------------------------------------------------------
+# --- What a robot's masses give: the joint-space mass matrix and the gravity potential. [Kha87]
 
 
 def mass_matrix_expression(robot: Robot, q: SX) -> SX:
@@ -483,10 +466,6 @@ def _bodies(robot: Robot) -> tuple[Body, ...]:
             raise MassError(robot.name, f"has a mass of {body.mass} kg")
     return moving
 
-
-# --------------------------------------------------------------------------------------------------
-# `Servo`: what drives each joint of a robot on physics.
-# --------------------------------------------------------------------------------------------------
 
 ServoKind = Literal["position", "velocity", "torque"]
 """What a servo is told."""

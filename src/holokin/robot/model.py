@@ -48,10 +48,7 @@ from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Kinem
 from .shapes.link_shapes import LinkShape
 from .shapes.visuals import Visual
 
-# --------------------------------------------------------------------------------------------------
-# Where the joints of a robot stand in a MuJoCo or Pinocchio model, which may have more of them, in
-# another order.
-# --------------------------------------------------------------------------------------------------
+# --- Where the joints of a robot stand in a MuJoCo or Pinocchio model, which may have more of them, in another order.
 
 _CURE = "name the model's joint with one degree of freedom for each of the robot's: joints=[...]"
 
@@ -601,12 +598,6 @@ def _compose(frames: Sequence[tuple[SX, SX]], parent: int, placement: Matrix) ->
         return SX(placement[:3, 3]), SX(placement[:3, :3])
     p, R = frames[parent]
     return p + R @ SX(placement[:3, 3]), R @ SX(placement[:3, :3])
-
-
-# --------------------------------------------------------------------------------------------------
-# Second derivatives of the forward kinematics, in closed form: cross products of Jacobian columns.
-# [HC20]
-# --------------------------------------------------------------------------------------------------
 
 
 def hessian_expression(robot: Robot, q: SX, tip: str | None = None) -> list[SX]:

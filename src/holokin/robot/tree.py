@@ -202,11 +202,6 @@ def _turn_matrix(axis: Vector, angle: float | Vector) -> Array:
     return np.eye(3) + s * K + (1 - c) * (K @ K)
 
 
-# --------------------------------------------------------------------------------------------------
-# A tree seen from another link: from one hand of a two-armed robot to the other, for instance.
-# --------------------------------------------------------------------------------------------------
-
-
 def rerooted(tree: Tree, base: str) -> Tree:
     """The same tree with `base` as its root.
 
@@ -235,10 +230,7 @@ def rerooted(tree: Tree, base: str) -> Tree:
     return replace(tree, links={**tree.links, **between}, joints=joints)
 
 
-# --------------------------------------------------------------------------------------------------
-# Frames of a robot's joints at many postures at once, in NumPy: without CasADi and without a
-# compiler.
-# --------------------------------------------------------------------------------------------------
+# --- Frames of a robot's joints at many postures at once, in NumPy: without CasADi and without a compiler.
 
 Frames = list[tuple[Matrix, Array]]
 """(positions (k, 3), rotations (k, 3, 3)) of frames at k postures."""

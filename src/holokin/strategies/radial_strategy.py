@@ -45,13 +45,10 @@ from .right_inverses import holonomic
 from .strategy import HolonomicStrategy, Strategy
 from .tasks.task import Task
 
-# --------------------------------------------------------------------------------------------------
-# Self-motions, the postures that hold the tool where it is: walked in steps, at many tool poses
-# side by side.
+# --- Self-motions, the postures that hold the tool where it is: walked in steps, at many tool poses side by side.
 #
-# dq/ds = v, where v is the last direction without its part that moves the tool, v - J^+ J v. With
-# one redundant joint that is the self-motion itself, a curve; with several it is a line in it.
-# --------------------------------------------------------------------------------------------------
+# dq/ds = v, where v is the last direction without its part that moves the tool, v - J^+ J v. With one redundant joint
+# that is the self-motion itself, a curve; with several it is a line in it.
 
 CORRECTIONS = 2
 """Newton corrections of a step. A step of 0.2 leaves 1e-3, the first one 1e-6 of it, the second one round-off."""
@@ -292,13 +289,10 @@ def _unit(v: Matrix) -> Matrix:
         return v / np.linalg.norm(v, axis=1, keepdims=True)
 
 
-# --------------------------------------------------------------------------------------------------
-# Labels of the postures with one tool pose: what tells the leaves of a `radial` strategy apart.
+# --- Labels of the postures with one tool pose: what tells the leaves of a `radial` strategy apart.
 #
-# With one redundant joint these postures are a curve, the self-motion, and the label is arc length
-# along it as an angle: it never turns back. With more the label is the projection on the
-# self-motions at the start, which does.
-# --------------------------------------------------------------------------------------------------
+# With one redundant joint these postures are a curve, the self-motion, and the label is arc length along it as an
+# angle: it never turns back. With more the label is the projection on the self-motions at the start, which does.
 
 STEP = 0.05
 """Arc length between the postures that the curve is traced by [joint units]."""

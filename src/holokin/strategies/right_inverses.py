@@ -170,10 +170,7 @@ def coupled_twist(task: Task, gain: ArrayLike, *, name: str = "coupled (geometri
     return RowStrategy(name, task, lambda _t, k, _q: k.jacobian[3:, :] + SX(L) @ k.jacobian[:3, :])
 
 
-# --------------------------------------------------------------------------------------------------
-# A strategy given as a Python function q -> G without a formula: any code that computes a right
-# inverse.
-# --------------------------------------------------------------------------------------------------
+# --- A strategy given as a Python function q -> G without a formula: any code that computes a right inverse.
 
 AGAIN = 1e-6
 """Difference of G [joint unit / task unit] between two calls at one posture that is no noise: as large as what J G may
@@ -329,12 +326,10 @@ def _about(q0: Vector) -> Matrix:
     return q0 + moves
 
 
-# --------------------------------------------------------------------------------------------------
-# Strategies with a physical reading: least kinetic energy, and an arm on springs.
+# --- Strategies with a physical reading: least kinetic energy, and an arm on springs.
 #
-# Both are weighted pseudo-inverses G = W J^T (J W J^T)^-1. They are written by the rows that annul
-# range G, N^T W^-1 dq = 0, so W itself, the inverse of what is given, is never formed.
-# --------------------------------------------------------------------------------------------------
+# Both are weighted pseudo-inverses G = W J^T (J W J^T)^-1. They are written by the rows that annul range G, N^T W^-1 dq
+# = 0, so W itself, the inverse of what is given, is never formed.
 
 Force = Literal["pseudo-inverse", "stiffness"]
 """How the force at the tool is found from the joint torques: by J^+, or by the inverse that the stiffness weights."""
@@ -421,14 +416,12 @@ def check_exact(task: Task) -> None:
         )
 
 
-# --------------------------------------------------------------------------------------------------
-# `fitted`: a holonomic strategy's leaves as polynomials, for use in a fast loop.
+# --- `fitted`: a holonomic strategy's leaves as polynomials, for use in a fast loop.
 #
-# A radial strategy integrates a ray at every call. Near a start its constraint is a smooth function
-# of the tool pose x and one linear coordinate phi = Z^T q per redundant joint, so a polynomial in
-# (x, phi) of low degree stands for it. Whatever the fit, the result is the gradient of a function:
-# it is exactly holonomic, and only as near to the given strategy as the fit is good.
-# --------------------------------------------------------------------------------------------------
+# A radial strategy integrates a ray at every call. Near a start its constraint is a smooth function of the tool pose x
+# and one linear coordinate phi = Z^T q per redundant joint, so a polynomial in (x, phi) of low degree stands for it.
+# Whatever the fit, the result is the gradient of a function: it is exactly holonomic, and only as near to the given
+# strategy as the fit is good.
 
 Terms = tuple[tuple[int, ...], ...]
 """For each monomial the variables that it multiplies; () is the constant."""
@@ -544,15 +537,12 @@ def _least_squares(
     return np.asarray(np.linalg.lstsq(A, b, rcond=1e-12)[0], dtype=float)
 
 
-# --------------------------------------------------------------------------------------------------
-# All holonomic strategies: the paper's open question, answered by a parametrised inverse and a
-# transport (theory 1.6).
+# --- All holonomic strategies: the paper's open question, answered by a parametrised inverse and a transport (theory
+# 1.6).
 #
-# With an inverse K(x, z), f(K(x, z)) = x, over a contractible set of tool poses x, the complete
-# holonomic strategies are exactly the maps Phi(x, .) of the redundancy coordinates z with Phi(x0,
-# .) = identity: a leaf is q = K(x, Phi(x, z0)), z0 its label, and G = K_x + K_z dPhi/dx. Nothing is
-# redundant in this description.
-# --------------------------------------------------------------------------------------------------
+# With an inverse K(x, z), f(K(x, z)) = x, over a contractible set of tool poses x, the complete holonomic strategies
+# are exactly the maps Phi(x, .) of the redundancy coordinates z with Phi(x0, .) = identity: a leaf is q = K(x, Phi(x,
+# z0)), z0 its label, and G = K_x + K_z dPhi/dx. Nothing is redundant in this description.
 
 CHECKED = 1e-8
 """Largest error of K, z, Phi and its inverse at the places where they are checked [m, rad]."""

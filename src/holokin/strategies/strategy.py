@@ -45,9 +45,7 @@ from ..symbolic.linear import back_substitute, null_space_expression
 from .constraints import Constraint
 from .tasks.task import Task
 
-# --------------------------------------------------------------------------------------------------
-# The planes of a strategy as expressions: the span of a frame, or the kernel of rows (theory 1.3).
-# --------------------------------------------------------------------------------------------------
+# --- The planes of a strategy as expressions: the span of a frame, or the kernel of rows (theory 1.3).
 
 Brackets = dict[tuple[int, int], SX]
 """[B_a, B_b] (n,) of the columns a < b of a frame."""
@@ -362,10 +360,7 @@ def checked_rate(strategy: Strategy) -> Callable[[Vector, Vector], Vector]:
     return rate
 
 
-# --------------------------------------------------------------------------------------------------
-# The three kinds of strategies: planes from a frame, from rows, from a constraint. Every strategy
-# is one of them.
-# --------------------------------------------------------------------------------------------------
+# --- The three kinds of strategies: planes from a frame, from rows, from a constraint. Every strategy is one of them.
 
 
 @final

@@ -94,20 +94,15 @@ class _Register:
     stands: ca.SX | None = None
 
 
-# --------------------------------------------------------------------------------------------------
-# Taylor models: what an expression is along a curve and near it, as a polynomial with a bound of
-# what is left.
+# --- Taylor models: what an expression is along a curve and near it, as a polynomial with a bound of what is left.
 #
-# Every operation of a CasADi function is applied to models instead of numbers, for all |t| <= 1 and
-# |u_j| <= 1:
+# Every operation of a CasADi function is applied to models instead of numbers, for all |t| <= 1 and |u_j| <= 1:
 #
 #     m + a t + b t^2 + c t^3 + sum_j e_j u_j,   give or take r;   give or take r0 where all u_j are 0
 #
-# The arguments are x = c + t v + t^2 w + t^3 z, each with a width of its own. What is linear in the
-# u_j and cubic in t is exact: a model serves over pieces ten times as long as an `Enclosure`, which
-# keeps the middle alone. Round-off is not enclosed, and a copysign takes the sign at the middle, as
-# there.
-# --------------------------------------------------------------------------------------------------
+# The arguments are x = c + t v + t^2 w + t^3 z, each with a width of its own. What is linear in the u_j and cubic in t
+# is exact: a model serves over pieces ten times as long as an `Enclosure`, which keeps the middle alone. Round-off is
+# not enclosed, and a copysign takes the sign at the middle, as there.
 
 _UNARY = {
     ca.OP_NEG: "hk_model_scale({0}, HK_C(-1), {1})",
@@ -201,9 +196,7 @@ def _written(there: str, register: int, constant: Mapping[int, float]) -> str:
     return f"  *({there}) = w[{register}];"
 
 
-# --------------------------------------------------------------------------------------------------
-# Where a formula may jump: the places at which an if_else, a floor, a sign, ... of it turns over.
-# --------------------------------------------------------------------------------------------------
+# --- Where a formula may jump: the places at which an if_else, a floor, a sign, ... of it turns over.
 
 _NAMES = {getattr(ca, key): key.removeprefix("OP_").lower() for key in dir(ca) if key.startswith("OP_")}
 _CONDITIONS = {ca.OP_LT: "if_else", ca.OP_LE: "if_else"}
@@ -297,9 +290,7 @@ def _turning(op: int, parts: list[ca.SX]) -> tuple[ca.SX, ca.SX]:
     return ratio - ca.floor(ratio + 0.5), ca.floor(ratio)
 
 
-# --------------------------------------------------------------------------------------------------
-# The Runge-Kutta step of order 4, for numbers and for expressions, and many of them as a loop.
-# --------------------------------------------------------------------------------------------------
+# --- The Runge-Kutta step of order 4, for numbers and for expressions, and many of them as a loop.
 
 
 def runge_kutta(rate: Callable[[Any, Any], Any], y: Any, h: float, start: Any, middle: Any, end: Any) -> Any:

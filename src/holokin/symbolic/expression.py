@@ -183,17 +183,14 @@ def _shown(node: ast.expr) -> str:
         return "a part of it"
 
 
-# --------------------------------------------------------------------------------------------------
-# `Separated`: an expression whose derivatives are exact, and where it is smooth.
+# --- `Separated`: an expression whose derivatives are exact, and where it is smooth.
 #
-# CasADi multiplies constants while it differentiates, (0.3 (0.7 x))' = fl(0.3 0.7), and that
-# product is rounded. Here each constant is a symbol, so that no number is computed before the
-# intervals do it. Only 0, +-1/2, +-1 and +-2 stay, whose sums and products are exact, and the
-# exponents of powers.
+# CasADi multiplies constants while it differentiates, (0.3 (0.7 x))' = fl(0.3 0.7), and that product is rounded. Here
+# each constant is a symbol, so that no number is computed before the intervals do it. Only 0, +-1/2, +-1 and +-2 stay,
+# whose sums and products are exact, and the exponents of powers.
 #
-# A derivative says nothing of a jump: |x|' = sign x is bounded across 0. Each operation that has a
-# kink or a jump leaves a guard, an expression that vanishes there.
-# --------------------------------------------------------------------------------------------------
+# A derivative says nothing of a jump: |x|' = sign x is bounded across 0. Each operation that has a kink or a jump
+# leaves a guard, an expression that vanishes there.
 
 _KEPT = (0.0, 0.5, -0.5, 1.0, -1.0, 2.0, -2.0)
 _COMPARED = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX)
@@ -290,10 +287,6 @@ class Separated:
             ca.vertcat(*rows), ca.vertcat(*symbols), np.array(values), ca.vertcat(*(guards[i] for i in needed))
         )
 
-
-# --------------------------------------------------------------------------------------------------
-# What an expression is made of: only sums, products, quotients, sines and cosines, or more.
-# --------------------------------------------------------------------------------------------------
 
 _PLAIN = (
     "INPUT", "OUTPUT", "CONST", "PARAMETER", "ASSIGN", "ADD", "SUB", "MUL", "DIV", "INV", "NEG", "TWICE", "SQ", "SIN",

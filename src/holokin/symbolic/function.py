@@ -31,11 +31,6 @@ from .native.kernel import (
 )
 from .native.toolchain import allowed, enabled, tell
 
-# --------------------------------------------------------------------------------------------------
-# `CheckedBatch`: a checked function of one vector at many samples. The one rule of (n,) or (k, n)
-# is here.
-# --------------------------------------------------------------------------------------------------
-
 PIECE = 100_000
 """Samples that are checked at once, so that only the results grow with their number."""
 

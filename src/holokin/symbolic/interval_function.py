@@ -300,18 +300,14 @@ def operation_list(inputs: Mapping[str, ca.SX], output: ca.SX) -> list[list[Any]
     return found + [["output", results[row]] for row in range(made.size1_out(0))]
 
 
-# --------------------------------------------------------------------------------------------------
-# Enclosures: what an expression can be over a box of its arguments, as pairs (mid, rad) with |y -
-# mid| <= rad. [Rum99]
+# --- Enclosures: what an expression can be over a box of its arguments, as pairs (mid, rad) with |y - mid| <= rad.
+# [Rum99]
 #
-# Every operation of a CasADi function is applied to pairs instead of numbers. The middle is the
-# expression's own value at the centre of the box, so an enclosure shrinks to it with the box.
-# Round-off is not enclosed: a bound holds up to about 1e-13 of itself. Two things are left out on
-# purpose: a copysign takes the sign at the centre (it picks one of two equal formulas in
-# Householder reflections), and a jump of a derivative (fabs, if_else, fmin) is no part of it, so
-# that expressions must be smooth. Where an `if_else` may fall either way both branches are
-# enclosed.
-# --------------------------------------------------------------------------------------------------
+# Every operation of a CasADi function is applied to pairs instead of numbers. The middle is the expression's own value
+# at the centre of the box, so an enclosure shrinks to it with the box. Round-off is not enclosed: a bound holds up to
+# about 1e-13 of itself. Two things are left out on purpose: a copysign takes the sign at the centre (it picks one of
+# two equal formulas in Householder reflections), and a jump of a derivative (fabs, if_else, fmin) is no part of it, so
+# that expressions must be smooth. Where an `if_else` may fall either way both branches are enclosed.
 
 Pair = tuple[ca.SX, ca.SX]
 """(mid, rad >= 0)."""

@@ -168,15 +168,13 @@ def solution(A: ca.SX, B: ca.SX, *, written_out: bool = False) -> Solution:
     return Solution(X, measures[0], measures[1], System(ca.SX(A), ca.SX(B), X, measures))
 
 
-# --------------------------------------------------------------------------------------------------
-# Null spaces of a Jacobian J (m, n) of full rank, r = n - m: numbers and expressions side by side.
+# --- Null spaces of a Jacobian J (m, n) of full rank, r = n - m: numbers and expressions side by side.
 #
 # A basis N (n, r) is never unique. Which one is right hangs on what is done with it:
 # - its span alone counts: `null_space`, `null_space_expression`, orthonormal;
 # - r = 1 and the sign counts: `null_vector`, `null_vector_expression`, of length 1 with det [J; n^T] > 0;
 # - r = 1 and J may lose rank: `minors`, `minors_expression`, which vanish there;
 # - of any r all minors: `every_minor`, whose squares sum up to det J J^T.
-# --------------------------------------------------------------------------------------------------
 
 
 def null_space(J: Array) -> Array:
@@ -239,11 +237,6 @@ def minors_expression(J: ca.SX) -> ca.SX:
     n, found = J.shape[1], every_minor(J)
     columns = tuple(range(n))
     return ca.vertcat(*((-1) ** (n - 1 + j) * found[columns[:j] + columns[j + 1 :]] for j in range(n)))
-
-
-# --------------------------------------------------------------------------------------------------
-# A small quadratic programme, solved by CasADi's own active-set method qrqp.
-# --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,7 @@ from .plots import GOOD, GREY, HOLONOMIC, INK, PAGE, WARNING, on_figure
 from .robot_panels import Actor, draw_panel, stage_of
 from .sheets_plots import CAUSES, coverage_cloud
 
-# --------------------------------------------------------------------------------------------------
-# A robot in words: its joints with their limits, its tool frames, where its numbers are from.
-# --------------------------------------------------------------------------------------------------
+# --- A robot in words: its joints with their limits, its tool frames, where its numbers are from.
 
 
 def robot_facts(robot: Robot) -> list[str]:

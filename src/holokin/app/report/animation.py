@@ -32,10 +32,7 @@ from .plots import (
 from .robot_panels import GHOST, Curve, stage_of
 from .robot_view import Layer, Pixels, floor_scale, layer_of, onto, show, solids_at, standing, triad
 
-# --------------------------------------------------------------------------------------------------
-# Films: frames to a file, MP4 where imageio-ffmpeg is installed, else GIF; never larger than
-# `MOST_BYTES`.
-# --------------------------------------------------------------------------------------------------
+# --- Films: frames to a file, MP4 where imageio-ffmpeg is installed, else GIF; never larger than `MOST_BYTES`.
 
 MOST_BYTES = 3_000_000
 """Size of a film."""

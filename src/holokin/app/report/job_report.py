@@ -23,9 +23,7 @@ from .job_figures import figures
 from .job_result import JobResult, SheetsResult, StrategyResult, renewed, write_facts
 from .plots import ALIKE, BAD, GOOD, HOLONOMIC_TEXT, WARNING, check_words, paths_words, speed_warning, stopped
 
-# --------------------------------------------------------------------------------------------------
-# What the checks of a job found, as a section of its report.
-# --------------------------------------------------------------------------------------------------
+# --- What the checks of a job found, as a section of its report.
 
 MOST_ROWS = 200
 """Findings in a report; result.json has them all."""
@@ -64,9 +62,7 @@ def _row(one: Finding) -> list[str]:
     ]  # fmt: skip
 
 
-# --------------------------------------------------------------------------------------------------
-# What a job found of its [sheets], as a section of its report.
-# --------------------------------------------------------------------------------------------------
+# --- What a job found of its [sheets], as a section of its report.
 
 
 def _sheets_section(result: SheetsResult | None) -> list[str]:
@@ -92,9 +88,7 @@ def _listed(lines: list[str]) -> str:
     return f"<ul class='small'>{items}</ul>" if items else ""
 
 
-# --------------------------------------------------------------------------------------------------
-# The table of a job, for the terminal and the report.
-# --------------------------------------------------------------------------------------------------
+# --- The table of a job, for the terminal and the report.
 
 NOTHING = 1e-18
 """Size [any unit] below which a figure is 0: differences of doubles over 0.01 are at least that."""
@@ -208,10 +202,7 @@ def print_result(result: JobResult, console: Any) -> None:
                 console.print(text, style=BAD, markup=False, highlight=False)
 
 
-# --------------------------------------------------------------------------------------------------
-# The verdict of a job in words, for somebody who signs it: what was run, what holds, what was not
-# tested.
-# --------------------------------------------------------------------------------------------------
+# --- The verdict of a job in words, for somebody who signs it: what was run, what holds, what was not tested.
 
 MOST_FINDINGS = 3
 """Findings of a strategy that are told in the verdict; the section on checks has all."""

@@ -27,10 +27,7 @@ from ...path.editing import AnyPath
 from ...proof.cell_search import count_kept, remove_kept
 from ...robot import LinkShape, Robot
 
-# --------------------------------------------------------------------------------------------------
-# What a job found of its [sheets]: the map, the share that was wanted, and the motion along the
-# job's path.
-# --------------------------------------------------------------------------------------------------
+# --- What a job found of its [sheets]: the map, the share that was wanted, and the motion along the job's path.
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,10 +294,7 @@ def _file_stems(named: Mapping[str, Iterable[str]]) -> dict[str, str]:
     return stems
 
 
-# --------------------------------------------------------------------------------------------------
-# The folder of a job's results: replaced whole or not at all, without the loss of what others have
-# put there.
-# --------------------------------------------------------------------------------------------------
+# --- The folder of a job's results: replaced whole or not at all, without the loss of what others have put there.
 
 FACTS = "result.json"
 """The file by which a folder is known as holokin's; it names the files that holokin wrote."""
@@ -386,11 +380,6 @@ def _repair(place: FilePath) -> None:
     with alone(place.parent), uninterrupted():
         restore(place, lambda held: written(held) or set())
 
-
-# --------------------------------------------------------------------------------------------------
-# `CellsFiles`: where `holokin certify --workspace` keeps the cells of each strategy until
-# certificates are written.
-# --------------------------------------------------------------------------------------------------
 
 ENDING = ".cells"
 

@@ -118,10 +118,6 @@ def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
     return axes
 
 
-# --------------------------------------------------------------------------------------------------
-# The figure of the audit of a robot learning dataset.
-# --------------------------------------------------------------------------------------------------
-
 MOST_POINTS = 4_000
 """Tool poses and pairs that are drawn."""
 

@@ -22,9 +22,7 @@ from ...proof.proven_region import CAUSES
 from ...robot import Robot
 from .job_result import JobResult, StrategyResult
 
-# --------------------------------------------------------------------------------------------------
-# What figures, tables and reports say of a result, in sentences.
-# --------------------------------------------------------------------------------------------------
+# --- What figures, tables and reports say of a result, in sentences.
 
 ALIKE = 1e-8
 """Joint difference [rad or m] that is called none in captions: nobody could measure it."""
@@ -111,15 +109,11 @@ def speed_warning(result: JobResult, strategy: StrategyResult) -> str:
     )
 
 
-# --------------------------------------------------------------------------------------------------
-# The colours of everything drawn: plots, films, tables of the terminal, the studio. Safe for
-# colour-blind readers.
+# --- The colours of everything drawn: plots, films, tables of the terminal, the studio. Safe for colour-blind readers.
 #
-# The eight colours are those of Okabe and Ito, "Color Universal Design", 2008
-# (https://jfly.uni-koeln.de/color/), also in B. Wong, "Points of view: Color blindness", Nature
-# Methods 8, 441 (2011). A colour is never the only sign: lines differ by their dashes or have their
-# names beside them too.
-# --------------------------------------------------------------------------------------------------
+# The eight colours are those of Okabe and Ito, "Color Universal Design", 2008 (https://jfly.uni-koeln.de/color/), also
+# in B. Wong, "Points of view: Color blindness", Nature Methods 8, 441 (2011). A colour is never the only sign: lines
+# differ by their dashes or have their names beside them too.
 
 BLUE = "#0072B2"
 VERMILLION = "#D55E00"
@@ -457,11 +451,6 @@ def _gap(gap: float, unit: str) -> str:
     return "ends agree" if gap < 1e-9 else f"ends {gap:.3g} {unit} apart"
 
 
-# --------------------------------------------------------------------------------------------------
-# A picture of the levels that serve a workspace.
-# --------------------------------------------------------------------------------------------------
-
-
 def level_figure(found: LevelRange) -> Any:
     """The share of the workspace that each level serves; shaded, the levels that serve all of it."""
     from matplotlib import rc_context
@@ -481,9 +470,7 @@ def level_figure(found: LevelRange) -> Any:
     return figure
 
 
-# --------------------------------------------------------------------------------------------------
-# A picture of a region that is proven, and of what the rest of its workspace is.
-# --------------------------------------------------------------------------------------------------
+# --- A picture of a region that is proven, and of what the rest of its workspace is.
 
 PROOF_COLORS = ("#1f7a6b", "#c9d1da", PURPLE, ORANGE, SKY, VERMILLION)
 """Of a pose that is proven, and of the others by `CAUSES`."""

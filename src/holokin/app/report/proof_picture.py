@@ -143,10 +143,7 @@ def _edges_of(box: Box) -> list[Matrix]:
     return [edge for edge in edges if np.ptp(edge, axis=0).any()]
 
 
-# --------------------------------------------------------------------------------------------------
-# The picture of a box of tool poses: what is proven of it, what is refuted, what is undecided, and
-# the robot there.
-# --------------------------------------------------------------------------------------------------
+# --- The picture of a box of tool poses: what is proven of it, what is refuted, what is undecided, and the robot there.
 
 CLEAR_SIZE = (7.6, 6.5)
 """Of the picture [inch]."""

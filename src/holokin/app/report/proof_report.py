@@ -50,10 +50,7 @@ from .proof_words import (
     verdict,
 )
 
-# --------------------------------------------------------------------------------------------------
-# The parts of a certificate's page that are about distances: shapes, pairs, speeds, and where a box
-# is not proven.
-# --------------------------------------------------------------------------------------------------
+# --- The parts of a certificate's page that are about distances: shapes, pairs, speeds, and where a box is not proven.
 
 MOST_ROWS = 150
 """Rows of a table; the file has all."""
@@ -188,10 +185,7 @@ def _percent(share: float) -> str:
     return f"{100 * share:.2f} %" if share >= 5e-5 else "below 0.01 %"
 
 
-# --------------------------------------------------------------------------------------------------
-# The page of a certificate: HTML to print, beside the file of the certificate, which it names by
-# its SHA-256.
-# --------------------------------------------------------------------------------------------------
+# --- The page of a certificate: HTML to print, beside the file of the certificate, which it names by its SHA-256.
 
 MOST_PIECES = 12
 """Rows in the table of a path; the file has all pieces."""

@@ -24,10 +24,7 @@ from ...robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, S
 from ...strategies.tasks.task import Task
 from .plots import joint_unit
 
-# --------------------------------------------------------------------------------------------------
-# What a certificate says of distances, in words: shapes, pairs, the nearest place, and postures
-# that are too near.
-# --------------------------------------------------------------------------------------------------
+# --- What a certificate says of distances, in words: shapes, pairs, the nearest place, and postures that are too near.
 
 
 @final

@@ -18,10 +18,7 @@ from ...robot.links import Line, between, link_lines
 from ...robot.tree import Frames, joint_frames, placed
 from .plots import AXES, GREY, INK, rgb
 
-# --------------------------------------------------------------------------------------------------
-# Solids seen without perspective: rods with round ends and convex blocks, shaded, the nearer before
-# the farther.
-# --------------------------------------------------------------------------------------------------
+# --- Solids seen without perspective: rods with round ends and convex blocks, shaded, the nearer before the farther.
 
 Pixels = NDArray[Any]
 """What is known of each pixel: 32 bits are enough."""
@@ -276,10 +273,7 @@ def onto(ground: Pixels, layer: Layer, alpha: float = 1.0, where: Any = None) ->
     part += share[..., None] * (layer.color[layer.here] - part)
 
 
-# --------------------------------------------------------------------------------------------------
-# A robot as solids: links as rods with thickness or by the shapes of its model, hinges, rails, base
-# and tool frame.
-# --------------------------------------------------------------------------------------------------
+# --- A robot as solids: links as rods with thickness or by the shapes of its model, hinges, rails, base and tool frame.
 
 TAPER = 0.6
 """Thickness of the last link over that of the first."""

@@ -33,10 +33,7 @@ from .plots import (
     thin,
 )
 
-# --------------------------------------------------------------------------------------------------
-# Pictures of coverage: slices through a workspace and the cloud of its poses. Each takes an Axes
-# and returns it.
-# --------------------------------------------------------------------------------------------------
+# --- Pictures of coverage: slices through a workspace and the cloud of its poses. Each takes an Axes and returns it.
 
 CAUSES = {
     PoseStatus.LIMIT: (ORANGE, "joint limit"),
@@ -248,9 +245,7 @@ def _frame_cloud(axes: Any, points: Matrix) -> None:
         axis.labelpad = -3
 
 
-# --------------------------------------------------------------------------------------------------
-# Pictures of a map of sheets: which sheet serves which pose, and where the joints change.
-# --------------------------------------------------------------------------------------------------
+# --- Pictures of a map of sheets: which sheet serves which pose, and where the joints change.
 
 SHEETS = ("#1f7a6b", SKY, ORANGE, "#3b4ba0", YELLOW, VERMILLION, PURPLE)
 """Colours of the sheets, the first one's first; of more they come again."""

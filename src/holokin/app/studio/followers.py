@@ -30,9 +30,7 @@ from ...strategies.tasks.task import Task
 from .laws import Law, Slider, across, along, level_slider, self_motion_curve, self_slider
 from .states import History, Judgement, LawState, LawStatus
 
-# --------------------------------------------------------------------------------------------------
-# The loop that all laws of a session run round: a path, and the [path] table of a job that says it.
-# --------------------------------------------------------------------------------------------------
+# --- The loop that all laws of a session run round: a path, and the [path] table of a job that says it.
 
 SAMPLES = 500
 """Steps a cycle, as of `hk.drift`."""
@@ -184,10 +182,7 @@ def entered(loop: Loop, task: Task, home: Vector) -> Loop:
     return replace(loop, keys={**loop.keys, "entry": "joints" if away else None})
 
 
-# --------------------------------------------------------------------------------------------------
-# One law after a dragged tool: from a posture to the joints of a tool pose, or where it stays and
-# why.
-# --------------------------------------------------------------------------------------------------
+# --- One law after a dragged tool: from a posture to the joints of a tool pose, or where it stays and why.
 
 PERIOD = 0.1
 """Step of a law that follows by velocity [s]: no joint goes farther in a step than at its full speed in this time."""
@@ -381,10 +376,7 @@ def _limit_sentence(task: Task, q: Vector) -> str:
     return f"{robot.joint_names[i]} would pass its limit of {bound:.4g} {unit}; drag it back, or choose another law."
 
 
-# --------------------------------------------------------------------------------------------------
-# One law round the loop of a session: the steps of `hk.follow`, as many at a time as a frame of the
-# page asks for.
-# --------------------------------------------------------------------------------------------------
+# --- One law round the loop of a session: the steps of `hk.follow`, as many at a time as a frame of the page asks for.
 
 LOOP_PIECES = 200
 """Pieces of one step in Python. A step takes one or two; where a leaf ends, native code has tried them all before."""

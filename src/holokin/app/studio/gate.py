@@ -29,16 +29,12 @@ from ...base.errors import MissingExtraError
 from .door import PAGE, TOKEN, Door, inner, policy
 from .page_scene import silent_viser
 
-# --------------------------------------------------------------------------------------------------
-# `Incoming`: what browsers say to the studio, looked at before viser hears it. Loaded with viser,
-# not before.
+# --- `Incoming`: what browsers say to the studio, looked at before viser hears it. Loaded with viser, not before.
 #
-# viser takes a client's word for everything: it sets any property of a control to any value, tells
-# it to all browsers, and opens a tunnel to the internet when it is asked to. So of its messages
-# only those pass that the page of the studio needs, with just their known fields; numbers are
-# finite and within the bounds of their control, a choice is one of its options. What does not fit
-# is dropped, and nobody else notices.
-# --------------------------------------------------------------------------------------------------
+# viser takes a client's word for everything: it sets any property of a control to any value, tells it to all browsers,
+# and opens a tunnel to the internet when it is asked to. So of its messages only those pass that the page of the studio
+# needs, with just their known fields; numbers are finite and within the bounds of their control, a choice is one of its
+# options. What does not fit is dropped, and nobody else notices.
 
 LONGEST = 200
 """Characters of a text that is typed into the page, and of names in messages."""

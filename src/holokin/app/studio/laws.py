@@ -21,10 +21,7 @@ from ...strategies.radial_strategy import SelfMotions
 from ...strategies.tasks.task import Task, of_one_tool
 from .states import LawStatus
 
-# --------------------------------------------------------------------------------------------------
-# The laws of a session: a strategy or a control law, with a name, a colour, and what a job file
-# says of it.
-# --------------------------------------------------------------------------------------------------
+# --- The laws of a session: a strategy or a control law, with a name, a colour, and what a job file says of it.
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,9 +103,7 @@ def redundant(task: Task) -> None:
         raise ArgumentError(f"the number of joints to spare of the {task.name}", task.n - task.m, cure)
 
 
-# --------------------------------------------------------------------------------------------------
-# Sliders: along a self-motion, with the tool still; and across the leaves of a holonomic law.
-# --------------------------------------------------------------------------------------------------
+# --- Sliders: along a self-motion, with the tool still; and across the leaves of a holonomic law.
 
 STEP = 0.02
 """Arc length between the postures of a curve [joint units]."""

@@ -33,11 +33,6 @@ from .followers import (
 from .laws import WIDTH, Law, Slider, TwoPaths, two_paths
 from .states import LawStatus, Phase, Snapshot
 
-# --------------------------------------------------------------------------------------------------
-# `LawGroup`: several laws of one robot at one tool target: where each stands, and what moves it
-# there.
-# --------------------------------------------------------------------------------------------------
-
 
 class LawGroup(ABC):
     """The part of a `Session` that knows of no loop: laws, the target of their tools, and sliders.

@@ -34,10 +34,7 @@ from ...robot.tree import Frames, joint_frames
 from ..report.plots import GREY, LOOP, color_of, rgb
 from ..report.robot_view import pieces_of
 
-# --------------------------------------------------------------------------------------------------
-# The links of a robot as triangles to look at: its own meshes, or capsules where it has none that
-# can be read.
-# --------------------------------------------------------------------------------------------------
+# --- The links of a robot as triangles to look at: its own meshes, or capsules where it has none that can be read.
 
 SOLID = 200_000
 """Triangles of all links together that are drawn of one robot at most."""

@@ -244,11 +244,6 @@ def _session(what: What) -> Session:
     return open_session(str(what or DEFAULT))
 
 
-# --------------------------------------------------------------------------------------------------
-# `hk.studio`: a page in the browser. What serves it is loaded when it is called.
-# --------------------------------------------------------------------------------------------------
-
-
 @typed
 def studio(
     what: Any = None,

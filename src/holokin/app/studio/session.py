@@ -330,10 +330,6 @@ class Session(LawGroup):
         self._target = self._target if target is None else target
 
 
-# --------------------------------------------------------------------------------------------------
-# `to_job`: a session as a job file, which `holokin run` runs to the same numbers.
-# --------------------------------------------------------------------------------------------------
-
 FILES = ("name", "file")
 """Keys of a job that may hold the name of a file."""
 

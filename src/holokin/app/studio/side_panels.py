@@ -46,11 +46,6 @@ from .stage import (
 from .states import FASTEST, SLOWEST, UNITS, USUAL, LawState, Phase, Snapshot, joint_unit, largest
 from .work import SheetFollower, SheetState
 
-# --------------------------------------------------------------------------------------------------
-# The panel of the loop: its shape, centre, radius and plane, corners by clicks, and two paths to
-# one pose.
-# --------------------------------------------------------------------------------------------------
-
 SHOWN = 3.0
 """Seconds in which two paths are shown."""
 
@@ -205,11 +200,6 @@ def _times(ratio: float, value: Any) -> Any:
     return float(f"{ratio * float(value):.12g}")
 
 
-# --------------------------------------------------------------------------------------------------
-# The panel of what a session is worked on with: a robot program of a law, its certificate, and
-# advice on laws.
-# --------------------------------------------------------------------------------------------------
-
 ACCELERATION = 2.0
 """Of a program's joints [rad/s^2, m/s^2], until somebody gives another one."""
 
@@ -324,12 +314,6 @@ def _saved_job(session: Session) -> Iterator[tuple[str, Job, FilePath]]:
         yield open_one_job(str(file))
 
 
-# --------------------------------------------------------------------------------------------------
-# The panel of sheets: which one serves the dragged tool, and the switch by which an arm follows
-# them.
-# --------------------------------------------------------------------------------------------------
-
-
 class SheetsPanel:
     """Its controls; built inside a tab of a page whose session has sheets."""
 
@@ -381,10 +365,7 @@ def _told(state: SheetState) -> str:
     return block(table(rows), said, warning(state.why), who, quiet(f"{state.about}."))
 
 
-# --------------------------------------------------------------------------------------------------
-# What goes out of the page: a job file, a picture, a GIF, a recording. All of it is downloaded by
-# the browser.
-# --------------------------------------------------------------------------------------------------
+# --- What goes out of the page: a job file, a picture, a GIF, a recording. All of it is downloaded by the browser.
 
 PICTURES, PAUSE = 60, 0.1
 """Pictures of a GIF at most, and the time between two [s]."""

@@ -75,10 +75,7 @@ class Stage(Protocol):
         ...
 
 
-# --------------------------------------------------------------------------------------------------
-# What is dragged in the page: the tool, the loop's centre, plane and radius, and the corners of a
-# polygon.
-# --------------------------------------------------------------------------------------------------
+# --- What is dragged in the page: the tool, the loop's centre, plane and radius, and the corners of a polygon.
 
 LEAST = 0.005
 """Smallest radius of a loop that can be dragged [m]."""
@@ -257,9 +254,7 @@ def frame_of(normal: Vector, towards: Vector) -> Matrix:
     return pose_from(np.zeros(3), np.column_stack([-x, np.cross(normal, -x), normal]))
 
 
-# --------------------------------------------------------------------------------------------------
-# Small pieces of HTML for the panels of the page.
-# --------------------------------------------------------------------------------------------------
+# --- Small pieces of HTML for the panels of the page.
 
 Cell = str
 """HTML of a cell: what a user wrote was escaped."""
@@ -365,11 +360,6 @@ def file_name(title: str) -> str:
     """A title as the name of a file."""
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:60] or "studio"
 
-
-# --------------------------------------------------------------------------------------------------
-# Live plots of a page: drift after each cycle, a joint of all laws over time, and the joints
-# between their limits.
-# --------------------------------------------------------------------------------------------------
 
 MOST_LINES = 12
 """Laws in a plot at most: more lines nobody tells apart."""
@@ -507,10 +497,6 @@ def _at(t: Vector, known: Vector, history: Any, joint: int) -> Vector:
         return np.full(len(t), np.nan)
     return np.interp(t, known, history[:, joint], left=np.nan, right=np.nan)
 
-
-# --------------------------------------------------------------------------------------------------
-# `Cameras`: each browser sees all of the robot in the part of its window that no panel covers.
-# --------------------------------------------------------------------------------------------------
 
 FILLED = 0.88
 """Share of the picture's width and height that what is shown takes at most."""

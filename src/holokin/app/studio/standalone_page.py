@@ -63,10 +63,6 @@ from .followers import leaf_start, loop_start
 from .laws import Law
 from .session import Session
 
-# --------------------------------------------------------------------------------------------------
-# An arm as a page draws it: rods, discs and beams, each between two points of a link.
-# --------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True, eq=False)
 class DrawnArm:
@@ -148,10 +144,7 @@ def _ends(piece: Piece) -> tuple[Vector, Vector]:
     return T[:3, 3] - half * T[:3, 2], T[:3, 3] + half * T[:3, 2]
 
 
-# --------------------------------------------------------------------------------------------------
-# A strategy as WebAssembly: the C by which `hk.follow` goes along a path, compiled by zig for a
-# browser.
-# --------------------------------------------------------------------------------------------------
+# --- A strategy as WebAssembly: the C by which `hk.follow` goes along a path, compiled by zig for a browser.
 
 PATIENCE = 300.0
 """Seconds that the compiler may take: at its first call it builds the C library of WebAssembly, some 20 seconds."""
@@ -242,10 +235,7 @@ def _begin_of(strategy: Strategy, q0: Vector, p: Vector, R: Matrix) -> dict[str,
     return found | {"state": [*p.tolist(), *R.ravel().tolist(), *c.tolist()], "side": side}
 
 
-# --------------------------------------------------------------------------------------------------
-# The HTML of a page from its parts. What is the user's is escaped, and nothing but the page's own
-# script may run.
-# --------------------------------------------------------------------------------------------------
+# --- The HTML of a page from its parts. What is the user's is escaped, and nothing but the page's own script may run.
 
 SCRIPTS = ("stage.js", "loops.js", "law.js", "charts.js", "play.js")
 
@@ -482,10 +472,7 @@ def _plane(path: Path) -> int:
     return int(area.argmax()) if area.max() > 0 else 2
 
 
-# --------------------------------------------------------------------------------------------------
-# From a session to a page that needs no installation: which laws, where they begin, and whether
-# they get round.
-# --------------------------------------------------------------------------------------------------
+# --- From a session to a page that needs no installation: which laws, where they begin, and whether they get round.
 
 
 @dataclass(frozen=True, eq=False)

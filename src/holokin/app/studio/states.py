@@ -208,10 +208,6 @@ class Snapshot:
         return float((q.max(axis=0) - q.min(axis=0)).max(initial=0.0)) if len(q) else 0.0
 
 
-# --------------------------------------------------------------------------------------------------
-# What a law's joints did since its loop began, in bounded memory: thinned out as it gets longer.
-# --------------------------------------------------------------------------------------------------
-
 ROWS = 4096
 """Samples that are kept; when they are full every second one is dropped, so that a plot shows all of a long run."""
 
@@ -250,9 +246,7 @@ class History:
         return t, q
 
 
-# --------------------------------------------------------------------------------------------------
-# The coverage of a workspace by one law, piece by piece, as points to draw.
-# --------------------------------------------------------------------------------------------------
+# --- The coverage of a workspace by one law, piece by piece, as points to draw.
 
 PIECE = 32
 """Poses between two looks at whether to go on: some 50 ms where the arm is searched for other postures."""
@@ -317,9 +311,7 @@ def _margins(q: Matrix, lower: Vector, upper: Vector) -> Vector:
     return shares.min(axis=1, initial=1.0)
 
 
-# --------------------------------------------------------------------------------------------------
-# What is said of a law: whether it is holonomic about its start, and its curvature at a posture.
-# --------------------------------------------------------------------------------------------------
+# --- What is said of a law: whether it is holonomic about its start, and its curvature at a posture.
 
 RADIUS = 0.2
 """Half side [joint units] of the box about the start in which a law is judged, as in jobs."""
@@ -342,11 +334,6 @@ def largest_curvature(strategy: Strategy, q: Vector) -> float:
     except Exception:  # noqa: BLE001  as above
         return np.nan
 
-
-# --------------------------------------------------------------------------------------------------
-# How far a law's leaf is one function of the tool pose: the cusps that are found on it, as a page
-# shows them.
-# --------------------------------------------------------------------------------------------------
 
 POINTS = 120
 """Points of the line of a loop."""
@@ -381,10 +368,7 @@ def _sentence(name: str, found: NearbyCusps) -> str:
     )
 
 
-# --------------------------------------------------------------------------------------------------
-# In what units the page shows joints and places. Sessions, jobs and files have radians and metres
-# throughout.
-# --------------------------------------------------------------------------------------------------
+# --- In what units the page shows joints and places. Sessions, jobs and files have radians and metres throughout.
 
 UNITS = {f"{units.angle}, {units.length}": units for units in (SI, PrintedUnits("deg", "mm"))}
 """By the names by which they are chosen."""

@@ -16,13 +16,10 @@ from ...strategies import HolonomicStrategy
 from .followers import Loop, Move, Run, compiled, follower, loop_fault, put_on_leaf
 from .states import Cloud, LawStatus, LeafCusps, covered, failed_cloud, judged, largest_curvature, leaf_cusps
 
-# --------------------------------------------------------------------------------------------------
-# What a session does in the background: compiling, judging, looking round its loop, and the cloud
-# of a workspace.
+# --- What a session does in the background: compiling, judging, looking round its loop, and the cloud of a workspace.
 #
-# A thread reads what it needs under the session's lock, works without it, and tells under it again.
-# What it raises is told, too: no thread ends in silence.
-# --------------------------------------------------------------------------------------------------
+# A thread reads what it needs under the session's lock, works without it, and tells under it again. What it raises is
+# told, too: no thread ends in silence.
 
 REST = 0.3
 """Seconds between two looks at the postures: no number on a page need change faster than one can read it."""

@@ -31,10 +31,7 @@ from .cases import Cases
 from .one_case import Row, fault, forget_built, prepare, run_case
 from .survey_file import SurveyTable, forget_imported, keep, sendable
 
-# --------------------------------------------------------------------------------------------------
-# Which cases are sent together: so many that a batch takes about a second, by the seconds of the
-# rows that came.
-# --------------------------------------------------------------------------------------------------
+# --- Which cases are sent together: so many that a batch takes about a second, by the seconds of the rows that came.
 
 SECONDS = 1.0
 """That a batch is to take, at least: sending one costs milliseconds, and what a kill loses is a batch."""
@@ -96,10 +93,7 @@ class Batches:
         self.left += len(self._back) - before
 
 
-# --------------------------------------------------------------------------------------------------
-# Cases in a process of their own: one that kills it, or hangs, becomes a row, and the next process
-# does the others.
-# --------------------------------------------------------------------------------------------------
+# --- Cases in a process of their own: one that kills it, or hangs, becomes a row, and the next process does the others.
 
 HARD, MORE = 2.0, 1.0
 """Time limits, and seconds more, after which a process that does not answer, in native code, is killed."""
@@ -447,10 +441,7 @@ class Pool:
                 process.close()
 
 
-# --------------------------------------------------------------------------------------------------
-# Batches of cases on a Dask cluster; its workers need `holokin[cluster]`, and robot files at the
-# same places.
-# --------------------------------------------------------------------------------------------------
+# --- Batches of cases on a Dask cluster; its workers need `holokin[cluster]`, and robot files at the same places.
 
 PATIENCE = 6.0
 """Seconds to wait for a scheduler and its first worker: with what loads before, an answer comes within ten."""

@@ -255,9 +255,7 @@ def _digits(value: Any) -> str:
     return "0" if value < 1e-12 else f"{value:.2g}"
 
 
-# --------------------------------------------------------------------------------------------------
-# Figures of a survey: distributions by law, never means alone.
-# --------------------------------------------------------------------------------------------------
+# --- Figures of a survey: distributions by law, never means alone.
 
 LEAST = 1e-12
 """Drift [rad, m] that is drawn for less, which is round-off."""
@@ -472,9 +470,7 @@ def boxes_figure(found: Findings) -> Any:
     return figure
 
 
-# --------------------------------------------------------------------------------------------------
-# `holokin survey report`: one self-contained page of a results file.
-# --------------------------------------------------------------------------------------------------
+# --- `holokin survey report`: one self-contained page of a results file.
 
 WORST = 10
 """Cases with the largest drift that are shown, each with a job that repeats it."""

@@ -49,9 +49,7 @@ from .survey_file import (
     when_replaced,
 )
 
-# --------------------------------------------------------------------------------------------------
-# Loops of a survey: what is left to chance is drawn, and each becomes a [path] table as of a job.
-# --------------------------------------------------------------------------------------------------
+# --- Loops of a survey: what is left to chance is drawn, and each becomes a [path] table as of a job.
 
 PLANES = {"xy": (0.0, 0.0, 1.0), "yz": (1.0, 0.0, 0.0), "xz": (0.0, -1.0, 0.0)}
 """The normal of a plane."""

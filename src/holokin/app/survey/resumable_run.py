@@ -32,9 +32,7 @@ from .survey_file import Library, Own, SurveyTable, forks, imported, keep, senda
 if TYPE_CHECKING:
     from .findings import Findings
 
-# --------------------------------------------------------------------------------------------------
-# What would be a fault of every case of a law is said before anything runs.
-# --------------------------------------------------------------------------------------------------
+# --- What would be a fault of every case of a law is said before anything runs.
 
 
 def check_laws(cases: Cases, *, here: bool = True) -> None:
@@ -206,10 +204,6 @@ def _engine(
     else:
         yield Pool(table, folder, workers or os.cpu_count() or 1, objects)
 
-
-# --------------------------------------------------------------------------------------------------
-# `survey`: the same from Python, with robots, laws and paths as objects.
-# --------------------------------------------------------------------------------------------------
 
 Kind = Mapping[str, Any]
 

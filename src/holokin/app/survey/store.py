@@ -242,9 +242,7 @@ def _system(file: Path) -> Iterator[None]:
         raise WriteError(file, OSError(str(problem))) from problem
 
 
-# --------------------------------------------------------------------------------------------------
-# One case of a results file again, with its own law: what a job cannot do.
-# --------------------------------------------------------------------------------------------------
+# --- One case of a results file again, with its own law: what a job cannot do.
 
 
 @typed

@@ -56,10 +56,7 @@ from ..job.tables import (
     needed_by,
 )
 
-# --------------------------------------------------------------------------------------------------
-# Functions that a survey file names: their module is looked for beside the file first, then where
-# Python looks.
-# --------------------------------------------------------------------------------------------------
+# --- Functions that a survey file names: their module is looked for beside the file first, then where Python looks.
 
 _importing = threading.Lock()
 """The path of Python's modules is of all threads."""
@@ -123,9 +120,7 @@ def _first(folder: FilePath) -> Iterator[None]:
         sys.path.remove(before)
 
 
-# --------------------------------------------------------------------------------------------------
-# Robots, laws and paths that a survey in Python is given as objects: its tables name them by keys.
-# --------------------------------------------------------------------------------------------------
+# --- Robots, laws and paths that a survey in Python is given as objects: its tables name them by keys.
 
 OBJECT = "given:"
 """Before the name of a robot that is an object."""
@@ -176,9 +171,7 @@ def forks() -> bool:
     return "fork" in multiprocessing.get_all_start_methods()
 
 
-# --------------------------------------------------------------------------------------------------
-# Metrics of the user's own: columns of a survey, each a function of what the joints did.
-# --------------------------------------------------------------------------------------------------
+# --- Metrics of the user's own: columns of a survey, each a function of what the joints did.
 
 ColumnName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,39}$")]
 """The name of a column: letters, digits and _."""
@@ -213,12 +206,9 @@ def own_metrics(
     return found, problems
 
 
-# --------------------------------------------------------------------------------------------------
-# [laws.NAME] of a survey: the strategies of a job, control laws of text books and libraries, and
-# your own.
+# --- [laws.NAME] of a survey: the strategies of a job, control laws of text books and libraries, and your own.
 #
 # A new kind is one more class here: `kind` and its keys, and `build`.
-# --------------------------------------------------------------------------------------------------
 
 Gain = Annotated[float, Field(ge=0, le=1e6)]
 
@@ -374,10 +364,7 @@ def built(laws: Mapping[str, AnyLaw], name: str, task: Task, q0: Vector, folder:
     return table.build(task, q0, name)
 
 
-# --------------------------------------------------------------------------------------------------
-# The form of a survey file, checked by pydantic: which robots, tasks, starts, loops and laws, and
-# how many cases.
-# --------------------------------------------------------------------------------------------------
+# --- The form of a survey file, checked by pydantic: which robots, tasks, starts, loops and laws, and how many cases.
 
 MOST_CASES = 100_000_000
 """Cases of a survey: a thousand processor cores do as many in a day, at a tenth of a second each."""

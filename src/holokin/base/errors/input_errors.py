@@ -179,9 +179,7 @@ class ConstraintRowsError(HolokinError):
         super().__init__(f"{fact}: {cure}" if n == m else f"{fact}, so {cure}")
 
 
-# --------------------------------------------------------------------------------------------------
-# Errors of questions about strategies that have no answer.
-# --------------------------------------------------------------------------------------------------
+# --- Errors of questions about strategies that have no answer.
 
 
 class NotHolonomicError(HolokinError):

@@ -185,10 +185,6 @@ def write_export(folder: Path, texts: dict[str, str], project: str) -> None:
     write_texts(folder, texts)
 
 
-# --------------------------------------------------------------------------------------------------
-# The self-test of exported C, built and run here.
-# --------------------------------------------------------------------------------------------------
-
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
 PATIENCE = 300.0
 """Seconds for each of compiler and test."""

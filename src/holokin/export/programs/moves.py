@@ -20,10 +20,6 @@ from ...path.path import rotation_matrix, rotation_vector, straight
 from ...strategies.tasks.task import Task, of_one_tool
 from ...strategies.tasks.task_kinds import pose
 
-# --------------------------------------------------------------------------------------------------
-# A timed motion between its samples, so that programs are held against it there, too.
-# --------------------------------------------------------------------------------------------------
-
 FINER = 4
 """Instants a step at which a program is held against the motion. Between two of them it is a sixteenth as far off as
 between two samples: the largest distance of a curve from its chord goes with the square of the step."""
@@ -53,10 +49,7 @@ def finer(timed: TimedTrajectory) -> tuple[Vector, Matrix, Matrix]:
     )
 
 
-# --------------------------------------------------------------------------------------------------
-# How a controller moves between two targets, and how far its tool then is from that of a timed
-# motion.
-# --------------------------------------------------------------------------------------------------
+# --- How a controller moves between two targets, and how far its tool then is from that of a timed motion.
 
 Kind = Literal["joint", "linear", "circular"]
 KINDS: tuple[Kind, ...] = ("joint", "linear", "circular")

@@ -21,24 +21,18 @@ from ..c.c_text import line
 from .moves import FINER, KINDS, PLACES, ToolDeviation, common
 from .targets import Targets, Wiring
 
-# --------------------------------------------------------------------------------------------------
-# Names that a controller's language keeps for itself, so that no program, tool or frame may have
-# them.
+# --- Names that a controller's language keeps for itself, so that no program, tool or frame may have them.
 #
-# Words: RAPID, ABB, "Technical reference manual: RAPID kernel" (3HAC050946), reserved words; KRL,
-# KUKA, "Quickguide KRL syntax, KSS release 8.x" (2012), whose names are no keyword, its statements
-# and data types; URScript, Universal Robots, "The URScript Programming Language", flow of control,
-# functions, threads; VAL3, Staubli, "VAL 3 reference manual" 5.3 (D28062804A), control instructions
-# and types; TP, FANUC, "HandlingTool operator's manual", names of programs. The first three were
-# held against word lists of others: the lexer of intellij-rapid (BossyMr), the syntax files
-# rapid-for-vim and krl-for-vim 3.0 (KnoP-01), and vim-urscript (de-vri-es). Of VAL3 no such list
-# was found.
+# Words: RAPID, ABB, "Technical reference manual: RAPID kernel" (3HAC050946), reserved words; KRL, KUKA, "Quickguide KRL
+# syntax, KSS release 8.x" (2012), whose names are no keyword, its statements and data types; URScript, Universal
+# Robots, "The URScript Programming Language", flow of control, functions, threads; VAL3, Staubli, "VAL 3 reference
+# manual" 5.3 (D28062804A), control instructions and types; TP, FANUC, "HandlingTool operator's manual", names of
+# programs. The first three were held against word lists of others: the lexer of intellij-rapid (BossyMr), the syntax
+# files rapid-for-vim and krl-for-vim 3.0 (KnoP-01), and vim-urscript (de-vri-es). Of VAL3 no such list was found.
 #
-# Instructions are those that the written programs use: a program of such a name would call itself.
-# Others may stand in process lines: there a name is looked for, too. TP and INFORM call programs by
-# CALL and RUN, and a G-code program is known by its file alone: their names are apart from their
-# words.
-# --------------------------------------------------------------------------------------------------
+# Instructions are those that the written programs use: a program of such a name would call itself. Others may stand in
+# process lines: there a name is looked for, too. TP and INFORM call programs by CALL and RUN, and a G-code program is
+# known by its file alone: their names are apart from their words.
 
 DEVICES = frozenset({"con", "prn", "aux", "nul", *(f"{port}{i}" for port in ("com", "lpt") for i in range(1, 10))})
 """Names that Windows, on which programs are loaded, and FANUC's controllers keep for devices: no file has them."""

@@ -15,10 +15,7 @@ from ...motion import TimedTrajectory
 from ...robot import FARTHEST
 from .moves import FINER, KINDS, PLACES, Dialect, Kind, ProcessLines, ToolDeviation, ToolMotion, ToolTolerance, finer
 
-# --------------------------------------------------------------------------------------------------
-# Which samples of a timed motion become targets of a program, and by which moves the controller
-# goes between them.
-# --------------------------------------------------------------------------------------------------
+# --- Which samples of a timed motion become targets of a program, and by which moves the controller goes between them.
 
 LOOKS = 33
 """Instants of a move that are looked at while it is made longer; all are, before it is taken."""

@@ -221,11 +221,6 @@ def _numeric_step(strategy: NumericStrategy, q: Vector, pose: Matrix, twist: Vec
     return strategy(q) @ dx[0]
 
 
-# --------------------------------------------------------------------------------------------------
-# Mussa-Ivaldi and Hogan's law with the tool force as a state: a control law with memory. [MIH91]
-# --------------------------------------------------------------------------------------------------
-
-
 @made
 def impedance_with_memory(
     task: Task, potential: Cost, force: ArrayLike | None = None, *, name: str = "impedance with memory"
@@ -288,13 +283,10 @@ def impedance_with_memory(
     return ControlLaw(name, begin)
 
 
-# --------------------------------------------------------------------------------------------------
-# The laws of the textbooks that are not of the form dq = G(q) x' (3), each under its own name.
+# --- The laws of the textbooks that are not of the form dq = G(q) x' (3), each under its own name.
 #
-# All follow the wanted pose with feedback: u = x' + K e, K [1/s] `gain`, e the task error to the
-# pose wanted now. With gain 1/dt a step goes all the way to the pose wanted at its end. Gains are
-# not negative; every law takes a `name`.
-# --------------------------------------------------------------------------------------------------
+# All follow the wanted pose with feedback: u = x' + K e, K [1/s] `gain`, e the task error to the pose wanted now. With
+# gain 1/dt a step goes all the way to the pose wanted at its end. Gains are not negative; every law takes a `name`.
 
 GAIN = 10.0
 """Default K [1/s]: an error halves in 0.07 s, and steps up to 0.1 s are far from unstable."""

@@ -49,28 +49,22 @@ from .leaf import (
     straight_path,
 )
 
-# --------------------------------------------------------------------------------------------------
-# Stretches of a path along a leaf that are shown to keep to its branch: tubes about curves, for
-# native code.
+# --- Stretches of a path along a leaf that are shown to keep to its branch: tubes about curves, for native code.
 #
-# The path of the tool and of the level is even: its rate xi is constant, in the task's geometric
-# rows. Along it the joints obey A(q) q' = xi, A = [J; J_g]. A stretch follows them from its middle
-# c, at which Y = A^-1, by
+# The path of the tool and of the level is even: its rate xi is constant, in the task's geometric rows. Along it the
+# joints obey A(q) q' = xi, A = [J; J_g]. A stretch follows them from its middle c, at which Y = A^-1, by
 #
 #     P(t) = c + t v + t^2 w + t^3 z,   |t| <= 1,   v = h Y xi,   w = -Y DA[v] v / 2,
 #     z = -Y (D^2 A[v, v] v / 2 + DA[w] v + 2 DA[v] w) / 3
 #
-# (h: half its share of the way), and Taylor models enclose A over all q = P(t) + e, |e_i| <=
-# radius:
+# (h: half its share of the way), and Taylor models enclose A over all q = P(t) + e, |e_i| <= radius:
 #
 #     Y A(q) = 1 + t X1 + t^2 X2 + S,   (1 - t X1) Y A(q) = 1 + t^2 (X2 - X1^2) - t^3 X1 X2 + (1 - t X1) S.
 #
-# With K a bound of what differs from 1 there, and eta one of (1 - t X1) Y E on the curve, in the
-# largest joint: eta + K radius <= radius, K < 1. By the contraction principle [Deu04, section 2.1]
-# each pose of the stretch then has one posture on the level within `radius` of the curve, it lies
-# within eta / (1 - K), A is regular there, and so it moves continuously. Stretches follow one
-# another where one's posture lies within the other's radius.
-# --------------------------------------------------------------------------------------------------
+# With K a bound of what differs from 1 there, and eta one of (1 - t X1) Y E on the curve, in the largest joint: eta + K
+# radius <= radius, K < 1. By the contraction principle [Deu04, section 2.1] each pose of the stretch then has one
+# posture on the level within `radius` of the curve, it lies within eta / (1 - K), A is regular there, and so it moves
+# continuously. Stretches follow one another where one's posture lies within the other's radius.
 
 SLENDER = 0.02
 """Radius of a stretch over the largest joint's motion in half of it, to begin with and at most: then it is such that

@@ -35,10 +35,7 @@ from .leaf import TRIES, leaf_step, leaf_value, level_towards, with_leaves
 from .pose_paths import PosePaths
 from .solutions import GivenPoses, InverseStatus, PoseSet, Solutions
 
-# --------------------------------------------------------------------------------------------------
-# The pose of a leaf that is nearest to a wanted one: what a robot does whose operator's hand leaves
-# its reach.
-# --------------------------------------------------------------------------------------------------
+# --- The pose of a leaf that is nearest to a wanted one: what a robot does whose operator's hand leaves its reach.
 
 LENGTH = 0.3
 """Length [m] that weighs angles against positions: 0.1 rad count as 3 cm. Arms of a metre have their best rcond at it
@@ -616,10 +613,7 @@ def _check_region(strategy: HolonomicStrategy, q0: Vector, region: PoseSet) -> N
         raise ArgumentError("the region", str(region), cure)
 
 
-# --------------------------------------------------------------------------------------------------
-# Inverse kinematics asked without a word: where it has no answer nothing is raised, and no reason
-# is searched for.
-# --------------------------------------------------------------------------------------------------
+# --- Inverse kinematics asked without a word: where it has no answer nothing is raised, and no reason is searched for.
 
 
 def how_far(ik: InverseKinematics, pose: PoseLike, q: ArrayLike) -> tuple[Vector, InverseStatus]:

@@ -276,11 +276,6 @@ def check_start(task: Task, q: Vector, p: Vector, R: Matrix) -> None:
         raise StartError(off, here, p, doubtful_target(task, p), angle)
 
 
-# --------------------------------------------------------------------------------------------------
-# Following a plan by native code: many steps in one call, the same as those of the Python steppers.
-# --------------------------------------------------------------------------------------------------
-
-
 class NativeFollower:
     """A kernel on its path along a plan; `x` is its memory, which begins with the posture.
 

@@ -35,9 +35,7 @@ from .leaf import (
 from .plan import Plan, doubtful_target
 from .solutions import InverseStatus, beyond_limits, in_rows
 
-# --------------------------------------------------------------------------------------------------
-# Can the tool get there at all? Asked only after following has failed.
-# --------------------------------------------------------------------------------------------------
+# --- Can the tool get there at all? Asked only after following has failed.
 
 TARGETS = 24
 """Targets of the rest of the path that are tried."""

@@ -20,11 +20,6 @@ from ...strategies.radial_strategy import joint_gap, least_motion
 from ...strategies.tasks.task import Task, of_one_tool
 from .leaf import check_levels, leaf_step, with_leaves
 
-# --------------------------------------------------------------------------------------------------
-# Newton's method from many postures at once; on one leaf, from one posture: `newton_on_leaf` of
-# `leaf`.
-# --------------------------------------------------------------------------------------------------
-
 Correct = Callable[[Matrix, Indices], tuple[Matrix, Flags]]
 """(postures (k, n), which of the first ones they are (k,)) -> (corrections (k, n), which of these are sound (k,))."""
 
@@ -57,10 +52,7 @@ def newton(
     return q, arrived
 
 
-# --------------------------------------------------------------------------------------------------
-# Whole turns of hinges: which of them keep the tool pose and the leaf, and the turns nearest to a
-# posture.
-# --------------------------------------------------------------------------------------------------
+# --- Whole turns of hinges: which of them keep the tool pose and the leaf, and the turns nearest to a posture.
 
 SAME = 1e-8
 """Change of pose and of level, over 1 + its size, that counts as round-off: an answer is right to 1e-10 of a joint, and

@@ -14,9 +14,7 @@ from ..chains import robot_of
 from ..model import Robot
 from ..tree import Branch, Follow, Mass, Tree, checked
 
-# --------------------------------------------------------------------------------------------------
-# Robots from Pinocchio models.
-# --------------------------------------------------------------------------------------------------
+# --- Robots from Pinocchio models.
 
 
 @typed

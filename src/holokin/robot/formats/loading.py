@@ -37,10 +37,7 @@ from .mjcf import mjcf_tree
 from .urdf import Refuse, read_model, read_toml, urdf_text_tree, urdf_tree
 from .xacro import xacro_tree
 
-# --------------------------------------------------------------------------------------------------
-# Robots by the names of other packages: robot_descriptions, which fetches files, and
-# example-robot-data.
-# --------------------------------------------------------------------------------------------------
+# --- Robots by the names of other packages: robot_descriptions, which fetches files, and example-robot-data.
 
 PREFIX = "robot_descriptions:"
 """What its names begin with, as in "robot_descriptions:panda_description"."""
@@ -105,10 +102,7 @@ def _description_file(name: str) -> Path:
     raise RobotFileError(name, "has no URDF, xacro or MJCF file", "choose another description")
 
 
-# --------------------------------------------------------------------------------------------------
-# Models by name: URDF, xacro and MJCF files, told apart by their endings and contents; of other
-# packages.
-# --------------------------------------------------------------------------------------------------
+# --- Models by name: URDF, xacro and MJCF files, told apart by their endings and contents; of other packages.
 
 MODELS = (".urdf", ".xacro", ".xml", ".mjcf")
 """Endings of files that hold a tree of links and joints."""
@@ -157,10 +151,7 @@ def model_root(path: str | Path) -> str:
     return root_of(tree, above_of(tree))
 
 
-# --------------------------------------------------------------------------------------------------
-# From the TOML table of a robot to the robot: a DH table, joints as in a URDF, or parts put
-# together.
-# --------------------------------------------------------------------------------------------------
+# --- From the TOML table of a robot to the robot: a DH table, joints as in a URDF, or parts put together.
 
 Loader = Callable[[Mapping[str, Any]], Robot]
 """From the keys of a part, "name" and those of `load`, to its robot."""

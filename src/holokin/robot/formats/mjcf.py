@@ -24,10 +24,7 @@ from ..shapes.visuals import geom_shapes, mjcf_visuals, slashed, transform
 from ..tree import MOVING, Branch, Follow, Loop, Mass, Tree, checked, motion
 from .urdf import LONGEST_URDF, read_model
 
-# --------------------------------------------------------------------------------------------------
-# How large a model an MJCF text makes, counted before MuJoCo builds it: a few words can ask for
-# millions of bodies.
-# --------------------------------------------------------------------------------------------------
+# --- How large a model an MJCF text makes, counted before MuJoCo builds it: a few words can ask for millions of bodies.
 
 MOST_BODIES = 3_000
 """Bodies of a model, replicas and points of flexible bodies included: some seconds. MuJoCo's time grows fast."""

@@ -23,10 +23,7 @@ from ..model import Robot
 from ..shapes.visuals import Finder, collision_shapes, mesh_finder, slashed, urdf_visuals
 from ..tree import Branch, Follow, Mass, Tree, checked
 
-# --------------------------------------------------------------------------------------------------
-# Reading the files that people write: whole, of a bounded size, and TOML that the rest of the
-# library can take.
-# --------------------------------------------------------------------------------------------------
+# --- Reading the files that people write: whole, of a bounded size, and TOML that the rest of the library can take.
 
 Refuse = Callable[[str, str, str], HolokinError]
 """(key, fact, cure) -> the error of the sort of file that is read; the key is empty for the file as a whole."""
@@ -109,9 +106,7 @@ def parse_toml(text: str, refuse: Refuse) -> dict[str, Any]:
     return table
 
 
-# --------------------------------------------------------------------------------------------------
-# The elements of a URDF, read from its XML as frozen values.
-# --------------------------------------------------------------------------------------------------
+# --- The elements of a URDF, read from its XML as frozen values.
 
 LONGEST_URDF = 50_000_000
 """Bytes of a URDF: a hundred times those of a humanoid."""

@@ -15,9 +15,7 @@ from ...base.poses import pose_from
 from ...base.types import Indices, Matrix, Value, Vector
 from .link_shapes import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 
-# --------------------------------------------------------------------------------------------------
-# The shapes of the bodies of an MjModel: of those geoms that may touch anything.
-# --------------------------------------------------------------------------------------------------
+# --- The shapes of the bodies of an MjModel: of those geoms that may touch anything.
 
 
 def geom_shapes(
@@ -67,10 +65,7 @@ def transform(position: Vector, quaternion: Vector) -> Matrix:
     return pose_from(position, rotation)
 
 
-# --------------------------------------------------------------------------------------------------
-# The shapes of links of a URDF, from its <collision> elements; meshes are found, and read later,
-# when needed.
-# --------------------------------------------------------------------------------------------------
+# --- The shapes of links of a URDF, from its <collision> elements; meshes are found, and read later, when needed.
 
 BROKEN = "its <collision> elements cannot be read"
 """Why nothing is known of a shape of a URDF."""

@@ -19,9 +19,7 @@ from ..tasks.frame_task import Angles, three_angles
 from ..tasks.task import Task
 from .constraint import Constraint, as_gain, least, nothing_jumps
 
-# --------------------------------------------------------------------------------------------------
-# Shoulder, elbow and wrist of an arm: found by how the axes of its joints meet, or named.
-# --------------------------------------------------------------------------------------------------
+# --- Shoulder, elbow and wrist of an arm: found by how the axes of its joints meet, or named.
 
 MEET = 1e-4
 """Distance [m] up to which axes meet: URDF files round right angles to 1.5708, a hundredth of a millimetre on 2 m."""
@@ -380,11 +378,6 @@ def _pole(V: Vector) -> Vector:
     axis = np.array([-1.0, 0.0, 0.0]) if abs(V[0]) < 0.9 else np.array([0.0, -1.0, 0.0])
     R = axis - (axis @ V) * V
     return R / np.linalg.norm(R)
-
-
-# --------------------------------------------------------------------------------------------------
-# Orientation coupled to position, the paper's (27), (28).
-# --------------------------------------------------------------------------------------------------
 
 
 @made

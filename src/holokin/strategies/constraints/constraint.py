@@ -16,10 +16,6 @@ from ...robot import Kinematics
 from ...symbolic import SX, Formula, Transport, as_expression, fmin, jacobian, symbol, vertcat, wrapped, written
 from ..tasks.task import Task
 
-# --------------------------------------------------------------------------------------------------
-# `Implicit`: a constraint by auxiliary unknowns, for those who need it smooth and simple: proofs.
-# --------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True, eq=False)
 class Implicit(Value):

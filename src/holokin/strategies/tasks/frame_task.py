@@ -33,13 +33,11 @@ from ...symbolic.rotations import (
 )
 from .task import Frame, Task, TipFrame
 
-# --------------------------------------------------------------------------------------------------
-# The orientation rows of a task: coordinates of a rotation R, or its angular velocity; three rows,
-# or two of an axis.
+# --- The orientation rows of a task: coordinates of a rotation R, or its angular velocity; three rows, or two of an
+# axis.
 #
-# Coordinates w(R) have an exact Jacobian dw/dq and a place where they are singular, told by
-# `margin`; the geometric rows of `twist` have neither.
-# --------------------------------------------------------------------------------------------------
+# Coordinates w(R) have an exact Jacobian dw/dq and a place where they are singular, told by `margin`; the geometric
+# rows of `twist` have neither.
 
 Angles = Literal["zyz", "rpy", "rotation-vector"]
 """Coordinates of a rotation by three angles."""
@@ -664,14 +662,11 @@ def _of(task: Task) -> str:
     return f" of {task.tip}" if task.frames == 1 and task.tip and task.tip not in task.name else ""
 
 
-# --------------------------------------------------------------------------------------------------
-# What a task leaves free: motions of its frames that no row of it sees. They are no demand.
+# --- What a task leaves free: motions of its frames that no row of it sees. They are no demand.
 #
-# A pose that is asked for of such a task says more than is meant: a spin about a free axis, a
-# height where only x and y count. What is meant is `completed` from where the frames are: the pose
-# that the task cannot tell from the one asked for, whose free part is that of a pose at hand.
-# Straight paths lead to it, so that they hold no free motion.
-# --------------------------------------------------------------------------------------------------
+# A pose that is asked for of such a task says more than is meant: a spin about a free axis, a height where only x and y
+# count. What is meant is `completed` from where the frames are: the pose that the task cannot tell from the one asked
+# for, whose free part is that of a pose at hand. Straight paths lead to it, so that they hold no free motion.
 
 Place = tuple[Vector, Matrix]
 """Positions (3F,) and rotations (3F, 3) of F frames."""

@@ -35,11 +35,6 @@ from ...symbolic import (
 )
 from ...symbolic.linear import minors, null_space
 
-# --------------------------------------------------------------------------------------------------
-# `Frame`: whose pose a task is about: a tool, a tool in the frame of another one, an expression of
-# your own.
-# --------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True, eq=False)
 class Frame(Value, ABC):

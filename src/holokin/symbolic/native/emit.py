@@ -83,15 +83,11 @@ def prelude(name: str) -> str:
     return files("holokin.symbolic.native").joinpath("c", name).read_text("utf-8")
 
 
-# --------------------------------------------------------------------------------------------------
-# A transport amid a `Function`: a loop that straight-line code would make hundreds of thousands of
-# lines of.
+# --- A transport amid a `Function`: a loop that straight-line code would make hundreds of thousands of lines of.
 #
-# A posture q is carried to y(1) by y' = f(y, v), in Runge-Kutta steps of order 4 with a v of its
-# own; a label of y(1) and its gradient by q stand in expressions as symbols. The gradient is one
-# sweep back through the steps for each row of the label, from what each evaluation of f has left
-# behind, so it is that of the steps themselves, to round-off.
-# --------------------------------------------------------------------------------------------------
+# A posture q is carried to y(1) by y' = f(y, v), in Runge-Kutta steps of order 4 with a v of its own; a label of y(1)
+# and its gradient by q stand in expressions as symbols. The gradient is one sweep back through the steps for each row
+# of the label, from what each evaluation of f has left behind, so it is that of the steps themselves, to round-off.
 
 SHARES, WEIGHTS = (0.0, 0.5, 0.5, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 """Runge-Kutta of order 4: where its four rates are taken, and how they count."""
@@ -248,16 +244,13 @@ def _piece(name: str, piece: ca.Function) -> str:
     return f"static void hk_transport_{name}({', '.join([*given, *found])}) {{\n{idle}{code}\n}}\n"
 
 
-# --------------------------------------------------------------------------------------------------
-# What a `Function` runs: straight-line code, or such code around a loop, and around a square
-# system, by numbers.
+# --- What a `Function` runs: straight-line code, or such code around a loop, and around a square system, by numbers.
 #
 #     t = transport(q);   before: (x, t) -> A, B, and the outputs that need no more;   X = A^-1 B by Householder;
 #     after: (x, t, X) -> the rest
 #
-# Written out, an n x n solve takes about 2 n^3 operations: the fastest code there is for an arm,
-# and, for sixty joints, half a million lines that no compiler can finish.
-# --------------------------------------------------------------------------------------------------
+# Written out, an n x n solve takes about 2 n^3 operations: the fastest code there is for an arm, and, for sixty joints,
+# half a million lines that no compiler can finish.
 
 Shapes = Sequence[tuple[int, ...]]
 
@@ -481,9 +474,7 @@ def _bind(
     return buffers, *triggers
 
 
-# --------------------------------------------------------------------------------------------------
-# The C of programs: flat arguments in rows as NumPy has them, and whole files around them.
-# --------------------------------------------------------------------------------------------------
+# --- The C of programs: flat arguments in rows as NumPy has them, and whole files around them.
 
 Place = Callable[[int, int], str]
 """(argument, element in column-major order) -> C."""

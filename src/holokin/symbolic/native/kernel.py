@@ -232,11 +232,6 @@ def _glue() -> Any:
     return module if known else None
 
 
-# --------------------------------------------------------------------------------------------------
-# The path down to the nearest pose at the edge of reach as native code.
-# --------------------------------------------------------------------------------------------------
-
-
 class EdgeKernel:
     """hk_nearest_to of nearest.c: the rules of motion/ik/edge.py and motion/ik/inverse_function.py.
 
@@ -275,15 +270,11 @@ class EdgeKernel:
         return ended, (out[:n], out[n : k - 1], out[k - 1 : k], out[k : k + 12], out[k + 12 :])
 
 
-# --------------------------------------------------------------------------------------------------
-# A function called one sample at a time from Python: on the virtual machine at first, as native
-# code once it pays.
+# --- A function called one sample at a time from Python: on the virtual machine at first, as native code once it pays.
 #
-# The virtual machine serves every call until there are HEAVY of them; then a compiler is asked in
-# the background (see `later`), and native code takes over when it is ready. Both give the same
-# numbers but for round-off, and the same errors: native code hands to the virtual machine whatever
-# it does not take.
-# --------------------------------------------------------------------------------------------------
+# The virtual machine serves every call until there are HEAVY of them; then a compiler is asked in the background (see
+# `later`), and native code takes over when it is ready. Both give the same numbers but for round-off, and the same
+# errors: native code hands to the virtual machine whatever it does not take.
 
 HEAVY = 10_000
 """Calls from which on a compiler is asked: a tenth of a second of the virtual machine. Who calls so often calls on."""
@@ -468,10 +459,6 @@ def _module() -> Any:
     except ImportError:
         return None
 
-
-# --------------------------------------------------------------------------------------------------
-# Inverse kinematics as native code: one pose called from Python, many in threads.
-# --------------------------------------------------------------------------------------------------
 
 LEAST = 64
 """Poses from which a second thread is worth its start, 50 us: as long as a handful of them takes."""

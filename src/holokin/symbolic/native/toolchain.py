@@ -160,20 +160,15 @@ def _signal(child: subprocess.Popen[bytes]) -> None:
         child.kill()
 
 
-# --------------------------------------------------------------------------------------------------
-# The cache of built libraries: a folder that nobody else can write, read once, and loaded as read.
+# --- The cache of built libraries: a folder that nobody else can write, read once, and loaded as read.
 #
-# A file holds a library and, in its last 64 bytes, a checksum of its name and the library. The
-# checksum tells a whole file from a half-written, spoilt or renamed one. It is no secret: whoever
-# can write to the folder can make a file that passes. What keeps other people's code out is that
-# the folder and the file belong to this user or to root and that nobody else may write to them
-# (access lists beyond the mode bits are not looked at). A file is opened once, without following
-# links; what was checked and summed is what is loaded, from memory, so that nothing can be swapped
-# meanwhile.
+# A file holds a library and, in its last 64 bytes, a checksum of its name and the library. The checksum tells a whole
+# file from a half-written, spoilt or renamed one. It is no secret: whoever can write to the folder can make a file that
+# passes. What keeps other people's code out is that the folder and the file belong to this user or to root and that
+# nobody else may write to them (access lists beyond the mode bits are not looked at). A file is opened once, without
+# following links; what was checked and summed is what is loaded, from memory, so that nothing can be swapped meanwhile.
 #
-# Windows has no such modes: there the folder is trusted as the user's own, and a library is loaded
-# by its path.
-# --------------------------------------------------------------------------------------------------
+# Windows has no such modes: there the folder is trusted as the user's own, and a library is loaded by its path.
 
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 FORMAT = "a library and its checksum"
@@ -355,15 +350,11 @@ def _sweep(folder: Path) -> None:
                 aside.unlink()
 
 
-# --------------------------------------------------------------------------------------------------
-# C to shared library, and what runs. Without a compiler, or a cache to write, all runs on CasADi's
-# virtual machine.
+# --- C to shared library, and what runs. Without a compiler, or a cache to write, all runs on CasADi's virtual machine.
 #
-# A library is built once for its source, compiler, flags and processor, and kept in the user's
-# cache folder under the hash of all these (see `cache`). Whether that works here is tried once in a
-# process, with a library of one line; what fails is said once. `HOLOKIN_NATIVE=0` turns native code
-# off; `HOLOKIN_CACHE` moves the folder.
-# --------------------------------------------------------------------------------------------------
+# A library is built once for its source, compiler, flags and processor, and kept in the user's cache folder under the
+# hash of all these (see `cache`). Whether that works here is tried once in a process, with a library of one line; what
+# fails is said once. `HOLOKIN_NATIVE=0` turns native code off; `HOLOKIN_CACHE` moves the folder.
 
 PROBE = "double holokin_probe(double x) { return 2 * x; }"
 """What is built first: the smallest library that shows that all of it works."""
@@ -578,14 +569,10 @@ def _built(chosen: Compiler, source: str, flags: tuple[str, ...], patience: floa
     raise NativeError(f"{chosen} refused the generated code ({complaint})", "refused")
 
 
-# --------------------------------------------------------------------------------------------------
-# Work in the background: one thread does one piece after another, and no exit of the interpreter
-# waits for it.
+# --- Work in the background: one thread does one piece after another, and no exit of the interpreter waits for it.
 #
-# The thread ends when nothing is left to do. At exit, compilers that still run are stopped, and
-# their files removed. A process that forks leaves the thread behind: its child begins again what
-# was not done.
-# --------------------------------------------------------------------------------------------------
+# The thread ends when nothing is left to do. At exit, compilers that still run are stopped, and their files removed. A
+# process that forks leaves the thread behind: its child begins again what was not done.
 
 ENDING = 2.0
 """Seconds at exit that the thread may take to remove its files: it takes milliseconds."""
