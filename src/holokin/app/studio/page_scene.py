@@ -482,8 +482,8 @@ class Scene:
         ]
         return np.concatenate(ends) if ends else np.zeros((1, 3))
 
-    def outlook(self, more: ArrayLike = ()) -> tuple[Vector, Matrix]:
-        """(unit vector (3,) to the camera, points (k, 3) [m] to be seen): the arm from the side, and more points."""
+    def look_at_all(self, more: ArrayLike = ()) -> None:
+        """The camera sees the whole arm from the side, and more points (k, 3) [m]."""
         low, high = self.box()
         points = np.vstack([self.drawn(), np.asarray(more, dtype=float).reshape(-1, 3)])
         tool = self.robot.pose(self.q0)[:3, 3] if self.robot.tips else (low + high) / 2
@@ -491,12 +491,15 @@ class Scene:
         ahead = float(np.arctan2(*(tool[:2])[::-1])) if np.linalg.norm(reached) > 1e-6 else 0.0
         side = ahead - np.deg2rad(62.0)
         up = np.deg2rad(72.0 if self.robot.planar else 20.0)
-        return np.array([np.cos(side) * np.cos(up), np.sin(side) * np.cos(up), np.sin(up)]), points
+        away = np.array([np.cos(side) * np.cos(up), np.sin(side) * np.cos(up), np.sin(up)])
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        radius = float(np.linalg.norm(points - middle, axis=1).max())
+        self.look_from(middle + radius / np.sin(FOV / 2) * away, middle)
 
     def look_from(self, place: Vector, at: Vector) -> None:
-        """Where the camera of a browser begins, and returns to on "reset view"."""
-        camera = self.server.initial_camera
-        camera.position, camera.look_at, camera.fov, camera.near = place, at, FOV, 0.02
+        """Where the cameras of all browsers are now, begin, and return to on "reset view"."""
+        for camera in (self.server.initial_camera, *(client.camera for client in self.server.get_clients().values())):
+            camera.position, camera.look_at, camera.fov, camera.near = place, at, FOV, 0.02
 
     def _floor(self) -> None:
         away = max(float(np.linalg.norm(joint.start)) for joint in self.robot.joints) if self.robot.tips else 0.0

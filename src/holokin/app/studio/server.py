@@ -85,8 +85,8 @@ class Studio:
             self.notes.append(OPEN.format(host=host, url=f"{url_of(_known_as(host), found)}/{self.door.token}/"))
         self.page = self._shown(session)
         atexit.register(self.close)  # native code of its threads must not run while Python goes down
-        self.server.on_client_connect(self._welcome)
-        self.server.on_client_disconnect(self._farewell)
+        self.server.on_client_connect(lambda _client: self._forget_file())
+        self.server.on_client_disconnect(lambda _client: self.page.handles.let_go())
 
     @property
     def session(self) -> Session:
@@ -135,16 +135,6 @@ class Studio:
             pass
         finally:
             self.close()
-
-    def _welcome(self, client: Any) -> None:
-        """A browser came: its window is looked at now, and whenever its camera or its size changes."""
-        self._forget_file()
-        client.camera.on_update(lambda _camera: self.page.fit(client))
-        self.page.fit(client)
-
-    def _farewell(self, client: Any) -> None:
-        self.page.handles.let_go()
-        self.page.ask(lambda: self.page.cameras.forget(client))
 
     def _shown(self, session: Session, units: PrintedUnits = SI) -> Page:
         self.server.scene.reset()

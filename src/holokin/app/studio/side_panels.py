@@ -26,7 +26,6 @@ from .laws import LawPaths
 from .posture_panel import PosturePanel
 from .session import Session, to_job
 from .stage import (
-    BOTTOM_SHEET,
     FAR,
     LEAST,
     Stage,
@@ -493,7 +492,7 @@ class Panels:
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
         gui.main_panel.dock_right()
         gui.main_panel.set_width(350)
-        self.head = gui.add_html(f'{BOTTOM_SHEET}<div class="holokin-head">{self._head()}</div>')
+        self.head = gui.add_html(self._head())
         self.doing = gui.add_html("")
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
