@@ -27,7 +27,7 @@ from ...robot import start_posture
 from ...strategies import HolonomicStrategy, SelfMotion, Strategy, moore_penrose
 from ...strategies.tasks.frame_task import completed
 from ...strategies.tasks.task import Task
-from .laws import Law, Slider, across, along, level_slider, self_motion_curve, self_slider
+from .laws import Law, Slider
 from .states import History, Judgement, LawState, LawStatus
 
 # --- The loop that all laws of a session run round: a path, and the [path] table of a job that says it.
@@ -606,35 +606,3 @@ def put_on_leaf(run: Run, q: Vector, limits: bool) -> None:
         run.follow = follower(law, q, limits)
         run.law, run.level = law, _level_of(law, q)
     run.put(Move(q, run.status, run.sentence))
-
-
-def slider_of(run: Run, direction: int, limits: bool) -> Slider:
-    """The slider of a law along its self-motion; it counts from where the law stood when it was first asked for."""
-    if direction not in run.curves:
-        run.curves[direction] = self_motion_curve(run.law.task, run.q, limits, direction), 0.0
-    return self_slider(run.law, *run.curves[direction], direction)
-
-
-def slide(run: Run, direction: int, s: float, limits: bool) -> None:
-    """A law to the place s of its slider. Raises: as `slider_of`, `along`, `put_on_leaf`."""
-    slider_of(run, direction, limits)
-    curve = run.curves[direction][0]
-    put_on_leaf(run, along(curve, s), limits)
-    run.curves = {direction: (curve, s)}
-
-
-def level_slider_of(run: Run, row: int, limits: bool) -> Slider:
-    """The slider of a row of the level of a law; angles count on through whole turns from when it was asked for."""
-    if row not in run.levels:
-        run.levels[row] = level_slider(run.law, run.q, limits, row)
-    return run.levels[row]
-
-
-def move_across(run: Run, row: int, value: float, limits: bool) -> None:
-    """A law to the leaf of a value of its slider. Raises: as `level_slider`, `across`; JointLimitError."""
-    slider = level_slider_of(run, row, limits)
-    q = across(run.law, run.q, slider, value, row)
-    if limits:
-        run.law.task.robot.check_limits(q)
-    put_on_leaf(run, q, limits)
-    run.levels = {row: replace(slider, value=value)}

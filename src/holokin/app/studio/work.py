@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,45 +11,11 @@ import numpy as np
 from ...analysis.sheets import Sheets, StillMotion, self_motion_between
 from ...base.errors import HolokinError, NoSheetError, brief
 from ...base.types import Array, Matrix, Value, Vector
-from ...path.workspaces import Workspace
-from ...strategies import HolonomicStrategy
-from .followers import Loop, Move, Run, compiled, follower, loop_fault, put_on_leaf
-from .states import Cloud, LawStatus, LeafCusps, covered, failed_cloud, judged, largest_curvature, leaf_cusps
-
-# --- What a session does in the background: compiling, judging, looking round its loop, and the cloud of a workspace.
-#
-# A thread reads what it needs under the session's lock, works without it, and tells under it again. What it raises is
-# told, too: no thread ends in silence.
-
-REST = 0.3
-"""Seconds between two looks at the postures: no number on a page need change faster than one can read it."""
+from .followers import Move, Run, follower, put_on_leaf
+from .states import LawStatus
 
 LONGEST = 200
 """Characters of a foreign error's own words."""
-
-
-@dataclass(frozen=True, eq=False)
-class Shared:
-    """What the threads of a session share: its lock, and under the lock its laws, home and loop, and how to tell.
-
-    changed: of a change. failed: of what failed, in a sentence. unseen: the loop, with its number, that nobody has
-    looked round yet. looked_at: what was found on the loop of a number. limits: whether joint limits stop laws.
-    """
-
-    lock: threading.RLock
-    runs: Callable[[], list[Run]]
-    home: Callable[[], Vector]
-    changed: Callable[[], object]
-    failed: Callable[[str], None]
-    unseen: Callable[[], tuple[int, Loop] | None]
-    looked_at: Callable[[int, str], None]
-    limits: bool
-
-    def tell_failure(self, what: str, problem: Exception) -> None:
-        """Something was not done, and why."""
-        with self.lock:
-            self.failed(failure(what, problem))
-            self.changed()
 
 
 def failure(what: str, problem: Exception) -> str:
@@ -87,112 +53,6 @@ class Worker:
         self.cancel()
         if threading.current_thread() is not self._thread:
             self._thread.join(patience)
-
-
-def look_after(shared: Shared) -> Worker:
-    """Compile the laws of a session, judge them, and keep the curvature at their postures, until it is closed.
-
-    Between these it looks round each new loop: which law does not get round it?
-    """
-
-    def work(closed: threading.Event) -> None:
-        while not closed.is_set():
-            with shared.lock:
-                loop, home, runs = shared.unseen(), shared.home(), shared.runs()
-                waiting = [run for run in runs if not run.ready or run.due]
-                run = min(waiting, key=lambda run: (run.ready, run.judgement is not None), default=None)
-                q = home if run is None else run.q
-            if loop is not None:
-                _look_round(shared, loop, runs, home)
-            elif run is None:
-                closed.wait(REST)
-            else:
-                again = run.judgement is not None
-                _look_at(shared, run, q, home)
-                if again:  # while laws move there is always one that is due: leave time for what draws them
-                    closed.wait(REST / len(runs))
-
-    return Worker("holokin-studio", work, lambda problem: shared.tell_failure("The background work ended", problem))
-
-
-def _look_round(shared: Shared, unseen: tuple[int, Loop], runs: list[Run], home: Vector) -> None:
-    """Tell of the first law that does not get round a loop."""
-    number, loop = unseen
-    try:
-        found = next(filter(None, (loop_fault(run.law, loop, home, shared.limits) for run in runs)), "")
-    except Exception as problem:  # noqa: BLE001  its thread goes on
-        found = failure("The loop could not be tried", problem)
-    with shared.lock:
-        shared.looked_at(number, found)
-        shared.changed()
-
-
-def _look_at(shared: Shared, run: Run, q: Vector, home: Vector) -> None:
-    """Compile a law, or judge it at a posture (n,)."""
-    if not run.ready:
-        try:
-            compiled(run.law, home)
-        except Exception as problem:  # noqa: BLE001  its thread goes on, with the other laws
-            shared.tell_failure(f"{run.law.name} could not be compiled, and follows more slowly", problem)
-    strategy, known = run.law.strategy, run.judgement
-    if not run.ready or strategy is None:  # compile all laws first: the loop is smooth then
-        found = known
-    elif known is None:
-        found = judged(strategy, home, q)
-    else:
-        found = replace(known, curvature=largest_curvature(strategy, q), q=q)
-    with shared.lock:
-        if found is not known:
-            run.judgement, run.state = found, None
-        run.ready = True
-        shared.changed()
-
-
-def cover(
-    shared: Shared, law: str, strategy: HolonomicStrategy, q: Vector, region: Workspace, samples: int, limits: bool,
-    keep: Callable[[Cloud], None],
-) -> Worker:  # fmt: skip
-    """Fill the cloud of a workspace by the leaf through a posture (n,); `keep` takes what is known, under the lock.
-
-    Once the worker is cancelled nothing is kept any more.
-    """
-
-    def work(closed: threading.Event) -> None:
-        def tell(cloud: Cloud) -> bool:
-            with shared.lock:
-                if not closed.is_set():
-                    keep(cloud)
-                    shared.changed()
-                return not closed.is_set()
-
-        covered(strategy, law, q, region, samples, limits, tell)
-
-    def failed(problem: Exception) -> None:
-        with shared.lock:
-            keep(failed_cloud(law, failure("The coverage was not found", problem)))
-            shared.changed()
-
-    return Worker("holokin-studio-cloud", work, failed)
-
-
-def look_for_cusps(
-    shared: Shared, law: str, strategy: HolonomicStrategy, q: Vector, keep: Callable[[LeafCusps | None], None]
-) -> Worker:
-    """Look for cusps of the leaf through a posture (n,); `keep` takes them, under the lock, unless it is cancelled."""
-
-    def work(closed: threading.Event) -> None:
-        found = leaf_cusps(law, strategy, q)
-        with shared.lock:
-            if not closed.is_set():
-                keep(found)
-                shared.changed()
-
-    def failed(problem: Exception) -> None:
-        with shared.lock:
-            keep(None)
-        shared.tell_failure("The cusps were not found", problem)
-
-    return Worker("holokin-studio-cusps", work, failed)
 
 
 FASTEST_CHANGE = 0.6
@@ -242,9 +102,16 @@ class _Change:
 class SheetFollower:
     """The map of a session, and the law whose arm follows it. Its session calls it under its lock."""
 
-    def __init__(self, shared: Shared, search: Search) -> None:
-        """No map yet: `find` makes it, in a thread."""
-        self._shared, self._search = shared, search
+    def __init__(
+        self, lock: threading.RLock, runs: Mapping[str, Run], changed: Callable[[], object],
+        failed: Callable[[str, Exception], None], search: Search,
+    ) -> None:  # fmt: skip
+        """No map yet: `find` makes it, in a thread.
+
+        Args:
+            lock, runs: of the session, as they change. changed: told of each change. failed: told of what was not done.
+        """
+        self._lock, self._runs, self._changed, self._failed, self._search = lock, runs, changed, failed, search
         self.found: Sheets | None = None
         self._change: _Change | None = None
         self._known: dict[tuple[bytes, int], StillMotion] = {}  # from where the arm rests
@@ -262,7 +129,7 @@ class SheetFollower:
     @property
     def _run(self) -> Run | None:
         """The law whose arm follows the sheets; none once a slider or another start has given it its leaf back."""
-        return next((run for run in self._shared.runs() if run.follow == self._move), None)
+        return next((run for run in self._runs.values() if run.follow == self._move), None)
 
     def find(self) -> None:
         """Make the map in a thread; nothing happens while that is done, or where there is one."""
@@ -274,17 +141,17 @@ class SheetFollower:
         def say(text: str) -> None:
             if closed.is_set():
                 raise _EndedError
-            with self._shared.lock:
+            with self._lock:
                 self._tell(searching=f"{text.removeprefix('sheets: ')} ...")
 
         found = self._search(say)
-        with self._shared.lock:
+        with self._lock:
             if not closed.is_set():
                 self.found = found
                 self._tell(count=len(found), searching="", about=found.sentence)
 
     def _lost(self, problem: Exception) -> None:
-        with self._shared.lock:
+        with self._lock:
             said = "" if isinstance(problem, _EndedError) else failure("The sheets were not found", problem)
             self._tell(searching=said)
 
@@ -405,24 +272,24 @@ class SheetFollower:
 
     def _ask(self, closed: threading.Event) -> None:
         while not closed.is_set():
-            with self._shared.lock:
+            with self._lock:
                 (key, known), found = self._why, self.found
                 if known != LOOKED_FOR or found is None:
                     self._asker = None
                     return
             text = found.why(np.frombuffer(key).reshape(4, 4)).text
-            with self._shared.lock:
+            with self._lock:
                 if self._why[0] == key:
                     self._why = (key, text)
                     if self._state.sheet < 0 and self._state.why:
                         self._tell(why=f"{text[:1].upper()}{text[1:]}.")
 
     def _unknown(self, problem: Exception) -> None:
-        self._shared.tell_failure("Why no sheet serves the pose was not found", problem)
+        self._failed("Why no sheet serves the pose was not found", problem)
 
     def _tell(self, **changed: object) -> None:
         self._state = replace(self._state, **changed)  # type: ignore[arg-type]
-        self._shared.changed()
+        self._changed()
 
     def close(self) -> None:
         """End its threads; a search ends at its next step."""
