@@ -456,7 +456,13 @@ def poses_of(file: Path, columns: PoseColumns, values: Matrix, lines: Indices, s
     table = values[:, : len(columns.scales)] * columns.scales
     notes: list[str] = []
     points, turned = table[:, :3], table[:, 3 : 3 + len(columns.orientation)]
-    _check_lengths(file, points, lines, notes, columns.scales[0], said.place)
+    size = np.abs(points).max(axis=1)
+    if size.max() > FAR:
+        i = int(np.argmax(size > FAR))
+        fact = f"{said.place} {lines[i]} has a coordinate of {size[i]:g} m: this looks like millimetres"
+        raise RecordingError(file, fact, "say units='mm', or name the columns x_mm, y_mm, z_mm")
+    if columns.scales[0] == SCALES["mm"] and size.max() < NEAR:
+        notes.append(f"no coordinate is beyond {1e3 * size.max():.3g} mm: are they metres?")
     rotations = _rotations(file, columns.kind, turned, lines, said, notes) if columns.kind else None
     if columns.kind == "KUKA":
         notes.append(AS_KUKA)
@@ -586,18 +592,6 @@ def _scales(
             raise RecordingError(file, f"does not say in which unit {name!r} is", cure)
         out.append(SCALES[taken])
     return out
-
-
-def _check_lengths(
-    file: Path, points: Matrix, lines: Indices, notes: list[str], scale: float, place: str
-) -> None:  # fmt: skip
-    size = np.abs(points).max(axis=1)
-    if size.max() > FAR:
-        i = int(np.argmax(size > FAR))
-        fact = f"{place} {lines[i]} has a coordinate of {size[i]:g} m: this looks like millimetres"
-        raise RecordingError(file, fact, "say units='mm', or name the columns x_mm, y_mm, z_mm")
-    if scale == SCALES["mm"] and size.max() < NEAR:
-        notes.append(f"no coordinate is beyond {1e3 * size.max():.3g} mm: are they metres?")
 
 
 def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, said: Units, notes: list[str]) -> Array:

@@ -123,7 +123,15 @@ def _write_meta(
             dataset, kept, learnt, out
         )  # fmt: skip
         if file.exists():
-            _write_summary(file, whole, learnt, len(kept) < len(dataset.episodes), out)
+            # meta/stats.json: the columns that changed, or, where episodes are left out, all of them.
+            all_of_them = len(kept) < len(dataset.episodes)
+            old = read_json(file)
+            changed = {name for stats in learnt.values() for name in stats}
+            for column in {name for stats in whole for name in stats} if all_of_them else changed:
+                found = _as_lists(_joined_stats([stats[column] for stats in whole if column in stats]))
+                names = list(old.get(column, found))
+                old[column] = {name: found[name] for name in names if name in found}
+            (out / SUMMARY).write_text(json.dumps(old, indent=4, ensure_ascii=False), "utf-8")
 
 
 @contextmanager
@@ -257,17 +265,6 @@ def _write_v2(dataset: Dataset, kept: Sequence[Episode], learnt: Learnt, out: Pa
 
 def _write_lines(file: Path, rows: Sequence[Any]) -> None:
     file.write_text("".join(f"{json.dumps(row, ensure_ascii=False)}\n" for row in rows), "utf-8")
-
-
-def _write_summary(file: Path, whole: Sequence[dict[str, Stats]], learnt: Learnt, all_of_them: bool, out: Path) -> None:
-    """meta/stats.json: the columns that changed, or, where episodes are left out, all of them."""
-    old = read_json(file)
-    changed = {name for stats in learnt.values() for name in stats}
-    for column in {name for stats in whole for name in stats} if all_of_them else changed:
-        found = _as_lists(_joined_stats([stats[column] for stats in whole if column in stats]))
-        names = list(old.get(column, found))
-        old[column] = {name: found[name] for name in names if name in found}
-    (out / SUMMARY).write_text(json.dumps(old, indent=4, ensure_ascii=False), "utf-8")
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,6 @@ import numpy as np
 from ..base.errors import ArgumentError, ShapeError
 from ..base.types import ROTATION, Array, Indices, Matrix, Value, Vector, rotation_gap
 from ..motion.ik import InverseKinematics
-from ..strategies import HolonomicStrategy
 from ..strategies.tasks.task import Task
 from ..symbolic import SX, Function, horzcat, jacobian, symbol, vec, vertcat
 from ..symbolic.rotations import skew
@@ -123,19 +122,16 @@ class JointMap(Value):
 
     @cached_property
     def _gain_slopes(self) -> Function:
-        return _slopes_of_gain(self.ik.strategy)
-
-
-def _slopes_of_gain(strategy: HolonomicStrategy) -> Function:
-    """q -> dG / dq_j (n, n m), side by side: with M = [J; J_g], dG = -M^-1 (dM) G, so no factorisation is derived."""
-    e, m = strategy.expressions, strategy.task.m
-    G = e.rate(SX.eye(m), written_out=True).X
-    tool, rule = [], []
-    for j in range(strategy.task.n):
-        tool.append(_slope(e.J, e.q[j]) @ G)
-        rule.append(_slope(e.planes, e.q[j]) @ G)
-    found = e.rate(horzcat(*tool), horzcat(*rule), written_out=True)
-    return Function("gain_slopes", {"q": e.q}, {"dG": -found.X})
+        # q -> dG / dq_j (n, n m), side by side: with M = [J; J_g], dG = -M^-1 (dM) G, so no factorisation is derived.
+        strategy = self.ik.strategy
+        e, m = strategy.expressions, strategy.task.m
+        G = e.rate(SX.eye(m), written_out=True).X
+        tool, rule = [], []
+        for j in range(strategy.task.n):
+            tool.append(_slope(e.J, e.q[j]) @ G)
+            rule.append(_slope(e.planes, e.q[j]) @ G)
+        found = e.rate(horzcat(*tool), horzcat(*rule), written_out=True)
+        return Function("gain_slopes", {"q": e.q}, {"dG": -found.X})
 
 
 def _slope(M: SX, variable: SX) -> SX:
@@ -226,12 +222,6 @@ def _form_of(order: Any) -> Array:
     return QUATERNION[:, :, places][:, :, :, places]
 
 
-def _rotations_of(xp: Any, quaternions: Any, form: Any) -> Any:
-    """Rotations (..., 3, 3) of quaternions (..., 4) of any length, with the form of their order."""
-    square = (quaternions * quaternions).sum(-1)[..., None, None]
-    return xp.einsum("ijab,...a,...b->...ij", form, quaternions, quaternions) / square
-
-
 def angular_velocity(xp: Any, turn: Any, R: Any, dR: Any) -> Any:
     """w (..., 3) of the part of dR (..., 3, 3) that keeps R a rotation."""
     return xp.einsum("kij,...il,...jl->...k", turn, dR, R)
@@ -274,7 +264,9 @@ def read_tensors(
         wanted = (*poses.shape[:-1], 4)
         if one[-1] != 3 or tuple(turns.shape) != wanted:
             raise ShapeError("the quaternions", f"{wanted}, with positions (..., 3)", tuple(turns.shape))
-        R = _rotations_of(xp, turns, tensor(_form_of(order)))
+        # Rotations (..., 3, 3) of quaternions (..., 4) of any length, with the form of their order.
+        square = (turns * turns).sum(-1)[..., None, None]
+        R = xp.einsum("ijab,...a,...b->...ij", tensor(_form_of(order)), turns, turns) / square
         last = xp.broadcast_to(tensor(np.array([[0.0, 0.0, 0.0, 1.0]])), (*poses.shape[:-1], 1, 4))
         given = xp.concatenate([xp.concatenate([R, poses[..., None]], -1), last], -2)
         return GivenTensors(given, poses.reshape(*lead, 3 * frames), R.reshape(*lead, frames, 3, 3))

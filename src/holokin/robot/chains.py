@@ -264,14 +264,6 @@ def _check_limits_of_hinges(robot: Robot) -> None:
         raise ArgumentError(f"the widest limit of {robot.name!r} [rad]", max(widest), cure)
 
 
-def _check_tool(robot: Robot, xyz: Vector, tip: str | None = None) -> None:
-    """Raises: ArgumentError where a tool is many times longer than the arm that carries it, as in millimetres."""
-    reach, size = longest_reach(robot, tip), float(np.linalg.norm(xyz))
-    if size > (max(SHARE * reach, 1.0) if np.isfinite(reach) else LONGEST):
-        cure = f"this looks like millimetres, {robot.name} reaches {reach:.3g} m: give metres"
-        raise ArgumentError("xyz of a tool", np.asarray(xyz).tolist(), cure)
-
-
 FASTEST = 50.0
 """Speed [rad/s, m/s] beyond which a limit is doubted: eight turns a second; limits in deg/s are beyond it."""
 
@@ -774,7 +766,10 @@ def with_tool(
     carrier = robot.tip(tip)
     if not trust_units:
         check_radians("rpy of a tool", turn, TRUST)
-        _check_tool(robot, place, carrier.name)
+        reach, size = longest_reach(robot, carrier.name), float(np.linalg.norm(place))
+        if size > (max(SHARE * reach, 1.0) if np.isfinite(reach) else LONGEST):
+            cure = f"this looks like millimetres, {robot.name} reaches {reach:.3g} m: give metres"
+            raise ArgumentError("xyz of a tool", np.asarray(place).tolist(), cure)
     T = pose_matrix(place, turn)
     tips = [Tip(name, t.joint, t.placement @ T, t.arm_end) if t is carrier else t for t in robot.tips]
     _unlike("tip", tips)

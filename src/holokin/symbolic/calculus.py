@@ -152,7 +152,10 @@ class TaylorModel:
             if op == ca.OP_INPUT:
                 code = f"w[{out[0]}] = x[{into[1]}]"
             elif op == ca.OP_COPYSIGN:
-                code = _copysign(into, out[0], constant)
+                if into[0] not in constant:
+                    raise NativeError("a copysign of what is no number has no Taylor model")
+                sign = f"HK_C({constant[into[1]]!r})" if into[1] in constant else f"w[{into[1]}].m"
+                code = f"hk_model_constant(HK_COPYSIGN(HK_C({constant[into[0]]!r}), {sign}), w + {out[0]})"
             else:
                 code = _operation(op, into, out[0], constant)
             constant.pop(out[0], None)
@@ -181,13 +184,6 @@ def _operation(op: int, into: list[int], out: int, constant: Mapping[int, float]
     made = "".join(f"hk_model_constant(HK_C({constant[i]!r}), w + {i}), " for i in dict.fromkeys(given))
     places = [f"w + {i}" for i in into[: 2 if op in _BINARY else 1]]
     return made + (_BINARY if op in _BINARY else _UNARY)[op].format(*places, there)
-
-
-def _copysign(into: list[int], out: int, constant: Mapping[int, float]) -> str:
-    if into[0] not in constant:
-        raise NativeError("a copysign of what is no number has no Taylor model")
-    sign = f"HK_C({constant[into[1]]!r})" if into[1] in constant else f"w[{into[1]}].m"
-    return f"hk_model_constant(HK_COPYSIGN(HK_C({constant[into[0]]!r}), {sign}), w + {out})"
 
 
 def _written(there: str, register: int, constant: Mapping[int, float]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -275,23 +275,20 @@ class JobResult:
 
         Numbered where two strategies would write one file, also on disks that do not tell A from a.
         """
-        return _file_stems({strategy.name: strategy.trajectories() for strategy in self.strategies})
-
-
-def _file_stems(named: Mapping[str, Iterable[str]]) -> dict[str, str]:
-    """Name -> the STEM of its files STEM-KEY, unlike those of the others; for names with the keys of their files."""
-    stems: dict[str, str] = {}
-    taken: set[str] = set()
-    for name, keys in named.items():
-        word = re.sub(r"[\W_]+", "-", name).strip("-")
-        base = word.encode()[:80].decode(errors="ignore") or "strategy"  # a file's name may have 255 bytes
-        stem, number = base, 1
-        while taken & (files := {f"{stem}-{key}".casefold() for key in keys}):
-            number += 1
-            stem = f"{base}-{number}"
-        stems[name] = stem
-        taken |= files
-    return stems
+        # Name -> the STEM of its files STEM-KEY, unlike those of the others; for names with the keys of their files.
+        named = {strategy.name: strategy.trajectories() for strategy in self.strategies}
+        stems: dict[str, str] = {}
+        taken: set[str] = set()
+        for name, keys in named.items():
+            word = re.sub(r"[\W_]+", "-", name).strip("-")
+            base = word.encode()[:80].decode(errors="ignore") or "strategy"  # a file's name may have 255 bytes
+            stem, number = base, 1
+            while taken & (files := {f"{stem}-{key}".casefold() for key in keys}):
+                number += 1
+                stem = f"{base}-{number}"
+            stems[name] = stem
+            taken |= files
+        return stems
 
 
 # --- The folder of a job's results: replaced whole or not at all, without the loss of what others have put there.

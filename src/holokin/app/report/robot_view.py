@@ -196,7 +196,9 @@ def drawn(solids: Sequence[Solid], window: Window) -> Layer:
             known = cover[here]
             total = share + known * (1 - share)
             weight = share / np.maximum(total, np.float32(1e-6))
-            paint = _shaded(solid.color, tilt)
+            # Colours (..., 3) of a surface by the cosine of its normal to the light.
+            at = ((tilt + np.float32(1)) * np.float32(_SHADES / 2)).astype(np.intp)
+            paint = (_LIGHT * solid.color * (1 - _SHINE) + _SHINE).astype(np.float32).take(at, axis=0, mode="clip")
             paint -= color[here]
             paint *= weight[..., None]
             color[here] += paint
@@ -242,12 +244,6 @@ def _pieces(solid: Solid) -> list[tuple[Vector, Vector]]:
         piece[1, 1 - axis] = min(high[1 - axis], beside.max() + reach)
         pieces.append((piece[0], piece[1]))
     return pieces
-
-
-def _shaded(color: Vector, tilt: Pixels) -> Pixels:
-    """Colours (..., 3) of a surface by the cosine of its normal to the light."""
-    at = ((tilt + np.float32(1)) * np.float32(_SHADES / 2)).astype(np.intp)
-    return (_LIGHT * color * (1 - _SHINE) + _SHINE).astype(np.float32).take(at, axis=0, mode="clip")
 
 
 def over(below: Any, layer: Layer, alpha: float = 1.0, where: Any = None) -> Pixels:
@@ -763,10 +759,7 @@ def floor_scale(axes: Any, scene: Scene, *, left: bool = False) -> Any:
 
 def _squares(scene: Scene) -> float:
     """The side of the squares on the floor [m]."""
-    return _round(float(np.ptp(scene.spread, axis=0).max()) / 5)
-
-
-def _round(value: float) -> float:
-    """The nearest of 1, 2, 5 times a power of ten, from below."""
+    # The nearest of 1, 2, 5 times a power of ten, from below.
+    value = float(np.ptp(scene.spread, axis=0).max()) / 5
     power = 10.0 ** np.floor(np.log10(max(value, 1e-9)))
     return float(power * max(k for k in (1, 2, 5) if k * power <= value * 1.0000001))

@@ -149,14 +149,6 @@ def _unit(direction: ArrayLike) -> Vector:
     return found / size
 
 
-def _for_tools(loop: Loop, places: Matrix) -> Loop:
-    """The same curve for several tools at once, each from its own place (F, 3) [m], as hands that carry a tray do."""
-    first = loop.points(2)[0, 0]
-    tables = [_shifted(loop.keys, place - first) for place in places]
-    paths = [loop.path.starting_at(place) for place in places]  # type: ignore[union-attr]  of one tool, so a Path
-    return replace(loop, path=synchronized(*paths), keys={**tables[0], "others": tables[1:]})
-
-
 def _shifted(keys: Mapping[str, Any], by: Vector) -> dict[str, Any]:
     """[path] of the curve moved by a vector (3,) [m]."""
     found = dict(keys)
@@ -172,7 +164,12 @@ def entered(loop: Loop, task: Task, home: Vector) -> Loop:
     A task of several tools has no entry: the curve begins where each of them is.
     """
     if task.frames > 1 and isinstance(loop.path, Path):
-        return _for_tools(loop, task.pose(home).reshape(-1, 4, 4)[:, :3, 3])
+        # The same curve for several tools at once, each from its own place (F, 3) [m], as hands that carry a tray do.
+        places = task.pose(home).reshape(-1, 4, 4)[:, :3, 3]
+        first = loop.points(2)[0, 0]
+        tables = [_shifted(loop.keys, place - first) for place in places]
+        paths = [loop.path.starting_at(place) for place in places]  # type: ignore[union-attr]  of one tool, so a Path
+        return replace(loop, path=synchronized(*paths), keys={**tables[0], "others": tables[1:]})
     if task.frames > 1 or not isinstance(loop.path, Path):
         return loop
     R = task.pose(home)[:3, :3] if loop.path.rotation is None else loop.path.rotation

@@ -186,7 +186,9 @@ class Handles:
 
         @handle.on_update
         async def _(event: Any) -> None:
-            self._hold(name, event.phase)
+            (self._held.discard if event.phase == "end" else self._held.add)(name)
+            if event.phase == "end":
+                self.page.drawn = -1
             if event.phase != "start":
                 pose = pose_of(event.target.position, event.target.wxyz)
                 self.page.ask(lambda: then(pose), name)
@@ -209,11 +211,6 @@ class Handles:
         self._dragged(loop, "loop", lambda pose: self._set_circle(pose[:3, 3], pose[:3, 2], None))
         self._dragged(radius, "radius", lambda pose: self._set_radius(pose[:3, 3]))
         return loop, radius
-
-    def _hold(self, name: str, phase: str) -> None:
-        (self._held.discard if phase == "end" else self._held.add)(name)
-        if phase == "end":
-            self.page.drawn = -1
 
     def let_go(self) -> None:
         """Nobody drags: of a browser that went away no end of its drag is heard."""

@@ -199,7 +199,8 @@ class SheetFollower:
         seconds = change.motion.seconds
         change.at += dt * seconds / max(seconds, FASTEST_CHANGE)
         if change.at < seconds:
-            change.q = _posture_at(change.motion, change.at)
+            # The joints (n,) of a motion at a time [s], even between its rows.
+            change.q = np.array([np.interp(change.at, change.motion.t, column) for column in change.motion.q.T])
             run.put(Move(change.q, LawStatus.STOPPED, self._state.sentence))
             return True
         self._change, self._known = None, {}
@@ -296,8 +297,3 @@ class SheetFollower:
         for worker in (self._finder, self._asker):
             if worker is not None:
                 worker.close(patience=2.0)
-
-
-def _posture_at(motion: StillMotion, t: float) -> Vector:
-    """The joints (n,) of a motion at a time [s], even between its rows."""
-    return np.array([np.interp(t, motion.t, column) for column in motion.q.T])

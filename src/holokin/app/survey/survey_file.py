@@ -70,7 +70,10 @@ def imported(name: str, folder: FilePath) -> Callable[..., Any]:
     module, _, function = name.partition(":")
     try:
         with _importing, _first(folder):
-            _forget(module.partition(".")[0], folder)
+            # What a survey in another folder imported from there by this name.
+            top = module.partition(".")[0]
+            if _folders.get(top, folder) != folder:
+                _drop(top)
             found = getattr(importlib.import_module(module), function)
             if folder.absolute() in FilePath(getattr(sys.modules[module], "__file__", None) or "/").parents:
                 _folders[module.partition(".")[0]] = folder
@@ -95,12 +98,6 @@ def forget_imported() -> bool:
         for top in found:
             _drop(top)
     return bool(found)
-
-
-def _forget(top: str, folder: FilePath) -> None:
-    """What a survey in another folder imported from there by this name."""
-    if _folders.get(top, folder) != folder:
-        _drop(top)
 
 
 def _drop(top: str) -> None:

@@ -223,13 +223,9 @@ def write_package(
     """
     texts = {f"c/{file}": content for file, content in c.items()}
     texts |= {file: text(template, words) for file, template in {**files, **SHARED}.items()}
-    texts["test/robot.urdf"] = _marked(to_urdf(source.strategy.task.robot))
+    # With a word of who wrote it, behind the line that XML wants first.
+    first, rest = to_urdf(source.strategy.task.robot).split("\n", 1)
+    texts["test/robot.urdf"] = f"{first}\n<!-- Written by holokin {__version__}. -->\n{rest}"
     texts["test/python_joints.h"] = test
     write_export(folder, texts, f"project({words['package']} LANGUAGES C CXX)")
     return tuple(texts), operations_of(source)
-
-
-def _marked(urdf: str) -> str:
-    """With a word of who wrote it, behind the line that XML wants first."""
-    first, rest = urdf.split("\n", 1)
-    return f"{first}\n<!-- Written by holokin {__version__}. -->\n{rest}"

@@ -600,17 +600,12 @@ def ik(strategy: Strategy, q0: ArrayLike, limits: bool = True, *, region: PoseSe
     q0 = start_posture(strategy.task.robot, q0, limits)
     strategy(q0)
     if region is not None:
-        _check_region(strategy, q0, region)
+        p, R = strategy.task.place(q0)
+        near, alone = region.near(p[None], R[None])
+        if region.strategy != strategy or not np.linalg.norm(near[0] - q0) <= alone[0]:
+            cure = "give one of the same strategy whose function holds q0: hk.unique_region(strategy, q0)"
+            raise ArgumentError("the region", str(region), cure)
     return InverseKinematics(strategy, q0, limits, region)
-
-
-def _check_region(strategy: HolonomicStrategy, q0: Vector, region: PoseSet) -> None:
-    """Raises: ArgumentError: the region is of another strategy, or does not hold q0."""
-    p, R = strategy.task.place(q0)
-    near, alone = region.near(p[None], R[None])
-    if region.strategy != strategy or not np.linalg.norm(near[0] - q0) <= alone[0]:
-        cure = "give one of the same strategy whose function holds q0: hk.unique_region(strategy, q0)"
-        raise ArgumentError("the region", str(region), cure)
 
 
 # --- Inverse kinematics asked without a word: where it has no answer nothing is raised, and no reason is searched for.

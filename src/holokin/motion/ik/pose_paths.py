@@ -137,15 +137,6 @@ def _in_the_way(task: Task, position: Vector, rotation: Matrix, q: Vector, limit
     return f" within the joint limits: a posture that reaches it has {name!r} {past[k]:.3g} {unit} outside {limit}"
 
 
-def _pose_out_of_reach(task: Task, position: Vector, rotation: Matrix, q: Vector, limits: bool) -> float | None:
-    """Distance [m or rad] of a tool pose that no search from q or elsewhere reaches; else None.
-
-    None also where the searches did not come to an end.
-    """
-    found = nearest_postures(task, position[None], rotation[None], q[None], limits=limits)
-    return float(found.missing[0]) if found.ended[0] and not found.reached[0] else None
-
-
 def surely_beyond(task: Task, position: Matrix, rotation: Array) -> Flags:
     """Which targets (k, 3), (k, 3, 3) no posture reaches, since they are further away than the links are long.
 
@@ -273,7 +264,9 @@ class PosePaths(Value):
         if (jump := self.jump(p, R, begin, q, status)) is not None:
             raise jump_problem(strategy, jump)
         if search and status in FAILED:
-            missing = _pose_out_of_reach(strategy.task, p, R, q, self.limits)
+            # Distance [m or rad] of a tool pose that no search from q or elsewhere reaches; else None.
+            found = nearest_postures(strategy.task, p[None], R[None], q[None], limits=self.limits)
+            missing = float(found.missing[0]) if found.ended[0] and not found.reached[0] else None
             if missing is not None:
                 fact = f"the pose is out of reach of {strategy.task.robot.name!r}: no search came closer than"
                 cure = doubtful_target(strategy.task, p) or "give a pose nearer to the base"

@@ -205,7 +205,9 @@ def mjcf_visuals(model: Any, enums: Any, bodies: Sequence[str]) -> dict[str, tup
     found: dict[str, tuple[Visual, ...]] = {}
     for geom in range(model.ngeom):
         body = int(model.geom_bodyid[geom])
-        color = _mjcf_color(model, geom)
+        # That of its material, where it has one.
+        material = int(model.geom_matid[geom])
+        color = np.array(model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom], dtype=float)
         if not body or model.geom_group[geom] >= _DRAWN or color[3] == 0:
             continue
         shape = _mjcf_shape(model, geom, enums)
@@ -224,9 +226,3 @@ def _mjcf_shape(model: Any, geom: int, enums: Any) -> Shape | Surface | None:
     face, number = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
     points = np.array(model.mesh_vert[first : first + count], dtype=float)
     return Surface(points, np.array(model.mesh_face[face : face + number], dtype=np.int64))
-
-
-def _mjcf_color(model: Any, geom: int) -> Vector:
-    """That of its material, where it has one."""
-    material = int(model.geom_matid[geom])
-    return np.array(model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom], dtype=float)
