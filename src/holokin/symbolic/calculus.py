@@ -11,7 +11,7 @@ import casadi as ca
 
 from ..base.errors import ArgumentError, NativeError
 from ..base.types import Vector
-from .native.emit import Pieces, Transport
+from .native.emit import Pieces, Transport, applied, operations, walk
 
 
 def jacobian(expression: ca.SX, q: ca.SX) -> ca.SX:
@@ -56,32 +56,28 @@ def staged(outputs: ca.SX, early: ca.SX, late: ca.SX) -> tuple[ca.SX, ca.SX, ca.
     value, an expression of the early ones. Equal expressions are one.
     """
     made = ca.Function("outputs", [early, late], ca.cse([ca.densify(outputs)]))
-    registers: dict[int, _Register] = {}
-    found, symbols, values = ca.SX(*outputs.shape), [], []
+    symbols, values = [], []
 
-    def operand(one: _Register) -> ca.SX:
-        if one.late or one.value.is_constant():
-            return one.value
-        if one.stands is None:
-            one.stands = ca.SX.sym(f"early{len(symbols)}")
-            symbols.append(one.stands)
-            values.append(one.value)
-        return one.stands
+    def operand(part: _Register) -> ca.SX:
+        if part.late or part.value.is_constant():
+            return part.value
+        if part.stands is None:
+            part.stands = ca.SX.sym(f"early{len(symbols)}")
+            symbols.append(part.stands)
+            values.append(part.value)
+        return part.stands
 
-    for k in range(made.n_instructions()):
-        op, into, out = made.instruction_id(k), made.instruction_input(k), made.instruction_output(k)
-        if op == ca.OP_OUTPUT:
-            found[out[1]] = registers[into[0]].value
-        elif op == ca.OP_INPUT:
-            registers[out[0]] = _Register((early, late)[into[0]][into[1]], bool(into[0]))
-        elif op == ca.OP_CONST:
-            registers[out[0]] = _Register(ca.SX(made.instruction_constant(k)), False)
-        else:
-            given = [registers[i] for i in into]
-            needs = any(one.late for one in given)
-            parts = [operand(one) if needs else one.value for one in given]
-            value = ca.SX.unary(op, *parts) if len(parts) == 1 else ca.SX.binary(op, *parts)
-            registers[out[0]] = _Register(value, needs)
+    def apply(op: int, parts: list[_Register]) -> _Register:
+        late = any(part.late for part in parts)
+        return _Register(applied(op, [operand(part) if late else part.value for part in parts]), late)
+
+    rows = walk(
+        made, lambda argument, i: _Register((early, late)[argument][i], bool(argument)),
+        lambda number: _Register(ca.SX(number), False), apply,
+    )  # fmt: skip
+    found = ca.SX(*outputs.shape)
+    for row, part in rows.items():
+        found[row] = part.value
     return found, ca.vertcat(ca.SX(0, 1), *symbols), ca.vertcat(ca.SX(0, 1), *values)
 
 
@@ -133,7 +129,7 @@ class TaylorModel:
         self._made = ca.Function(name, [ca.vertcat(*inputs.values())], ca.cse([ca.densify(ca.vec(output))]))
         self.instructions: int = self._made.n_instructions()
         known = {*_UNARY, *_BINARY, ca.OP_COPYSIGN, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
-        if any(self._made.instruction_id(k) not in known for k in range(self.instructions)):
+        if operations(self._made) - known:
             raise NativeError(f"{name} has an operation that has no Taylor model")
 
     @cached_property
@@ -194,7 +190,6 @@ def _written(there: str, register: int, constant: Mapping[int, float]) -> str:
 
 # --- Where a formula may jump: the places at which an if_else, a floor, a sign, ... of it turns over.
 
-_NAMES = {getattr(ca, key): key.removeprefix("OP_").lower() for key in dir(ca) if key.startswith("OP_")}
 _CONDITIONS = {ca.OP_LT: "if_else", ca.OP_LE: "if_else"}
 _JUMPS = {
     ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil", ca.OP_SIGN: "sign", ca.OP_COPYSIGN: "copysign", ca.OP_FMOD: "fmod",
@@ -247,24 +242,17 @@ def switches(expression: ca.SX, q: ca.SX, *, angle: bool = False, reflected: boo
     flat = ca.densify(ca.vec(expression))
     made = ca.Function("made", [q], [flat])
     harmless = ({ca.OP_ATAN2} if angle else set()) | ({ca.OP_COPYSIGN} if reflected else set())
-    if not ({made.instruction_id(i) for i in range(made.n_instructions())} & set(_JUMPS)) - harmless:
+    if not (operations(made) & set(_JUMPS)) - harmless:
         return Switches((), ca.SX(0, 1), ca.SX(0, 1))
     made = ca.Function("made", [q], [ca.cse([flat])[0]])
-    work: dict[int, ca.SX] = {}
     found: list[tuple[str, ca.SX, ca.SX]] = []
-    for i in range(made.n_instructions()):
-        op, out, into = made.instruction_id(i), made.instruction_output(i), made.instruction_input(i)
-        if op == ca.OP_OUTPUT:
-            continue
-        if op == ca.OP_CONST:
-            work[out[0]] = ca.SX(made.instruction_constant(i))
-        elif op == ca.OP_INPUT:
-            work[out[0]] = q[into[1]]
-        else:
-            parts = [work[j] for j in into]
-            if op in _JUMPS and op not in harmless and not all(part.is_constant() for part in parts):
-                found.append((_JUMPS[op], *_turning(op, parts)))
-            work[out[0]] = ca.SX.unary(op, parts[0]) if len(parts) == 1 else ca.SX.binary(op, *parts)
+
+    def apply(op: int, parts: list[ca.SX]) -> ca.SX:
+        if op in _JUMPS and op not in harmless and not all(part.is_constant() for part in parts):
+            found.append((_JUMPS[op], *_turning(op, parts)))
+        return applied(op, parts)
+
+    walk(made, lambda _, i: q[i], ca.SX, apply)
     words, gaps, states = zip(*found, strict=True) if found else ((), (), ())
     return Switches(tuple(words), ca.vertcat(ca.SX(0, 1), *gaps), ca.vertcat(ca.SX(0, 1), *states))
 

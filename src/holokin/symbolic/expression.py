@@ -13,6 +13,7 @@ import numpy as np
 
 from ..base.errors import ArgumentError, ExpressionError, HolokinError, ShapeError, brief, closest
 from ..base.types import Vector, number
+from .native.emit import OPERATION_NAMES, applied, operations, walk
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: getattr(ca, name)
@@ -200,6 +201,18 @@ _SUMS = (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE, ca.OP_ASSIGN)
 
 
 @dataclass(frozen=True, eq=False)
+class _Part:
+    """A part of an expression: its number where it is a constant, the guards of the cuts that it may jump at, whether
+    it is a condition, whether it is a root."""
+
+    expression: ca.SX
+    number: float = 0.5
+    cuts: frozenset[int] = frozenset()
+    truth: bool = False
+    root: bool = False
+
+
+@dataclass(frozen=True, eq=False)
 class Separated:
     """An expression of inputs and of symbols (k,) that stand for its constants, `values` (k,).
 
@@ -220,71 +233,54 @@ class Separated:
         """
         given = ca.veccat(*inputs.values())
         made = ca.Function("separated", [given], ca.cse([ca.densify(ca.vec(output))]))
-        work: dict[int, ca.SX] = {}
-        constant: dict[int, float] = {}  # register: its number, where it has one
-        cuts: dict[int, frozenset[int]] = {}  # register: the guards of the cuts that it may jump at
-        truths: set[int] = set()
-        roots: set[int] = set()
         symbols, values, guards = [], [], []
         needed: dict[int, None] = {}
-        rows = [ca.SX(0)] * made.size1_out(0)
 
         def guard(expression: ca.SX) -> int:
             guards.append(expression)
             return len(guards) - 1
 
-        for k in range(made.n_instructions()):
-            op, out, into = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
-            if op == ca.OP_OUTPUT:
-                rows[out[1]] = work[into[0]]
-                if not angular[out[1]]:
-                    needed |= dict.fromkeys(cuts[into[0]])
-                continue
-            if op in (ca.OP_INPUT, ca.OP_CONST):
-                register, number = out[0], made.instruction_constant(k) if op == ca.OP_CONST else None
-                cuts[register] = frozenset()
-                truths.discard(register)
-                roots.discard(register)
-                constant.pop(register, None)
-                if number is None:
-                    work[register] = given[into[1]]
-                else:
-                    constant[register] = number
-                    work[register] = ca.SX(number) if number in _KEPT else ca.SX.sym(f"constant_{len(values)}")
-                    if number not in _KEPT:
-                        symbols.append(work[register])
-                        values.append(number)
-                continue
-            arguments = [work[i] for i in into]
-            jumps = frozenset[int]().union(*(cuts[i] for i in into))
-            multiple = op == ca.OP_MUL and any(constant.get(i, 0.5) % 1 == 0 for i in into)
-            if op in (ca.OP_POW, ca.OP_CONSTPOW) and constant.get(into[1], 0.5) % 1 == 0:
-                arguments[1] = ca.SX(constant[into[1]])
-            if op not in _SUMS and not multiple and jumps:
+        def constant(number: float) -> _Part:
+            if number in _KEPT:
+                return _Part(ca.SX(number), number=number)
+            symbols.append(ca.SX.sym(f"constant_{len(values)}"))
+            values.append(number)
+            return _Part(symbols[-1], number=number)
+
+        def apply(op: int, parts: list[_Part]) -> _Part:
+            arguments = [part.expression for part in parts]
+            whole = [part.number % 1 == 0 for part in parts]
+            jumps = frozenset[int]().union(*(part.cuts for part in parts))
+            if op in (ca.OP_POW, ca.OP_CONSTPOW) and whole[1]:
+                arguments[1] = ca.SX(parts[1].number)
+            # A sum of angles jumps as they do, and so does a whole multiple; a sine and a cosine do not.
+            if op not in _SUMS and not (op == ca.OP_MUL and any(whole)) and jumps:
                 if op not in (ca.OP_SIN, ca.OP_COS):
-                    needed |= dict.fromkeys(jumps)
+                    needed.update(dict.fromkeys(jumps))
                 jumps = frozenset()
+            # The guards of the operation's own kinks and jumps.
             if op == ca.OP_ATAN2:
                 y, x = arguments
                 jumps = frozenset({guard(ca.sqrt(x * x + y * y) + x)})
             elif op in _COMPARED:
                 needed[guard(arguments[0] - arguments[1])] = None
             elif op in (ca.OP_FABS, ca.OP_SIGN, ca.OP_COPYSIGN):
-                positive = (
-                    op == ca.OP_COPYSIGN and into[0] in roots
-                )  # where a root vanishes its derivative is unbounded
-                needed |= dict.fromkeys(guard(a) for a in arguments[positive:])
+                positive = op == ca.OP_COPYSIGN and parts[0].root  # where a root vanishes its derivative is unbounded
+                needed.update(dict.fromkeys(guard(a) for a in arguments[positive:]))
             elif op in _LOGICAL:
-                asked = into[:1] if op == ca.OP_IF_ELSE_ZERO else into
-                needed |= dict.fromkeys(guard(work[i]) for i in asked if i not in truths)
-            made_of = ca.SX.unary(op, *arguments) if len(arguments) == 1 else ca.SX.binary(op, *arguments)
-            register = out[0]
-            work[register], cuts[register] = made_of, jumps
-            constant.pop(register, None)
-            (truths.add if op in _TRUTHS else truths.discard)(register)
-            (roots.add if op == ca.OP_SQRT else roots.discard)(register)
+                asked = parts[:1] if op == ca.OP_IF_ELSE_ZERO else parts
+                needed.update(dict.fromkeys(guard(part.expression) for part in asked if not part.truth))
+            return _Part(applied(op, arguments), cuts=jumps, truth=op in _TRUTHS, root=op == ca.OP_SQRT)
+
+        rows = walk(made, lambda _, i: _Part(given[i]), constant, apply)
+        for row, part in rows.items():
+            if not angular[row]:
+                needed.update(dict.fromkeys(part.cuts))
         return Separated(
-            ca.vertcat(*rows), ca.vertcat(*symbols), np.array(values), ca.vertcat(*(guards[i] for i in needed))
+            ca.vertcat(*(rows[row].expression for row in range(made.size1_out(0)))),
+            ca.vertcat(*symbols),
+            np.array(values),
+            ca.vertcat(*(guards[i] for i in needed)),
         )
 
 
@@ -292,7 +288,6 @@ _PLAIN = (
     "INPUT", "OUTPUT", "CONST", "PARAMETER", "ASSIGN", "ADD", "SUB", "MUL", "DIV", "INV", "NEG", "TWICE", "SQ", "SIN",
     "COS", "TAN",
 )  # fmt: skip
-_NAMES = {getattr(ca, name): name.removeprefix("OP_") for name in dir(ca) if name.startswith("OP_")}
 _WORDS = {"IF_ELSE_ZERO": "if_else", "LT": "if_else", "LE": "if_else", "NOT": "if_else", "CONSTPOW": "pow"}
 
 
@@ -303,5 +298,5 @@ def other_operations(expression: ca.SX, q: ca.SX) -> tuple[str, ...]:
     easily. Whole powers are products; a power with any other exponent counts as one of them.
     """
     made = ca.Function("made", [q], [expression])
-    names = {_NAMES[made.instruction_id(i)] for i in range(made.n_instructions())} - set(_PLAIN)
+    names = {OPERATION_NAMES[op] for op in operations(made)} - set(_PLAIN)
     return tuple(sorted({_WORDS.get(name, name.lower()) for name in names}))

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache, reduce
 from importlib.resources import files
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -43,6 +43,51 @@ SCALAR, LANES = "scalar.h", "lanes.h"
 """The preludes: hk_t is one number, or a few side by side in a vector register."""
 
 
+OPERATION_NAMES: dict[int, str] = {
+    getattr(ca, key): key.removeprefix("OP_") for key in dir(ca) if key.startswith("OP_")
+}
+"""CasADi's names of its operations, as "SQRT"."""
+
+T = TypeVar("T")
+
+
+def walk(
+    function: ca.Function, read: Callable[[int, int], T], constant: Callable[[float], T],
+    apply: Callable[[int, list[T]], T],
+) -> dict[int, T]:  # fmt: skip
+    """What a function gives where values of any kind stand for its numbers: element of its outputs -> value.
+
+    Its instructions are gone through in order, so an operation is applied when its arguments are known.
+
+    Args:
+        read: (argument, element in column-major order) -> value. constant: number -> value. apply: (operation,
+            values of its arguments) -> value.
+    """
+    registers: dict[int, T] = {}
+    outputs: dict[int, T] = {}
+    for k in range(function.n_instructions()):
+        op, out, into = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
+        if op == ca.OP_OUTPUT:
+            outputs[out[1]] = registers[into[0]]
+        elif op == ca.OP_CONST:
+            registers[out[0]] = constant(function.instruction_constant(k))
+        elif op == ca.OP_INPUT:
+            registers[out[0]] = read(into[0], into[1])
+        else:
+            registers[out[0]] = apply(op, [registers[i] for i in into])
+    return outputs
+
+
+def operations(function: ca.Function) -> set[int]:
+    """The kinds of operations of a function, reading and writing among them."""
+    return {function.instruction_id(k) for k in range(function.n_instructions())}
+
+
+def applied(op: int, arguments: Sequence[ca.SX]) -> ca.SX:
+    """An operation of one argument or two, applied to expressions."""
+    return ca.SX.unary(op, *arguments) if len(arguments) == 1 else ca.SX.binary(op, *arguments)
+
+
 def emit(function: ca.Function, name: str, x: Callable[[int, int], str], y: Callable[[int, int], str]) -> str:
     """The body of a function, a C block: reads its inputs, writes its outputs, and nothing else.
 
@@ -71,8 +116,7 @@ def emit(function: ca.Function, name: str, x: Callable[[int, int], str], y: Call
         elif op in _UNARY:
             value = _UNARY[op].format(register[into[0]])
         else:
-            known = {getattr(ca, key): key for key in dir(ca) if key.startswith("OP_")}
-            raise NativeError(f"{name} uses CasADi's {known.get(op, op)}, which has no C here")
+            raise NativeError(f"{name} uses CasADi's OP_{OPERATION_NAMES.get(op, op)}, which has no C here")
         register[out[0]] = f"v{k}"
         lines.append(f"  const hk_t v{k} = {value};")
     return "\n".join(lines)
