@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal, get_args
 
@@ -36,7 +37,7 @@ from ..strategies.tasks.task import of_one_tool
 from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol
 from ..symbolic.native import VelocityRules
 from .ik.branch import branch_code
-from .ik.leaf import jump_problem, leaf_step, leaf_stepper, leaf_value, move_to_leaf, native_leaf
+from .ik.leaf import TRIES, jump_problem, leaf_step, leaf_stepper, leaf_value, move_to_leaf, native_leaf
 from .ik.plan import NativeFollower, Plan, check_start, make_plan
 from .ik.pose_paths import nearest_postures, out_of_reach
 from .ik.posture_search import all_postures
@@ -101,6 +102,30 @@ def native_velocity(
     if kernel is None:
         return None
     return NativeFollower(kernel, plan, q0.copy(), velocity_rules(), limits)
+
+
+@dataclass(frozen=True, eq=False)
+class Stepper:
+    """The steps of a law along a plan: `step`, (q, step of the plan) -> q after it, and the same in native code."""
+
+    step: Callable[[Vector, int], Vector]
+    native: NativeFollower | None = None
+
+
+def stepper(
+    strategy: Strategy, leaf: HolonomicStrategy | None, plan: Plan, q0: Vector, limits: bool, tries: int = TRIES, *,
+    load: bool, build: bool,
+) -> Stepper:  # fmt: skip
+    """The steps on the leaf through q0 (n,), of a strategy that is followed on one, or by velocity.
+
+    Args:
+        tries: pieces of one step in Python. load, build: as of `Function.follower`.
+    """
+    if leaf is None:
+        native = native_velocity(strategy, plan, q0, limits, load=load, build=build)
+        return Stepper(velocity_stepper(strategy, plan), native)
+    native = native_leaf(leaf, plan, q0, limits, load=load, build=build)
+    return Stepper(leaf_stepper(leaf, plan, q0, tries), native)
 
 
 Following = Literal["velocity", "leaf"]
@@ -192,7 +217,6 @@ def _walk(
     native: bool,
 ) -> Trajectory:  # fmt: skip
     method = "velocity" if leaf is None else "leaf"
-    stepper = velocity_stepper(strategy, plan) if leaf is None else leaf_stepper(leaf, plan, q)
     robot = strategy.task.robot
     lower, upper = robot.lower - TOLERANCES.limit, robot.upper + TOLERANCES.limit
     total = whole("the number of steps of all cycles", cycles * plan.steps)
@@ -205,10 +229,8 @@ def _walk(
         return _record(strategy, plan, postures[: done + 1], cycles, status)
 
     sources = {"load": native or total >= CACHED_FROM, "build": native or total >= NATIVE_FROM}
-    if leaf is None:
-        fast = native_velocity(strategy, plan, q, limits, **sources)
-    else:
-        fast = native_leaf(leaf, plan, q, limits, **sources)
+    chosen = stepper(strategy, leaf, plan, q, limits, **sources)
+    step, fast = chosen.step, chosen.native
     steps = _native_steps(fast, plan, q, cycles, postures) if fast is not None else ()
     with progress(f"following by {method}: {strategy.name}", total) as report:
         try:
@@ -216,11 +238,11 @@ def _walk(
                 report(done)
             if fast is not None and done < total:
                 fast.halted()
-            for step in range(done, total):
-                q = stepper(q, step % plan.steps)
+            for k in range(done, total):
+                q = step(q, k % plan.steps)
                 if limits and not ((q >= lower) & (q <= upper)).all():
                     robot.check_limits(q)
-                done = step + 1
+                done = k + 1
                 postures[done] = q
                 report(done)
         except JointLimitError as problem:

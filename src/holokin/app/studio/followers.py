@@ -14,12 +14,12 @@ from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, positive, tool_pose
 from ...motion import StepStatus, approach, controller
 from ...motion.control import ControlLaw
-from ...motion.follow_path import build_native, native_velocity, velocity_stepper
+from ...motion.follow_path import Stepper, build_native, by_leaf, stepper
 from ...motion.ik import InverseStatus, ik, move_to_leaf
 from ...motion.ik.inverse_function import how_far, is_native
-from ...motion.ik.leaf import LeafPath, PathEnd, leaf_follower, leaf_value, leaf_walk, native_leaf, straight_path
-from ...motion.ik.plan import NativeFollower, Plan, check_start, make_plan
-from ...motion.simulation import step_targets
+from ...motion.ik.leaf import PathEnd, leaf_value, leaf_walk, straight_path
+from ...motion.ik.plan import Plan, check_start, make_plan
+from ...motion.simulation import control_step
 from ...path import Path, arc, figure_eight, polyline
 from ...path.editing import AnyPath, synchronized
 from ...path.path import StraightPath, straight
@@ -381,30 +381,26 @@ LOOP_PIECES = 200
 LOOK = 60
 """Steps of a cycle with which it is tried whether a law gets round a loop: 30 ms in Python."""
 
-Stepper = Callable[[Vector, int], Vector]
-"""(posture, step of the plan) -> the posture after it."""
-
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A law on its way round a loop: its plan, where it begins (n,), and what makes its steps."""
+    """A law on its way round a loop: its plan, and what makes its steps."""
 
     law: Law
     plan: Plan
-    q0: Vector
     limits: bool
-    native: NativeFollower | None
     stepper: Stepper
 
     def run(self, q: Vector, first: int, last: int) -> tuple[Matrix, tuple[LawStatus, str]]:
         """Steps [first, last) of a cycle from a posture: the postures (k, n) after each, fewer where it stops; why."""
         rows = np.empty((last - first, len(q)))
-        done = self.native.run(q, first, last, rows) if self.native is not None else 0
+        native = self.stepper.native
+        done = native.run(q, first, last, rows) if native is not None else 0
         at = rows[done - 1] if done else q
         robot = self.law.task.robot
         try:
             for i in range(first + done, last):
-                at = self.stepper(at, i)
+                at = self.stepper.step(at, i)
                 if self.limits:
                     robot.check_limits(at)
                 rows[done] = at
@@ -457,34 +453,11 @@ def walk(law: Law, loop: Loop, q0: Vector, limits: bool, *, build: bool = False)
         law.strategy(q0)
     plan = make_plan(task, loop.path, loop.samples, task.place(q0)[1])
     check_start(task, q0, *plan.first)
-    native: NativeFollower | None = None
-    if isinstance(law.rule, HolonomicStrategy):
-        native = native_leaf(law.rule, plan, q0, limits, load=True, build=build)
-        stepper = _leaf_stepper(law.rule, plan, q0)
-    elif isinstance(law.rule, Strategy):
-        native = native_velocity(law.rule, plan, q0, limits, load=True, build=build)
-        stepper = velocity_stepper(law.rule, plan)
-    else:
-        stepper = _control_stepper(law.rule, plan, q0)
-    return Walk(law, plan, q0, limits, native, stepper)
-
-
-def _leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Stepper:
-    """The steps of `follow`; but no step has more than PIECES, so that a loop is never held up for long."""
-    follow, c = leaf_follower(strategy, q0, LOOP_PIECES), leaf_value(strategy, q0)
-    return lambda q, i: follow(q, LeafPath(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
-
-
-def _control_stepper(rule: ControlLaw, plan: Plan, q0: Vector) -> Stepper:
-    """The steps of `simulate`."""
-    poses, twists = step_targets(plan)
-    step = rule.begin(q0.copy())
-
-    def stepper(q: Vector, i: int) -> Vector:
-        rates = np.asarray(step(q.copy(), poses[i].copy(), twists[i].copy(), float(plan.h[i])), dtype=float)
-        return q + plan.h[i] * rates
-
-    return stepper
+    if isinstance(law.rule, Strategy):
+        leaf = by_leaf(law.rule)
+        return Walk(law, plan, limits, stepper(law.rule, leaf, plan, q0, limits, LOOP_PIECES, load=True, build=build))
+    rates = control_step(law.rule, plan, q0)
+    return Walk(law, plan, limits, Stepper(lambda q, i: q + plan.h[i] * np.asarray(rates(q, i), dtype=float)))
 
 
 def poses_at(plan: Plan, step: int) -> Array:

@@ -275,9 +275,14 @@ def straight_path(task: Task, begin: Pose, end: Pose, levels: tuple[Vector, Vect
     return LeafPath(at, turn=float(np.linalg.norm(line.turn)))
 
 
-def leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Callable[[Vector, int], Vector]:
-    """(q, step) -> q after that step of the plan, on the leaf through q0. Raises (when called): as `leaf_follower`."""
-    walk, c = leaf_follower(strategy, q0), leaf_value(strategy, q0)
+def leaf_stepper(
+    strategy: HolonomicStrategy, plan: Plan, q0: Vector, tries: int = TRIES
+) -> Callable[[Vector, int], Vector]:
+    """(q, step) -> q after that step of the plan, on the leaf through q0, in so many pieces at most.
+
+    Raises (when called): as `leaf_follower`.
+    """
+    walk, c = leaf_follower(strategy, q0, tries), leaf_value(strategy, q0)
     return lambda q, i: walk(q, LeafPath(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
