@@ -410,9 +410,7 @@ def check_exact(task: Task) -> None:
     """Raises: ArgumentError: J of the task is not df/dq."""
     if not task.exact:
         raise ArgumentError(
-            "the task of an impedance",
-            task.name,
-            "it needs coordinates: a position, 'rpy', 'zyz', 'rotation-vector'",
+            "the task of an impedance", task.name, "it needs coordinates: a position, 'rpy', 'zyz', 'rotation-vector'"
         )
 
 
@@ -506,13 +504,7 @@ def monomials(u: SX, terms: Terms) -> SX:
 
 
 def _least_squares(
-    strategy: HolonomicStrategy,
-    Q: Matrix,
-    Z: Matrix,
-    q0: Matrix,
-    variables: Field,
-    exponents: Terms,
-    others: list[int],
+    strategy: HolonomicStrategy, Q: Matrix, Z: Matrix, q0: Matrix, variables: Field, exponents: Terms, others: list[int]
 ) -> Matrix:
     """Coefficients (terms, r) from the values of g - phi, measured from their mean, and from its gradients.
 
@@ -629,11 +621,7 @@ def _check(
         for what, error in zip(errors.output_shapes, found, strict=True):
             if not np.abs(error).max() < CHECKED:
                 at = np.array2string(posture, precision=3)
-                raise ArgumentError(
-                    f"|{what}| near q = {at}",
-                    float(np.abs(error).max()),
-                    "it must be 0 everywhere",
-                )
+                raise ArgumentError(f"|{what}| near q = {at}", float(np.abs(error).max()), "it must be 0 everywhere")
 
 
 def _sized(what: str, value: Any, shape: tuple[int, int]) -> SX:

@@ -372,10 +372,7 @@ def _legend(figure: Any, found: Sheets, maps: bool, jump: bool) -> None:
     within = max(1, int(found.reachable.sum()))
     width, height = figure.get_size_inches()
     patches = [
-        Patch(
-            color=sheet_color(s),
-            label=f"sheet {s}: {(found.labels == s).sum() / within:.1%}\n{_lines(one.name)}",
-        )
+        Patch(color=sheet_color(s), label=f"sheet {s}: {(found.labels == s).sum() / within:.1%}\n{_lines(one.name)}")
         for s, one in enumerate(found.sheets)
     ]
     patches += [

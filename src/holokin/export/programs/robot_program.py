@@ -152,11 +152,7 @@ class Program(Shown):
 
 
 def header(
-    timed: TimedTrajectory,
-    about: str,
-    found: Targets | None,
-    more: Sequence[str] = (),
-    width: int = 100,
+    timed: TimedTrajectory, about: str, found: Targets | None, more: Sequence[str] = (), width: int = 100
 ) -> list[str]:
     """The facts of a program as lines of ASCII: where it is from, the law, limits, tolerances, units.
 

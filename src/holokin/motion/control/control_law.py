@@ -164,10 +164,7 @@ def feedback(
 
 
 def compiled(
-    name: str,
-    task: Task,
-    rate: Callable[[Symbols], Solution],
-    strategy: Strategy | None = None,
+    name: str, task: Task, rate: Callable[[Symbols], Solution], strategy: Strategy | None = None
 ) -> ControlLaw:
     """A control law from an expression of its rates, compiled when first begun.
 
@@ -250,12 +247,7 @@ def impedance_with_memory(
         extended = factorise(vertcat(J, null_space_expression(J).T @ stiffness))
         dq = extended.solve(vertcat(dx, SX.zeros(task.n - task.m, 1)))
         dF = factorise(J.T).solve(stiffness @ dq)  # J^T F' = (K - Gamma) dq, since tau_0 stays
-        outputs = {
-            "dq": dq,
-            "dF": dF,
-            "rcond": extended.rcond(),
-            "margin": task.margin_expression(k.rotation),
-        }
+        outputs = {"dq": dq, "dF": dF, "rcond": extended.rcond(), "margin": task.margin_expression(k.rotation)}
         R, twist = task.target_symbols()[1], symbol("twist", 6 * task.frames)
         rates = Function("wanted", {"R": R, "twist": twist}, {"dx": task.rates_expression(R, *task.velocities(twist))})
         return Function("impedance", {"q": q, "F": F, "dx": dx}, outputs), rates

@@ -103,12 +103,7 @@ def leaf_step(strategy: HolonomicStrategy) -> Function:
     e, task = strategy.expressions, strategy.task
     (p, R), c = task.target_symbols(), symbol("c", task.n - task.m)
     found = e.rate(task.error_expression(e.kinematics, p, R), strategy.leaf_gap(c))
-    outputs = {
-        "dq": found.X,
-        "rcond": found.rcond,
-        "margin": strategy.margin_expression,
-        "side": found.orientation,
-    }
+    outputs = {"dq": found.X, "rcond": found.rcond, "margin": strategy.margin_expression, "side": found.orientation}
     return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system, strategy.transport)
 
 

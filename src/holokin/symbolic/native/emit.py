@@ -443,10 +443,7 @@ class Port(threading.local):
         measures = _memory((2, *extra))
         late = [self.results[i] for i in made.late]
         self._buffers, first, last = _bind(
-            [made.before, made.after],
-            [given, [*given, X, measures]],
-            [[*early, A, B], late],
-            count,
+            [made.before, made.after], [given, [*given, X, measures]], [[*early, A, B], late], count
         )
         first = first if carry is None else _both(carry, first)
 

@@ -97,10 +97,7 @@ def follow_code(made: Program, inputs: Shapes, outputs: Shapes, method: str, mor
     """The C of hk_follow, see `FollowKernel`."""
     state = sum(int(np.prod(shape)) for shape in inputs)
     head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {inputs[1][0] // 3}\n#define HK_STATE {state}\n"
-    drivers = {
-        "leaf": ("hk_leaf_body", "branch.c", "newton.c", "follow.c"),
-        "velocity": ("hk_rate_body", "velocity.c"),
-    }
+    drivers = {"leaf": ("hk_leaf_body", "branch.c", "newton.c", "follow.c"), "velocity": ("hk_rate_body", "velocity.c")}
     name, *files = drivers[method]
     return source(SCALAR, head, body(made, inputs, outputs, name) + more, "line.c", "path.c", *files)
 
