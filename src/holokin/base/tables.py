@@ -343,9 +343,11 @@ MATRIX = tuple(f"t{row}{column}" for row in range(3) for column in range(4))
 """Columns of a pose as the first three rows of its matrix, counted from 0; a last row may stand there too."""
 
 NAMED = {
-    "quaternion": ("qx", "qy", "qz", "qw"), "angles": ("roll", "pitch", "yaw"), "vector": ("rx", "ry", "rz"),
+    "quaternion": ("qx", "qy", "qz", "qw"),
+    "angles": ("roll", "pitch", "yaw"),
+    "vector": ("rx", "ry", "rz"),
     "KUKA": ("a", "b", "c"),
-}  # fmt: skip
+}
 NUMBERED = (("q1", "q2", "q3", "q4"), ("q0", "q1", "q2", "q3"))
 REMARKS = {"", "name", "label", "comment", "remark", "note", "id", "index", "number", "point", "line", "row"}
 """Columns that say nothing of a pose; a table that pandas wrote has one without a name."""

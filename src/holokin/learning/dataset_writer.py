@@ -119,9 +119,11 @@ def _write_meta(
     (out / "meta" / "info.json").write_text(json.dumps(info, indent=4, ensure_ascii=False), "utf-8")
     file = dataset.folder / SUMMARY
     with _of_its_form(dataset):
-        whole = _write_v3(dataset, kept, firsts, learnt, out) if dataset.version == "v3.0" else _write_v2(
-            dataset, kept, learnt, out
-        )  # fmt: skip
+        whole = (
+            _write_v3(dataset, kept, firsts, learnt, out)
+            if dataset.version == "v3.0"
+            else _write_v2(dataset, kept, learnt, out)
+        )
         if file.exists():
             # meta/stats.json: the columns that changed, or, where episodes are left out, all of them.
             all_of_them = len(kept) < len(dataset.episodes)
@@ -181,8 +183,10 @@ def _totals(dataset: Dataset, kept: Sequence[Episode]) -> dict[str, Any]:
         return {}
     count = len(kept)
     found: dict[str, Any] = {
-        "total_episodes": count, "total_frames": sum(e.length for e in kept), "splits": {"train": f"0:{count}"},
-    }  # fmt: skip
+        "total_episodes": count,
+        "total_frames": sum(e.length for e in kept),
+        "splits": {"train": f"0:{count}"},
+    }
     if dataset.version == "v2.1":
         videos = sum(one["dtype"] == "video" for one in dataset.features.values())
         found |= {"total_videos": videos * count, "total_chunks": -(-count // dataset.info["chunks_size"])}
@@ -200,7 +204,7 @@ def _learn_numbers(dataset: Dataset, kept: Sequence[Episode], firsts: dict[int, 
 
 def _write_v3(
     dataset: Dataset, kept: Sequence[Episode], firsts: dict[int, int], learnt: Learnt, out: Path
-) -> list[dict[str, Stats]]:  # fmt: skip
+) -> list[dict[str, Stats]]:
     """The files of meta/episodes; returns the statistics of each episode that stays."""
     import pyarrow
     from pyarrow import parquet
@@ -279,7 +283,7 @@ class Change:
 
 def write_changed(
     dataset: Dataset, task: Task, changes: Sequence[Change], left_out: Sequence[int], out: Path, about: dict[str, Any]
-) -> float:  # fmt: skip
+) -> float:
     """Write the dataset into a new folder; returns how far rounding moves the tool at most [m or rad].
 
     Args:

@@ -275,9 +275,11 @@ def retarget(
         bads = _bad_frames(dataset, found)
         at_nearest = sum(int((one.before != one.status).sum()) for one in found) if bad == "nearest" else 0
         facts = {
-            "bad": tuple(bads), "columns": tuple(_column(one.source) for one in found),
-            "kept": max(one.kept for one in found), "nearest": (at_nearest, max(one.moved for one in found)),
-        }  # fmt: skip
+            "bad": tuple(bads),
+            "columns": tuple(_column(one.source) for one in found),
+            "kept": max(one.kept for one in found),
+            "nearest": (at_nearest, max(one.moved for one in found)),
+        }
         if bads and bad != "skip":
             with writing(out):
                 file = _keep_joints(dataset, ik, found, work, out)
@@ -326,9 +328,7 @@ def _about(ik: InverseKinematics, tip: str | None) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _keep_joints(
-    dataset: Dataset, ik: InverseKinematics, found: Sequence[NewJoints], work: Path, out: Path
-) -> Path:  # fmt: skip
+def _keep_joints(dataset: Dataset, ik: InverseKinematics, found: Sequence[NewJoints], work: Path, out: Path) -> Path:
     """All joints that were computed, in a parquet file beside the folder that was not made."""
     import pyarrow
     from pyarrow import parquet

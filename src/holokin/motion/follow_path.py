@@ -213,9 +213,8 @@ def by_leaf(strategy: Strategy, method: Following | None = None) -> HolonomicStr
 
 
 def _walk(
-    strategy: Strategy, leaf: HolonomicStrategy | None, plan: Plan, q: Vector, cycles: int, limits: bool,
-    native: bool,
-) -> Trajectory:  # fmt: skip
+    strategy: Strategy, leaf: HolonomicStrategy | None, plan: Plan, q: Vector, cycles: int, limits: bool, native: bool
+) -> Trajectory:
     method = "velocity" if leaf is None else "leaf"
     robot = strategy.task.robot
     lower, upper = robot.lower - TOLERANCES.limit, robot.upper + TOLERANCES.limit

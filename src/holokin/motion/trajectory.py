@@ -171,10 +171,12 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         """The same motion with its values in other units, to be printed."""
         joints, rows = units.factors(self.joint_units), units.factors(self.row_units)
         measures = Measures(
-            lambda count: self.dq[:count] * joints, lambda count: self.x[:count] * rows,
-            lambda count: self.error[:count] * rows, lambda count: self.sigma[:count],
+            lambda count: self.dq[:count] * joints,
+            lambda count: self.x[:count] * rows,
+            lambda count: self.error[:count] * rows,
+            lambda count: self.sigma[:count],
             lambda count: self.residual[:count],
-        )  # fmt: skip
+        )
         return replace(
             self, joint_units=tuple(map(units.name, self.joint_units)), q=self.q * joints,
             row_units=tuple(map(units.name, self.row_units)), measures=measures,

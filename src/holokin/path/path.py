@@ -252,9 +252,9 @@ def _shifted(rows: Matrix, start: float, share: float) -> Matrix:
     """The cubic of rows [1, u, u^2, u^3] as one of v, u = start + share v."""
     s, k = start, share
     a, b, c, d = rows
-    return np.array([
-        a + s * b + s * s * c + s**3 * d, k * (b + 2 * s * c + 3 * s * s * d), k * k * (c + 3 * s * d), k**3 * d
-    ])  # fmt: skip
+    return np.array(
+        [a + s * b + s * s * c + s**3 * d, k * (b + 2 * s * c + 3 * s * s * d), k * k * (c + 3 * s * d), k**3 * d]
+    )
 
 
 def powers(u: Vector, count: int) -> Matrix:

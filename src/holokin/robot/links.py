@@ -119,8 +119,10 @@ def coordinates(
     each = (units,) * len(known) if isinstance(units, str) else tuple(units)
     if len(each) != len(known):
         raise ShapeError("the units of the coordinates", (len(known),), (len(each),))
-    bounds = (one_or_each(f"{what} of the coordinates", value, len(known)) for what, value in
-              (("lower", lower), ("upper", upper), ("max_velocity", max_velocity)))  # fmt: skip
+    bounds = (
+        one_or_each(f"{what} of the coordinates", value, len(known))
+        for what, value in (("lower", lower), ("upper", upper), ("max_velocity", max_velocity))
+    )
     rows = zip(known, each, *bounds, strict=True)
     made = tuple(Coordinate(one, "quantity", float(a), float(b), float(v), unit) for one, unit, a, b, v in rows)
     return Robot(name, made, (), (), "coordinates without links")

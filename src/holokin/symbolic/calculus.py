@@ -72,9 +72,11 @@ def staged(outputs: ca.SX, early: ca.SX, late: ca.SX) -> tuple[ca.SX, ca.SX, ca.
         return _Register(applied(op, [operand(part) if late else part.value for part in parts]), late)
 
     rows = walk(
-        made, lambda argument, i: _Register((early, late)[argument][i], bool(argument)),
-        lambda number: _Register(ca.SX(number), False), apply,
-    )  # fmt: skip
+        made,
+        lambda argument, i: _Register((early, late)[argument][i], bool(argument)),
+        lambda number: _Register(ca.SX(number), False),
+        apply,
+    )
     found = ca.SX(*outputs.shape)
     for row, part in rows.items():
         found[row] = part.value

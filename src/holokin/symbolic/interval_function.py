@@ -286,9 +286,11 @@ def operation_list(inputs: Mapping[str, ca.SX], output: ca.SX) -> list[list[Any]
         return len(listed) - 1
 
     results = walk(
-        made, lambda _, i: place_of(["input", i]), lambda value: place_of(["const", value]),
+        made,
+        lambda _, i: place_of(["input", i]),
+        lambda value: place_of(["const", value]),
         lambda op, places: place_of([OPERATION_NAMES[op].lower(), *places]),
-    )  # fmt: skip
+    )
     return listed + [["output", results[row]] for row in range(made.size1_out(0))]
 
 

@@ -41,9 +41,8 @@ def _check_section(result: JobResult, table: Callable[[list[str], list[list[str]
 
 
 def _told(
-    result: JobResult, strategy: StrategyResult, report: CheckReport,
-    table: Callable[[list[str], list[list[str]]], str],
-) -> list[str]:  # fmt: skip
+    result: JobResult, strategy: StrategyResult, report: CheckReport, table: Callable[[list[str], list[list[str]]], str]
+) -> list[str]:
     """The findings as a table, and the other lines of the report as a list."""
     lines = "".join(f"<li>{escape(line)}</li>" for line in report.notes(result.units))
     found = table(_HEAD, [_row(one.printed(result.units)) for one in report.findings[:MOST_ROWS]])
@@ -454,7 +453,7 @@ def _facts(result: JobResult, version: str) -> dict[str, Any]:
 
 def _page(
     result: JobResult, folder: FilePath, shown: list[tuple[str, str]], films: list[tuple[str, str]], version: str
-) -> str:  # fmt: skip
+) -> str:
     robot = result.robot
     units = [c.unit for c in robot.coordinates]
     start = posture_text(result.q0 * result.units.factors(units), robot.joint_names)

@@ -159,9 +159,11 @@ def _shape_row(found: Certificate, shape: LinkShape) -> list[str]:
     kind = "obstacle" if shape.obstacle else "carried" if shape.carried else "link"
     place = f"{_row(T[:3, 3])} m{turned}, in the frame of {frame}"
     return [
-        f"{escape(brief(shape.link))} ({kind})", escape(size_words(shape.shape)), escape(place),
+        f"{escape(brief(shape.link))} ({kind})",
+        escape(size_words(shape.shape)),
+        escape(place),
         escape(stand_in_words(shape.shape)),
-    ]  # fmt: skip
+    ]
 
 
 def _posture(found: Certificate, q: Vector) -> str:

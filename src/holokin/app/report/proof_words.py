@@ -71,9 +71,11 @@ def size_words(shape: Shape) -> str:
     if isinstance(shape, Box):
         return f"box, {_lengths(shape.sides, ' x ')} m"
     if isinstance(shape, Capsule):
-        return f"capsule, radius {shape.radius:.4g} m, length {shape.length:.4g} m without its round ends" if (
-            shape.length
-        ) else f"sphere, radius {shape.radius:.4g} m"  # fmt: skip
+        return (
+            f"capsule, radius {shape.radius:.4g} m, length {shape.length:.4g} m without its round ends"
+            if (shape.length)
+            else f"sphere, radius {shape.radius:.4g} m"
+        )
     if isinstance(shape, Cylinder):
         return f"cylinder, radius {shape.radius:.4g} m, length {shape.length:.4g} m"
     if isinstance(shape, Ellipsoid):

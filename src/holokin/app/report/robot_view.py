@@ -366,9 +366,7 @@ def thickness(robot: Robot, Q: Matrix) -> float:
     return length / SLENDER
 
 
-def solids_at(
-    pieces: Sequence[Piece], frames: Frames, k: int, color: str, *, still: bool = True
-) -> list[Solid]:  # fmt: skip
+def solids_at(pieces: Sequence[Piece], frames: Frames, k: int, color: str, *, still: bool = True) -> list[Solid]:
     """A robot in a colour at posture k of its joints' frames, without what stands still, if asked."""
     looks = {
         "link": _tint(color, white=0.42), "other": _tint(color, white=0.22), "hinge": _tint(color, ink=0.06),
@@ -399,11 +397,7 @@ def triad(p: Vector, R: Matrix, size: float) -> list[Solid]:
 def wire(points: Matrix, radius: float, color: str, dash: int = 0) -> list[Solid]:
     """A polyline (k, 3) as thin rods; with a dash, that many of them are shown, then as many not."""
     paint = _tint(color, white=0.12)
-    return [
-        Rod(a, b, radius, paint)
-        for i, (a, b) in enumerate(pairwise(points))
-        if not dash or i % (2 * dash) < dash
-    ]  # fmt: skip
+    return [Rod(a, b, radius, paint) for i, (a, b) in enumerate(pairwise(points)) if not dash or i % (2 * dash) < dash]
 
 
 def standing(shapes: Sequence[LinkShape], color: str = GREY) -> list[Solid]:

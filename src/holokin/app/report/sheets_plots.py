@@ -254,9 +254,11 @@ NONE = "#d5dae1"
 """Colour of cells that no sheet serves."""
 
 REST = {
-    PoseRest.NOT_COVERED: (BLACK, "reached, by no sheet"), PoseRest.BLOCKED: ("#4b5563", "too near to something"),
-    PoseRest.LIMITS: ("#8a93a0", "beyond joint limits"), PoseRest.OUT_OF_REACH: ("#c5ccd6", "out of reach"),
-}  # fmt: skip
+    PoseRest.NOT_COVERED: (BLACK, "reached, by no sheet"),
+    PoseRest.BLOCKED: ("#4b5563", "too near to something"),
+    PoseRest.LIMITS: ("#8a93a0", "beyond joint limits"),
+    PoseRest.OUT_OF_REACH: ("#c5ccd6", "out of reach"),
+}
 """Colour and short name of what becomes of a pose without a sheet."""
 
 MAPPED = (
@@ -327,7 +329,7 @@ def _jumps(found: Sheets, poses: Array, q: Array, sheet: Indices, pairs: Indices
         (sheet[i] != sheet[j] and np.abs(q[i] - q[j]).max() > 0.2)
         or (sheet[i] == sheet[j] and not leads_to(found.sheets[sheet[i]].ik, poses[j], q[i], q[j]))
         for i, j in both
-    ]  # fmt: skip
+    ]
     return both[np.array(cut, dtype=bool)] if len(both) else both
 
 
@@ -377,8 +379,9 @@ def _legend(figure: Any, found: Sheets, maps: bool, jump: bool) -> None:
     ]
     patches += [
         Patch(color=color, label=f"{name}: {_share(found, rest)}")
-        for rest, (color, name) in REST.items() if (found.rest == rest).any()
-    ]  # fmt: skip
+        for rest, (color, name) in REST.items()
+        if (found.rest == rest).any()
+    ]
     patches += [Patch(color=NONE, label="no sheet (maps)")] if maps else []
     lines = [Line2D([], [], color=CUT, linewidth=1.8, label="the joints jump here")] if jump else []
     corner = (1 - 2.95 / width, 1 - 0.8 / height)

@@ -217,9 +217,9 @@ def _hidden(points: Matrix, things: Matrix, ahead: Vector, up: float) -> int:
 class _Film:
     """Motions on the clock of a recording."""
 
-    def __init__(self, robot: Robot, clips: Mapping[str, Motion], lead: str, seconds: float,
-        things: tuple[LinkShape, ...] = (),
-    ):  # fmt: skip
+    def __init__(
+        self, robot: Robot, clips: Mapping[str, Motion], lead: str, seconds: float, things: tuple[LinkShape, ...] = ()
+    ):
         self.robot, self.clips, self.lead = robot, clips, list(clips).index(lead)
         self.things = things
         self.start = min(float(clip.t[0]) for clip in clips.values())

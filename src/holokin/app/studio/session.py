@@ -36,7 +36,7 @@ from .followers import (
     put_on_leaf,
     reversed_loop,
     state_of,
-)  # fmt: skip
+)
 from .laws import (
     WIDTH,
     Law,
@@ -49,7 +49,7 @@ from .laws import (
     self_motion_curve,
     self_slider,
     two_paths,
-)  # fmt: skip
+)
 from .loop import Playing, begin, gather, go, target_of
 from .states import (
     Cloud,
@@ -65,7 +65,7 @@ from .states import (
     judged,
     largest_curvature,
     leaf_cusps,
-)  # fmt: skip
+)
 from .work import Search, SheetFollower, Worker, failure
 
 SAMPLES = 512

@@ -237,8 +237,10 @@ class WorkPanel:
         self.advise = gui.add_button("Ask for advice", color="gray", hint="It takes about a minute, and slows the page")
         self.answer = gui.add_html("")
         for button, work in (
-            (self.program, self._program), (self.certify, self._certificate), (self.advise, self._advice),
-        ):  # fmt: skip
+            (self.program, self._program),
+            (self.certify, self._certificate),
+            (self.advise, self._advice),
+        ):
             button.on_click(lambda event, work=work: self._work(event.client, work))
 
     def _work(self, client: Any, work: Any) -> None:
@@ -400,9 +402,11 @@ class SavePanel:
     def _connect(self) -> None:
         page = self.page
         for button, make in (
-            (self.job, self._job), (self.picture, self._picture), (self.film, self._film),
+            (self.job, self._job),
+            (self.picture, self._picture),
+            (self.film, self._film),
             (self.recording, self._recording),
-        ):  # fmt: skip
+        ):
 
             @button.on_click
             def _(event: Any, make: Any = make) -> None:

@@ -202,9 +202,7 @@ class Cases(Value):
             start |= {"seed": t.seed, "margin": t.starts.margin}
         drawn = {"table": t.loops[stratum.loop].model_dump(exclude={"count"}), "seed": t.seed, "index": repetition}
         robot = self.robots[stratum.robot]
-        rest = {
-            "law": self._laws_told[name], "cycles": t.cycles, "samples": t.samples, "limits": t.limits,
-        }  # fmt: skip
+        rest = {"law": self._laws_told[name], "cycles": t.cycles, "samples": t.samples, "limits": t.limits}
         rest |= {"metrics": self._metrics_told} if t.metrics else {}
         names = {"robot": self.labels[stratum.robot], "task": stratum.task, "loop": stratum.loop, "law": name}
         task = t.tasks[stratum.task].model_dump(exclude_unset=True)
@@ -238,10 +236,11 @@ class Cases(Value):
         if number < len(self) and (case := self.case(number)).id == row["id"]:
             return case
         same = [
-            k for k, s in enumerate(self.strata)
+            k
+            for k, s in enumerate(self.strata)
             if (self.labels[s.robot], s.task, s.loop) == (row["robot"], row["task"], row["loop"])
             and row["law"] in s.laws
-        ]  # fmt: skip
+        ]
         near = ((k, repetition) for repetition in count() for k in same) if same else iter(())
         for k, repetition in islice(near, SEARCHED):
             found = self._of(k, repetition, str(row["law"]), number)

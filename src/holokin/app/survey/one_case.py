@@ -471,9 +471,11 @@ def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[s
     if walk.cycles:
         each = np.abs(walk.drift()).max(axis=1)
         found |= {
-            "drift": float(each[0]), "drift_mean": float(each.mean()), "drift_last": float(each[-1]),
+            "drift": float(each[0]),
+            "drift_mean": float(each.mean()),
+            "drift_last": float(each[-1]),
             "drift_total": float(np.abs(walk.drift_since_start()[-1]).max()),
-        }  # fmt: skip
+        }
     once = walk.until(walk.marks[1] + 1) if walk.cycles else walk
     q = once.q
     bounded = np.isfinite(robot.upper - robot.lower)

@@ -231,9 +231,7 @@ def _reason(found: Targets, timed: TimedTrajectory) -> list[str]:
     return [*said, f"joint moves to targets {shown}: {why}"]
 
 
-def checked_name(
-    given: str, longest: int, language: str, program: bool = True, used: Sequence[str] = ()
-) -> str:  # fmt: skip
+def checked_name(given: str, longest: int, language: str, program: bool = True, used: Sequence[str] = ()) -> str:
     """The name of a program, or of a tool or frame. Raises: ArgumentError: the language refuses it, or has it."""
     if not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{longest - 1}}}", given):
         cure = f"{language} takes a letter, then letters, digits and _, at most {longest} in all"

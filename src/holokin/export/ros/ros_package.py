@@ -129,18 +129,20 @@ def python_header(task: Task, told: str, poses: Array, joints: Array, more: Sequ
     from scipy.spatial.transform import Rotation
 
     quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
-    return "\n".join([
-        f"/* Written by holokin {__version__}. Poses (x, y, z, quaternion x, y, z, w){told} */",
-        "#pragma once",
-        "#include <cstddef>",
-        "#include <string>",
-        f"constexpr std::size_t COUNT = {len(joints)}, N = {task.robot.n};",
-        *_names_of_cpp(task),
-        *_numbers_of_cpp(f"POSES[{len(poses)}][7]", np.hstack([poses[:, :3, 3], quaternions])),
-        *_numbers_of_cpp(f"JOINTS[{len(joints)}][{task.robot.n}]", joints),
-        *more,
-        "",
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            f"/* Written by holokin {__version__}. Poses (x, y, z, quaternion x, y, z, w){told} */",
+            "#pragma once",
+            "#include <cstddef>",
+            "#include <string>",
+            f"constexpr std::size_t COUNT = {len(joints)}, N = {task.robot.n};",
+            *_names_of_cpp(task),
+            *_numbers_of_cpp(f"POSES[{len(poses)}][7]", np.hstack([poses[:, :3, 3], quaternions])),
+            *_numbers_of_cpp(f"JOINTS[{len(joints)}][{task.robot.n}]", joints),
+            *more,
+            "",
+        ]
+    )
 
 
 def _numbers_of_cpp(declared: str, rows: Iterable[Iterable[float]]) -> list[str]:

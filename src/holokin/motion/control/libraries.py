@@ -347,8 +347,10 @@ class Library:
 
 
 LIBRARIES = {
-    "pink": Library(pink_law, "pin-pink"), "mink": Library(mink_law, "mink"), "placo": Library(placo_law, "placo"),
-}  # fmt: skip
+    "pink": Library(pink_law, "pin-pink"),
+    "mink": Library(mink_law, "mink"),
+    "placo": Library(placo_law, "placo"),
+}
 """By the names of their modules, which are kinds of law of a survey."""
 
 

@@ -44,10 +44,12 @@ def _geom_shape(model: Any, geom: int, enums: Any, source: str = "") -> Shape:
         first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
         return Hull(np.array(model.mesh_vert[first : first + count], dtype=float))
     makers = {
-        "box": lambda: Box(2 * size), "sphere": lambda: Capsule(float(size[0])), "ellipsoid": lambda: Ellipsoid(size),
+        "box": lambda: Box(2 * size),
+        "sphere": lambda: Capsule(float(size[0])),
+        "ellipsoid": lambda: Ellipsoid(size),
         "capsule": lambda: Capsule(float(size[0]), float(2 * size[1])),
         "cylinder": lambda: Cylinder(float(size[0]), float(2 * size[1])),
-    }  # fmt: skip
+    }
     if kind not in makers:
         cure = ", give its height as floor" if kind == "plane" else ""
         return Unread(source, f"shapes of type {kind!r} are not read{cure}", plane=kind == "plane")

@@ -52,9 +52,11 @@ T = TypeVar("T")
 
 
 def walk(
-    function: ca.Function, read: Callable[[int, int], T], constant: Callable[[float], T],
+    function: ca.Function,
+    read: Callable[[int, int], T],
+    constant: Callable[[float], T],
     apply: Callable[[int, list[T]], T],
-) -> dict[int, T]:  # fmt: skip
+) -> dict[int, T]:
     """What a function gives where values of any kind stand for its numbers: element of its outputs -> value.
 
     Its instructions are gone through in order, so an operation is applied when its arguments are known.
