@@ -226,7 +226,7 @@ def _row(file: Path, header: Sequence[str], wanted: Sequence[int], line: int, ro
     if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
         cure = "delete what is too much; write decimals with a point, not a comma"
         raise RecordingError(file, f"line {line} has {len(row)} {lengths}", cure)
-    found = []
+    values = []
     for c in wanted:
         if c >= len(row):
             raise RecordingError(file, f"line {line} has {len(row)} {lengths}", "complete or delete the line")
@@ -235,8 +235,8 @@ def _row(file: Path, header: Sequence[str], wanted: Sequence[int], line: int, ro
             fact = f"line {line}, column {shown(header[c])!r} holds {shown(row[c].strip())!r}, not a finite number"
             comma = _COMMA.search(row[c])
             raise RecordingError(file, fact, "write decimals with points" if comma else "correct or delete the line")
-        found.append(number)
-    return found
+        values.append(number)
+    return values
 
 
 # --- Times in CSV files: which columns hold them, and their unit, told by the header or by the size of the stamps.
@@ -446,11 +446,11 @@ def pose_rows(file: Path, noun: str, said: Units) -> PoseRows:
         return chosen[0].wanted
 
     pieces = read_table(file, wanted, f"give a {noun} a line", "x_mm, y_mm, z_mm")
-    found = [(piece.table, piece.lines) for piece in pieces]
-    if not found:
+    tables = [(piece.table, piece.lines) for piece in pieces]
+    if not tables:
         raise RecordingError(file, f"has a header but no {noun}s", f"give a {noun} a line")
-    lines = np.concatenate([places for _, places in found])
-    return poses_of(file, chosen[0], np.vstack([rows for rows, _ in found]), lines, said)
+    lines = np.concatenate([places for _, places in tables])
+    return poses_of(file, chosen[0], np.vstack([rows for rows, _ in tables]), lines, said)
 
 
 def poses_of(file: Path, columns: PoseColumns, values: Matrix, lines: Indices, said: Units) -> PoseRows:

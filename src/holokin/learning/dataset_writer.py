@@ -42,15 +42,15 @@ Stats = dict[str, Array]
 
 def _episode_stats(values: Matrix, names: Iterable[str]) -> Stats:
     """Statistics of a column (k, d) of one episode: min, max, mean, std, count, quantiles q01 to q99, as named."""
-    found: Stats = {
+    stats: Stats = {
         "min": values.min(axis=0), "max": values.max(axis=0), "mean": values.mean(axis=0), "std": values.std(axis=0),
         "count": np.array([len(values)]),
     }  # fmt: skip
     for name in names:
         match = _QUANTILE.fullmatch(name)
         if match:
-            found[name] = np.quantile(values, int(match[1]) / 100, axis=0, method="inverted_cdf")
-    return {name: found[name] for name in names if name in found}
+            stats[name] = np.quantile(values, int(match[1]) / 100, axis=0, method="inverted_cdf")
+    return {name: stats[name] for name in names if name in stats}
 
 
 def _joined_stats(episodes: Sequence[Stats]) -> Stats:
@@ -66,15 +66,15 @@ def _joined_stats(episodes: Sequence[Stats]) -> Stats:
     def mean(name: str) -> Array:
         return (np.stack([one[name] for one in episodes]).T @ share).T
 
-    found: Stats = {"count": np.array([int(count.sum())])}
+    joined: Stats = {"count": np.array([int(count.sum())])}
     if {"min", "max"} <= names:
-        found["min"] = np.min([one["min"] for one in episodes], axis=0)
-        found["max"] = np.max([one["max"] for one in episodes], axis=0)
+        joined["min"] = np.min([one["min"] for one in episodes], axis=0)
+        joined["max"] = np.max([one["max"] for one in episodes], axis=0)
     if {"mean", "std"} <= names:
-        found["mean"] = mean("mean")
-        square = np.stack([one["std"] ** 2 + (one["mean"] - found["mean"]) ** 2 for one in episodes])
-        found["std"] = np.sqrt(np.tensordot(share, square, axes=1))
-    return found | {name: mean(name) for name in sorted(names) if _QUANTILE.fullmatch(name)}
+        joined["mean"] = mean("mean")
+        square = np.stack([one["std"] ** 2 + (one["mean"] - joined["mean"]) ** 2 for one in episodes])
+        joined["std"] = np.sqrt(np.tensordot(share, square, axes=1))
+    return joined | {name: mean(name) for name in sorted(names) if _QUANTILE.fullmatch(name)}
 
 
 def _usual_names(version: str) -> list[str]:
@@ -130,9 +130,9 @@ def _write_meta(
             old = read_json(file)
             changed = {name for stats in learnt.values() for name in stats}
             for column in {name for stats in whole for name in stats} if all_of_them else changed:
-                found = _as_lists(_joined_stats([stats[column] for stats in whole if column in stats]))
-                names = list(old.get(column, found))
-                old[column] = {name: found[name] for name in names if name in found}
+                joined = _as_lists(_joined_stats([stats[column] for stats in whole if column in stats]))
+                names = list(old.get(column, joined))
+                old[column] = {name: joined[name] for name in names if name in joined}
             (out / SUMMARY).write_text(json.dumps(old, indent=4, ensure_ascii=False), "utf-8")
 
 
@@ -170,11 +170,11 @@ def _statistics(dataset: Dataset) -> list[dict[str, Any]]:
     if not file.exists():
         cure = "download the dataset anew, or let LeRobot's convert_dataset_v20_to_v21.py write the file"
         raise RecordingError(file, "there is no such file, and a dataset of v2.1 has one", cure)
-    found = read_lines(file)
-    sound = all(isinstance(row, dict) and isinstance(row.get("stats"), dict) for row in found)
-    if not sound or [row.get("episode_index") for row in found] != list(range(len(dataset.episodes))):
+    lines = read_lines(file)
+    sound = all(isinstance(row, dict) and isinstance(row.get("stats"), dict) for row in lines)
+    if not sound or [row.get("episode_index") for row in lines] != list(range(len(dataset.episodes))):
         raise RecordingError(file, "has not a line with the statistics of each episode", "download the dataset anew")
-    return found
+    return lines
 
 
 def _totals(dataset: Dataset, kept: Sequence[Episode]) -> dict[str, Any]:
@@ -182,15 +182,15 @@ def _totals(dataset: Dataset, kept: Sequence[Episode]) -> dict[str, Any]:
     if len(kept) == len(dataset.episodes):
         return {}
     count = len(kept)
-    found: dict[str, Any] = {
+    totals: dict[str, Any] = {
         "total_episodes": count,
         "total_frames": sum(e.length for e in kept),
         "splits": {"train": f"0:{count}"},
     }
     if dataset.version == "v2.1":
         videos = sum(one["dtype"] == "video" for one in dataset.features.values())
-        found |= {"total_videos": videos * count, "total_chunks": -(-count // dataset.info["chunks_size"])}
-    return found
+        totals |= {"total_videos": videos * count, "total_chunks": -(-count // dataset.info["chunks_size"])}
+    return totals
 
 
 def _learn_numbers(dataset: Dataset, kept: Sequence[Episode], firsts: dict[int, int], learnt: Learnt) -> None:
@@ -239,12 +239,12 @@ def _write_v3(
 
 def _stats_of(row: dict[str, Any]) -> dict[str, Stats]:
     """The statistics in a row of meta/episodes."""
-    found: dict[str, Stats] = {}
+    stats: dict[str, Stats] = {}
     for name, value in row.items():
         if name.startswith("stats/") and value is not None:
             _, column, what = name.split("/", 2)
-            found.setdefault(column, {})[what] = np.asarray(value, dtype=float)
-    return found
+            stats.setdefault(column, {})[what] = np.asarray(value, dtype=float)
+    return stats
 
 
 def _write_v2(dataset: Dataset, kept: Sequence[Episode], learnt: Learnt, out: Path) -> list[dict[str, Stats]]:
@@ -337,16 +337,16 @@ class _Writer:
 
     def features(self) -> dict[str, Any]:
         """The features of the new dataset."""
-        found = dict(self.dataset.features)
+        features = dict(self.dataset.features)
         robot = self.task.robot
         for change in self.changes:
             kind = "float64" if change.double else "float32"
             if isinstance(change.source, JointFeature):
-                found[change.name] = found[change.name] | ({"dtype": kind} if change.double else {})
+                features[change.name] = features[change.name] | ({"dtype": kind} if change.double else {})
             else:
                 names = [f"{joint}.pos" for joint in robot.joint_names]
-                found[change.name] = {"dtype": kind, "shape": [robot.n], "names": names}
-        return found
+                features[change.name] = {"dtype": kind, "shape": [robot.n], "names": names}
+        return features
 
     def file(self, file: Path, streams: Sequence[IO[bytes]]) -> None:
         """Write one data file anew, or, in format v2.1, leave out the one of an episode that is left out."""

@@ -74,11 +74,11 @@ def _called(function: Callable[..., tuple[Array, ...]], shapes: tuple[Any, ...],
     """A function of arrays with any leading axes, called on the host; `vmap` gives it one more."""
 
     def host(*given: Any) -> tuple[Array, ...]:
-        found = function(*(np.asarray(one, dtype=float) for one in given))
+        results = function(*(np.asarray(one, dtype=float) for one in given))
         lead = np.shape(given[-1])[:-3]
         return tuple(
             np.reshape(one, (*lead, *one.shape[1:])).astype(shape.dtype)
-            for one, shape in zip(found, shapes, strict=True)
+            for one, shape in zip(results, shapes, strict=True)
         )
 
     return jax.pure_callback(host, shapes, *tensors, vmap_method="broadcast_all")

@@ -67,8 +67,8 @@ class JointMap(Value):
             turned = poses[..., :3, :3]
             rounded = rotation_gap(turned) < ROTATION
             turned[...] = np.where(rounded[..., None, None], R.reshape(turned.shape), turned)
-        found = self.ik.batch(poses)
-        return found.q, found.status
+        solutions = self.ik.batch(poses)
+        return solutions.q, solutions.status
 
     def gain(self, q: Matrix, R: Array) -> Array:
         """D = G(q) E(R) (k, n, 6F) at joints (k, n) and rotations (k, F, 3, 3); zeros where q is not finite."""
@@ -130,8 +130,8 @@ class JointMap(Value):
         for j in range(strategy.task.n):
             tool.append(_slope(e.J, e.q[j]) @ G)
             rule.append(_slope(e.planes, e.q[j]) @ G)
-        found = e.rate(horzcat(*tool), horzcat(*rule), written_out=True)
-        return Function("gain_slopes", {"q": e.q}, {"dG": -found.X})
+        solution = e.rate(horzcat(*tool), horzcat(*rule), written_out=True)
+        return Function("gain_slopes", {"q": e.q}, {"dG": -solution.X})
 
 
 def _slope(M: SX, variable: SX) -> SX:

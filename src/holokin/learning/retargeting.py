@@ -32,13 +32,13 @@ def check_targets(dataset: Dataset, robot: Robot, columns: Sequence[JointFeature
     others = [one for one in columns if one.name != STATE]
     if state is None or not others:
         return
-    found: dict[str, list[float]] = {one.name: [] for one in others}
+    distances: dict[str, list[float]] = {one.name: [] for one in others}
     for part in rows(dataset, [one.name for one in columns], [0]):
         here = postures_of(dataset, robot, state, part.values[STATE])
         for one in others:
             gap = less_turns(postures_of(dataset, robot, one, part.values[one.name]) - here, robot.hinges)
-            found[one.name] += np.abs(gap).max(axis=1).tolist()
-    for name, gaps in found.items():
+            distances[one.name] += np.abs(gap).max(axis=1).tolist()
+    for name, gaps in distances.items():
         if np.median(gaps) > FAR:
             fact = f"{name} is {np.median(gaps):.2g} rad or m from {STATE} (median of episode 0): it seems no position"
             cure = f"leave it as it is by --column {STATE}, or name both columns if it is one"
@@ -125,8 +125,8 @@ class _Solver:
         else:
             place, turn = tool_poses_of(self.dataset, self.source, values, part.frame)
         poses = pose_from(place, turn)
-        found = self.ik.batch(poses, threads=self.threads)
-        q, status = found.q.copy(), found.status.astype(np.intp)
+        solutions = self.ik.batch(poses, threads=self.threads)
+        q, status = solutions.q.copy(), solutions.status.astype(np.intp)
         reached = status == InverseStatus.REACHED
         if reached.any():
             gap = np.abs(task.error(q[reached], place[reached], turn[reached]))
@@ -140,11 +140,11 @@ class _Solver:
         return q
 
     def _nearest(self, pose: Matrix, status: int) -> tuple[Matrix, int]:
-        found = self.ik.nearest(pose, rcond=EDGE)
-        if found.status > InverseStatus.CLAMPED:
-            return np.full_like(found.q, np.nan), status
-        self.moved = max(self.moved, found.distance)
-        return found.q, int(found.status)
+        nearest = self.ik.nearest(pose, rcond=EDGE)
+        if nearest.status > InverseStatus.CLAMPED:
+            return np.full_like(nearest.q, np.nan), status
+        self.moved = max(self.moved, nearest.distance)
+        return nearest.q, int(nearest.status)
 
     def _jumps(self, episode: Indices, q: Matrix, old: Matrix) -> Indices:
         """Rows to which the new joints jump within an episode."""
@@ -271,25 +271,25 @@ def retarget(
     with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
     with aside(out.parent) as work:
-        found = _new_joints(dataset, ik, sources, tip, bad == "nearest", work, threads)
-        bads = _bad_frames(dataset, found)
-        at_nearest = sum(int((one.before != one.status).sum()) for one in found) if bad == "nearest" else 0
+        joints = _new_joints(dataset, ik, sources, tip, bad == "nearest", work, threads)
+        bads = _bad_frames(dataset, joints)
+        at_nearest = sum(int((one.before != one.status).sum()) for one in joints) if bad == "nearest" else 0
         facts = {
             "bad": tuple(bads),
-            "columns": tuple(_column(one.source) for one in found),
-            "kept": max(one.kept for one in found),
-            "nearest": (at_nearest, max(one.moved for one in found)),
+            "columns": tuple(_column(one.source) for one in joints),
+            "kept": max(one.kept for one in joints),
+            "nearest": (at_nearest, max(one.moved for one in joints)),
         }
         if bads and bad != "skip":
             with writing(out):
-                file = _keep_joints(dataset, ik, found, work, out)
+                file = _keep_joints(dataset, ik, joints, work, out)
             return Retargeted(None, file, 0, left_out=(), rounded=np.nan, **facts)
         left = tuple(sorted({one.episode for one in bads}))
         if len(left) == len(dataset.episodes):
             raise ArgumentError(
                 "episodes without a bad frame", 0, "choose another strategy or q0: nothing would be left"
             )
-        changes = [Change(one.source, one.file, _column(one.source), double) for one in found]
+        changes = [Change(one.source, one.file, _column(one.source), double) for one in joints]
         with writing(out):
             rounded = write_changed(dataset, ik.strategy.task, changes, left, work / "new", _about(ik, tip))
             os.rename(work / "new", out)
@@ -303,9 +303,9 @@ def _column(source: Source) -> str:
     return source.name if isinstance(source, JointFeature) else f"{source.name}.joints"
 
 
-def _bad_frames(dataset: Dataset, found: Sequence[NewJoints]) -> list[BadFrames]:
+def _bad_frames(dataset: Dataset, joints: Sequence[NewJoints]) -> list[BadFrames]:
     out = []
-    for one in found:
+    for one in joints:
         wrong = np.flatnonzero((one.status < 0) | (one.status > InverseStatus.CLAMPED))
         begins = np.array([e.first for e in dataset.episodes])
         of = np.searchsorted(begins, wrong, side="right") - 1
@@ -328,7 +328,7 @@ def _about(ik: InverseKinematics, tip: str | None) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _keep_joints(dataset: Dataset, ik: InverseKinematics, found: Sequence[NewJoints], work: Path, out: Path) -> Path:
+def _keep_joints(dataset: Dataset, ik: InverseKinematics, joints: Sequence[NewJoints], work: Path, out: Path) -> Path:
     """All joints that were computed, in a parquet file beside the folder that was not made."""
     import pyarrow
     from pyarrow import parquet
@@ -337,7 +337,7 @@ def _keep_joints(dataset: Dataset, ik: InverseKinematics, found: Sequence[NewJoi
     names = list(robot.joint_names)
     target, part, writer = out.with_name(f"{out.name}-joints.parquet"), work / "joints.parquet", None
     try:
-        for one in found:
+        for one in joints:
             with one.file.open("rb") as stream:
                 for episode in dataset.episodes:
                     q = np.fromfile(stream, count=episode.length * robot.n).reshape(-1, robot.n)

@@ -104,15 +104,15 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     dt, gain, constraint_gain = (parameters[2 * r + i] for i in range(3))
     dx, error = tracking(task, e.kinematics, p, R, twists, dt)
     leaf = (c - dt * rate, constraint_gain, rate) if r else ()
-    found = feedback(strategy, dx, error, gain, *leaf)
-    dq, fast, room, holding = found.X, SX(1), SX(1), SX(0)
+    solution = feedback(strategy, dx, error, gain, *leaf)
+    dq, fast, room, holding = solution.X, SX(1), SX(1), SX(0)
     if limits:
         for i, joint in enumerate(task.robot.coordinates):
             fastest = fastest_rate(joint)
             if np.isfinite(fastest):
                 fast = fmin(fast, fastest / fmax(fabs(dq[i]), 1e-12))
             if joint.unit in UNLIMITED:
-                fast = fmin(fast, TOWARDS_SINGULAR * found.rcond / fmax(fabs(dq[i]) * dt, 1e-12))
+                fast = fmin(fast, TOWARDS_SINGULAR * solution.rcond / fmax(fabs(dq[i]) * dt, 1e-12))
             ends = [sign * (end - e.q[i]) for end, sign in ((joint.upper, 1), (joint.lower, -1)) if np.isfinite(end)]
             if ends:  # how far the joint is from the end that it goes to
                 speed = (1 if np.isfinite(joint.upper) else -1) * dq[i] * dt
@@ -130,7 +130,7 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     outputs = {
         "dq": scale * dq,
         "scale": scale,
-        "rcond": found.rcond,
+        "rcond": solution.rcond,
         "margin": fmin(strategy.margin_expression, task.margin_expression(R)),
         "room": room,
         "off": largest,
@@ -138,7 +138,7 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
         "holding": holding,
     }
     inputs = {"q": e.q, "pose": pose, "twist": twist, "parameters": parameters}
-    return Function("step", inputs, outputs, found.system, strategy.transport)
+    return Function("step", inputs, outputs, solution.system, strategy.transport)
 
 
 def _sum_by_halves(values: SX) -> SX:

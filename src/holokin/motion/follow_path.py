@@ -55,13 +55,15 @@ def path_rate(strategy: Strategy) -> Function:
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
     (p, R), v, w = task.target_symbols(), symbol("v", 3 * task.frames), symbol("w", 3 * task.frames)
-    found = e.rate(task.rates_expression(R, v, w))
+    solution = e.rate(task.rates_expression(R, v, w))
     error, off = task.error_expression(e.kinematics, p, R), SX(0)
     for i in range(task.m):
         off = fmax(off, fabs(error[i]))
     margin = fmin(strategy.margin_expression, task.margin_expression(R))
-    outputs = {"dq": found.X, "rcond": found.rcond, "margin": margin, "off": off}
-    return Function("path_rate", {"q": e.q, "p": p, "R": R, "v": v, "w": w}, outputs, found.system, strategy.transport)
+    outputs = {"dq": solution.X, "rcond": solution.rcond, "margin": margin, "off": off}
+    return Function(
+        "path_rate", {"q": e.q, "p": p, "R": R, "v": v, "w": w}, outputs, solution.system, strategy.transport
+    )
 
 
 def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], Vector]:
@@ -269,20 +271,20 @@ def _to_jump(strategy: Strategy, plan: Plan, cycles: int, walk: Callable[[], Tra
         return walk()
     ended: PathError | None = None
     try:
-        found = walk()
+        trajectory = walk()
     except PathError as problem:
-        found, ended = problem.trajectory, problem
-    met = first_jump(strategy, found.q)
+        trajectory, ended = problem.trajectory, problem
+    met = first_jump(strategy, trajectory.q)
     if met is None and isinstance(ended, BranchError):
-        near = jump_near(strategy, found.q[-1])
-        met = None if near is None else (len(found.q) - 1, near)
+        near = jump_near(strategy, trajectory.q[-1])
+        met = None if near is None else (len(trajectory.q) - 1, near)
     if met is not None:
         last, jump = met
-        kept = _record(strategy, plan, found.q[: last + 1], cycles, Status.JUMP)
+        kept = _record(strategy, plan, trajectory.q[: last + 1], cycles, Status.JUMP)
         raise jump_problem(strategy, jump, f"stopped {plan.where(last)}: ", kept) from ended
     if ended is not None:
         raise ended
-    return found
+    return trajectory
 
 
 def _native_steps(
@@ -399,8 +401,8 @@ def _found(strategy: Strategy, p: Vector, R: Matrix, near: Vector) -> Vector | N
     """The posture nearest to another (n,) of those found at a pose, on the same leaf; None if there is none."""
     task = strategy.task
     if isinstance(strategy, HolonomicStrategy):
-        found = all_postures(strategy, pose_from(p, R), leaf_value(strategy, near), limits=True, near=near).q
-        return found[np.argmin(np.abs(found - near).max(axis=1))] if len(found) else None
+        postures = all_postures(strategy, pose_from(p, R), leaf_value(strategy, near), limits=True, near=near).q
+        return postures[np.argmin(np.abs(postures - near).max(axis=1))] if len(postures) else None
     nearest = nearest_postures(task, p[None], R[None], near[None], limits=True)
     return nearest.q[0] if nearest.reached[0] and nearest.missing[0] <= TOLERANCES.start else None
 

@@ -133,14 +133,14 @@ class TimedTrajectory(Value):
     def loads(self) -> tuple[JointLoad, ...]:
         """One a joint. Distances to position limits are infinite where there are none."""
         gaps = np.minimum(self.q - self.limits.lower, self.limits.upper - self.q)
-        found = []
+        loads = []
         for i, (joint, unit) in enumerate(zip(self.joint_names, self.joint_units, strict=True)):
             peaks = [float(np.abs(x[:, i]).max()) for x in (self.dq, self.ddq, self.dddq)]
             bounds = [float(getattr(self.limits, rate)[i]) for rate in RATES]
             shares = [p / b if np.isfinite(b) else float("nan") for p, b in zip(peaks, bounds, strict=True)]
             at = int(np.argmin(gaps[:, i]))
-            found.append(JointLoad(joint, unit, tuple(peaks), tuple(shares), float(gaps[at, i]), float(self.t[at])))
-        return tuple(found)
+            loads.append(JointLoad(joint, unit, tuple(peaks), tuple(shares), float(gaps[at, i]), float(self.t[at])))
+        return tuple(loads)
 
     @property
     def nearest_limit(self) -> JointLoad:
@@ -163,10 +163,10 @@ class TimedTrajectory(Value):
         if by not in ("derivative", "difference"):
             raise ArgumentError("by", by, "use 'derivative' or 'difference'")
         if by == "derivative":
-            found = [self.dq, self.ddq, self.dddq]
+            rates = [self.dq, self.ddq, self.dddq]
         else:
-            found = [np.diff(self.played, order, axis=0) / self.dt**order for order in (1, 2, 3)]
-        pairs = {rate: (x, getattr(self.limits, rate)) for rate, x in zip(RATES, found, strict=True)}
+            rates = [np.diff(self.played, order, axis=0) / self.dt**order for order in (1, 2, 3)]
+        pairs = {rate: (x, getattr(self.limits, rate)) for rate, x in zip(RATES, rates, strict=True)}
         return {
             rate: float((np.abs(x) / limit).max()) - 1.0
             for rate, (x, limit) in pairs.items()

@@ -144,9 +144,9 @@ class TimeLaw(Value):
     def at(self, t: Vector) -> list[Vector]:
         """[s, ds/dt, second, third derivative] at times (k,); before the start and after the end it rests."""
         index = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
-        found = self._on(index, np.clip(t, 0.0, self.duration) - self.t[index])
+        derivatives = self._on(index, np.clip(t, 0.0, self.duration) - self.t[index])
         rest = (t < 0.0) | (t > self.duration)
-        return [found[0], *(np.where(rest, 0.0, f) for f in found[1:])]
+        return [derivatives[0], *(np.where(rest, 0.0, f) for f in derivatives[1:])]
 
     def within(self, count: int) -> tuple[Vector, list[Vector]]:
         """(t, `at`) at some `count` times, both ends of every piece among them, each as the piece itself has it."""
@@ -157,14 +157,14 @@ class TimeLaw(Value):
         return self.t[index] + share * h[index], self._on(index, share * h[index])
 
     def _on(self, index: Indices, x: Vector) -> list[Vector]:
-        c, found = self.c, []
+        c, derivatives = self.c, []
         for _ in range(4):
             value = np.zeros(len(x))
             for row in c[::-1]:
                 value = value * x + row[index]
-            found.append(value)
+            derivatives.append(value)
             c = c[1:] * np.arange(1, len(c))[:, None] if len(c) > 1 else np.zeros_like(c)
-        return found
+        return derivatives
 
 
 def quintic(length: float) -> TimeLaw:
@@ -241,7 +241,7 @@ def _graded(stretch: Stretch, s: Vector, velocity: Vector, acceleration: Vector,
     A ramp at the least acceleration of the joints to the rate v that is allowed takes v^2 / (2 a) of the way. The grid
     begins with a share of that, and each interval is longer than the last one by the same factor.
     """
-    found = [s]
+    points = [s]
     _, d1, _, d3 = stretch.derivatives(s[[0, -1]])
     for end, rate, fall in zip((0, 1), _caps(d1, d3, velocity, jerk, speed), np.abs(d1), strict=True):
         ramp = rate**2 * float((fall / acceleration).max()) / 2
@@ -251,8 +251,8 @@ def _graded(stretch: Stretch, s: Vector, velocity: Vector, acceleration: Vector,
             steps = first * GROWTH ** np.arange(int(np.log(widest / first) / np.log(GROWTH)) + 1)
             off = np.cumsum(steps)
             off = off[off < s[-1] / 2]
-            found.append(s[-1] - off if end else off)
-    joined = np.unique(np.concatenate(found))
+            points.append(s[-1] - off if end else off)
+    joined = np.unique(np.concatenate(points))
     return joined[np.concatenate([[True], np.diff(joined) > 1e-13 * joined[-1]])]
 
 
@@ -405,7 +405,7 @@ def _fastest_trapezoid(stretch: Stretch, laps: int, bounds: tuple[Vector, Vector
     step = rates[0] / rates[1]
     while step > 1.003:
         finer = best[1] * np.geomspace(1 / step, step, 9)
-        best = min(best, tried(finer[finer <= rates[0]], rises), key=lambda found: found[0])
+        best = min(best, tried(finer[finer <= rates[0]], rises), key=lambda candidate: candidate[0])
         step **= 1 / 4
     return _law(length, *best[1:])
 
@@ -428,9 +428,9 @@ def _ramps(
         middle = np.sqrt(low * high)
         good = _holds(stretch, length, bounds, V, w, middle, end)
         low, high = np.where(good, low, middle), np.where(good, middle, high)
-    found = np.where(holds.any(axis=1), high, np.inf).reshape(len(rates), len(rises))
-    best = found.argmin(axis=1)
-    return found[np.arange(len(rates)), best], rises[best]
+    times = np.where(holds.any(axis=1), high, np.inf).reshape(len(rates), len(rises))
+    best = times.argmin(axis=1)
+    return times[np.arange(len(rates)), best], rises[best]
 
 
 def _holds(
@@ -455,8 +455,8 @@ def _holds(
     s, a = V * T * way, V / T * bend
     s, a = (length - s, -a) if end else (s, a)
     rates = [V * fast, a, V / T**2 * jump]
-    found = stretch.motion(s.ravel(), [x.ravel() for x in rates])[1:]
-    worst = np.max([np.abs(x / limit).max(axis=1) for x, limit in zip(found, bounds, strict=True)], axis=0)
+    rates_of_joints = stretch.motion(s.ravel(), [x.ravel() for x in rates])[1:]
+    worst = np.max([np.abs(x / limit).max(axis=1) for x, limit in zip(rates_of_joints, bounds, strict=True)], axis=0)
     return (worst <= 1.0).reshape(x.shape).all(axis=1)
 
 
@@ -665,11 +665,11 @@ class _Plan:
     def _slowing(self, stretch: Stretch, law: TimeLaw, count: int = 2 * FINEST) -> float:
         """The factor of time by which every limit just holds, looked at at all pieces of the law and between."""
         _, (s, *rates) = law.within(count)
-        found = stretch.motion(s, rates)[1:]
+        joint_rates = stretch.motion(s, rates)[1:]
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             ratios = [
                 float(np.abs(x / limit).max()) ** (1.0 / order)
-                for order, (x, limit) in enumerate(zip(found, self._bounds, strict=True), 1)
+                for order, (x, limit) in enumerate(zip(joint_rates, self._bounds, strict=True), 1)
             ]
         return max(*ratios, float(rates[0].max()) / self.speed)
 
@@ -706,7 +706,7 @@ class _Plan:
 
     def _taken(self, stretch: Stretch, law: TimeLaw, t: Vector, rate: Vector) -> Matrix:
         """See `_Part`: looked at between the samples too, for a ramp may be shorter than a step."""
-        found = np.zeros((len(t), 2))
+        greatest = np.zeros((len(t), 2))
         slow = np.flatnonzero(rate < (1.0 - SLOW) * self.speed) if np.isfinite(self.speed) else np.zeros(0, dtype=int)
         for part in np.split(slow, range(10_000, len(slow), 10_000)):
             if not len(part):
@@ -716,8 +716,8 @@ class _Plan:
             moved = stretch.motion(s, rates)[1:]
             shares = np.stack([np.abs(x / b) for x, b in zip(moved, self._bounds, strict=True)], axis=1)
             shares = shares.reshape(len(part), BETWEEN, -1).max(axis=1)
-            found[part] = np.column_stack([shares.max(axis=1), shares.argmax(axis=1)])
-        return found
+            greatest[part] = np.column_stack([shares.max(axis=1), shares.argmax(axis=1)])
+        return greatest
 
 
 def _open(stretch: Stretch) -> Stretch:
@@ -728,10 +728,10 @@ def _limit(what: str, given: ArrayLike | None, n: int) -> Vector:
     """Limits (n,), infinite where there are none. Raises: ArgumentError, ShapeError."""
     if given is None:
         return np.full(n, np.inf)
-    found = numbers(what, given)
-    if found.shape not in ((), (n,)) or not ((found > 0) & ((found <= HUGE) | (found == np.inf))).all():
+    array = numbers(what, given)
+    if array.shape not in ((), (n,)) or not ((array > 0) & ((array <= HUGE) | (array == np.inf))).all():
         raise ArgumentError(what, given, f"give one positive number, or {n} of them, at most {HUGE:g}")
-    return np.broadcast_to(found, (n,))
+    return np.broadcast_to(array, (n,))
 
 
 def _lap_ends(law: TimeLaw, length: float, laps: int) -> list[float]:
@@ -741,8 +741,8 @@ def _lap_ends(law: TimeLaw, length: float, laps: int) -> list[float]:
     def past(t: float, lap: int) -> float:
         return float(law.at(np.array([t]))[0][0]) - lap * length
 
-    found = [brentq(past, 0.0, law.duration, args=(lap,), xtol=1e-15) for lap in range(1, laps)]
-    return [float(t) for t in found]  # type: ignore[arg-type]  no RootResults, which are given when asked for
+    ends = [brentq(past, 0.0, law.duration, args=(lap,), xtol=1e-15) for lap in range(1, laps)]
+    return [float(t) for t in ends]  # type: ignore[arg-type]  no RootResults, which are given when asked for
 
 
 def _differences(q: Matrix, dt: float) -> list[Matrix]:
@@ -793,7 +793,7 @@ def _slowdowns(trajectory: Trajectory, plan: _Plan, t: Vector, speed: Vector, ta
     even = still & np.concatenate([still[1:], [False]]) & (speed > SLOW * plan.speed)
     kind = np.where(slow, 1 + even, 0)
     edges = np.flatnonzero(np.diff(kind)) + 1
-    found = []
+    slowdowns = []
     for part in np.split(np.arange(len(t)), edges):
         if not kind[part[0]]:
             continue
@@ -805,5 +805,5 @@ def _slowdowns(trajectory: Trajectory, plan: _Plan, t: Vector, speed: Vector, ta
         least = float(speed[part].min() / plan.speed)
         binds = share >= BINDS
         name, limit = (trajectory.joint_names[joint], RATES[rate]) if binds else ("", f"{plan.profile} profile")
-        found.append(Slowdown(float(t[part[0]]), float(t[part[-1]]), least, name, limit))
-    return tuple(found)
+        slowdowns.append(Slowdown(float(t[part[0]]), float(t[part[-1]]), least, name, limit))
+    return tuple(slowdowns)

@@ -328,12 +328,12 @@ def _refined(
         at, *begun = (path.on(index, np.full(len(index), u)) for u in (0.5, 0.0, 0.25, 0.75))
         if poses.rotations is not None:
             at = replace(at, rotation=at.rotation @ poses.rotations[0])
-        found = rough(at, begun, curve((t[:-1] + t[1:]) / 2))
+        spline = rough(at, begun, curve((t[:-1] + t[1:]) / 2))
         interval = np.repeat(np.arange(len(counts)), counts)
-        worse = np.bincount(interval, found, len(counts)) > 0
+        worse = np.bincount(interval, spline, len(counts)) > 0
         stuck = worse & (counts >= most)
         if stuck.any() or not worse.any():
-            return segments, stuck, float(t[int(np.argmax(found & stuck[interval]))])
+            return segments, stuck, float(t[int(np.argmax(spline & stuck[interval]))])
         counts[worse] *= 2
 
 

@@ -411,14 +411,14 @@ def _timed(path: Path | ArrayLike, ends: Vector, seconds: Vector) -> Path:
 def _pieces(path: Path, ends: Vector, alike: float) -> list[Segment]:
     times = path.starts / path.duration
     middle = (ends[:-1] + ends[1:]) / 2
-    found = []
+    pieces = []
     for i, a, b in zip(np.searchsorted(times, middle, side="right") - 1, ends, ends[1:], strict=False):
         share = times[i + 1] - times[i]
         low, high = (np.clip((np.array([a, b]) - times[i]) / share, 0.0, 1.0)).tolist()
         low, high = (0.0 if low * share <= alike else low), (1.0 if (1 - high) * share <= alike else high)
         segment = path.segments[i]
-        found.append(segment if (low, high) == (0.0, 1.0) else segment.part(low, high))
-    return found
+        pieces.append(segment if (low, high) == (0.0, 1.0) else segment.part(low, high))
+    return pieces
 
 
 @typed

@@ -639,8 +639,8 @@ def corners_of(path: Any, k: int) -> tuple[int, ...]:
     start, end = (path.on(np.arange(k), np.full(k, u)) for u in (0.0, 1.0))
     after = np.hstack([start.velocity, start.angular])
     before = np.roll(np.hstack([end.velocity, end.angular]), 1, axis=0)
-    found = np.abs(after - before).max(axis=1) > CORNER * np.maximum(np.abs(after), np.abs(before)).max(axis=1)
-    return tuple(int(i) for i in np.flatnonzero(found) if i > 0 or path.closed)
+    jumps = np.abs(after - before).max(axis=1) > CORNER * np.maximum(np.abs(after), np.abs(before)).max(axis=1)
+    return tuple(int(i) for i in np.flatnonzero(jumps) if i > 0 or path.closed)
 
 
 @typed

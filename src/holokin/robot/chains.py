@@ -303,15 +303,15 @@ def with_limits(
     known = {what: _each(robot, what, value) for what, value in given.items() if value is not None}
     rows = [{what: float(values[i]) for what, values in known.items()} for i in range(robot.n)]
     limited = tuple(replace(c, **row) for c, row in zip(robot.coordinates, rows, strict=True))
-    found = replace(robot, coordinates=limited)
+    limited_robot = replace(robot, coordinates=limited)
     for c, before in zip(limited, robot.coordinates, strict=True):
         doubted = FASTEST < c.max_velocity < np.inf and c.max_velocity != before.max_velocity
         if doubted and c.unit == "rad" and not trust_units:
             cure = f"give rad/s, as np.deg2rad({c.max_velocity:g}), math.inf for none{TRUST}"
             raise ArgumentError(f"max_velocity of joint {c.name!r}", f"{c.max_velocity:g} rad/s", cure)
     if not trust_units and (lower is not None or upper is not None):
-        _check_limits_of_hinges(found)
-    return found
+        _check_limits_of_hinges(limited_robot)
+    return limited_robot
 
 
 def without_speed_limit(robot: Robot) -> str:
@@ -341,10 +341,10 @@ def _each(robot: Robot, what: str, value: JointValues) -> Vector:
 
 
 def _number(what: str, value: float) -> float:
-    found = numbers(what, value)
-    if found.shape != ():
-        raise ShapeError(what, "()", found.shape)
-    return float(found)
+    array = numbers(what, value)
+    if array.shape != ():
+        raise ShapeError(what, "()", array.shape)
+    return float(array)
 
 
 def robot_of(
@@ -522,15 +522,15 @@ class _Builder:
 
     def _all_followers(self) -> dict[str, list[tuple[Branch, float, float]]]:
         """Every joint that leads -> those that follow it in the end, each with its multiplier and offset."""
-        found: dict[str, list[tuple[Branch, float, float]]] = {}
+        followers: dict[str, list[tuple[Branch, float, float]]] = {}
         for joint in self.by_name.values():
             if joint.follows is not None and joint.name not in self.held and joint.kind in MOVING:
                 try:
                     master, multiplier, offset = self._master(joint)
                 except RobotFileError:
                     continue  # told where a chain needs it
-                found.setdefault(master.name, []).append((joint, multiplier, offset))
-        return found
+                followers.setdefault(master.name, []).append((joint, multiplier, offset))
+        return followers
 
     def _coordinate(self, master: Branch) -> Coordinate:
         """A joint's name, kind and limits, such that all joints that follow it are within theirs, too.
@@ -538,8 +538,8 @@ class _Builder:
         low <= multiplier q + offset <= high of a follower is a range of q, and its largest speed over |multiplier| one
         of q'. Raises: ArgumentError, RobotFileError: limits make no sense, or the ranges have nothing in common.
         """
-        found = master.coordinate
-        lower, upper, speed = found.lower, found.upper, found.max_velocity
+        coordinate = master.coordinate
+        lower, upper, speed = coordinate.lower, coordinate.upper, coordinate.max_velocity
         for joint, multiplier, offset in self.followers.get(master.name, ()):
             low, high, most = _own_limits(joint)
             if multiplier:
@@ -554,7 +554,7 @@ class _Builder:
                 fact = f"joint {joint.name!r} follows {master.name!r} and is never within its own limits"
                 cure = f"correct the limits of both, or hold it still: locked={{{joint.name!r}: value}}"
                 raise self.tree.problem(fact, cure)
-        return replace(found, lower=min(lower, upper), upper=max(lower, upper), max_velocity=speed)
+        return replace(coordinate, lower=min(lower, upper), upper=max(lower, upper), max_velocity=speed)
 
     def check_locked(self, joint: Branch, value: object) -> None:
         """Raises: ArgumentError, RobotFileError: a joint that cannot be held at a value."""

@@ -43,12 +43,12 @@ def link_jacobian(robot: Robot, q: SX, tip: str | None = None, *, turned: bool =
     chain = [end.joint]
     while robot.joints[chain[-1]].parent >= 0:
         chain.append(robot.joints[chain[-1]].parent)
-    found = []
+    candidates = []
     for middle in range(len(chain)):
         frames = _seen_from(robot, q, chain[::-1], middle, end)
         points = chain if turned else [-1]
-        found += [_columns(robot, frames, chain, frames[point][0], turned) for point in points]
-    return min(found, key=lambda J: (sparsify(J).nnz(), n_nodes(J)))
+        candidates += [_columns(robot, frames, chain, frames[point][0], turned) for point in points]
+    return min(candidates, key=lambda J: (sparsify(J).nnz(), n_nodes(J)))
 
 
 def _seen_from(robot: Robot, q: SX, chain: list[int], middle: int, end: Tip) -> Frames:
@@ -287,7 +287,7 @@ def link_lines(robot: Robot) -> list[Line]:
 
     A base begins at its foot. A tip that is fixed to the base is the end of no link.
     """
-    found, feet = [], list[tuple[Vector, str]]()
+    lines, feet = [], list[tuple[Vector, str]]()
     for joint in robot.joints:
         link = robot.joints[joint.parent].name
         if joint.parent < 0:
@@ -295,14 +295,14 @@ def link_lines(robot: Robot) -> list[Line]:
             same = (name for foot, name in feet if np.linalg.norm(foot - joint.start) < _SHORTEST)
             link = next(same, new)
             feet.append((joint.start, link))
-        found.append(Line(link, joint.parent, joint.start, joint.placement[:3, 3]))
+        lines.append(Line(link, joint.parent, joint.start, joint.placement[:3, 3]))
     for tip in robot.tips:
         if tip.joint >= 0:
             link, points = robot.joints[tip.joint].name, [np.zeros(3), tip.arm_end, tip.placement[:3, 3]]
             if _on_the_way(points[1], points[2]):
                 del points[1]
-            found += [Line(link, tip.joint, *ends) for ends in pairwise(points)]
-    return found
+            lines += [Line(link, tip.joint, *ends) for ends in pairwise(points)]
+    return lines
 
 
 def _on_the_way(point: Vector, end: Vector) -> bool:
@@ -399,7 +399,7 @@ def merged(bodies: Iterable[Body]) -> dict[int, Body]:
     groups: dict[int, list[Body]] = {}
     for body in bodies:
         groups.setdefault(body.joint, []).append(body)
-    found = {}
+    bodies_by_joint = {}
     for joint, parts in groups.items():
         mass = sum(part.mass for part in parts)
         center = sum((part.mass * part.center for part in parts), np.zeros(3)) / mass if mass else np.zeros(3)
@@ -407,8 +407,8 @@ def merged(bodies: Iterable[Body]) -> dict[int, Body]:
         for part in parts:
             d = part.center - center
             inertia = inertia + part.inertia + part.mass * (d @ d * np.eye(3) - np.outer(d, d))
-        found[joint] = Body(joint, mass, center, inertia)
-    return found
+        bodies_by_joint[joint] = Body(joint, mass, center, inertia)
+    return bodies_by_joint
 
 
 @typed

@@ -73,11 +73,11 @@ def _switches(strategy: Strategy) -> tuple[tuple[str, ...], SX, SX]:
         c, k = strategy.constraint, e.kinematics
         whole = Formula(strategy.constraint_expression, e.q, e.q, c.angular)
         formulas = [whole] if c.formulas is None else c.formulas(strategy.task, k, e.q)
-        found = [one for formula in formulas for one in switches_of(formula)]
+        switched = [one for formula in formulas for one in switches_of(formula)]
     else:
-        found = [switches(e.planes, e.q, reflected=True)]
-    words = tuple(word for one in found for word in one.words)
-    return words, vertcat(SX(0, 1), *(one.gap for one in found)), vertcat(SX(0, 1), *(one.state for one in found))
+        switched = [switches(e.planes, e.q, reflected=True)]
+    words = tuple(word for one in switched for word in one.words)
+    return words, vertcat(SX(0, 1), *(one.gap for one in switched)), vertcat(SX(0, 1), *(one.state for one in switched))
 
 
 def may_jump(strategy: Strategy) -> tuple[str, ...]:
@@ -103,15 +103,15 @@ def states(strategy: Strategy, Q: Matrix) -> Matrix:
 
 def jumps_of(strategy: Strategy, Q: Matrix, low: Vector, high: Vector) -> tuple[Jump, ...]:
     """Jumps of a law within a box, the largest of each operation: sought from postures (N, n) by Newton's method."""
-    found: dict[str, Jump] = {}
+    jumps: dict[str, Jump] = {}
     words = _switches(strategy)[0]
     gaps, slopes = _gaps_at(strategy, Q) if words else (Q, Q)
     for i, what in enumerate(words):
         for q, normal in _places(strategy, i, Q, gaps[:, i], slopes[:, i], low, high):
             one = _jump(strategy, what, q - BESIDE * normal, q + BESIDE * normal, normal)
-            if one is not None and _more(one, found.get(what)):
-                found[what] = one
-    return tuple(found.values())
+            if one is not None and _more(one, jumps.get(what)):
+                jumps[what] = one
+    return tuple(jumps.values())
 
 
 def _more(one: Jump, other: Jump | None) -> bool:
@@ -143,9 +143,9 @@ def _places(
         for _ in range(STEPS):
             gap, slope = at(X[moving])
             move = gap[:, None] * slope / np.sum(slope**2, axis=1)[:, None]
-            found = np.clip(X[moving] - np.where(np.isfinite(move), move, 0.0), low, high)
-            went = np.abs(found - X[moving]).max(axis=1)
-            X[moving] = found
+            posture = np.clip(X[moving] - np.where(np.isfinite(move), move, 0.0), low, high)
+            went = np.abs(posture - X[moving]).max(axis=1)
+            X[moving] = posture
             moving = moving[went > 1e-4 * BESIDE]
             if not len(moving):
                 break
@@ -191,8 +191,8 @@ def jump_near(strategy: HolonomicStrategy, q: Vector) -> Jump | None:
     """A jump of g next to a posture (n,), within `NEAR` of each joint."""
     if not may_jump(strategy):
         return None
-    found = [jump for jump in jumps_of(strategy, q[None], q - NEAR, q + NEAR) if jump.level]
-    return max(found, key=lambda one: one.level, default=None)
+    jumps = [jump for jump in jumps_of(strategy, q[None], q - NEAR, q + NEAR) if jump.level]
+    return max(jumps, key=lambda one: one.level, default=None)
 
 
 def first_jump(strategy: HolonomicStrategy, Q: Matrix) -> tuple[int, Jump] | None:
@@ -201,9 +201,9 @@ def first_jump(strategy: HolonomicStrategy, Q: Matrix) -> tuple[int, Jump] | Non
         return None
     at = states(strategy, Q)
     for k in np.flatnonzero((at[1:] != at[:-1]).any(axis=1)):
-        found = _between(strategy, Q[k], Q[k + 1], at[k], at[k + 1])
-        if found is not None:
-            return int(k), found
+        jump = _between(strategy, Q[k], Q[k + 1], at[k], at[k + 1])
+        if jump is not None:
+            return int(k), jump
     return None
 
 

@@ -166,13 +166,13 @@ class SelfMotions(Value):
         still = np.flatnonzero([end is not CurveEnd.CLOSED for end in last])
         others, first = self._one_way(Q[still], -v[still], still, step, length, limits)
         behind, starts = dict(zip(still.tolist(), others, strict=True)), dict(zip(still.tolist(), first, strict=True))
-        found = []
+        curves = []
         for i, q in enumerate(Q):
             back = behind.get(i, Q[:0])
             line = np.concatenate([back[::-1], q[None], ahead[i]])
             s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-            found.append(SelfMotion(self.task, line, s - s[len(back)], (starts.get(i, last[i]), last[i])))
-        return found
+            curves.append(SelfMotion(self.task, line, s - s[len(back)], (starts.get(i, last[i]), last[i])))
+        return curves
 
     def walked(self, Q: Matrix, v: Matrix, lengths: Vector, step: float) -> tuple[Matrix, Flags]:
         """Postures (S, n) so far [joint units] along the self-motions through Q (S, n), and which walks got there."""
@@ -188,7 +188,7 @@ class SelfMotions(Value):
 
         Returns (postures, directions there, which of them are good); those that are not stay where they were.
         """
-        found, along, sound = self._step(q, v, i, length)
+        postures, along, sound = self._step(q, v, i, length)
         for parts in PARTS:
             bad = np.flatnonzero(~sound & (length != 0))
             if not len(bad):
@@ -197,8 +197,8 @@ class SelfMotions(Value):
             for _ in range(parts):
                 at, way, here = self._step(at, way, i[bad], length[bad] / parts)
                 good &= here
-            found[bad], along[bad], sound[bad] = np.where(good[:, None], at, q[bad]), way, good
-        return found, along, sound
+            postures[bad], along[bad], sound[bad] = np.where(good[:, None], at, q[bad]), way, good
+        return postures, along, sound
 
     def _step(self, q: Matrix, v: Matrix, i: Indices, length: Vector) -> tuple[Matrix, Matrix, Flags]:
         start, size = q, np.inf
@@ -208,9 +208,9 @@ class SelfMotions(Value):
         for _ in range(CORRECTIONS):
             J = self.task.jacobian_batch(q)[0]
             e = self.task.error_function.batch(q, self.p[i], self.R[i]).reshape(len(q), -1)
-            found = least_motion(J, np.stack([e, np.einsum("kmn,kn->km", J, along)], axis=2))
-            q, along = q + found[:, :, 0], _unit(along - found[:, :, 1])
-            size = np.abs(found[:, :, 0]).max(axis=1)
+            motions = least_motion(J, np.stack([e, np.einsum("kmn,kn->km", J, along)], axis=2))
+            q, along = q + motions[:, :, 0], _unit(along - motions[:, :, 1])
+            size = np.abs(motions[:, :, 0]).max(axis=1)
         with np.errstate(invalid="ignore"):
             near = np.linalg.norm(q - start, axis=1) < 2 * np.abs(length) + ROUGH
             sound = np.isfinite(q).all(axis=1) & near & (size < ROUGH)
@@ -363,12 +363,12 @@ def _arc_length(task: Task, q0: Vector) -> Label | None:
         nodes, width = np.array([np.interp(s, curve.s, e) for e in E.T]).T, WIDTH * (s[1] - s[0])
         weights = np.exp(-np.sum((E[:, None] - nodes) ** 2, axis=2) / (2 * width**2))
         a = turn * s / length
-        found = np.arctan2(weights @ np.sin(a), weights @ np.cos(a))
-        slopes = (np.diff(np.unwrap(found)) / np.diff(angles))[1:-1]
+        mean = np.arctan2(weights @ np.sin(a), weights @ np.cos(a))
+        slopes = (np.diff(np.unwrap(mean)) / np.diff(angles))[1:-1]
         present = weights.sum(axis=1) / (np.sqrt(2 * np.pi) * WIDTH) > PRESENT
         slopes = slopes[present[1:-2] & present[2:-1]]
         if len(slopes) and slopes.min() > SLOPES[0] and slopes.max() < SLOPES[1]:
-            a = a - found[np.argmin(np.abs(curve.s))]
+            a = a - mean[np.argmin(np.abs(curve.s))]
             return _weighted(task.robot, nodes, width, a)
     return None
 
@@ -478,15 +478,17 @@ def _constraint(title: str, r: int, lines: _Lines) -> Constraint:
     return replace(_of(title, r, lines, _kept(loop)), looped=_of(title, r, lines, lambda _q: loop.symbols, loop))
 
 
-def _of(title: str, r: int, lines: _Lines, found: Callable[[SX], Found], loop: Transport | None = None) -> Constraint:
+def _of(
+    title: str, r: int, lines: _Lines, label_at: Callable[[SX], Found], loop: Transport | None = None
+) -> Constraint:
     """g by its label, gradient and margin at q. Where J is singular the gradient is 0: rcond 0 says so."""
     return Constraint(
         title,
         r,
-        lambda _task, _k, q: found(q)[0],
+        lambda _task, _k, q: label_at(q)[0],
         (lines.label.angular,) * r,
-        lambda _task, _k, q: found(q)[2],
-        lambda _task, _k, q: found(q)[1],
+        lambda _task, _k, q: label_at(q)[2],
+        lambda _task, _k, q: label_at(q)[1],
         transport=loop,
     )
 
@@ -522,13 +524,13 @@ class _Lines:
 
     def rate(self, q: SX, v: SX) -> tuple[SX, SX]:
         """(dq, rcond) of the strategy."""
-        found = self.along(q, v)
-        return found[: self.chart.n], found[self.chart.n]
+        rates = self.along(q, v)
+        return rates[: self.chart.n], rates[self.chart.n]
 
     def slope(self, q: SX, v: SX, weight: SX) -> tuple[SX, SX]:
         """The derivatives of weight . dq by q and by v."""
-        found = self.pulled(q, v, weight)
-        return found[: self.chart.n], found[self.chart.n :]
+        slopes = self.pulled(q, v, weight)
+        return slopes[: self.chart.n], slopes[self.chart.n :]
 
     def end(self, q: SX, back: SX, left: SX, first: SX, least: SX) -> tuple[SX, SX, SX]:
         """(label, margin, regular) of a transport from q to `back`, which misses the centre by the joint motion `left`;

@@ -214,12 +214,12 @@ class NumericStrategy(Strategy):
             FunctionError, ShapeError, ArgumentError.
         """
         try:
-            found = self.function(q.copy())
+            answer = self.function(q.copy())
         except HolokinError:
             raise
         except Exception as problem:
             raise FunctionError(self.name, q, problem) from problem
-        G = np.array(numbers(f"G of {self.name!r}", found))
+        G = np.array(numbers(f"G of {self.name!r}", answer))
         if G.shape != (self.task.n, self.task.m):
             raise ShapeError(f"G of {self.name!r}", (self.task.n, self.task.m), G.shape, "rows are joints")
         return G
@@ -270,8 +270,8 @@ class _Calls:
         self, Q: Matrix, *more: Array, threads: int | None = None, out: Sequence[Array] | None = None, **_: Any
     ) -> tuple[Array, ...]:
         """The same over a leading axis."""
-        found = [self(q, *(one[i] for one in more)) for i, q in enumerate(Q)]
-        made = tuple(np.array([row[k] for row in found]) for k in range(3))
+        answers = [self(q, *(one[i] for one in more)) for i, q in enumerate(Q)]
+        made = tuple(np.array([row[k] for row in answers]) for k in range(3))
         for place, value in zip(out or (), made, strict=False):
             place[...] = value.reshape(place.shape)
         return made
@@ -581,12 +581,12 @@ def from_transport(
     def label(at: SX, value: SX) -> SX:
         if inverse is not None:
             return _sized("the inverse of Phi", inverse(at, value), (r, 1))
-        found = value  # at the center Phi is the identity
+        coordinates = value  # at the center Phi is the identity
         last = [1.0] * 4  # Newton steps at the end: quadratic, so four reach round-off
         for share in [*((k + 1) / steps for k in range(steps - 1)), *last]:
             here = SX(x0) + share * (at - SX(x0))
-            found = found + factorise(slope(here, found)).solve(value - transport(here, found))
-        return found
+            coordinates = coordinates + factorise(slope(here, coordinates)).solve(value - transport(here, coordinates))
+        return coordinates
 
     def expression(bound: Task, k: Kinematics, q: SX) -> SX:
         return label(bound.value_expression(k), _sized("z", z(q), (r, 1)))
@@ -617,8 +617,8 @@ def _check(
     )
     coordinates = Function("z", {"q": q}, {"z": _sized("z", z(q), (r, 1))})
     for posture in around + 0.1 * np.random.default_rng(0).uniform(-1, 1, (4, task.n)):
-        found = errors(task(posture), np.atleast_1d(coordinates(posture)))
-        for what, error in zip(errors.output_shapes, found, strict=True):
+        gaps = errors(task(posture), np.atleast_1d(coordinates(posture)))
+        for what, error in zip(errors.output_shapes, gaps, strict=True):
             if not np.abs(error).max() < CHECKED:
                 at = np.array2string(posture, precision=3)
                 raise ArgumentError(f"|{what}| near q = {at}", float(np.abs(error).max()), "it must be 0 everywhere")

@@ -77,10 +77,10 @@ def staged(outputs: ca.SX, early: ca.SX, late: ca.SX) -> tuple[ca.SX, ca.SX, ca.
         lambda number: _Register(ca.SX(number), False),
         apply,
     )
-    found = ca.SX(*outputs.shape)
+    stages = ca.SX(*outputs.shape)
     for row, part in rows.items():
-        found[row] = part.value
-    return found, ca.vertcat(ca.SX(0, 1), *symbols), ca.vertcat(ca.SX(0, 1), *values)
+        stages[row] = part.value
+    return stages, ca.vertcat(ca.SX(0, 1), *symbols), ca.vertcat(ca.SX(0, 1), *values)
 
 
 @dataclass(eq=False)
@@ -225,14 +225,14 @@ class Formula:
 
 def switches_of(formula: Formula) -> list[Switches]:
     """The switches of a formula's rows, as expressions of q."""
-    found = []
+    switches_by_row = []
     for i, flag in enumerate(formula.angular):
         one = switches(formula.expression[i], formula.variables, angle=flag)
         if one.words:
             gap, state = ca.substitute([one.gap, one.state], [formula.variables], [formula.at])
             one = Switches(one.words, gap, state)
-        found.append(one)
-    return found
+        switches_by_row.append(one)
+    return switches_by_row
 
 
 def switches(expression: ca.SX, q: ca.SX, *, angle: bool = False, reflected: bool = False) -> Switches:
@@ -247,15 +247,15 @@ def switches(expression: ca.SX, q: ca.SX, *, angle: bool = False, reflected: boo
     if not (operations(made) & set(_JUMPS)) - harmless:
         return Switches((), ca.SX(0, 1), ca.SX(0, 1))
     made = ca.Function("made", [q], [ca.cse([flat])[0]])
-    found: list[tuple[str, ca.SX, ca.SX]] = []
+    turning: list[tuple[str, ca.SX, ca.SX]] = []
 
     def apply(op: int, parts: list[ca.SX]) -> ca.SX:
         if op in _JUMPS and op not in harmless and not all(part.is_constant() for part in parts):
-            found.append((_JUMPS[op], *_turning(op, parts)))
+            turning.append((_JUMPS[op], *_turning(op, parts)))
         return applied(op, parts)
 
     walk(made, lambda _, i: q[i], ca.SX, apply)
-    words, gaps, states = zip(*found, strict=True) if found else ((), (), ())
+    words, gaps, states = zip(*turning, strict=True) if turning else ((), (), ())
     return Switches(tuple(words), ca.vertcat(ca.SX(0, 1), *gaps), ca.vertcat(ca.SX(0, 1), *states))
 
 
@@ -323,11 +323,11 @@ def transport(
         return w + gradient(by_v.T @ began, q).T
 
     n = len(center)
-    found, left, values = staged(ca.vertcat(moved, rcond, by_y, by_v), ca.vertcat(y, v), w)
+    expressions, left, values = staged(ca.vertcat(moved, rcond, by_y, by_v), ca.vertcat(y, v), w)
     pieces = Pieces(
         begin=_function("begin", [q], began),
-        rate=_function("rate", [y, v], found[:n], found[n], values),
-        pull=_function("pull", [left, w], found[n + 1 : 2 * n + 1], found[2 * n + 1 :]),
+        rate=_function("rate", [y, v], expressions[:n], expressions[n], values),
+        pull=_function("pull", [left, w], expressions[n + 1 : 2 * n + 1], expressions[2 * n + 1 :]),
         miss=_function("miss", [y], miss(y)),
         end=_function("end", [q, y, f, first, least], label, margin, slopes, factor),
         back=_function(

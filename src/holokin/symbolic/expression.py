@@ -119,19 +119,19 @@ def parse(text: str | float, names: Mapping[str, ca.SX]) -> ca.SX:
     values: dict[ast.expr, ca.SX] = {}
     for node, name, parts in reversed(_outside_in(tree.body, formula)):  # no recursion: long sums are deep trees
         try:
-            found = _apply(node, name, [values.pop(part) for part in parts], names, formula)
-            finite = not found.is_constant() or bool(np.isfinite(float(found)))
+            meaning = _apply(node, name, [values.pop(part) for part in parts], names, formula)
+            finite = not meaning.is_constant() or bool(np.isfinite(float(meaning)))
         except ArithmeticError as problem:
             raise ExpressionError(formula, str(problem), _CURE) from None
         if not finite:
             raise ExpressionError(formula, f"{_shown(node)} is no finite real number", "leave it out, or rewrite it")
-        values[node] = found
+        values[node] = meaning
     return values[tree.body]
 
 
 def _outside_in(root: ast.expr, formula: str) -> list[tuple[ast.expr, str, list[ast.expr]]]:
     """(node, name of what it calls or means, operands) of all parts of a formula, none before what it is part of."""
-    found: list[tuple[ast.expr, str, list[ast.expr]]] = []
+    ordered: list[tuple[ast.expr, str, list[ast.expr]]] = []
     waiting = [root]
     while waiting:
         node, name, parts = waiting.pop(), "", []
@@ -148,9 +148,9 @@ def _outside_in(root: ast.expr, formula: str) -> list[tuple[ast.expr, str, list[
                 pass
             case _:
                 raise ExpressionError(formula, f"{_shown(node)} is not arithmetic", _CURE)
-        found.append((node, name, parts))
+        ordered.append((node, name, parts))
         waiting += parts
-    return found
+    return ordered
 
 
 def _apply(node: ast.expr, name: str, parts: list[ca.SX], names: Mapping[str, ca.SX], formula: str) -> ca.SX:

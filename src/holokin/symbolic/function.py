@@ -58,12 +58,12 @@ class CheckedBatch:
         """x (n,), checked, or (k, n) as numbers, which are checked by their results. Raises: as `convert`."""
         if hasattr(given, "keys"):  # values by name, of whose order `convert` knows
             return self._convert(given)
-        found = numbers("q", given)
-        if found.ndim != 2:
-            return self._convert(found)
-        if found.shape[1] != self._size:
-            raise ShapeError("q", f"({self._size},) or (k, {self._size})", found.shape)
-        return found
+        array = numbers("q", given)
+        if array.ndim != 2:
+            return self._convert(array)
+        if array.shape[1] != self._size:
+            raise ShapeError("q", f"({self._size},) or (k, {self._size})", array.shape)
+        return array
 
     def __call__(self, Q: Matrix, threads: int | None = None) -> Array:
         """The results at Q (k, n), a row each; see `Function.batch` for threads.
@@ -72,20 +72,20 @@ class CheckedBatch:
         """
         if threads is not None:
             whole("threads", threads)
-        found = np.empty((len(Q), *self._result))
+        results = np.empty((len(Q), *self._result))
         edges = np.linspace(0, len(Q), 1 + max(1, len(Q) // PIECE)).astype(int)
         for first, last in pairwise(edges.tolist()):
             more = [np.empty((last - first, *shape)) for shape in self._others]
-            self._batch(Q[first:last], threads=threads, out=[found[first:last], *more])
+            self._batch(Q[first:last], threads=threads, out=[results[first:last], *more])
             measures = [one.reshape(-1) for one in more[len(more) - len(self._bounds) :]]
-            for i in np.flatnonzero(~self._sound(found[first:last], measures)).tolist():
+            for i in np.flatnonzero(~self._sound(results[first:last], measures)).tolist():
                 q = self._convert(Q[first + i], f"posture {first + i}")
-                found[first + i] = self._doubt(q, found[first + i].copy(), *(float(one[i]) for one in measures))
-        return found
+                results[first + i] = self._doubt(q, results[first + i].copy(), *(float(one[i]) for one in measures))
+        return results
 
-    def _sound(self, found: Array, measures: list[Array]) -> Flags:
+    def _sound(self, results: Array, measures: list[Array]) -> Flags:
         """Which rows are finite, with measures above their bounds; a sum beyond all floats counts as not finite."""
-        rows = found.reshape(len(found), int(np.prod(self._result)))
+        rows = results.reshape(len(results), int(np.prod(self._result)))
         with np.errstate(all="ignore"):
             sound: Any = np.isfinite(rows @ np.ones(rows.shape[1]))
             for one, bound in zip(measures, self._bounds, strict=True):

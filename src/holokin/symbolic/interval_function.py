@@ -70,16 +70,16 @@ def _power(a: Interval, b: Interval) -> Interval:
     """a^b: by repeated squares for one small whole b, else exp(b log a): unbounded where a reaches to 0 or below."""
     whole = b.low.flat[0] if b.low.size else np.nan
     if not ((b.low == whole) & (b.high == whole)).all() or whole not in range(-64, 65):
-        found = iv.exponential(iv.multiply(b, iv.logarithm(a)))
+        power = iv.exponential(iv.multiply(b, iv.logarithm(a)))
         lost = ~(a.low > 0)  # a negative a has powers too, of whole b
-        return Interval(np.where(lost, -np.inf, found.low), np.where(lost, np.inf, found.high))
-    found, base, left = iv.point(np.ones_like(a.low)), a, int(abs(whole))
+        return Interval(np.where(lost, -np.inf, power.low), np.where(lost, np.inf, power.high))
+    power, base, left = iv.point(np.ones_like(a.low)), a, int(abs(whole))
     while left:
-        found = iv.multiply(found, base) if left % 2 else found
+        power = iv.multiply(power, base) if left % 2 else power
         base, left = iv.square(base), left // 2
     if whole > 0 and whole % 2 == 0:
-        found = Interval(np.maximum(found.low, 0.0), found.high)
-    return iv.invert(found) if whole < 0 else found
+        power = Interval(np.maximum(power.low, 0.0), power.high)
+    return iv.invert(power) if whole < 0 else power
 
 
 def _hyperbolic(sign: float, over: bool) -> Callable[[Interval], Interval]:
@@ -89,8 +89,8 @@ def _hyperbolic(sign: float, over: bool) -> Callable[[Interval], Interval]:
         up, down = iv.exponential(a), iv.exponential(iv.negate(a))
         if over:  # tanh x = 1 - 2 / (exp 2x + 1), which rises
             two = iv.point(np.full_like(a.low, 2.0))
-            found = iv.subtract(_one(a), iv.divide(two, iv.add(iv.square(up), _one(a))))
-            return iv.within(found, -1.0, 1.0)
+            tangent = iv.subtract(_one(a), iv.divide(two, iv.add(iv.square(up), _one(a))))
+            return iv.within(tangent, -1.0, 1.0)
         return iv.multiply(iv.point(np.full_like(a.low, 0.5)), iv.add(up, down) if sign > 0 else iv.subtract(up, down))
 
     return apply
@@ -123,8 +123,8 @@ def _area_sine(a: Interval) -> Interval:
 
     def at(x: Array) -> Interval:
         size = iv.point(np.abs(x))
-        found = iv.logarithm(iv.add(size, iv.hypotenuse(size, _one(size))))
-        return Interval(np.where(x < 0, -found.high, found.low), np.where(x < 0, -found.low, found.high))
+        positive = iv.logarithm(iv.add(size, iv.hypotenuse(size, _one(size))))
+        return Interval(np.where(x < 0, -positive.high, positive.low), np.where(x < 0, -positive.low, positive.high))
 
     return Interval(at(a.low).low, at(a.high).high)
 
@@ -261,8 +261,8 @@ class IntervalFunction:
         below[places], above[places] = low[columns], high[columns]
         with np.errstate(all="ignore"):
             for rule, out, *into in self._steps:
-                found: Any = rule(*(Interval(below[i], above[i]) for i in into))
-                below[out], above[out] = found
+                bounds: Any = rule(*(Interval(below[i], above[i]) for i in into))
+                below[out], above[out] = bounds
         y = Interval(np.zeros((self.rows, boxes)), np.zeros((self.rows, boxes)))
         rows, places = self._results
         y.low[rows], y.high[rows] = below[places], above[places]
@@ -506,10 +506,10 @@ def _of_pairs(text: str) -> Function:
     """(mid, rad) of x -> (mid, rad) of y. Of a serialized function, so that equal ones share half a second's work."""
     made, zero = ca.Function.deserialize(text), ca.SX(0)
     mid, rad = ca.SX.sym("mid", made.size1_in(0)), ca.SX.sym("rad", made.size1_in(0))
-    found = walk(
+    pairs = walk(
         made, lambda _, i: (mid[i], rad[i]), lambda value: (ca.SX(value), zero), lambda op, a: _OPERATIONS[op](*a)
     )
-    y = [found[row] for row in range(made.size1_out(0))]
+    y = [pairs[row] for row in range(made.size1_out(0))]
     outputs = {"mid": ca.vertcat(*(p[0] for p in y)), "rad": ca.vertcat(*(p[1] for p in y))}
     return Function(made.name(), {"mid": mid, "rad": rad}, outputs)
 

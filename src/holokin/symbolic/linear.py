@@ -220,23 +220,23 @@ def every_minor(J: ca.SX) -> dict[tuple[int, ...], ca.SX]:
     sum minor^2 = det J J^T. Row by row, each minor from smaller ones, so that zeros of J leave nothing behind.
     """
     m, n = J.shape
-    found: dict[tuple[int, ...], ca.SX] = {(j,): J[0, j] for j in range(n)}
+    determinants: dict[tuple[int, ...], ca.SX] = {(j,): J[0, j] for j in range(n)}
     for i in range(1, m):
-        smaller, found = found, {}
+        smaller, determinants = determinants, {}
         for columns in combinations(range(n), i + 1):
             terms = [
                 (-1) ** (i + at) * J[i, column] * smaller[columns[:at] + columns[at + 1 :]]
                 for at, column in enumerate(columns)
             ]
-            found[columns] = ca.SX(sum(terms[1:], terms[0]))
-    return found
+            determinants[columns] = ca.SX(sum(terms[1:], terms[0]))
+    return determinants
 
 
 def minors_expression(J: ca.SX) -> ca.SX:
     """`minors` as an expression: det [J; w^T] = n^T w for every w."""
-    n, found = J.shape[1], every_minor(J)
+    n, determinants = J.shape[1], every_minor(J)
     columns = tuple(range(n))
-    return ca.vertcat(*((-1) ** (n - 1 + j) * found[columns[:j] + columns[j + 1 :]] for j in range(n)))
+    return ca.vertcat(*((-1) ** (n - 1 + j) * determinants[columns[:j] + columns[j + 1 :]] for j in range(n)))
 
 
 @dataclass(frozen=True)
@@ -248,8 +248,8 @@ class NearestPoint:
 
     def __call__(self, wish: Vector, A: Matrix, b: Vector, lower: Vector, upper: Vector) -> Vector | None:
         """x (n,), or None when no point fulfils the conditions."""
-        found = self._solver(h=np.eye(self.n), g=-wish, a=A, lba=b, uba=b, lbx=lower, ubx=upper)
-        x = np.asarray(found["x"], dtype=float).ravel()
+        solution = self._solver(h=np.eye(self.n), g=-wish, a=A, lba=b, uba=b, lbx=lower, ubx=upper)
+        x = np.asarray(solution["x"], dtype=float).ravel()
         met = self._solver.stats()["success"] and np.abs(A @ x - b).max() < 1e-8 * max(1.0, float(np.abs(b).max()))
         return x if met else None
 

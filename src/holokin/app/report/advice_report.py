@@ -243,9 +243,9 @@ def _legend(figure: Any, advice: Advice) -> None:
     """The causes for which poses are not reached."""
     from matplotlib.lines import Line2D
 
-    found = advice.coverage
-    marks = [("#1f7a6b", "reached", int(found.reached.sum()))]
-    marks += [(color, name, found.count(cause)) for cause, (color, name) in CAUSES.items() if found.count(cause)]
+    coverage = advice.coverage
+    marks = [("#1f7a6b", "reached", int(coverage.reached.sum()))]
+    marks += [(color, name, coverage.count(cause)) for cause, (color, name) in CAUSES.items() if coverage.count(cause)]
     handles = [
         Line2D([], [], color=color, marker="o", linestyle="", markersize=6, label=f"{name}: {count}")
         for color, name, count in marks

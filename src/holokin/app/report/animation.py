@@ -179,8 +179,8 @@ def shown_laws(result: JobResult) -> tuple[StrategyResult, ...]:
     if len(result.drawn) <= MOST_LAWS:
         return result.drawn
     first = {s.verdict.holonomic: s for s in reversed(result.drawn)}
-    found = tuple(first[kind] for kind in (False, True) if kind in first)
-    return found if len(found) == 2 else result.drawn[:2]
+    laws = tuple(first[kind] for kind in (False, True) if kind in first)
+    return laws if len(laws) == 2 else result.drawn[:2]
 
 
 def two_path_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> Iterator[Pixels]:
@@ -342,21 +342,21 @@ class _Sheet:
     def _ground(self, row: int, column: int) -> Pixels:
         """What stands still in a panel: the floor, obstacles, base, and the start as a ghost."""
         here = self.still[row : row + self.window.rows, column : column + self.window.columns, :3]
-        found = here.astype(np.float32) / 255
-        onto(found, self.things)
-        onto(found, self.ghost, GHOST)
-        return found
+        picture = here.astype(np.float32) / 255
+        onto(picture, self.things)
+        onto(picture, self.ghost, GHOST)
+        return picture
 
-    def _picture(self, found: Pixels, panel: Panel, loop: Layer, share: float) -> Pixels:
+    def _picture(self, pixels: Pixels, panel: Panel, loop: Layer, share: float) -> Pixels:
         depth = self.things.depth
         for walk, color, alpha in panel.walks:
             q = walk.q[round(share * (len(walk) - 1))]
             layer = self.stage.layer(q, color, self.window, still=False)
-            onto(found, layer, alpha, np.where(layer.depth >= self.things.depth, np.float32(1.0), np.float32(0.3)))
+            onto(pixels, layer, alpha, np.where(layer.depth >= self.things.depth, np.float32(1.0), np.float32(0.3)))
             depth = np.maximum(depth, layer.depth) if alpha == 1.0 else depth
         hidden = np.float32(1.0 if self.robot.planar else 0.3)
-        onto(found, loop, 1.0, np.where(loop.depth >= depth - 1e-4, np.float32(1.0), hidden))
-        return (255 * np.clip(found, 0, 1) + 0.5).astype(np.uint8)
+        onto(pixels, loop, 1.0, np.where(loop.depth >= depth - 1e-4, np.float32(1.0), hidden))
+        return (255 * np.clip(pixels, 0, 1) + 0.5).astype(np.uint8)
 
 
 def _sizes(walk: Trajectory) -> Vector:

@@ -102,11 +102,11 @@ def _figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     for strategy in result.drawn:
         if strategy.coverage is not None:
             with rc_context(style()):
-                found = strategy.coverage
-                said = [f"{found.sentence}.", found.remark, MAPS if strategy.slices else ""]
+                coverage = strategy.coverage
+                said = [f"{coverage.sentence}.", coverage.remark, MAPS if strategy.slices else ""]
                 said.append(CUTS if any(len(part.cuts) for part in strategy.slices) else "")
                 caption = " ".join(filter(None, said))
-                yield f"coverage-{result.stems[strategy.name]}", caption, coverage_figure(found, strategy.slices)
+                yield f"coverage-{result.stems[strategy.name]}", caption, coverage_figure(coverage, strategy.slices)
 
     if result.sheets is not None:
         with rc_context(style()):
@@ -333,7 +333,7 @@ def _stage_for(result: JobResult, drawn: list[StrategyResult] | tuple[StrategyRe
         (s.two_paths[0].q[-1], s.two_paths[1].q[-1]) for s in drawn if s.two_paths is not None
     ]
     pairs = pairs or [(s.cycles.q[0], s.cycles.q[-1]) for s in drawn]
-    curves = [curve for _, found in casts for curve in found]
+    curves = [curve for _, of_tools in casts for curve in of_tools]
     return stage_of(result.robot, postures, curves, pairs=pairs, obstacles=result.obstacles)
 
 

@@ -45,11 +45,11 @@ def _told(
 ) -> list[str]:
     """The findings as a table, and the other lines of the report as a list."""
     lines = "".join(f"<li>{escape(line)}</li>" for line in report.notes(result.units))
-    found = table(_HEAD, [_row(one.printed(result.units)) for one in report.findings[:MOST_ROWS]])
+    findings = table(_HEAD, [_row(one.printed(result.units)) for one in report.findings[:MOST_ROWS]])
     mark = "yes" if strategy.followed == 1.0 else "no"
     said = [f"<p class='{mark}'>{escape(text)}</p>" for text in [check_words(strategy)] if text]
     said += [f"<p class='no'>{escape(report.unread)}</p>"] if report.unread else []
-    return [*([found] if report.findings else []), *said, f"<ul class='small'>{lines}</ul>"]
+    return [*([findings] if report.findings else []), *said, f"<ul class='small'>{lines}</ul>"]
 
 
 def _row(one: Finding) -> list[str]:
@@ -122,7 +122,7 @@ def _columns(result: JobResult) -> list[_Column]:
     joints, task = result.joint_unit[0], result.row_unit[0]
     looked_at = any(np.isfinite(s.metrics["clearance"]) for s in result.strategies)
     narrow = result.workspace or looked_at
-    found = [
+    listed = [
         _Column("strategy", lambda s: s.name, "left"),
         _Column("verdict", lambda s: "holonomic" if s.verdict.holonomic else "NOT holonomic", "left"),
         _Column(f"drift / cycle\n[{joints}]", figure("drift_mean")),
@@ -134,9 +134,9 @@ def _columns(result: JobResult) -> list[_Column]:
     ]
     unit = result.units.length
     clear = figure("clearance", number if unit == "m" else "{:.1f}".format)
-    found += [_Column(f"clear.\n[{unit}]", clear)] if looked_at else []
-    found += [_Column("work-\nspace", figure("coverage", "{:.1%}".format))] if result.workspace else []
-    return [*found, _Column("expected", _expected, "left")]
+    listed += [_Column(f"clear.\n[{unit}]", clear)] if looked_at else []
+    listed += [_Column("work-\nspace", figure("coverage", "{:.1%}".format))] if result.workspace else []
+    return [*listed, _Column("expected", _expected, "left")]
 
 
 def _expected(s: StrategyResult) -> str:
@@ -157,9 +157,9 @@ def rows(result: JobResult) -> list[list[str]]:
 
 def remarks(result: JobResult) -> list[tuple[str, str]]:
     """(strategy, sentence) of all that the table does not tell: what was not run, what stopped, what is too fast."""
-    found = [(one.name, f"not run: {one.reason}") for one in result.not_run]
-    found += [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
-    return [(name, text) for name, text in found if text]
+    sentences = [(one.name, f"not run: {one.reason}") for one in result.not_run]
+    sentences += [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
+    return [(name, text) for name, text in sentences if text]
 
 
 def print_result(result: JobResult, console: Any) -> None:
@@ -249,13 +249,13 @@ def whole_verdict(result: JobResult) -> str:
 
 def strategy_verdicts(result: JobResult) -> list[tuple[str, str, str, bool]]:
     """(strategy, what it does, more sentences, whether it is well) of each strategy, those that were not run last."""
-    found = []
+    verdicts = []
     for s in result.strategies:
         does, _, reach = _returns(result, s).partition(": ")
         parts = [reach[:1].upper() + reach[1:], _limits(result, s), _speeds(result, s), _clearance(result, s)]
         well = s.passed and s.status is Status.COMPLETE and (not result.path.closed or returns(s))
-        found.append((s.name, f"{does.rstrip('.')}.", " ".join(filter(None, [*parts, _failed(s)])), well))
-    return found + [(one.name, "was not run.", f"{one.reason}.", False) for one in result.not_run]
+        verdicts.append((s.name, f"{does.rstrip('.')}.", " ".join(filter(None, [*parts, _failed(s)])), well))
+    return verdicts + [(one.name, "was not run.", f"{one.reason}.", False) for one in result.not_run]
 
 
 def returns(strategy: StrategyResult) -> bool:
@@ -344,25 +344,25 @@ def _failed(s: StrategyResult) -> str:
 
 def not_tested(result: JobResult) -> list[str]:
     """What this run does not say."""
-    found = ["other paths, other starts and other speeds than these"]
+    sentences = ["other paths, other starts and other speeds than these"]
     if not result.path.closed:
-        found.append("whether the joints return: the path is open")
+        sentences.append("whether the joints return: the path is open")
     elif result.one_way:
-        found.append(f"whether two ways to one pose end with the same joints: {result.one_way}")
+        sentences.append(f"whether two ways to one pose end with the same joints: {result.one_way}")
     if all(s.motion_check is None for s in result.strategies):
-        found.append("collisions, obstacles, floor, singular postures of the motion: the job has no [checks]")
+        sentences.append("collisions, obstacles, floor, singular postures of the motion: the job has no [checks]")
     elif any(s.followed < 1.0 for s in result.strategies):
-        found.append("the rest of the path of a strategy that stopped")
+        sentences.append("the rest of the path of a strategy that stopped")
     reports = [s.motion_check for s in result.strategies if s.motion_check is not None]
     left_out = {one.pair for report in reports for one in report.left_out}
     if left_out:
-        found.append(f"{len(left_out)} pairs of links whose distances were left out: see the checks of the motion")
-    found += dict.fromkeys(remark for report in reports for remark in report.remarks)
+        sentences.append(f"{len(left_out)} pairs of links whose distances were left out: see the checks of the motion")
+    sentences += dict.fromkeys(remark for report in reports for remark in report.remarks)
     if all(s.timed is None for s in result.strategies):
-        found.append("accelerations and jerks: the job has no [timing]")
+        sentences.append("accelerations and jerks: the job has no [timing]")
     if result.sheets is not None and result.sheets.along is not None:
-        found.append("the motion over the sheets: [timing] and [checks] are of strategies, and of `holokin export`")
-    return [*found, "the controller and the robot: servos, weight, backlash, its own planning"]
+        sentences.append("the motion over the sheets: [timing] and [checks] are of strategies, and of `holokin export`")
+    return [*sentences, "the controller and the robot: servos, weight, backlash, its own planning"]
 
 
 RETURNS = ", returns"
@@ -500,11 +500,11 @@ def _page(
 def _rows(result: JobResult) -> list[list[str]]:
     """The cells of the table; where the joints come back it says so."""
     place = next(k for k, (title, _) in enumerate(columns(result)) if title.startswith("drift"))
-    found = rows(result)
-    for cells, strategy in zip(found, result.strategies, strict=False):
+    cells_of = rows(result)
+    for cells, strategy in zip(cells_of, result.strategies, strict=False):
         if strategy.metrics["drift_most"] <= ALIKE:
             cells[place] += RETURNS
-    return found
+    return cells_of
 
 
 def _tolerance(result: JobResult) -> str:
@@ -521,19 +521,19 @@ def _terms() -> list[str]:
 
 def _coverage(result: JobResult) -> list[str]:
     """What becomes of the poses of the workspace, by strategy; nothing in a job without one."""
-    found = [(s.name, s.coverage) for s in result.strategies if s.coverage is not None]
-    if not found:
+    coverages = [(s.name, s.coverage) for s in result.strategies if s.coverage is not None]
+    if not coverages:
         return []
-    causes = list(dict.fromkeys(cause for _, c in found for cause, _ in c.causes()))
-    shares = [{cause: k / len(c) for cause, k in c.causes()} for _, c in found]
+    causes = list(dict.fromkeys(cause for _, c in coverages for cause, _ in c.causes()))
+    shares = [{cause: k / len(c) for cause, k in c.causes()} for _, c in coverages]
     table = [
         [escape(cause), *(f"{share[cause]:.1%}" if cause in share else "" for share in shares)] for cause in causes
     ]
     return [
         "<h2>Workspace</h2>",
-        f"<p class='small'>{escape(result.workspace)}; {len(found[0][1])} poses, each gone to straight from the start."
-        "</p>",
-        html_table(["", *(escape(name) for name, _ in found)], table),
+        f"<p class='small'>{escape(result.workspace)}; {len(coverages[0][1])} poses, each gone to straight from the "
+        "start.</p>",
+        html_table(["", *(escape(name) for name, _ in coverages)], table),
     ]
 
 

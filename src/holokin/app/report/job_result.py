@@ -233,9 +233,9 @@ class JobResult:
 
     def factor(self, metric: str) -> float:
         """By what a metric is multiplied to be printed: its meaning says its unit."""
-        found = re.search(r"\[([^\]]+)\]$", self.meanings.get(metric, ""))
+        unit = re.search(r"\[([^\]]+)\]$", self.meanings.get(metric, ""))
         known = {"joint": self.joint_unit[1], "m or rad": self.row_unit[1], "m": self.units.factor("m")}
-        return known.get(found[1], 1.0) if found else 1.0
+        return known.get(unit[1], 1.0) if unit else 1.0
 
     def meaning(self, metric: str) -> str:
         """What a metric is, with its unit as it is printed."""
@@ -247,11 +247,11 @@ class JobResult:
         """The same with the motions of its strategies in the units in which it is printed: for figures of them."""
         if self.units.plain:
             return self
-        found = []
+        strategies = []
         for s in self.strategies:
             pair = s.two_paths and (s.two_paths[0].printed(self.units), s.two_paths[1].printed(self.units))
-            found.append(replace(s, two_paths=pair, cycles=s.cycles.printed(self.units)))
-        return replace(self, strategies=tuple(found))
+            strategies.append(replace(s, two_paths=pair, cycles=s.cycles.printed(self.units)))
+        return replace(self, strategies=tuple(strategies))
 
     @property
     def drawn(self) -> tuple[StrategyResult, ...]:

@@ -38,8 +38,8 @@ def print_audit(audit: LogAudit | DatasetAudit, console: Any) -> None:
 
 def save_log_audits(audits: Sequence[LogAudit], file: FilePath) -> None:
     """Write `LogAudit.summary` as JSON; of several runs a list of them, under "runs". Raises: WriteError."""
-    found = [audit.summary() for audit in audits]
-    write_json(file, found[0] if len(found) == 1 else {"runs": found})
+    summaries = [audit.summary() for audit in audits]
+    write_json(file, summaries[0] if len(summaries) == 1 else {"runs": summaries})
 
 
 def log_figure(audit: LogAudit) -> Any:

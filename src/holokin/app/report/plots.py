@@ -184,12 +184,12 @@ def law_colors(holonomic: Sequence[bool]) -> tuple[str, ...]:
         As many colours; the first four laws of each kind have one of their own, then they repeat.
     """
     taken = {True: 0, False: 0}
-    found: list[str] = []
+    colors: list[str] = []
     for kind in map(bool, holonomic):
         of_kind = _HOLONOMIC if kind else _NONHOLONOMIC
-        found.append(of_kind[taken[kind] % len(of_kind)])
+        colors.append(of_kind[taken[kind] % len(of_kind)])
         taken[kind] += 1
-    return tuple(found)
+    return tuple(colors)
 
 
 DIRECTIONS = {
@@ -384,7 +384,7 @@ def drift_per_cycle(axes: Any, walks: dict[str, Trajectory], colors: Sequence[st
 
 def _together(sizes: dict[str, Vector], alone: set[str]) -> list[tuple[float, str, str]]:
     """Labels for the laws that have none of their own: how many, and how far they drift."""
-    found = []
+    labels = []
     rest = {name: values for name, values in sizes.items() if name not in alone}
     for back, color in ((True, HOLONOMIC), (False, "#6b7280")):
         group = [v for v in rest.values() if (v.max() <= ROUND_OFF) == back]
@@ -392,8 +392,8 @@ def _together(sizes: dict[str, Vector], alone: set[str]) -> list[tuple[float, st
             ends = [float(v[-1]) for v in group]
             what = "laws come back to the start" if back else "more laws drift"
             place = float(np.exp(np.mean(np.log(np.maximum(ends, 1e-17)))))
-            found.append((place, f"{len(group)} {what}, at most {max(ends):.1g}", color))
-    return found
+            labels.append((place, f"{len(group)} {what}, at most {max(ends):.1g}", color))
+    return labels
 
 
 def beside(axes: Any, told: Sequence[tuple[float, str, str]], least: float = 0.058) -> None:
@@ -451,7 +451,7 @@ def _gap(gap: float, unit: str) -> str:
     return "ends agree" if gap < 1e-9 else f"ends {gap:.3g} {unit} apart"
 
 
-def level_figure(found: LevelRange) -> Any:
+def level_figure(levels: LevelRange) -> Any:
     """The share of the workspace that each level serves; shaded, the levels that serve all of it."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
@@ -459,13 +459,13 @@ def level_figure(found: LevelRange) -> Any:
     with rc_context(style()):
         figure = Figure(figsize=(6.4, 3.2), layout="constrained")
         axes = figure.subplots()
-        for k, (low, high) in enumerate(found.intervals):
+        for k, (low, high) in enumerate(levels.intervals):
             axes.axvspan(low, high, color=BLUE, alpha=0.16, linewidth=0, label=None if k else "serves all")
-        axes.plot(found.levels, 100 * found.shares, "-o", color=BLUE, markersize=2.5, linewidth=1.2)
-        axes.axvline(found.level, color=INK, linestyle=":", linewidth=1.2, label="level of the start")
-        axes.axvline(found.best, color=INK, linewidth=1.2, label="level to take")
-        unit = "rad" if found.strategy.constraint.angular[0] else "the constraint's unit"
-        axes.set(xlabel=f"level [{unit}]", ylabel="served [%]", ylim=(0, 104), title=on_figure(found.strategy.name))
+        axes.plot(levels.levels, 100 * levels.shares, "-o", color=BLUE, markersize=2.5, linewidth=1.2)
+        axes.axvline(levels.level, color=INK, linestyle=":", linewidth=1.2, label="level of the start")
+        axes.axvline(levels.best, color=INK, linewidth=1.2, label="level to take")
+        unit = "rad" if levels.strategy.constraint.angular[0] else "the constraint's unit"
+        axes.set(xlabel=f"level [{unit}]", ylabel="served [%]", ylim=(0, 104), title=on_figure(levels.strategy.name))
         axes.legend(loc="lower center", fontsize=8, frameon=True, framealpha=0.9)
     return figure
 
@@ -511,8 +511,8 @@ def region_map(axes: Any, region: UniqueRegion, plane: Plane, causes: Indices) -
     from matplotlib.colors import ListedColormap
 
     (i, j), solid = plane.axes, region.workspace.solid
-    found, low, high = 1 + causes.reshape(plane.inside.shape), solid.center - solid.half, solid.center + solid.half
+    cells, low, high = 1 + causes.reshape(plane.inside.shape), solid.center - solid.half, solid.center + solid.half
     shown = {"cmap": ListedColormap(PROOF_COLORS), "vmin": 0, "vmax": len(PROOF_COLORS) - 1, "interpolation": "nearest"}
-    axes.imshow(found, origin="lower", extent=(low[i], high[i], low[j], high[j]), aspect="equal", **shown)
+    axes.imshow(cells, origin="lower", extent=(low[i], high[i], low[j], high[j]), aspect="equal", **shown)
     axes.grid(False)
-    return set(found.ravel().tolist())
+    return set(cells.ravel().tolist())

@@ -65,15 +65,17 @@ MEANT = {
 """What is said of the parts of a box, by cause."""
 
 
-def _open_section(found: Certificate) -> list[str]:
+def _open_section(certificate: Certificate) -> list[str]:
     """Where a box is not proven: shares by cause, and the posture that is too near by most."""
-    if found.whole or not isinstance(found.asked, PoseRange):
-        return [f"<p class='no'>REFUTED: {escape(str(worst))}.</p>"] if (worst := refuted_by(found)) else []
-    parts = region_of(found).parts
+    if certificate.whole or not isinstance(certificate.asked, PoseRange):
+        return [f"<p class='no'>REFUTED: {escape(str(worst))}.</p>"] if (worst := refuted_by(certificate)) else []
+    parts = region_of(certificate).parts
     rows = [[escape(MEANT[cause]), _percent(parts.shares[CAUSES[cause]])] for cause in MEANT if cause in parts.cause]
-    worst = refuted_by(found)
+    worst = refuted_by(certificate)
     said = (
-        [f"<p>The worst that was found: {escape(str(worst))}. {escape(_posture(found, worst.q))}</p>"] if worst else []
+        [f"<p>The worst that was found: {escape(str(worst))}. {escape(_posture(certificate, worst.q))}</p>"]
+        if worst
+        else []
     )
     about = (
         f"The rest of the box was cut into {len(parts):,} parts, and postures of the leaf were sampled in each: what "
@@ -84,32 +86,32 @@ def _open_section(found: Certificate) -> list[str]:
     return ["<h2>Where it is not proven</h2>", table, *said, f"<p class='small'>{about}</p>"]
 
 
-def _clear_sections(found: Certificate) -> list[str]:
+def _clear_sections(certificate: Certificate) -> list[str]:
     """Speeds; and, where distances are proven, the nearest place, the shapes and the pairs."""
-    return [*_distances(found), *_speeds(found)]
+    return [*_distances(certificate), *_speeds(certificate)]
 
 
-def _distances(found: Certificate) -> list[str]:
-    clear, near = found.demands.clear, nearest_of(found)
+def _distances(certificate: Certificate) -> list[str]:
+    clear, near = certificate.demands.clear, nearest_of(certificate)
     if clear is None:
         return []
     parts = ["<h2>Shapes and distances</h2>"]
     if near is not None:
         parts.append(
-            f"<p>The least distance that is proven over {place_words(found)} is {at_least(near.bound)} m, of "
+            f"<p>The least distance that is proven over {place_words(certificate)} is {at_least(near.bound)} m, of "
             f"{_pair(near.names)}: in the cell about the tool position {_place(near.pose)} m, at which the "
-            f"distance is {near.distance:.4g} m. {escape(_posture(found, near.q))}</p>"
+            f"distance is {near.distance:.4g} m. {escape(_posture(certificate, near.q))}</p>"
         )
-    assumed = assumed_words(found)
+    assumed = assumed_words(certificate)
     parts += [f"<p class='no'>{escape(assumed)}.</p>"] if assumed else []
     shapes = shapes_of(clear)
-    rows = [_shape_row(found, shape) for shape in shapes[:MOST_ROWS]]
+    rows = [_shape_row(certificate, shape) for shape in shapes[:MOST_ROWS]]
     rows += [[escape(floor_words(clear)), "", "", "as it is"]] if floor_words(clear) else []
     parts.append(html_table(["Shape of", "Kind and size", "Place of its frame", "In the proof"], rows))
     parts += [f"<p class='small'>And {len(shapes) - MOST_ROWS} more.</p>"] if len(shapes) > MOST_ROWS else []
     pairs = [
         [_pair(names), f"{asked:g}" if asked else "no contact", at_least(least)]
-        for names, asked, least in least_of_pairs(found)[:MOST_ROWS]
+        for names, asked, least in least_of_pairs(certificate)[:MOST_ROWS]
     ]
     head = ["Pair that is looked at", "Asked [m]", "Proven, at least [m]"]
     parts += ["<h3>Pairs</h3>", html_table(head, pairs, numbers=True)] if pairs else []
@@ -120,11 +122,11 @@ def _distances(found: Certificate) -> list[str]:
     return parts
 
 
-def _speeds(found: Certificate) -> list[str]:
+def _speeds(certificate: Certificate) -> list[str]:
     """Upper bounds of joint speeds over the tool's, of a box or where distances are proven, too."""
-    if not len(found) or not (isinstance(found.asked, PoseRange) or found.demands.clear is not None):
+    if not len(certificate) or not (isinstance(certificate.asked, PoseRange) or certificate.demands.clear is not None):
         return []
-    rates, robot = joint_rates(found), found.equation.strategy.task.robot
+    rates, robot = joint_rates(certificate), certificate.equation.strategy.task.robot
     if not np.isfinite(rates.per_speed).all():
         return []
     turning = bool(rates.per_turn.any())
@@ -142,9 +144,8 @@ def _speeds(found: Certificate) -> list[str]:
         else "The model does not have the speed limits of all joints that would bound the speed of the tool."
     )
     table = html_table([*head, "Speed limit in the model"], rows, numbers=True)
-    about = (
-        f"Upper bounds over {place_words(found)}, on any path of the tool. {within} The checker does not look at this."
-    )
+    bounds = f"Upper bounds over {place_words(certificate)}, on any path of the tool."
+    about = f"{bounds} {within} The checker does not look at this."
     return ["<h2>Speeds of the joints</h2>", table, f"<p class='small'>{about}</p>"]
 
 
@@ -152,8 +153,8 @@ def _bound(value: float) -> str:
     return at_most(float(value)) if value > 1e-12 else "0"
 
 
-def _shape_row(found: Certificate, shape: LinkShape) -> list[str]:
-    robot, T = found.equation.strategy.task.robot, shape.placement
+def _shape_row(certificate: Certificate, shape: LinkShape) -> list[str]:
+    robot, T = certificate.equation.strategy.task.robot, shape.placement
     frame = "the base" if shape.joint < 0 else f"joint {robot.joints[shape.joint].name}"
     turned = "" if np.allclose(T[:3, :3], np.eye(3), atol=1e-9) else f", z axis along {_row(T[:3, 2])}"
     kind = "obstacle" if shape.obstacle else "carried" if shape.carried else "link"
@@ -166,8 +167,8 @@ def _shape_row(found: Certificate, shape: LinkShape) -> list[str]:
     ]
 
 
-def _posture(found: Certificate, q: Vector) -> str:
-    joints = zip(found.equation.strategy.task.robot.coordinates, q, strict=True)
+def _posture(certificate: Certificate, q: Vector) -> str:
+    joints = zip(certificate.equation.strategy.task.robot.coordinates, q, strict=True)
     return f"Posture: {', '.join(f'{brief(c.name)} {x:.5g} {c.unit}' for c, x in joints)}."
 
 
@@ -245,41 +246,41 @@ def write_page(certificate: Certificate, file: FilePath, word: CheckerWord) -> F
     return target
 
 
-def _page(found: Certificate, file: FilePath, word: CheckerWord, now: datetime) -> str:
+def _page(certificate: Certificate, file: FilePath, word: CheckerWord, now: datetime) -> str:
     sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
-    robot, first = found.equation.strategy.task.robot, verdict(found, word)
+    robot, first = certificate.equation.strategy.task.robot, verdict(certificate, word)
     parts = [
         f"<div class='verdict{' good' if first.good else ''}'><h1>{escape(first.line)}</h1>"
         f"<p>{escape(first.sentence)}</p>"
-        f"<p class='{_tone(found, word)}'>{escape(checker_words(found, word))}</p></div>",
-        f"<p>{_told(found.title)}. Certificate of holokin about the model of the robot {_told(robot.name)}, "
+        f"<p class='{_tone(certificate, word)}'>{escape(checker_words(certificate, word))}</p></div>",
+        f"<p>{_told(certificate.title)}. Certificate of holokin about the model of the robot {_told(robot.name)}, "
         f"{now:%Y-%m-%d}.</p>",
         "<h2>What is proven</h2>",
         "<div class='claims'>"
         + html_table(
             ["Statement", "Proof", "Checker"],
-            [[escape(c.text), _mark(c.proven), _mark(c.checked)] for c in claims(found, word)],
+            [[escape(c.text), _mark(c.proven), _mark(c.checked)] for c in claims(certificate, word)],
         )
         + "</div>",
-        f"<p class='small'>The theorem in the program's words: {escape(found.theorem)}</p>",
+        f"<p class='small'>The theorem in the program's words: {escape(certificate.theorem)}</p>",
         "<h2>What is NOT proven</h2>",
-        f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in not_proven(found, word))}</ul>",
+        f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in not_proven(certificate, word))}</ul>",
         "<h2>File and versions</h2>",
         _facts(_file_facts(file, sha256, now)),
-        *_where(found),
-        *_open_section(found),
-        *_clear_sections(found),
+        *_where(certificate),
+        *_open_section(certificate),
+        *_clear_sections(certificate),
         "<h2>Robot</h2>",
         _facts(_robot_facts(robot)),
-        _joints(found),
+        _joints(certificate),
         "<h2>Strategy and start</h2>",
-        _facts(_strategy_facts(found)),
+        _facts(_strategy_facts(certificate)),
         "<h2>Checker</h2>",
         *_checker(word),
         "<h2>Numbers of the proof</h2>",
-        _facts(_numbers(found)),
+        _facts(_numbers(certificate)),
     ]
-    return page(f"{first.line} - {brief(found.title)}", parts, _HEAD.format(sha256=sha256))
+    return page(f"{first.line} - {brief(certificate.title)}", parts, _HEAD.format(sha256=sha256))
 
 
 def _told(name: str) -> str:
@@ -299,11 +300,11 @@ def _mark(text: str) -> str:
     return f"<span class='{kind}'>{escape(text)}</span>" if kind else escape(text)
 
 
-def _tone(found: Certificate, word: CheckerWord) -> str:
+def _tone(certificate: Certificate, word: CheckerWord) -> str:
     """The class of what the checker says: green only where all is proven, too."""
     if word.outcome is not Outcome.VERIFIED:
         return "no"
-    return "yes" if found.whole else ""
+    return "yes" if certificate.whole else ""
 
 
 def _checker(word: CheckerWord) -> list[str]:
@@ -326,25 +327,25 @@ def _checker(word: CheckerWord) -> list[str]:
     ]
 
 
-def _where(found: Certificate) -> list[str]:
+def _where(certificate: Certificate) -> list[str]:
     """The path or the box, with the picture."""
-    figure = [drawn(*_picture(found))] if drawable(found) else []
-    if isinstance(found.asked, Workspace):
-        return ["<h2>Box of tool poses</h2>", *figure, _facts(_box_facts(found, found.asked))]
-    return ["<h2>Path</h2>", *figure, _facts(_path_facts(found, found.asked)), *_pieces(found.asked)]
+    figure = [drawn(*_picture(certificate))] if drawable(certificate) else []
+    if isinstance(certificate.asked, Workspace):
+        return ["<h2>Box of tool poses</h2>", *figure, _facts(_box_facts(certificate, certificate.asked))]
+    return ["<h2>Path</h2>", *figure, _facts(_path_facts(certificate, certificate.asked)), *_pieces(certificate.asked)]
 
 
-def _picture(found: Certificate) -> tuple[Callable[[], Any], str]:
+def _picture(certificate: Certificate) -> tuple[Callable[[], Any], str]:
     """What draws it, and what to see in it."""
-    if isinstance(found.asked, PoseRange) and not (found.whole and found.demands.clear is None):
-        return lambda: box_figure(found), box_picture_words(found)
-    return lambda: proof_figure(found), picture_words(found)
+    if isinstance(certificate.asked, PoseRange) and not (certificate.whole and certificate.demands.clear is None):
+        return lambda: box_figure(certificate), box_picture_words(certificate)
+    return lambda: proof_figure(certificate), picture_words(certificate)
 
 
-def _box_facts(found: Certificate, space: Workspace) -> list[tuple[str, str]]:
+def _box_facts(certificate: Certificate, space: Workspace) -> list[tuple[str, str]]:
     if not isinstance(space, PoseRange):
         return [("Poses", escape(str(space)))]
-    task, (p, h) = found.equation.strategy.task, (space.solid.center, space.solid.half)
+    task, (p, h) = certificate.equation.strategy.task, (space.solid.center, space.solid.half)
     spans = [f"{axis}: {a - b:.6g} to {a + b:.6g} m" for axis, a, b in zip("xyz", p, h, strict=True)]
     rows = [
         ("Tool positions", ", ".join(spans)),
@@ -357,11 +358,15 @@ def _box_facts(found: Certificate, space: Workspace) -> list[tuple[str, str]]:
         turns = f"leans by up to {tilt:.4g} deg, turns about its z axis by up to +-{spin:.4g} deg"
         rows.append(("Orientation in the middle", _axes(space.rotation)))
         rows.append(("Turns", turns if space.tilt or space.spin else "none: one orientation"))
-    return [*rows, ("Proven", share_words(found)), *([("Stopped at", escape(found.where))] if found.where else [])]
+    return [
+        *rows,
+        ("Proven", share_words(certificate)),
+        *([("Stopped at", escape(certificate.where))] if certificate.where else []),
+    ]
 
 
-def _path_facts(found: Certificate, path: AnyPath) -> list[tuple[str, str]]:
-    task = found.equation.strategy.task
+def _path_facts(certificate: Certificate, path: AnyPath) -> list[tuple[str, str]]:
+    task = certificate.equation.strategy.task
     rows = [
         ("Length", f"{path.length:.6g} m in {len(path.durations)} piece{'s' * (len(path.durations) > 1)}"),
         ("Closed", "yes" if path.closed else "no"),
@@ -370,7 +375,7 @@ def _path_facts(found: Certificate, path: AnyPath) -> list[tuple[str, str]]:
         name = f", tool {k + 1}" if task.frames > 1 else ""
         rows.append((f"Begins{name}", f"at {_short(one.start)} m"))
         if task.orientation is not None and task.frames == 1 and task.spatial:
-            R = one.rotation if one.rotation is not None else task.pose(start_of(found))[:3, :3]
+            R = one.rotation if one.rotation is not None else task.pose(start_of(certificate))[:3, :3]
             turn = float(sum(segment.turn for segment in one.segments))
             rows.append(("Orientation at the start", _axes(R)))
             rows.append(("The tool turns", f"by {np.degrees(turn):.4g} deg in all" if turn else "not at all"))
@@ -378,8 +383,8 @@ def _path_facts(found: Certificate, path: AnyPath) -> list[tuple[str, str]]:
             rows.append((f"Orientation{name}", "free: the task is about positions alone"))
     return [
         *rows,
-        ("Covered by cells", share_words(found)),
-        *([("Stopped at", escape(found.where))] if found.where else []),
+        ("Covered by cells", share_words(certificate)),
+        *([("Stopped at", escape(certificate.where))] if certificate.where else []),
     ]
 
 
@@ -426,31 +431,31 @@ def _robot_facts(robot: Robot) -> list[tuple[str, str]]:
     return rows
 
 
-def _joints(found: Certificate) -> str:
+def _joints(certificate: Certificate) -> str:
     """Each joint with its limits in the model, and what is proven of it."""
-    robot, some = found.equation.strategy.task.robot, len(found) > 0
+    robot, some = certificate.equation.strategy.task.robot, len(certificate) > 0
     head = ["Joint", "Unit", "Lower limit", "Proven from", "Proven to", "Upper limit", "To a limit"]
     rows = []
     for i, joint in enumerate(robot.coordinates):
         scale = 10.0**PLACES
         hull = [
-            f"{np.floor(found.low[i] * scale) / scale:.{PLACES}f}",
-            f"{np.ceil(found.high[i] * scale) / scale:.{PLACES}f}",
+            f"{np.floor(certificate.low[i] * scale) / scale:.{PLACES}f}",
+            f"{np.ceil(certificate.high[i] * scale) / scale:.{PLACES}f}",
         ]
-        left = at_least(float(found.to_limit[i])) if np.isfinite(found.to_limit[i]) else "no limit"
+        left = at_least(float(certificate.to_limit[i])) if np.isfinite(certificate.to_limit[i]) else "no limit"
         values = [*hull, left] if some else ["-", "-", "-"]
         rows.append([_told(joint.name), joint.unit, _number(joint.lower), *values[:2], _number(joint.upper), values[2]])
     asked = (
         ""
-        if found.limits is not None
+        if certificate.limits is not None
         else " The proof was made without limits: that the joints keep them is not claimed."
     )
-    about = f"The joints over {place_words(found)}; bounds are rounded outwards.{asked}"
+    about = f"The joints over {place_words(certificate)}; bounds are rounded outwards.{asked}"
     return f"<p class='small'>{about}</p>{html_table(head, rows, numbers=True)}"
 
 
-def _strategy_facts(found: Certificate) -> list[tuple[str, str]]:
-    strategy, robot, q = found.equation.strategy, found.equation.strategy.task.robot, start_of(found)
+def _strategy_facts(certificate: Certificate) -> list[tuple[str, str]]:
+    strategy, robot, q = certificate.equation.strategy, certificate.equation.strategy.task.robot, start_of(certificate)
     posture = ", ".join(
         f"{_told(c.name)} {_number(x)} {c.unit}" for c, x in zip(robot.coordinates, q.tolist(), strict=True)
     )
@@ -459,14 +464,14 @@ def _strategy_facts(found: Certificate) -> list[tuple[str, str]]:
         ("Rows of the task", _told(", ".join(strategy.task.row_names))),
         ("Strategy", _told(strategy.name)),
         ("Constraint", f"g(q) = c: {_told(strategy.constraint.name)}, {strategy.constraint.rows} row(s)"),
-        ("Level c", _vector(found.c)),
+        ("Level c", _vector(certificate.c)),
         ("Posture", posture),
     ]
-    if isinstance(found.asked, Workspace):
+    if isinstance(certificate.asked, Workspace):
         rows.append(
             (
                 "The posture is",
-                f"on the leaf, at the place {_vector(found.anchors.u[0])} of the box, whose sides are -1 to 1",
+                f"on the leaf, at the place {_vector(certificate.anchors.u[0])} of the box, whose sides are -1 to 1",
             )
         )
     else:
@@ -474,25 +479,33 @@ def _strategy_facts(found: Certificate) -> list[tuple[str, str]]:
     return rows
 
 
-def _numbers(found: Certificate) -> list[tuple[str, str]]:
+def _numbers(certificate: Certificate) -> list[tuple[str, str]]:
     rows = [
-        ("Extent", escape(found.extent.value)),
-        ("Cells", f"{len(found):,}"),
-        ("Time of the search", f"{found.seconds:.3g} s"),
+        ("Extent", escape(certificate.extent.value)),
+        ("Cells", f"{len(certificate):,}"),
+        ("Time of the search", f"{certificate.seconds:.3g} s"),
     ]
-    if not len(found):
+    if not len(certificate):
         return rows
-    f = found.findings
+    f = certificate.findings
     rows += [
-        (f"|det {escape(found.equation.derivative)}|", f"at least {at_least(found.determinant)}"),
+        (f"|det {escape(certificate.equation.derivative)}|", f"at least {at_least(certificate.determinant)}"),
         ("omega of the theorem", f"at most {at_most(float(f.omega.max()))}"),
         ("Radius of a root's ball", f"at most {at_most(float(f.r.max()))}"),
         ("Alone within", f"at least {at_least(float(f.alone.min()))}"),
     ]
-    if np.isfinite(found.gap):
-        rows += [("Gap of the closed path", f"at most {at_most(gap_of(found))}"), ("Whole turns", _vector(found.turns))]
-    if found.revisit is not None:
-        joints = zip(found.equation.strategy.task.robot.coordinates, found.revisit.low, found.revisit.high, strict=True)
+    if np.isfinite(certificate.gap):
+        rows += [
+            ("Gap of the closed path", f"at most {at_most(gap_of(certificate))}"),
+            ("Whole turns", _vector(certificate.turns)),
+        ]
+    if certificate.revisit is not None:
+        joints = zip(
+            certificate.equation.strategy.task.robot.coordinates,
+            certificate.revisit.low,
+            certificate.revisit.high,
+            strict=True,
+        )
         rows += [(f"{_told(c.name)} differs by", f"{low:.9g} to {high:.9g} {c.unit}") for c, low, high in joints]
     return rows
 
@@ -546,21 +559,21 @@ CHECKED = {Outcome.VERIFIED: GOOD, Outcome.REJECTED: BAD, Outcome.SAMPLED: WARNI
 """The colour of what the checker says."""
 
 
-def cells(name: str, found: Certificate | str) -> list[str]:
+def cells(name: str, certificate: Certificate | str) -> list[str]:
     """The row of one strategy."""
-    if isinstance(found, str):
+    if isinstance(certificate, str):
         return [name, "not done", *["-"] * (len(COLUMNS) - 2)]
-    proven = "all" if found.whole else "drifts" if found.revisit else "part" if len(found) else "NO"
-    if not len(found):
-        return [name, proven, "0", f"{found.seconds:.2g}", *["-"] * (len(COLUMNS) - 4)]
+    proven = "all" if certificate.whole else "drifts" if certificate.revisit else "part" if len(certificate) else "NO"
+    if not len(certificate):
+        return [name, proven, "0", f"{certificate.seconds:.2g}", *["-"] * (len(COLUMNS) - 4)]
     return [
-        name, proven, str(len(found)), f"{found.seconds:.2g}", f"{found.findings.omega.max():.2g}",
-        f"{found.findings.r.max():.1e}", f"{found.to_limit.min():.3g}", f"{found.determinant:.1e}",
+        name, proven, str(len(certificate)), f"{certificate.seconds:.2g}", f"{certificate.findings.omega.max():.2g}",
+        f"{certificate.findings.r.max():.1e}", f"{certificate.to_limit.min():.3g}", f"{certificate.determinant:.1e}",
     ]  # fmt: skip
 
 
 def print_certificates(
-    title: str, found: dict[str, Certificate | str], words: dict[str, CheckerWord], console: Any
+    title: str, certificates: dict[str, Certificate | str], words: dict[str, CheckerWord], console: Any
 ) -> None:
     """Print the table of a job's certificates, and below it each theorem, with what the checker says of it."""
     from rich.table import Table
@@ -570,11 +583,11 @@ def print_certificates(
     for heading, justify in COLUMNS:
         table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
     colors = {"all": GOOD, "part": WARNING, "not done": WARNING, "drifts": BAD, "NO": BAD}
-    for name, one in found.items():
+    for name, one in certificates.items():
         table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells(name, one)))
     console.print(table)
-    left = [name for name, one in found.items() if isinstance(one, str)]
-    for name, one in found.items():
+    left = [name for name, one in certificates.items() if isinstance(one, str)]
+    for name, one in certificates.items():
         text = f"not certified: {one}" if isinstance(one, str) else str(one)
         style = GOOD if isinstance(one, Certificate) and one.whole else WARNING
         console.print(f"  {brief(name)}: {text}", style=style, markup=False, highlight=False)
@@ -587,13 +600,13 @@ def print_certificates(
             text, style = checker_words(one, words[name]), CHECKED[words[name].outcome]
             console.print(f"    {text}", style=style, markup=False, highlight=False)
     if left:
-        rest = "the verdict is on the others" if len(left) < len(found) else "nothing is certified"
+        rest = "the verdict is on the others" if len(left) < len(certificates) else "nothing is certified"
         text = f"left out: {brief(', '.join(left))}; {rest}"
         console.print(f"  {text}", style=WARNING, markup=False, highlight=False)
 
 
 def write_certificates(
-    name: str, found: dict[str, Certificate | str], words: dict[str, CheckerWord], out: FilePath, version: str,
+    name: str, certificates: dict[str, Certificate | str], words: dict[str, CheckerWord], out: FilePath, version: str,
     stopped: bool,
 ) -> list[FilePath]:  # fmt: skip
     """Write NAME-certificate.json and its page for each into `out/<name>`, which is replaced whole, see `renewed`.
@@ -608,7 +621,7 @@ def write_certificates(
     files: list[str] = []
     facts: dict[str, Any] = {"holokin": version, "stopped": stopped, "strategies": {}}
     with renewed(out, name) as work:
-        for label, one in found.items():
+        for label, one in certificates.items():
             if isinstance(one, str):
                 facts["strategies"][label] = {"proven": False, "theorem": one}
                 continue

@@ -142,22 +142,22 @@ def picture(stage: Stage, actors: Sequence[Actor], curves: Sequence[Curve], wind
     ]
     solid = [one for one in actors if one.look == "solid"] or list(actors)
     shadow = [s for one in solid[:1] for s in solids_at(stage.pieces, stage.frames(one.q), 0, GREY)]
-    found = shadowed(empty(window), stage.scene, window, [*shadow, *standing(stage.obstacles)])
-    found = over(found, things)
+    pixels = shadowed(empty(window), stage.scene, window, [*shadow, *standing(stage.obstacles)])
+    pixels = over(pixels, things)
     beneath = Layer(things.color, np.zeros_like(things.cover), np.full_like(things.depth, -np.inf))
     for one, layer in layers:
         if one.look == "outline":
-            found = outlined(found, layer, one.color, beneath)
+            pixels = outlined(pixels, layer, one.color, beneath)
             continue
-        found = over(found, layer, GHOST if one.look == "ghost" else 1.0)
+        pixels = over(pixels, layer, GHOST if one.look == "ghost" else 1.0)
         if one.look == "solid":
             cover, depth = np.maximum(beneath.cover, layer.cover), np.maximum(beneath.depth, layer.depth)
             beneath = Layer(layer.color, cover, depth)
     if stage.obstacles:
-        found = over(found, things, BEFORE, (things.depth > beneath.depth) & (beneath.cover > 0))
+        pixels = over(pixels, things, BEFORE, (things.depth > beneath.depth) & (beneath.cover > 0))
     depth = np.maximum(beneath.depth, things.depth)
-    found = laid(found, layer_of(stage.scene, base, window), depth, 0.0)
-    return laid(found, layer_of(stage.scene, stage.wires(curves), window), depth, 1.0 if stage.robot.planar else 0.25)
+    pixels = laid(pixels, layer_of(stage.scene, base, window), depth, 0.0)
+    return laid(pixels, layer_of(stage.scene, stage.wires(curves), window), depth, 1.0 if stage.robot.planar else 0.25)
 
 
 def draw_panel(axes: Any, stage: Stage, actors: Sequence[Actor], curves: Sequence[Curve] = (), title: str = "") -> Any:

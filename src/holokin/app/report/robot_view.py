@@ -315,7 +315,7 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
     unit = thickness(robot, Q)
     shown = [part for part in robot.shapes if not part.obstacle and not part.shape.fault]
     shaped = {part.joint for part in shown if not part.carried}
-    found = [Piece(part, _role(part)) for part in shown]
+    pieces = [Piece(part, _role(part)) for part in shown]
     deep = _depths(robot)
     for line in _lines(robot, shown):
         index, step = line.joint, line.end - line.start
@@ -323,20 +323,20 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
             width = unit * (1 - (1 - TAPER) * (deep[index] if index >= 0 else 0.0))
             width *= CORE if index in shaped else 1.0
             plate = step * min(0.5, width / np.linalg.norm(step)) if index < 0 else 0.0  # it stands on it
-            found.append(_piece(index, between(line.start + plate, line.end, width), "link"))
+            pieces.append(_piece(index, between(line.start + plate, line.end, width), "link"))
     for index, joint in enumerate(robot.joints):
         width = unit * (1 - (1 - TAPER) * deep[index])
         if joint.kind == "prismatic":
-            found += _rail(robot, index, Q, 1.25 * width, index in shaped)
+            pieces += _rail(robot, index, Q, 1.25 * width, index in shaped)
         elif index not in shaped and (joint.parent >= 0 or np.linalg.norm(joint.step) > width):
             half = 1.2 * width * joint.axis
-            found.append(_piece(index, between(-half, half, 1.16 * width), "hinge"))
+            pieces.append(_piece(index, between(-half, half, 1.16 * width), "hinge"))
     first = [joint for joint in robot.joints if joint.parent < 0]
     if all(joint.kind != "prismatic" for joint in first) and -1 not in shaped:
         for foot in np.unique([joint.start for joint in first], axis=0):
             middle = pose_from(foot + [0.0, 0.0, 0.25 * unit])
-            found.append(_piece(-1, (middle, Cylinder(2.4 * unit, 0.5 * unit)), "base"))
-    return tuple(found)
+            pieces.append(_piece(-1, (middle, Cylinder(2.4 * unit, 0.5 * unit)), "base"))
+    return tuple(pieces)
 
 
 def _role(part: LinkShape) -> str:
@@ -353,8 +353,8 @@ def _lines(robot: Robot, shown: Sequence[LinkShape]) -> list[Line]:
         if part.carried:
             tools.setdefault(part.joint, []).append(part.placement[:3, 3])
     lines, count = link_lines(robot), len(robot.joints)
-    found = [*lines[:count], *(line for line in lines[count:] if line.joint not in tools)]
-    return found + [Line("", joint, np.zeros(3), min(there, key=np.linalg.norm)) for joint, there in tools.items()]
+    rods = [*lines[:count], *(line for line in lines[count:] if line.joint not in tools)]
+    return rods + [Line("", joint, np.zeros(3), min(there, key=np.linalg.norm)) for joint, there in tools.items()]
 
 
 def thickness(robot: Robot, Q: Matrix) -> float:
@@ -382,11 +382,11 @@ def solids_at(pieces: Sequence[Piece], frames: Frames, k: int, color: str, *, st
 
 def tool_frames(robot: Robot, frames: Frames, k: int, size: float) -> list[Solid]:
     """The axes of every tip at posture k: x, y and z in the colours of `AXES`, rods of a length [m]."""
-    found: list[Solid] = []
+    rods: list[Solid] = []
     for tip in robot.tips:
         p, R = placed(frames, tip.joint, tip.placement, len(frames[0][0]))
-        found += triad(p[k], R[k], size)
-    return found
+        rods += triad(p[k], R[k], size)
+    return rods
 
 
 def triad(p: Vector, R: Matrix, size: float) -> list[Solid]:

@@ -226,8 +226,8 @@ def shades() -> Any:
 
 def _greatest(every: Sequence[Coverage]) -> float:
     """The greatest rcond of some coverages; 1 where nothing is reached."""
-    found = [c.rcond[c.reached].max() for c in every if c.reached.any()]
-    return float(max(found)) if found else 1.0
+    rconds = [c.rcond[c.reached].max() for c in every if c.reached.any()]
+    return float(max(rconds)) if rconds else 1.0
 
 
 def _frame_cloud(axes: Any, points: Matrix) -> None:
@@ -272,7 +272,7 @@ STEPS = 41
 """Cells along the longest side."""
 
 
-def sheets_figure(found: Sheets, steps: int = STEPS) -> Any:
+def sheets_figure(sheets: Sheets, steps: int = STEPS) -> Any:
     """Maps of the planes through the workspace's centre, in its middle orientation, and the cloud of all poses.
 
     Lines are where the joints jump from a cell to the next: there the arm changes its posture.
@@ -280,18 +280,18 @@ def sheets_figure(found: Sheets, steps: int = STEPS) -> Any:
     Args:
         steps: cells along the longest side of a map, at least 2.
     """
-    p = found.poses[:, :3, 3]
-    planes = list(grid_planes(found.workspace, steps)) if isinstance(found.workspace, PoseRange) else []
+    p = sheets.poses[:, :3, 3]
+    planes = list(grid_planes(sheets.workspace, steps)) if isinstance(sheets.workspace, PoseRange) else []
     figure, maps, cloud, _ = views(p, planes)
     jumps = False
     for axes, plane in zip(maps, planes, strict=True):
-        jumps |= _map(axes, found, found.workspace, plane)
-    _cloud(cloud, found)
-    many = f"{len(found)} sheet{'' if len(found) == 1 else 's'}"
-    head = f"{on_figure(found.task.robot.name)}: {many} for {found.share:.1%} of what the arm reaches"
+        jumps |= _map(axes, sheets, sheets.workspace, plane)
+    _cloud(cloud, sheets)
+    many = f"{len(sheets)} sheet{'' if len(sheets) == 1 else 's'}"
+    head = f"{on_figure(sheets.task.robot.name)}: {many} for {sheets.share:.1%} of what the arm reaches"
     size = figure.get_size_inches()
     figure.suptitle(head, x=0.2 / size[0], y=1 - 0.15 / size[1], ha="left", va="top", fontsize=12, color=INK)
-    _legend(figure, found, bool(planes), jumps)
+    _legend(figure, sheets, bool(planes), jumps)
     return figure
 
 
@@ -300,50 +300,50 @@ def sheet_color(s: int) -> str:
     return SHEETS[s % len(SHEETS)]
 
 
-def _map(axes: Any, found: Sheets, space: Any, plane: Plane) -> bool:
+def _map(axes: Any, sheets: Sheets, space: Any, plane: Plane) -> bool:
     """One plane; returns whether the joints jump in it."""
     from matplotlib.colors import to_rgb
 
     poses = space.at(plane.points[plane.inside.ravel()])
-    within = np.flatnonzero(reached(found.task, poses, None)[1].within)  # a sheet takes long to say no
-    answers = found.batch(poses[within])
-    sheet, q = np.full(len(poses), -1), np.full((len(poses), found.task.n), np.nan)
+    within = np.flatnonzero(reached(sheets.task, poses, None)[1].within)  # a sheet takes long to say no
+    answers = sheets.batch(poses[within])
+    sheet, q = np.full(len(poses), -1), np.full((len(poses), sheets.task.n), np.nan)
     sheet[within], q[within] = answers.sheet, answers.q
     labels = np.full(plane.inside.shape, -2)
     labels[plane.inside] = sheet
     image = np.ones((*labels.shape, 3))
     image[labels == -1] = to_rgb(NONE)
-    for s in range(len(found)):
+    for s in range(len(sheets)):
         image[labels == s] = to_rgb(sheet_color(s))
-    cuts = _jumps(found, poses, q, sheet, neighbouring_cells(plane.inside))
+    cuts = _jumps(sheets, poses, q, sheet, neighbouring_cells(plane.inside))
     i, j = plane.axes
     _plane_map(axes, plane, image, poses[cuts][:, :, [i, j], 3])
     axes.set_title(f"{'xyz'[3 - i - j]} = {plane.at:.3g} m", loc="left", fontsize=10)
     return bool(len(cuts))
 
 
-def _jumps(found: Sheets, poses: Array, q: Array, sheet: Indices, pairs: Indices) -> Indices:
+def _jumps(sheets: Sheets, poses: Array, q: Array, sheet: Indices, pairs: Indices) -> Indices:
     """Those of some pairs (e, 2) of poses, both with a sheet, between which the joints do not continue."""
     both = pairs[(sheet[pairs] >= 0).all(axis=1)]
     cut = [
         (sheet[i] != sheet[j] and np.abs(q[i] - q[j]).max() > 0.2)
-        or (sheet[i] == sheet[j] and not leads_to(found.sheets[sheet[i]].ik, poses[j], q[i], q[j]))
+        or (sheet[i] == sheet[j] and not leads_to(sheets.sheets[sheet[i]].ik, poses[j], q[i], q[j]))
         for i, j in both
     ]
     return both[np.array(cut, dtype=bool)] if len(both) else both
 
 
-def _cloud(axes: Any, found: Sheets) -> None:
+def _cloud(axes: Any, sheets: Sheets) -> None:
     """All sampled poses at their positions."""
-    p, flat = found.poses[:, :3, 3], not hasattr(axes, "get_zlim")
+    p, flat = sheets.poses[:, :3, 3], not hasattr(axes, "get_zlim")
     points = p[:, :2].T if flat else p.T
     style = {"linewidths": 0} if flat else {"linewidths": 0, "depthshade": False}
     for rest in reversed(REST):
-        here = found.rest == rest
+        here = sheets.rest == rest
         if here.any():
             axes.scatter(*points[:, here], color=REST[rest][0], s=16 if rest is PoseRest.NOT_COVERED else 5, **style)
-    for s in range(len(found)):
-        here = found.labels == s
+    for s in range(len(sheets)):
+        here = sheets.labels == s
         if here.any():
             axes.scatter(*points[:, here], color=sheet_color(s), s=9, alpha=0.9 if flat else 0.6, **style)
     axes.set_title(f"{len(p)} poses", loc="left", fontsize=10)
@@ -360,27 +360,27 @@ def _lines(name: str) -> str:
     return fill(on_figure(name, 60), 28)
 
 
-def _share(found: Sheets, rest: PoseRest) -> str:
+def _share(sheets: Sheets, rest: PoseRest) -> str:
     """How many poses have no sheet for a reason: of those in reach, or of all."""
-    count, every = int((found.rest == rest).sum()), len(found.poses)
-    within = int(found.reachable.sum())
+    count, every = int((sheets.rest == rest).sum()), len(sheets.poses)
+    within = int(sheets.reachable.sum())
     return f"{count / within:.1%}" if rest is PoseRest.NOT_COVERED else f"{count / every:.1%} of all"
 
 
-def _legend(figure: Any, found: Sheets, maps: bool, jump: bool) -> None:
+def _legend(figure: Any, sheets: Sheets, maps: bool, jump: bool) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    within = max(1, int(found.reachable.sum()))
+    within = max(1, int(sheets.reachable.sum()))
     width, height = figure.get_size_inches()
     patches = [
-        Patch(color=sheet_color(s), label=f"sheet {s}: {(found.labels == s).sum() / within:.1%}\n{_lines(one.name)}")
-        for s, one in enumerate(found.sheets)
+        Patch(color=sheet_color(s), label=f"sheet {s}: {(sheets.labels == s).sum() / within:.1%}\n{_lines(one.name)}")
+        for s, one in enumerate(sheets.sheets)
     ]
     patches += [
-        Patch(color=color, label=f"{name}: {_share(found, rest)}")
+        Patch(color=color, label=f"{name}: {_share(sheets, rest)}")
         for rest, (color, name) in REST.items()
-        if (found.rest == rest).any()
+        if (sheets.rest == rest).any()
     ]
     patches += [Patch(color=NONE, label="no sheet (maps)")] if maps else []
     lines = [Line2D([], [], color=CUT, linewidth=1.8, label="the joints jump here")] if jump else []

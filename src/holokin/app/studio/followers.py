@@ -120,8 +120,8 @@ def reversed_loop(loop: Loop) -> Loop:
     Raises:
         ArgumentError: a job's path of another kind, which no job file says the other way round.
     """
-    found, *others = (_reversed(loop.kind, keys) for keys in (loop.keys, *(loop.keys.get("others") or ())))
-    keys = {**found, "others": others} if others else found
+    first, *others = (_reversed(loop.kind, keys) for keys in (loop.keys, *(loop.keys.get("others") or ())))
+    keys = {**first, "others": others} if others else first
     return Loop(loop.kind, loop.path.reversed(), keys, loop.samples, not loop.clockwise)
 
 
@@ -142,20 +142,20 @@ def _reversed(kind: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 def _unit(direction: ArrayLike) -> Vector:
     """A direction (3,) of length 1. Raises: ArgumentError: it is zero."""
-    found = finite("direction", direction, (3,))
-    size = float(np.linalg.norm(found))
+    vector = finite("direction", direction, (3,))
+    size = float(np.linalg.norm(vector))
     if not size > 0:
-        raise ArgumentError("direction", found.tolist(), "it may not vanish")
-    return found / size
+        raise ArgumentError("direction", vector.tolist(), "it may not vanish")
+    return vector / size
 
 
 def _shifted(keys: Mapping[str, Any], by: Vector) -> dict[str, Any]:
     """[path] of the curve moved by a vector (3,) [m]."""
-    found = dict(keys)
+    moved = dict(keys)
     for key in ("center", "at", "points"):
-        if found.get(key) is not None:
-            found[key] = (np.asarray(found[key], dtype=float) + by).tolist()
-    return found
+        if moved.get(key) is not None:
+            moved[key] = (np.asarray(moved[key], dtype=float) + by).tolist()
+    return moved
 
 
 def entered(loop: Loop, task: Task, home: Vector) -> Loop:

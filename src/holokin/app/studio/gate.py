@@ -217,8 +217,8 @@ def _(control: Any, value: Any) -> str:
 @fitted.register(viser.GuiNumberHandle)
 @fitted.register(viser.GuiSliderHandle)
 def _(control: Any, value: Any) -> int | float:
-    found = between(value, control.min, control.max)
-    return round(found) if isinstance(control.value, int) else found
+    number = between(value, control.min, control.max)
+    return round(number) if isinstance(control.value, int) else number
 
 
 @fitted.register(viser.GuiVector3Handle)
@@ -333,15 +333,15 @@ def _guarded(door: Door, answer: Any) -> Any:
         hosts, port = request.headers.get_all("Host"), connection.local_address[1]
         refused = door.stranger(port, hosts, request.headers.get_all("Origin"))
         if refused or not door.knows(request.path):
-            found = connection.respond(http.HTTPStatus.FORBIDDEN, f"{refused or TOKEN}\n")
+            response = connection.respond(http.HTTPStatus.FORBIDDEN, f"{refused or TOKEN}\n")
         else:
-            found = answer(connection, replace(request, path=inner(request.path)))
-            if found is not None:
-                found.headers["Content-Security-Policy"] = policy(hosts[0])
-        if found is not None:
+            response = answer(connection, replace(request, path=inner(request.path)))
+            if response is not None:
+                response.headers["Content-Security-Policy"] = policy(hosts[0])
+        if response is not None:
             for name, value in PAGE:
-                found.headers[name] = value
-        return found
+                response.headers[name] = value
+        return response
 
     return process
 
@@ -356,9 +356,9 @@ def _listening(incoming: Incoming) -> Any:
             while True:
                 said = await super().recv(*given, **named)
                 await self._paced()
-                found = incoming.passed(said)
-                if found is not None:
-                    return found
+                message = incoming.passed(said)
+                if message is not None:
+                    return message
 
         async def _paced(self) -> None:
             now = time.monotonic()

@@ -69,20 +69,20 @@ def default_laws(task: Task, q0: Vector) -> tuple[Law, ...]:
     redundant(task)
     pinv = moore_penrose(task, name="pseudo-inverse")
     joints = [names[i] for i in locked_joints(task, q0)]
-    found: list[tuple[str, Strategy, Mapping[str, Any]]] = [("pseudo-inverse", pinv, {"kind": "moore-penrose"})]
+    strategies: list[tuple[str, Strategy, Mapping[str, Any]]] = [("pseudo-inverse", pinv, {"kind": "moore-penrose"})]
     said = f"lock {', '.join(joints)}"
-    found.append((said, holonomic(task, lock(*joints), name=said), {"kind": "lock", "joints": joints}))
+    strategies.append((said, holonomic(task, lock(*joints), name=said), {"kind": "lock", "joints": joints}))
     if task.n - task.m == 1:
         try:
             find_arm(task)
             angle = holonomic(task, arm_angle(), name="arm angle")
-            found.append(("arm angle", angle, {"kind": "arm-angle"}))
+            strategies.append(("arm angle", angle, {"kind": "arm-angle"}))
         except NoArmError:
             pass
-    found.append(("radial", radial(pinv, q0, name="radial"), {"kind": "radial"}))
+    strategies.append(("radial", radial(pinv, q0, name="radial"), {"kind": "radial"}))
     return tuple(
         Law(name, colour, rule, task, None, keys)
-        for colour, (name, rule, keys) in enumerate(found)
+        for colour, (name, rule, keys) in enumerate(strategies)
         if defined(rule, q0)
     )
 
@@ -325,7 +325,7 @@ def two_paths(
     of_one_tool(laws[0][0].task, "two paths to one pose")
     law, q, _ = next((one for one in laws if one[2] is LawStatus.FOLLOWING), laws[0])
     paths = _pair(law.task.pose(q), pose, width)
-    found = []
+    by_law = []
     for law, q, _ in laws:
         a, b, spread, sentence = np.zeros((0, len(q))), np.zeros((0, len(q))), np.nan, ""
         try:
@@ -335,9 +335,9 @@ def two_paths(
             a, b, spread = both.a.q, both.b.q, both.largest
         except HolokinError as problem:
             sentence = str(problem)
-        found.append(LawPaths(law.name, law.colour, a, b, spread, sentence))
+        by_law.append(LawPaths(law.name, law.colour, a, b, spread, sentence))
     points = np.array([path.at(np.linspace(0.0, path.duration, 100)).position for path in paths])
-    return TwoPaths(points, paths, tuple(found))
+    return TwoPaths(points, paths, tuple(by_law))
 
 
 def _pair(begin: Matrix, end: Matrix, width: float) -> tuple[Path, Path]:

@@ -134,10 +134,10 @@ def visible_cycles(laws: Sequence[Law], loop: Loop, q0: Vector) -> int:
             continue
         try:
             start = loop_start(law, loop, q0)
-            found = drift(law.strategy, loop.path, start, samples=LOOK, cycles=MOST)
+            drifts = drift(law.strategy, loop.path, start, samples=LOOK, cycles=MOST)
         except HolokinError:
             continue
-        largest = np.maximum(largest, found.largest)
+        largest = np.maximum(largest, drifts.largest)
     if not largest.max() > UNSEEN:
         return 1
     return int(np.argmax(largest >= VISIBLE)) + 1 if largest.max() >= VISIBLE else MOST
@@ -216,7 +216,7 @@ def _loops(task: Task, starts: Matrix) -> Iterator[tuple[int, Loop]]:
     normals = np.eye(3)[2:] if task.robot.planar else np.eye(3)[::-1]
     for share in SHARES:
         radius = float(f"{min(LARGEST, share * far):.1g}")
-        found: list[tuple[float, int, Loop]] = []
+        candidates: list[tuple[float, int, Loop]] = []
         for i, normal in product(range(len(starts)), normals):
             tool = task.pose(starts[i]).reshape(-1, 4, 4)[0][:3, 3]
             for inward in _inward(tool, normal):
@@ -225,9 +225,9 @@ def _loops(task: Task, starts: Matrix) -> Iterator[tuple[int, Loop]]:
                     size = float(drift(given, loop.path, starts[i], samples=LOOK).largest[0])
                 except HolokinError:
                     continue
-                found.append((size, i, loop))
-        found.sort(key=lambda one: -one[0])
-        yield from ((i, loop) for _, i, loop in found)
+                candidates.append((size, i, loop))
+        candidates.sort(key=lambda one: -one[0])
+        yield from ((i, loop) for _, i, loop in candidates)
 
 
 def _inward(tool: Vector, normal: Vector) -> list[Vector]:

@@ -121,8 +121,8 @@ def quaternions(rotations: Array) -> Array:
     """w, x, y, z (..., 4) of rotations (..., 3, 3)."""
     from scipy.spatial.transform import Rotation
 
-    found = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat()
-    return found[:, [3, 0, 1, 2]].reshape(*rotations.shape[:-2], 4)
+    xyzw = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat()
+    return xyzw[:, [3, 0, 1, 2]].reshape(*rotations.shape[:-2], 4)
 
 
 def _mesh(shape: Shape | Surface, color: Any = None) -> Any:
@@ -169,9 +169,9 @@ def _own_colors(piece: Any) -> Any:
     visual = piece.visual
     if getattr(visual, "defined", False):
         colors = visual.to_color() if hasattr(visual, "to_color") else visual
-        found = np.asarray(colors.vertex_colors)
-        if found.shape == (len(piece.vertices), 4):
-            return found
+        rgba = np.asarray(colors.vertex_colors)
+        if rgba.shape == (len(piece.vertices), 4):
+            return rgba
     return np.tile([*LINK, 255], (len(piece.vertices), 1))
 
 
@@ -201,7 +201,7 @@ def _capsules(robot: Robot) -> dict[int, list[Any]]:
     A slider that goes farther than the arm reaches both ways stands for a base that drives: it has no rail. Under a
     robot with meshes is neither plate nor rail.
     """
-    found: dict[int, list[Any]] = {}
+    meshes: dict[int, list[Any]] = {}
     far = max(chain_length(robot), 1.0)
     Q = np.clip([robot.lower, robot.upper], -2 * far, 2 * far)
     tools = tuple(part for part in robot.shapes if part.carried)
@@ -210,8 +210,8 @@ def _capsules(robot: Robot) -> dict[int, list[Any]]:
         if piece.role == "tool" or (piece.role in ("base", "rail") and (robot.visuals or far_off)):
             continue
         color = LINK if piece.role == "link" else JOINT
-        found.setdefault(piece.joint, []).append(_shape_mesh(piece.part, color))
-    return found
+        meshes.setdefault(piece.joint, []).append(_shape_mesh(piece.part, color))
+    return meshes
 
 
 def _shape_mesh(part: LinkShape, color: tuple[int, int, int]) -> Any:

@@ -308,7 +308,7 @@ class _Film:
 
     def _pieces(self, scene: Scene) -> dict[int, list[tuple[int, str, Matrix]]]:
         """Frame -> (law, name, points (k, 3)) of the pieces of the elbows' lines that appear there."""
-        found: dict[int, list[tuple[int, str, Matrix]]] = {}
+        pieces: dict[int, list[tuple[int, str, Matrix]]] = {}
         for law, clip in enumerate(self.clips.values()):
             ends = [*clip.marks] if len(clip.marks) > 1 else [0, len(clip.t) - 1]
             for cycle, (first, last) in enumerate(pairwise(ends)):
@@ -318,8 +318,8 @@ class _Film:
                     if len(part):
                         frame = round(self.clock(float(clip.t[rows[part[-1] + 1]])) * RATE)
                         line = points[part[0] : part[-1] + 2]
-                        found.setdefault(frame, []).append((law, f"elbow/{cycle}-{piece}", line))
-        return found
+                        pieces.setdefault(frame, []).append((law, f"elbow/{cycle}-{piece}", line))
+        return pieces
 
     def caption(self, title: str, text: str) -> dict[str, Any]:
         """What the overlay writes: title, text, and of each law its colour, and (second, error) of each cycle."""
@@ -339,12 +339,12 @@ def _motion(name: str, motion: Any, robot: Robot) -> Motion:
     if not hasattr(motion, "t") or not hasattr(motion, "q"):
         raise ArgumentError(f"the motion of {name}", type(motion).__name__, "give a Trajectory or a Motion")
     status = getattr(motion, "status", Status.COMPLETE)
-    found = Motion(motion.t, motion.q, tuple(getattr(motion, "marks", ())), status)
-    if found.q.shape[1] != robot.n:
+    recorded = Motion(motion.t, motion.q, tuple(getattr(motion, "marks", ())), status)
+    if recorded.q.shape[1] != robot.n:
         raise ShapeError(
-            f"q of {name}", ("k", robot.n), found.q.shape, f"the joints are {', '.join(robot.joint_names)}"
+            f"q of {name}", ("k", robot.n), recorded.q.shape, f"the joints are {', '.join(robot.joint_names)}"
         )
-    return found
+    return recorded
 
 
 def _quiet_server() -> Any:

@@ -94,12 +94,12 @@ class PosturePanel:
         if still:
             self._fit(snap)
         # The nearest cusp as a ball, the smallest loop as a line; of a leaf that was left it is said.
-        found = snap.cusps
-        put(self.far_text, "" if found is None else block(line(found.sentence), quiet(_where(found, snap))))
-        if found is not self._cusps:
-            self._cusps = found
-            self.page.scene.ball(None if found is None else found.place, CUSP, "cusp")
-            self.page.scene.path([] if found is None else found.loop, "cusp", CUSP)
+        cusps = snap.cusps
+        put(self.far_text, "" if cusps is None else block(line(cusps.sentence), quiet(_where(cusps, snap))))
+        if cusps is not self._cusps:
+            self._cusps = cusps
+            self.page.scene.ball(None if cusps is None else cusps.place, CUSP, "cusp")
+            self.page.scene.path([] if cusps is None else cusps.loop, "cusp", CUSP)
         if snap.cloud is not self._cloud:
             self._cloud = snap.cloud
             self._draw_cloud(snap.cloud)
@@ -165,27 +165,27 @@ class PosturePanel:
                 continue
             self._fitted[name] = key
             try:
-                found = self._range(name, snap.law(self.law.value))
+                slider = self._range(name, snap.law(self.law.value))
             except HolokinError as problem:
-                found = None
+                slider = None
                 if name == LEVEL:
                     put(self.level_text, f"**Level**: {problem}")
-            if found is not None and not found.high > found.low:
-                found = None
-            self._ranges[name] = found
-            handle.disabled = found is None
-            if found is not None:
+            if slider is not None and not slider.high > slider.low:
+                slider = None
+            self._ranges[name] = slider
+            handle.disabled = slider is None
+            if slider is not None:
                 # A slider in the units of what it moves.
                 with self.page.server.atomic():
-                    scale, unit = self._unit(found)
-                    handle.label = f"{_what(found)} [{unit}]" if unit else _what(found)
+                    scale, unit = self._unit(slider)
+                    handle.label = f"{_what(slider)} [{unit}]" if unit else _what(slider)
                     fine = 10 if unit in (DEGREES, "mm") else 1000  # what is shown at its ends is rounded inwards
-                    low, high = np.ceil(fine * scale * found.low) / fine, np.floor(fine * scale * found.high) / fine
+                    low, high = np.ceil(fine * scale * slider.low) / fine, np.floor(fine * scale * slider.high) / fine
                     handle.min, handle.max = low, high
                     handle.step, handle.precision = 1 / fine, 1 if fine == 10 else 3
-                    handle.value = float(np.clip(scale * found.value, low, high))
+                    handle.value = float(np.clip(scale * slider.value, low, high))
                 if name == LEVEL:
-                    self._say_level(found)
+                    self._say_level(slider)
 
     def _unit(self, known: Slider) -> tuple[float, str]:
         """(factor, name) with which the numbers of a slider are shown."""

@@ -76,13 +76,13 @@ class Studio:
         self._opening: tempfile.TemporaryDirectory[str] | None = None
         self.door = Door(host)
         self.server = open_server(host, _free_port(host, port), self.door, Incoming())
-        found = self.server.get_port()
-        self.url = f"{url_of(host, found)}/{self.door.token}/"
+        free = self.server.get_port()
+        self.url = f"{url_of(host, free)}/{self.door.token}/"
         self.notes: list[str] = []
-        if port and found != port:
-            self.notes.append(f"port {port} is in use: the page is at port {found}")
+        if port and free != port:
+            self.notes.append(f"port {port} is in use: the page is at port {free}")
         if not loopback(host):
-            self.notes.append(OPEN.format(host=host, url=f"{url_of(_known_as(host), found)}/{self.door.token}/"))
+            self.notes.append(OPEN.format(host=host, url=f"{url_of(_known_as(host), free)}/{self.door.token}/"))
         self.page = self._shown(session)
         atexit.register(self.close)  # native code of its threads must not run while Python goes down
         self.server.on_client_connect(lambda _client: self._forget_file())
@@ -197,21 +197,21 @@ def _free_port(host: str, port: int) -> int:
     Raises:
         ArgumentError: the address is none of this machine, or no port is free.
     """
-    found = port
-    for found in range(port, min(port + TRIED, 65536)):
+    candidate = port
+    for candidate in range(port, min(port + TRIED, 65536)):
         try:
-            family, kind, _, _, place = socket.getaddrinfo(host, found, type=socket.SOCK_STREAM)[0]
+            family, kind, _, _, place = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0]
             with socket.socket(family, kind) as one:
                 one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0 if os.name == "nt" else 1)
                 one.bind(place)
-            return found
+            return candidate
         except (socket.gaierror, UnicodeError):
             break
         except OSError as problem:
             if problem.errno not in (errno.EADDRINUSE, errno.EACCES):
                 break
     else:
-        raise ArgumentError("port", port, f"no port from it to {found} is free: choose another one")
+        raise ArgumentError("port", port, f"no port from it to {candidate} is free: choose another one")
     raise ArgumentError("the host", host, "give an address of this machine, such as 127.0.0.1 or 0.0.0.0")
 
 

@@ -635,11 +635,11 @@ def _part(name: str, keys: Mapping[str, Any]) -> str:
 
 def _placed(keys: Mapping[str, Any], source: FilePath) -> dict[str, Any]:
     """The keys with the full names of files."""
-    found: dict[str, Any] = {}
+    placed: dict[str, Any] = {}
     for key, value in keys.items():
         if isinstance(value, list) and value and all(isinstance(one, Mapping) for one in value):
             value = [_placed(one, source) for one in value]
         elif key in FILES and isinstance(value, str) and FilePath(value).suffix:
             value = FilePath(os.path.normpath(source / value)).as_posix()
-        found[key] = value
-    return found
+        placed[key] = value
+    return placed

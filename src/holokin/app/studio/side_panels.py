@@ -158,14 +158,14 @@ class LoopPanel:
             page.say("The tool is at its start: drag it somewhere, and two paths lead there from the start.")
             return
         try:
-            found = page.session.two_paths(wanted)
+            compared = page.session.two_paths(wanted)
         except HolokinError as problem:
             page.session.drag(wanted)
             page.say(str(problem))
             return
-        path = next(path for path in found.by_law if path.name == self.law.value)
+        path = next(path for path in compared.by_law if path.name == self.law.value)
         for index, color in enumerate((CLOCKWISE, COUNTER_CLOCKWISE)):
-            page.scene.path(found.points[index], f"path{index}", color)
+            page.scene.path(compared.points[index], f"path{index}", color)
         if path.sentence:
             self.answer.content = path.sentence
         else:
@@ -250,7 +250,7 @@ class WorkPanel:
             self.page.say("")
             self._tell("It is being worked on.")
             try:
-                found = work()
+                file = work()
             except JobError as problem:  # of a file that is there no more
                 self._tell("")
                 self.page.say(f"{problem.key}: {problem.fact}; {problem.cure}. {CURE}")
@@ -258,8 +258,8 @@ class WorkPanel:
             except BaseException:
                 self._tell("")
                 raise
-            if found is not None and client is not None:
-                client.send_file_download(*found, save_immediately=True)
+            if file is not None and client is not None:
+                client.send_file_download(*file, save_immediately=True)
 
         self.page.alone("work", whole)
 
@@ -284,20 +284,20 @@ class WorkPanel:
         label = self._label()
         with _saved_job(self.page.session) as (name, job, file):
             chosen = job.model_copy(update={"strategies": {label: job.strategies[label]}})
-            found = next(one for title, one in certify_job(chosen, file) if title in (label, self.law.value))
-            if not isinstance(found, Certificate):
-                self._tell(f"{self.law.value} is not certified: {found}")
+            certificate = next(one for title, one in certify_job(chosen, file) if title in (label, self.law.value))
+            if not isinstance(certificate, Certificate):
+                self._tell(f"{self.law.value} is not certified: {certificate}")
                 return None
-            self._tell(found.theorem)
-            return f"{name}-certificate.json", found.save(file.parent / "certificate.json").read_bytes()
+            self._tell(certificate.theorem)
+            return f"{name}-certificate.json", certificate.save(file.parent / "certificate.json").read_bytes()
 
     def _advice(self) -> None:
         session = self.page.session
         if session.task.frames > 1:
             raise ArgumentError("advice", session.task.name, "it is given for robots with one tool")
         task = "position" if session.task.orientation is None else "pose"
-        found = advise(session.robot, task=task, q0=session.home, say=self._tell)
-        self._tell(f"The best is {found.best.name}.", *found.reasons)
+        advice = advise(session.robot, task=task, q0=session.home, say=self._tell)
+        self._tell(f"The best is {advice.best.name}.", *advice.reasons)
 
     def _label(self) -> str:
         """The name in a job of the law that is chosen."""

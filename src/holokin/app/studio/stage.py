@@ -117,11 +117,11 @@ class Handles:
 
     def place_loop(self, loop: Loop | None) -> None:
         """The handles of a circle on it; of what is no circle there are none."""
-        found = circle_of(loop)
-        self._loop.visible = self._radius.visible = self.loop_wanted and found is not None
-        if loop is None or found is None:
+        circle = circle_of(loop)
+        self._loop.visible = self._radius.visible = self.loop_wanted and circle is not None
+        if loop is None or circle is None:
             return
-        center, normal, radius = found
+        center, normal, radius = circle
         frame = frame_of(normal, loop.path.start[:3] - center)
         if "loop" not in self._held:
             self._loop.position, self._loop.wxyz = center, wxyz_of(frame)
@@ -219,18 +219,18 @@ class Handles:
 
     def _set_circle(self, center: Vector, normal: Vector, radius: float | None) -> None:
         old = self.page.session.loop
-        found = circle_of(old)
-        if old is None or found is None:
+        circle = circle_of(old)
+        if old is None or circle is None:
             return
-        size = found[2] if radius is None else radius
+        size = circle[2] if radius is None else radius
         near = self.page.session.snapshot().target[0][:3, 3]
         loop = circle_loop(center, size, normal, near=near, clockwise=old.clockwise, samples=old.samples)
         self.page.session.set_loop(loop)
 
     def _set_radius(self, place: Vector) -> None:
-        found = circle_of(self.page.session.loop)
-        if found is not None:
-            self._set_circle(found[0], found[1], max(float(np.linalg.norm(place - found[0])), LEAST))
+        circle = circle_of(self.page.session.loop)
+        if circle is not None:
+            self._set_circle(circle[0], circle[1], max(float(np.linalg.norm(place - circle[0])), LEAST))
 
 
 def circle_of(loop: Loop | None) -> tuple[Vector, Vector, float] | None:
@@ -303,8 +303,8 @@ def short_names(names: Sequence[str], most: int = 14) -> list[str]:
     last = 2 * (_shared([one[first:][::-2] for one in words]) if len(words) > 1 else 0)
     if any(one[first : first + 1][0].isdigit() for one in words):  # "joint_1" tells more than "1"
         first = max(first - 2, 0)
-    found = ["".join(one[first : len(one) - last]) for one in words]
-    return [name if len(name) <= most else f"{name[: most - 1]}\u2026" for name in found]
+    shortened = ["".join(one[first : len(one) - last]) for one in words]
+    return [name if len(name) <= most else f"{name[: most - 1]}\u2026" for name in shortened]
 
 
 def _shared(words: Sequence[Sequence[str]]) -> int:
@@ -337,14 +337,14 @@ def table(rows: Sequence[Sequence[Cell]], hints: Sequence[str] = ()) -> str:
 
 def marks(values: Sequence[float], colors: Sequence[str], ended: bool) -> Cell:
     """A bar with a mark at each of some shares of 0 to 1; `ended`: the ends of the bar are limits."""
-    found = ""
+    html = ""
     for index, (value, color) in enumerate(zip(values, colors, strict=False)):
         place = f"left:calc({100 * value:.1f}% - 2px);top:{-1 if index else -3}px"
         size = f"width:4px;height:{14 if index else 18}px;border-radius:2px"
-        found += f'<div style="position:absolute;{place};{size};background:{color}"></div>'
+        html += f'<div style="position:absolute;{place};{size};background:{color}"></div>'
     edge = f"2px solid {INK if ended else PALE}"
     style = f"position:relative;height:12px;min-width:120px;background:{PALE};border-left:{edge};border-right:{edge}"
-    return f'<div style="{style}">{found}</div>'
+    return f'<div style="{style}">{html}</div>'
 
 
 def put(handle: Any, content: str) -> None:

@@ -227,12 +227,12 @@ def packed(data: bytes) -> str:
 
 def _begin_of(strategy: Strategy, q0: Vector, p: Vector, R: Matrix) -> dict[str, Any]:
     """What a run begins with: joints, the state behind them (p, R, c), and the side of det [J; J_g]."""
-    leaf, found = by_leaf(strategy), {"q0": q0.tolist(), "state": [], "side": 0.0}
+    leaf, state = by_leaf(strategy), {"q0": q0.tolist(), "state": [], "side": 0.0}
     if leaf is None:
-        return found
+        return state
     c = leaf_value(leaf, q0)
     side = float(leaf_step(leaf)(q0, p, R, c)[3])
-    return found | {"state": [*p.tolist(), *R.ravel().tolist(), *c.tolist()], "side": side}
+    return state | {"state": [*p.tolist(), *R.ravel().tolist(), *c.tolist()], "side": side}
 
 
 # --- The HTML of a page from its parts. What is the user's is escaped, and nothing but the page's own script may run.
@@ -381,18 +381,20 @@ def cusp_loop(witness: CuspWitness, rule: str = "the rule") -> PageLoop:
 
 def _checked(laws: Mapping[str, Strategy]) -> list[Strategy]:
     """The laws. Raises: ArgumentError."""
-    found = list(laws.values())
-    if not 1 <= len(found) <= MOST_LAWS:
-        raise ArgumentError("the number of laws on a page", len(found), f"give one to {MOST_LAWS}")
-    for one, other in pairwise(found):
+    strategies = list(laws.values())
+    if not 1 <= len(strategies) <= MOST_LAWS:
+        raise ArgumentError("the number of laws on a page", len(strategies), f"give one to {MOST_LAWS}")
+    for one, other in pairwise(strategies):
         same = one.task.robot == other.task.robot and (one.task.m, one.task.tip) == (other.task.m, other.task.tip)
         if not same:
             raise ArgumentError("the laws of a page", list(laws), "give those of one robot and one task")
-    for one in found:
+    for one in strategies:
         of_one_tool(one.task, "a page")
-    if not found[0].task.spatial:
-        raise ArgumentError("the task", found[0].task.name, "a page leads a tool in space: take a position or a pose")
-    return found
+    if not strategies[0].task.spatial:
+        raise ArgumentError(
+            "the task", strategies[0].task.name, "a page leads a tool in space: take a position or a pose"
+        )
+    return strategies
 
 
 def _starts(laws: Sequence[Strategy], q0: ArrayLike) -> list[Vector]:
@@ -407,12 +409,12 @@ def _starts(laws: Sequence[Strategy], q0: ArrayLike) -> list[Vector]:
 
 def _modules(laws: Mapping[str, Strategy], arm: DrawnArm, segments: int) -> list[dict[str, Any]]:
     """Each law for the page: name, colour, module."""
-    colors, found = law_colors([isinstance(law, HolonomicStrategy) for law in laws.values()]), []
+    colors, modules = law_colors([isinstance(law, HolonomicStrategy) for law in laws.values()]), []
     for (name, law), color in zip(laws.items(), colors, strict=True):
         code = law_code(law, arm, segments)
         its = {"name": name, "leaf": by_leaf(law) is not None, "color": color}
-        found.append(its | {"code": digest(code), "module": packed(_wasm_of(code, name))})
-    return found
+        modules.append(its | {"code": digest(code), "module": packed(_wasm_of(code, name))})
+    return modules
 
 
 def _loop(loop: PageLoop, laws: Sequence[Strategy], starts: Sequence[Vector], arm: DrawnArm) -> dict[str, Any]:
@@ -436,13 +438,13 @@ def _loop(loop: PageLoop, laws: Sequence[Strategy], starts: Sequence[Vector], ar
 
 def _postures(laws: Sequence[Strategy], path: Path, starts: Sequence[Vector]) -> Matrix:
     """Some postures (k, n) of the first rounds, by which a view is chosen; of a law that stops those before."""
-    found = [starts[0]]
+    postures = [starts[0]]
     for law, q in zip(laws, starts, strict=True):
         try:
-            found += list(follow(law, path, q, samples=LOOKED).q)
+            postures += list(follow(law, path, q, samples=LOOKED).q)
         except PathError as problem:
-            found += [] if problem.trajectory is None else list(problem.trajectory.q)
-    return np.array(found)
+            postures += [] if problem.trajectory is None else list(problem.trajectory.q)
+    return np.array(postures)
 
 
 def _is_circle(path: Path) -> bool:
@@ -492,22 +494,22 @@ class PagePlan(Value):
     @cached_property
     def rounds(self) -> dict[str, Trajectory | HolokinError]:
         """Each law's name, and its first round of the path, or why it does not get round; nothing without a path."""
-        found: dict[str, Trajectory | HolokinError] = {}
+        rounds: dict[str, Trajectory | HolokinError] = {}
         for (name, law), start in zip(self.strategies.items(), self.starts, strict=True):
             if self.path is not None:
                 try:
-                    found[name] = follow(law, self.path, start, samples=STEPS)
+                    rounds[name] = follow(law, self.path, start, samples=STEPS)
                 except HolokinError as problem:
-                    found[name] = problem
-        return found
+                    rounds[name] = problem
+        return rounds
 
     def checked(self, job: Job) -> CheckReport | None:
         """What the [checks] of a job find of the round of the second law; None where it has none, or gets round not."""
-        found = self.rounds.get(self.laws[1].name)
-        if job.checks is None or not isinstance(found, Trajectory):
+        trajectory = self.rounds.get(self.laws[1].name)
+        if job.checks is None or not isinstance(trajectory, Trajectory):
             return None
         task = self.laws[1].task
-        return job.checks.checked(found, task.robot, task)
+        return job.checks.checked(trajectory, task.robot, task)
 
     def cusp_loops(self) -> list[PageLoop]:
         """The smallest loop that is found round a cusp of the second law, if there is one.

@@ -341,25 +341,25 @@ POINTS = 120
 
 def leaf_cusps(name: str, strategy: HolonomicStrategy, q: Vector) -> LeafCusps:
     """Those of the leaf through a posture (n,), and how far they are from the tool there."""
-    found = cusps_near(strategy, q, pose_cloud(strategy.task.pose(q)[None]))
-    place = None if found.pose is None else found.pose[:3, 3]
-    least = None if found.found is None else found.found.witness
+    cusps = cusps_near(strategy, q, pose_cloud(strategy.task.pose(q)[None]))
+    place = None if cusps.pose is None else cusps.pose[:3, 3]
+    least = None if cusps.found is None else cusps.found.witness
     loop = np.zeros((0, 3)) if least is None else least.path.at(np.linspace(0, least.path.duration, POINTS)).position
-    return LeafCusps(name, leaf_value(strategy, q), False, _sentence(name, found), place, loop)
+    return LeafCusps(name, leaf_value(strategy, q), False, _sentence(name, cusps), place, loop)
 
 
-def _sentence(name: str, found: NearbyCusps) -> str:
+def _sentence(name: str, cusps: NearbyCusps) -> str:
     """What was found, in a line or two."""
-    if found.found is None:
-        return f"{name}: cusps were not looked for: {found.reason}"
-    if found.found.excluded:
-        return f"{name}: its leaf has no cusp: {found.found.excluded}."
-    if found.pose is None:
+    if cusps.found is None:
+        return f"{name}: cusps were not looked for: {cusps.reason}"
+    if cusps.found.excluded:
+        return f"{name}: its leaf has no cusp: {cusps.found.excluded}."
+    if cusps.pose is None:
         return (
-            f"{name}: no cusp was found within the joint limits from {found.found.starts:,} starts, which is no proof."
+            f"{name}: no cusp was found within the joint limits from {cusps.found.starts:,} starts, which is no proof."
         )
-    said = f"{name}: the nearest cusp found within the joint limits is {found.away:.2g} m away."
-    least = found.found.witness
+    said = f"{name}: the nearest cusp found within the joint limits is {cusps.away:.2g} m away."
+    least = cusps.found.witness
     if least is None:
         return f"{said} No tool loop round a cusp was found."
     return (

@@ -144,11 +144,11 @@ class SheetFollower:
             with self._lock:
                 self._tell(searching=f"{text.removeprefix('sheets: ')} ...")
 
-        found = self._search(say)
+        sheets = self._search(say)
         with self._lock:
             if not closed.is_set():
-                self.found = found
-                self._tell(count=len(found), searching="", about=found.sentence)
+                self.found = sheets
+                self._tell(count=len(sheets), searching="", about=sheets.sentence)
 
     def _lost(self, problem: Exception) -> None:
         with self._lock:
@@ -212,15 +212,15 @@ class SheetFollower:
         if self._change is not None and np.array_equal(q, self._change.q):
             self._change.target = poses
             return Move(q, LawStatus.STOPPED, self._state.sentence)
-        self._change, found = None, self.found
-        if found is None:
+        self._change, sheets = None, self.found
+        if sheets is None:
             return Move(q, LawStatus.STOPPED, "There is no map of sheets.")
         try:
-            wanted, there = found.near(poses[0], q)
-            if wanted in found.of(q):  # the arm stands on it, and it leads there
+            wanted, there = sheets.near(poses[0], q)
+            if wanted in sheets.of(q):  # the arm stands on it, and it leads there
                 self._tell(sheet=wanted, sentence=f"Sheet {wanted} serves.", why="")
                 return Move(there, LawStatus.FOLLOWING)
-            return self._begin(found, q, poses, wanted)
+            return self._begin(sheets, q, poses, wanted)
         except NoSheetError:
             self._unserved(poses[0])
             return Move(q, LawStatus.OUT_OF_REACH, "No sheet serves this pose; drag the tool back.")
@@ -228,23 +228,23 @@ class SheetFollower:
             self._tell(sheet=-1, sentence=str(problem), why="")
             return Move(q, LawStatus.STOPPED, str(problem))
 
-    def _begin(self, found: Sheets, q: Vector, poses: Array, wanted: int) -> Move:
+    def _begin(self, sheets: Sheets, q: Vector, poses: Array, wanted: int) -> Move:
         """Begin a self-motion to a sheet that serves the target, at the pose where the arm rests; or say why not."""
-        here, there = (found.postures(T[None])[:, 0] for T in (found.task.pose(q), poses[0]))
+        here, there = (sheets.postures(T[None])[:, 0] for T in (sheets.task.pose(q), poses[0]))
         serves = np.flatnonzero(np.isfinite(there).all(axis=1))
         reason = ""
         for second in sorted(serves.tolist(), key=lambda s: s != wanted):
             if not np.isfinite(here[second]).all():
                 reason = reason or f"sheet {second} does not serve the pose where the arm rests"
                 continue
-            on, _ = found.sheets[second].reached(here[[second]], poses, found.clear)
+            on, _ = sheets.sheets[second].reached(here[[second]], poses, sheets.clear)
             if not np.abs(on[0] - there[second]).max() < SAME:  # NaN is not
                 reason = reason or f"sheet {second} does not lead straight from there to the tool"
                 continue
-            motion = self._motion(found, q, here[second], second)
+            motion = self._motion(sheets, q, here[second], second)
             if motion.hindrance is None:
                 self._change = _Change(motion, poses, q)
-                first = min(found.of(q), default=-1)
+                first = min(sheets.of(q), default=-1)
                 way = f"Goes to sheet {second}" if first < 0 else f"Changes from sheet {first} to sheet {second}"
                 self._tell(sheet=second, sentence=f"{way}, the tool at rest: {motion.seconds:.2f} s.", why="")
                 return Move(q, LawStatus.STOPPED, self._state.sentence)
@@ -253,11 +253,11 @@ class SheetFollower:
         self._tell(sheet=-1, sentence=said, why="")
         return Move(q, LawStatus.STOPPED, said)
 
-    def _motion(self, found: Sheets, q: Vector, to: Vector, second: int) -> StillMotion:
+    def _motion(self, sheets: Sheets, q: Vector, to: Vector, second: int) -> StillMotion:
         key = (q.tobytes(), second)
         if key not in self._known:
             self._known = {k: v for k, v in self._known.items() if k[0] == key[0]}
-            self._known[key] = self_motion_between(found.task, q, to, found.clear)
+            self._known[key] = self_motion_between(sheets.task, q, to, sheets.clear)
         return self._known[key]
 
     def _unserved(self, pose: Matrix) -> None:
@@ -274,11 +274,11 @@ class SheetFollower:
     def _ask(self, closed: threading.Event) -> None:
         while not closed.is_set():
             with self._lock:
-                (key, known), found = self._why, self.found
-                if known != LOOKED_FOR or found is None:
+                (key, known), sheets = self._why, self.found
+                if known != LOOKED_FOR or sheets is None:
                     self._asker = None
                     return
-            text = found.why(np.frombuffer(key).reshape(4, 4)).text
+            text = sheets.why(np.frombuffer(key).reshape(4, 4)).text
             with self._lock:
                 if self._why[0] == key:
                     self._why = (key, text)

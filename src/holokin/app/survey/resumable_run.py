@@ -179,15 +179,15 @@ def run_survey(
         left = [n for n, case in enumerate(asked) if case not in known] if known else range(total)
         done = total - len(left)
         clock = _Clock(total, done, len(faults))
-        found = clock.after(())
-        say(found)
+        progress = clock.after(())
+        say(progress)
         with closing(engine.run(Batches(left, total - done, len(table.laws)))) as stream:
             for new in stream:
                 store.add(new, faults)
-                found = clock.after(new)
-                say(found)
+                progress = clock.after(new)
+                say(progress)
         stale = len(store.done().difference(asked)) if before else 0
-        return replace(found, stale=stale, fewer=cases.fewer)
+        return replace(progress, stale=stale, fewer=cases.fewer)
 
 
 @contextmanager
@@ -285,7 +285,7 @@ def survey(
         file = FilePath(folder) / "survey.sqlite" if out is None else FilePath(out)
         done = run_survey(
             table, FilePath(), file, workers=workers, resume=resume, again=again, objects=objects,
-            say=lambda found: report(found.share, str(found)),
+            say=lambda state: report(state.share, str(state)),
         )  # fmt: skip
         if done.fewer:
             logging.getLogger("holokin").warning("%s", done.fewer)

@@ -74,15 +74,15 @@ def imported(name: str, folder: FilePath) -> Callable[..., Any]:
             top = module.partition(".")[0]
             if _folders.get(top, folder) != folder:
                 _drop(top)
-            found = getattr(importlib.import_module(module), function)
+            attribute = getattr(importlib.import_module(module), function)
             if folder.absolute() in FilePath(getattr(sys.modules[module], "__file__", None) or "/").parents:
                 _folders[module.partition(".")[0]] = folder
     except Exception as problem:  # noqa: BLE001  a module may raise anything
         fact = problem if isinstance(problem, ImportError | AttributeError) else repr(problem)
         raise ArgumentError("the law", name, f"it cannot be imported ({fact}); see to it in {folder}") from None
-    if not callable(found):
+    if not callable(attribute):
         raise ArgumentError("the law", name, "it is no function: name one of (task, start posture)")
-    return found
+    return attribute
 
 
 def source_of(name: str, folder: FilePath) -> FilePath | None:
@@ -94,10 +94,10 @@ def source_of(name: str, folder: FilePath) -> FilePath | None:
 def forget_imported() -> bool:
     """Import anew what was found beside survey files: it may have changed. Whether there was any."""
     with _importing:
-        found = list(_folders)
-        for top in found:
+        modules = list(_folders)
+        for top in modules:
             _drop(top)
-    return bool(found)
+    return bool(modules)
 
 
 def _drop(top: str) -> None:
@@ -149,10 +149,10 @@ def given(key: str) -> Any:
 
 def given_path(key: str, tool: Matrix) -> Path:
     """A path that begins at the tool pose (4, 4): one that is moved there, or that a function makes of the pose."""
-    found = given(key)
-    if not isinstance(found, Path):
-        return found(tool)
-    return found.in_frame(pose_from(tool[:3, 3] - found.start))
+    path = given(key)
+    if not isinstance(path, Path):
+        return path(tool)
+    return path.in_frame(pose_from(tool[:3, 3] - path.start))
 
 
 def sendable(objects: Mapping[str, Any]) -> bool:
@@ -189,7 +189,7 @@ def own_metrics(
     asked: Mapping[str, OwnMetric], walk: Trajectory, folder: FilePath
 ) -> tuple[dict[str, float], list[OwnFunctionError]]:
     """(the numbers by name, what went wrong). A metric without a number is left out. Raises: ArgumentError."""
-    found: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     problems: list[OwnFunctionError] = []
     for name, metric in asked.items():
         function = imported(metric, folder) if isinstance(metric, str) else given(metric.key)
@@ -199,8 +199,8 @@ def own_metrics(
             problems.append(problem)
             continue
         if number is not None:
-            found[name] = number
-    return found, problems
+            numbers[name] = number
+    return numbers, problems
 
 
 # --- [laws.NAME] of a survey: the strategies of a job, control laws of text books and libraries, and your own.
@@ -333,11 +333,11 @@ else:
 def resolved(laws: Mapping[str, AnyLaw], name: str, task: Task, q0: Vector) -> dict[str, AnyLaw]:
     """A law, and what it is of, with what a start posture chooses chosen: two starts may share what is built."""
     table = laws[name]
-    found = resolved(laws, table.of, task, q0) if isinstance(table, ClosedLoop) else {}
+    chosen = resolved(laws, table.of, task, q0) if isinstance(table, ClosedLoop) else {}
     if isinstance(table, BestLock):
         joints: list[str | int] = [task.robot.joint_names[i] for i in locked_joints(task, q0)]
         table = Lock(kind="lock", joints=joints)
-    return found | {name: table}
+    return chosen | {name: table}
 
 
 def of_the_start(laws: Mapping[str, AnyLaw]) -> bool:

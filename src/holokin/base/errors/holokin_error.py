@@ -67,8 +67,8 @@ def _near(word: str, known: Sequence[str]) -> list[str]:
     """The known name most like a word, whatever the case; none if none is like it."""
     if len(word) > LONGEST_NAME:
         return []
-    found = get_close_matches(word.lower(), [k.lower() for k in known], n=1, cutoff=0.5)
-    return [k for k in known if k.lower() in found]
+    matches = get_close_matches(word.lower(), [k.lower() for k in known], n=1, cutoff=0.5)
+    return [k for k in known if k.lower() in matches]
 
 
 def closest(word: object, known: Sequence[str]) -> str:

@@ -90,14 +90,14 @@ def c_texts(
     count = whole("vectors_count", vectors_count)
     short = c_name(f"{robot.name}_{strategy.name}") if name is None else str(name)
     source = Source(strategy, q0, number("dt", dt), short, limits)
-    found = vectors(source, count)
-    words = source.words | {"version": __version__, "origin": line(origin), "count": len(found)}
+    test_vectors = vectors(source, count)
+    words = source.words | {"version": __version__, "origin": line(origin), "count": len(test_vectors)}
     words |= _tables(source, operations_of(source))
     texts = {
         f"{short}.h": header(source, words),
         f"{short}.hpp": wrapper(source, words),
         f"{short}.c": library(source, words),
-        f"{short}_vectors.h": vectors_header(source, found, words),
+        f"{short}_vectors.h": vectors_header(source, test_vectors, words),
         f"{short}_selftest.c": selftest(source, words),
         "CMakeLists.txt": text("CMakeLists.txt", words),
         "README.md": text("README.md", words),

@@ -64,7 +64,7 @@ def vectors(source: Source, count: int) -> list[TestVector]:
         ArgumentError: near the start there is no posture to test at.
     """
     rng = np.random.default_rng(0)
-    found: list[TestVector] = []
+    listed: list[TestVector] = []
     tries = TRIES  # how long to look for a precise one
     for _ in range(count):
         best: TestVector | None = None
@@ -79,8 +79,8 @@ def vectors(source: Source, count: int) -> list[TestVector]:
             )
             raise ArgumentError("the start posture", source.q0.tolist(), cure)
         tries = TRIES if best.precise else 0  # where none is precise it is not asked for again
-        found.append(best)
-    return found
+        listed.append(best)
+    return listed
 
 
 def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestVector | None:
@@ -153,10 +153,10 @@ def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generato
     pose = _single(task.pose(start + AWAY / len(start) * rng.uniform(-1, 1, len(start))))
     path = straight_path(task, task.place(start), task.target(pose), (source.leaf, source.leaf))
     try:
-        found = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, path)
+        posture = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, path)
     except HolokinError:
         return None
-    return np.ravel(_wanted(task, pose)[0]), found
+    return np.ravel(_wanted(task, pose)[0]), posture
 
 
 def _task_rates(task: Task, pose: Matrix, twist: Vector) -> Vector:
@@ -218,11 +218,11 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
         to[..., :3, 3], to[..., :3, :3] = _nudged(pose[..., :3, 3], rng, 0.0), _nudged(pose[..., :3, :3], rng)
         parameters[:-5] = _nudged(parameters[:-5], rng)
         target, place, turned = _wanted(task, to)
-        found = {"step": source.functions["step"](near, target, values["twist"], parameters)[0]}
+        results = {"step": source.functions["step"](near, target, values["twist"], parameters)[0]}
         if holonomic:
             level = _nudged(values["c"], rng)
-            found["leaf"] = leaf_step(holonomic)(near, place, turned, level)[0]
-        for key, value in found.items():
+            results["leaf"] = leaf_step(holonomic)(near, place, turned, level)[0]
+        for key, value in results.items():
             moved[key] = max(moved[key], float(np.abs(np.atleast_1d(value) - values[key]).max()))
     sizes = {key: max(1.0, float(np.abs(values[key]).max())) for key in terms}
     return float(max((max(sizes[k], terms[k].max()) + OF_NUDGES * moved[k] / FOUR_DIGITS) / sizes[k] for k in terms))
@@ -253,12 +253,12 @@ def _single(values: Matrix) -> Matrix:
     return np.asarray(values, dtype=np.float32).astype(float)
 
 
-def vectors_header(source: Source, found: list[TestVector], words: Mapping[str, Any]) -> str:
+def vectors_header(source: Source, listed: list[TestVector], words: Mapping[str, Any]) -> str:
     """NAME_vectors.h."""
-    sizes = {key: len(value) for key, value in found[0].values.items()}
+    sizes = {key: len(value) for key, value in listed[0].values.items()}
     members = "".join(f"  double {key}[{size}];\n" for key, size in sizes.items()).replace("scale[1]", "scale")
     rows = []
-    for one in found:
+    for one in listed:
         parts = [_row(value) if key != "scale" else repr(float(value[0])) for key, value in one.values.items()]
         rows.append(
             "  {"
@@ -282,15 +282,15 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
     name, n, r = source.name, words["n"], words["r"]
     leaf_tests = bad = declare = turned = moving = ""
     if words["matrices"]:
-        found, step = words["NAME"] + "_NOT_A_ROTATION", f"{name}_step(q, target, twist, &parameters, dq, &scale)"
+        status, step = words["NAME"] + "_NOT_A_ROTATION", f"{name}_step(q, target, twist, &parameters, dq, &scale)"
         turned = (
             f"  for (int i = 0; i < {words['target']}; i++)\n"
             "    target[i] = (real)vectors[0].target[i / 16 * 16 + 4 * (i % 4) + i / 4 % 4];\n"
-            f'  expect("step to a transposed target", {step}, {found}, dq, {n});\n'
+            f'  expect("step to a transposed target", {step}, {status}, dq, {n});\n'
         )
         if source.holonomic:
             solve = f"{name}_solve(q, target, {PIECES})"
-            turned += f'  expect("solve for a transposed target", {solve}, {found}, dq, 0);\n'
+            turned += f'  expect("solve for a transposed target", {solve}, {status}, dq, 0);\n'
     if source.holonomic:
         declare = f"  real c[{r}], g[{r}];\n"
         moving = f"    copy(v->leaf_rate, parameters.leaf_rate, {r});\n"

@@ -285,9 +285,9 @@ class ToolMotion(Value):
         NaN where the arc is longer than a controller takes.
         """
         p, R = self._line(a, b, share)
-        found = _circle(self.p[a], self.p[self.middle(a, b)], self.p[b])
-        if found is not None:
-            center, axis, angle = found
+        circle = _circle(self.p[a], self.p[self.middle(a, b)], self.p[b])
+        if circle is not None:
+            center, axis, angle = circle
             p = center + rotation_matrix(share[:, None] * angle * axis) @ (self.p[a] - center)
             p[:] = p if angle <= LARGEST_ARC else np.nan
         return p, R
@@ -335,12 +335,12 @@ def _circle(start: Vector, via: Vector, end: Vector) -> tuple[Vector, Vector, fl
 
 def _ramps(speed: Vector, rests: list[int], tolerance: float) -> Flags:
     """Where the speed (k,) rises from a rest to its first peak, but for the tolerance, or falls so to the next rest."""
-    found = np.zeros(len(speed), dtype=bool)
+    on_ramp = np.zeros(len(speed), dtype=bool)
     for first, last in pairwise(rests):
         part = speed[first : last + 1]
-        found[first : first + _rise(part, tolerance)] = True
-        found[last + 1 - _rise(part[::-1], tolerance) : last + 1] = True
-    return found
+        on_ramp[first : first + _rise(part, tolerance)] = True
+        on_ramp[last + 1 - _rise(part[::-1], tolerance) : last + 1] = True
+    return on_ramp
 
 
 def _rise(speed: Vector, tolerance: float) -> int:
@@ -428,10 +428,10 @@ class Dialect:
         return [self.halt] * bool(lines and self.halt) + [self._line(line) for line in lines]
 
     def _line(self, line: str) -> str:
-        if found := OUTPUT.fullmatch(line):
-            return self.output.format(number=int(found[1]), state=self.states[found[2] == "on"]) + self.end
-        if found := WAIT.fullmatch(line):
-            return self.wait.format(seconds=float(found[1])) + self.end
+        if match := OUTPUT.fullmatch(line):
+            return self.output.format(number=int(match[1]), state=self.states[match[2] == "on"]) + self.end
+        if match := WAIT.fullmatch(line):
+            return self.wait.format(seconds=float(match[1])) + self.end
         if re.match(r"(?:output|wait)\b(?=[ .\d]|$)", line):
             raise ArgumentError("a process line", line, "write 'output 3 on', 'output 3 off' or 'wait 0.5'")
         if re.search(self.forbidden, line) or len(line) > self.longest:

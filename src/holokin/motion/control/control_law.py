@@ -180,11 +180,11 @@ def compiled(
         p, R = task.target_symbols()
         twist, dt, start = symbol("twist", 6 * task.frames), symbol("dt", 1), symbol("start", task.n)
         dx, error = tracking(task, k, p, R, twist, dt)
-        found = rate(Symbols(q, k, task.jacobian_expression(k, q), dx, error, dt, start))
+        solution = rate(Symbols(q, k, task.jacobian_expression(k, q), dx, error, dt, start))
         margin = task.margin_expression(k.rotation) if strategy is None else strategy.margin_expression
         inputs = {"q": q, "p": p, "R": R, "twist": twist, "dt": dt, "start": start}
-        outputs = {"dq": found.X, "rcond": found.rcond, "margin": margin}
-        return Function("law", inputs, outputs, found.system, None if strategy is None else strategy.transport)
+        outputs = {"dq": solution.X, "rcond": solution.rcond, "margin": margin}
+        return Function("law", inputs, outputs, solution.system, None if strategy is None else strategy.transport)
 
     def begin(q0: Vector) -> Step:
         rates = function()

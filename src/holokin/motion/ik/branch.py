@@ -56,9 +56,9 @@ SHORTEST = 2.0**-16
 beyond are refused in half the time that 2^-48 takes, and the same are reached."""
 
 
-def keeps_turns(q: Vector, begun: Vector, found: Vector) -> bool:
+def keeps_turns(q: Vector, begun: Vector, posture: Vector) -> bool:
     """True where a piece of a ray from q to a posture that was found, begun somewhere, cannot miss a joint's turn."""
-    return bool((np.abs(found - q) < HALF_TURN).all() and (np.abs(found - begun) <= ASIDE).all())
+    return bool((np.abs(posture - q) < HALF_TURN).all() and (np.abs(posture - begun) <= ASIDE).all())
 
 
 def rays_from(strategy: HolonomicStrategy) -> Vector | None:
@@ -147,10 +147,10 @@ class Fold:
         for k in range(CLOSER + 1):  # to q at first, then to a quarter of the share left, by half of the motion
             left = near.at - share if k else 0.0
             share += 0.75 * left
-            found = solve(q + left * rate if k else q, share)
-            if found is None:
+            posture = solve(q + left * rate if k else q, share)
+            if posture is None:
                 return q if k > SURE else None
-            q, ahead = found, 0.001 * (near.at - share)
+            q, ahead = posture, 0.001 * (near.at - share)
             rate = rate_at(q, share + ahead) / ahead
             if k and not near.agrees(share, rate, STILL if k > 1 else STANDS):
                 return None
@@ -202,9 +202,9 @@ def extended_jacobian(strategy: HolonomicStrategy) -> Function:
     """
     strategy = strategy.looped
     e, m, one = turning(strategy), strategy.task.m, SX.eye(strategy.task.n)
-    found = e.rate(one[:m, :], one[m:, :])
-    outputs = {"A": vertcat(e.J, e.planes), "inverse": found.X}
-    return Function("extended", {"q": e.q}, outputs, found.system, strategy.transport)
+    solution = e.rate(one[:m, :], one[m:, :])
+    outputs = {"A": vertcat(e.J, e.planes), "inverse": solution.X}
+    return Function("extended", {"q": e.q}, outputs, solution.system, strategy.transport)
 
 
 @kept

@@ -115,15 +115,15 @@ def node(strategy: HolonomicStrategy) -> Function:
     """(q, p, R, c) -> (Newton correction, rcond, margin, sign of det, A^-1) of the extended Jacobian A."""
     e, task = strategy.expressions, strategy.task
     (p, R), c, one = task.target_symbols(), symbol("c", task.n - task.m), SX.eye(task.n)
-    found = e.rate(
+    solution = e.rate(
         horzcat(task.error_expression(e.kinematics, p, R), one[: task.m, :]),
         horzcat(strategy.leaf_gap(c), one[task.m :, :]),
     )
     outputs = {
-        "dq": found.X[:, 0], "rcond": found.rcond, "margin": strategy.margin_expression, "side": found.orientation,
-        "inverse": found.X[:, 1:],
+        "dq": solution.X[:, 0], "rcond": solution.rcond, "margin": strategy.margin_expression,
+        "side": solution.orientation, "inverse": solution.X[:, 1:],
     }  # fmt: skip
-    return Function("node", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system)
+    return Function("node", {"q": e.q, "p": p, "R": R, "c": c}, outputs, solution.system)
 
 
 @kept
@@ -247,8 +247,8 @@ def edge_function(strategy: HolonomicStrategy) -> Function:
     p, R, length = symbol("p", 3), symbol("R", 3, 3), symbol("length", 1)
     scale = vertcat(*(length if angular else SX(1) for angular in task.angular))
     one = SX.eye(n)
-    found = e.rate(one[:m, :], one[m:, :])
-    Y = found.X / (SX.ones(n, 1) @ vertcat(scale, SX.ones(n - m, 1)).T)  # the inverse of the extended Jacobian A
+    solution = e.rate(one[:m, :], one[m:, :])
+    Y = solution.X / (SX.ones(n, 1) @ vertcat(scale, SX.ones(n - m, 1)).T)  # the inverse of the extended Jacobian A
     S, J = Y[:, :m], e.J * (scale @ SX.ones(1, n))
     large, fast = sumsqr(J), sumsqr(S)
     # d |S|^2 = -2 <Y^T S S^T, dA>: no solve is differentiated
@@ -265,7 +265,7 @@ def edge_function(strategy: HolonomicStrategy) -> Function:
         "p": k.position,
         "R": k.rotation,
     }
-    return Function("edge", {"q": e.q, "p": p, "R": R, "length": length}, outputs, found.system)
+    return Function("edge", {"q": e.q, "p": p, "R": R, "length": length}, outputs, solution.system)
 
 
 @dataclass(frozen=True, eq=False)
@@ -398,16 +398,16 @@ class Edge(Value):
         while width >= NARROW:
             end = min(1.0, share + width)
             begun = q + (end - share) * rate
-            found = self.solved(begun, *path.at(end))
+            posture = self.solved(begun, *path.at(end))
             width = (end - share) / 2
-            if found is None:
+            if posture is None:
                 continue
-            off = float(np.abs(found - begun).max())
+            off = float(np.abs(posture - begun).max())
             width *= min(8.0, max(0.5, (2 * LEAP / max(off, 1e-300)) ** 0.5))  # for a half of the leap, next time
             if off > LEAP:
                 continue
-            last = found if end - share >= COARSE else last
-            rate, q, share = (found - q) / (end - share), found, end
+            last = posture if end - share >= COARSE else last
+            rate, q, share = (posture - q) / (end - share), posture, end
             if end == 1.0:
                 return q, True
         return last, False
@@ -422,8 +422,8 @@ class Edge(Value):
 
     def joined(self, q: Vector, tool: Goal, end: Look) -> bool:
         """True where the straight path of the tool between two postures is shown to lead from one to the other."""
-        found, reached = self.walk(q, self.straight(tool, (end.position, end.rotation)), self.tries)
-        return reached and float(np.abs(found - end.q).max()) <= SAME
+        posture, reached = self.walk(q, self.straight(tool, (end.position, end.rotation)), self.tries)
+        return reached and float(np.abs(posture - end.q).max()) <= SAME
 
     def moved(self, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool) -> Look | None:
         """The look after a share of a motion z of the tool, or, without z, of the straight path to the goal.
@@ -440,15 +440,15 @@ class Edge(Value):
         if careful:
             q, reached = self.walk(at.q, path, self.tries)
             return self.look(q, goal) if reached else None
-        found = self.solved(at.q + share * (at.S @ (at.e if z is None else z)), *path.at(1.0))
-        return None if found is None else self.look(found, goal)
+        posture = self.solved(at.q + share * (at.S @ (at.e if z is None else z)), *path.at(1.0))
+        return None if posture is None else self.look(posture, goal)
 
     def onto(self, q: Vector, goal: Goal) -> Look | None:
         """The look at the posture of the leaf nearby that has the tool pose of q; None where there is none."""
-        found = self.solved(q, *self.tool(q), self.leaf)
-        return None if found is None else self.look(found, goal)
+        posture = self.solved(q, *self.tool(q), self.leaf)
+        return None if posture is None else self.look(posture, goal)
 
     def solved(self, q: Vector, p: Vector, R: Matrix, c: Vector) -> Vector | None:
         """The posture at a tool pose on a leaf to which Newton contracts from q."""
-        found = newton_on_leaf(leaf_step(self.strategy), q, p, R, c, self.side)
-        return None if found is None else found[0]
+        solution = newton_on_leaf(leaf_step(self.strategy), q, p, R, c, self.side)
+        return None if solution is None else solution[0]

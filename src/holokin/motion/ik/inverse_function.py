@@ -176,8 +176,8 @@ def cold(edge: Edge, goal: Goal) -> Look:
     at, reached = _reached_from_start(edge, goal)
     if reached:
         return at
-    found = down(edge, at, goal, False, edge.tool(edge.q0), edge.q0)
-    return found[0] if found is not None else descend(edge, edge.look(edge.q0, goal), goal, True, edge.q0)[0]
+    end = down(edge, at, goal, False, edge.tool(edge.q0), edge.q0)
+    return end[0] if end is not None else descend(edge, edge.look(edge.q0, goal), goal, True, edge.q0)[0]
 
 
 def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, bool]:
@@ -211,15 +211,15 @@ def _whither(
     at, reached = _reached_from_start(edge, goal, edge.solved(q, *goal, edge.leaf))
     if reached:
         return at, None, True
-    found = None
+    descent = None
     if begin is not None:
         tool = begin.position, begin.rotation
         tries = (down(edge, begin, goal, careful, tool, begin.q, step) for careful in (False, True))
-        found = next((one for one in tries if one is not None), None)
-    if found is None:
+        descent = next((one for one in tries if one is not None), None)
+    if descent is None:
         return cold(edge, goal), None, True
-    slid = _slid_from_start(edge, goal, at) if found[0].distance > REACHED else None
-    return (*found, False) if slid is None else (slid, None, True)
+    slid = _slid_from_start(edge, goal, at) if descent[0].distance > REACHED else None
+    return (*descent, False) if slid is None else (slid, None, True)
 
 
 def steps(a: Vector, b: Vector, step: Vector) -> float:
@@ -238,17 +238,17 @@ def nearest(
     """The nearest pose to a goal, from the start or from q; `refused` looks whether the goal is a pose at all."""
     kernel = _edge_kernel(edge.strategy)
     if kernel is not None:
-        ended, found = kernel(edge.context, np.concatenate([goal[0], goal[1].ravel()]), q, step)
+        ended, numbers = kernel(edge.context, np.concatenate([goal[0], goal[1].ravel()]), q, step)
         moving, status = ended == 1, _REFUSED.get(ended, InverseStatus.REACHED)
     elif (status := refused()) is InverseStatus.REACHED:
         at, moving = (cold(edge, goal), False) if q is None else warm(edge, goal, q, step)
-        found = at.numbers
+        numbers = at.numbers
     else:
-        found, moving = None, False
-    if found is None or status is not InverseStatus.REACHED:
+        numbers, moving = None, False
+    if numbers is None or status is not InverseStatus.REACHED:
         stays = edge.q0 if q is None else q  # without q, what is no pose was refused before
         return Nearest(stays, np.full((4, 4), np.nan), status, np.nan, np.nan, np.nan, np.nan)
-    joints, e, rcond, tool, slack = found
+    joints, e, rcond, tool, slack = numbers
     pose = np.zeros((4, 4))
     pose[:3, :3], pose[:3, 3], pose[3, 3] = tool[3:].reshape(3, 3), tool[:3], 1.0
     distance, position, angle = (float(part @ part) ** 0.5 for part in (e, e[edge.linear], e[~edge.linear]))
@@ -487,11 +487,11 @@ class InverseKinematics(Value):
         p, R = self._given.one(pose)
         begin = self.strategy.task.robot.checked(q, "the posture to begin from")
         there = None if self.region is None else self._inside(p, R)
-        found = paths.reach(p, R, begin)
-        if there is not None and not np.linalg.norm(found - there[0]) <= there[1]:
+        posture = paths.reach(p, R, begin)
+        if there is not None and not np.linalg.norm(posture - there[0]) <= there[1]:
             fact = "from this posture the pose is reached with other joints than those of ik(pose)"
             raise BranchError(fact, "go back by the path that was come, or stop and move the joints to ik(pose)")
-        return found
+        return posture
 
     def _edge(self, level: ArrayLike | None, *more: Any) -> Edge:
         """The edge of the leaf of the start; or of another level, of which the last one is kept."""
@@ -509,8 +509,8 @@ class InverseKinematics(Value):
             return [self._paths] * count
         given = np.asarray(level)
         rows = given if given.ndim == 2 and len(given) == count else [level] * min(count, 1)
-        found = [self._at_level(row) for row in rows]
-        return found if len(found) == count else found * count
+        paths = [self._at_level(row) for row in rows]
+        return paths if len(paths) == count else paths * count
 
     def _inside(self, p: Vector, R: Matrix) -> tuple[Vector, float]:
         """(a posture near that of the region's function at a pose, how far about it there is none but that)."""
@@ -538,9 +538,9 @@ class InverseKinematics(Value):
     def _silent_near(self, pose: PoseLike, q: Vector) -> Vector | None:
         """`ik.near(pose, q)`, or None where there is none."""
         p, R = self._given.one(pose)
-        found, status = self._paths.go(p, R, q)
-        reached = status is InverseStatus.REACHED and self._paths.jump(p, R, q, found, status) is None
-        return found if reached else None
+        posture, status = self._paths.go(p, R, q)
+        reached = status is InverseStatus.REACHED and self._paths.jump(p, R, q, posture, status) is None
+        return posture if reached else None
 
     @cached_property
     def _quiet(self) -> tuple[Callable[[PoseLike], Vector | None], Callable[[PoseLike, Vector], Vector | None]]:

@@ -102,9 +102,14 @@ def leaf_step(strategy: HolonomicStrategy) -> Function:
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
     (p, R), c = task.target_symbols(), symbol("c", task.n - task.m)
-    found = e.rate(task.error_expression(e.kinematics, p, R), strategy.leaf_gap(c))
-    outputs = {"dq": found.X, "rcond": found.rcond, "margin": strategy.margin_expression, "side": found.orientation}
-    return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system, strategy.transport)
+    solution = e.rate(task.error_expression(e.kinematics, p, R), strategy.leaf_gap(c))
+    outputs = {
+        "dq": solution.X,
+        "rcond": solution.rcond,
+        "margin": strategy.margin_expression,
+        "side": solution.orientation,
+    }
+    return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, solution.system, strategy.transport)
 
 
 def newton_on_leaf(
@@ -225,25 +230,25 @@ def leaf_walk(
         share, width, fold = 0.0, 1.0, Fold()
 
         def solve(begun: Vector, at: float) -> Vector | None:
-            found = newton_on_leaf(correct, begun, *path.at(at), side)
-            return None if found is None else found[0]
+            solution = newton_on_leaf(correct, begun, *path.at(at), side)
+            return None if solution is None else solution[0]
 
         for _ in range(tries):
             goal = min(1.0, share + width)
             begun = q + (goal - share) * rate
-            found, fits = newton_on_leaf(correct, begun, *path.at(goal), side), 0.5
-            if found is not None and ray:
-                fits = 2.0 if keeps_turns(q, begun, found[0]) else 0.5
-            elif found is not None:
-                fits = branch.step(q, found[0], path.curve(goal - share, found[1] if angles else 1.0))
-            if found is not None and fits >= 1.0:
-                move = found[0] - q
+            solution, fits = newton_on_leaf(correct, begun, *path.at(goal), side), 0.5
+            if solution is not None and ray:
+                fits = 2.0 if keeps_turns(q, begun, solution[0]) else 0.5
+            elif solution is not None:
+                fits = branch.step(q, solution[0], path.curve(goal - share, solution[1] if angles else 1.0))
+            if solution is not None and fits >= 1.0:
+                move = solution[0] - q
                 rate = move / (goal - share)
                 if goal == 1.0:
-                    return found[0], PathEnd.REACHED
+                    return solution[0], PathEnd.REACHED
                 if not max(map(abs, move.tolist())) > CREEP:
                     return q, PathEnd.STOPPED
-                q, share, width, middle = found[0], goal, fits * (goal - share), (share + goal) / 2
+                q, share, width, middle = solution[0], goal, fits * (goal - share), (share + goal) / 2
                 if folds and not ray:
                     end = fold.ahead(q, share, middle, rate, solve, lambda q, at: correct(q, *path.at(at))[0])
                     if end is not None:
@@ -343,10 +348,10 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 
     strategy(start)
     at, goal = leaf_value(strategy, start), level_towards(strategy, start, level)
     here = task.place(start)
-    found = leaf_follower(strategy, start)(start, straight_path(task, here, here, (at, goal)))
+    posture = leaf_follower(strategy, start)(start, straight_path(task, here, here, (at, goal)))
     if limits:
-        task.robot.check_limits(found, WITHIN)
-    return found
+        task.robot.check_limits(posture, WITHIN)
+    return posture
 
 
 def level_towards(strategy: HolonomicStrategy, q0: Vector, level: ArrayLike) -> Vector:

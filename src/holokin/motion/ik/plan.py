@@ -187,13 +187,13 @@ class Plan:
         first = step - step % BLOCK
         if first not in self._kept:
             segment, u0, u1 = self._locate(np.arange(first, min(first + BLOCK, self.steps)))
-            found = [self.path.on(segment, u) for u in (u0, (u0 + u1) / 2, u1)]
-            rotations = [turned(at.rotation, self.start_rotation) for at in found]
-            pairs = zip(found, rotations, strict=True)
+            samples = [self.path.on(segment, u) for u in (u0, (u0 + u1) / 2, u1)]
+            rotations = [turned(at.rotation, self.start_rotation) for at in samples]
+            pairs = zip(samples, rotations, strict=True)
             rates, margins = zip(*(self.task.rates(R, at.velocity, at.angular) for at, R in pairs), strict=True)
             self._kept.clear()
             h = self.path.durations[segment] / self.counts[segment]
-            self._kept[first] = _Block(found[2].position, rotations[2], h, rates, np.min(margins, axis=0))
+            self._kept[first] = _Block(samples[2].position, rotations[2], h, rates, np.min(margins, axis=0))
         return self._kept[first]
 
     @cached_property

@@ -111,13 +111,13 @@ def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> Beyond | Non
     """
     for i in np.unique(np.linspace(step, plan.steps - 1, TARGETS).astype(int)):
         position, rotation = plan.target(int(i), 1.0)
-        found = nearest_postures(plan.task, position[None], rotation[None], q[None], limits=limits)
-        if not found.reached[0]:
-            if not found.ended[0]:
+        nearest = nearest_postures(plan.task, position[None], rotation[None], q[None], limits=limits)
+        if not nearest.reached[0]:
+            if not nearest.ended[0]:
                 return None
             why = _in_the_way(plan.task, position, rotation, q, limits)
-            return Beyond((i + 1) / plan.steps, float(found.missing[0]), position, why)
-        q = found.q[0]
+            return Beyond((i + 1) / plan.steps, float(nearest.missing[0]), position, why)
+        q = nearest.q[0]
     return None
 
 
@@ -169,12 +169,12 @@ def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix
         some = shares[first : first + ROUND]
         begin = low[left, None] + some * (high - low)[left, None]
         rows = np.repeat(left, len(some))
-        found = _search(task, position[rows], rotation[rows], begin.reshape(-1, robot.n), lower, upper)
-        each = found.missing.reshape(len(left), -1)
+        nearest = _search(task, position[rows], rotation[rows], begin.reshape(-1, robot.n), lower, upper)
+        each = nearest.missing.reshape(len(left), -1)
         chosen = np.argmin(each, axis=1) + len(some) * np.arange(len(left))
-        better = found.missing[chosen] < missing[left]
+        better = nearest.missing[chosen] < missing[left]
         to, of = left[better], chosen[better]
-        q[to], missing[to], ended[to] = found.q[of], found.missing[of], found.ended[of]
+        q[to], missing[to], ended[to] = nearest.q[of], nearest.missing[of], nearest.ended[of]
         alike = (each <= ALIKE * missing[left, None]).sum(axis=1)
         sure[left] = ended[left] & (alike >= ROUND / 2)
     return NearestPostures(q, missing, ended)
@@ -265,8 +265,8 @@ class PosePaths(Value):
             raise jump_problem(strategy, jump)
         if search and status in FAILED:
             # Distance [m or rad] of a tool pose that no search from q or elsewhere reaches; else None.
-            found = nearest_postures(strategy.task, p[None], R[None], q[None], limits=self.limits)
-            missing = float(found.missing[0]) if found.ended[0] and not found.reached[0] else None
+            nearest = nearest_postures(strategy.task, p[None], R[None], q[None], limits=self.limits)
+            missing = float(nearest.missing[0]) if nearest.ended[0] and not nearest.reached[0] else None
             if missing is not None:
                 fact = f"the pose is out of reach of {strategy.task.robot.name!r}: no search came closer than"
                 cure = doubtful_target(strategy.task, p) or "give a pose nearer to the base"
@@ -284,18 +284,18 @@ class PosePaths(Value):
     def go_all(self, p: Matrix, R: Array, threads: int | None) -> tuple[Matrix, Indices]:
         """The same from the start to many poses (k, 3F), (k, 3F, 3), none of which is bad."""
         if self.kernel is None:
-            found = [self._walk(*pose, self.q0) for pose in zip(p, R, strict=True)]
-            q = np.array([one for one, _ in found]).reshape(-1, len(self.q0))
-            return q, np.array([status for _, status in found], dtype=np.intp)
+            walks = [self._walk(*pose, self.q0) for pose in zip(p, R, strict=True)]
+            q = np.array([one for one, _ in walks]).reshape(-1, len(self.q0))
+            return q, np.array([status for _, status in walks], dtype=np.intp)
         q = np.tile(self.q0, (len(p), 1))
         return q, self.kernel(in_rows(p, R), self.context, q, not self._cold(self.q0), threads)
 
     def go_each(self, p: Matrix, R: Array, begin: Matrix, threads: int | None) -> tuple[Matrix, Flags]:
         """(postures (k, n), which are reached (k,)) of many poses, each by the path from its own posture (k, n)."""
         if self.kernel is None:
-            found = [self._walk(*one) for one in zip(p, R, begin, strict=True)]
-            q = np.array([one for one, _ in found]).reshape(-1, len(self.q0))
-            return q, np.array([status == InverseStatus.REACHED for _, status in found], dtype=bool)
+            walks = [self._walk(*one) for one in zip(p, R, begin, strict=True)]
+            q = np.array([one for one, _ in walks]).reshape(-1, len(self.q0))
+            return q, np.array([status == InverseStatus.REACHED for _, status in walks], dtype=bool)
         q = np.ascontiguousarray(begin).copy()
         return q, np.asarray(self.kernel(in_rows(p, R), self.context, q, True, threads) == InverseStatus.REACHED)
 

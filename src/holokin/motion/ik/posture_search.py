@@ -263,10 +263,10 @@ def all_postures(
     chosen = [turned(strategy, members, free, aim, limits) for members in classes]
     inside = np.array([within for _, within in chosen], dtype=bool)
     kept = np.array([one for one, _ in chosen]).reshape(-1, task.n)[inside]
-    found = np.array([len(members) for members in classes], dtype=float)[inside]
+    counts = np.array([len(members) for members in classes], dtype=float)[inside]
     order = np.lexsort(np.round(kept, 6).T[::-1])
     at = strategy.gain.batch(kept[order])[1].ravel() if len(kept) else np.zeros(0)
-    return Postures(kept[order], wanted, c.copy(), found[order], at, count, singular, int(np.sum(~inside)))
+    return Postures(kept[order], wanted, c.copy(), counts[order], at, count, singular, int(np.sum(~inside)))
 
 
 def spread(robot: Robot, count: int, counted: Flags | None = None) -> Matrix:

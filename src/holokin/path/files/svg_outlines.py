@@ -109,7 +109,7 @@ def _outlines(file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any)
         if not isinstance(element, svgelements.Shape) or _inside_definition(element):
             continue
         try:
-            found = [
+            outlines = [
                 _pieces([s for s in outline if not isinstance(s, svgelements.Move)], to_metres, svgelements)
                 for outline in svgelements.Path(element).as_subpaths()
             ]
@@ -117,7 +117,7 @@ def _outlines(file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any)
             said = str(problem) or type(problem).__name__
             fact = f"has a <{shown(_tag(element))}> that cannot be drawn ({shown(said)})"
             raise RecordingError(file, fact, "correct its numbers") from None
-        yield from found
+        yield from outlines
 
 
 def _tag(element: Any) -> str:
@@ -168,8 +168,8 @@ def _inside_definition(element: Any) -> bool:
 
 def _pieces(drawn: list[Any], to_metres: Matrix, svgelements: Any) -> list[_Piece | None]:
     """The pieces, None where one is too short; an end of an outline where it began is no piece."""
-    found = [_piece(one, to_metres, svgelements) for one in drawn]
-    return found[:-1] if drawn and isinstance(drawn[-1], svgelements.Close) and found[-1] is None else found
+    pieces = [_piece(one, to_metres, svgelements) for one in drawn]
+    return pieces[:-1] if drawn and isinstance(drawn[-1], svgelements.Close) and pieces[-1] is None else pieces
 
 
 def _piece(drawn: Any, to_metres: Matrix, svgelements: Any) -> _Piece | None:

@@ -87,11 +87,11 @@ def _description_file(name: str) -> Path:
     package = importlib.import_module("robot_descriptions")
     word = name.removeprefix(PREFIX)
     known = sorted(m.name for m in iter_modules(package.__path__) if m.name.endswith("_description"))
-    found = next((full for full in (word, f"{word}_description") if full in known), None)
-    if found is None:
+    full_name = next((full for full in (word, f"{word}_description") if full in known), None)
+    if full_name is None:
         raise UnknownNameError("robot of robot_descriptions", word, known)
     try:
-        module = importlib.import_module(f"robot_descriptions.{found}")
+        module = importlib.import_module(f"robot_descriptions.{full_name}")
     except Exception as problem:
         said = str(problem).strip() or type(problem).__name__
         cure = "check the network: robot_descriptions clones the files of a robot when it is asked for the first time"
@@ -266,8 +266,8 @@ def frame_of(path: Any, key: str, table: Mapping[str, Any]) -> tuple[Vector, Vec
     _known(path, key, table, _FRAME)
     if "rpy" in table and "rpy_deg" in table:
         raise RobotFileError(path, f"{key} has rpy and rpy_deg", "give one of them")
-    found = {part: _three(path, f"{key}.{part}", table.get(part, [0.0, 0.0, 0.0])) for part in _FRAME}
-    return found["xyz"], found["rpy"] + np.deg2rad(found["rpy_deg"])
+    frame = {part: _three(path, f"{key}.{part}", table.get(part, [0.0, 0.0, 0.0])) for part in _FRAME}
+    return frame["xyz"], frame["rpy"] + np.deg2rad(frame["rpy_deg"])
 
 
 def _robot(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
@@ -383,11 +383,11 @@ _KINDS = {
 @typed
 def catalogue() -> dict[str, str]:
     """Names of the robots that come with the library -> where their numbers are from."""
-    found = {}
+    sources = {}
     for entry in sorted(files("holokin.robot").joinpath("data").iterdir(), key=lambda e: e.name):
         if entry.name.endswith(".toml"):
-            found[entry.name.removesuffix(".toml")] = tomllib.loads(entry.read_text("utf-8"))["source"]
-    return found
+            sources[entry.name.removesuffix(".toml")] = tomllib.loads(entry.read_text("utf-8"))["source"]
+    return sources
 
 
 @typed

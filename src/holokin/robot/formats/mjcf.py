@@ -279,8 +279,8 @@ def from_mjcf(
         tree = mjcf_text_tree(str(model)) if str(model).lstrip().startswith("<") else mjcf_tree(model)
     else:
         raise ArgumentError("model", model, "give an MJCF file, a text of one, or a mujoco.MjModel")
-    found = robot_of(tree, tip, base, locked, trust_units)
-    return found if max_velocity is None else with_limits(found, max_velocity=max_velocity, trust_units=trust_units)
+    robot = robot_of(tree, tip, base, locked, trust_units)
+    return robot if max_velocity is None else with_limits(robot, max_velocity=max_velocity, trust_units=trust_units)
 
 
 def mjcf_tree(path: str | Path) -> Tree:
@@ -514,12 +514,12 @@ class _Reader:
         return frozenset(ways[0] ^ ways[1])
 
     def _up(self, body: int) -> set[str]:
-        m, found = self.model, set()
+        m, ancestors = self.model, set()
         while body:
             first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
-            found |= set(self.joints[first : first + count]) if count else set()
+            ancestors |= set(self.joints[first : first + count]) if count else set()
             body = int(m.body_parentid[body])
-        return found
+        return ancestors
 
     def _names(self, kind: str, count: int) -> list[str]:
         """The names of all bodies, joints, ... ; one without a name is called by its number."""

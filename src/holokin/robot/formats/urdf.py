@@ -194,8 +194,8 @@ def essentials(data: bytes, path: str | Path) -> ElementTree.Element:
     except (LookupError, ValueError) as problem:  # an encoding unknown to Python, or of several bytes a character
         raise RobotFileError(path, f"declares an encoding that is not read ({problem})", "save it as UTF-8") from None
     if root is None or root.tag != "robot":
-        found = root.tag if root is not None else "missing"
-        raise RobotFileError(path, f"is not a URDF, its root is <{brief(found, 60)}>", "give a URDF of a robot")
+        root_tag = root.tag if root is not None else "missing"
+        raise RobotFileError(path, f"is not a URDF, its root is <{brief(root_tag, 60)}>", "give a URDF of a robot")
     return root
 
 
@@ -449,10 +449,10 @@ def _values(owner: ElementTree.Element, element: ElementTree.Element, name: str,
 
 def _turned_joints(root: ElementTree.Element) -> dict[str, list[float]]:
     """Joints of a URDF -> the roll, pitch and yaw of their origins, where these have some."""
-    found = {
+    turned = {
         joint.get("name", ""): origin.get("rpy") for joint in root.iter("joint") for origin in joint.iter("origin")
     }
-    return {name: [float(word) for word in rpy.split()] for name, rpy in found.items() if rpy}
+    return {name: [float(word) for word in rpy.split()] for name, rpy in turned.items() if rpy}
 
 
 @typed

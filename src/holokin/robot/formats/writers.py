@@ -226,13 +226,13 @@ def _efforts(robot: Robot, effort: ArrayLike) -> list[float]:
 def link_names(robot: Robot) -> list[str]:
     """Names of the base and of each joint's link, all of them unlike the tips'."""
     taken = {tip.name for tip in robot.tips}
-    found = []
+    names = []
     for name in ("base", *(f"{joint.name}_link" for joint in robot.joints)):
         while name in taken:
             name += "_"
         taken.add(name)
-        found.append(name)
-    return found
+        names.append(name)
+    return names
 
 
 def _urdf_inertial(body: Body) -> str:

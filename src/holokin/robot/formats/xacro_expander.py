@@ -273,10 +273,10 @@ def _refuse_long(length: float) -> None:
 
 
 def _short_range(*args: int) -> range:
-    found = range(*args)
-    if found.start != found.stop and abs((found.stop - found.start) // found.step) > LENGTH:
+    values = range(*args)
+    if values.start != values.stop and abs((values.stop - values.start) // values.step) > LENGTH:
         raise Refused(f"it gives a range of more than {LENGTH} numbers")
-    return found
+    return values
 
 
 def xacro_interpreter(xacro: Any) -> Interpreter:

@@ -269,8 +269,8 @@ class Mesh(Shape):
     def _like(self) -> str:
         """A file beside the missing one whose name differs in capital letters alone."""
         folder, name = self.file.parent, self.file.name.lower()
-        found = [one.name for one in folder.iterdir() if one.name.lower() == name] if folder.is_dir() else []
-        return f" (but one named {found[0]})" if found else ""
+        alike = [one.name for one in folder.iterdir() if one.name.lower() == name] if folder.is_dir() else []
+        return f" (but one named {alike[0]})" if alike else ""
 
     def outward(self, faces: Indices) -> Indices:
         """Triangles (f, 3) of the file as they go round seen from outside: a mirrored mesh turns them round."""

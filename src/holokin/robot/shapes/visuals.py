@@ -25,14 +25,14 @@ def geom_shapes(
 
     Those of the world are obstacles, with names of their own.
     """
-    found: dict[str, tuple[LinkShape, ...]] = {}
+    shapes: dict[str, tuple[LinkShape, ...]] = {}
     for geom in range(model.ngeom):
         if model.geom_contype[geom] or model.geom_conaffinity[geom]:
             body = int(model.geom_bodyid[geom])
             name = bodies[body] if body else geoms[geom]
             T, shape = transform(model.geom_pos[geom], model.geom_quat[geom]), _geom_shape(model, geom, enums, source)
-            found[bodies[body]] = (*found.get(bodies[body], ()), LinkShape(name, -1, T, shape, obstacle=body == 0))
-    return found
+            shapes[bodies[body]] = (*shapes.get(bodies[body], ()), LinkShape(name, -1, T, shape, obstacle=body == 0))
+    return shapes
 
 
 def _geom_shape(model: Any, geom: int, enums: Any, source: str = "") -> Shape:
@@ -175,11 +175,11 @@ class Visual(Value):
 def urdf_visuals(model: Any, find: Finder) -> dict[str, tuple[Visual, ...]]:
     """Link -> what is drawn of it, of a URDF. What cannot be understood is left out."""
     shared = {material.name: material for material in getattr(model, "materials", None) or ()}
-    found = {}
+    visuals = {}
     for link in model.links:
         seen = [_urdf_visual(link.name, visual, shared, find) for visual in link.visuals if visual is not None]
-        found[link.name] = tuple(visual for visual in seen if visual is not None)
-    return found
+        visuals[link.name] = tuple(visual for visual in seen if visual is not None)
+    return visuals
 
 
 def _urdf_visual(link: str, visual: Any, shared: dict[str, Any], find: Finder) -> Visual | None:
@@ -204,7 +204,7 @@ def _urdf_color(material: Any, shared: dict[str, Any]) -> Vector | None:
 
 def mjcf_visuals(model: Any, enums: Any, bodies: Sequence[str]) -> dict[str, tuple[Visual, ...]]:
     """Body -> what is drawn of it, of an MjModel: its geoms in the groups 0, 1 and 2, those of the world left out."""
-    found: dict[str, tuple[Visual, ...]] = {}
+    visuals: dict[str, tuple[Visual, ...]] = {}
     for geom in range(model.ngeom):
         body = int(model.geom_bodyid[geom])
         # That of its material, where it has one.
@@ -215,8 +215,8 @@ def mjcf_visuals(model: Any, enums: Any, bodies: Sequence[str]) -> dict[str, tup
         shape = _mjcf_shape(model, geom, enums)
         if shape is not None:
             T = transform(model.geom_pos[geom], model.geom_quat[geom])
-            found[bodies[body]] = (*found.get(bodies[body], ()), Visual(bodies[body], -1, T, shape, color))
-    return found
+            visuals[bodies[body]] = (*visuals.get(bodies[body], ()), Visual(bodies[body], -1, T, shape, color))
+    return visuals
 
 
 def _mjcf_shape(model: Any, geom: int, enums: Any) -> Shape | Surface | None:

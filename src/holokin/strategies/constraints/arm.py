@@ -179,12 +179,12 @@ def _chain(robot: Robot, tip: str | None) -> list[_Axis]:
     for joint in robot.joints:
         frames.append((frames[joint.parent] if joint.parent >= 0 else np.eye(4)) @ joint.placement)
     end = next((t for t in robot.tips if t.name == tip), robot.tips[0])
-    found: list[_Axis] = []
+    axes: list[_Axis] = []
     for at in joints_above(robot.joints, end.joint):
         joint = robot.joints[at]
         direction = frames[at][:3, :3] @ joint.axis
-        found.append(_Axis(at, joint.name, frames[at], direction, joint.kind == "revolute"))
-    return found[::-1]
+        axes.append(_Axis(at, joint.name, frames[at], direction, joint.kind == "revolute"))
+    return axes[::-1]
 
 
 def _meeting(axes: Sequence[_Axis]) -> _Place | None:

@@ -541,12 +541,12 @@ class StackedTask(Task):
     @property
     def rotations(self) -> tuple[int, ...]:
         """The first angular row of each part that has all three of them among the rows."""
-        found = []
+        firsts = []
         for f in range(self.frames):
             mine = [i for i, row in enumerate(self.rows) if row // 6 == f and row % 6 > 2]
             if len(mine) == 3:
-                found.append(mine[0])
-        return tuple(found)
+                firsts.append(mine[0])
+        return tuple(firsts)
 
     @property
     def geometric_twin(self) -> StackedTask:
@@ -704,11 +704,11 @@ def completing(task: Task) -> Function:
 @kept
 def free_directions(task: Task) -> list[tuple[Vector, bool] | None]:
     """Of each frame the axis (3,) about which it may spin, fixed in it, or, with True, in the base; None where none."""
-    found: list[tuple[Vector, bool] | None] = []
+    directions: list[tuple[Vector, bool] | None] = []
     for part, rows in _rows(task):
         one = part.representation.directions.get(tuple(sorted(row - 3 for row in rows if row > 2)))
-        found.append(None if one is None else (np.asarray(one[0], dtype=float), one[1]))
-    return found
+        directions.append(None if one is None else (np.asarray(one[0], dtype=float), one[1]))
+    return directions
 
 
 def _rows(task: Task) -> list[tuple[FrameTask, set[int]]]:

@@ -512,10 +512,10 @@ class Task(ByValue, ABC):
         bounds = (TOLERANCES.representation,)
         return self._jacobian.checked((self.m, self.n), self.robot.checked, self._doubtful, bounds)
 
-    def _doubtful(self, q: Vector, found: Array, margin: float = np.inf) -> Array:
+    def _doubtful(self, q: Vector, result: Array, margin: float = np.inf) -> Array:
         """What was found at q, unless q is not finite or the representation is singular there."""
         check_representation(self, self.robot.checked(q), margin)
-        return found
+        return result
 
     @cached_property
     def error_function(self) -> Function:

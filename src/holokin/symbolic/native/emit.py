@@ -249,14 +249,14 @@ class Transport:
         for row in range(self.rows):
             by_y, by_v, gaps, ahead = slopes[:, row], none(v.shape[0]), none(2), None
             for step in reversed(range(self.steps)):
-                of_end, found = by_y, (0, 0)
+                of_end, position = by_y, (0, 0)
                 for stage in reversed(range(4)):
-                    into = SHARES[stage + 1] * found[0] if stage < 3 else 0
-                    found = p.pull(left[4 * step + stage], h * (WEIGHTS[stage] * of_end + into))
+                    into = SHARES[stage + 1] * position[0] if stage < 3 else 0
+                    position = p.pull(left[4 * step + stage], h * (WEIGHTS[stage] * of_end + into))
                     if stage == 3 and ahead is not None:
-                        gaps = gaps + _gaps(ahead, found)
-                    by_y, by_v = by_y + found[0], by_v + found[1]
-                ahead = found
+                        gaps = gaps + _gaps(ahead, position)
+                    by_y, by_v = by_y + position[0], by_v + position[1]
+                ahead = position
             first = p.pull(left[0], h * WEIGHTS[0] * by_y)
             gaps = gaps + _gaps(ahead, first)
             moved, doubt = p.back(q, y, v, by_y, by_v, first[1] / (h * WEIGHTS[0]), gaps, factor)
@@ -284,10 +284,10 @@ def _gaps(one: Any, other: Any) -> Any:
 def _piece(name: str, piece: ca.Function) -> str:
     """C of a piece: pointers to its inputs, then to its outputs, each in CasADi's order."""
     given = [f"const hk_t *restrict x{i}" for i in range(piece.n_in())]
-    found = [f"hk_t *restrict y{i}" for i in range(piece.n_out())]
+    pointers = [f"hk_t *restrict y{i}" for i in range(piece.n_out())]
     idle = "".join(f"  (void)x{i};\n" for i in range(piece.n_in()))
     code = emit(piece, name, lambda a, i: f"x{a}[{i}]", lambda a, i: f"y{a}[{i}]")
-    return f"static void hk_transport_{name}({', '.join([*given, *found])}) {{\n{idle}{code}\n}}\n"
+    return f"static void hk_transport_{name}({', '.join([*given, *pointers])}) {{\n{idle}{code}\n}}\n"
 
 
 # --- What a `Function` runs: straight-line code, or such code around a loop, and around a square system, by numbers.
@@ -381,12 +381,12 @@ def program(
         )
     if system is None:
         return Program(_shared(name, symbols, values), None, tuple(range(len(values))), ())
-    found = [system.X, system.measures]
+    unknowns = [system.X, system.measures]
     unknown = ca.vertcat(ca.vec(system.X), system.measures)
     late = tuple(i for i, value in enumerate(values) if ca.depends_on(value, unknown))
     early = tuple(i for i in range(len(values)) if i not in late)
     before = _shared(name, symbols, [*(values[i] for i in early), ca.densify(system.A), ca.densify(system.B)])
-    after = _shared(f"{name}_after", [*symbols, *found], [values[i] for i in late])
+    after = _shared(f"{name}_after", [*symbols, *unknowns], [values[i] for i in late])
     return Program(before, after, early, late, *system.B.shape)
 
 
@@ -433,9 +433,11 @@ class Port(threading.local):
         early = [self.results[i] for i in made.early]
         given, carry = self.arguments, None
         if made.transport is not None:
-            found = _memory((made.transport.found.shape[0], *extra))
-            given = [*given, found]
-            self._carrying, carry = _bind([made.transport.function], [[self.arguments[made.carried]]], [[found]], count)
+            memory = _memory((made.transport.found.shape[0], *extra))
+            given = [*given, memory]
+            self._carrying, carry = _bind(
+                [made.transport.function], [[self.arguments[made.carried]]], [[memory]], count
+            )
         if made.after is None:
             self._buffers, first = _bind([made.before], [given], [early], count)
             self.trigger = first if carry is None else _both(carry, first)
@@ -485,8 +487,8 @@ def solve_numbers(A: Array, B: Array, X: Array, measures: Array) -> None:
     measures[1] = -1.0 if turns % 2 else 1.0
     turned, _, _ = lapack.dormqr("L", "T", reflections, tau, B, 64 * B.shape[1])  # type: ignore[attr-defined]
     for k in range(B.shape[1]):  # one by one: from two on OpenBLAS starts threads, which takes milliseconds
-        found, info = lapack.dtrtrs(reflections, turned[:, k])  # type: ignore[attr-defined]
-        X[:, k] = found if info == 0 else np.nan
+        column, info = lapack.dtrtrs(reflections, turned[:, k])  # type: ignore[attr-defined]
+        X[:, k] = column if info == 0 else np.nan
 
 
 def _memory(shape: tuple[int, ...]) -> Array:
@@ -539,9 +541,9 @@ def body(made: Program, inputs: Shapes, outputs: Shapes, name: str) -> str:
     def given(a: int, i: int) -> str:
         return f"x[{x(a, i)}]" if a < len(inputs) else f"t[{i}]"
 
-    loop, more, carry, found = "", {}, "", ""
+    loop, more, carry, declared = "", {}, "", ""
     if made.transport is not None:
-        loop, more, found = made.transport.c, {"t": "const hk_t"}, ", t"
+        loop, more, declared = made.transport.c, {"t": "const hk_t"}, ", t"
         carry = (
             f"  hk_t t[{made.transport.found.shape[0]}];\n"
             f"  hk_transport(x + {x(made.carried, 0)}, t, {int(made.sloping)});\n"
@@ -573,8 +575,8 @@ def body(made: Program, inputs: Shapes, outputs: Shapes, name: str) -> str:
     after = stage(made.after, "_after", {**more, "s": "const hk_t", "f": "const hk_t"}, after_reads, after_writes)
     return (
         f"{loop}{before}{after}{whole}"
-        f"  hk_t s[{n * width}], w[{width}], f[2];\n  {name}_before(x, y{found}, s);\n"
-        f"  hk_solve({n}, {k}, s, w, f);\n  {name}_after(x, y{found}, s, f);\n}}\n"
+        f"  hk_t s[{n * width}], w[{width}], f[2];\n  {name}_before(x, y{declared}, s);\n"
+        f"  hk_solve({n}, {k}, s, w, f);\n  {name}_after(x, y{declared}, s, f);\n}}\n"
     )
 
 

@@ -416,8 +416,8 @@ def _bound(
 
 def weak(method: Callable[..., Any]) -> Callable[..., Any]:
     """A bound method that does not keep its object, for the evaluators that the object itself keeps."""
-    found = weakref.WeakMethod(method)
-    return lambda *arguments, **named: found()(*arguments, **named)  # type: ignore[misc]
+    reference = weakref.WeakMethod(method)
+    return lambda *arguments, **named: reference()(*arguments, **named)  # type: ignore[misc]
 
 
 def _sample_source(
