@@ -298,8 +298,8 @@ def made(function: F) -> F:
     @wraps(function)
     def called(*arguments: Any, **named: Any) -> Any:
         value = inner(*arguments, **named)
-        kept = tuple(map(_kept, arguments)), {name: _kept(v) for name, v in named.items()}
-        vars(value)["_recipe"] = (called, *kept)
+        recipe_arguments = tuple(map(_kept, arguments)), {name: _kept(v) for name, v in named.items()}
+        vars(value)["_recipe"] = (called, *recipe_arguments)
         return value
 
     return called  # type: ignore[return-value]

@@ -332,9 +332,9 @@ def rotation_cure(R: Array) -> str:
         off = float(rotation_gap(-R))
         return f"it is left-handed, a reflection, and R R^T {off:.2g} away from 1: give a right-handed rotation matrix"
     gap = float(rotation_gap(R))
-    said = f"R R^T is {gap:.2g} away from 1, {ROTATION:g} is allowed: give a right-handed rotation matrix"
+    cure = f"R R^T is {gap:.2g} away from 1, {ROTATION:g} is allowed: give a right-handed rotation matrix"
     rounded = ", with all its digits; of a rounded one Rotation.from_matrix(R).as_matrix() of SciPy is the nearest"
-    return said + (rounded if gap < ROUNDED else "")
+    return cure + (rounded if gap < ROUNDED else "")
 
 
 def check_rotation(what: str, R: Array) -> None:

@@ -88,11 +88,13 @@ class JointMap(Value):
         by_joints, by_turns = np.zeros((len(q), n, 6 * frames, n)), np.zeros((len(q), n, 6 * frames, 3 * frames))
         if sound.any():
             k, m = int(sound.sum()), self.task.m
-            at = _stacked(R[sound])
+            rotations = _stacked(R[sound])
             dG = self._gain_slopes.batch(q[sound], native_from=NATIVE_SLOPES_FROM).reshape(
                 k, n, n, m
             )  # (k, i, by, row)
-            dE = self._rate_slopes.batch(at, native_from=NATIVE_SLOPES_FROM).reshape(k, 6 * frames, m, 3 * frames)
+            dE = self._rate_slopes.batch(rotations, native_from=NATIVE_SLOPES_FROM).reshape(
+                k, 6 * frames, m, 3 * frames
+            )
             by_joints[sound] = np.einsum("kijm,kmt->kitj", dG, self._E(R[sound]))
             by_turns[sound] = np.einsum("kim,ktmw->kitw", self._G(q[sound]), dE)
         return by_joints, by_turns
@@ -259,10 +261,10 @@ def read_tensors(
     """
     frames, (start_p, start_R) = joints.task.frames, joints.start
     axes = _leading_axes(tuple(poses.shape), joints.shapes)
-    lead, one = tuple(poses.shape[:axes]), tuple(poses.shape[axes:])
+    lead, shape = tuple(poses.shape[:axes]), tuple(poses.shape[axes:])
     if turns is not None:
         wanted = (*poses.shape[:-1], 4)
-        if one[-1] != 3 or tuple(turns.shape) != wanted:
+        if shape[-1] != 3 or tuple(turns.shape) != wanted:
             raise ShapeError("the quaternions", f"{wanted}, with positions (..., 3)", tuple(turns.shape))
         # Rotations (..., 3, 3) of quaternions (..., 4) of any length, with the form of their order.
         square = (turns * turns).sum(-1)[..., None, None]
@@ -270,10 +272,10 @@ def read_tensors(
         last = xp.broadcast_to(tensor(np.array([[0.0, 0.0, 0.0, 1.0]])), (*poses.shape[:-1], 1, 4))
         given = xp.concatenate([xp.concatenate([R, poses[..., None]], -1), last], -2)
         return GivenTensors(given, poses.reshape(*lead, 3 * frames), R.reshape(*lead, frames, 3, 3))
-    if one[-2:] == (4, 4):
+    if shape[-2:] == (4, 4):
         p = poses[..., :3, 3].reshape(*lead, 3 * frames)
         return GivenTensors(poses, p, _nearest_rotations(poses[..., :3, :3].reshape(*lead, frames, 3, 3)))
-    size = int(np.prod(one))
+    size = int(np.prod(shape))
     rest = xp.broadcast_to(tensor(start_p[size:]), (*lead, 3 * frames - size))
     p = xp.concatenate([poses.reshape(*lead, size), rest], -1)
     return GivenTensors(poses, p, xp.broadcast_to(tensor(start_R), (*lead, frames, 3, 3)))
@@ -281,8 +283,8 @@ def read_tensors(
 
 def _leading_axes(shape: tuple[int, ...], known: tuple[tuple[int, ...], ...]) -> int:
     """How many axes of a shape are of the batch: those before the first known shape that fits. Raises: ShapeError."""
-    for one in known:
-        if len(shape) >= len(one) and shape[len(shape) - len(one) :] == one:
-            return len(shape) - len(one)
-    words = " or ".join(f"(..., {', '.join(map(str, one))})" for one in known)
+    for shape_of_one in known:
+        if len(shape) >= len(shape_of_one) and shape[len(shape) - len(shape_of_one) :] == shape_of_one:
+            return len(shape) - len(shape_of_one)
+    words = " or ".join(f"(..., {', '.join(map(str, shape_of_one))})" for shape_of_one in known)
     raise ShapeError("the tool poses", words, shape)

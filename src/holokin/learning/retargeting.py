@@ -28,16 +28,16 @@ FAR = 0.5
 
 def check_targets(dataset: Dataset, robot: Robot, columns: Sequence[JointFeature]) -> None:
     """Raises: RecordingError: a column of the first episode that is far from the measured joints."""
-    state = next((one for one in columns if one.name == STATE), None)
-    others = [one for one in columns if one.name != STATE]
+    state = next((column for column in columns if column.name == STATE), None)
+    others = [column for column in columns if column.name != STATE]
     if state is None or not others:
         return
-    distances: dict[str, list[float]] = {one.name: [] for one in others}
-    for part in rows(dataset, [one.name for one in columns], [0]):
-        here = postures_of(dataset, robot, state, part.values[STATE])
-        for one in others:
-            gap = less_turns(postures_of(dataset, robot, one, part.values[one.name]) - here, robot.hinges)
-            distances[one.name] += np.abs(gap).max(axis=1).tolist()
+    distances: dict[str, list[float]] = {column.name: [] for column in others}
+    for part in rows(dataset, [column.name for column in columns], [0]):
+        measured = postures_of(dataset, robot, state, part.values[STATE])
+        for column in others:
+            gap = less_turns(postures_of(dataset, robot, column, part.values[column.name]) - measured, robot.hinges)
+            distances[column.name] += np.abs(gap).max(axis=1).tolist()
     for name, gaps in distances.items():
         if np.median(gaps) > FAR:
             fact = f"{name} is {np.median(gaps):.2g} rad or m from {STATE} (median of episode 0): it seems no position"
@@ -152,7 +152,7 @@ class _Solver:
         whole, source = np.vstack([before[1], q]), np.vstack([before[2], old])
         of = np.append(before[0], episode)
         moves = np.diff(whole, axis=0), less_turns(np.diff(source, axis=0), self.ik.strategy.task.robot.hinges)
-        step, usual = (np.abs(one).max(axis=1) for one in moves)
+        step, usual = (np.abs(motion).max(axis=1) for motion in moves)
         self.last = int(episode[-1]), q[-1], old[-1]
         with np.errstate(invalid="ignore"):
             return np.flatnonzero((of[1:] == of[:-1]) & (step > STEP + RATIO * usual))
@@ -218,10 +218,10 @@ class Retargeted(NoTruthValue, Value, ask="`.written`"):
     nearest: tuple[int, float]
 
     def __str__(self) -> str:
-        lines = [str(one) for one in self.bad[:MOST_LINES]]
+        lines = [str(frames) for frames in self.bad[:MOST_LINES]]
         if len(self.bad) > MOST_LINES:
             lines.append(
-                f"... and {len(self.bad) - MOST_LINES} more, {sum(one.count for one in self.bad)} frames in all"
+                f"... and {len(self.bad) - MOST_LINES} more, {sum(frames.count for frames in self.bad)} frames in all"
             )
         if self.written is None:
             return "\n".join([*lines, f"no dataset was written; the joints that were computed are in {self.joints}"])
@@ -273,23 +273,23 @@ def retarget(
     with aside(out.parent) as work:
         joints = _new_joints(dataset, ik, sources, tip, bad == "nearest", work, threads)
         bads = _bad_frames(dataset, joints)
-        at_nearest = sum(int((one.before != one.status).sum()) for one in joints) if bad == "nearest" else 0
+        at_nearest = sum(int((new.before != new.status).sum()) for new in joints) if bad == "nearest" else 0
         facts = {
             "bad": tuple(bads),
-            "columns": tuple(_column(one.source) for one in joints),
-            "kept": max(one.kept for one in joints),
-            "nearest": (at_nearest, max(one.moved for one in joints)),
+            "columns": tuple(_column(new.source) for new in joints),
+            "kept": max(new.kept for new in joints),
+            "nearest": (at_nearest, max(new.moved for new in joints)),
         }
         if bads and bad != "skip":
             with writing(out):
                 file = _keep_joints(dataset, ik, joints, work, out)
             return Retargeted(None, file, 0, left_out=(), rounded=np.nan, **facts)
-        left = tuple(sorted({one.episode for one in bads}))
+        left = tuple(sorted({new.episode for new in bads}))
         if len(left) == len(dataset.episodes):
             raise ArgumentError(
                 "episodes without a bad frame", 0, "choose another strategy or q0: nothing would be left"
             )
-        changes = [Change(one.source, one.file, _column(one.source), double) for one in joints]
+        changes = [Change(new.source, new.file, _column(new.source), double) for new in joints]
         with writing(out):
             rounded = write_changed(dataset, ik.strategy.task, changes, left, work / "new", _about(ik, tip))
             os.rename(work / "new", out)
@@ -305,17 +305,17 @@ def _column(source: Source) -> str:
 
 def _bad_frames(dataset: Dataset, joints: Sequence[NewJoints]) -> list[BadFrames]:
     out = []
-    for one in joints:
-        wrong = np.flatnonzero((one.status < 0) | (one.status > InverseStatus.CLAMPED))
+    for new in joints:
+        wrong = np.flatnonzero((new.status < 0) | (new.status > InverseStatus.CLAMPED))
         begins = np.array([e.first for e in dataset.episodes])
         of = np.searchsorted(begins, wrong, side="right") - 1
         for e in np.unique(of):
             mine = wrong[of == e]
-            kinds, counts = np.unique(one.status[mine], return_counts=True)
+            kinds, counts = np.unique(new.status[mine], return_counts=True)
             why = ", ".join(
                 WHY.get(int(kind), InverseStatus(int(kind)).name.lower()) for kind in kinds[np.argsort(-counts)]
             )
-            out.append(BadFrames(int(e), one.source.name, len(mine), int(mine[0] - begins[e]), why))
+            out.append(BadFrames(int(e), new.source.name, len(mine), int(mine[0] - begins[e]), why))
     return sorted(out, key=lambda b: (b.episode, b.column))
 
 
@@ -337,15 +337,15 @@ def _keep_joints(dataset: Dataset, ik: InverseKinematics, joints: Sequence[NewJo
     names = list(robot.joint_names)
     target, part, writer = out.with_name(f"{out.name}-joints.parquet"), work / "joints.parquet", None
     try:
-        for one in joints:
-            with one.file.open("rb") as stream:
+        for new in joints:
+            with new.file.open("rb") as stream:
                 for episode in dataset.episodes:
                     q = np.fromfile(stream, count=episode.length * robot.n).reshape(-1, robot.n)
-                    status = one.status[episode.first : episode.first + episode.length]
+                    status = new.status[episode.first : episode.first + episode.length]
                     words = [WHY.get(int(s), InverseStatus(int(s)).name.lower()) if s else "" for s in status]
                     table = pyarrow.table(
                         {
-                            "column": [one.source.name] * len(q), "episode_index": [episode.index] * len(q),
+                            "column": [new.source.name] * len(q), "episode_index": [episode.index] * len(q),
                             "frame_index": np.arange(len(q)), **dict(zip(names, q.T.copy(), strict=True)), "bad": words,
                         }
                     )  # fmt: skip

@@ -337,12 +337,12 @@ class _Compiled:
         """(q, pose, twist) in new arrays as the compiled step takes them. Raises: ArgumentError, ShapeError."""
         q, pose, twist, _ = self.function.input_shapes.values()
         frames, point = self.strategy.task.frames, len(pose) == 1
-        one = () if frames == 1 else (frames,)
+        several = () if frames == 1 else (frames,)
         a, b, c = arguments
-        points = (pose, (*one, 3)) if point else ()  # of a position task whole poses and twists will do, too
-        T = _numbers("pose", with_matrices("pose", b), tuple(dict.fromkeys(((*one, 4, 4), *points))))
-        v = _numbers("twist", c, tuple(dict.fromkeys(((*one, 6), *points))))
-        whole, moved = T.shape == (*one, 4, 4), v.shape == (*one, 6)
+        points = (pose, (*several, 3)) if point else ()  # of a position task whole poses and twists will do, too
+        T = _numbers("pose", with_matrices("pose", b), tuple(dict.fromkeys(((*several, 4, 4), *points))))
+        v = _numbers("twist", c, tuple(dict.fromkeys(((*several, 6), *points))))
+        whole, moved = T.shape == (*several, 4, 4), v.shape == (*several, 6)
         for matrix in T.reshape(-1, 4, 4) if whole else ():
             if np.isfinite(matrix[3]).all():
                 right_last_row("pose", matrix)
@@ -382,10 +382,10 @@ class _Compiled:
             if not np.isfinite(value).all():
                 raise NotFiniteError(what, value.tolist())
         _, _, rcond, margin, _, off, *_ = self.function(*arguments, parameters)
-        most, least = map(float, parameters[-2:])
-        check_solved(self.strategy, arguments[0], rcond, margin, least)
-        if not off <= most:
-            raise LostToolError(float(off), most)
+        most_error, least_rcond = map(float, parameters[-2:])
+        check_solved(self.strategy, arguments[0], rcond, margin, least_rcond)
+        if not off <= most_error:
+            raise LostToolError(float(off), most_error)
 
 
 class _Levelled(threading.local):
@@ -569,13 +569,13 @@ class LoopWatch(NoTruthValue, ask="`.starved`"):
 
         Raises: ShapeError: not as many as before. NotFiniteError, ArgumentError.
         """
-        here = finite("q", q, ("n",) if self._last is None else self._last[0].shape)
-        rates = finite("dq", dq, here.shape)
+        posture = finite("q", q, ("n",) if self._last is None else self._last[0].shape)
+        rates = finite("dq", dq, posture.shape)
         if self._last is not None:
             before, asked = self._last
-            self._made += float((here - before) @ asked)
+            self._made += float((posture - before) @ asked)
             self._asked += self.dt * float(asked @ asked)
-        self._last = here.copy(), rates.copy()
+        self._last = posture.copy(), rates.copy()
         if self.starved and not self._told:
             self._told = True
             logging.getLogger("holokin").warning("%s", self.sentence)

@@ -54,8 +54,8 @@ class Drift(NoTruthValue, Value, ask="`.largest`"):
         count = f"{len(self.since_start)} cycle{'s' * (len(self.since_start) > 1)}"
         names = self.trajectory.joint_names
         whole = [f"{name} by {turns:+d}" for name, turns in zip(names, self.turns[-1], strict=True) if turns]
-        said = f"after {count} {names[k]} is {last[k]:.4g} {units[k]} from its start"
-        return f"{said}; whole turns: {', '.join(whole)}" if whole else said
+        sentence = f"after {count} {names[k]} is {last[k]:.4g} {units[k]} from its start"
+        return f"{sentence}; whole turns: {', '.join(whole)}" if whole else sentence
 
     def __str__(self) -> str:
         return ", ".join(f"{value:.4g}" for value in self.largest)
@@ -182,11 +182,13 @@ class Winding(NoTruthValue, Value, ask="`.cause`"):
         """The cause, with its metrics."""
         if self.cause is Cause.NONE:
             return self.cause.value
-        said = f"{self.cause.value}; drift {_told(self.drift, self)}"
+        sentence = f"{self.cause.value}; drift {_told(self.drift, self)}"
         if self.cause is not Cause.WINDING:
-            return said
+            return sentence
         above, below = self.between
-        return f"{said}; from {above:.3g} to {below:.3g} times its size the drift changes by {_told(self.jump, self)}"
+        return (
+            f"{sentence}; from {above:.3g} to {below:.3g} times its size the drift changes by {_told(self.jump, self)}"
+        )
 
     def __str__(self) -> str:
         return self.sentence
@@ -289,8 +291,8 @@ def _told(difference: Vector, of: Winding) -> str:
     """A joint difference in words: the largest joint's, and whole turns by name."""
     k = int(np.abs(difference).argmax())
     turns = whole_turns(difference, of.joint_units)
-    told = ((of.joint_names[i], int(turns[i])) for i in np.flatnonzero(turns))
-    whole = ", ".join(f"{name} by {count:+d} turn{'s' if abs(count) > 1 else ''}" for name, count in told)
+    turned = ((of.joint_names[i], int(turns[i])) for i in np.flatnonzero(turns))
+    whole = ", ".join(f"{name} by {count:+d} turn{'s' if abs(count) > 1 else ''}" for name, count in turned)
     return f"{difference[k]:.4g} {of.joint_units[k]} ({whole or of.joint_names[k]})"
 
 

@@ -280,8 +280,8 @@ def _to_jump(strategy: Strategy, plan: Plan, cycles: int, walk: Callable[[], Tra
         met = None if near is None else (len(trajectory.q) - 1, near)
     if met is not None:
         last, jump = met
-        kept = _record(strategy, plan, trajectory.q[: last + 1], cycles, Status.JUMP)
-        raise jump_problem(strategy, jump, f"stopped {plan.where(last)}: ", kept) from ended
+        before = _record(strategy, plan, trajectory.q[: last + 1], cycles, Status.JUMP)
+        raise jump_problem(strategy, jump, f"stopped {plan.where(last)}: ", before) from ended
     if ended is not None:
         raise ended
     return trajectory
@@ -372,10 +372,10 @@ def approach(
         raise ArgumentError("level", level, f"{strategy.name!r} has none: leave it out, or {HolonomicStrategy.cure}")
     rows = [start]
     if level is not None and isinstance(strategy, HolonomicStrategy):
-        at = leaf_value(strategy, start)
-        far = strategy.constraint.nearest(leaf_value(strategy, move_to_leaf(strategy, start, level)) - at)
+        level_now = leaf_value(strategy, start)
+        far = strategy.constraint.nearest(leaf_value(strategy, move_to_leaf(strategy, start, level)) - level_now)
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
-            rows.append(move_to_leaf(strategy, rows[-1], at + share * far))
+            rows.append(move_to_leaf(strategy, rows[-1], level_now + share * far))
     pose = task.pose(rows[-1])
     rotation = pose[:3, :3] if path.rotation is None else path.rotation
     way = straight(pose[:3, 3], pose[:3, :3], path.start, rotation)

@@ -86,11 +86,11 @@ class HandFollower(Value):
             state.target_position = target.tolist()
             profile.update(state, out)
             out.pass_to_input(state)
-            here, speed = np.array(out.new_position), np.array(out.new_velocity)
-            behind = float(np.abs(target - here).max())
+            position, speed = np.array(out.new_position), np.array(out.new_velocity)
+            behind = float(np.abs(target - position).max())
             resting = not answer.moving and behind <= AT_REST and float(np.abs(speed).max()) <= AT_REST
             return Followed(
-                frozen(here), frozen(speed), frozen(np.array(out.new_acceleration)), answer, behind, resting
+                frozen(position), frozen(speed), frozen(np.array(out.new_acceleration)), answer, behind, resting
             )
 
         return follow

@@ -107,8 +107,8 @@ class _Run:
         walk = record(self.task, self.plan, self.q[:k].copy(), self.dq[:k].copy(), self.cycles, status)
         if self.fault is None:
             return walk
-        said, cause = self.fault
-        raise ControllerError(self.law.name, f"{self.plan.where(self.done)}: {said}", walk) from cause
+        fact, cause = self.fault
+        raise ControllerError(self.law.name, f"{self.plan.where(self.done)}: {fact}", walk) from cause
 
     def _watched(self, patience: float, report: Callable[[int], None]) -> None:
         """The loop in a thread of its own, left behind if a call does not come back."""

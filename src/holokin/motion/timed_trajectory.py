@@ -50,8 +50,8 @@ class Slowdown(Shown):
     def __str__(self) -> str:
         reason = f"the {self.limit} of {self.joint}" if self.joint else f"the shape of the {self.limit}"
         share = f"{100 * self.least:.{1 if 0.99 < self.least < 1.0 else 0}f} % of the wanted speed"
-        least = share if self.least >= 5e-3 else "a stop"
-        return f"{self.start:.3f} to {self.stop:.3f} s: slower than wanted, down to {least}; the reason is {reason}"
+        slowest = share if self.least >= 5e-3 else "a stop"
+        return f"{self.start:.3f} to {self.stop:.3f} s: slower than wanted, down to {slowest}; the reason is {reason}"
 
 
 @dataclass(frozen=True)
@@ -138,8 +138,10 @@ class TimedTrajectory(Value):
             peaks = [float(np.abs(x[:, i]).max()) for x in (self.dq, self.ddq, self.dddq)]
             bounds = [float(getattr(self.limits, rate)[i]) for rate in RATES]
             shares = [p / b if np.isfinite(b) else float("nan") for p, b in zip(peaks, bounds, strict=True)]
-            at = int(np.argmin(gaps[:, i]))
-            loads.append(JointLoad(joint, unit, tuple(peaks), tuple(shares), float(gaps[at, i]), float(self.t[at])))
+            nearest = int(np.argmin(gaps[:, i]))
+            loads.append(
+                JointLoad(joint, unit, tuple(peaks), tuple(shares), float(gaps[nearest, i]), float(self.t[nearest]))
+            )
         return tuple(loads)
 
     @property
@@ -193,7 +195,7 @@ class TimedTrajectory(Value):
         """Lines of text: a joint each with its peaks, shares of limits, and least distance to a position limit."""
         lines = [self.sentence + ("" if units.plain else f", in {units.angle} and {units.length}")]
         lines.append(f"{'joint':20} {'speed':>15} {'acceleration':>15} {'jerk':>15} {'to a limit':>12} {'at [s]':>8}")
-        for load in (one.printed(units) for one in self.loads):
+        for load in (joint_load.printed(units) for joint_load in self.loads):
             cells = [
                 f"{peak if peak > NOTHING else 0.0:8.4g} {100 * share:4.0f} %"
                 if np.isfinite(share)

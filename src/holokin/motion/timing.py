@@ -98,12 +98,14 @@ def joint_curve(trajectory: Trajectory) -> JointCurve:
     repeats = len(marks) > 1 and bool(np.abs(trajectory.q[marks] - trajectory.q[0]).max() <= CLOSED)
     last = marks[1] if repeats else len(trajectory) - 1
     t, q = trajectory.t[: last + 1], trajectory.q[: last + 1]
-    kept = distinct(Poses(q, None), t)[1]  # samples that repeat the one before, of a piece of path as short as that
-    kept[-1] = last
-    corners = np.searchsorted(kept, [k for k in trajectory.corners if 0 < k < last], side="right") - 1
-    ends = np.unique([0, *corners, len(kept) - 1]).tolist()
+    distinct_rows = distinct(Poses(q, None), t)[
+        1
+    ]  # samples that repeat the one before, of a piece of path as short as that
+    distinct_rows[-1] = last
+    corners = np.searchsorted(distinct_rows, [k for k in trajectory.corners if 0 < k < last], side="right") - 1
+    ends = np.unique([0, *corners, len(distinct_rows) - 1]).tolist()
     turns_round = repeats and len(ends) == 2 and 0 not in trajectory.corners
-    t, q = t[kept], q[kept]
+    t, q = t[distinct_rows], q[distinct_rows]
     stretches = [Stretch(t[a : b + 1] - t[a], q[a : b + 1], turns_round) for a, b in pairwise(ends)]
     return JointCurve(tuple(stretches), repeats)
 
@@ -421,9 +423,9 @@ def _ramps(
     ladder = shortest[:, None] * (longest / shortest)[:, None] ** np.linspace(0.0, 1.0, LADDER)
     each = [np.repeat(x, LADDER) for x in (V, w)]
     holds = _holds(stretch, length, bounds, each[0], each[1], ladder.ravel(), end).reshape(ladder.shape)
-    at = holds.argmax(axis=1)
+    first = holds.argmax(axis=1)
     rows = np.arange(len(V))
-    low, high = ladder[rows, np.maximum(at - 1, 0)], ladder[rows, at]
+    low, high = ladder[rows, np.maximum(first - 1, 0)], ladder[rows, first]
     for _ in range(HALVINGS):
         middle = np.sqrt(low * high)
         good = _holds(stretch, length, bounds, V, w, middle, end)
@@ -470,8 +472,8 @@ def _law(length: float, rate: float, up: tuple[float, float], down: tuple[float,
         slope = a / (w * T) if w else 0.0
         steps += [(w * T, 0.0, slope), ((1 - 2 * w) * T, a, 0.0), (w * T, a, -slope)]
     total = sum(h for h, _, _ in steps)
-    kept = np.array([step for step in steps if step[0] > 1e-12 * total]).T
-    return _of_accelerations(np.concatenate([[0.0], np.cumsum(kept[0])]), kept[1], kept[2], length)
+    pieces = np.array([step for step in steps if step[0] > 1e-12 * total]).T
+    return _of_accelerations(np.concatenate([[0.0], np.cumsum(pieces[0])]), pieces[1], pieces[2], length)
 
 
 Profile = Literal["time-optimal", "trapezoidal", "quintic"]
@@ -653,11 +655,11 @@ class _Plan:
         ]  # a share of the time
         step = (0.5 / least) ** (1 / (WINDOWS - 1))
         for _ in range(1 + FINER):
-            taken = [
+            candidates = [
                 self._slowing(stretch, smoothed(law, w * law.duration), ROUGHLY) * law.duration * (1 + w)
                 for law, w in tried
             ]
-            law, w = tried[int(np.argmin(taken))]
+            law, w = tried[int(np.argmin(candidates))]
             tried = [(law, w), *((law, x) for x in (w * np.geomspace(1 / step, step, WINDOWS)).tolist() if x <= 0.5)]
             step **= 2 / (WINDOWS - 1)
         return smoothed(law, w * law.duration), w * law.duration
@@ -698,11 +700,11 @@ class _Plan:
         ends = np.cumsum([len(part) for part in times]) - 1
         when = np.concatenate(times)
         s, *rates = law.at(when)
-        taken = self._taken(stretch, law, when, rates[0])
+        shares = self._taken(stretch, law, when, rates[0])
         rates[0][[0, -1]] = 0.0
         rows = stretch.motion(s, rates)
         rows[0][0], rows[0][ends] = stretch.q[0], stretch.q[-1]
-        return _Part(rows, rates[0], taken, [int(i) for i in ends], factor * window)
+        return _Part(rows, rates[0], shares, [int(i) for i in ends], factor * window)
 
     def _taken(self, stretch: Stretch, law: TimeLaw, t: Vector, rate: Vector) -> Matrix:
         """See `_Part`: looked at between the samples too, for a ramp may be shorter than a step."""
@@ -767,7 +769,7 @@ def _joined(trajectory: Trajectory, plan: _Plan, parts: list[_Part], times: int,
             stops.append(count - 1)
             if part is parts[-1]:
                 marks += laps
-    q, dq, ddq, dddq, speed, taken = (np.concatenate(column) for column in columns)
+    q, dq, ddq, dddq, speed, shares = (np.concatenate(column) for column in columns)
     if len(marks) == max(2, len(trajectory.marks)):
         q[marks[-1]] = trajectory.q[-1]
     t = np.asarray(np.arange(len(q)) * plan.dt, dtype=float)
@@ -777,14 +779,14 @@ def _joined(trajectory: Trajectory, plan: _Plan, parts: list[_Part], times: int,
         if jumps[0] > STEADY or jumps[1] > 1e3 * STEADY:
             cure = f"the second of three {plan.profile} cycles is not steady: give larger accelerations, or cycles="
             raise ArgumentError("the jump of an endless cycle", max(jumps), cure)
-    slow = _slowdowns(trajectory, plan, t, speed, taken)
+    slow = _slowdowns(trajectory, plan, t, speed, shares)
     return TimedTrajectory(
         trajectory, plan.limits, plan.profile, plan.dt, t, q, dq, ddq, dddq, speed, tuple(marks),
         tuple(k for k in stops if k < len(q) - 1), loop, slow, max(part.window for part in parts),
     )  # fmt: skip
 
 
-def _slowdowns(trajectory: Trajectory, plan: _Plan, t: Vector, speed: Vector, taken: Matrix) -> tuple[Slowdown, ...]:
+def _slowdowns(trajectory: Trajectory, plan: _Plan, t: Vector, speed: Vector, shares: Matrix) -> tuple[Slowdown, ...]:
     """Where the path speed is below that asked for; a constant speed has a reason of its own, its ramps have theirs."""
     if not np.isfinite(plan.speed):
         return ()
@@ -797,13 +799,13 @@ def _slowdowns(trajectory: Trajectory, plan: _Plan, t: Vector, speed: Vector, ta
     for part in np.split(np.arange(len(t)), edges):
         if not kind[part[0]]:
             continue
-        share = taken[part, 0].max()
-        among = taken[part[taken[part, 0] >= ALMOST * share], 1].astype(
+        share = shares[part, 0].max()
+        among = shares[part[shares[part, 0] >= ALMOST * share], 1].astype(
             int
         )  # the last half step is also the next part's
         rate, joint = divmod(int(np.bincount(among).argmax()), len(trajectory.joint_names))
-        least = float(speed[part].min() / plan.speed)
+        slowest = float(speed[part].min() / plan.speed)
         binds = share >= BINDS
         name, limit = (trajectory.joint_names[joint], RATES[rate]) if binds else ("", f"{plan.profile} profile")
-        slowdowns.append(Slowdown(float(t[part[0]]), float(t[part[-1]]), least, name, limit))
+        slowdowns.append(Slowdown(float(t[part[0]]), float(t[part[-1]]), slowest, name, limit))
     return tuple(slowdowns)

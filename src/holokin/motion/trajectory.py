@@ -320,6 +320,6 @@ class Recording(Value):
 def over_least_speed(task: Task, walk: Trajectory) -> float:
     """Joint speed (rms) over that of the pseudo-inverse at the same postures; NaN where the tool does not move."""
     J, _ = task.jacobian_batch(walk.q)
-    least = np.linalg.pinv(J) @ (J @ walk.dq[:, :, None])
-    size = float(np.linalg.norm(least))
+    minimum_norm = np.linalg.pinv(J) @ (J @ walk.dq[:, :, None])
+    size = float(np.linalg.norm(minimum_norm))
     return float(np.linalg.norm(walk.dq)) / size if size > 0 else np.nan

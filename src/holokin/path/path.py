@@ -392,8 +392,8 @@ class Path(Value):
 
     def __repr__(self) -> str:
         count = len(self.segments)
-        said = "".join(f"; {note}" for note in self.notes)
-        return f"Path({count} segment{'s' * (count > 1)}, {self.length:.4g} m, {self.duration:.4g} s{said})"
+        notes = "".join(f"; {note}" for note in self.notes)
+        return f"Path({count} segment{'s' * (count > 1)}, {self.length:.4g} m, {self.duration:.4g} s{notes})"
 
     @typed
     def __add__(self, other: Path) -> Path:
@@ -616,14 +616,14 @@ class Path(Value):
 
 def _on_segments(index: ArrayLike, u: ArrayLike, count: int) -> tuple[Indices, Vector]:
     """Some of so many segments (k,), and the parameters (k,) on them. Raises: ShapeError, ArgumentError."""
-    chosen, at = numbers("the segments", index), finite("u", u, ("k",))
-    if chosen.shape != at.shape:
-        raise ShapeError("the segments", at.shape, chosen.shape, "give one for each u")
+    chosen, parameters = numbers("the segments", index), finite("u", u, ("k",))
+    if chosen.shape != parameters.shape:
+        raise ShapeError("the segments", parameters.shape, chosen.shape, "give one for each u")
     if not ((chosen >= 0) & (chosen < count) & (chosen == np.floor(chosen))).all():
         raise ArgumentError("the segments", chosen.tolist(), f"give whole numbers from 0 to {count - 1}")
-    if not np.abs(at - 0.5).max(initial=0.0) <= 0.5 + ROUND_OFF:
-        raise ArgumentError("u", at.tolist(), "give numbers from 0 to 1")
-    return chosen.astype(np.intp), at
+    if not np.abs(parameters - 0.5).max(initial=0.0) <= 0.5 + ROUND_OFF:
+        raise ArgumentError("u", parameters.tolist(), "give numbers from 0 to 1")
+    return chosen.astype(np.intp), parameters
 
 
 def locate(counts: Indices, step: Indices) -> tuple[Indices, Vector, Vector]:

@@ -56,8 +56,8 @@ def longest_span(robot: Robot, tip: str | None = None, *, turned: bool) -> Span:
         turned: whether the tool's rotation is known: then the span ends on the last hinge's axis; else at the tip.
     """
     links = _Links.of(robot, robot.tip(tip), turned)
-    at = links.drawn_in()
-    return Span(links.first(at), links.last(at), links.length(at)[0] + links.slides)
+    points = links.drawn_in()
+    return Span(links.first(points), links.last(points), links.length(points)[0] + links.slides)
 
 
 def longest_reach(robot: Robot, tip: str | None = None) -> float:
@@ -148,10 +148,10 @@ class _Links:
         """The points (k,) between which the links in a line are shortest."""
         from scipy.optimize import minimize
 
-        at = np.zeros(len(self.free))
+        points = np.zeros(len(self.free))
         for corner in CORNERS:
-            at = minimize(self.length, at, (corner,), "BFGS", jac=True).x * self.free
-        return at
+            points = minimize(self.length, points, (corner,), "BFGS", jac=True).x * self.free
+        return points
 
     def length(self, t: Vector, corner: float = 0.0) -> tuple[float, Vector]:
         """The length of the links in a line [m] and its derivative (k,): without the link before the first point and,
@@ -215,17 +215,17 @@ def start_posture(robot: Robot, q: ArrayLike, limits: bool, what: str = "the sta
 def doubtful_unit(robot: Robot, places: Matrix, tip: str | None = None) -> str:
     """What to say of places (k, 3) that are all too far from the base to be in metres; empty of others."""
     away = places - foot_of(robot.joints, robot.tip(tip).joint)
-    least, reach = float(np.linalg.norm(away, axis=-1).min()), longest_reach(robot, tip)
-    if not FAR * reach < least < np.inf:
+    nearest, reach = float(np.linalg.norm(away, axis=-1).min()), longest_reach(robot, tip)
+    if not FAR * reach < nearest < np.inf:
         return ""
-    return f"at least {least:.4g} m from the base, where {robot.name} reaches {reach:.3g} m: give metres"
+    return f"at least {nearest:.4g} m from the base, where {robot.name} reaches {reach:.3g} m: give metres"
 
 
 def check_metres(robot: Robot, poses: Array, tip: str | None = None) -> None:
     """Raises: ArgumentError where the poses (k, 4, 4) of a workspace are too far away to be in metres."""
-    if said := doubtful_unit(robot, poses[:, :3, 3], tip):
+    if doubt := doubtful_unit(robot, poses[:, :3, 3], tip):
         first = poses[0, :3, 3].tolist()
-        raise ArgumentError("the position of the first pose of the workspace", first, f"all are {said}")
+        raise ArgumentError("the position of the first pose of the workspace", first, f"all are {doubt}")
 
 
 def check_radians(what: str, angles: Vector, overruled: str = "") -> None:
@@ -334,8 +334,8 @@ def _each(robot: Robot, what: str, value: JointValues) -> Vector:
     """(n,) of a number, of n numbers, or of those of some joints, where the others stay."""
     if isinstance(value, Mapping):
         values = getattr(robot, what).copy()
-        for name, one in value.items():
-            values[robot.joint_index(name)] = _number(f"{what} of joint {name!r}", one)
+        for name, number in value.items():
+            values[robot.joint_index(name)] = _number(f"{what} of joint {name!r}", number)
         return values
     return one_or_each(what, value, robot.n).copy()
 

@@ -124,7 +124,9 @@ def coordinates(
         for what, value in (("lower", lower), ("upper", upper), ("max_velocity", max_velocity))
     )
     rows = zip(known, each, *bounds, strict=True)
-    made = tuple(Coordinate(one, "quantity", float(a), float(b), float(v), unit) for one, unit, a, b, v in rows)
+    made = tuple(
+        Coordinate(name_of_row, "quantity", float(a), float(b), float(v), unit) for name_of_row, unit, a, b, v in rows
+    )
     return Robot(name, made, (), (), "coordinates without links")
 
 
@@ -230,8 +232,8 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
         parent = _parent(line.joint, lines, clad, shaped)
         added.append(LinkShape(line.link, line.joint, *between(line.start, line.end, r), parent=parent))
     replaced = {shape.joint for shape in added}
-    kept = [shape for shape in robot.shapes if not (shape.joint in replaced and shape in unread)]
-    return replace(robot, shapes=(*kept, *added))
+    readable = [shape for shape in robot.shapes if not (shape.joint in replaced and shape in unread)]
+    return replace(robot, shapes=(*readable, *added))
 
 
 def _parent(joint: int, lines: Sequence[Line], clad: Set[tuple[str, int]], shaped: Set[int]) -> str | None:
@@ -519,9 +521,9 @@ def servo(
     if kind not in SERVOS:
         raise ArgumentError("the kind of servo", kind, f"use one of {', '.join(SERVOS)}")
     w, zeta = 2 * np.pi * positive("frequency", frequency), positive("damping_ratio", damping_ratio)
-    at, heavy = robot.checked(q), weighed(robot)
+    posture, heavy = robot.checked(q), weighed(robot)
     s = symbol("q", robot.n)
-    M = Function("mass_matrix", {"q": s}, {"M": mass_matrix_expression(heavy, s)})(at)
+    M = Function("mass_matrix", {"q": s}, {"M": mass_matrix_expression(heavy, s)})(posture)
     inertia = np.diag(np.reshape(M, (robot.n, robot.n)))
     scale = np.ones(robot.n) if kind == "torque" else inertia
     stiffness = np.zeros(robot.n) if kind == "velocity" else scale * w**2

@@ -154,10 +154,10 @@ def places_in(
     compiled = _is_compiled(model)
     if not compiled and not hasattr(model, "existJointName"):
         raise ArgumentError("model", model, "give a mujoco.MjModel or a pinocchio.Model, not its data")
-    kept = _known.setdefault(model, {}) if compiled else {}
-    if wanted not in kept:
-        kept[wanted] = _found(model, wanted, names, prefix, joints, hinges)
-    return kept[wanted]
+    cache = _known.setdefault(model, {}) if compiled else {}
+    if wanted not in cache:
+        cache[wanted] = _found(model, wanted, names, prefix, joints, hinges)
+    return cache[wanted]
 
 
 _known: WeakKeyDictionary[Any, dict[tuple[str, ...], ModelJoints]] = WeakKeyDictionary()

@@ -209,7 +209,7 @@ def rerooted(tree: Tree, base: str) -> Tree:
     from the child, since M(q)^-1 is that, and a fixed step O^-1 to the parent.
     """
     above = above_of(tree)
-    taken = {*tree.links, *(joint.name for joint in tree.joints)}
+    used = {*tree.links, *(joint.name for joint in tree.joints)}
     turned: dict[str, list[Branch]] = {}
     between: dict[str, None] = {}
     link = base
@@ -220,7 +220,7 @@ def rerooted(tree: Tree, base: str) -> Tree:
             turned[joint.name] = [Branch(joint.name, "fixed", joint.child, joint.parent, back)]
         else:
             name = f"{joint.name} seen from {joint.child}"
-            while name in taken:
+            while name in used:
                 name += "'"
             moving = replace(joint, parent=joint.child, child=name, origin=np.eye(4), axis=-joint.axis)
             turned[joint.name] = [moving, Branch(name, "fixed", name, joint.parent, back)]

@@ -73,11 +73,15 @@ def _switches(strategy: Strategy) -> tuple[tuple[str, ...], SX, SX]:
         c, k = strategy.constraint, e.kinematics
         whole = Formula(strategy.constraint_expression, e.q, e.q, c.angular)
         formulas = [whole] if c.formulas is None else c.formulas(strategy.task, k, e.q)
-        switched = [one for formula in formulas for one in switches_of(formula)]
+        switched = [switch for formula in formulas for switch in switches_of(formula)]
     else:
         switched = [switches(e.planes, e.q, reflected=True)]
-    words = tuple(word for one in switched for word in one.words)
-    return words, vertcat(SX(0, 1), *(one.gap for one in switched)), vertcat(SX(0, 1), *(one.state for one in switched))
+    words = tuple(word for switch in switched for word in switch.words)
+    return (
+        words,
+        vertcat(SX(0, 1), *(switch.gap for switch in switched)),
+        vertcat(SX(0, 1), *(switch.state for switch in switched)),
+    )
 
 
 def may_jump(strategy: Strategy) -> tuple[str, ...]:
@@ -108,14 +112,14 @@ def jumps_of(strategy: Strategy, Q: Matrix, low: Vector, high: Vector) -> tuple[
     gaps, slopes = _gaps_at(strategy, Q) if words else (Q, Q)
     for i, what in enumerate(words):
         for q, normal in _places(strategy, i, Q, gaps[:, i], slopes[:, i], low, high):
-            one = _jump(strategy, what, q - BESIDE * normal, q + BESIDE * normal, normal)
-            if one is not None and _more(one, jumps.get(what)):
-                jumps[what] = one
+            candidate = _jump(strategy, what, q - BESIDE * normal, q + BESIDE * normal, normal)
+            if candidate is not None and _more(candidate, jumps.get(what)):
+                jumps[what] = candidate
     return tuple(jumps.values())
 
 
-def _more(one: Jump, other: Jump | None) -> bool:
-    return other is None or (one.planes, one.level) > (other.planes, other.level)
+def _more(jump: Jump, other: Jump | None) -> bool:
+    return other is None or (jump.planes, jump.level) > (other.planes, other.level)
 
 
 def _gaps_at(strategy: Strategy, X: Matrix) -> tuple[Matrix, Array]:
@@ -199,9 +203,9 @@ def first_jump(strategy: HolonomicStrategy, Q: Matrix) -> tuple[int, Jump] | Non
     """(k, jump): the first one of g on the straight paths between postures (N, n), between rows k and k + 1."""
     if not may_jump(strategy) or len(Q) < 2:
         return None
-    at = states(strategy, Q)
-    for k in np.flatnonzero((at[1:] != at[:-1]).any(axis=1)):
-        jump = _between(strategy, Q[k], Q[k + 1], at[k], at[k + 1])
+    places = states(strategy, Q)
+    for k in np.flatnonzero((places[1:] != places[:-1]).any(axis=1)):
+        jump = _between(strategy, Q[k], Q[k + 1], places[k], places[k + 1])
         if jump is not None:
             return int(k), jump
     return None

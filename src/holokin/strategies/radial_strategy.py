@@ -177,11 +177,11 @@ class SelfMotions(Value):
     def walked(self, Q: Matrix, v: Matrix, lengths: Vector, step: float) -> tuple[Matrix, Flags]:
         """Postures (S, n) so far [joint units] along the self-motions through Q (S, n), and which walks got there."""
         every, steps = np.arange(len(Q)), int(np.ceil(np.abs(lengths).max() / step))
-        at, along, sound = self.step(Q, v, every, np.zeros(len(Q)))
+        postures, along, sound = self.step(Q, v, every, np.zeros(len(Q)))
         for _ in range(steps):
-            at, along, here = self.step(at, along, every, lengths / steps)
-            sound &= here
-        return at, sound
+            postures, along, sound_now = self.step(postures, along, every, lengths / steps)
+            sound &= sound_now
+        return postures, sound
 
     def step(self, q: Matrix, v: Matrix, i: Indices, length: Vector) -> tuple[Matrix, Matrix, Flags]:
         """One step of postures (k, n) of the poses i along their directions v (k, n), which need not hold the tool.
@@ -193,11 +193,11 @@ class SelfMotions(Value):
             bad = np.flatnonzero(~sound & (length != 0))
             if not len(bad):
                 break
-            at, way, good = q[bad], v[bad], np.ones(len(bad), dtype=bool)
+            posture, way, good = q[bad], v[bad], np.ones(len(bad), dtype=bool)
             for _ in range(parts):
-                at, way, here = self._step(at, way, i[bad], length[bad] / parts)
-                good &= here
-            postures[bad], along[bad], sound[bad] = np.where(good[:, None], at, q[bad]), way, good
+                posture, way, sound_part = self._step(posture, way, i[bad], length[bad] / parts)
+                good &= sound_part
+            postures[bad], along[bad], sound[bad] = np.where(good[:, None], posture, q[bad]), way, good
         return postures, along, sound
 
     def _step(self, q: Matrix, v: Matrix, i: Indices, length: Vector) -> tuple[Matrix, Matrix, Flags]:
@@ -224,21 +224,21 @@ class SelfMotions(Value):
             return [], []
         robot, ends = self.task.robot, np.full(len(Q), CurveEnd.LENGTH, dtype=object)
         on = np.arange(len(Q))
-        at, along, _ = self._step(Q, v, i, np.zeros(len(Q)))
+        posture, along, _ = self._step(Q, v, i, np.zeros(len(Q)))
         first, numbers, points = along, [on[:0]], [Q[:0]]
         for k in range(int(np.ceil(length / step))):
-            at, along, sound = self.step(at, along, i[on], np.full(len(on), step))
+            posture, along, sound = self.step(posture, along, i[on], np.full(len(on), step))
             ends[on[~sound]] = CurveEnd.SINGULAR
             if limits:
-                beyond = sound & ~robot.within(at)
+                beyond = sound & ~robot.within(posture)
                 ends[on[beyond]], sound = CurveEnd.LIMIT, sound & ~beyond
             back = sound & (np.sum(along * first[on], axis=1) > SAME_WAY) & (k > 2)
-            back &= away(self.task, at, Q[on]) < CLOSED * step
+            back &= away(self.task, posture, Q[on]) < CLOSED * step
             ends[on[back]] = CurveEnd.CLOSED
             numbers.append(on[sound])
-            points.append(at[sound])
+            points.append(posture[sound])
             left = sound & ~back
-            on, at, along = on[left], at[left], along[left]
+            on, posture, along = on[left], posture[left], along[left]
             if not len(on):
                 break
         which, flat = np.concatenate(numbers), np.concatenate(points)
@@ -270,8 +270,8 @@ def least_motion(J: Array, wanted: Array, weights: Array | float = 1.0) -> Array
 
 def correction(task: Task, q: Vector, p: Vector, R: Matrix) -> Vector:
     """The least joint motion (n,) that, to first order, takes the tool to a pose: position (3,), rotation (3, 3)."""
-    least = np.linalg.lstsq(task.jacobian(q), task.error_function(q, p, R), rcond=None)[0]
-    return np.asarray(least, dtype=float)
+    motion = np.linalg.lstsq(task.jacobian(q), task.error_function(q, p, R), rcond=None)[0]
+    return np.asarray(motion, dtype=float)
 
 
 def unit_null(task: Task, q: Vector, before: Vector | None) -> Vector:
@@ -381,9 +381,9 @@ def _weighted(robot: Robot, nodes: Matrix, width: float, angles: Vector) -> Labe
     fixed = np.sum((nodes - center) ** 2, axis=1) / (2 * width**2)
 
     def weights(q: SX) -> SX:
-        here = vertcat(q[slide], cos(q[turn]), sin(q[turn])) - SX(center)
+        departure = vertcat(q[slide], cos(q[turn]), sin(q[turn])) - SX(center)
         # |here - node|^2 by its three terms: half the work of the difference itself
-        return exp(SX(away) @ here - SX(fixed) - here.T @ here / (2 * width**2))
+        return exp(SX(away) @ departure - SX(fixed) - departure.T @ departure / (2 * width**2))
 
     def value(q: SX) -> SX:
         w = weights(q)

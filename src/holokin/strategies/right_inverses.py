@@ -88,8 +88,8 @@ def _check_weight(task: Task, weight: Callable[[SX], Any]) -> None:
         raise ShapeError("the weight", (task.n, task.n), value.shape)
     function = Function("weight", {"q": q}, {"weight": value})
     for posture in _check_postures(task):
-        at = np.array2string(posture, precision=3)
-        _positive_definite(f"the weight at q = {at}", np.reshape(function(posture), (task.n, task.n)))
+        place = np.array2string(posture, precision=3)
+        _positive_definite(f"the weight at q = {place}", np.reshape(function(posture), (task.n, task.n)))
 
 
 def _check_postures(task: Task) -> np.ndarray:
@@ -152,8 +152,10 @@ def right_inverse(task: Task, G: Callable[[SX], Any], *, name: str = "given") ->
     for q in _check_postures(task):
         off = np.abs(task.jacobian(q) @ strategy.distribution(q) - np.eye(task.m)).max()
         if not off < 1e-6:
-            at = np.array2string(q, precision=3)
-            raise ArgumentError(f"|J G - 1| of {name!r} at q = {at}", float(off), "give a right inverse, or null_basis")
+            place = np.array2string(q, precision=3)
+            raise ArgumentError(
+                f"|J G - 1| of {name!r} at q = {place}", float(off), "give a right inverse, or null_basis"
+            )
     return strategy
 
 
@@ -196,15 +198,15 @@ class NumericStrategy(Strategy):
             FunctionError: the function raised. ShapeError, NotFiniteError: what it returned, or q.
             ArgumentError: J G is not 1 there.
         """
-        at = self.task.robot.checked(q)
-        G = self.value(at)
+        posture = self.task.robot.checked(q)
+        G = self.value(posture)
         if not np.isfinite(G).all():
-            raise NotFiniteError(f"G of {self.name!r} at q = {at.tolist()}", G.tolist(), "it must be finite there")
-        J = self.task.jacobian(at)
+            raise NotFiniteError(f"G of {self.name!r} at q = {posture.tolist()}", G.tolist(), "it must be finite there")
+        J = self.task.jacobian(posture)
         off = float(np.abs(J @ G - np.eye(self.task.m)).max())
         if not off < self.accuracy * max(1.0, float(np.linalg.norm(J, 2) * np.linalg.norm(G, 2))):
             cure = "give a right inverse, without damping, or its accuracy: numeric(task, G, accuracy=...)"
-            raise ArgumentError(f"|J G - 1| of {self.name!r} at q = {np.array2string(at, precision=3)}", off, cure)
+            raise ArgumentError(f"|J G - 1| of {self.name!r} at q = {np.array2string(posture, precision=3)}", off, cure)
         return G
 
     def value(self, q: Vector) -> Matrix:
@@ -270,7 +272,7 @@ class _Calls:
         self, Q: Matrix, *more: Array, threads: int | None = None, out: Sequence[Array] | None = None, **_: Any
     ) -> tuple[Array, ...]:
         """The same over a leading axis."""
-        answers = [self(q, *(one[i] for one in more)) for i, q in enumerate(Q)]
+        answers = [self(q, *(array[i] for array in more)) for i, q in enumerate(Q)]
         made = tuple(np.array([row[k] for row in answers]) for k in range(3))
         for place, value in zip(out or (), made, strict=False):
             place[...] = value.reshape(place.shape)
@@ -578,14 +580,16 @@ def from_transport(
     transport = as_map([x, z0], phi)
     slope = as_map([x, z0], jacobian(phi, z0))
 
-    def label(at: SX, value: SX) -> SX:
+    def label(pose_value: SX, value: SX) -> SX:
         if inverse is not None:
-            return _sized("the inverse of Phi", inverse(at, value), (r, 1))
+            return _sized("the inverse of Phi", inverse(pose_value, value), (r, 1))
         coordinates = value  # at the center Phi is the identity
         last = [1.0] * 4  # Newton steps at the end: quadratic, so four reach round-off
         for share in [*((k + 1) / steps for k in range(steps - 1)), *last]:
-            here = SX(x0) + share * (at - SX(x0))
-            coordinates = coordinates + factorise(slope(here, coordinates)).solve(value - transport(here, coordinates))
+            place = SX(x0) + share * (pose_value - SX(x0))
+            coordinates = coordinates + factorise(slope(place, coordinates)).solve(
+                value - transport(place, coordinates)
+            )
         return coordinates
 
     def expression(bound: Task, k: Kinematics, q: SX) -> SX:
@@ -620,8 +624,8 @@ def _check(
         gaps = errors(task(posture), np.atleast_1d(coordinates(posture)))
         for what, error in zip(errors.output_shapes, gaps, strict=True):
             if not np.abs(error).max() < CHECKED:
-                at = np.array2string(posture, precision=3)
-                raise ArgumentError(f"|{what}| near q = {at}", float(np.abs(error).max()), "it must be 0 everywhere")
+                place = np.array2string(posture, precision=3)
+                raise ArgumentError(f"|{what}| near q = {place}", float(np.abs(error).max()), "it must be 0 everywhere")
 
 
 def _sized(what: str, value: Any, shape: tuple[int, int]) -> SX:

@@ -316,7 +316,7 @@ def transport(
     v = ca.SX.sym("v", *began.shape)
     (moved, rcond), (by_y, by_v), (label, margin, factor) = rate(y, v), slope(y, v, w), end(q, y, f, first, least)
     slopes = ca.horzcat(*(gradient(label[i], y).T for i in range(label.shape[0])))
-    b, c, gaps, kept = ca.SX.sym("b", *v.shape), ca.SX.sym("c", *v.shape), ca.SX.sym("gaps", 2), ca.SX.sym("kept")
+    b, c, gaps, kept_share = ca.SX.sym("b", *v.shape), ca.SX.sym("c", *v.shape), ca.SX.sym("gaps", 2), ca.SX.sym("kept")
 
     def by_q(by_v: ca.SX) -> ca.SX:
         """The slopes w by y and those by v as slopes by q: v moves with it."""
@@ -331,7 +331,10 @@ def transport(
         miss=_function("miss", [y], miss(y)),
         end=_function("end", [q, y, f, first, least], label, margin, slopes, factor),
         back=_function(
-            "back", [q, y, v, w, b, c, gaps, kept], kept * by_q(b), doubt(q, y, v, by_q(-c), b + c, gaps, kept)
+            "back",
+            [q, y, v, w, b, c, gaps, kept_share],
+            kept_share * by_q(b),
+            doubt(q, y, v, by_q(-c), b + c, gaps, kept_share),
         ),
     )
     size = label.shape[0] * (1 + n) + 1

@@ -79,9 +79,9 @@ def written(what: str, function: Callable[..., Any], *symbols: ca.SX) -> ca.SX:
     except HolokinError:
         raise
     except Exception as problem:  # noqa: BLE001  a function may raise anything; CasADi before 3.8.2 raises a bare Exception
-        said = " ".join(str(problem).split())
-        _place, _, words = said.rpartition(": ") if said.startswith(".../casadi") else ("", "", said)
-        cure = next((cure for key, cure in _CURES.items() if key in said), "")
+        message = " ".join(str(problem).split())
+        _place, _, words = message.rpartition(": ") if message.startswith(".../casadi") else ("", "", message)
+        cure = next((cure for key, cure in _CURES.items() if key in message), "")
         fact = f"called with symbols it raised {type(problem).__name__}: {brief(words, 160)}"
         raise ExpressionError(what, fact, cure or "write it with casadi's functions, + - * / and if_else") from None
 

@@ -212,11 +212,11 @@ class Function:
             kernel([_rows(v) for v in stacked], results, threads)
             return self._unwrapped(results, count)
         done = 0
-        for size, least in CHUNKS.items():
-            while count - done >= least:
-                here = slice(done, min(done + size, count))
-                self._evaluate_chunk(size, [v[here] for v in stacked], [r[here] for r in results])
-                done = here.stop
+        for size, fewest in CHUNKS.items():
+            while count - done >= fewest:
+                rows = slice(done, min(done + size, count))
+                self._evaluate_chunk(size, [v[rows] for v in stacked], [r[rows] for r in results])
+                done = rows.stop
         for i in range(done, count):  # a few are cheaper one by one
             for slot, value in zip(self._port.arguments, stacked, strict=True):
                 slot[...] = value[i]

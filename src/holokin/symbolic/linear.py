@@ -225,8 +225,8 @@ def every_minor(J: ca.SX) -> dict[tuple[int, ...], ca.SX]:
         smaller, determinants = determinants, {}
         for columns in combinations(range(n), i + 1):
             terms = [
-                (-1) ** (i + at) * J[i, column] * smaller[columns[:at] + columns[at + 1 :]]
-                for at, column in enumerate(columns)
+                (-1) ** (i + place) * J[i, column] * smaller[columns[:place] + columns[place + 1 :]]
+                for place, column in enumerate(columns)
             ]
             determinants[columns] = ca.SX(sum(terms[1:], terms[0]))
     return determinants

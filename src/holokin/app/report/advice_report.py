@@ -83,19 +83,19 @@ def print_advice(advice: Advice, console: Any) -> None:
     for heading, justify in columns:
         table.add_column(Text(heading), justify=justify, no_wrap=heading not in ("law", "joint"))
     for i, law in enumerate(advice.laws):
-        said = cells(law)
-        said[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.asked else []
-        table.add_row(*(Text(cell, style=GOOD if i == 0 else "") for cell in said))
+        cells_of_law = cells(law)
+        cells_of_law[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.asked else []
+        table.add_row(*(Text(cell, style=GOOD if i == 0 else "") for cell in cells_of_law))
     console.print(table)
     if advice.proposed:
         console.print(f"  Not given, so chosen here: {_chosen(advice)}.", style=WARNING, markup=False, highlight=False)
     if advice.offers:
-        taken = "position" if advice.task.orientation is None else "axis"
-        console.print(f"  The task is '{taken}': {advice.offers}.", style=WARNING, markup=False, highlight=False)
+        task = "position" if advice.task.orientation is None else "axis"
+        console.print(f"  The task is '{task}': {advice.offers}.", style=WARNING, markup=False, highlight=False)
     for law in advice.laws:
         if law.same:
-            said = f"{law.name} stands for {', '.join(law.same)}, too: the same joint rates at every pose"
-            console.print(f"  {said}.", markup=False, highlight=False)
+            cells_of_law = f"{law.name} stands for {', '.join(law.same)}, too: the same joint rates at every pose"
+            console.print(f"  {cells_of_law}.", markup=False, highlight=False)
     for sentence in advice.reasons:
         console.print(f"  {sentence}", markup=False, highlight=False)
 
@@ -219,9 +219,9 @@ def _speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
     for row, value in zip(rows, excess, strict=True):
         text = "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
         inside = np.isfinite(value) and value > 70 * (most - 1)
-        at = min(value, 100 * (most - 1)) - 2 if inside else np.nan_to_num(value) + 2
+        place_of_text = min(value, 100 * (most - 1)) - 2 if inside else np.nan_to_num(value) + 2
         side, color = ("right", "white") if inside else ("left", INK)
-        axes.text(at, row, text, va="center", ha=side, fontsize=8, color=color)
+        axes.text(place_of_text, row, text, va="center", ha=side, fontsize=8, color=color)
         if np.isfinite(value) and value > 100 * (most - 1):
             for x in CUT:
                 place = np.array([x - 1.5, x + 1.5]) * (most - 1)

@@ -326,8 +326,8 @@ class _Sheet:
         self.canvas.restore_region(self.region)
         buffer = np.asarray(self.canvas.buffer_rgba())
         for panel, (row, column), ground, loop in zip(self.panels, self.places, self.grounds, self.loops, strict=True):
-            here = buffer[row : row + self.window.rows, column : column + self.window.columns]
-            here[..., :3] = self._picture(ground.copy(), panel, loop, share)
+            panel_pixels = buffer[row : row + self.window.rows, column : column + self.window.columns]
+            panel_pixels[..., :3] = self._picture(ground.copy(), panel, loop, share)
         for panel, title in zip(self.panels, self.titles, strict=True):
             title.set_text(panel.said(share))
             title.axes = None
@@ -341,8 +341,8 @@ class _Sheet:
 
     def _ground(self, row: int, column: int) -> Pixels:
         """What stands still in a panel: the floor, obstacles, base, and the start as a ghost."""
-        here = self.still[row : row + self.window.rows, column : column + self.window.columns, :3]
-        picture = here.astype(np.float32) / 255
+        panel_pixels = self.still[row : row + self.window.rows, column : column + self.window.columns, :3]
+        picture = panel_pixels.astype(np.float32) / 255
         onto(picture, self.things)
         onto(picture, self.ghost, GHOST)
         return picture

@@ -45,19 +45,19 @@ def _told(
 ) -> list[str]:
     """The findings as a table, and the other lines of the report as a list."""
     lines = "".join(f"<li>{escape(line)}</li>" for line in report.notes(result.units))
-    findings = table(_HEAD, [_row(one.printed(result.units)) for one in report.findings[:MOST_ROWS]])
+    findings = table(_HEAD, [_row(finding.printed(result.units)) for finding in report.findings[:MOST_ROWS]])
     mark = "yes" if strategy.followed == 1.0 else "no"
-    said = [f"<p class='{mark}'>{escape(text)}</p>" for text in [check_words(strategy)] if text]
-    said += [f"<p class='no'>{escape(report.unread)}</p>"] if report.unread else []
-    return [*([findings] if report.findings else []), *said, f"<ul class='small'>{lines}</ul>"]
+    sentences = [f"<p class='{mark}'>{escape(text)}</p>" for text in [check_words(strategy)] if text]
+    sentences += [f"<p class='no'>{escape(report.unread)}</p>"] if report.unread else []
+    return [*([findings] if report.findings else []), *sentences, f"<ul class='small'>{lines}</ul>"]
 
 
-def _row(one: Finding) -> list[str]:
-    unit = f" {one.unit}" if one.unit else ""
-    sign = "at least" if one.is_least else "limit"
+def _row(finding: Finding) -> list[str]:
+    unit = f" {finding.unit}" if finding.unit else ""
+    sign = "at least" if finding.is_least else "limit"
     return [
-        f"<span class='no'>{escape(one.kind.value)}</span>", escape(" and ".join(one.what)), f"{one.start:.3f}",
-        f"{one.stop:.3f}", f"{one.time:.3f}", f"{one.value:.4g}{unit}", f"{sign} {one.limit:.4g}{unit}",
+        f"<span class='no'>{escape(finding.kind.value)}</span>", escape(" and ".join(finding.what)),
+        f"{finding.start:.3f}", f"{finding.stop:.3f}", f"{finding.time:.3f}", f"{finding.value:.4g}{unit}", f"{sign} {finding.limit:.4g}{unit}",
     ]  # fmt: skip
 
 
@@ -151,13 +151,13 @@ def columns(result: JobResult) -> list[Column]:
 def rows(result: JobResult) -> list[list[str]]:
     """The cells of every strategy: those that could not be run last."""
     shown = _columns(result)
-    failed = [[one.name, "NOT run", *["-"] * (len(shown) - 3), "FAILED"] for one in result.not_run]
+    failed = [[strategy.name, "NOT run", *["-"] * (len(shown) - 3), "FAILED"] for strategy in result.not_run]
     return [*([column.cell(s) for column in shown] for s in result.strategies), *failed]
 
 
 def remarks(result: JobResult) -> list[tuple[str, str]]:
     """(strategy, sentence) of all that the table does not tell: what was not run, what stopped, what is too fast."""
-    sentences = [(one.name, f"not run: {one.reason}") for one in result.not_run]
+    sentences = [(strategy.name, f"not run: {strategy.reason}") for strategy in result.not_run]
     sentences += [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
     return [(name, text) for name, text in sentences if text]
 
@@ -191,9 +191,9 @@ def print_result(result: JobResult, console: Any) -> None:
                 console.print(f"    {brief(line)}", markup=False, highlight=False)
         if strategy.motion_check is not None:
             console.print(f"  {brief(strategy.name)}, checked:", markup=False, highlight=False)
-            told = strategy.motion_check.table(result.units).splitlines()
-            said = [text for text in [check_words(strategy)] if text]
-            for line in [*said, *told[strategy.motion_check.passed :]]:
+            lines_of_check = strategy.motion_check.table(result.units).splitlines()
+            words = [text for text in [check_words(strategy)] if text]
+            for line in [*words, *lines_of_check[strategy.motion_check.passed :]]:
                 console.print(f"    {brief(line)}", markup=False, highlight=False)
         for check in strategy.checks:
             if not check.passed:
@@ -209,13 +209,13 @@ MOST_FINDINGS = 3
 
 def _verdict_section(result: JobResult) -> list[str]:
     """The verdict as a section of the report."""
-    told = "".join(
+    items = "".join(
         f"<li><span class='{'yes' if well else 'no'}'>{escape(f'{name} {text}')}</span> {escape(more)}</li>"
         for name, text, more, well in strategy_verdicts(result)
     )
     untested = "".join(f"<li>{escape(text)}</li>" for text in not_tested(result))
     return [
-        "<h2>Verdict</h2>", f"<p>{escape(what_was_run(result))}</p>", f"<ul>{told}</ul>",
+        "<h2>Verdict</h2>", f"<p>{escape(what_was_run(result))}</p>", f"<ul>{items}</ul>",
         f"<p><b>{escape(whole_verdict(result))}</b></p>", "<p>Not tested:</p>", f"<ul>{untested}</ul>",
     ]  # fmt: skip
 
@@ -236,7 +236,7 @@ def whole_verdict(result: JobResult) -> str:
     asked = sum(len(s.checks) for s in result.strategies)
     checked = [s for s in result.strategies if s.motion_check is not None]
     if not result.passed:
-        failed = [s.name for s in result.strategies if not s.passed] + [one.name for one in result.not_run]
+        failed = [s.name for s in result.strategies if not s.passed] + [strategy.name for strategy in result.not_run]
         failed += ["[sheets]"] if result.sheets is not None and not result.sheets.passed else []
         return f"Not all that the job asks for holds: see {', '.join(failed)}."
     if not asked and not checked and result.sheets is None:
@@ -255,7 +255,7 @@ def strategy_verdicts(result: JobResult) -> list[tuple[str, str, str, bool]]:
         parts = [reach[:1].upper() + reach[1:], _limits(result, s), _speeds(result, s), _clearance(result, s)]
         well = s.passed and s.status is Status.COMPLETE and (not result.path.closed or returns(s))
         verdicts.append((s.name, f"{does.rstrip('.')}.", " ".join(filter(None, [*parts, _failed(s)])), well))
-    return verdicts + [(one.name, "was not run.", f"{one.reason}.", False) for one in result.not_run]
+    return verdicts + [(strategy.name, "was not run.", f"{strategy.reason}.", False) for strategy in result.not_run]
 
 
 def returns(strategy: StrategyResult) -> bool:
@@ -296,19 +296,19 @@ def _limits(result: JobResult, s: StrategyResult) -> str:
 
 def _speeds(result: JobResult, s: StrategyResult) -> str:
     """Whether the limits of the joints' speeds are kept: of the path as it is asked for, and as it is timed."""
-    said = ""
+    sentence = ""
     peak = s.metrics["peak_speed"]
     if np.isfinite(peak):
-        kept = "are kept" if peak <= 1 else "are exceeded"
-        said = f"Speed limits {kept} at the speed of the path: {peak:.0%} of one at most."
+        verb = "are kept" if peak <= 1 else "are exceeded"
+        sentence = f"Speed limits {verb} at the speed of the path: {peak:.0%} of one at most."
     elif unknown := without_speed_limit(result.robot):
-        said = f"Cannot tell whether speed limits are kept: the robot's description has none of {unknown}."
+        sentence = f"Cannot tell whether speed limits are kept: the robot's description has none of {unknown}."
     if s.timed is not None:
         bare = np.isinf(s.timed.limits.velocity)
         names = ", ".join(name for name, none in zip(result.robot.joint_names, bare, strict=True) if none)
         less = f", which has no speed limit of {names}," if names else ""
-        said += f" Timed within the limits of [timing]{less} the motion takes {s.timed.duration:.4g} s."
-    return said.strip()
+        sentence += f" Timed within the limits of [timing]{less} the motion takes {s.timed.duration:.4g} s."
+    return sentence.strip()
 
 
 def _clearance(result: JobResult, s: StrategyResult) -> str:
@@ -318,7 +318,7 @@ def _clearance(result: JobResult, s: StrategyResult) -> str:
         return ""
     unread = f"Of the distances the checks {report.unread}." if report.unread else ""
     if report.findings:
-        some = "; ".join(str(one.printed(result.units)) for one in report.findings[:MOST_FINDINGS])
+        some = "; ".join(str(pair.printed(result.units)) for pair in report.findings[:MOST_FINDINGS])
         more = len(report.findings) - MOST_FINDINGS
         return f"The checks of the motion found: {some}{f'; and {more} more' if more > 0 else ''}. {unread}".strip()
     if unread:
@@ -326,13 +326,13 @@ def _clearance(result: JobResult, s: StrategyResult) -> str:
     if not report.pairs:
         return "The checks of the motion found nothing; distances were not among them."
     wanted, near = result.units.said(report.wanted, "m", 3), report.nearest
-    close = sum(one.wanted < report.wanted for one in report.pairs)
+    close = sum(pair.wanted < report.wanted for pair in report.pairs)
     touch = f"{close} pairs that are always nearer do not touch"
     touch = "1 pair that is always nearer does not touch" if close == 1 else touch
     if near is None:
         return f"No pair was held against the clearance of {wanted}: {touch}."
-    least = f"the least distance is {result.units.said(near.least, 'm', 3)}, between {' and '.join(near.pair)}"
-    return f"Clearances are kept: {least} ({wanted} wanted){f'; {touch}' if close else ''}."
+    smallest = f"the least distance is {result.units.said(near.least, 'm', 3)}, between {' and '.join(near.pair)}"
+    return f"Clearances are kept: {smallest} ({wanted} wanted){f'; {touch}' if close else ''}."
 
 
 def _failed(s: StrategyResult) -> str:
@@ -354,7 +354,7 @@ def not_tested(result: JobResult) -> list[str]:
     elif any(s.followed < 1.0 for s in result.strategies):
         sentences.append("the rest of the path of a strategy that stopped")
     reports = [s.motion_check for s in result.strategies if s.motion_check is not None]
-    left_out = {one.pair for report in reports for one in report.left_out}
+    left_out = {pair.pair for report in reports for pair in report.left_out}
     if left_out:
         sentences.append(f"{len(left_out)} pairs of links whose distances were left out: see the checks of the motion")
     sentences += dict.fromkeys(remark for report in reports for remark in report.remarks)
@@ -447,7 +447,7 @@ def _facts(result: JobResult, version: str) -> dict[str, Any]:
         "two_paths": paths_words(result) or "compared",
         "path_duration_s": result.path.duration, "cycles": result.cycles, "seconds": result.seconds,
         "holokin": version, "strategies": [s.summary() for s in result.strategies],
-        "not_run": [vars(one) for one in result.not_run],
+        "not_run": [vars(strategy) for strategy in result.not_run],
     }  # fmt: skip
 
 
@@ -475,8 +475,8 @@ def _page(
         f"<p class='small'>{escape(_tolerance(result))}</p>",
         "<ul>",
         *(
-            f"<li>{told}.<details class='small'><summary>Details</summary>{shown}</details></li>"
-            for told, shown in verdicts
+            f"<li>{sentence}.<details class='small'><summary>Details</summary>{shown}</details></li>"
+            for sentence, shown in verdicts
         ),
         *(f"<li class='no'>{escape(name)}: {escape(text)}</li>" for name, text in remarks(result)),
         "</ul>",
@@ -542,21 +542,21 @@ def _timing(result: JobResult) -> list[str]:
     parts: list[str] = []
     for s in result.strategies:
         if s.timed is not None:
-            slow = "".join(f"<li>{escape(str(one))}</li>" for one in s.timed.slowdowns)
+            slow = "".join(f"<li>{escape(str(slowdown))}</li>" for slowdown in s.timed.slowdowns)
             parts += [
                 f"<h3>{escape(s.name)}</h3><p class='small'>{escape(s.timed.sentence)}</p>",
                 _loads(s.timed, result.units),
             ]
             parts += [f"<ul class='small'>{slow}</ul>"] if slow else []
-    said = "The greatest speed, acceleration and jerk of each joint, and what share of its limit that is."
-    return ["<h2>Timing</h2>", f"<p class='small'>{said}</p>", *parts] if parts else []
+    caption = "The greatest speed, acceleration and jerk of each joint, and what share of its limit that is."
+    return ["<h2>Timing</h2>", f"<p class='small'>{caption}</p>", *parts] if parts else []
 
 
 def _loads(timed: TimedTrajectory, units: PrintedUnits) -> str:
     """The peaks of each joint as a table, numbers under their headings."""
     head = ["joint", "speed", "of limit", "acceleration", "of limit", "jerk", "of limit", "nearest limit at", "time"]
     table = []
-    for load in (one.printed(units) for one in timed.loads):
+    for load in (load_of_joint.printed(units) for load_of_joint in timed.loads):
         cells = [escape(load.joint)]
         for order, (peak, share) in enumerate(zip(load.peaks, load.shares, strict=True), 1):
             unit = f"{load.unit}/s" + (f"<sup>{order}</sup>" if order > 1 else "")
@@ -617,5 +617,5 @@ def _expectations(result: JobResult) -> str:
     ]
     if not rows:
         return "<p>The job file holds no [expect] table.</p>"
-    said = "" if result.units.plain else "<p class='small'>In rad and m, the units of the job file.</p>"
-    return said + html_table(["strategy", "figure", "wanted", "found", ""], rows)
+    note = "" if result.units.plain else "<p class='small'>In rad and m, the units of the job file.</p>"
+    return note + html_table(["strategy", "figure", "wanted", "found", ""], rows)

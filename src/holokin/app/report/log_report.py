@@ -90,8 +90,8 @@ def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
     from matplotlib.colors import Normalize, to_hex
 
     robot, log, cycles = audit.robot, audit.recording, audit.cycles
-    at = thin(len(log), 20_000)
-    points, _ = audit.task.poses(log.q[at])
+    rows = thin(len(log), 20_000)
+    points, _ = audit.task.poses(log.q[rows])
     colors = colormaps["viridis"]
     count = len(cycles)
 
@@ -110,9 +110,9 @@ def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
     seen = stage.scene.view.seen(points)
     axes.plot(*seen[:, :2].T, color="#c9cdd4", linewidth=1.0, zorder=3)
     for i in thin(count, 30):
-        here = (at >= cycles.q0[i]) & (at <= cycles.stop[i])
-        if here.any():
-            axes.plot(*seen[here, :2].T, color=color(int(i) + 1), linewidth=1.3, zorder=4)
+        in_cycle = (rows >= cycles.q0[i]) & (rows <= cycles.stop[i])
+        if in_cycle.any():
+            axes.plot(*seen[in_cycle, :2].T, color=color(int(i) + 1), linewidth=1.3, zorder=4)
     bar = ScalarMappable(Normalize(0, count), colors.reversed())
     axes.figure.colorbar(bar, ax=axes, shrink=0.6, pad=0.04, label="cycles done", ticks=[0, count])
     return axes
@@ -135,9 +135,9 @@ def dataset_figure(audit: DatasetAudit) -> Any:
 def _by_episode(axes: Any, audit: DatasetAudit) -> None:
     """Each pair of equal poses, at both of its episodes; those that differ in red."""
     pairs = audit.pairs
-    at = thin(len(pairs.first), MOST_POINTS) if len(pairs.first) else np.empty(0, np.intp)
+    shown = thin(len(pairs.first), MOST_POINTS) if len(pairs.first) else np.empty(0, np.intp)
     for beyond, color, word in ((False, GOOD, "equal"), (True, BAD, "different")):
-        mine = at[pairs.beyond[at] == beyond]
+        mine = shown[pairs.beyond[shown] == beyond]
         rows = np.concatenate([pairs.first[mine], pairs.second[mine]])
         episode = audit.episodes[np.searchsorted(audit.begins, rows, side="right") - 1]
         distance = np.maximum(np.tile(pairs.distance[mine], 2), 1e-6)

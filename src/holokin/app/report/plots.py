@@ -183,12 +183,12 @@ def law_colors(holonomic: Sequence[bool]) -> tuple[str, ...]:
     Returns:
         As many colours; the first four laws of each kind have one of their own, then they repeat.
     """
-    taken = {True: 0, False: 0}
+    used = {True: 0, False: 0}
     colors: list[str] = []
     for kind in map(bool, holonomic):
         of_kind = _HOLONOMIC if kind else _NONHOLONOMIC
-        colors.append(of_kind[taken[kind] % len(of_kind)])
-        taken[kind] += 1
+        colors.append(of_kind[used[kind] % len(of_kind)])
+        used[kind] += 1
     return tuple(colors)
 
 
@@ -251,12 +251,12 @@ def legible(figure: Any) -> Any:
     """The figure, its smallest type no smaller than `TYPE` where it is as wide as a `PAGE`."""
     from matplotlib.text import Text
 
-    least = TYPE * max(1.0, figure.get_figwidth() / PAGE)
+    smallest = TYPE * max(1.0, figure.get_figwidth() / PAGE)
     for axes in figure.axes:
         for axis in axes._axis_map.values():  # ticks that are not made yet, too
-            axis.set_tick_params(labelsize=max(least, *(t.get_fontsize() for t in axis.get_ticklabels()), 0.0))
+            axis.set_tick_params(labelsize=max(smallest, *(t.get_fontsize() for t in axis.get_ticklabels()), 0.0))
     for text in figure.findobj(Text):
-        text.set_fontsize(max(least, text.get_fontsize()))
+        text.set_fontsize(max(smallest, text.get_fontsize()))
     return figure
 
 
@@ -288,9 +288,9 @@ def joint_histories(
     gap = abs(clockwise.q[-1, joint] - counter.q[-1, joint])
     unit = clockwise.joint_units[joint]
     low, high = axes.get_ylim()
-    least = 0.02 if unit == "rad" else 0.01  # a joint that stands still shall look it
-    if high - low < least:
-        axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)
+    smallest = 0.02 if unit == "rad" else 0.01  # a joint that stands still shall look it
+    if high - low < smallest:
+        axes.set_ylim((low + high - smallest) / 2, (low + high + smallest) / 2)
     if robot is not None:
         _limit_lines(axes, float(robot.lower[joint]), float(robot.upper[joint]))
     ending = f"stopped at {' and '.join(f'{t:.3g}' for t in stops)} s" if stops else _gap(gap, unit)
@@ -359,7 +359,7 @@ def drift_per_cycle(axes: Any, walks: dict[str, Trajectory], colors: Sequence[st
     """
     sizes = {name: np.abs(walk.drift_since_start()).max(axis=1) for name, walk in walks.items()}
     colors = [color_of(i) for i in range(len(sizes))] if colors is None else colors
-    told: list[tuple[float, str, str]] = []
+    named_lines: list[tuple[float, str, str]] = []
     order = sorted(sizes, key=lambda name: -sizes[name][-1])
     for (name, values), color in zip(sizes.items(), colors, strict=True):
         cycles, shown = np.arange(1, len(values) + 1), np.maximum(values, 1e-17)
@@ -367,9 +367,9 @@ def drift_per_cycle(axes: Any, walks: dict[str, Trajectory], colors: Sequence[st
         paint = color if alone else HOLONOMIC if values.max() <= ROUND_OFF else GREY
         axes.semilogy(cycles, shown, "o-", color=paint, linewidth=1.8 if alone else 1.0, markersize=4, label=name)
         if alone:
-            told.append((float(shown[-1]), name, color))
+            named_lines.append((float(shown[-1]), name, color))
     if len(sizes) > LABELS:
-        told += _together(sizes, {name for _, name, _ in told})
+        named_lines += _together(sizes, {name for _, name, _ in named_lines})
     axes.axhspan(1e-18, 1e-12, color="#f3f4f6", zorder=0)
     axes.text(0.01, 0.02, "below 1e-12: round-off", transform=axes.transAxes, ha="left", color="#6b7280", fontsize=9)
     axes.set_ylim(1e-17, 10)
@@ -378,7 +378,7 @@ def drift_per_cycle(axes: Any, walks: dict[str, Trajectory], colors: Sequence[st
     axes.set_ylabel(f"joint drift, largest joint [{' or '.join(units)}]")
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_xlim(0.7, max(len(v) for v in sizes.values()) + 0.3)
-    beside(axes, told)
+    beside(axes, named_lines)
     return axes
 
 
@@ -396,10 +396,12 @@ def _together(sizes: dict[str, Vector], alone: set[str]) -> list[tuple[float, st
     return labels
 
 
-def beside(axes: Any, told: Sequence[tuple[float, str, str]], least: float = 0.058) -> None:
+def beside(axes: Any, named_lines: Sequence[tuple[float, str, str]], least: float = 0.058) -> None:
     """Names (height in data, text, colour) right of the axes, none over another, joined to the ends of their lines."""
-    places = [float(axes.transAxes.inverted().transform(axes.transData.transform((0, y)))[1]) for y, _, _ in told]
-    order = sorted(range(len(told)), key=lambda i: places[i])
+    places = [
+        float(axes.transAxes.inverted().transform(axes.transData.transform((0, y)))[1]) for y, _, _ in named_lines
+    ]
+    order = sorted(range(len(named_lines)), key=lambda i: places[i])
     spread: list[float] = []
     for i in order:
         spread.append(max(places[i], spread[-1] + least if spread else 0.02))
@@ -407,10 +409,10 @@ def beside(axes: Any, told: Sequence[tuple[float, str, str]], least: float = 0.0
     if over > 0:  # from the top downwards
         for k in range(len(spread) - 1, -1, -1):
             spread[k] = min(spread[k], 0.98 if k == len(spread) - 1 else spread[k + 1] - least)
-    for at, i in zip(spread, order, strict=True):
-        _, text, color = told[i]
-        axes.plot([1.0, 1.03], [places[i], at], color=color, linewidth=0.8, transform=axes.transAxes, clip_on=False)
-        axes.text(1.04, at, text, transform=axes.transAxes, va="center", fontsize=9, color=_readable(color))
+    for height, i in zip(spread, order, strict=True):
+        _, text, color = named_lines[i]
+        axes.plot([1.0, 1.03], [places[i], height], color=color, linewidth=0.8, transform=axes.transAxes, clip_on=False)
+        axes.text(1.04, height, text, transform=axes.transAxes, va="center", fontsize=9, color=_readable(color))
 
 
 def joint_ranges(axes: Any, robot: Robot, walks: dict[str, Trajectory], colors: Sequence[str]) -> Any:

@@ -72,7 +72,7 @@ def _open_section(certificate: Certificate) -> list[str]:
     parts = region_of(certificate).parts
     rows = [[escape(MEANT[cause]), _percent(parts.shares[CAUSES[cause]])] for cause in MEANT if cause in parts.cause]
     worst = refuted_by(certificate)
-    said = (
+    sentences = (
         [f"<p>The worst that was found: {escape(str(worst))}. {escape(_posture(certificate, worst.q))}</p>"]
         if worst
         else []
@@ -83,7 +83,7 @@ def _open_section(certificate: Certificate) -> list[str]:
         "that is too near."
     )
     table = html_table(["Parts of the box that are not proven", "Share of the box"], rows)
-    return ["<h2>Where it is not proven</h2>", table, *said, f"<p class='small'>{about}</p>"]
+    return ["<h2>Where it is not proven</h2>", table, *sentences, f"<p class='small'>{about}</p>"]
 
 
 def _clear_sections(certificate: Certificate) -> list[str]:
@@ -110,8 +110,8 @@ def _distances(certificate: Certificate) -> list[str]:
     parts.append(html_table(["Shape of", "Kind and size", "Place of its frame", "In the proof"], rows))
     parts += [f"<p class='small'>And {len(shapes) - MOST_ROWS} more.</p>"] if len(shapes) > MOST_ROWS else []
     pairs = [
-        [_pair(names), f"{asked:g}" if asked else "no contact", at_least(least)]
-        for names, asked, least in least_of_pairs(certificate)[:MOST_ROWS]
+        [_pair(names), f"{asked:g}" if asked else "no contact", at_least(bound)]
+        for names, asked, bound in least_of_pairs(certificate)[:MOST_ROWS]
     ]
     head = ["Pair that is looked at", "Asked [m]", "Proven, at least [m]"]
     parts += ["<h3>Pairs</h3>", html_table(head, pairs, numbers=True)] if pairs else []
@@ -310,7 +310,7 @@ def _tone(certificate: Certificate, word: CheckerWord) -> str:
 def _checker(word: CheckerWord) -> list[str]:
     """What it said, word by word."""
     head, *lines = word.text.splitlines()
-    said = "".join(f"<li>{escape(line.strip())}</li>" for line in lines)
+    items = "".join(f"<li>{escape(line.strip())}</li>" for line in lines)
     facts = [
         ("Outcome", _mark(word.outcome.value)),
         ("Version", escape(word.version)),
@@ -323,7 +323,7 @@ def _checker(word: CheckerWord) -> list[str]:
     return [
         f"<p class='small'>{about}</p>",
         _facts([*facts, ("Its words", escape(head))]),
-        f"<ul class='small'>{said}</ul>" if said else "",
+        f"<ul class='small'>{items}</ul>" if items else "",
     ]
 
 
@@ -371,12 +371,12 @@ def _path_facts(certificate: Certificate, path: AnyPath) -> list[tuple[str, str]
         ("Length", f"{path.length:.6g} m in {len(path.durations)} piece{'s' * (len(path.durations) > 1)}"),
         ("Closed", "yes" if path.closed else "no"),
     ]
-    for k, one in enumerate(paths_of(path)):
+    for k, part in enumerate(paths_of(path)):
         name = f", tool {k + 1}" if task.frames > 1 else ""
-        rows.append((f"Begins{name}", f"at {_short(one.start)} m"))
+        rows.append((f"Begins{name}", f"at {_short(part.start)} m"))
         if task.orientation is not None and task.frames == 1 and task.spatial:
-            R = one.rotation if one.rotation is not None else task.pose(start_of(certificate))[:3, :3]
-            turn = float(sum(segment.turn for segment in one.segments))
+            R = part.rotation if part.rotation is not None else task.pose(start_of(certificate))[:3, :3]
+            turn = float(sum(segment.turn for segment in part.segments))
             rows.append(("Orientation at the start", _axes(R)))
             rows.append(("The tool turns", f"by {np.degrees(turn):.4g} deg in all" if turn else "not at all"))
         elif task.orientation is None:
@@ -392,15 +392,15 @@ def _pieces(path: AnyPath) -> list[str]:
     """The ends of the pieces of a path."""
     parts: list[str] = []
     several = len(paths_of(path)) > 1
-    for k, one in enumerate(paths_of(path)):
-        shown = one.segments[:MOST_PIECES]
-        begun = one.on(np.arange(len(shown)), np.zeros(len(shown))).position
-        ended = one.on(np.arange(len(shown)), np.ones(len(shown))).position
+    for k, part in enumerate(paths_of(path)):
+        shown = part.segments[:MOST_PIECES]
+        begun = part.on(np.arange(len(shown)), np.zeros(len(shown))).position
+        ended = part.on(np.arange(len(shown)), np.ones(len(shown))).position
         rows = [
             [str(i + 1), _short(a), _short(b), f"{s.length:.6g}", _shape(s)]
             for i, (s, a, b) in enumerate(zip(shown, begun, ended, strict=True))
         ]
-        more = len(one.segments) - len(shown)
+        more = len(part.segments) - len(shown)
         head = ["Piece", "From [m]", "To [m]", "Length [m]", "Shape"]
         parts += [f"<h3>Tool {k + 1}</h3>"] if several else []
         parts += [html_table(head, rows)]
@@ -583,21 +583,21 @@ def print_certificates(
     for heading, justify in COLUMNS:
         table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
     colors = {"all": GOOD, "part": WARNING, "not done": WARNING, "drifts": BAD, "NO": BAD}
-    for name, one in certificates.items():
-        table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells(name, one)))
+    for name, certificate in certificates.items():
+        table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells(name, certificate)))
     console.print(table)
-    left = [name for name, one in certificates.items() if isinstance(one, str)]
-    for name, one in certificates.items():
-        text = f"not certified: {one}" if isinstance(one, str) else str(one)
-        style = GOOD if isinstance(one, Certificate) and one.whole else WARNING
+    left = [name for name, certificate in certificates.items() if isinstance(certificate, str)]
+    for name, certificate in certificates.items():
+        text = f"not certified: {certificate}" if isinstance(certificate, str) else str(certificate)
+        style = GOOD if isinstance(certificate, Certificate) and certificate.whole else WARNING
         console.print(f"  {brief(name)}: {text}", style=style, markup=False, highlight=False)
-        if isinstance(one, Certificate) and not one.whole:
-            console.print(f"    {one.extent.value}", style=WARNING, markup=False, highlight=False)
-            worst = refuted_by(one)
+        if isinstance(certificate, Certificate) and not certificate.whole:
+            console.print(f"    {certificate.extent.value}", style=WARNING, markup=False, highlight=False)
+            worst = refuted_by(certificate)
             if worst is not None:
                 console.print(f"    refuted: {worst}", style=BAD, markup=False, highlight=False)
-        if isinstance(one, Certificate):
-            text, style = checker_words(one, words[name]), CHECKED[words[name].outcome]
+        if isinstance(certificate, Certificate):
+            text, style = checker_words(certificate, words[name]), CHECKED[words[name].outcome]
             console.print(f"    {text}", style=style, markup=False, highlight=False)
     if left:
         rest = "the verdict is on the others" if len(left) < len(certificates) else "nothing is certified"
@@ -621,24 +621,27 @@ def write_certificates(
     files: list[str] = []
     facts: dict[str, Any] = {"holokin": version, "stopped": stopped, "strategies": {}}
     with renewed(out, name) as work:
-        for label, one in certificates.items():
-            if isinstance(one, str):
-                facts["strategies"][label] = {"proven": False, "theorem": one}
+        for label, certificate in certificates.items():
+            if isinstance(certificate, str):
+                facts["strategies"][label] = {"proven": False, "theorem": certificate}
                 continue
-            file, word = one.save(work / free_name(label, "-certificate.json", files)), words.get(label) or unasked(one)
-            files += [file.name, write_page(one, file, word).name]
-            said = {"proven": one.whole, "theorem": one.theorem, "checker": word.outcome.value}
-            facts["strategies"][label] = said
-            if (worst := refuted_by(one)) is not None:
-                said["refuted"] = {
+            file, word = (
+                certificate.save(work / free_name(label, "-certificate.json", files)),
+                words.get(label) or unasked(certificate),
+            )
+            files += [file.name, write_page(certificate, file, word).name]
+            facts_of_one = {"proven": certificate.whole, "theorem": certificate.theorem, "checker": word.outcome.value}
+            facts["strategies"][label] = facts_of_one
+            if (worst := refuted_by(certificate)) is not None:
+                facts_of_one["refuted"] = {
                     "names": worst.names, "distance": worst.distance, "wanted": worst.wanted, "q": worst.q.tolist(),
                     "pose": worst.pose.tolist(),
                 }  # fmt: skip
-            if isinstance(one.asked, PoseRange) and not one.whole:
-                region = region_of(one)
-                said["shares"] = {"proven": region.share, **region.parts.shares}
-            if one.revisit is not None:
-                moved = [one.revisit.low.tolist(), one.revisit.high.tolist()]
-                said["drift"] = dict(zip(("least", "most"), moved, strict=True))
+            if isinstance(certificate.asked, PoseRange) and not certificate.whole:
+                region = region_of(certificate)
+                facts_of_one["shares"] = {"proven": region.share, **region.parts.shares}
+            if certificate.revisit is not None:
+                moved = [certificate.revisit.low.tolist(), certificate.revisit.high.tolist()]
+                facts_of_one["drift"] = dict(zip(("least", "most"), moved, strict=True))
         write_facts(work, facts)
     return [out / name / file for file in files]

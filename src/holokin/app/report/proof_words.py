@@ -114,15 +114,15 @@ def nearest_of(certificate: Certificate) -> Nearest | None:
     clear = certificate.demands.clear
     if clear is None or not len(certificate):
         return None
-    apart, least = certificate.findings.apart, clear.judged(certificate.findings.apart)
-    p = int(np.argmin(least))
-    if not np.isfinite(least[p]):
+    apart, bounds = certificate.findings.apart, clear.judged(certificate.findings.apart)
+    p = int(np.argmin(bounds))
+    if not np.isfinite(bounds[p]):
         return None
     i = int(np.argmin(apart[:, p]))
     task, q = certificate.equation.strategy.task, certificate.cells.q0[i, : certificate.equation.joints]
     names = clear.pairs[p].names
     those = [g for g, gap in enumerate(clear.looked_at.gaps) if gap.names == names]
-    return Nearest(names, float(least[p]), task.pose(q), q, float(gap_distances(clear, q[None])[0, those].min()))
+    return Nearest(names, float(bounds[p]), task.pose(q), q, float(gap_distances(clear, q[None])[0, those].min()))
 
 
 def least_of_pairs(certificate: Certificate) -> list[tuple[tuple[str, str], float, float]]:
@@ -131,8 +131,8 @@ def least_of_pairs(certificate: Certificate) -> list[tuple[tuple[str, str], floa
     if clear is None or not len(certificate):
         return []
     listed: dict[tuple[str, str], tuple[float, float]] = {}
-    for pair, least in zip(clear.pairs, certificate.findings.apart.min(axis=0).tolist(), strict=True):
-        listed[pair.names] = pair.wanted, min(least, listed.get(pair.names, (0.0, np.inf))[1])
+    for pair, bound in zip(clear.pairs, certificate.findings.apart.min(axis=0).tolist(), strict=True):
+        listed[pair.names] = pair.wanted, min(bound, listed.get(pair.names, (0.0, np.inf))[1])
     return sorted(((names, *of) for names, of in listed.items()), key=lambda row: row[2])
 
 
@@ -399,12 +399,12 @@ def _clear_claims(certificate: Certificate, proven: str, says: str) -> list[Clai
     clear = certificate.demands.clear
     if clear is None:
         return []
-    least, place, listed = certificate.findings.apart.min(axis=0), place_words(certificate), []
+    bounds, place, listed = certificate.findings.apart.min(axis=0), place_words(certificate), []
     for asked in sorted({float(wanted) for wanted in clear.wanted}, reverse=True):
         these = [p for p, wanted in enumerate(clear.wanted) if wanted == asked]
         names = list(dict.fromkeys(clear.pairs[p].names for p in these))
-        i = min(these, key=lambda p: least[p])
-        near = f"the nearest are {_pair(clear.pairs[i].names)}, {at_least(float(least[i]))} m apart or more"
+        i = min(these, key=lambda p: bounds[p])
+        near = f"the nearest are {_pair(clear.pairs[i].names)}, {at_least(float(bounds[i]))} m apart or more"
         what = f"at least {asked:g} m apart" if asked else "apart: they do not touch"
         text = f"Over {place} the shapes of {_pairs(names)} are {what}; {near}."
         listed.append(Claim(text, proven, f"{says}: the distance asked for"))
@@ -464,14 +464,14 @@ def _path_claims(certificate: Certificate, proven: str, word: CheckerWord) -> li
         text = f"At the end of the closed path the joints are those of its beginning, {within}."
         listed.append(Claim(text, proven, says))
     elif not isinstance(certificate.asked, Workspace) and certificate.asked.closed:
-        told, checked = (
+        answer, checked = (
             (DIFFER, says if _drift_verified(word) else "-") if _ends_elsewhere(certificate) else (NOT_PROVEN, "-")
         )
-        listed.append(Claim("At the end of the closed path the joints are those of its beginning.", told, checked))
+        listed.append(Claim("At the end of the closed path the joints are those of its beginning.", answer, checked))
     again = f"the path meets a {_pose_word(certificate.equation.strategy.task)} again, the joints are the same"
-    told = proven if certificate.whole else NOT_PROVEN
-    told = DIFFER if certificate.extent is Extent.ELSEWHERE and not _ends_elsewhere(certificate) else told
-    listed.append(Claim(f"Wherever else {again}, except for whole turns.", told, "it does not look at this"))
+    answer = proven if certificate.whole else NOT_PROVEN
+    answer = DIFFER if certificate.extent is Extent.ELSEWHERE and not _ends_elsewhere(certificate) else answer
+    listed.append(Claim(f"Wherever else {again}, except for whole turns.", answer, "it does not look at this"))
     return listed
 
 

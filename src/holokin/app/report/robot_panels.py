@@ -122,8 +122,8 @@ def stage_of(
         bodies = [np.vstack(robot.skeleton(q)) for q in Q[:: max(1, len(Q) // 12)]]
         apart = [(np.vstack(robot.skeleton(a)), np.vstack(robot.skeleton(b))) for a, b in pairs]
         view = best_view(bodies, [thinned(c.points) for c in curves], apart)
-    solids = [one for k in range(len(Q)) for one in solids_at(pieces, frames, k, GREY)]
-    solids += [one for k in range(len(Q)) for one in tool_frames(robot, frames, k, 2.6 * unit)]
+    solids = [solid for k in range(len(Q)) for solid in solids_at(pieces, frames, k, GREY)]
+    solids += [solid for k in range(len(Q)) for solid in tool_frames(robot, frames, k, 2.6 * unit)]
     solids += [*triad(np.zeros(3), np.eye(3), 4.5 * unit)]
     solids += [rod for c in curves for rod in wire(thinned(c.points), 0.1 * unit, GREY)]
     if extra is not None and len(extra):
@@ -168,8 +168,8 @@ def draw_panel(axes: Any, stage: Stage, actors: Sequence[Actor], curves: Sequenc
     drawn = picture(stage, actors, curves, window)
     show(axes, stage.scene, drawn, window)
     if not stage.robot.planar:
-        taken = named_axes(axes, stage.scene, 4.5 * stage.unit, drawn[..., 3], window)
-        floor_scale(axes, stage.scene, left=taken)
+        named = named_axes(axes, stage.scene, 4.5 * stage.unit, drawn[..., 3], window)
+        floor_scale(axes, stage.scene, left=named)
     axes.set_title(title, loc="left", fontsize=10)
     return axes
 

@@ -188,22 +188,22 @@ def drawn(solids: Sequence[Solid], window: Window) -> Layer:
             j1 = min(int((high[0] - window.left) / pixel) + 2, window.columns)
             if i0 >= i1 or j0 >= j1:
                 continue
-            here = np.s_[i0:i1, j0:j1]
+            pixels = np.s_[i0:i1, j0:j1]
             x, y = np.broadcast_arrays(xs[None, j0:j1], ys[i0:i1, None])
             z, tilt, inside = solid.depth(x, y)
             share = np.clip(inside * np.float32(1 / pixel) + np.float32(0.5), 0, 1)
-            share *= z >= depth[here]
-            known = cover[here]
+            share *= z >= depth[pixels]
+            known = cover[pixels]
             total = share + known * (1 - share)
             weight = share / np.maximum(total, np.float32(1e-6))
             # Colours (..., 3) of a surface by the cosine of its normal to the light.
-            at = ((tilt + np.float32(1)) * np.float32(_SHADES / 2)).astype(np.intp)
-            paint = (_LIGHT * solid.color * (1 - _SHINE) + _SHINE).astype(np.float32).take(at, axis=0, mode="clip")
-            paint -= color[here]
+            shade = ((tilt + np.float32(1)) * np.float32(_SHADES / 2)).astype(np.intp)
+            paint = (_LIGHT * solid.color * (1 - _SHINE) + _SHINE).astype(np.float32).take(shade, axis=0, mode="clip")
+            paint -= color[pixels]
             paint *= weight[..., None]
-            color[here] += paint
-            cover[here] = np.maximum(known, total)
-            np.copyto(depth[here], z, where=share > 0.5)
+            color[pixels] += paint
+            cover[pixels] = np.maximum(known, total)
+            np.copyto(depth[pixels], z, where=share > 0.5)
     return Layer(color, cover, depth, _part(solids, window))
 
 
@@ -248,14 +248,14 @@ def _pieces(solid: Solid) -> list[tuple[Vector, Vector]]:
 
 def over(below: Any, layer: Layer, alpha: float = 1.0, where: Any = None) -> Pixels:
     """Pictures (rows, columns, 4), 0 to 1, with a layer laid over them; `where`: the pixels that take it, and how."""
-    found, here = below.copy(), layer.here
-    share = layer.cover[here] * np.float32(alpha)
+    found, window = below.copy(), layer.here
+    share = layer.cover[window] * np.float32(alpha)
     if where is not None:
-        share = share * where[here]
-    part = found[here]
+        share = share * where[window]
+    part = found[window]
     total = share + part[..., 3] * (1 - share)
     weight = share / np.maximum(total, np.float32(1e-6))
-    part[..., :3] += weight[..., None] * (layer.color[here] - part[..., :3])
+    part[..., :3] += weight[..., None] * (layer.color[window] - part[..., :3])
     part[..., 3] = total
     return found
 
@@ -668,8 +668,8 @@ def shadowed(picture: Pixels, scene: Scene, window: Window, solids: Sequence[Sol
     ys = np.linspace(window.top, window.bottom, coarse.rows)
     u, v = np.meshgrid(xs, ys - scene.floor * up[2])
     place = np.linalg.inv(np.array([right[:2], up[:2]])) @ np.stack([u.ravel(), v.ravel()])
-    at = np.array([(above.top - place[1]) / above.pixel - 0.5, (place[0] - above.left) / above.pixel - 0.5])
-    dark = map_coordinates(cover, at, order=1).reshape(u.shape)
+    pixel = np.array([(above.top - place[1]) / above.pixel - 0.5, (place[0] - above.left) / above.pixel - 0.5])
+    dark = map_coordinates(cover, pixel, order=1).reshape(u.shape)
     rows = np.linspace(0, coarse.rows - 1, window.rows)
     columns = np.linspace(0, coarse.columns - 1, window.columns)
     fine = map_coordinates(dark, np.meshgrid(rows, columns, indexing="ij"), order=1).astype(np.float32)
@@ -728,7 +728,7 @@ def named_axes(axes: Any, scene: Scene, size: float, cover: Pixels, window: Wind
     Returns:
         Whether one of them is in the corner at the right below.
     """
-    wide, tall, taken = window.right - window.left, window.top - window.bottom, False
+    wide, tall, covered = window.right - window.left, window.top - window.bottom, False
     for name, axis in zip("xyz", np.eye(3), strict=True):
         flat = scene.view.seen(axis[None])[0][:2]
         short = float(np.hypot(*flat))
@@ -738,8 +738,8 @@ def named_axes(axes: Any, scene: Scene, size: float, cover: Pixels, window: Wind
         row, column = int((window.top - y) / window.pixel), int((x - window.left) / window.pixel)
         if 0 <= row < window.rows and 0 <= column < window.columns and cover[row, column] < 0.5:
             axes.text(x, y, name, fontsize=7.5, color=INK, ha="center", va="center", zorder=6)
-            taken = taken or (x > window.left + 0.5 * wide and y < window.bottom + 0.1 * tall)
-    return taken
+            covered = covered or (x > window.left + 0.5 * wide and y < window.bottom + 0.1 * tall)
+    return covered
 
 
 def floor_scale(axes: Any, scene: Scene, *, left: bool = False) -> Any:

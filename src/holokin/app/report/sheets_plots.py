@@ -122,10 +122,10 @@ def coverage_cloud(axes: Any, coverage: Coverage, most: float | None = None, see
     color = shades()(np.clip(coverage.rcond[reached] / most, 0, 1))
     style = {"linewidths": 0, "zorder": 4} if flat else {"linewidths": 0, "depthshade": False}
     for cause in reversed(CAUSES):  # what the law loses last, over the rest
-        here = status == cause
+        of_cause = status == cause
         lost = cause < PoseStatus.BEYOND_LIMITS
-        if here.any():  # an empty cloud would move the limits of the axes
-            axes.scatter(*points[:, here], color=CAUSES[cause][0], s=22 if lost else 9, **style)
+        if of_cause.any():  # an empty cloud would move the limits of the axes
+            axes.scatter(*points[:, of_cause], color=CAUSES[cause][0], s=22 if lost else 9, **style)
     if reached.any():
         axes.scatter(*points[:, reached], color=color, s=7, alpha=0.9 if flat else 0.45, **style)
     if flat and seen is None:
@@ -191,8 +191,8 @@ def _layout(points: Matrix, slices: Sequence[Slice | Plane]) -> tuple[list[float
         widths, heights, places = [sides[0][0]] * 2, [sides[0][1]], [(0, 0)]
     else:
         widths, heights, places = [float(np.ptp(points[:, 0]))], [float(np.ptp(points[:, 1]))], []
-    least = max(0.3 * max(*widths, *heights), 1e-3)  # thin or single ones shall be seen
-    return [max(w, least) for w in widths], [max(h, least) for h in heights], places
+    smallest = max(0.3 * max(*widths, *heights), 1e-3)  # thin or single ones shall be seen
+    return [max(w, smallest) for w in widths], [max(h, smallest) for h in heights], places
 
 
 def _explain(figure: Any, coverage: Coverage, every: Sequence[Coverage], most: float, left: float, cut: bool) -> None:
@@ -339,13 +339,13 @@ def _cloud(axes: Any, sheets: Sheets) -> None:
     points = p[:, :2].T if flat else p.T
     style = {"linewidths": 0} if flat else {"linewidths": 0, "depthshade": False}
     for rest in reversed(REST):
-        here = sheets.rest == rest
-        if here.any():
-            axes.scatter(*points[:, here], color=REST[rest][0], s=16 if rest is PoseRest.NOT_COVERED else 5, **style)
+        of_rest = sheets.rest == rest
+        if of_rest.any():
+            axes.scatter(*points[:, of_rest], color=REST[rest][0], s=16 if rest is PoseRest.NOT_COVERED else 5, **style)
     for s in range(len(sheets)):
-        here = sheets.labels == s
-        if here.any():
-            axes.scatter(*points[:, here], color=sheet_color(s), s=9, alpha=0.9 if flat else 0.6, **style)
+        of_rest = sheets.labels == s
+        if of_rest.any():
+            axes.scatter(*points[:, of_rest], color=sheet_color(s), s=9, alpha=0.9 if flat else 0.6, **style)
     axes.set_title(f"{len(p)} poses", loc="left", fontsize=10)
     if flat:
         axes.set_aspect("equal")
@@ -374,8 +374,8 @@ def _legend(figure: Any, sheets: Sheets, maps: bool, jump: bool) -> None:
     within = max(1, int(sheets.reachable.sum()))
     width, height = figure.get_size_inches()
     patches = [
-        Patch(color=sheet_color(s), label=f"sheet {s}: {(sheets.labels == s).sum() / within:.1%}\n{_lines(one.name)}")
-        for s, one in enumerate(sheets.sheets)
+        Patch(color=sheet_color(s), label=f"sheet {s}: {(sheets.labels == s).sum() / within:.1%}\n{_lines(sheet.name)}")
+        for s, sheet in enumerate(sheets.sheets)
     ]
     patches += [
         Patch(color=color, label=f"{name}: {_share(sheets, rest)}")
@@ -422,8 +422,8 @@ def sheet_motion_figure(motion: SheetMotion, robot: Robot) -> Any:
         bar.axvspan(100 * part.start, 100 * part.stop, color=NONE, linewidth=0)
     for at in _places(motion):
         axes.axvline(100 * at, color=INK, linewidth=1.2, zorder=1.5)
-    for one in motion.divisions:
-        axes.axvline(100 * one.at, color=LIMIT, linewidth=1.6, linestyle=(0, (3, 2)), zorder=1.5)
+    for division in motion.divisions:
+        axes.axvline(100 * division.at, color=LIMIT, linewidth=1.6, linestyle=(0, (3, 2)), zorder=1.5)
     _frame(axes, bar, robot)
     _motion_legend(figure, motion, robot, named, Patch)
     return figure
@@ -431,9 +431,9 @@ def sheet_motion_figure(motion: SheetMotion, robot: Robot) -> Any:
 
 def _places(motion: SheetMotion) -> list[float]:
     """Where the sheet changes with the tool at rest, as shares of the path."""
-    divided = {one.at for one in motion.divisions}
-    ends = {one.stop for one in motion.pieces}
-    starts = [one.start for one in motion.pieces if one.start in ends and one.start not in divided]
+    divided = {part.at for part in motion.divisions}
+    ends = {part.stop for part in motion.pieces}
+    starts = [part.start for part in motion.pieces if part.start in ends and part.start not in divided]
     begun = [0.0] if motion.changes > len(starts) else []
     return begun + starts
 
@@ -459,7 +459,7 @@ def _motion_legend(figure: Any, motion: SheetMotion, robot: Robot, named: list[i
     ]  # fmt: skip
     if len(named) < robot.n:
         lines.append(Line2D([], [], color="#c3c8d0", label="other joints"))
-    used = np.unique([one.sheet for one in motion.pieces]).tolist() if motion.pieces else []
+    used = np.unique([piece.sheet for piece in motion.pieces]).tolist() if motion.pieces else []
     patches = [patch(color=sheet_color(s), label=f"sheet {s}") for s in used]
     patches += [patch(color=NONE, label="no sheet")] if motion.left_out else []
     figure.legend(handles=[*lines, *patches], loc="upper left", bbox_to_anchor=(0.745, 0.98), fontsize=8.5)

@@ -58,8 +58,8 @@ class Loop(Value):
 
     def points(self, count: int = 200) -> Matrix:
         """Points (F, count, 3) of the curves of the F frames, to draw them."""
-        at = self.path.at(np.linspace(0.0, self.path.duration, count)).position
-        return np.ascontiguousarray(at.reshape(count, -1, 3).swapaxes(0, 1))
+        positions = self.path.at(np.linspace(0.0, self.path.duration, count)).position
+        return np.ascontiguousarray(positions.reshape(count, -1, 3).swapaxes(0, 1))
 
 
 def circle_loop(
@@ -229,8 +229,8 @@ def poses_of(task: Task, pose: PoseLike) -> Array:
     given = pose_numbers("a tool pose", pose)
     shaped = given[None] if task.frames == 1 and given.ndim == 2 else given
     poses = given_pose("a tool pose", shaped, (task.frames, 4, 4))
-    for one in poses:
-        tool_pose("a tool pose", one)
+    for tool in poses:
+        tool_pose("a tool pose", tool)
     return poses
 
 
@@ -259,8 +259,8 @@ def _by_leaf(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Follower:
                 return solver.near(pose, q), InverseStatus.REACHED
             except HolokinError:
                 return how_far(solver, pose, q)
-        walk, at = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
-        levels = at, at + strategy.constraint.nearest(level - at)
+        walk, level_now = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
+        levels = level_now, level_now + strategy.constraint.nearest(level - level_now)
         last, ended = walk(q, straight_path(task, task.place(q), task.target(poses), levels))
         return last, InverseStatus.REACHED if ended is PathEnd.REACHED else InverseStatus.LEAF_ENDS
 
@@ -312,33 +312,35 @@ def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
         path, steps = _way(task, q, poses)
         F = task.frames
         twist = np.hstack([path.move.reshape(F, 3), path.turn.reshape(F, 3)]) / (steps * PERIOD)
-        at = q
+        posture = q
         try:
             step = rule.begin(q.copy())
             for k in range(1, steps + CORRECTIONS + 1):
                 target = _pose(task, path.at(min(1.0, k / steps)))
                 rates = twist if k <= steps else np.zeros((F, 6))
-                at = at + PERIOD * np.asarray(step(at.copy(), target, rates[0] if F == 1 else rates, PERIOD))
+                posture = posture + PERIOD * np.asarray(
+                    step(posture.copy(), target, rates[0] if F == 1 else rates, PERIOD)
+                )
         except HolokinError as problem:
             return Move(q, LawStatus.STOPPED, str(problem))
         except Exception as problem:  # noqa: BLE001  a control law of somebody's own may throw anything
             return Move(q, LawStatus.STOPPED, f"{rule.name} threw {type(problem).__name__}: {problem}; correct it")
-        if at.shape != q.shape or not np.isfinite(at).all():
+        if posture.shape != q.shape or not np.isfinite(posture).all():
             return Move(q, LawStatus.STOPPED, f"{rule.name} returned no {len(q)} finite joint rates; correct it")
-        if limits and _beyond(task, at):
-            return Move(q, LawStatus.LIMIT, _limit_sentence(task, at))
-        off = float(np.abs(task.error_function(at, *task.target(poses))).max())
+        if limits and _beyond(task, posture):
+            return Move(q, LawStatus.LIMIT, _limit_sentence(task, posture))
+        off = float(np.abs(task.error_function(posture, *task.target(poses))).max())
         if off < DOUBTFUL:
-            return Move(at, LawStatus.FOLLOWING)
-        return Move(q, *stopped(task, rule.name, at))
+            return Move(posture, LawStatus.FOLLOWING)
+        return Move(q, *stopped(task, rule.name, posture))
 
     return follow
 
 
 def _way(task: Task, q: Vector, poses: Array) -> tuple[StraightPath, int]:
     """The straight path of the tools from a posture to poses, and its number of steps."""
-    here = task.place(q)
-    path = straight(*here, *completed(task, task.target(poses), here))
+    place = task.place(q)
+    path = straight(*place, *completed(task, task.target(poses), place))
     far = float(np.linalg.norm(path.move.reshape(-1, 3), axis=1).max())
     turned = float(np.linalg.norm(path.turn.reshape(-1, 3), axis=1).max())
     return path, int(np.clip(np.ceil(max(far / LONG, turned / TURN)), 1, MOST))
@@ -396,17 +398,17 @@ class Walk:
         rows = np.empty((last - first, len(q)))
         native = self.stepper.native
         done = native.run(q, first, last, rows) if native is not None else 0
-        at = rows[done - 1] if done else q
+        posture = rows[done - 1] if done else q
         robot = self.law.task.robot
         try:
             for i in range(first + done, last):
-                at = self.stepper.step(at, i)
+                posture = self.stepper.step(posture, i)
                 if self.limits:
-                    robot.check_limits(at)
-                rows[done] = at
+                    robot.check_limits(posture)
+                rows[done] = posture
                 done += 1
         except JointLimitError:
-            return rows[:done], (LawStatus.LIMIT, _limit_sentence(self.law.task, at))
+            return rows[:done], (LawStatus.LIMIT, _limit_sentence(self.law.task, posture))
         except HolokinError as problem:
             if self.law.strategy is None:
                 return rows[:done], (LawStatus.STOPPED, str(problem))

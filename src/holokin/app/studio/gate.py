@@ -354,9 +354,9 @@ def _listening(incoming: Incoming) -> Any:
 
         async def recv(self, *given: Any, **named: Any) -> Any:
             while True:
-                said = await super().recv(*given, **named)
+                received = await super().recv(*given, **named)
                 await self._paced()
-                message = incoming.passed(said)
+                message = incoming.passed(received)
                 if message is not None:
                     return message
 

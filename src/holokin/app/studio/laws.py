@@ -228,8 +228,8 @@ def across(law: Law, q: Vector, slider: Slider, value: float, row: int) -> Vecto
     moved = value - slider.value
     change = np.zeros(law.task.n - law.task.m)
     change[row] = np.deg2rad(moved) if slider.unit == DEGREES else moved
-    here, level = law.task.place(q), leaf_value(strategy, q)
-    return leaf_follower(strategy, q)(q, straight_path(law.task, here, here, (level, level + change)))
+    place, level = law.task.place(q), leaf_value(strategy, q)
+    return leaf_follower(strategy, q)(q, straight_path(law.task, place, place, (level, level + change)))
 
 
 def leaves_of(law: Law) -> HolonomicStrategy:
@@ -243,22 +243,22 @@ def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limit
     """How far a row of the level goes one way with the tool still, and why no farther."""
     task, robot = strategy.task, strategy.task.robot
     walk = leaf_walk(strategy, q)
-    here, unit = task.place(q), np.eye(task.n - task.m)[row]
-    at, c, gone = q, leaf_value(strategy, q), 0.0
+    place, unit = task.place(q), np.eye(task.n - task.m)[row]
+    posture, c, gone = q, leaf_value(strategy, q), 0.0
     wide, full = MOVE, 2 * np.pi if strategy.constraint.angular[row] else np.inf
     for _ in range(STEPS):
-        rate = _null_rate(strategy, at, sign * unit)
+        rate = _null_rate(strategy, posture, sign * unit)
         if rate is None:
             return gone, "singular"
         size = min(wide / max(float(np.abs(rate).max()), 1e-12), full - gone)
-        new, ended = walk(at, straight_path(task, here, here, (c, c + sign * size * unit)))
+        new, ended = walk(posture, straight_path(task, place, place, (c, c + sign * size * unit)))
         beyond = ended is PathEnd.REACHED and limits and not robot.within(new)
         if ended is not PathEnd.REACHED or beyond:
             if wide < MOVE / 100:
                 return gone, "limit" if beyond else "singular"
             wide /= 4
             continue
-        at, c, gone = new, c + sign * size * unit, gone + size
+        posture, c, gone = new, c + sign * size * unit, gone + size
         if gone >= full - 1e-12:
             return gone, "closed"
     return gone, "length"
@@ -323,7 +323,7 @@ def two_paths(
         ArgumentError: a task of several tools; the pose is where the tool is.
     """
     of_one_tool(laws[0][0].task, "two paths to one pose")
-    law, q, _ = next((one for one in laws if one[2] is LawStatus.FOLLOWING), laws[0])
+    law, q, _ = next((entry for entry in laws if entry[2] is LawStatus.FOLLOWING), laws[0])
     paths = _pair(law.task.pose(q), pose, width)
     by_law = []
     for law, q, _ in laws:

@@ -172,14 +172,14 @@ def session_of_robot(
     starts = _ready(chosen)[:tried] if q0 is None else robot.checked(q0, "the start posture")[None]
     if not len(starts):
         raise ArgumentError(f"the start of {robot.name!r}", None, "no posture within its limits was found: give one")
-    told = None if origin is None or task is not None else Origin(origin, _task_keys(chosen), FilePath.cwd())
+    job_origin = None if origin is None or task is not None else Origin(origin, _task_keys(chosen), FilePath.cwd())
     known: dict[int, tuple[Law, ...]] = {}
     for i, loop in _loops(chosen, starts):
         laws = known[i] = known.get(i) or default_laws(chosen, starts[i])
         if all(_follows(law, loop, starts[i], 1 if law.holonomic else LASTING) for law in laws):
-            return Session(laws, starts[i], loop, title=robot.name, source=source, origin=told, cycles=CYCLES)
+            return Session(laws, starts[i], loop, title=robot.name, source=source, origin=job_origin, cycles=CYCLES)
     laws = default_laws(chosen, starts[0])
-    return Session(laws, starts[0], title=robot.name, source=source, origin=told, cycles=CYCLES)
+    return Session(laws, starts[0], title=robot.name, source=source, origin=job_origin, cycles=CYCLES)
 
 
 def _task_of(robot: Robot) -> Task:
@@ -226,7 +226,7 @@ def _loops(task: Task, starts: Matrix) -> Iterator[tuple[int, Loop]]:
                 except HolokinError:
                     continue
                 candidates.append((size, i, loop))
-        candidates.sort(key=lambda one: -one[0])
+        candidates.sort(key=lambda candidate: -candidate[0])
         yield from ((i, loop) for _, i, loop in candidates)
 
 

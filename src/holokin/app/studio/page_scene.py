@@ -80,22 +80,22 @@ def looks_of(robot: Robot, most: int = SOLID) -> tuple[tuple[Look, ...], tuple[s
     Raises:
         MissingExtraError: trimesh is not installed.
     """
-    whole, said = _whole(robot)
+    whole, sentences = _whole(robot)
     count = sum(len(mesh.faces) for mesh in whole.values())
     share = min(1.0, most / count) if count else 1.0
-    return tuple(_look(joint, mesh, share) for joint, mesh in whole.items()), said
+    return tuple(_look(joint, mesh, share) for joint, mesh in whole.items()), sentences
 
 
 @lru_cache(maxsize=2)
 def _whole(robot: Robot) -> tuple[dict[int, Any], tuple[str, ...]]:
     """Joint -> all that it carries as one mesh, as fine as it is; and what could not be read."""
     parts: dict[int, list[Any]] = {}
-    said: list[str] = []
+    sentences: list[str] = []
     for visual in robot.visuals:
         try:
             mesh = _mesh(visual.shape, visual.color)
         except RobotFileError as problem:
-            said.append(f"{visual.link} is drawn as a capsule: {problem.fact} ({problem.path})")
+            sentences.append(f"{visual.link} is drawn as a capsule: {problem.fact} ({problem.path})")
             continue
         mesh.apply_transform(visual.placement)
         parts.setdefault(visual.joint, []).append(mesh)
@@ -107,7 +107,7 @@ def _whole(robot: Robot) -> tuple[dict[int, Any], tuple[str, ...]]:
     whole = {joint: trimesh_package().util.concatenate(meshes) for joint, meshes in sorted(parts.items())}
     for mesh in whole.values():
         mesh.merge_vertices(merge_norm=True, merge_tex=True)
-    return whole, tuple(dict.fromkeys(said))
+    return whole, tuple(dict.fromkeys(sentences))
 
 
 def frames_of(robot: Robot, Q: Matrix) -> tuple[Matrix, Array]:
@@ -496,10 +496,10 @@ class Scene:
         radius = float(np.linalg.norm(points - middle, axis=1).max())
         self.look_from(middle + radius / np.sin(FOV / 2) * away, middle)
 
-    def look_from(self, place: Vector, at: Vector) -> None:
+    def look_from(self, place: Vector, look_at: Vector) -> None:
         """Where the cameras of all browsers are now, begin, and return to on "reset view"."""
         for camera in (self.server.initial_camera, *(client.camera for client in self.server.get_clients().values())):
-            camera.position, camera.look_at, camera.fov, camera.near = place, at, FOV, 0.02
+            camera.position, camera.look_at, camera.fov, camera.near = place, look_at, FOV, 0.02
 
     def _floor(self) -> None:
         away = max(float(np.linalg.norm(joint.start)) for joint in self.robot.joints) if self.robot.tips else 0.0

@@ -282,13 +282,13 @@ class _Film:
         if len(self.tools) > 1:
             hands = np.mean([scene.points_of(Q[:1, self.lead], tip)[0][0] for tip in self.tools], axis=0)
             side = float(np.arctan2(hands[1], hands[0])) - ASIDE
-        gap = sum((one - other).sum(axis=0) for one, other in pairs)
+        gap = sum((ghost - solid).sum(axis=0) for ghost, solid in pairs)
         ahead = np.array([np.cos(side), np.sin(side), 0.0])
         if (
             not self.robot.planar and len(self.tools) == 1 and ahead @ gap < -1e-9
         ):  # the ghosts in front of the robot, not behind it
             ahead, side = -ahead, side + np.pi
-        body = np.vstack([loop, *(one for one, _ in pairs)])
+        body = np.vstack([loop, *(ghost for ghost, _ in pairs)])
         if _hidden(body, things, ahead, up) > _hidden(body, things, -ahead, up):
             ahead, side = -ahead, side + np.pi
         away = np.array([*(np.cos(up) * ahead[:2]), np.sin(up)])
@@ -300,11 +300,11 @@ class _Film:
         tan, wide, tall = np.tan(FOV / 2), (high[0] - low[0]) / ASPECT, high[1] - low[1]
         places = (((LEFT, RIGHT), (-UPRIGHT, UPRIGHT)), ((-RIGHT, RIGHT), BELOW))  # beside the caption, or below it
         sizes = [max(wide / (x[1] - x[0]), tall / (y[1] - y[0])) / tan for x, y in places]
-        near, (x, y) = min(zip(sizes, places, strict=True), key=lambda one: one[0])
+        near, (x, y) = min(zip(sizes, places, strict=True), key=lambda ghost: ghost[0])
         far = near + (high[2] - low[2]) / 2
         middle = (low + high) / 2 @ np.stack([right, above, away])
-        at = middle - tan * near * (sum(x) / 2 * ASPECT * right + sum(y) / 2 * above)
-        return at + far * away, at
+        look_at = middle - tan * near * (sum(x) / 2 * ASPECT * right + sum(y) / 2 * above)
+        return look_at + far * away, look_at
 
     def _pieces(self, scene: Scene) -> dict[int, list[tuple[int, str, Matrix]]]:
         """Frame -> (law, name, points (k, 3)) of the pieces of the elbows' lines that appear there."""

@@ -201,9 +201,9 @@ def _free_port(host: str, port: int) -> int:
     for candidate in range(port, min(port + TRIED, 65536)):
         try:
             family, kind, _, _, place = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0]
-            with socket.socket(family, kind) as one:
-                one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0 if os.name == "nt" else 1)
-                one.bind(place)
+            with socket.socket(family, kind) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0 if os.name == "nt" else 1)
+                probe.bind(place)
             return candidate
         except (socket.gaierror, UnicodeError):
             break

@@ -598,8 +598,8 @@ def to_job(session: Session, title: str | None = None) -> str:
     if session.origin is None:
         cure = "a job names a robot of the catalogue or a file: open the session with that name"
         raise ArgumentError("the robot of the session", session.robot.name, cure)
-    told = [law for law in laws if law.keys is not None]
-    if not told:
+    in_job = [law for law in laws if law.keys is not None]
+    if not in_job:
         raise ArgumentError("the laws that a job can say", 0, "add one of the kinds that jobs have")
     snapshot = session.snapshot()
     cycles = snapshot.cycles or max(1, snapshot.cycle)
@@ -613,7 +613,7 @@ def to_job(session: Session, title: str | None = None) -> str:
     lines.append(f"# {', '.join(session.robot.joint_names)}\n{_part('start', {'q': home.tolist()})}")
     lines.append(_part("path", _placed(path, session.origin.folder)))
     written: set[str] = set()
-    for law in told:
+    for law in in_job:
         label = law.label or law.name
         if label not in written:
             lines.append(_part(f"strategies.{toml(label)}", _keys(law)))
@@ -637,8 +637,8 @@ def _placed(keys: Mapping[str, Any], source: FilePath) -> dict[str, Any]:
     """The keys with the full names of files."""
     placed: dict[str, Any] = {}
     for key, value in keys.items():
-        if isinstance(value, list) and value and all(isinstance(one, Mapping) for one in value):
-            value = [_placed(one, source) for one in value]
+        if isinstance(value, list) and value and all(isinstance(entry, Mapping) for entry in value):
+            value = [_placed(entry, source) for entry in value]
         elif key in FILES and isinstance(value, str) and FilePath(value).suffix:
             value = FilePath(os.path.normpath(source / value)).as_posix()
         placed[key] = value

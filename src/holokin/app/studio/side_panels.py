@@ -135,7 +135,7 @@ class LoopPanel:
             for handle, name in ((self.center, "Centre"), (self.radius, "Radius")):
                 handle.label = f"{name} [{units.length}]"
                 handle.step, handle.precision = handle.step * ratio, 1 if units.length == "mm" else 4
-                value, low, high = (_times(ratio, one) for one in (handle.value, handle.min, handle.max))
+                value, low, high = (_times(ratio, number) for number in (handle.value, handle.min, handle.max))
                 handle.min, handle.max, handle.value = low, high, value
 
     def _tool(self) -> Any:
@@ -195,7 +195,7 @@ class LoopPanel:
 def _times(ratio: float, value: Any) -> Any:
     """A number, or each of several, times a ratio; to twelve digits, so that there and back is what it was."""
     if isinstance(value, tuple | list | np.ndarray):
-        return tuple(_times(ratio, one) for one in value)
+        return tuple(_times(ratio, number) for number in value)
     return float(f"{ratio * float(value):.12g}")
 
 
@@ -216,9 +216,9 @@ class WorkPanel:
     def __init__(self, page: Stage):
         self.page = page
         gui, laws = page.server.gui, page.session.laws
-        told = tuple(law.name for law in laws if law.keys is not None and page.session.origin is not None)
-        off = not told
-        self.law = gui.add_dropdown("Law", told or ("none",), hint="Of the program and of the certificate")
+        in_job = tuple(law.name for law in laws if law.keys is not None and page.session.origin is not None)
+        off = not in_job
+        self.law = gui.add_dropdown("Law", in_job or ("none",), hint="Of the program and of the certificate")
         gui.add_markdown(
             "A **robot program** of the loop with its cycles, timed within the speed limits of the joints."
         )
@@ -274,17 +274,19 @@ class WorkPanel:
             timed.save(file.parent / "program" / "joints.csv")
             packed = io.BytesIO()
             with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as box:
-                for one in sorted((file.parent / "program").iterdir()):
-                    box.write(one, one.name)
-        said = f"{program.targets} targets, {timed.duration:.3g} s, {timed.profile}."
-        self._tell(said, *program.notes)
+                for part in sorted((file.parent / "program").iterdir()):
+                    box.write(part, part.name)
+        sentence = f"{program.targets} targets, {timed.duration:.3g} s, {timed.profile}."
+        self._tell(sentence, *program.notes)
         return f"{name}-{language}.zip", packed.getvalue()
 
     def _certificate(self) -> tuple[str, bytes] | None:
         label = self._label()
         with _saved_job(self.page.session) as (name, job, file):
             chosen = job.model_copy(update={"strategies": {label: job.strategies[label]}})
-            certificate = next(one for title, one in certify_job(chosen, file) if title in (label, self.law.value))
+            certificate = next(
+                answer for title, answer in certify_job(chosen, file) if title in (label, self.law.value)
+            )
             if not isinstance(certificate, Certificate):
                 self._tell(f"{self.law.value} is not certified: {certificate}")
                 return None
@@ -362,8 +364,8 @@ def _told(state: SheetState) -> str:
         for s in range(state.count)
     ]
     who = quiet(f"{state.law} follows the sheets." if state.law else "No arm follows the sheets.")
-    said = line(state.sentence) if state.sheet >= 0 else warning(state.sentence)
-    return block(table(rows), said, warning(state.why), who, quiet(f"{state.about}."))
+    sentence = line(state.sentence) if state.sheet >= 0 else warning(state.sentence)
+    return block(table(rows), sentence, warning(state.why), who, quiet(f"{state.about}."))
 
 
 # --- What goes out of the page: a job file, a picture, a GIF, a recording. All of it is downloaded by the browser.

@@ -299,18 +299,18 @@ def ramp(low: str, high: str, left: str, right: str) -> str:
 def short_names(names: Sequence[str], most: int = 14) -> list[str]:
     """Names without the words that all of them begin or end with, and what is too long still without its end."""
     words = [re.split("([_/.])", name) for name in names]
-    first = 2 * (_shared([one[::2] for one in words]) if len(words) > 1 else 0)
-    last = 2 * (_shared([one[first:][::-2] for one in words]) if len(words) > 1 else 0)
-    if any(one[first : first + 1][0].isdigit() for one in words):  # "joint_1" tells more than "1"
+    first = 2 * (_shared([parts[::2] for parts in words]) if len(words) > 1 else 0)
+    last = 2 * (_shared([parts[first:][::-2] for parts in words]) if len(words) > 1 else 0)
+    if any(parts[first : first + 1][0].isdigit() for parts in words):  # "joint_1" tells more than "1"
         first = max(first - 2, 0)
-    shortened = ["".join(one[first : len(one) - last]) for one in words]
+    shortened = ["".join(parts[first : len(parts) - last]) for parts in words]
     return [name if len(name) <= most else f"{name[: most - 1]}\u2026" for name in shortened]
 
 
 def _shared(words: Sequence[Sequence[str]]) -> int:
     """How many words all begin with; of each at least one is left."""
-    least = min(map(len, words)) - 1
-    return next((i for i in range(least) if len({one[i] for one in words}) > 1), max(least, 0))
+    most = min(map(len, words)) - 1
+    return next((i for i in range(most) if len({parts[i] for parts in words}) > 1), max(most, 0))
 
 
 def plain(text: str, red: bool = False, grey: bool = False, right: bool = False) -> Cell:
@@ -327,10 +327,10 @@ def named(name: str, note: str = "") -> Cell:
 
 def table(rows: Sequence[Sequence[Cell]], hints: Sequence[str] = ()) -> str:
     """Cells in rows; a hint is shown where the mouse rests on its row."""
-    said = [*hints, *[""] * (len(rows) - len(hints))]
+    titles = [*hints, *[""] * (len(rows) - len(hints))]
     lines = [
         f'<tr title="{escape(hint)}">{"".join(f"<td>{cell}</td>" for cell in row)}</tr>'
-        for row, hint in zip(rows, said, strict=True)
+        for row, hint in zip(rows, titles, strict=True)
     ]
     return f'<table style="width:100%;font-size:12.5px;color:{INK};border-spacing:2px 3px">{"".join(lines)}</table>'
 
@@ -442,8 +442,8 @@ class Charts:
         return f"Joint [{joint_unit(self.page.units, self.page.session.robot)}]"
 
     def _scales(self, soft: bool) -> dict[str, Any]:
-        least = SOFT * joint_factors(self.page.units, self.page.session.robot).max()
-        grows = {"min": {"pad": 0.05, "soft": 0.0, "mode": 1}, "max": {"pad": 0.05, "soft": least, "mode": 1}}
+        smallest = SOFT * joint_factors(self.page.units, self.page.session.robot).max()
+        grows = {"min": {"pad": 0.05, "soft": 0.0, "mode": 1}, "max": {"pad": 0.05, "soft": smallest, "mode": 1}}
         return {"x": {"time": False}, **({"y": {"range": grows}} if soft else {})}
 
     def _plot(self, across: str, dots: bool) -> Any:

@@ -211,11 +211,11 @@ def _wasm_of(code: str, name: str) -> bytes:
         source.write_text(code, "utf-8")
         command = (sys.executable, "-m", "ziglang", "cc", *FLAGS, "-Wl,--strip-all", str(source), "-o", str(module))
         try:
-            status, said = call(command, PATIENCE, "stderr")
+            status, output = call(command, PATIENCE, "stderr")
         except (OSError, subprocess.TimeoutExpired) as problem:
             raise ExportError(f"zig did not compile {name!r} ({problem})", "try again, or take a shorter law") from None
         if status != 0 or not module.is_file():
-            complaint = next((line for line in said.splitlines() if "error" in line), f"code {status}").strip()
+            complaint = next((line for line in output.splitlines() if "error" in line), f"code {status}").strip()
             raise ExportError(f"zig refused the C of {name!r} ({complaint})", "please report it, with the job")
         return module.read_bytes()
 
@@ -355,14 +355,14 @@ def web_page(
     if path is not None and not _is_circle(path):
         offered.append(_loop(PageLoop("The planned path", path, starts[0]), strategies, starts, arm))
     for more in loops:
-        one = task.robot.checked(more.q0, f"the start posture of {more.name!r}")
-        offered.append(_loop(more, strategies, [one] * len(strategies), arm))
+        posture = task.robot.checked(more.q0, f"the start posture of {more.name!r}")
+        offered.append(_loop(more, strategies, [posture] * len(strategies), arm))
     plane = 2 if task.robot.planar else _plane(loop)
     data = {
         "joints": [{"name": joint.name, "unit": joint.unit} for joint in task.robot.coordinates],
         "steps": STEPS, "rounds": ROUNDS, "planar": task.robot.planar, "plane": plane, "size": _path_size(loop, plane),
         "pieces": arm.pieces, "loops": offered,
-        "laws": _modules(laws, arm, max(2, *(len(one["counts"]) for one in offered))),
+        "laws": _modules(laws, arm, max(2, *(len(posture["counts"]) for posture in offered))),
     }  # fmt: skip
     return WebPage(page_text(title or f"{task.robot.name}: drag the loop", text, data))
 
@@ -370,13 +370,13 @@ def web_page(
 def cusp_loop(witness: CuspWitness, rule: str = "the rule") -> PageLoop:
     """The loop of a cusp for a page, which says how far the joints end from where they began."""
     turn = np.degrees(witness.turn)
-    said = (
+    sentence = (
         f"This loop is {100 * witness.length:.1f} cm long, and the tool turns by {turn:.0f} degrees on it. "
         f"It goes round a cusp of {rule}. The joints end {witness.apart:.2f} rad from where they began, "
         "though no posture on it is singular and the rule is kept all the way. "
         "A rule is repeatable within a region of tool poses. No such region contains this loop."
     )
-    return PageLoop("A loop round a cusp", witness.path, witness.first, said, rounds=1)
+    return PageLoop("A loop round a cusp", witness.path, witness.first, sentence, rounds=1)
 
 
 def _checked(laws: Mapping[str, Strategy]) -> list[Strategy]:
@@ -384,12 +384,12 @@ def _checked(laws: Mapping[str, Strategy]) -> list[Strategy]:
     strategies = list(laws.values())
     if not 1 <= len(strategies) <= MOST_LAWS:
         raise ArgumentError("the number of laws on a page", len(strategies), f"give one to {MOST_LAWS}")
-    for one, other in pairwise(strategies):
-        same = one.task.robot == other.task.robot and (one.task.m, one.task.tip) == (other.task.m, other.task.tip)
+    for law, other in pairwise(strategies):
+        same = law.task.robot == other.task.robot and (law.task.m, law.task.tip) == (other.task.m, other.task.tip)
         if not same:
             raise ArgumentError("the laws of a page", list(laws), "give those of one robot and one task")
-    for one in strategies:
-        of_one_tool(one.task, "a page")
+    for law in strategies:
+        of_one_tool(law.task, "a page")
     if not strategies[0].task.spatial:
         raise ArgumentError(
             "the task", strategies[0].task.name, "a page leads a tool in space: take a position or a pose"

@@ -343,8 +343,12 @@ def leaf_cusps(name: str, strategy: HolonomicStrategy, q: Vector) -> LeafCusps:
     """Those of the leaf through a posture (n,), and how far they are from the tool there."""
     cusps = cusps_near(strategy, q, pose_cloud(strategy.task.pose(q)[None]))
     place = None if cusps.pose is None else cusps.pose[:3, 3]
-    least = None if cusps.found is None else cusps.found.witness
-    loop = np.zeros((0, 3)) if least is None else least.path.at(np.linspace(0, least.path.duration, POINTS)).position
+    smallest = None if cusps.found is None else cusps.found.witness
+    loop = (
+        np.zeros((0, 3))
+        if smallest is None
+        else smallest.path.at(np.linspace(0, smallest.path.duration, POINTS)).position
+    )
     return LeafCusps(name, leaf_value(strategy, q), False, _sentence(name, cusps), place, loop)
 
 
@@ -358,13 +362,13 @@ def _sentence(name: str, cusps: NearbyCusps) -> str:
         return (
             f"{name}: no cusp was found within the joint limits from {cusps.found.starts:,} starts, which is no proof."
         )
-    said = f"{name}: the nearest cusp found within the joint limits is {cusps.away:.2g} m away."
-    least = cusps.found.witness
-    if least is None:
-        return f"{said} No tool loop round a cusp was found."
+    sentence = f"{name}: the nearest cusp found within the joint limits is {cusps.away:.2g} m away."
+    smallest = cusps.found.witness
+    if smallest is None:
+        return f"{sentence} No tool loop round a cusp was found."
     return (
-        f"{said} The smallest tool loop found is {least.length:.2g} m long; after it a joint is {least.apart:.2g} (rad "
-        "or m) from where it was."
+        f"{sentence} The smallest tool loop found is {smallest.length:.2g} m long; after it a joint is "
+        f"{smallest.apart:.2g} (rad or m) from where it was."
     )
 
 

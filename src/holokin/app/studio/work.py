@@ -152,8 +152,8 @@ class SheetFollower:
 
     def _lost(self, problem: Exception) -> None:
         with self._lock:
-            said = "" if isinstance(problem, _EndedError) else failure("The sheets were not found", problem)
-            self._tell(searching=said)
+            sentence = "" if isinstance(problem, _EndedError) else failure("The sheets were not found", problem)
+            self._tell(searching=sentence)
 
     def look(self, poses: Array) -> None:
         """Which sheet serves tool poses (1, 4, 4) to which no arm was taken by them."""
@@ -230,18 +230,18 @@ class SheetFollower:
 
     def _begin(self, sheets: Sheets, q: Vector, poses: Array, wanted: int) -> Move:
         """Begin a self-motion to a sheet that serves the target, at the pose where the arm rests; or say why not."""
-        here, there = (sheets.postures(T[None])[:, 0] for T in (sheets.task.pose(q), poses[0]))
+        resting, there = (sheets.postures(T[None])[:, 0] for T in (sheets.task.pose(q), poses[0]))
         serves = np.flatnonzero(np.isfinite(there).all(axis=1))
         reason = ""
         for second in sorted(serves.tolist(), key=lambda s: s != wanted):
-            if not np.isfinite(here[second]).all():
+            if not np.isfinite(resting[second]).all():
                 reason = reason or f"sheet {second} does not serve the pose where the arm rests"
                 continue
-            on, _ = sheets.sheets[second].reached(here[[second]], poses, sheets.clear)
+            on, _ = sheets.sheets[second].reached(resting[[second]], poses, sheets.clear)
             if not np.abs(on[0] - there[second]).max() < SAME:  # NaN is not
                 reason = reason or f"sheet {second} does not lead straight from there to the tool"
                 continue
-            motion = self._motion(sheets, q, here[second], second)
+            motion = self._motion(sheets, q, resting[second], second)
             if motion.hindrance is None:
                 self._change = _Change(motion, poses, q)
                 first = min(sheets.of(q), default=-1)
@@ -249,9 +249,11 @@ class SheetFollower:
                 self._tell(sheet=second, sentence=f"{way}, the tool at rest: {motion.seconds:.2f} s.", why="")
                 return Move(q, LawStatus.STOPPED, self._state.sentence)
             reason = reason or motion.hindrance.text
-        said = f"The arm rests: it would have to change to sheet {wanted}, and no self-motion leads there: {reason}."
-        self._tell(sheet=-1, sentence=said, why="")
-        return Move(q, LawStatus.STOPPED, said)
+        sentence = (
+            f"The arm rests: it would have to change to sheet {wanted}, and no self-motion leads there: {reason}."
+        )
+        self._tell(sheet=-1, sentence=sentence, why="")
+        return Move(q, LawStatus.STOPPED, sentence)
 
     def _motion(self, sheets: Sheets, q: Vector, to: Vector, second: int) -> StillMotion:
         key = (q.tobytes(), second)

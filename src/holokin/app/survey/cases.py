@@ -163,11 +163,11 @@ class Cases(Value):
         some = np.flatnonzero(free)
         starts = {start: i for i, start in enumerate(self._starts)}
         order = evenly([self.strata[i] for i in some], starts) if left else iter(())
-        for one in order:
+        for stratum in order:
             if left <= 0:
                 break
-            counts[some[one]] += 1
-            left -= int(laws[some[one]])
+            counts[some[stratum]] += 1
+            left -= int(laws[some[stratum]])
         return counts
 
     @property
@@ -271,7 +271,7 @@ def evenly(strata: list[Stratum], starts: dict[tuple[str, int], int]) -> Iterato
         groups.setdefault(s.robot, {}).setdefault((s.task, s.loop), {})[starts[s.start]] = i
     turns, many = [(0, robot) for robot in groups], len(starts)
     own, of_all, round_ = Counter[Hashable](), Counter[str](), math.lcm(len(groups), many)
-    for taken in range(len(strata)):
+    for round in range(len(strata)):
         cases, robot = heapq.heappop(turns)
         left = groups[robot]
         task, loop = min(
@@ -281,7 +281,7 @@ def evenly(strata: list[Stratum], starts: dict[tuple[str, int], int]) -> Iterato
                 of_all["task " + of[0]], of_all["loop " + of[1]],
             ),
         )  # fmt: skip
-        free, first = left[task, loop], taken + taken // round_
+        free, first = left[task, loop], round + round // round_
         next_ones = islice((k % many for k in range(first, first + many) if k % many in free), LOOKED_AT)
         start = min(next_ones, key=lambda k: (of_all[f"start {k}"], own[robot, k]))
         place = free.pop(start)

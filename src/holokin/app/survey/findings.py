@@ -196,8 +196,8 @@ class Findings(Value):
         columns = self.columns
         kinds: dict[tuple[str, str, str], list[int]] = {}
         for i in np.flatnonzero(columns["status"] != STATUS_ORDER[0]):
-            said = _plain_reason(columns["reason"][i], columns["robot"][i])
-            kinds.setdefault((columns["law"][i], columns["status"][i], said), []).append(int(i))
+            reason = _plain_reason(columns["reason"][i], columns["robot"][i])
+            kinds.setdefault((columns["law"][i], columns["status"][i], reason), []).append(int(i))
         cycles = np.nan_to_num(columns["cycles"], nan=-1.0)
         first = [(len(rows), min(rows, key=lambda i: cycles[i])) for rows in kinds.values()]
         first.sort(key=lambda pair: (pair[0], cycles[pair[1]]))
@@ -353,14 +353,14 @@ def drift_figure(findings: Findings) -> Any:
 def survival_figure(findings: Findings) -> Any:
     """Share of the arms that have met no limit after k cycles."""
     figure, axes = _figure(4.0)
-    looks, handles, least = _looks(findings), [], 1.0
+    looks, handles, lowest = _looks(findings), [], 1.0
     for law in findings.laws:
         cycles, share, count = findings.of_law(law).survival()
         if count:
             (line,) = axes.step(cycles, share, where="post", label=on_figure(law), **looks[law])
             handles.append((float(share[-1]), line))
-            least = min(least, float(share.min()))
-    bottom = max(0.0, 1.0 - 1.15 * max(1.0 - least, 0.05))
+            lowest = min(lowest, float(share.min()))
+    bottom = max(0.0, 1.0 - 1.15 * max(1.0 - lowest, 0.05))
     axes.set_ylim(bottom, 1.0)
     axes.set_yticks([tick for tick in axes.get_yticks() if bottom <= tick <= 1.0 + 1e-9])
     axes.set_ylim(bottom, 1.0 + 0.02 * (1.0 - bottom))  # a line along the top is seen whole
@@ -553,14 +553,14 @@ def _faults(findings: Findings) -> str:
         many[law] += count
     if not many:
         return "No case was a fault."
-    told = ", ".join(f"{law} {count:,}" for law, count in many.most_common())
-    return f"Cases that are faults: {told}; where all are, the map says so, elsewhere they count as not gone round."
+    counts = ", ".join(f"{law} {count:,}" for law, count in many.most_common())
+    return f"Cases that are faults: {counts}; where all are, the map says so, elsewhere they count as not gone round."
 
 
 def _told(row: dict[str, Any], cases: Cases, many: int = 0) -> str:
     words = {"cycles": "complete cycles", "drift": "drift of the first", "drift_last": "of the last"}
     words |= {"drift_total": "in all", "tracking": "tool error", "margin": "margin"}
-    told = [f"{said} {row[name]:.3g}" for name, said in words.items() if row[name] == row[name]]
+    figures = [f"{word} {row[name]:.3g}" for name, word in words.items() if row[name] == row[name]]
     line = f"{row['number']}: {row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
     if many:
         reason = brief(row["reason"], LONGEST_REASON)
@@ -568,7 +568,7 @@ def _told(row: dict[str, Any], cases: Cases, many: int = 0) -> str:
     case = cases.of_row(row)
     job = repeated(cases, case)[0] if case else "# no job repeats it: its survey, or the file of its robot, has changed"
     return (
-        f"<details><summary>{escape('; '.join([line, ', '.join(told)] if told else [line]))}</summary>"
+        f"<details><summary>{escape('; '.join([line, ', '.join(figures)] if figures else [line]))}</summary>"
         f"<p class='small'>{escape(row['reason'])}</p><pre>{escape(job)}</pre></details>"
     )
 

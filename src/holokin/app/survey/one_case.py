@@ -249,8 +249,8 @@ def start_of(case: Case, folder: FilePath) -> Vector:
 def _path_table(case: Case, folder: FilePath) -> dict[str, Any]:
     """The [path] table of its loop, drawn from what tells the loop, not from its place in the survey."""
     arm = _robot(json.dumps(case.robot, sort_keys=True), folder)
-    told = json.dumps([case.robot, case.task, case.start, case.loop["table"]], sort_keys=True)
-    rng = np.random.default_rng([case.loop["seed"], zlib.crc32(told.encode()), case.loop["index"]])
+    text = json.dumps([case.robot, case.task, case.start, case.loop["table"]], sort_keys=True)
+    rng = np.random.default_rng([case.loop["seed"], zlib.crc32(text.encode()), case.loop["index"]])
     length = longest_reach(arm)
     table = LoopTable.model_validate(case.loop["table"])
     keys = drawn(table, length if np.isfinite(length) else 1.0, arm.planar, rng)
@@ -364,11 +364,11 @@ def _walk(
 def _set_up(case: Case, cases: Cases) -> Ready:
     """Task, start posture and law of a case; task and law, with its native code, are kept."""
     q0 = start_of(case, cases.folder)
-    told = json.dumps([case.robot, case.task], sort_keys=True)
-    task = _task(told, cases.folder)
+    key_text = json.dumps([case.robot, case.task], sort_keys=True)
+    task = _task(key_text, cases.folder)
     laws = resolved(cases.table.laws, case.law, task, q0)
     key = [
-        told,
+        key_text,
         str(cases.folder),
         *(f"{name}: {law!r}" for name, law in laws.items()),
         *(q0.tolist() if of_the_start(laws) else []),
@@ -384,8 +384,8 @@ def _set_up(case: Case, cases: Cases) -> Ready:
 
 
 @lru_cache(maxsize=16)
-def _task(told: str, folder: FilePath) -> Task:
-    robot, task = json.loads(told)
+def _task(key_text: str, folder: FilePath) -> Task:
+    robot, task = json.loads(key_text)
     arm = _robot(json.dumps(robot, sort_keys=True), folder)
     middle = np.clip(0.0, arm.lower, arm.upper)
     task_of_case = TaskTable.model_validate(task).tasks(arm, middle)[0]

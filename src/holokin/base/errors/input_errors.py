@@ -193,10 +193,10 @@ class NotHolonomicError(HolokinError):
         self, name: str, witness: Iterable[float], gap: float | None = None, *, curvature: float | None = None
     ) -> None:
         self.witness, self.gap, self.curvature = tuple(float(v) for v in witness), gap, curvature
-        at = posture_text(self.witness)
-        fact = f"at q = {at} it has a curvature of {curvature or 0:.3g} per rad of joint motion"
+        posture = posture_text(self.witness)
+        fact = f"at q = {posture} it has a curvature of {curvature or 0:.3g} per rad of joint motion"
         if gap is not None:
-            fact = f"from q = {at} two paths of the tool to one pose end {gap:.3g} (joint units) apart"
+            fact = f"from q = {posture} two paths of the tool to one pose end {gap:.3g} (joint units) apart"
         super().__init__(
             f"{name!r} is not holonomic: {fact}; hk.radial(strategy, start) is a holonomic strategy near it"
         )
@@ -240,8 +240,8 @@ class FunctionError(HolokinError):
 
     def __init__(self, name: str, q: Iterable[float], problem: Exception) -> None:
         self.q, self.problem = tuple(float(v) for v in q), problem
-        said = f"{type(problem).__name__}: {brief(problem)}"
+        message = f"{type(problem).__name__}: {brief(problem)}"
         super().__init__(
-            f"the function of {name!r} raised {said} at q = {posture_text(self.q)}; "
+            f"the function of {name!r} raised {message} at q = {posture_text(self.q)}; "
             "correct it, or keep away from this posture"
         )

@@ -201,7 +201,7 @@ def check(exported: Exported) -> list[str]:
     chosen = compiler()
     if chosen is None:
         raise ExportError("no C compiler was found, so the self-test was not run", "build it where there is one")
-    said = []
+    answers = []
     sources = [str(exported.folder / f"{exported.name}.c"), str(exported.folder / f"{exported.name}_selftest.c")]
     with tempfile.TemporaryDirectory() as folder:
         for precision, defined in (("double", ()), ("float", (f"-D{exported.name.upper()}_FLOAT",))):
@@ -209,8 +209,8 @@ def check(exported: Exported) -> list[str]:
             flags = ["-std=c99", "-O1", *WARNINGS, *os.environ.get("CFLAGS", "").split()]
             command = [*chosen.command, *flags, *defined, *sources, "-o", test, "-lm"]
             _run(command, f"{chosen.version} refused the exported code in {precision}")
-            said.append(_run([test], f"the self-test in {precision} failed").strip())
-    return said
+            answers.append(_run([test], f"the self-test in {precision} failed").strip())
+    return answers
 
 
 def _run(command: list[str], fault: str) -> str:

@@ -113,7 +113,7 @@ int {name}_sheets_of(int sheet, const double target[16], double q[{n}]);
 
 def _library(name: str, head: str, sheets: Sheets) -> str:
     n, S = sheets.task.n, len(sheets)
-    begin, of = [one.begin for one in sheets.sheets], [one.begin_at for one in sheets.sheets]
+    begin, of = [sheet.begin for sheet in sheets.sheets], [sheet.begin_at for sheet in sheets.sheets]
     seen_by = seen_features(sheets.task)
     X = features(np.concatenate([sheets.poses[sheets.served], *of]), sheets.length) @ seen_by
     seen = not np.array_equal(seen_by, np.eye(12))
@@ -239,16 +239,16 @@ def _cases(name: str, sheets: Sheets) -> str:
 
 
 def _selftest(name: str, head: str, sheets: Sheets) -> str:
-    at = np.flatnonzero(sheets.served)[:: max(1, int(sheets.served.sum()) // TESTED)]
-    answers = sheets.batch(sheets.poses[at])
-    n, k = sheets.task.n, len(at)
+    rows = np.flatnonzero(sheets.served)[:: max(1, int(sheets.served.sum()) // TESTED)]
+    answers = sheets.batch(sheets.poses[rows])
+    n, k = sheets.task.n, len(rows)
     return f"""/* {head} */
 #include "{name}_sheets.h"
 #include <math.h>
 #include <stdio.h>
 
 static const double poses[{k}][16] = {{
-{_rows(sheets.poses[at].reshape(k, 16))}
+{_rows(sheets.poses[rows].reshape(k, 16))}
 }};
 static const double joints[{k}][{n}] = {{
 {_rows(answers.q)}
@@ -270,10 +270,10 @@ int main(void) {{
 
 
 def _build(name: str, head: str, count: int) -> str:
-    said = "\n".join(f"# {one.strip()}" for one in head.splitlines())
+    heading = "\n".join(f"# {one.strip()}" for one in head.splitlines())
     folders = "\n".join(f"add_subdirectory(sheet_{s})" for s in range(count))
     libraries = " ".join(f"{name}_{s}_double" for s in range(count))
-    return f"""{said}
+    return f"""{heading}
 #   cmake -B build && cmake --build build && ctest --test-dir build
 cmake_minimum_required(VERSION 3.10)
 project({name}_sheets C)

@@ -116,8 +116,8 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
         values["leaf_rate"] = level_rate
         c = _single(np.atleast_1d(holonomic.constraint_value(there)))
         try:
-            here = np.atleast_1d(holonomic.constraint_value(q))
-            levels = here, here + holonomic.constraint.nearest(c - here)
+            level_now = np.atleast_1d(holonomic.constraint_value(q))
+            levels = level_now, level_now + holonomic.constraint.nearest(c - level_now)
             reached = leaf_follower(holonomic, q, PIECES // 2)(
                 q, straight_path(task, task.place(q), task.target(pose), levels)
             )
@@ -206,11 +206,13 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
     error = np.abs(task.error(q, *_wanted(task, pose)[1:]))
     terms = {"step": G @ (np.abs(values["dx"]) * (1 + gain * dt) + gain * error)}
     if holonomic := source.holonomic:
-        L, here = np.abs(extended_jacobian(holonomic)(q)[1][:, s.task.m :]), values["g"]
+        L, level_now = np.abs(extended_jacobian(holonomic)(q)[1][:, s.task.m :]), values["g"]
         nearest = holonomic.constraint.nearest
         rate = np.abs(values["leaf_rate"])
-        terms["step"] += L @ (rate * (1 + constraint_gain * dt) + constraint_gain * np.abs(nearest(source.leaf - here)))
-        terms["leaf"] = G @ error + L @ np.abs(nearest(values["c"] - here))
+        terms["step"] += L @ (
+            rate * (1 + constraint_gain * dt) + constraint_gain * np.abs(nearest(source.leaf - level_now))
+        )
+        terms["leaf"] = G @ error + L @ np.abs(nearest(values["c"] - level_now))
     terms["step"] *= values["scale"]
     moved = dict.fromkeys(terms, 0.0)
     for _ in range(NUDGES):
@@ -228,9 +230,9 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
     return float(max((max(sizes[k], terms[k].max()) + OF_NUDGES * moved[k] / FOUR_DIGITS) / sizes[k] for k in terms))
 
 
-def _nudged(values: Matrix, rng: np.random.Generator, least: float = 1.0) -> Matrix:
-    """Values moved, up or down, by single precision's rounding of the largest of them, or of `least`."""
-    size = max(least, float(np.abs(values).max(initial=0.0)))
+def _nudged(values: Matrix, rng: np.random.Generator, smallest: float = 1.0) -> Matrix:
+    """Values moved, up or down, by single precision's rounding of the largest of them, or of `smallest`."""
+    size = max(smallest, float(np.abs(values).max(initial=0.0)))
     return values + np.finfo(np.float32).eps / 2 * size * rng.choice([-1.0, 1.0], values.shape)
 
 
@@ -258,11 +260,13 @@ def vectors_header(source: Source, listed: list[TestVector], words: Mapping[str,
     sizes = {key: len(value) for key, value in listed[0].values.items()}
     members = "".join(f"  double {key}[{size}];\n" for key, size in sizes.items()).replace("scale[1]", "scale")
     rows = []
-    for one in listed:
-        parts = [_row(value) if key != "scale" else repr(float(value[0])) for key, value in one.values.items()]
+    for vector in listed:
+        parts = [_row(value) if key != "scale" else repr(float(value[0])) for key, value in vector.values.items()]
         rows.append(
             "  {"
-            + ",\n   ".join([*parts, str(one.status), str(int(one.precise)), repr(one.loss), repr(one.terms)])
+            + ",\n   ".join(
+                [*parts, str(vector.status), str(int(vector.precise)), repr(vector.loss), repr(vector.terms)]
+            )
             + "},\n"
         )
     return (

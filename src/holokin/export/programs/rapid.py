@@ -93,5 +93,5 @@ def _zones(goals: Targets, zone: str | float) -> tuple[list[str], list[str]]:
         last = len(goals.q) - 1
         return ["fine" if i in (0, last) or stop else zone for i, stop in enumerate(goals.stops)], []
     radii, less = zones(goals, not_negative("zone", zone))
-    said = [f"the zone is half a move at {less} targets, where that is less"] if less else []
-    return [f"z1\\Z:={1e3 * radius:.3f}" if radius else "fine" for radius in radii], said
+    sentences = [f"the zone is half a move at {less} targets, where that is less"] if less else []
+    return [f"z1\\Z:={1e3 * radius:.3f}" if radius else "fine" for radius in radii], sentences

@@ -163,14 +163,14 @@ def header(
     limits, linear = timed.limits, goals is not None and goals.linear
     wiring = Wiring() if goals is None else goals.wiring
     units = SI if goals is None else goals.dialect.units
-    told = [("speed", "velocity", "")]
-    told += [] if linear else [("acc", "acceleration", "^2"), ("jerk", "jerk", "^3")]
+    limits_named = [("speed", "velocity", "")]
+    limits_named += [] if linear else [("acc", "acceleration", "^2"), ("jerk", "jerk", "^3")]
     for i, (name, si) in enumerate(zip(timed.joint_names, timed.joint_units, strict=True)):
         unit, factor = units.name(si), units.factor(si)
         span = f"{factor * limits.lower[i]:.6g} to {factor * limits.upper[i]:.6g} {unit}"
         rates = [
             f"{what} {factor * getattr(limits, rate)[i]:.6g} {unit}/s{power}"
-            for what, rate, power in told
+            for what, rate, power in limits_named
             if np.isfinite(getattr(limits, rate)[i])
         ]
         turned = [f"sign {wiring.signs[name]:+d}"] if name in wiring.signs else []
@@ -223,12 +223,12 @@ def _reason(goals: Targets, timed: TimedTrajectory) -> list[str]:
     """Why there are joint moves beside linear and circular ones."""
     ends = dict(enumerate(goals.samples[1:], 2))
     joint = [i for i, move in enumerate(goals.moves, 2) if move.kind == "joint" and ends[i] > timed.begin]
-    said = ["joint moves on the way to the path"] if timed.begin else []
+    reasons = ["joint moves on the way to the path"] if timed.begin else []
     if not joint:
-        return [*said, "no other joint moves: the controller's own inverse gives our joints on the path"]
+        return [*reasons, "no other joint moves: the controller's own inverse gives our joints on the path"]
     shown = ", ".join(map(str, joint[:6])) + (", ..." if len(joint) > 6 else "")
     why = "there no linear or circular move keeps the tolerances, or the arm is nearly singular"
-    return [*said, f"joint moves to targets {shown}: {why}"]
+    return [*reasons, f"joint moves to targets {shown}: {why}"]
 
 
 def checked_name(given: str, longest: int, language: str, program: bool = True, used: Sequence[str] = ()) -> str:

@@ -42,9 +42,9 @@ class Move:
     length: float = float("nan")
 
 
-def farthest(fits: Callable[[int], bool], here: int, end: int) -> int:
+def farthest(fits: Callable[[int], bool], first: int, end: int) -> int:
     """The last sample up to `end` that fits, by doubling and halving; the next one always does."""
-    good, bad, step = here + 1, end + 1, 1
+    good, bad, step = first + 1, end + 1, 1
     while good + step < bad:
         if fits(good + step):
             good, step = good + step, 2 * step
@@ -84,13 +84,13 @@ def tool_moves(
     moves: list[Move] = []
     largest = ToolDeviation()
     for end in _fixed_samples(timed, more)[1:]:
-        while (here := moves[-1].b if moves else 0) < end:
-            allowed = tried if here >= timed.begin else tried[-1:]  # an entry is the joints' own way
-            ends = {kind: _end(motion, tolerance, kind, here, end) for kind in allowed}
+        while (first := moves[-1].b if moves else 0) < end:
+            allowed = tried if first >= timed.begin else tried[-1:]  # an entry is the joints' own way
+            ends = {kind: _end(motion, tolerance, kind, first, end) for kind in allowed}
             kind = max(allowed, key=ends.__getitem__)  # of equal ones the first
-            kind = kind if ends[kind] > here + 1 else "joint"
-            moves.append(_move(motion, kind, here, ends[kind]))
-            largest |= measured(motion, kind, here, ends[kind])
+            kind = kind if ends[kind] > first + 1 else "joint"
+            moves.append(_move(motion, kind, first, ends[kind]))
+            largest |= measured(motion, kind, first, ends[kind])
     share = float(motion.has_speed.mean())
     return moves, replace(largest, compared=share, kept=largest.within(tolerance))
 
@@ -244,8 +244,10 @@ def targets(
     if isinstance(tolerance, ToolTolerance):
         moves, tool = tool_moves(timed, tolerance, _of_arm(timed, wiring, tolerance), more, dialect.kinds)
     else:
-        at = range(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance), more).tolist()
-        moves = [Move("joint", a, b) for a, b in pairwise(at)]
+        samples = (
+            range(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance), more).tolist()
+        )
+        moves = [Move("joint", a, b) for a, b in pairwise(samples)]
     picked = np.array([0, *(move.b for move in moves)])
     stops = np.isin(picked, [*timed.stops, *more])  # where lines stand the robot stops, so that they come in time
     via = {i: q[move.via] for i, move in enumerate(moves) if move.kind == "circular"}
@@ -335,8 +337,8 @@ def chosen(timed: TimedTrajectory, tolerance: float, more: tuple[int, ...] = ())
     """Indices of samples between which straight lines stay within a tolerance: each step as long as may be."""
     q, indices = finer(timed)[1], [0]
     for end in _fixed_samples(timed, more)[1:]:
-        while (here := indices[-1]) < end:
-            indices.append(farthest(lambda b, a=here: _off(q, a, b) <= tolerance, here, end))
+        while (last := indices[-1]) < end:
+            indices.append(farthest(lambda b, a=last: _off(q, a, b) <= tolerance, last, end))
     return np.array(indices)
 
 

@@ -67,9 +67,9 @@ def to_urscript(
         raise ArgumentError("dt of the trajectory", timed.dt, cure)
     short = program_name(name, about, 64, goals)
     radii, less = zones(goals, zone)
-    said = [f"servoj at {1e3 * timed.dt:g} ms" if every else _why_moves(timed)]
-    said += [f"the blend is half a move at {less} targets, where that is less"] if less and not every else []
-    text = [f"  # {line}" for line in header(timed, about, goals, ["radians", *said])]
+    sentences = [f"servoj at {1e3 * timed.dt:g} ms" if every else _why_moves(timed)]
+    sentences += [f"the blend is half a move at {less} targets, where that is less"] if less and not every else []
+    text = [f"  # {line}" for line in header(timed, about, goals, ["radians", *sentences])]
     if tool is not None:
         text.append(f"  set_tcp(p{_list(finite('tool', tool, (6,)))})")
     text += [f"  set_payload({not_negative('payload', payload):g})"] if payload is not None else []
@@ -83,13 +83,13 @@ def to_urscript(
     body = with_lines(goals, [[first], *([move] for move in moves)])
     text += [f"  {line}" for line in body]
     files = {f"{short}.script": "\n".join([f"def {short}():", *text, "end", f"{short}()", ""])}
-    return Program(files, len(goals.q), goals.deviation, goals.tool, tuple(said))
+    return Program(files, len(goals.q), goals.deviation, goals.tool, tuple(sentences))
 
 
 def _why_moves(timed: TimedTrajectory) -> str:
     """That targets are few, and which steps would give every sample."""
-    here = "" if timed.dt in STEPS else f": {1e3 * timed.dt:g} ms is no step of servoj"
-    return f"few targets{here}; servoj would take every sample at 2 ms (e-Series) or 8 ms (CB3)"
+    remark = "" if timed.dt in STEPS else f": {1e3 * timed.dt:g} ms is no step of servoj"
+    return f"few targets{remark}; servoj would take every sample at 2 ms (e-Series) or 8 ms (CB3)"
 
 
 def _move(goals: Targets, i: int, radius: float) -> str:

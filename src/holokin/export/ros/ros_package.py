@@ -68,8 +68,8 @@ def leaf_strategy(strategy: Strategy, cure: str) -> HolonomicStrategy:
     """
     task = strategy.task
     if task.frames != 1 or not isinstance(getattr(task, "frame", None), TipFrame):
-        one = "export hk.pose or hk.position of one tip, each for a group of its own"
-        raise ExportError(f"{task.name} is not about one tip in the base frame", one)
+        cure_of_task = "export hk.pose or hk.position of one tip, each for a group of its own"
+        raise ExportError(f"{task.name} is not about one tip in the base frame", cure_of_task)
     if task.n <= task.m:
         raise ExportError(f"{task.robot.name!r} has no joint to spare, so there is no leaf", cure)
     if not has_leaf(strategy):
@@ -120,18 +120,18 @@ def markdown_cell(word: str) -> str:
     return line(word).replace("|", "/").replace("`", "'")
 
 
-def python_header(task: Task, told: str, poses: Array, joints: Array, more: Sequence[str] = ()) -> str:
+def python_header(task: Task, sentence: str, poses: Array, joints: Array, more: Sequence[str] = ()) -> str:
     """A header of C++ for the test of a package: poses (k, 4, 4), and the joints (k, n) that Python finds for them.
 
     Args:
-        told: the end of the sentence on the poses. more: lines that come last.
+        sentence: the end of the one on the poses. more: lines that come last.
     """
     from scipy.spatial.transform import Rotation
 
     quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
     return "\n".join(
         [
-            f"/* Written by holokin {__version__}. Poses (x, y, z, quaternion x, y, z, w){told} */",
+            f"/* Written by holokin {__version__}. Poses (x, y, z, quaternion x, y, z, w){sentence} */",
             "#pragma once",
             "#include <cstddef>",
             "#include <string>",

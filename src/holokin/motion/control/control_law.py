@@ -260,9 +260,9 @@ def impedance_with_memory(
             nonlocal F
 
             def slope(y: Vector, dx: Vector) -> Vector:  # of y = (the motion since the start of the step, force)
-                at = q + y[: task.n]
-                dq, dF, rcond, margin = flow(at, y[task.n :], dx)
-                check_regular(task, name, at, rcond, margin)
+                posture = q + y[: task.n]
+                dq, dF, rcond, margin = flow(posture, y[task.n :], dx)
+                check_regular(task, name, posture, rcond, margin)
                 return np.append(dq, dF)
 
             dx = np.atleast_1d(wanted(task.target(pose)[1], twist.ravel()))
@@ -403,14 +403,14 @@ def asymptotically_cyclic(
         if exact:
             return feedback(strategy, s.dx, s.error, K, SX(c), K_g)
         N = null_space_expression(s.J)
-        least = least_norm(s.J, s.dx + K * s.error)
+        minimum_norm = least_norm(s.J, s.dx + K * s.error)
         back = K_g * strategy.leaf_gap(SX(c))
-        return least._replace(X=least.X + N @ factorise(strategy.expressions.planes @ N).solve(back))
+        return minimum_norm._replace(X=minimum_norm.X + N @ factorise(strategy.expressions.planes @ N).solve(back))
 
     return compiled(name, task, rate, strategy)
 
 
 def _projected(s: Symbols, K: float, z: SX) -> Solution:
     """J^+ (x' + K e - J z) + z, which is J^+ (x' + K e) + (1 - J^+ J) z."""
-    least = least_norm(s.J, s.dx + K * s.error - s.J @ z)
-    return least._replace(X=least.X + z)
+    minimum_norm = least_norm(s.J, s.dx + K * s.error - s.J @ z)
+    return minimum_norm._replace(X=minimum_norm.X + z)

@@ -120,9 +120,9 @@ class Fold:
         square = float(rate @ rate)
         slack = 1.0 / square if square > 0.0 else float("inf")
         gone, fall = share - self.share, self.slack - slack
-        at = share + gone * (slack / fall) if fall != 0.0 else float("inf")
-        agrees = fall > 0.0 and at > share and abs(at - self.at) <= most * gone
-        self.share, self.slack, self.at = share, slack, at
+        place = share + gone * (slack / fall) if fall != 0.0 else float("inf")
+        agrees = fall > 0.0 and place > share and abs(place - self.at) <= most * gone
+        self.share, self.slack, self.at = share, slack, place
         return agrees
 
     def ahead(
@@ -201,8 +201,8 @@ def extended_jacobian(strategy: HolonomicStrategy) -> Function:
     A full orientation turns with its geometric rows, whatever its representation: the postures are the same.
     """
     strategy = strategy.looped
-    e, m, one = turning(strategy), strategy.task.m, SX.eye(strategy.task.n)
-    solution = e.rate(one[:m, :], one[m:, :])
+    e, m, identity = turning(strategy), strategy.task.m, SX.eye(strategy.task.n)
+    solution = e.rate(identity[:m, :], identity[m:, :])
     outputs = {"A": vertcat(e.J, e.planes), "inverse": solution.X}
     return Function("extended", {"q": e.q}, outputs, solution.system, strategy.transport)
 

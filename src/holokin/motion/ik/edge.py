@@ -114,10 +114,10 @@ inverse kinematics is asked in loops, where no answer is better than a late one.
 def node(strategy: HolonomicStrategy) -> Function:
     """(q, p, R, c) -> (Newton correction, rcond, margin, sign of det, A^-1) of the extended Jacobian A."""
     e, task = strategy.expressions, strategy.task
-    (p, R), c, one = task.target_symbols(), symbol("c", task.n - task.m), SX.eye(task.n)
+    (p, R), c, identity = task.target_symbols(), symbol("c", task.n - task.m), SX.eye(task.n)
     solution = e.rate(
-        horzcat(task.error_expression(e.kinematics, p, R), one[: task.m, :]),
-        horzcat(strategy.leaf_gap(c), one[task.m :, :]),
+        horzcat(task.error_expression(e.kinematics, p, R), identity[: task.m, :]),
+        horzcat(strategy.leaf_gap(c), identity[task.m :, :]),
     )
     outputs = {
         "dq": solution.X[:, 0], "rcond": solution.rcond, "margin": strategy.margin_expression,
@@ -246,8 +246,8 @@ def edge_function(strategy: HolonomicStrategy) -> Function:
     n, m, k = task.n, task.m, e.kinematics
     p, R, length = symbol("p", 3), symbol("R", 3, 3), symbol("length", 1)
     scale = vertcat(*(length if angular else SX(1) for angular in task.angular))
-    one = SX.eye(n)
-    solution = e.rate(one[:m, :], one[m:, :])
+    identity = SX.eye(n)
+    solution = e.rate(identity[:m, :], identity[m:, :])
     Y = solution.X / (SX.ones(n, 1) @ vertcat(scale, SX.ones(n - m, 1)).T)  # the inverse of the extended Jacobian A
     S, J = Y[:, :m], e.J * (scale @ SX.ones(1, n))
     large, fast = sumsqr(J), sumsqr(S)
@@ -425,22 +425,22 @@ class Edge(Value):
         posture, reached = self.walk(q, self.straight(tool, (end.position, end.rotation)), self.tries)
         return reached and float(np.abs(posture - end.q).max()) <= SAME
 
-    def moved(self, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool) -> Look | None:
+    def moved(self, look: Look, z: Vector | None, share: float, goal: Goal, careful: bool) -> Look | None:
         """The look after a share of a motion z of the tool, or, without z, of the straight path to the goal.
 
         None where that leads nowhere. careful: only where it is shown to keep to the branch.
         """
         if z is None:
-            p, R = completed(self.strategy.task, goal, (at.position, at.rotation))
-            twist = np.concatenate([p - at.position, rotation_vector(R @ at.rotation.T)])
+            p, R = completed(self.strategy.task, goal, (look.position, look.rotation))
+            twist = np.concatenate([p - look.position, rotation_vector(R @ look.rotation.T)])
         else:
-            twist = at.twist @ z
+            twist = look.twist @ z
         end = goal if z is None and share == 1.0 else None
-        path = self.path((at.position, at.rotation), share * twist[:3], share * twist[3:], end)
+        path = self.path((look.position, look.rotation), share * twist[:3], share * twist[3:], end)
         if careful:
-            q, reached = self.walk(at.q, path, self.tries)
+            q, reached = self.walk(look.q, path, self.tries)
             return self.look(q, goal) if reached else None
-        posture = self.solved(at.q + share * (at.S @ (at.e if z is None else z)), *path.at(1.0))
+        posture = self.solved(look.q + share * (look.S @ (look.e if z is None else z)), *path.at(1.0))
         return None if posture is None else self.look(posture, goal)
 
     def onto(self, q: Vector, goal: Goal) -> Look | None:

@@ -116,22 +116,22 @@ def _edge_at(strategy: HolonomicStrategy, q0: Vector, length: float, rcond: floa
     q0 = start_posture(robot, q0, limits)
     free = np.full(robot.n, np.inf)
     edge = Edge(strategy, q0, length, rcond, *((robot.lower, robot.upper) if limits else (-free, free)))
-    here = edge.look(q0, edge.tool(q0))
-    if not here.rcond >= rcond:
-        cure = f"give a smaller one, or a start farther from singular postures: this one has {here.rcond:.3g}"
+    look = edge.look(q0, edge.tool(q0))
+    if not look.rcond >= rcond:
+        cure = f"give a smaller one, or a start farther from singular postures: this one has {look.rcond:.3g}"
         raise ArgumentError("rcond, below which the tool is not to go", rcond, cure)
     return edge
 
 
 def down(
-    edge: Edge, at: Look, goal: Goal, careful: bool, begin: Goal, q: Vector, step: Vector | None = None
+    edge: Edge, look: Look, goal: Goal, careful: bool, begin: Goal, q: Vector, step: Vector | None = None
 ) -> tuple[Look, Look | None] | None:
     """The end of the path down from a look, which may be outside; and how far a step leads, where that is not its end.
 
     None where it is not shown to be on the branch of a posture q, whose tool is at `begin`. careful: each piece is
     shown to keep to the branch; else Newton steps alone lead down, and the straight path from q to the end is.
     """
-    within = inside(edge, at, goal, careful)
+    within = inside(edge, look, goal, careful)
     if within is None:
         return None
     end, cut = descend(edge, within, goal, careful, q, step)
@@ -145,8 +145,8 @@ def _from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
     """
     way = edge.straight(edge.tool(edge.q0), goal)
     q, reached = edge.walk(edge.q0, way, TRIES) if careful else edge.glance(edge.q0, way)
-    at = edge.look(q if reached or not careful or edge.ray else edge.q0, goal)
-    return at, reached and at.excess <= WITHIN
+    look = edge.look(q if reached or not careful or edge.ray else edge.q0, goal)
+    return look, reached and look.excess <= WITHIN
 
 
 def _reached_from_start(edge: Edge, goal: Goal, near: Vector | None = None) -> tuple[Look, bool]:
@@ -158,25 +158,25 @@ def _reached_from_start(edge: Edge, goal: Goal, near: Vector | None = None) -> t
     """
     if edge.ray:
         return _from_start(edge, goal, True)
-    at, reached = _from_start(edge, goal, False)
-    agrees = near is not None and float(np.abs(at.q - near).max()) <= SAME
-    return _from_start(edge, goal, True) if reached and not agrees else (at, reached)
+    look, reached = _from_start(edge, goal, False)
+    agrees = near is not None and float(np.abs(look.q - near).max()) <= SAME
+    return _from_start(edge, goal, True) if reached and not agrees else (look, reached)
 
 
-def _slid_from_start(edge: Edge, goal: Goal, at: Look) -> Look | None:
+def _slid_from_start(edge: Edge, goal: Goal, look: Look) -> Look | None:
     """The look at a goal, where the path down leads to it from where the straight path from the start ends."""
-    within = inside(edge, at, goal, False)
-    end = at if within is None else descend(edge, within, goal, False, edge.q0, None, ALONG)[0]
+    within = inside(edge, look, goal, False)
+    end = look if within is None else descend(edge, within, goal, False, edge.q0, None, ALONG)[0]
     reached = end.distance <= REACHED and end.excess <= WITHIN
     return end if reached and edge.joined(edge.q0, edge.tool(edge.q0), end) else None
 
 
 def cold(edge: Edge, goal: Goal) -> Look:
     """The look at the posture nearest to a goal, found from the start alone."""
-    at, reached = _reached_from_start(edge, goal)
+    look, reached = _reached_from_start(edge, goal)
     if reached:
-        return at
-    end = down(edge, at, goal, False, edge.tool(edge.q0), edge.q0)
+        return look
+    end = down(edge, look, goal, False, edge.tool(edge.q0), edge.q0)
     return end[0] if end is not None else descend(edge, edge.look(edge.q0, goal), goal, True, edge.q0)[0]
 
 
@@ -208,17 +208,17 @@ def _whither(
 ) -> tuple[Look, Look | None, bool]:
     """Where a posture q, or one of the leaf close to it, is to go: where the joints belong, which the start tells, then
     True; else down to the nearest pose, and how far a step leads on that way, where that is not its end."""
-    at, reached = _reached_from_start(edge, goal, edge.solved(q, *goal, edge.leaf))
+    look, reached = _reached_from_start(edge, goal, edge.solved(q, *goal, edge.leaf))
     if reached:
-        return at, None, True
+        return look, None, True
     descent = None
     if begin is not None:
         tool = begin.position, begin.rotation
         tries = (down(edge, begin, goal, careful, tool, begin.q, step) for careful in (False, True))
-        descent = next((one for one in tries if one is not None), None)
+        descent = next((path_down for path_down in tries if path_down is not None), None)
     if descent is None:
         return cold(edge, goal), None, True
-    slid = _slid_from_start(edge, goal, at) if descent[0].distance > REACHED else None
+    slid = _slid_from_start(edge, goal, look) if descent[0].distance > REACHED else None
     return (*descent, False) if slid is None else (slid, None, True)
 
 
@@ -241,8 +241,8 @@ def nearest(
         ended, numbers = kernel(edge.context, np.concatenate([goal[0], goal[1].ravel()]), q, step)
         moving, status = ended == 1, _REFUSED.get(ended, InverseStatus.REACHED)
     elif (status := refused()) is InverseStatus.REACHED:
-        at, moving = (cold(edge, goal), False) if q is None else warm(edge, goal, q, step)
-        numbers = at.numbers
+        look, moving = (cold(edge, goal), False) if q is None else warm(edge, goal, q, step)
+        numbers = look.numbers
     else:
         numbers, moving = None, False
     if numbers is None or status is not InverseStatus.REACHED:
@@ -452,11 +452,11 @@ class InverseKinematics(Value):
     def sentence(self) -> str:
         """What it answers for, and in which region it is proven to be one function of the pose."""
         limits = "postures beyond the joint limits are refused" if self.limits else "joint limits are not looked at"
-        said = f"inverse kinematics of {self.strategy.name} of {self.strategy.task.robot.name} through q0; {limits}"
+        sentence = f"inverse kinematics of {self.strategy.name} of {self.strategy.task.robot.name} through q0; {limits}"
         if self.region is None:
             cure = "hk.unique_region(strategy, q0) proves one, hk.cusps(ik) looks for loops that do not return"
-            return f"{said}; no region was asked for where the joints are one function of the pose: {cure}"
-        return f"{said}; its region: {self.region}"
+            return f"{sentence}; no region was asked for where the joints are one function of the pose: {cure}"
+        return f"{sentence}; its region: {self.region}"
 
     def __str__(self) -> str:
         return self.sentence

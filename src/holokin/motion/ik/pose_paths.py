@@ -97,8 +97,8 @@ class Beyond(NamedTuple):
     @property
     def fact(self) -> str:
         """All of it in words."""
-        at = posture_text(np.round(self.position, 9))
-        where = f"{100 * self.share:.3g} % along it, at the point {at} m"
+        place = posture_text(np.round(self.position, 9))
+        where = f"{100 * self.share:.3g} % along it, at the point {place} m"
         off = f"no search came closer to the tool pose than {self.missing:.3g} (m or rad)"
         return f"the path is out of reach: {where}, {off}{self.why}"
 
@@ -188,31 +188,31 @@ def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vec
     k, m, n = len(q), task.m, task.n
     q = np.clip(q, lower, upper)
 
-    def look(at: Matrix, rows: Indices) -> tuple[Matrix, Array]:
-        error, slope = task.error_and_slope.batch(at, position[rows], rotation[rows])
+    def look(postures: Matrix, rows: Indices) -> tuple[Matrix, Array]:
+        error, slope = task.error_and_slope.batch(postures, position[rows], rotation[rows])
         return error.reshape(-1, m), slope.reshape(-1, m, n)
 
     error, D = look(q, np.arange(k))
     damping, before, ended = np.full(k, 1e-6), np.full(k, np.inf), np.zeros(k, dtype=bool)
     rows = np.flatnonzero(np.isfinite(error).all(axis=1) & np.isfinite(D).all(axis=(1, 2)))
     for looks in range(1, LOOKS):
-        e, S, at = error[rows], D[rows], q[rows]
+        e, S, postures = error[rows], D[rows], q[rows]
         size = np.linalg.norm(e, axis=1)
         slope = np.einsum("kmn,km->kn", S, e)
-        free = ~(((at <= lower) & (slope >= 0)) | ((at >= upper) & (slope <= 0)))
+        free = ~(((postures <= lower) & (slope >= 0)) | ((postures >= upper) & (slope <= 0)))
         still = np.abs(slope) > STATIONARY * np.linalg.norm(S, axis=1) * size[:, None]
         stalled = np.zeros(len(rows), dtype=bool)
         if looks % AFTER == 0:
             stalled, before[rows] = size > STALLED * before[rows], size
         ended[rows] = ~(free & still).any(axis=1) | (stalled & (size > FAR))
         go = ~ended[rows] & ~stalled & (np.abs(e).max(axis=1) > REACHED / 10) & (damping[rows] <= 1e12)
-        rows, e, A, at = rows[go], e[go], S[go] * free[go, None], at[go]
+        rows, e, A, postures = rows[go], e[go], S[go] * free[go, None], postures[go]
         if not rows.size:
             break
         normal = A @ np.swapaxes(A, 1, 2)
         scale = np.maximum(np.trace(normal, axis1=1, axis2=2), 1e-300)
         normal += (damping[rows] * scale)[:, None, None] * np.eye(m)
-        moved = at - np.einsum("kmn,km->kn", A, np.linalg.solve(normal, e[..., None])[..., 0])
+        moved = postures - np.einsum("kmn,km->kn", A, np.linalg.solve(normal, e[..., None])[..., 0])
         moved = np.clip(moved, lower, upper)
         there, derivative = look(moved, rows)
         sound = np.isfinite(there).all(axis=1) & np.isfinite(derivative).all(axis=(1, 2))
@@ -285,7 +285,7 @@ class PosePaths(Value):
         """The same from the start to many poses (k, 3F), (k, 3F, 3), none of which is bad."""
         if self.kernel is None:
             walks = [self._walk(*pose, self.q0) for pose in zip(p, R, strict=True)]
-            q = np.array([one for one, _ in walks]).reshape(-1, len(self.q0))
+            q = np.array([posture for posture, _ in walks]).reshape(-1, len(self.q0))
             return q, np.array([status for _, status in walks], dtype=np.intp)
         q = np.tile(self.q0, (len(p), 1))
         return q, self.kernel(in_rows(p, R), self.context, q, not self._cold(self.q0), threads)
@@ -293,8 +293,8 @@ class PosePaths(Value):
     def go_each(self, p: Matrix, R: Array, begin: Matrix, threads: int | None) -> tuple[Matrix, Flags]:
         """(postures (k, n), which are reached (k,)) of many poses, each by the path from its own posture (k, n)."""
         if self.kernel is None:
-            walks = [self._walk(*one) for one in zip(p, R, begin, strict=True)]
-            q = np.array([one for one, _ in walks]).reshape(-1, len(self.q0))
+            walks = [self._walk(*walk) for walk in zip(p, R, begin, strict=True)]
+            q = np.array([walk for walk, _ in walks]).reshape(-1, len(self.q0))
             return q, np.array([status == InverseStatus.REACHED for _, status in walks], dtype=bool)
         q = np.ascontiguousarray(begin).copy()
         return q, np.asarray(self.kernel(in_rows(p, R), self.context, q, True, threads) == InverseStatus.REACHED)

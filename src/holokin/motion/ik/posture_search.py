@@ -262,11 +262,11 @@ def all_postures(
     classes = _distinct(task.robot, q[regular])
     chosen = [turned(strategy, members, free, aim, limits) for members in classes]
     inside = np.array([within for _, within in chosen], dtype=bool)
-    kept = np.array([one for one, _ in chosen]).reshape(-1, task.n)[inside]
+    postures = np.array([one for one, _ in chosen]).reshape(-1, task.n)[inside]
     counts = np.array([len(members) for members in classes], dtype=float)[inside]
-    order = np.lexsort(np.round(kept, 6).T[::-1])
-    at = strategy.gain.batch(kept[order])[1].ravel() if len(kept) else np.zeros(0)
-    return Postures(kept[order], wanted, c.copy(), counts[order], at, count, singular, int(np.sum(~inside)))
+    order = np.lexsort(np.round(postures, 6).T[::-1])
+    rconds = strategy.gain.batch(postures[order])[1].ravel() if len(postures) else np.zeros(0)
+    return Postures(postures[order], wanted, c.copy(), counts[order], rconds, count, singular, int(np.sum(~inside)))
 
 
 def spread(robot: Robot, count: int, counted: Flags | None = None) -> Matrix:
@@ -318,13 +318,13 @@ def leaf_postures(
 def _distinct(robot: Robot, q: Matrix) -> list[Matrix]:
     """Postures (k, n), those that differ by whole turns of hinges together, as they were found."""
     classes: list[list[Vector]] = []
-    for one in q:
+    for posture in q:
         known = np.array([members[0] for members in classes]).reshape(-1, robot.n)
-        near = np.abs(joint_gap(robot, known, one)).max(axis=1) < APART
+        near = np.abs(joint_gap(robot, known, posture)).max(axis=1) < APART
         if near.any():
-            classes[int(np.argmax(near))].append(one)
+            classes[int(np.argmax(near))].append(posture)
         else:
-            classes.append([one])
+            classes.append([posture])
     return [np.array(members) for members in classes]
 
 

@@ -93,9 +93,9 @@ def _description_file(name: str) -> Path:
     try:
         module = importlib.import_module(f"robot_descriptions.{full_name}")
     except Exception as problem:
-        said = str(problem).strip() or type(problem).__name__
+        message = str(problem).strip() or type(problem).__name__
         cure = "check the network: robot_descriptions clones the files of a robot when it is asked for the first time"
-        raise RobotFileError(name, f"its files could not be fetched ({brief(said, 200)})", cure) from problem
+        raise RobotFileError(name, f"its files could not be fetched ({brief(message, 200)})", cure) from problem
     for kind in ("URDF_PATH", "MJCF_PATH", "XACRO_PATH"):
         if hasattr(module, kind):
             return Path(getattr(module, kind))
@@ -273,8 +273,8 @@ def frame_of(path: Any, key: str, table: Mapping[str, Any]) -> tuple[Vector, Vec
 def _robot(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
     name, source = str(table.get("name", Path(str(path)).stem)), table["source"]
     if "parts" in table:
-        kept = ("parts", "tool", "tools", "order", TRUST_UNITS)
-        given = {"name": name} | {key: table[key] for key in kept if key in table}
+        own_keys = ("parts", "tool", "tools", "order", TRUST_UNITS)
+        given = {"name": name} | {key: table[key] for key in own_keys if key in table}
         given |= {"base_pose": table["base"]} if "base" in table else {}
         return replace(assembled(path, given, load), source=source)
     frames = {key: frame_of(path, key, table[key]) for key in ("base", "tool") if key in table}

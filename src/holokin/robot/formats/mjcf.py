@@ -337,14 +337,14 @@ def _no_files(spec: Any) -> set[str]:
 
 def _all_files(spec: Any) -> set[str]:
     """The names of all meshes and height fields."""
-    return {_name(one) for one in (*spec.meshes, *spec.hfields)}
+    return {_name(asset) for asset in (*spec.meshes, *spec.hfields)}
 
 
 def _missing_files(spec: Any) -> set[str]:
     """The names of the meshes and height fields whose files are not there."""
     folder = Path(spec.modelfiledir) / slashed(spec.meshdir)
-    files = [(one, Path(slashed(one.file))) for one in (*spec.meshes, *spec.hfields) if one.file]
-    return {_name(one) for one, file in files if not (folder / (file.name if spec.strippath else file)).is_file()}
+    files = [(asset, Path(slashed(asset.file))) for asset in (*spec.meshes, *spec.hfields) if asset.file]
+    return {_name(asset) for asset, file in files if not (folder / (file.name if spec.strippath else file)).is_file()}
 
 
 def _files_of(geom: Any) -> set[str]:
@@ -378,7 +378,7 @@ def _without_shapes(spec: Any, geoms: Sequence[Sequence[Any]], lost: set[str]) -
     for kind in ("sensors", "actuators", "keys", "pairs", "skins", "flexes"):
         for element in list(getattr(spec, kind)):
             spec.delete(element)
-    gone = [one for one in (*spec.meshes, *spec.hfields) if _name(one) in lost]
+    gone = [asset for asset in (*spec.meshes, *spec.hfields) if _name(asset) in lost]
     for element in [*(geom for of in geoms for geom in of), *gone]:
         spec.delete(element)
     for element in [*spec.sites, *spec.tendons, *spec.geoms]:

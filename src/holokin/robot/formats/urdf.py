@@ -156,7 +156,7 @@ def essentials(data: bytes, path: str | Path) -> ElementTree.Element:
         data = mark + declared + closed + before.replace(BOM_UTF8, b"") + rest  # so that lines keep their numbers
     root: ElementTree.Element | None = None
     tags: list[str] = []
-    kept: list[ElementTree.Element] = []
+    elements: list[ElementTree.Element] = []
     counts = {"link": 0, "joint": 0}
 
     def start(tag: str, attributes: dict[str, str]) -> None:
@@ -167,14 +167,14 @@ def essentials(data: bytes, path: str | Path) -> ElementTree.Element:
                 raise RobotFileError(path, f"has more than {MOST_LINKS:,} {tag}s", "give the URDF of a robot")
         if not tags:
             root = ElementTree.Element(tag, attributes)
-            kept.append(root)
-        elif len(kept) == len(tags) and "/".join([*tags[1:], tag]) in _WANTED:
-            kept.append(ElementTree.SubElement(kept[-1], tag, attributes))
+            elements.append(root)
+        elif len(elements) == len(tags) and "/".join([*tags[1:], tag]) in _WANTED:
+            elements.append(ElementTree.SubElement(elements[-1], tag, attributes))
         tags.append(tag)
 
     def end(_tag: str) -> None:
-        if len(kept) == len(tags):
-            kept.pop()
+        if len(elements) == len(tags):
+            elements.pop()
         tags.pop()
 
     parser = expat.ParserCreate()

@@ -98,12 +98,12 @@ class _Axis:
         """The point of the axis next to another point."""
         return self.origin + ((point - self.origin) @ self.direction) * self.direction
 
-    def place(self, at: Vector, words: str) -> _Place:
+    def place(self, position: Vector, words: str) -> _Place:
         """A place in the base frame as one on this joint's moving side."""
-        if np.linalg.norm(at - self.origin) < MEET:
-            return _Place(at, Point(self.joint, None, words))
-        x, y, z = (self.frame[:3, :3].T @ (at - self.origin)).tolist()
-        return _Place(at, Point(self.joint, (x, y, z), words))
+        if np.linalg.norm(position - self.origin) < MEET:
+            return _Place(position, Point(self.joint, None, words))
+        x, y, z = (self.frame[:3, :3].T @ (position - self.origin)).tolist()
+        return _Place(position, Point(self.joint, (x, y, z), words))
 
 
 @dataclass(frozen=True, eq=False)

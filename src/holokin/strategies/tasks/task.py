@@ -369,12 +369,12 @@ class Task(ByValue, ABC):
         Raises:
             ShapeError, NotFiniteError, ArgumentError.
         """
-        at = numbers("q", q, self.robot.joint_names)
+        joints = numbers("q", q, self.robot.joint_names)
         p, R = self._target(position, (3,)), self._target(rotation, (3, 3))
-        if at.ndim == 2:
-            return self.error_function.batch(self.robot.postures(at), p, R).reshape(len(at), self.m)
+        if joints.ndim == 2:
+            return self.error_function.batch(self.robot.postures(joints), p, R).reshape(len(joints), self.m)
         p, R = finite("the position", p, (3 * self.frames,)), finite("the rotation", R, (3 * self.frames, 3))
-        return np.atleast_1d(self.error_function(self.robot.checked(at), p, R))
+        return np.atleast_1d(self.error_function(self.robot.checked(joints), p, R))
 
     def _target(self, given: ArrayLike, each: tuple[int, ...]) -> Array:
         """Positions or rotations of all frames, where they stand side by side, one below the other."""

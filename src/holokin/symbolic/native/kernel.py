@@ -191,9 +191,9 @@ class StepKernel:
         glue = _glue()
         if glue is not None:
             address, (joints,), pose = ctypes.cast(self._run, ctypes.c_void_p).value, *self.shapes[:2]
-            kept, point = (self._library, parameters), pose[0] if len(pose) == 1 else 0
+            alive, point = (self._library, parameters), pose[0] if len(pose) == 1 else 0
             frames = -(-point // 3) if point else pose[0] // 4
-            return glue.bind(address, parameters.ctypes.data, joints, point, frames, memory, convert, kept)
+            return glue.bind(address, parameters.ctypes.data, joints, point, frames, memory, convert, alive)
         run, parameters_at, copies = self._run, parameters.ctypes.data, _Copies(self.shapes)
 
         def step(*arguments: Any) -> Array:
@@ -393,7 +393,7 @@ class _Memory(threading.local):
 
 
 def bound_call(
-    function: Any, inputs: Shapes, results: Shapes, other: Callable[..., Any], kept: Any, context: Array
+    function: Any, inputs: Shapes, results: Shapes, other: Callable[..., Any], alive: Any, context: Array
 ) -> Callable[..., Any] | None:
     """A callable around a C function (in, out, context) -> 1 or 0, as `hk_sample`; None without Python's headers.
 
@@ -404,14 +404,14 @@ def bound_call(
     except NativeError as problem:
         tell(problem)
         return None
-    return None if module is None else _bound(module, function, inputs, results, other, kept, context.ctypes.data)
+    return None if module is None else _bound(module, function, inputs, results, other, alive, context.ctypes.data)
 
 
 def _bound(
-    module: Any, function: Any, inputs: Shapes, results: Shapes, other: Any, kept: Any, context: int
+    module: Any, function: Any, inputs: Shapes, results: Shapes, other: Any, alive: Any, context: int
 ) -> Callable[..., Any]:
     place = ctypes.cast(function, ctypes.c_void_p).value
-    return module.Evaluator(place, tuple(inputs), tuple(results), other, kept, context)
+    return module.Evaluator(place, tuple(inputs), tuple(results), other, alive, context)
 
 
 def weak(method: Callable[..., Any]) -> Callable[..., Any]:

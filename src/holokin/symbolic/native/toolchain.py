@@ -139,10 +139,10 @@ def _asked(command: tuple[str, ...]) -> Compiler | None:
     if shutil.which(command[0]) is None:
         return None
     try:
-        status, said = call((*command, "--version"), ASKING, "stdout")
+        status, output = call((*command, "--version"), ASKING, "stdout")
     except (OSError, subprocess.TimeoutExpired):
         return None
-    version = plain(said.strip().partition("\n")[0])
+    version = plain(output.strip().partition("\n")[0])
     return Compiler(command, version) if status == 0 and version else None
 
 
@@ -549,7 +549,7 @@ def _built(chosen: Compiler, source: str, flags: tuple[str, ...], patience: floa
         file, made = private / "source.c", private / f"library{SUFFIX}"
         file.write_text(source, "utf-8")
         command = (*chosen.command, *flags, str(file), "-o", str(made), "-lm")
-        status, said = call(command, patience, "stderr")
+        status, output = call(command, patience, "stderr")
         if status == 0:
             return _read_regular(made)[0]
     except subprocess.TimeoutExpired:
@@ -560,7 +560,7 @@ def _built(chosen: Compiler, source: str, flags: tuple[str, ...], patience: floa
     finally:
         if private is not None:
             shutil.rmtree(private, ignore_errors=True)
-    lines = said.splitlines()
+    lines = output.splitlines()
     complaint = next((line for line in lines if "error" in line), lines[0] if lines else "no reason given")
     if status < 0:
         ends = {s.value: s.name for s in signal.Signals}
