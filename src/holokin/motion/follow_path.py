@@ -66,7 +66,7 @@ def path_rate(strategy: Strategy) -> Function:
     )
 
 
-def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], Vector]:
+def _velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], Vector]:
     """(q, step) -> q after that step of the plan.
 
     Raises:
@@ -94,7 +94,7 @@ def velocity_rules() -> VelocityRules:
     return VelocityRules(TOLERANCES.singular, TOLERANCES.representation, TOLERANCES.tracking)
 
 
-def native_velocity(
+def _native_velocity(
     strategy: Strategy, plan: Plan, q0: Vector, limits: bool, *, load: bool, build: bool
 ) -> NativeFollower | None:
     """The same steps as native code, many in one call; None without it, see `Function.follower`, and of Python's G."""
@@ -124,8 +124,8 @@ def stepper(
         tries: pieces of one step in Python. load, build: as of `Function.follower`.
     """
     if leaf is None:
-        native = native_velocity(strategy, plan, q0, limits, load=load, build=build)
-        return Stepper(velocity_stepper(strategy, plan), native)
+        native = _native_velocity(strategy, plan, q0, limits, load=load, build=build)
+        return Stepper(_velocity_stepper(strategy, plan), native)
     native = native_leaf(leaf, plan, q0, limits, load=load, build=build)
     return Stepper(leaf_stepper(leaf, plan, q0, tries), native)
 

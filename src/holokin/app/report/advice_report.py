@@ -12,7 +12,7 @@ from ...analysis.design import Advice, Law
 from ...base.errors import brief
 from ...base.types import Vector
 from ...robot import Coordinate, LinkShape, Robot, Tip, knows_masses, reach
-from .job_report import Column
+from .job_report import Column, print_line, print_table
 from .plots import GOOD, GREY, HOLONOMIC, INK, PAGE, WARNING, on_figure
 from .robot_panels import Actor, draw_panel, stage_of
 from .sheets_plots import CAUSES, coverage_cloud
@@ -75,29 +75,23 @@ CLEARANCE: Column = ("clearance\nmin [m]", "right")
 
 def print_advice(advice: Advice, console: Any) -> None:
     """Print the laws as a table, the best first, and the reasons below."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=Text(brief(advice.subject, 600)), title_justify="left", title_style="bold", header_style="dim")
-    columns = (*COLUMNS[:-1], CLEARANCE, COLUMNS[-1]) if advice.asked else COLUMNS
-    for heading, justify in columns:
-        table.add_column(Text(heading), justify=justify, no_wrap=heading not in ("law", "joint"))
-    for i, law in enumerate(advice.laws):
+    columns, rows = (*COLUMNS[:-1], CLEARANCE, COLUMNS[-1]) if advice.asked else COLUMNS, []
+    for law in advice.laws:
         cells_of_law = cells(law)
         cells_of_law[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.asked else []
-        table.add_row(*(Text(cell, style=GOOD if i == 0 else "") for cell in cells_of_law))
-    console.print(table)
+        rows.append(cells_of_law)
+    print_table(console, brief(advice.subject, 600), columns, rows, lambda k, _: "" if k else GOOD)
     if advice.proposed:
-        console.print(f"  Not given, so chosen here: {_chosen(advice)}.", style=WARNING, markup=False, highlight=False)
+        print_line(console, f"Not given, so chosen here: {_chosen(advice)}.", WARNING)
     if advice.offers:
         task = "position" if advice.task.orientation is None else "axis"
-        console.print(f"  The task is '{task}': {advice.offers}.", style=WARNING, markup=False, highlight=False)
+        print_line(console, f"The task is '{task}': {advice.offers}.", WARNING)
     for law in advice.laws:
         if law.same:
             cells_of_law = f"{law.name} stands for {', '.join(law.same)}, too: the same joint rates at every pose"
-            console.print(f"  {cells_of_law}.", markup=False, highlight=False)
+            print_line(console, f"{cells_of_law}.")
     for sentence in advice.reasons:
-        console.print(f"  {sentence}", markup=False, highlight=False)
+        print_line(console, sentence)
 
 
 def cells(law: Law) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path as FilePath
 from typing import Any, Literal, NamedTuple
@@ -57,7 +57,8 @@ def _row(finding: Finding) -> list[str]:
     sign = "at least" if finding.is_least else "limit"
     return [
         f"<span class='no'>{escape(finding.kind.value)}</span>", escape(" and ".join(finding.what)),
-        f"{finding.start:.3f}", f"{finding.stop:.3f}", f"{finding.time:.3f}", f"{finding.value:.4g}{unit}", f"{sign} {finding.limit:.4g}{unit}",
+        f"{finding.start:.3f}", f"{finding.stop:.3f}", f"{finding.time:.3f}", f"{finding.value:.4g}{unit}",
+        f"{sign} {finding.limit:.4g}{unit}",
     ]  # fmt: skip
 
 
@@ -104,6 +105,30 @@ def number(value: float) -> str:
 
 Column = tuple[str, Literal["left", "right"]]
 """Heading and alignment."""
+
+
+WRAPPED = ("strategy", "law", "joint")
+"""Columns of names, which may have several lines."""
+
+
+def print_table(
+    console: Any, title: str, columns: Sequence[Column], rows: Sequence[Sequence[str]], style: Callable[[int, str], str]
+) -> None:
+    """Print rows of cells under a title; `style`: (number of the row, cell) -> its colour."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(title), title_justify="left", title_style="bold", header_style="dim")
+    for heading, justify in columns:
+        table.add_column(Text(heading), justify=justify, no_wrap=heading not in WRAPPED)
+    for k, cells in enumerate(rows):
+        table.add_row(*(Text(brief(cell), style=style(k, cell)) for cell in cells))
+    console.print(table)
+
+
+def print_line(console: Any, text: str, style: str | None = None) -> None:
+    """Print a line below a table, as it is."""
+    console.print(f"  {text}", style=style, markup=False, highlight=False)
 
 
 class _Column(NamedTuple):
@@ -164,41 +189,32 @@ def remarks(result: JobResult) -> list[tuple[str, str]]:
 
 def print_result(result: JobResult, console: Any) -> None:
     """Print a job's table, and below it what failed."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=Text(brief(result.title)), title_justify="left", title_style="bold", header_style="dim")
-    for heading, justify in columns(result):
-        table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
     colors = {"holonomic": HOLONOMIC_TEXT, "NOT holonomic": BAD, "ok": GOOD}
     colors |= dict.fromkeys(("NOT run", "FAILED"), f"bold {BAD}")
-    for cells in rows(result):
-        table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells))
-    console.print(table)
+    print_table(console, brief(result.title), columns(result), rows(result), lambda _, cell: colors.get(cell, ""))
     if paths_words(result):
-        console.print(f"  {paths_words(result)}", markup=False, highlight=False)
+        print_line(console, paths_words(result))
     for name, text in remarks(result):
-        console.print(f"  {brief(name)}: {text}", style=WARNING, markup=False, highlight=False)
+        print_line(console, f"{brief(name)}: {text}", WARNING)
     if result.sheets is not None:
-        console.print("  sheets:", markup=False, highlight=False)
+        print_line(console, "sheets:")
         for line in [*result.sheets.map_lines(), *result.sheets.path_lines()]:
             wrong = line == result.sheets.verdict and not result.sheets.passed
-            console.print(f"    {brief(line, 300)}", style=BAD if wrong else None, markup=False, highlight=False)
+            print_line(console, f"  {brief(line, 300)}", BAD if wrong else None)
     for strategy in result.strategies:
         if strategy.timed is not None:
-            console.print(f"  {brief(strategy.name)}, timed:", markup=False, highlight=False)
+            print_line(console, f"{brief(strategy.name)}, timed:")
             for line in strategy.timed.table(result.units).splitlines():
-                console.print(f"    {brief(line)}", markup=False, highlight=False)
+                print_line(console, f"  {brief(line)}")
         if strategy.motion_check is not None:
-            console.print(f"  {brief(strategy.name)}, checked:", markup=False, highlight=False)
+            print_line(console, f"{brief(strategy.name)}, checked:")
             lines_of_check = strategy.motion_check.table(result.units).splitlines()
             words = [text for text in [check_words(strategy)] if text]
             for line in [*words, *lines_of_check[strategy.motion_check.passed :]]:
-                console.print(f"    {brief(line)}", markup=False, highlight=False)
+                print_line(console, f"  {brief(line)}")
         for check in strategy.checks:
             if not check.passed:
-                text = f"  {brief(strategy.name)}: {check.unmet}"
-                console.print(text, style=BAD, markup=False, highlight=False)
+                print_line(console, f"{brief(strategy.name)}: {check.unmet}", BAD)
 
 
 # --- The verdict of a job in words, for somebody who signs it: what was run, what holds, what was not tested.

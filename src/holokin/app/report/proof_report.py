@@ -27,7 +27,7 @@ from ...proof.recheck import CheckerWord, Outcome, ask_checker, unasked
 from ...robot import LinkShape, Robot
 from ...version import build
 from .html_page import drawn, html_table, page
-from .job_report import Column
+from .job_report import Column, print_line, print_table
 from .job_result import free_name, renewed, write_facts
 from .plots import BAD, GOOD, WARNING
 from .proof_picture import box_figure, box_picture_words, drawable, picture_words, proof_figure, start_of
@@ -576,33 +576,26 @@ def print_certificates(
     title: str, certificates: dict[str, Certificate | str], words: dict[str, CheckerWord], console: Any
 ) -> None:
     """Print the table of a job's certificates, and below it each theorem, with what the checker says of it."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=Text(brief(title)), title_justify="left", title_style="bold", header_style="dim")
-    for heading, justify in COLUMNS:
-        table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
     colors = {"all": GOOD, "part": WARNING, "not done": WARNING, "drifts": BAD, "NO": BAD}
-    for name, certificate in certificates.items():
-        table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells(name, certificate)))
-    console.print(table)
+    listed = [cells(name, certificate) for name, certificate in certificates.items()]
+    print_table(console, brief(title), COLUMNS, listed, lambda _, cell: colors.get(cell, ""))
     left = [name for name, certificate in certificates.items() if isinstance(certificate, str)]
     for name, certificate in certificates.items():
         text = f"not certified: {certificate}" if isinstance(certificate, str) else str(certificate)
         style = GOOD if isinstance(certificate, Certificate) and certificate.whole else WARNING
-        console.print(f"  {brief(name)}: {text}", style=style, markup=False, highlight=False)
+        print_line(console, f"{brief(name)}: {text}", style)
         if isinstance(certificate, Certificate) and not certificate.whole:
-            console.print(f"    {certificate.extent.value}", style=WARNING, markup=False, highlight=False)
+            print_line(console, f"  {certificate.extent.value}", WARNING)
             worst = refuted_by(certificate)
             if worst is not None:
-                console.print(f"    refuted: {worst}", style=BAD, markup=False, highlight=False)
+                print_line(console, f"  refuted: {worst}", BAD)
         if isinstance(certificate, Certificate):
             text, style = checker_words(certificate, words[name]), CHECKED[words[name].outcome]
-            console.print(f"    {text}", style=style, markup=False, highlight=False)
+            print_line(console, f"  {text}", style)
     if left:
         rest = "the verdict is on the others" if len(left) < len(certificates) else "nothing is certified"
         text = f"left out: {brief(', '.join(left))}; {rest}"
-        console.print(f"  {text}", style=WARNING, markup=False, highlight=False)
+        print_line(console, text, WARNING)
 
 
 def write_certificates(

@@ -101,7 +101,7 @@ class Stage:
     def wires(self, curves: Sequence[Curve]) -> list[Solid]:
         """Paths as thin rods."""
         radius = 0.005 * float(np.hypot(*self.scene.shape)) / 1.4
-        return [rod for c in curves for rod in wire(thinned(c.points), radius, c.color, c.dash)]
+        return [rod for c in curves for rod in wire(_thinned(c.points), radius, c.color, c.dash)]
 
 
 def stage_of(
@@ -121,11 +121,11 @@ def stage_of(
     if not robot.planar:
         bodies = [np.vstack(robot.skeleton(q)) for q in Q[:: max(1, len(Q) // 12)]]
         apart = [(np.vstack(robot.skeleton(a)), np.vstack(robot.skeleton(b))) for a, b in pairs]
-        view = best_view(bodies, [thinned(c.points) for c in curves], apart)
+        view = best_view(bodies, [_thinned(c.points) for c in curves], apart)
     solids = [solid for k in range(len(Q)) for solid in solids_at(pieces, frames, k, GREY)]
     solids += [solid for k in range(len(Q)) for solid in tool_frames(robot, frames, k, 2.6 * unit)]
     solids += [*triad(np.zeros(3), np.eye(3), 4.5 * unit)]
-    solids += [rod for c in curves for rod in wire(thinned(c.points), 0.1 * unit, GREY)]
+    solids += [rod for c in curves for rod in wire(_thinned(c.points), 0.1 * unit, GREY)]
     if extra is not None and len(extra):
         solids += wire(np.vstack([extra.min(axis=0), extra.max(axis=0)]), 1e-6, GREY)
     scene = scene_of(view, solids, flat=robot.planar, ratio=ratio, around=standing(obstacles))
@@ -174,6 +174,6 @@ def draw_panel(axes: Any, stage: Stage, actors: Sequence[Actor], curves: Sequenc
     return axes
 
 
-def thinned(points: Matrix) -> Matrix:
+def _thinned(points: Matrix) -> Matrix:
     """At most `MOST_POINTS` of the points of a path, ends included."""
     return points[thin(len(points), MOST_POINTS)]

@@ -92,5 +92,13 @@ class HolokinError(Exception):
         return _again, (type(self), self.args), vars(self)
 
 
+class FileError(HolokinError):
+    """A file that cannot be used as it is: which one, what is wrong with it, and what to do. Abstract."""
+
+    def __init__(self, path: object, fact: str, cure: str) -> None:
+        self.path, self.fact, self.cure = path, fact, cure
+        super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
+
+
 def _again(kind: type[HolokinError], arguments: tuple[Any, ...]) -> HolokinError:
     return kind.__new__(kind, *arguments)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from .holokin_error import FORMS, LONGEST, HolokinError, brief, closest, posture_text, shown
+from .holokin_error import FORMS, LONGEST, FileError, HolokinError, brief, closest, posture_text, shown
 
 
 class UnknownNameError(HolokinError):
@@ -61,12 +61,8 @@ class OwnFunctionError(HolokinError):
         super().__init__(f"{brief(what)}, a function of yours, {brief(fact)}; {brief(cure)}")
 
 
-class RobotFileError(HolokinError):
+class RobotFileError(FileError):
     """A robot description that is missing, malformed or not supported."""
-
-    def __init__(self, path: object, fact: str, cure: str) -> None:
-        self.path, self.fact, self.cure = path, fact, cure
-        super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
 
 
 class JobError(HolokinError):
@@ -77,20 +73,12 @@ class JobError(HolokinError):
         super().__init__(f"{brief(path)}: [{brief(key, 200)}] {brief(fact)}; {brief(cure, LONGEST)}")
 
 
-class RecordingError(HolokinError):
+class RecordingError(FileError):
     """A log of joint motion, a table of tool poses, or a drawing, that cannot be read or judged."""
 
-    def __init__(self, path: object, fact: str, cure: str) -> None:
-        self.path, self.fact, self.cure = path, fact, cure
-        super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
 
-
-class SurveyError(HolokinError):
+class SurveyError(FileError):
     """A survey that cannot be run, or whose results cannot be read."""
-
-    def __init__(self, path: object, fact: str, cure: str) -> None:
-        self.path, self.fact, self.cure = path, fact, cure
-        super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
 
 
 class CertificateError(HolokinError):
@@ -174,7 +162,7 @@ class ConstraintRowsError(HolokinError):
             "hk.strategies.constraints.stack(...)"
         )
         if n == m:
-            cure = "no joint is left for it: keep fewer rows of the task, or give hk.moore_penrose(task) to hk.inverse"
+            cure = "no joint is left for it: keep fewer rows of the task, or give hk.moore_penrose(task) to hk.ik"
         fact = f"constraint {name!r} has {rows} rows; the robot has n = {n} joints and the task m = {m} rows"
         super().__init__(f"{fact}: {cure}" if n == m else f"{fact}, so {cure}")
 

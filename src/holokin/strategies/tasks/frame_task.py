@@ -84,8 +84,8 @@ class Representation(Value, ABC):
     def completed(self, wanted: SX, rows: Sequence[int], present: SX) -> SX:
         """The rotation (3, 3) that has some rows of a wanted one, and all else as it is in `present`.
 
-        Where the rows tell a direction of the tool, or of the base seen by the tool, it is `present` turned to it by the
-        smallest angle; else the other coordinates are those of `present`.
+        Where the rows tell a direction of the tool, or of the base seen by the tool, it is `present` turned to it by
+        the smallest angle; else the other coordinates are those of `present`.
         """
         if len(rows) == 3:
             return wanted
@@ -681,8 +681,8 @@ def leaves_free(task: Task) -> bool:
 def completed(task: Task, place: Place, present: Place) -> Place:
     """The place that a task cannot tell from the one that is given, and whose free part is that of another, `present`.
 
-    Coordinates of positions that the task has no rows of are those of `present`; a rotation is that of `present`, turned no
-    farther than the task asks.
+    Coordinates of positions that the task has no rows of are those of `present`; a rotation is that of `present`,
+    turned no farther than the task asks.
     """
     return completing(task)(*present, *place) if leaves_free(task) else place
 
