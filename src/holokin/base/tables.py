@@ -487,6 +487,7 @@ def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseCol
     """Which columns of a header hold points or poses. Raises: RecordingError."""
     header = header[: len(POSITION) + 4] if _is_coverage(header) else header
     left = _ignored(header, units.ignore)
+    # Columns whose names are known, with the unit that stands in the name.
     known: dict[str, tuple[int, str]] = {}
     for i, name in enumerate(header):
         match = _NAME.fullmatch(name.lower())
@@ -495,6 +496,7 @@ def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseCol
         if match[1] in known and match[1] in _MEANT:
             raise RecordingError(file, f"its header has 2 columns {match[1]!r}", "keep or name one of them")
         known[match[1]] = (i, match[2])
+    # Positions and orientations, and by what they are multiplied for SI units.
     matrix = all(name in known for name in MATRIX)
     where = MATRIX[3::4] if matrix else POSITION
     missing = [name for name in where if name not in known]
@@ -512,6 +514,7 @@ def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseCol
         if units.angles is not None:
             raise RecordingError(file, "has no angles", "leave out angles=")
         scales += [1.0] * len(names)
+    # Times; a column of which nothing is known is refused.
     time = time_columns(["" if i in left else name for i, name in enumerate(header)], prefixes=False)
     places = {name: place for name, (place, _) in known.items()}
     read = {places[name] for name in (*where, *names)} | set(time.places if time else ())

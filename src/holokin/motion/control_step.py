@@ -106,6 +106,7 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     leaf = (c - dt * rate, constraint_gain, rate) if r else ()
     solution = feedback(strategy, dx, error, gain, *leaf)
     dq, fast, room, holding = solution.X, SX(1), SX(1), SX(0)
+    # By how much to slow down so that speeds, singular postures and position limits are kept.
     if limits:
         for i, joint in enumerate(task.robot.coordinates):
             fastest = fastest_rate(joint)
@@ -121,6 +122,7 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
                 )
                 its = if_else(speed > 1e-12, fmax(left, 0) / fmax(speed, 1e-12), 1)
                 room, holding = fmin(room, its), holding + if_else(its <= AT_LIMIT, 2.0**i, 0)
+    # The largest error of the tool, by which it counts as lost.
     largest = SX(0)
     for i, unit in enumerate(task.units):
         if unit in UNLIMITED:  # of other units, as of thrust, nobody knows what is far
@@ -178,12 +180,14 @@ def _machine_step(
             fit = False
         if not fit:
             q, pose, twist = convert(q, pose, twist)
+        # Write the arguments into the memory of the machine, and run it.
         trigger, (q_in, pose_in, twist_in, parameters_in), results, out = mine.all
         latest[0], memory.stepped = out, True
         q_in[...], pose_in[...], twist_in[...] = q, pose, twist
         if change:
             parameters_in[...] = parameters
         trigger()
+        # Zero rates and a status where the step is not sound.
         rates, scale, rcond, margin, room, off, given, holding = results
         share = scale.item()
         size = rates @ rates + share + given.item()

@@ -227,6 +227,7 @@ def winding(
         sizes = sorted(known, reverse=True)
         return Winding(cause, np.array(sizes), np.array([known[s] for s in sizes]), between, names, units)
 
+    # No drift, or a tool that turns round: nothing to contract.
     known = {1.0: full, 0.0: np.zeros(len(full))}
     if np.abs(full).max() <= NO_DRIFT:
         return found(Cause.NONE, known)
@@ -236,6 +237,7 @@ def winding(
         return found(Cause.TOOL_TURNS, known)
     if lifts is not None and np.linalg.norm(lifts, axis=1).max() > 2 * np.pi - PIECE:  # where their axes may flip
         return found(Cause.UNDECIDED, known)
+    # The drift of a smaller loop; an integrated one must not depend on its samples.
     exact = by_leaf(strategy, method) is not None
 
     def drift(size: float) -> Vector | None:
@@ -255,6 +257,7 @@ def winding(
             known[size] = value
         return value is not None
 
+    # Contract the loop in even steps, then halve where the drift changes most.
     for k in range(STEPS - 1, 0, -1):
         add(k / STEPS)
     above, below = _steepest(known)
@@ -265,6 +268,7 @@ def winding(
             blocked = True
             break
         above, below = _steepest(known, above, below)
+    # A jump is much steeper than the steepest change elsewhere.
     change = _change(known, above, below)
     elsewhere = max((_change(known, a, b) / (a - b) for a, b in _pairs(known) if (a, b) != (above, below)), default=0.0)
     if change > max(NO_DRIFT, JUMP * elsewhere * (above - below)):

@@ -235,10 +235,12 @@ def _walk(
     steps = _native_steps(fast, plan, q, cycles, postures) if fast is not None else ()
     with progress(f"following by {method}: {strategy.name}", total) as report:
         try:
+            # In native code as far as it goes; it may halt at a limit or where the leaf ends.
             for done, q in steps:  # noqa: B007  q goes on below
                 report(done)
             if fast is not None and done < total:
                 fast.halted()
+            # The rest in Python, a step at a time.
             for k in range(done, total):
                 q = step(q, k % plan.steps)
                 if limits and not ((q >= lower) & (q <= upper)).all():
@@ -370,12 +372,14 @@ def approach(
     positive("speed", speed, "give a positive speed of the joints")
     if level is not None and not isinstance(strategy, HolonomicStrategy):
         raise ArgumentError("level", level, f"{strategy.name!r} has none: leave it out, or {HolonomicStrategy.cure}")
+    # Go to the level first, by the self-motion.
     rows = [start]
     if level is not None and isinstance(strategy, HolonomicStrategy):
         level_now = leaf_value(strategy, start)
         far = strategy.constraint.nearest(leaf_value(strategy, move_to_leaf(strategy, start, level)) - level_now)
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
             rows.append(move_to_leaf(strategy, rows[-1], level_now + share * far))
+    # Then along the straight line of the tool; where that does not lead, to the nearest posture at its end.
     pose = task.pose(rows[-1])
     rotation = pose[:3, :3] if path.rotation is None else path.rotation
     way = straight(pose[:3, 3], pose[:3, :3], path.start, rotation)
@@ -390,6 +394,7 @@ def approach(
             if goal is None:
                 raise
             reached = np.array([start, goal])
+    # The joints themselves may go straight.
     if by == "joints":
         reached = start + np.linspace(0.0, 1.0, count + 1)[:, None] * (reached[-1] - start)
         reached[0] = start

@@ -368,6 +368,7 @@ def _fastest_trapezoid(stretch: Stretch, laps: int, bounds: tuple[Vector, Vector
     """
     length = laps * stretch.length
     rises = RISES if np.isfinite(bounds[2]).any() else np.zeros(1)
+    # The greatest rate at each place that a constant rate allows.
     grid = np.linspace(0.0, stretch.length, 2 * FINEST + 1)
     _, d1, d2, d3 = stretch.derivatives(grid)
     with np.errstate(divide="ignore"):
@@ -394,9 +395,11 @@ def _fastest_trapezoid(stretch: Stretch, laps: int, bounds: tuple[Vector, Vector
                 best = seconds, rate, (up[0][k], up[1][k]), (down[0][k], down[1][k])
         return best
 
+    # The greatest rate, if its ramps take little of the time.
     at_once = tried(np.array([top, min(top, float(caps.min()))]), rises)
     if sum(ramp[0] for ramp in at_once[2:]) < at_once[0] / 4 < np.inf:  # ramps do not pay for a lower rate
         return _law(length, *at_once[1:])
+    # Else look for the best rate, coarsely, then ever finer.
     for attempt in range(ROUNDS):
         rates = np.geomspace(1.0, 1.0 / NARROWER, RATES_TRIED) * top / NARROWER**attempt
         best = tried(rates, rises[::3])

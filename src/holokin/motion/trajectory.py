@@ -215,6 +215,7 @@ def record(
     """The trajectory of postures q (k + 1, n) at the start and the plan's samples; the rest is measured when asked."""
     robot = task.robot
     count, steps = len(q) - 1, plan.steps
+    # The times of the samples, a block at a time.
     t = np.empty(count + 1)
     t[0] = 0.0
     for first in range(0, count, BLOCK):
@@ -232,6 +233,7 @@ def record(
         J, _ = task.jacobian_batch(q[:samples])
         return np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1], dtype=float)
 
+    # The samples at the corners of the path, in every cycle.
     first = np.concatenate([[0], np.cumsum(plan.counts)])[list(plan.path.corners)]
     corners = np.add.outer(steps * np.arange(count // steps + 1), first).ravel().tolist()
     measures = Measures(

@@ -268,6 +268,7 @@ def _evenly(
     """`evenly`, with the length of each interval measured on some pieces; as `_refined`. Raises: ArgumentError."""
     from scipy.interpolate import PchipInterpolator
 
+    # The clock: seconds along the curve up to each of its fine places.
     fine = _divided(breaks, pieces)
     edges = [*range(0, len(fine) - 1, BLOCK), len(fine) - 1]
     parts = (fine[a : b + 1] for a, b in pairwise(edges))
@@ -278,6 +279,7 @@ def _evenly(
     clock = np.append(0.0, np.cumsum(steps))
     knots = clock[np.append(0, np.cumsum(pieces))]
 
+    # Its inverse, time to parameter, by monotone cubics.
     @lru_cache(maxsize=1)
     def interpolated(k: int) -> PchipInterpolator:
         near = slice(max(0, edges[k] - 2), edges[k + 1] + 3)  # it has the slopes of one through all: they are local
@@ -291,6 +293,7 @@ def _evenly(
         place = np.searchsorted(knots, t).clip(0, len(knots) - 1)
         return curve(np.where(knots[place] == t, breaks[place], inverse(t)))  # waypoints to the last bit
 
+    # Where a cubic is off the curve, turned from it, or not even.
     def rough(samples: Samples, begun: list[Samples], wanted: Poses) -> Flags:
         ahead = samples.velocity / np.maximum(np.linalg.norm(samples.velocity, axis=1, keepdims=True), 1e-300)
         gap = samples.position - wanted.points
@@ -416,6 +419,7 @@ def spline(
     poses = as_poses(points)
     notes_of_file = () if given is None else given.notes
     first = poses.rotations[0] if poses.rotations is not None else None
+    # With times: a spline through the waypoints at these.
     if times is not None:
         if closed and not meets(poses):
             cure = "give the first waypoint again as the last one, with the time of the return"
@@ -432,6 +436,7 @@ def spline(
     turns = None if poses.rotations is None else sure_turns(poses.rotations)
     positive("speed", speed, "give a positive speed in m/s or rad/s")
     positive("angular_speed", angular_speed, "give a positive speed in m/s or rad/s")
+    # Without: a spline by chord lengths, gone along at even speed.
     far = np.linalg.norm(np.diff(poses.points, axis=0), axis=1) / speed
     if turns is not None:
         turned = np.linalg.norm(turns, axis=1)

@@ -688,6 +688,7 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
             """(joint, placement there) of what the part fixes to one of its joints, or (joint -1) to its base."""
             return (mount.joint, origin @ T) if index < 0 else (first + index, T)
 
+        # The part's joints, masses, shapes and looks, each moved to where the part is mounted.
         for c in part.robot.coordinates:
             coordinates.append(replace(c, name=part.prefix + c.name))
         for joint in part.robot.joints:
@@ -709,6 +710,7 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
         for visual in part.robot.visuals:
             index, T = placed(visual.joint, visual.placement)
             visuals.append(replace(visual, link=part.prefix + visual.link, joint=index, placement=T))
+        # Its tips, on the first of which the next part stands.
         ends = []
         for tip in part.robot.tips:
             index, T = placed(tip.joint, tip.placement)

@@ -138,11 +138,13 @@ def _places(
         return gaps[:, i], slopes[:, i]
 
     with np.errstate(all="ignore"):
+        # Begin at the postures that are nearest to the switch, by its slope.
         far = np.abs(gap) / np.linalg.norm(slope, axis=1)
         near = np.flatnonzero(far <= REACH * np.linalg.norm(high - low))
         X = Q[near[np.argsort(far[near], kind="stable")[:STARTS]]]
         if not len(X):
             return []
+        # Newton's method on gap(q) = 0 within the box, of those that still move.
         moving = np.arange(len(X))
         for _ in range(STEPS):
             gap, slope = at(X[moving])
@@ -158,6 +160,7 @@ def _places(
         X, slope = (part[np.abs(gap) <= 1e-3 * BESIDE * size] for part in (X, slope))
     if not len(X):
         return []
+    # Keep places on whose two sides the state is another one.
     normals = slope / np.linalg.norm(slope, axis=1)[:, None]
     sides = states(strategy, np.vstack([X - BESIDE * normals, X + BESIDE * normals])).reshape(2, len(X), -1)[:, :, i]
     turned = np.flatnonzero(sides[0] != sides[1])

@@ -459,12 +459,14 @@ def fitted(
         raise ArgumentError("rows", rows, f"name some of the {task.m} task rows, from 0, each once")
     if not len(postures):
         raise ArgumentError("the number of postures", 0, "give a few hundred")
+    # Coordinates (x, phi) of the postures about the middle one, scaled to -1 to 1.
     q0 = postures[np.argmin(np.linalg.norm(postures - postures.mean(axis=0), axis=1))]
     Z = null_space(task.jacobian(q0))
     chart = task.counted_from(task.place(q0)[1])  # rotation vectors jump half a turn from their reference
     x = chart.value_batch(postures)[:, chosen]
     u = np.hstack([x, (postures - q0) @ Z])
     middle, spread = u.mean(axis=0), np.maximum(np.abs(u - u.mean(axis=0)).max(axis=0), 1e-6)
+    # Enough postures for the terms?
     exponents = monomials_up_to(u.shape[1], degree)[1:]  # without the constant, of which a leaf knows nothing
     if len(exponents) > len(postures) * (1 + len(chosen)):
         cure = f"give at least {len(exponents) // (1 + len(chosen)) + 1} postures, or a lower degree"
@@ -474,6 +476,7 @@ def fitted(
         phi = SX(Z.T) @ (q - SX(q0))
         return (vertcat(chart.value_expression(k)[chosen], phi) - SX(middle)) / SX(spread)
 
+    # The coefficients by least squares, and the constraint that they make.
     others = [i for i in range(task.m) if i not in chosen]
     coefficients = _least_squares(strategy, postures, Z, q0, variables, exponents, others)
 

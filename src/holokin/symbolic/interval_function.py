@@ -239,6 +239,7 @@ class IntervalFunction:
             groups.setdefault((layer[place], op, len(places), power), []).append((place, *places))
             return place
 
+        # Sort the operations by layer and kind, so that one call does all of a kind.
         results = walk(made, read, constant, apply)
         self.operations = len(layer)
         self._constants = _indices(fixed), np.array(list(fixed.values()))[:, None]

@@ -84,6 +84,7 @@ def vectors(source: Source, count: int) -> list[TestVector]:
 
 
 def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestVector | None:
+    # A posture and a wanted pose near it, in single precision, away from singular ones.
     s, robot = source.strategy, source.strategy.task.robot
     lower, upper = np.maximum(robot.lower, source.q0 - REACH), np.minimum(robot.upper, source.q0 + REACH)
     q = _single(rng.uniform(lower, upper))
@@ -102,6 +103,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     dx = _single(_task_rates(s.task, pose, twist))
     if not np.isfinite(dx).all():
         return None
+    # What the control step answers; none whose status hangs on the last digits.
     moving, level_rate = rng.uniform(-0.2, 0.2, len(q)), np.zeros(0)
     if source.holonomic:
         level_rate = _single(source.holonomic.rows(q) @ moving)
@@ -112,6 +114,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
         "q": q, "target": np.ravel(target), "dx": dx, "twist": twist, "pose": s.task.pose(q).ravel(),
         "gain": np.ravel(G), "rate": s.rate(q, dx)[0], "step": np.atleast_1d(dq), "scale": np.atleast_1d(scale),
     }  # fmt: skip
+    # On a leaf: the Newton step, the posture that the leaf leads to, and one solved from the start.
     if holonomic := source.holonomic:
         values["leaf_rate"] = level_rate
         c = _single(np.atleast_1d(holonomic.constraint_value(there)))

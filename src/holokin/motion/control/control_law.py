@@ -240,6 +240,7 @@ def impedance_with_memory(
 
     @cache
     def functions() -> tuple[Function, Function]:
+        # dq and F' of the springs under a force, as one function.
         q, F, dx = symbol("q", task.n), symbol("F", task.m), symbol("dx", task.m)
         k = task.kinematics(q)
         J = task.jacobian_expression(k, q)

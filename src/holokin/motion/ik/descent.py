@@ -131,6 +131,7 @@ def descend(
     cut, trust, M, fresh, safe = None, TRUST, None, False, look
     z, forces = projection(look, look.e, None)
     for _ in range(STEPS):
+        # The step z that lessens the error most without leaving the active constraints; of second order near the end.
         if not fresh:
             held = look.c[forces > 0]
             fresh = bool(held.size) and held.max() <= TIGHT
@@ -139,6 +140,7 @@ def descend(
         size, weight = float(np.linalg.norm(z)), 2 * float(forces.sum())
         if not size > (max(DONE, least * look.distance) if weight > 0 else DONE):
             break
+        # Shorten the step until it stays on the branch and the merit falls as much as hoped.
         along, share = z if weight > 0 else None, min(1.0, trust / size)
         while share * size > DONE:
             there, hoped = edge.moved(look, along, share, goal, careful), DESCENT * share * float(look.e @ z)
@@ -154,8 +156,10 @@ def descend(
             share /= 2
         else:
             break
+        # Where a joint would move by more than the step, keep the place up to which none does.
         if step is not None and cut is None and least_ratio(there.q, q0, step) < 1.0:
             cut = part(edge, look, along, share, goal, careful, q0, step) or safe
+        # Go there; a step of full length widens the region of trust.
         look, z, fresh = there, further, fresh and ratio <= FAST and share == 1.0
         trust = 2 * max(share * size, TRUST / 4)
         safe = look if look.excess <= WITHIN else safe

@@ -236,6 +236,7 @@ def leaf_walk(
             return None if solution is None else solution[0]
 
         for _ in range(tries):
+            # Newton's method at the end of the next piece, from where the last rate leads.
             goal = min(1.0, share + width)
             begun = q + (goal - share) * rate
             solution, fits = newton_on_leaf(correct, begun, *path.at(goal), side), 0.5
@@ -243,6 +244,7 @@ def leaf_walk(
                 fits = 2.0 if keeps_turns(q, begun, solution[0]) else 0.5
             elif solution is not None:
                 fits = branch.step(q, solution[0], path.curve(goal - share, solution[1] if angles else 1.0))
+            # The piece is shown to keep to the branch: go on from its end.
             if solution is not None and fits >= 1.0:
                 move = solution[0] - q
                 rate = move / (goal - share)
@@ -256,6 +258,7 @@ def leaf_walk(
                     if end is not None:
                         return end, PathEnd.FOLD
                 continue
+            # It is not: try a shorter one.
             width = fits * (goal - share)
             if width < smallest:
                 return q, PathEnd.STOPPED

@@ -197,6 +197,8 @@ def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vec
     rows = np.flatnonzero(np.isfinite(error).all(axis=1) & np.isfinite(D).all(axis=(1, 2)))
     for looks in range(1, LOOKS):
         e, S, postures = error[rows], D[rows], q[rows]
+        # A joint at its limit is not free while the error pushes it out; a posture with no free slope left is
+        # stationary.
         size = np.linalg.norm(e, axis=1)
         slope = np.einsum("kmn,km->kn", S, e)
         free = ~(((postures <= lower) & (slope >= 0)) | ((postures >= upper) & (slope <= 0)))
@@ -205,10 +207,12 @@ def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vec
         if looks % AFTER == 0:
             stalled, before[rows] = size > STALLED * before[rows], size
         ended[rows] = ~(free & still).any(axis=1) | (stalled & (size > FAR))
+        # Only postures that are not there, may still get nearer, and are not damped for ever go on.
         go = ~ended[rows] & ~stalled & (np.abs(e).max(axis=1) > REACHED / 10) & (damping[rows] <= 1e12)
         rows, e, A, postures = rows[go], e[go], S[go] * free[go, None], postures[go]
         if not rows.size:
             break
+        # Levenberg-Marquardt: (A A^T + damping) y = e, a motion by A^T y within the limits.
         normal = A @ np.swapaxes(A, 1, 2)
         scale = np.maximum(np.trace(normal, axis1=1, axis2=2), 1e-300)
         normal += (damping[rows] * scale)[:, None, None] * np.eye(m)
@@ -218,6 +222,7 @@ def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vec
         sound = np.isfinite(there).all(axis=1) & np.isfinite(derivative).all(axis=(1, 2))
         with np.errstate(invalid="ignore", over="ignore"):
             better = sound & (np.sum(there**2, axis=1) < np.sum(e**2, axis=1))
+        # Keep motions that lessen the error, and trust the slopes more after them, less after others.
         to = rows[better]
         q[to], error[to], D[to] = moved[better], there[better], derivative[better]
         damping[rows] = np.where(better, np.maximum(damping[rows] / 10, 1e-12), damping[rows] * 10)

@@ -155,10 +155,12 @@ class _Counter:
         sizes, stack = scope.sizes, [times]
 
         def start(tag: str, has: dict[str, str]) -> None:
+            # How many times the element counts, with all that replicates it.
             n = stack[-1]
             stack.append(n * _product(has.get("count", "1")) if tag == "replicate" else n)
             sizes.elements += n
             sizes.bodies += n * (tag == "body")
+            # Elements that make many, or lead to other files.
             if tag == "flexcomp":
                 points = n * _product(has.get("count", _GRID))
                 sizes.bodies, sizes.elements = sizes.bodies + points, sizes.elements + points

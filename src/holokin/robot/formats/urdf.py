@@ -149,6 +149,7 @@ def essentials(data: bytes, path: str | Path) -> ElementTree.Element:
 
     Blank lines and comments before <?xml ...?>, where XML has none, do no harm. Raises: RobotFileError.
     """
+    # What stands before <?xml ...?> goes behind it, where it does no harm.
     before, mark, rest = data.partition(b"<?xml")
     strange = re.sub(rb"<!--.*?-->", b"", before, flags=re.DOTALL).strip(b" \t\r\n" + BOM_UTF8)
     if mark and not strange:
@@ -177,6 +178,7 @@ def essentials(data: bytes, path: str | Path) -> ElementTree.Element:
             elements.pop()
         tags.pop()
 
+    # Read the elements that are wanted; say what is wrong with the file where it is no XML.
     parser = expat.ParserCreate()
     parser.StartElementHandler, parser.EndElementHandler = start, end
     try:

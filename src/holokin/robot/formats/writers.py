@@ -121,6 +121,7 @@ def to_mjcf(
             if follows is not None:
                 law = f'polycoef="{follows[1]!r} {follows[0]!r} 0 0 0"'
                 ties.append(f"    <joint joint1={_quoteattr(joint.name)} joint2={_quoteattr(c.name)} {law}/>")
+            # A body with its joint, and all that hangs on it.
             place = _pose(_from_foot(joint, _zero(joint, follows)))
             body = [
                 f"{pad}<body name={_quoteattr(names[k + 1])} {place}{carried}>",

@@ -541,6 +541,7 @@ def body(made: Program, inputs: Shapes, outputs: Shapes, name: str) -> str:
     def given(a: int, i: int) -> str:
         return f"x[{x(a, i)}]" if a < len(inputs) else f"t[{i}]"
 
+    # The transport first, whose results t the stages read.
     loop, more, carry, declared = "", {}, "", ""
     if made.transport is not None:
         loop, more, declared = made.transport.c, {"t": "const hk_t"}, ", t"
@@ -554,6 +555,7 @@ def body(made: Program, inputs: Shapes, outputs: Shapes, name: str) -> str:
             return stage(made.before, "", {}, given, lambda a, i: f"y[{y(a, i)}]")
         before = stage(made.before, "_before", more, given, lambda a, i: f"y[{y(a, i)}]")
         return f"{loop}{before}{whole}  {name}_before(x, y, t);\n}}\n"
+    # With a system: the stage before it fills A and B in s, hk_solve leaves X there, the stage after reads it.
     n, k, early = made.order, made.columns, len(made.early)
     known = len(inputs) + (made.transport is not None)
     width = n + k

@@ -358,6 +358,7 @@ class Evaluator:
                 left -= 1
                 if left <= 0 and (evaluator := myself()) is not None:
                     later(evaluator)
+            # Arguments that are arrays of the right shape go straight into memory; others are converted.
             trigger, slots, takes, numbers = memory.all
             given: Sequence[Any] = arguments
             if len(given) != len(slots) or named:
