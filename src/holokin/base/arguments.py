@@ -309,8 +309,8 @@ def made(function: F) -> F:
     @wraps(function)
     def called(*arguments: Any, **named: Any) -> Any:
         value = inner(*arguments, **named)
-        kept = tuple(map(_kept, arguments)), {name: _kept(v) for name, v in named.items()}
-        vars(value)["_recipe"] = (called, *kept)
+        recipe_arguments = tuple(map(_kept, arguments)), {name: _kept(v) for name, v in named.items()}
+        vars(value)["_recipe"] = (called, *recipe_arguments)
         return value
 
     return called  # type: ignore[return-value]
@@ -325,10 +325,7 @@ def _remade(function: Callable[..., Any], arguments: tuple[Any, ...], named: dic
     return function(*arguments, **named)
 
 
-# --------------------------------------------------------------------------------------------------
-# How axes count joints: an axis may turn the other way round, begin elsewhere, or have a unit of
-# its own.
-# --------------------------------------------------------------------------------------------------
+# --- How axes count joints: an axis may turn the other way round, begin elsewhere, or have a unit of its own.
 
 
 def check_counts(signs: Mapping[str, int], offsets: Mapping[str, float], scales: Mapping[str, float]) -> None:

@@ -177,10 +177,12 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         """The same motion with its values in other units, to be printed."""
         joints, rows = units.factors(self.joint_units), units.factors(self.row_units)
         measures = Measures(
-            lambda count: self.dq[:count] * joints, lambda count: self.x[:count] * rows,
-            lambda count: self.error[:count] * rows, lambda count: self.sigma[:count],
+            lambda count: self.dq[:count] * joints,
+            lambda count: self.x[:count] * rows,
+            lambda count: self.error[:count] * rows,
+            lambda count: self.sigma[:count],
             lambda count: self.residual[:count],
-        )  # fmt: skip
+        )
         return replace(
             self, joint_units=tuple(map(units.name, self.joint_units)), q=self.q * joints,
             row_units=tuple(map(units.name, self.row_units)), measures=measures,
@@ -207,12 +209,6 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         write_csv(path, header, np.column_stack([seen.t, seen.q, seen.dq, seen.x]).tolist())
 
 
-# --------------------------------------------------------------------------------------------------
-# The trajectory of a run: its postures along a plan, and what is measured of them when somebody
-# asks.
-# --------------------------------------------------------------------------------------------------
-
-
 def record(
     task: Task,
     plan: Plan,
@@ -224,6 +220,7 @@ def record(
 ) -> Trajectory:
     """The trajectory of postures q (k + 1, n) at the start and the plan's samples; the rest is measured when asked."""
     count, steps = len(q) - 1, plan.steps
+    # The times of the samples, a block at a time.
     t = np.empty(count + 1)
     t[0] = 0.0
     for first in range(0, count, BLOCK):
@@ -241,6 +238,7 @@ def record(
         J, _ = task.jacobian_batch(q[:samples])
         return np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1], dtype=float)
 
+    # The samples at the corners of the path, in every cycle.
     first = np.concatenate([[0], np.cumsum(plan.counts)])[list(plan.path.corners)]
     corners = np.add.outer(steps * np.arange(count // steps + 1), first).ravel().tolist()
     measures = Measures(
@@ -263,10 +261,6 @@ def record(
         corners=tuple(k for k in corners if k <= count),
     )
 
-
-# --------------------------------------------------------------------------------------------------
-# `Recording`: the joints of a robot over time, as they were logged.
-# --------------------------------------------------------------------------------------------------
 
 GAP = 10.0
 """A step longer than this many median steps is a gap: something is missing there."""
@@ -330,14 +324,9 @@ class Recording(Value):
         return frozen(np.flatnonzero(steps > GAP * np.median(steps)))
 
 
-# --------------------------------------------------------------------------------------------------
-# The joint speed of a motion over the least that any law could have.
-# --------------------------------------------------------------------------------------------------
-
-
 def over_least_speed(task: Task, walk: Trajectory) -> float:
     """Joint speed (rms) over that of the pseudo-inverse at the same postures; NaN where the tool does not move."""
     J, _ = task.jacobian_batch(walk.q)
-    least = np.linalg.pinv(J) @ (J @ walk.dq[:, :, None])
-    size = float(np.linalg.norm(least))
+    minimum_norm = np.linalg.pinv(J) @ (J @ walk.dq[:, :, None])
+    size = float(np.linalg.norm(minimum_norm))
     return float(np.linalg.norm(walk.dq)) / size if size > 0 else np.nan

@@ -116,9 +116,10 @@ class OutsideRegionError(PathError):
 
     def __init__(self, position: Iterable[float]) -> None:
         self.position = tuple(float(x) for x in position)
-        at = ", ".join(f"{x:.4g}" for x in self.position)
+        place = ", ".join(f"{x:.4g}" for x in self.position)
         super().__init__(
-            f"the pose at [{at}] does not belong to the region", "give a pose in it, ask for a larger region, or none"
+            f"the pose at [{place}] does not belong to the region",
+            "give a pose in it, ask for a larger region, or none",
         )
 
 
@@ -127,10 +128,10 @@ class NoSheetError(PathError):
 
     def __init__(self, position: Iterable[float], sheets: int) -> None:
         self.position = tuple(float(x) for x in position)
-        at = ", ".join(f"{x:.4g}" for x in self.position)
+        place = ", ".join(f"{x:.4g}" for x in self.position)
         many = f"none of the {sheets} sheets serves" if sheets != 1 else "the only sheet does not serve"
         cure = "ask s.why(pose), keep to the workspace, or ask for more of it: hk.sheets(..., share=1)"
-        super().__init__(f"{many} the pose at [{at}]", cure)
+        super().__init__(f"{many} the pose at [{place}]", cure)
 
 
 class NoSeamError(HolokinError):

@@ -129,19 +129,19 @@ class Source:
         s = self.strategy
         e = s.expressions
         T = poses_expression(e.kinematics)
-        found = {
+        functions = {
             "pose": _checked("pose", {"q": e.q}, {"T": T}, SX(1)),
             "gain": s.gain,
             "rate": s.rate,
             "step": step_function(s, self.limits),
         }
         if holonomic := self.holonomic:
-            found["constraint"] = _checked(
+            functions["constraint"] = _checked(
                 "constraint", {"q": e.q}, {"g": holonomic.constraint_expression}, s._margin_expression
             )
-            found["leaf"] = leaf_step(holonomic)
-            found["extended"] = extended_jacobian(holonomic)
-        return found
+            functions["leaf"] = leaf_step(holonomic)
+            functions["extended"] = extended_jacobian(holonomic)
+        return functions
 
     @cached_property
     def words(self) -> dict[str, Any]:

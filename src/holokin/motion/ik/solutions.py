@@ -127,11 +127,6 @@ def beyond_limits(robot: Robot, q: Vector) -> bool:
     return False
 
 
-# --------------------------------------------------------------------------------------------------
-# Tool poses as users give them to inverse kinematics: a pose, a position alone, one for each frame.
-# --------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class GivenPoses(Value):
     """The readers of poses for a task. Of positions the rest is that of the start, `p` (3F,) and `R` (3F, 3)."""

@@ -33,13 +33,11 @@ from ...symbolic.rotations import (
 )
 from .task import Frame, Task, TipFrame
 
-# --------------------------------------------------------------------------------------------------
-# The orientation rows of a task: coordinates of a rotation R, or its angular velocity; three rows,
-# or two of an axis.
+# --- The orientation rows of a task: coordinates of a rotation R, or its angular velocity; three rows, or two of an
+# axis.
 #
-# Coordinates w(R) have an exact Jacobian dw/dq and a place where they are singular, told by
-# `margin`; the geometric rows of `twist` have neither.
-# --------------------------------------------------------------------------------------------------
+# Coordinates w(R) have an exact Jacobian dw/dq and a place where they are singular, told by `margin`; the geometric
+# rows of `twist` have neither.
 
 Angles = Literal["zyz", "rpy", "rotation-vector"]
 """Coordinates of a rotation by three angles."""
@@ -83,32 +81,32 @@ class Representation(Value, ABC):
     def rotation(self, w: SX) -> SX:
         """R (3, 3) of coordinates: what `value` undoes."""
 
-    def completed(self, wanted: SX, rows: Sequence[int], here: SX) -> SX:
-        """The rotation (3, 3) that has some rows of a wanted one, and all else as it is in `here`.
+    def completed(self, wanted: SX, rows: Sequence[int], present: SX) -> SX:
+        """The rotation (3, 3) that has some rows of a wanted one, and all else as it is in `present`.
 
-        Where the rows tell a direction of the tool, or of the base seen by the tool, it is `here` turned to it by the
-        smallest angle; else the other coordinates are those of `here`.
+        Where the rows tell a direction of the tool, or of the base seen by the tool, it is `present` turned to it by
+        the smallest angle; else the other coordinates are those of `present`.
         """
         if len(rows) == 3:
             return wanted
         if not rows:
-            return here
+            return present
         direction = self.directions.get(tuple(rows))
         if direction is None:
-            return self._mixed(wanted, rows, here)
+            return self._mixed(wanted, rows, present)
         fixed, of_base = direction
         if of_base:
-            return here @ shortest_turn(wanted.T @ SX(fixed), here.T @ SX(fixed))
-        return shortest_turn(here @ SX(fixed), wanted @ SX(fixed)) @ here
+            return present @ shortest_turn(wanted.T @ SX(fixed), present.T @ SX(fixed))
+        return shortest_turn(present @ SX(fixed), wanted @ SX(fixed)) @ present
 
     @property
     def directions(self) -> dict[tuple[int, ...], tuple[ArrayLike, bool]]:
         """Rows that tell a direction (3,) and nothing else: one fixed in the tool, or, with True, in the base."""
         return {}
 
-    def _mixed(self, wanted: SX, rows: Sequence[int], here: SX) -> SX:
-        """The rotation with some coordinates of a wanted one and the others of `here`."""
-        w, there = self.value(here), self.value(wanted)
+    def _mixed(self, wanted: SX, rows: Sequence[int], present: SX) -> SX:
+        """The rotation with some coordinates of a wanted one and the others of `present`."""
+        w, there = self.value(present), self.value(wanted)
         for row in rows:
             w[row] = there[row]
         return self.rotation(w)
@@ -142,12 +140,12 @@ class Turn(Representation):
         """exp(w) reference."""
         return exp_so3(w) @ SX(self.reference)
 
-    def _mixed(self, wanted: SX, rows: Sequence[int], here: SX) -> SX:
+    def _mixed(self, wanted: SX, rows: Sequence[int], present: SX) -> SX:
         """exp of some rows of the error: of the tool of a plane, its turn in the plane."""
-        gap, w = self.error(wanted, here), SX.zeros(3)
+        gap, w = self.error(wanted, present), SX.zeros(3)
         for row in rows:
             w[row] = gap[row]
-        return exp_so3(w) @ here
+        return exp_so3(w) @ present
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,10 +213,10 @@ class RotationVector(Representation):
 
     def error(self, wanted: SX, R: SX) -> SX:
         """The difference to the nearer of the two rotation vectors of the wanted rotation."""
-        here, there = self.value(R), self.value(wanted)
+        present, there = self.value(R), self.value(wanted)
         angle = norm_2(there)
         other = there * (1 - 2 * np.pi / fmax(angle, 1e-3))  # a turn below 1e-3 rad has no near double
-        return if_else(sumsqr(other - here) < sumsqr(there - here), other, there) - here
+        return if_else(sumsqr(other - present) < sumsqr(there - present), other, there) - present
 
     def rotation(self, w: SX) -> SX:
         """exp(w) reference."""
@@ -258,9 +256,9 @@ class AxisDirection(Representation):
         """The axis."""
         return {(0, 1): (self.axis, False)}
 
-    def _mixed(self, wanted: SX, rows: Sequence[int], here: SX) -> SX:
-        """The direction of one row of the wanted one and of the other one of `here`."""
-        return super().completed(super()._mixed(wanted, rows, here), (0, 1), here)
+    def _mixed(self, wanted: SX, rows: Sequence[int], present: SX) -> SX:
+        """The direction of one row of the wanted one and of the other one of `present`."""
+        return super().completed(super()._mixed(wanted, rows, present), (0, 1), present)
 
 
 _KINDS: dict[str, Callable[[Matrix, Vector], Representation]] = {
@@ -476,10 +474,10 @@ class StackedTask(Task):
         if self.m > self.n:
             raise TaskTooLargeError(self.m, self.n, self.robot.name)
         for f, part in enumerate(self.parts):
-            kept = sum(row // 6 == f and row % 6 > 2 for row in self.rows)
-            if part.orientation == "twist" and 0 < kept < sum(part._angular):
+            angular_rows = sum(row // 6 == f and row % 6 > 2 for row in self.rows)
+            if part.orientation == "twist" and 0 < angular_rows < sum(part._angular):
                 cure = "keep all three angular rows of a twist, none, or take 'rpy'"
-                raise ArgumentError("the number of angular rows of a twist task", kept, cure)
+                raise ArgumentError("the number of angular rows of a twist task", angular_rows, cure)
 
     def _with_rows(self, rows: tuple[int, ...]) -> StackedTask:
         """The same task with other rows; its targets are of all frames still."""
@@ -543,12 +541,12 @@ class StackedTask(Task):
     @property
     def _rotations(self) -> tuple[int, ...]:
         """The first angular row of each part that has all three of them among the rows."""
-        found = []
+        firsts = []
         for f in range(self.frames):
             mine = [i for i, row in enumerate(self.rows) if row // 6 == f and row % 6 > 2]
             if len(mine) == 3:
-                found.append(mine[0])
-        return tuple(found)
+                firsts.append(mine[0])
+        return tuple(firsts)
 
     @property
     def _geometric_twin(self) -> StackedTask:
@@ -664,14 +662,11 @@ def _of(task: Task) -> str:
     return f" of {task.tip}" if task.frames == 1 and task.tip and task.tip not in task.name else ""
 
 
-# --------------------------------------------------------------------------------------------------
-# What a task leaves free: motions of its frames that no row of it sees. They are no demand.
+# --- What a task leaves free: motions of its frames that no row of it sees. They are no demand.
 #
-# A pose that is asked for of such a task says more than is meant: a spin about a free axis, a
-# height where only x and y count. What is meant is `completed` from where the frames are: the pose
-# that the task cannot tell from the one asked for, whose free part is that of a pose at hand.
-# Straight paths lead to it, so that they hold no free motion.
-# --------------------------------------------------------------------------------------------------
+# A pose that is asked for of such a task says more than is meant: a spin about a free axis, a height where only x and y
+# count. What is meant is `completed` from where the frames are: the pose that the task cannot tell from the one asked
+# for, whose free part is that of a pose at hand. Straight paths lead to it, so that they hold no free motion.
 
 Place = tuple[Vector, Matrix]
 """Positions (3F,) and rotations (3F, 3) of F frames."""
@@ -683,13 +678,13 @@ def leaves_free(task: Task) -> bool:
     return not all({0, 1, 2} <= rows and len(rows) == 6 for _, rows in _rows(task))
 
 
-def completed(task: Task, place: Place, here: Place) -> Place:
-    """The place that a task cannot tell from the one that is given, and whose free part is that of another, `here`.
+def completed(task: Task, place: Place, present: Place) -> Place:
+    """The place that a task cannot tell from the one that is given, and whose free part is that of another, `present`.
 
-    Coordinates of positions that the task has no rows of are those of `here`; a rotation is that of `here`, turned no
-    farther than the task asks.
+    Coordinates of positions that the task has no rows of are those of `present`; a rotation is that of `present`,
+    turned no farther than the task asks.
     """
-    return completing(task)(*here, *place) if leaves_free(task) else place
+    return completing(task)(*present, *place) if leaves_free(task) else place
 
 
 @kept
@@ -709,11 +704,11 @@ def completing(task: Task) -> Function:
 @kept
 def free_directions(task: Task) -> list[tuple[Vector, bool] | None]:
     """Of each frame the axis (3,) about which it may spin, fixed in it, or, with True, in the base; None where none."""
-    found: list[tuple[Vector, bool] | None] = []
+    directions: list[tuple[Vector, bool] | None] = []
     for part, rows in _rows(task):
-        one = part.representation.directions.get(tuple(sorted(row - 3 for row in rows if row > 2)))
-        found.append(None if one is None else (np.asarray(one[0], dtype=float), one[1]))
-    return found
+        direction = part.representation.directions.get(tuple(sorted(row - 3 for row in rows if row > 2)))
+        directions.append(None if direction is None else (np.asarray(direction[0], dtype=float), direction[1]))
+    return directions
 
 
 def _rows(task: Task) -> list[tuple[FrameTask, set[int]]]:

@@ -35,11 +35,6 @@ from ...symbolic import (
 )
 from ...symbolic.linear import minors, null_space
 
-# --------------------------------------------------------------------------------------------------
-# `Frame`: whose pose a task is about: a tool, a tool in the frame of another one, an expression of
-# your own.
-# --------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True, eq=False)
 class Frame(Value, ABC):
@@ -374,12 +369,12 @@ class Task(ByValue, ABC):
         Raises:
             ShapeError, NotFiniteError, ArgumentError.
         """
-        at = numbers("q", q, self.robot.joint_names)
+        joints = numbers("q", q, self.robot.joint_names)
         p, R = self._target(position, (3,)), self._target(rotation, (3, 3))
-        if at.ndim == 2:
-            return self._error_function.batch(self.robot.postures(at), p, R).reshape(len(at), self.m)
+        if joints.ndim == 2:
+            return self._error_function.batch(self.robot.postures(joints), p, R).reshape(len(joints), self.m)
         p, R = finite("the position", p, (3 * self.frames,)), finite("the rotation", R, (3 * self.frames, 3))
-        return np.atleast_1d(self._error_function(self.robot.checked(at), p, R))
+        return np.atleast_1d(self._error_function(self.robot.checked(joints), p, R))
 
     def _target(self, given: ArrayLike, each: tuple[int, ...]) -> Array:
         """Positions or rotations of all frames, where they stand side by side, one below the other."""
@@ -517,10 +512,10 @@ class Task(ByValue, ABC):
         bounds = (TOLERANCES.representation,)
         return self._jacobian.checked((self.m, self.n), self.robot.checked, self._doubtful, bounds)
 
-    def _doubtful(self, q: Vector, found: Array, margin: float = np.inf) -> Array:
+    def _doubtful(self, q: Vector, result: Array, margin: float = np.inf) -> Array:
         """What was found at q, unless q is not finite or the representation is singular there."""
         check_representation(self, self.robot.checked(q), margin)
-        return found
+        return result
 
     @cached_property
     def _error_function(self) -> Function:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, TaskTooLargeError, UnknownNameError, shown
-from ...base.types import ArrayLike, Matrix, Vector, finite
+from ...base.types import ArrayLike, Vector, finite
 from ...robot import Robot
 from ...symbolic import SX, norm_2
 from ...symbolic.rotations import frame_about, log_s2
@@ -112,7 +112,9 @@ def _pose_of(
     elif orientation == "axis":
         base = np.diag([1.0, -1.0, -1.0]) @ frame_about(along).T
     else:
-        base = _upright(robot, frame.tip)
+        # The identity; for a planar robot with a tilted tool its rotation at q = 0, so that it turns in the plane.
+        R = robot.pose(np.zeros(robot.n), frame.tip)[:3, :3]
+        base = R if robot.planar and R[2, 2] < 1 - 1e-12 else np.eye(3)
     if not np.allclose(base @ base.T, np.eye(3), atol=1e-9) or np.linalg.det(base) < 0:
         raise ArgumentError("reference", base.tolist(), "give a rotation matrix (3, 3)")
     if robot.planar and orientation in ("zyz", "axis"):
@@ -199,9 +201,3 @@ def _direction(axis: Axis | ArrayLike) -> Vector:
     if not size > 0:
         raise ArgumentError("the axis of the tool", given.tolist(), "give a direction: its length must not vanish")
     return given / size
-
-
-def _upright(robot: Robot, tip: str | None) -> Matrix:
-    """The identity; for a planar robot with a tilted tool its rotation at q = 0, so that it turns in the plane."""
-    R = robot.pose(np.zeros(robot.n), tip)[:3, :3]
-    return R if robot.planar and R[2, 2] < 1 - 1e-12 else np.eye(3)
