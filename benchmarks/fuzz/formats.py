@@ -147,7 +147,7 @@ def _drawing(chance: Chance) -> Files:
 
 
 def _read_drawing(file: Path, chance: Chance) -> None:
-    for path in hk.read_svg(file, pixel=chance.choice((None, None, 1e-3))):
+    for path in hk.path.read_svg(file, pixel=chance.choice((None, None, 1e-3))):
         if not 0 < path.length < float("inf"):
             raise ValueError("a path without a length")
 
@@ -479,7 +479,7 @@ def _read_sheets(file: Path, _: Chance) -> None:
     T, q = sheets.poses[answers.served], answers.q[answers.served]
     if len(q) and not np.abs(task.error(q, T[:, :3, 3], T[:, :3, :3])).max() < 1e-6:
         raise ValueError("the tool is not at the pose")
-    hk.write_sheets(sheets, file)
+    hk.analysis.sheets.write_sheets(sheets, file)
 
 
 FORMATS: dict[str, tuple[Callable[[Chance], Files], Callable[[Path, Chance], object]]] = {

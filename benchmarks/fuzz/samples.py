@@ -382,6 +382,6 @@ def sheets() -> tuple[hk.Task, dict[str, np.ndarray], bytes]:
     found = hk.sheets(task, hk.workspace(box=([1.0, 0.6], [0.5, 0.5])), samples=16)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "s.npz"
-        hk.write_sheets(found, file)
+        hk.analysis.sheets.write_sheets(found, file)
         with np.load(file) as arrays:
             return task, dict(arrays), file.read_bytes()

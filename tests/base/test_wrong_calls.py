@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 import re
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -96,6 +98,31 @@ def test_a_misspelt_name_of_the_package_is_answered_with_the_right_one() -> None
     assert answered > 45
 
 
+def test_the_package_has_few_names_and_says_in_which_folder_the_others_are() -> None:
+    assert len(hk.__all__) <= 70
+    told = 0
+    for room in rooms()[1:]:
+        place = room.__name__.removeprefix("holokin.")
+        for name in set(room.__all__) - set(hk.__all__):
+            if place in hk._ROOMS and inspect.isfunction(getattr(room, name)):
+                with pytest.raises(NoAttributeError, match=re.escape(f"write hk.{place}.{name}") + "$|write robot"):
+                    getattr(hk, name)
+                told += 1
+    assert told > 80
+
+
+def test_a_folder_is_loaded_when_it_is_first_asked_for() -> None:
+    """In a process of its own: nothing imported the folders below `analysis` before."""
+    code = """
+import sys, holokin as hk
+assert "holokin.analysis.design" not in sys.modules
+print(hk.analysis.curvature.obstruction.__name__, "holokin.analysis.design" in sys.modules)
+print(hk.motion.checks.CheckReport.__name__, hk.strategies.tasks.relative_pose.__name__, hasattr(hk.analysis, "pose"))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["obstruction", "False", "CheckReport", "relative_pose", "False"]
+
+
 def test_a_noun_says_what_to_write_for_the_names_of_other_libraries() -> None:
     """Unless it has something of the name; `hasattr` says no, and a console does not offer it."""
     told = 0
@@ -138,13 +165,18 @@ def test_the_usual_slips_are_answered_with_the_right_form(panda: hk.Robot) -> No
         "write robot.pose(q)": lambda: panda.fk(PANDA_START),  # type: ignore[attr-defined]
         "write hk.load('panda')": lambda: hk.Panda,  # type: ignore[attr-defined]
         "write hk.follow(strategy, path, q0)": lambda: hk.run(law, circle, PANDA_START),  # type: ignore[attr-defined]
-        "give a Robot: its .robot is one": lambda: hk.audit(law, task),  # type: ignore[arg-type]
+        "task is not given; say what the tool must do, as hk.pose(robot)": lambda: hk.audit(lambda q, T, v, dt: q),
+        "control_law, task=None, path=None, q0=None, dt=": lambda: hk.audit(law, task, circle, PANDA_START, 0.01),  # type: ignore[call-arg]
         "give a Task, as hk.pose(robot) makes it": lambda: hk.moore_penrose(panda),  # type: ignore[arg-type]
+        "hk.retime(trajectory, acceleration=5.0)": lambda: hk.retime(hk.follow(law, circle, PANDA_START, samples=9)),
         "call the function, arm_angle(...)": lambda: hk.holonomic(task, hk.arm_angle),  # type: ignore[arg-type]
         "call it as arm_angle(definition=": lambda: hk.arm_angle(panda),  # type: ignore[call-arg]
         "call it as check(motion, robot, ": lambda: hk.check(circle, obstacles=[]),  # type: ignore[call-arg]
         "call it as workspace(box=None, ": lambda: hk.workspace([0.5, 0, 0.4]),  # type: ignore[call-arg]
-        "call it as certify(strategy, where, q0, ": lambda: hk.certify(law, box=(start, 0.1)),  # type: ignore[call-arg]
+        "where as hk.circle(start, center) or hk.workspace(box=(center, half)) makes it": lambda: hk.certify(
+            law,
+            box=(start, 0.1),  # type: ignore[call-arg]
+        ),
     }
     for words, slip in slips.items():
         with pytest.raises((ArgumentError, CallError, NoAttributeError), match=re.escape(words)):

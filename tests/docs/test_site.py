@@ -18,8 +18,8 @@ ROOT = Path(__file__).parents[2]
 SHOWN = {name for name in hk.__all__ if not isinstance(getattr(hk, name), ModuleType)}
 ROOMS = (
     "analysis.audit", "analysis.audit.logs", "analysis.coverage", "analysis.curvature", "analysis.design",
-    "analysis.sheets", "export", "learning", "motion", "motion.checks", "motion.control", "motion.ik", "proof",
-    "robot", "strategies", "strategies.constraints",
+    "analysis.sheets", "export", "learning", "motion", "motion.checks", "motion.control", "motion.ik", "path", "proof",
+    "robot", "strategies", "strategies.constraints", "strategies.tasks",
 )  # fmt: skip
 """Folders whose names are on pages of their own."""
 

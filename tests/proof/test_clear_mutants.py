@@ -41,7 +41,7 @@ def arm() -> hk.Robot:
 @pytest.fixture(scope="module")
 def proof(arm: hk.Robot) -> hk.proof.Certificate:
     G = hk.holonomic(hk.position(arm), hk.linear([[0, 1, -1]]))
-    held = hk.with_shape(arm, "gripper", Box(np.array([0.05, 0.05, 0.05])))
+    held = hk.robot.with_shape(arm, "gripper", Box(np.array([0.05, 0.05, 0.05])))
     space = hk.workspace(box=(arm.pose(START)[:3, 3], [0.01, 0.01, 0.0]))
     found = hk.certify(G, space, START, clear_of=[WALL, POST], floor=-0.3, clearance=0.01, shapes_of=held)
     assert found.whole

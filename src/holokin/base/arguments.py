@@ -57,7 +57,8 @@ def typed(function: F) -> F:
         except TypeError as problem:
             if isinstance(problem, CallError) or _bound(function, arguments, named):
                 raise
-            raise CallError(str(problem), _form(function)) from None
+            missing = {name: kind for name, kind in list(wanted.items())[len(arguments) :] if name not in named}
+            raise CallError(str(problem), _form(function) + _made_as(function, missing)) from None
 
     return called  # type: ignore[return-value]
 
@@ -81,6 +82,16 @@ def _form(function: Callable[..., Any]) -> str:
         if name != "self":
             parts.append(f"{marks.get(one.kind, '')}{name}{'=' * bool(value)}{value}")
     return f"{function.__qualname__}({', '.join(parts)})"
+
+
+def _made_as(function: Callable[..., Any], missing: Mapping[str, Any]) -> str:
+    """What makes the arguments that a call lacks and must have, as far as that is known."""
+    said = ""
+    for name, kind in missing.items():
+        makers = [MAKERS[k.__name__] for k in (kind, *get_args(kind)) if getattr(k, "__name__", "") in MAKERS]
+        if makers and signature(function).parameters[name].default is Parameter.empty:
+            said += f", {name} as {' or '.join(makers)} makes it"
+    return said
 
 
 def type_methods(kind: type) -> None:
@@ -108,7 +119,7 @@ MAKERS = {
     "Region": "hk.around(q, 0.2)",
     "Workspace": "hk.workspace(box=(center, half))",
     "Trajectory": "hk.follow(strategy, path, q0)",
-    "TimedTrajectory": "hk.retime(trajectory, robot)",
+    "TimedTrajectory": "hk.retime(trajectory, acceleration=5.0)",
     "InverseKinematics": "hk.ik(strategy, q0)",
 }
 """The kinds that callers mix up -> a call that makes one."""
@@ -298,8 +309,8 @@ def made(function: F) -> F:
     @wraps(function)
     def called(*arguments: Any, **named: Any) -> Any:
         value = inner(*arguments, **named)
-        kept = tuple(map(_kept, arguments)), {name: _kept(v) for name, v in named.items()}
-        vars(value)["_recipe"] = (called, *kept)
+        recipe_arguments = tuple(map(_kept, arguments)), {name: _kept(v) for name, v in named.items()}
+        vars(value)["_recipe"] = (called, *recipe_arguments)
         return value
 
     return called  # type: ignore[return-value]
@@ -314,10 +325,7 @@ def _remade(function: Callable[..., Any], arguments: tuple[Any, ...], named: dic
     return function(*arguments, **named)
 
 
-# --------------------------------------------------------------------------------------------------
-# How axes count joints: an axis may turn the other way round, begin elsewhere, or have a unit of
-# its own.
-# --------------------------------------------------------------------------------------------------
+# --- How axes count joints: an axis may turn the other way round, begin elsewhere, or have a unit of its own.
 
 
 def check_counts(signs: Mapping[str, int], offsets: Mapping[str, float], scales: Mapping[str, float]) -> None:

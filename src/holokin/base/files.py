@@ -25,9 +25,7 @@ from typing import Any
 
 from .errors import RecordingError, WriteError
 
-# --------------------------------------------------------------------------------------------------
-# Files that users give: whether one can be read, and its words in a message.
-# --------------------------------------------------------------------------------------------------
+# --- Files that users give: whether one can be read, and its words in a message.
 
 
 def is_folder(file: Path) -> bool:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
 from .arguments import typed
 from .errors import ArgumentError, ShapeError
 from .types import ROTATION, Array, ArrayLike, check_rotation, finite, last_row_gap, numbers, rotation_gap, tool_pose
+
+QuaternionOrder = Literal["wxyz", "xyzw"]
+"""Where the scalar w of a quaternion stands: first, or last."""
 
 ORDERS = {"wxyz": (1, 2, 3, 0), "xyzw": (0, 1, 2, 3)}
 """Where x, y, z and the scalar w stand in a quaternion of each order."""
@@ -45,7 +48,9 @@ PoseLike = ArrayLike | MatrixPose | HomogeneousPose
 
 
 @typed
-def pose_of(position: ArrayLike, quaternion: ArrayLike | MatrixPose, *, order: str = "") -> Array:
+def pose_of(
+    position: ArrayLike, quaternion: ArrayLike | MatrixPose, *, order: QuaternionOrder | Literal[""] = ""
+) -> Array:
     """The pose of a position and a quaternion or rotation, or of many: T = [R p; 0 1].
 
     No number of a quaternion tells whether the scalar w stands first or last: both orders are rotations. So the order

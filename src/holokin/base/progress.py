@@ -22,8 +22,8 @@ def progress(label: str, total: float, *, words: bool = False) -> Iterator[Calla
     from rich.markup import escape
     from rich.progress import BarColumn, Progress, TextColumn
 
-    told = TextColumn("{task.fields[words]}", markup=False)
-    columns = (TextColumn("{task.description}"), BarColumn(), told) if words else Progress.get_default_columns()
+    words_column = TextColumn("{task.fields[words]}", markup=False)
+    columns = (TextColumn("{task.description}"), BarColumn(), words_column) if words else Progress.get_default_columns()
     bar = Progress(*columns, console=Console(stderr=True), transient=True)
     start = last = time.monotonic()
     task = None

@@ -19,10 +19,7 @@ from .files import is_folder, listed, shown
 from .poses import ORDERS, UNIT
 from .types import ROTATION, Array, Indices, Matrix, Vector, rotation_cure, rotation_gap
 
-# --------------------------------------------------------------------------------------------------
-# Reads tables of numbers from CSV files, a piece at a time: the text of a long one is never in
-# memory as a whole.
-# --------------------------------------------------------------------------------------------------
+# --- Reads tables of numbers from CSV files, a piece at a time: the text of a long one is never in memory as a whole.
 
 PIECE = 10_000
 """Rows that are text at one time: some megabytes."""
@@ -210,7 +207,7 @@ def _row_numbers(
     bad: list[RecordingError] | None,
 ) -> tuple[list[tuple[int, list[str]]], list[list[float]]]:  # fmt: skip
     """(the rows, their wanted columns), cell by cell. Raises: RecordingError: one cannot be read, and `bad` is None."""
-    kept, numbers = [], []
+    sound_rows, numbers = [], []
     for line, row in rows:
         try:
             numbers.append(_row(file, header, wanted, line, row))
@@ -219,8 +216,8 @@ def _row_numbers(
                 raise
             bad.append(problem)
         else:
-            kept.append((line, row))
-    return kept, numbers
+            sound_rows.append((line, row))
+    return sound_rows, numbers
 
 
 def _row(file: Path, header: Sequence[str], wanted: Sequence[int], line: int, row: Sequence[str]) -> list[float]:
@@ -229,7 +226,7 @@ def _row(file: Path, header: Sequence[str], wanted: Sequence[int], line: int, ro
     if len(row) > len(header) and any(cell.strip() for cell in row[len(header) :]):
         cure = "delete what is too much; write decimals with a point, not a comma"
         raise RecordingError(file, f"line {line} has {len(row)} {lengths}", cure)
-    found = []
+    values = []
     for c in wanted:
         if c >= len(row):
             raise RecordingError(file, f"line {line} has {len(row)} {lengths}", "complete or delete the line")
@@ -238,14 +235,11 @@ def _row(file: Path, header: Sequence[str], wanted: Sequence[int], line: int, ro
             fact = f"line {line}, column {shown(header[c])!r} holds {shown(row[c].strip())!r}, not a finite number"
             comma = _COMMA.search(row[c])
             raise RecordingError(file, fact, "write decimals with points" if comma else "correct or delete the line")
-        found.append(number)
-    return found
+        values.append(number)
+    return values
 
 
-# --------------------------------------------------------------------------------------------------
-# Times in CSV files: which columns hold them, and their unit, told by the header or by the size of
-# the stamps.
-# --------------------------------------------------------------------------------------------------
+# --- Times in CSV files: which columns hold them, and their unit, told by the header or by the size of the stamps.
 
 TIMES = ("t", "time", "stamp", "secs", "sec", "seconds", "timestamp")
 """Names of a time column; a prefix ('header.stamp'), a unit at the end ('t_ms', 'Time (s)') and capitals do not
@@ -349,9 +343,11 @@ MATRIX = tuple(f"t{row}{column}" for row in range(3) for column in range(4))
 """Columns of a pose as the first three rows of its matrix, counted from 0; a last row may stand there too."""
 
 NAMED = {
-    "quaternion": ("qx", "qy", "qz", "qw"), "angles": ("roll", "pitch", "yaw"), "vector": ("rx", "ry", "rz"),
+    "quaternion": ("qx", "qy", "qz", "qw"),
+    "angles": ("roll", "pitch", "yaw"),
+    "vector": ("rx", "ry", "rz"),
     "KUKA": ("a", "b", "c"),
-}  # fmt: skip
+}
 NUMBERED = (("q1", "q2", "q3", "q4"), ("q0", "q1", "q2", "q3"))
 REMARKS = {"", "name", "label", "comment", "remark", "note", "id", "index", "number", "point", "line", "row"}
 """Columns that say nothing of a pose; a table that pandas wrote has one without a name."""
@@ -434,7 +430,7 @@ class PoseColumns:
         return [*self.position, *self.orientation, *(self.time.places if self.time else ())]
 
 
-def pose_rows(file: Path, noun: str, said: Units) -> PoseRows:
+def pose_rows(file: Path, noun: str, units: Units) -> PoseRows:
     """The points or poses of a CSV file, a `noun` a line.
 
     Raises:
@@ -446,24 +442,30 @@ def pose_rows(file: Path, noun: str, said: Units) -> PoseRows:
     chosen: list[PoseColumns] = []
 
     def wanted(header: Sequence[str]) -> list[int]:
-        chosen.append(columns_of_poses(file, header, said))
+        chosen.append(columns_of_poses(file, header, units))
         return chosen[0].wanted
 
     pieces = read_table(file, wanted, f"give a {noun} a line", "x_mm, y_mm, z_mm")
-    found = [(piece.table, piece.lines) for piece in pieces]
-    if not found:
+    tables = [(piece.table, piece.lines) for piece in pieces]
+    if not tables:
         raise RecordingError(file, f"has a header but no {noun}s", f"give a {noun} a line")
-    lines = np.concatenate([places for _, places in found])
-    return poses_of(file, chosen[0], np.vstack([rows for rows, _ in found]), lines, said)
+    lines = np.concatenate([places for _, places in tables])
+    return poses_of(file, chosen[0], np.vstack([rows for rows, _ in tables]), lines, units)
 
 
-def poses_of(file: Path, columns: PoseColumns, values: Matrix, lines: Indices, said: Units) -> PoseRows:
+def poses_of(file: Path, columns: PoseColumns, values: Matrix, lines: Indices, units: Units) -> PoseRows:
     """The points or poses of values (k, c) of the columns `wanted`, in SI units. Raises: RecordingError."""
     table = values[:, : len(columns.scales)] * columns.scales
     notes: list[str] = []
     points, turned = table[:, :3], table[:, 3 : 3 + len(columns.orientation)]
-    _check_lengths(file, points, lines, notes, columns.scales[0], said.place)
-    rotations = _rotations(file, columns.kind, turned, lines, said, notes) if columns.kind else None
+    size = np.abs(points).max(axis=1)
+    if size.max() > FAR:
+        i = int(np.argmax(size > FAR))
+        fact = f"{units.place} {lines[i]} has a coordinate of {size[i]:g} m: this looks like millimetres"
+        raise RecordingError(file, fact, "say units='mm', or name the columns x_mm, y_mm, z_mm")
+    if columns.scales[0] == SCALES["mm"] and size.max() < NEAR:
+        notes.append(f"no coordinate is beyond {1e3 * size.max():.3g} mm: are they metres?")
+    rotations = _rotations(file, columns.kind, turned, lines, units, notes) if columns.kind else None
     if columns.kind == "KUKA":
         notes.append(AS_KUKA)
     times = _seconds(file, columns.time, values[:, len(columns.scales) :], notes) if columns.time else None
@@ -481,10 +483,11 @@ def _seconds(file: Path, columns: TimeColumns, values: Matrix, notes: list[str])
     return since if abs(first) > 1e6 else since + first
 
 
-def columns_of_poses(file: Path, header: Sequence[str], said: Units) -> PoseColumns:
+def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseColumns:
     """Which columns of a header hold points or poses. Raises: RecordingError."""
     header = header[: len(POSITION) + 4] if _is_coverage(header) else header
-    left = _ignored(header, said.ignore)
+    left = _ignored(header, units.ignore)
+    # Columns whose names are known, with the unit that stands in the name.
     known: dict[str, tuple[int, str]] = {}
     for i, name in enumerate(header):
         match = _NAME.fullmatch(name.lower())
@@ -493,23 +496,25 @@ def columns_of_poses(file: Path, header: Sequence[str], said: Units) -> PoseColu
         if match[1] in known and match[1] in _MEANT:
             raise RecordingError(file, f"its header has 2 columns {match[1]!r}", "keep or name one of them")
         known[match[1]] = (i, match[2])
+    # Positions and orientations, and by what they are multiplied for SI units.
     matrix = all(name in known for name in MATRIX)
     where = MATRIX[3::4] if matrix else POSITION
     missing = [name for name in where if name not in known]
     if missing:
         cure = f"name the columns x_mm, y_mm, z_mm or x, y, z; they are {listed(header)}"
         raise RecordingError(file, f"has no column {', '.join(missing)}", cure)
-    otherwise = ("m", "rad") if said.assumed else (None, None)
-    scales = _scales(file, known, where, "units", said.units, otherwise[0])
+    otherwise = ("m", "rad") if units.assumed else (None, None)
+    scales = _scales(file, known, where, "units", units.units, otherwise[0])
     kind, names = (
-        ("matrix", tuple(n for n in MATRIX if n not in where)) if matrix else _orientation(file, known, header, said)
+        ("matrix", tuple(n for n in MATRIX if n not in where)) if matrix else _orientation(file, known, header, units)
     )
     if kind in ("angles", "vector", "KUKA"):
-        scales += _scales(file, known, names, "angles", said.angles, otherwise[1])
+        scales += _scales(file, known, names, "angles", units.angles, otherwise[1])
     else:
-        if said.angles is not None:
+        if units.angles is not None:
             raise RecordingError(file, "has no angles", "leave out angles=")
         scales += [1.0] * len(names)
+    # Times; a column of which nothing is known is refused.
     time = time_columns(["" if i in left else name for i, name in enumerate(header)], prefixes=False)
     places = {name: place for name, (place, _) in known.items()}
     read = {places[name] for name in (*where, *names)} | set(time.places if time else ())
@@ -519,7 +524,7 @@ def columns_of_poses(file: Path, header: Sequence[str], said: Units) -> PoseColu
             fact = f"its column {shown(name)!r} is neither a position, nor an orientation or a time that is read"
             cure = f"delete it, or leave it out on purpose with ignore={[shown(name)]}"
             raise RecordingError(file, fact, cure)
-    time = None if said.assumed else time
+    time = None if units.assumed else time
     return PoseColumns([places[n] for n in where], [places[n] for n in names], kind, time, np.array(scales))
 
 
@@ -540,17 +545,17 @@ def _ignored(header: Sequence[str], patterns: Sequence[str]) -> set[int]:
 
 
 def _orientation(
-    file: Path, known: Mapping[str, object], header: Sequence[str], said: Units
+    file: Path, known: Mapping[str, object], header: Sequence[str], units: Units
 ) -> tuple[str, tuple[str, ...]]:
     """(kind, names of the columns) of the orientation; ("", ()) where there is none."""
     there = [(kind, names) for kind, names in NAMED.items() if all(name in known for name in names)]
-    if not there and (said.order is not None or not said.assumed):
+    if not there and (units.order is not None or not units.assumed):
         there = [("numbered", names) for names in NUMBERED if all(name in known for name in names)]
     if len(there) > 1:
         fact = f"its columns hold more than one orientation: {listed(there[0][1])} and {listed(there[1][1])}"
         raise RecordingError(file, fact, "keep one of them")
     if not there:
-        some = [n for names in (*NAMED.values(), MATRIX, *([] if said.assumed else NUMBERED)) for n in names]
+        some = [n for names in (*NAMED.values(), MATRIX, *([] if units.assumed else NUMBERED)) for n in names]
         some = [n for n in some if n in known]
         if some:
             fact = f"its column {some[0]!r} alone is no orientation"
@@ -558,14 +563,14 @@ def _orientation(
                 f"name qx, qy, qz, qw, or roll, pitch, yaw, or rx, ry, rz, or a, b, c; the columns are {listed(header)}"
             )
             raise RecordingError(file, fact, cure)
-        if said.order is not None:
+        if units.order is not None:
             raise RecordingError(file, "has no quaternions", "leave out order=")
         return "", ()
     kind, names = there[0]
-    if kind == "numbered" and said.order is None:
+    if kind == "numbered" and units.order is None:
         fact = f"its columns {', '.join(names)} do not say which number is the scalar"
         raise RecordingError(file, fact, "say order='xyzw' or order='wxyz', or name them qx, qy, qz, qw")
-    if kind != "numbered" and said.order is not None:
+    if kind != "numbered" and units.order is not None:
         raise RecordingError(file, f"names its columns {', '.join(names)}", "leave out order=")
     return kind, names
 
@@ -585,49 +590,37 @@ def _scales(
         if unit and given is not None and unit != given:
             cure = f"leave out {argument}=, or correct the header"
             raise RecordingError(file, f"its header says {unit} for {name!r}, and you {given}", cure)
-        taken = unit or given or otherwise
-        if taken is None:
+        assumed = unit or given or otherwise
+        if assumed is None:
             small, plain = ("mm", "m") if argument == "units" else ("deg", "rad")
             cure = f"say {argument}='{small}' or {argument}='{plain}', or put the unit into the header: {name}_{small}"
             raise RecordingError(file, f"does not say in which unit {name!r} is", cure)
-        out.append(SCALES[taken])
+        out.append(SCALES[assumed])
     return out
 
 
-def _check_lengths(
-    file: Path, points: Matrix, lines: Indices, notes: list[str], scale: float, place: str
-) -> None:  # fmt: skip
-    size = np.abs(points).max(axis=1)
-    if size.max() > FAR:
-        i = int(np.argmax(size > FAR))
-        fact = f"{place} {lines[i]} has a coordinate of {size[i]:g} m: this looks like millimetres"
-        raise RecordingError(file, fact, "say units='mm', or name the columns x_mm, y_mm, z_mm")
-    if scale == SCALES["mm"] and size.max() < NEAR:
-        notes.append(f"no coordinate is beyond {1e3 * size.max():.3g} mm: are they metres?")
-
-
-def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, said: Units, notes: list[str]) -> Array:
+def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, units: Units, notes: list[str]) -> Array:
     from scipy.spatial.transform import Rotation
 
     if kind == "matrix":
         matrices = values.reshape(-1, 3, 3)
         for line, R in zip(lines, matrices, strict=True):
             if not rotation_gap(R) < ROTATION:
-                raise RecordingError(file, f"{said.place} {line} has no rotation", rotation_cure(R))
+                raise RecordingError(file, f"{units.place} {line} has no rotation", rotation_cure(R))
         return matrices
     if kind in ("quaternion", "numbered"):
-        values = values[:, ORDERS[said.order or "xyzw"]]
-        _check_quaternions(file, values, lines, said.place)
+        values = values[:, ORDERS[units.order or "xyzw"]]
+        _check_quaternions(file, values, lines, units.place)
         flips = np.flatnonzero(np.sum(values[1:] * values[:-1], axis=1) < 0) + 1
         if flips.size:
             where = ", ".join(str(lines[i]) for i in flips[:5]) + (", ..." if flips.size > 5 else "")
             many = f"{flips.size} quaternion{'s change' if flips.size > 1 else ' changes'}"
-            notes.append(f"{many} sign ({said.place} {where}): read as the rotation that it is, by the shorter way")
+            notes.append(f"{many} sign ({units.place} {where}): read as the rotation that it is, by the shorter way")
         return Rotation.from_quat(values).as_matrix()
     far = np.abs(values).max(axis=1) > FULL
-    if far.any() and said.angles != "rad":
+    if far.any() and units.angles != "rad":
         i = int(np.argmax(far))
-        fact = f"{said.place} {lines[i]} has an angle of {np.abs(values[i]).max():g} rad, over a turn: "
+        fact = f"{units.place} {lines[i]} has an angle of {np.abs(values[i]).max():g} rad, over a turn: "
         fact += "it looks like degrees"
         raise RecordingError(file, fact, "say angles='deg', or name the columns so, as in roll_deg")
     if kind == "vector":

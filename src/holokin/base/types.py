@@ -33,10 +33,7 @@ from .errors import (
     ShapeError,
 )
 
-# --------------------------------------------------------------------------------------------------
-# How values are shown: one short line in a console, a small table in a notebook, with every text
-# escaped.
-# --------------------------------------------------------------------------------------------------
+# --- How values are shown: one short line in a console, a small table in a notebook, with every text escaped.
 
 LONGEST = 200
 """Characters of a value's line."""
@@ -89,8 +86,8 @@ class Shown:
     def _shown_rows(self) -> list[Sequence[str]]:
         """The rows of the table: what a line of `str` says before and after its colon, or a field and its value."""
         if type(self).__str__ is object.__str__:
-            found = fields(self) if is_dataclass(self) else ()
-            return [(f.name.replace("_", " "), _part(getattr(self, f.name), LONGEST)) for f in found]
+            shown = fields(self) if is_dataclass(self) else ()
+            return [(f.name.replace("_", " "), _part(getattr(self, f.name), LONGEST)) for f in shown]
         return [_split(line) for line in str(self).splitlines() if line.strip()]
 
 
@@ -136,11 +133,11 @@ def one_line(text: str, most: int = LONGEST) -> str:
 
 
 def _row(cells: Sequence[str]) -> str:
-    found = ""
+    row = ""
     for k, cell in enumerate(cells):
         wrap = "overflow-wrap:anywhere" if k or len(cell) > _EACH else "white-space:nowrap"
-        found += f'<td style="{_CELL};{wrap}">{_safe(cell)}</td>'
-    return f"<tr>{found}</tr>"
+        row += f'<td style="{_CELL};{wrap}">{_safe(cell)}</td>'
+    return f"<tr>{row}</tr>"
 
 
 def _safe(text: str) -> str:
@@ -232,18 +229,18 @@ def number(what: str, value: Any) -> float:
 
 def positive(what: str, value: Any, cure: str = "give a positive number") -> float:
     """A finite number above 0. Raises: ArgumentError."""
-    found = number(what, value)
-    if not 0 < found < np.inf:
-        raise ArgumentError(what, found, cure)
-    return _below_huge(what, found)
+    checked = number(what, value)
+    if not 0 < checked < np.inf:
+        raise ArgumentError(what, checked, cure)
+    return _below_huge(what, checked)
 
 
 def not_negative(what: str, value: Any) -> float:
     """A finite number, 0 or above. Raises: ArgumentError."""
-    found = number(what, value)
-    if not 0 <= found < np.inf:
-        raise ArgumentError(what, found, "give a finite number that is not negative")
-    return _below_huge(what, found)
+    checked = number(what, value)
+    if not 0 <= checked < np.inf:
+        raise ArgumentError(what, checked, "give a finite number that is not negative")
+    return _below_huge(what, checked)
 
 
 def _below_huge(what: str, value: float) -> float:
@@ -335,9 +332,9 @@ def rotation_cure(R: Array) -> str:
         off = float(rotation_gap(-R))
         return f"it is left-handed, a reflection, and R R^T {off:.2g} away from 1: give a right-handed rotation matrix"
     gap = float(rotation_gap(R))
-    said = f"R R^T is {gap:.2g} away from 1, {ROTATION:g} is allowed: give a right-handed rotation matrix"
+    cure = f"R R^T is {gap:.2g} away from 1, {ROTATION:g} is allowed: give a right-handed rotation matrix"
     rounded = ", with all its digits; of a rounded one Rotation.from_matrix(R).as_matrix() of SciPy is the nearest"
-    return said + (rounded if gap < ROUNDED else "")
+    return cure + (rounded if gap < ROUNDED else "")
 
 
 def check_rotation(what: str, R: Array) -> None:
@@ -443,6 +440,39 @@ class NoTruthValue(Shown):
     def __bool__(self) -> NoReturn:
         raise AmbiguousTruthError(type(self).__name__, self.ask)
 
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data, ready for JSON: arrays are lists, statuses and nouns their names, NaN is null."""
+        return _plain_fields(self)
+
+
+def _plain_fields(value: Any) -> dict[str, Any]:
+    """The fields of a dataclass as plain data, without functions."""
+    parts = {f.name: getattr(value, f.name) for f in fields(value)} if is_dataclass(value) else {}
+    return {
+        name: _plain_data(part)
+        for name, part in parts.items()
+        if not name.startswith("_") and (not callable(part) or isinstance(part, Shown))
+    }
+
+
+def _plain_data(value: Any) -> Any:
+    """A value as JSON has it."""
+    if isinstance(value, Enum):
+        return value.name.lower()
+    if isinstance(value, float | np.floating):
+        return number_or_none(float(value))
+    if isinstance(value, bool | int | str | np.generic | type(None)):
+        return value.item() if isinstance(value, np.generic) else value
+    if isinstance(value, np.ndarray):
+        return _plain_data(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): _plain_data(part) for key, part in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [_plain_data(part) for part in value]
+    if isinstance(name := getattr(value, "name", None), str):  # a robot, a task, a strategy
+        return name
+    return _plain_fields(value) if is_dataclass(value) else str(value)
+
 
 def some(part: Any, chosen: Any) -> Any:
     """Some of the rows of a value whose fields are arrays of a row each."""
@@ -454,12 +484,6 @@ def joined(*parts: Any) -> Any:
     return type(parts[0])(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0])))
 
 
-# --------------------------------------------------------------------------------------------------
-# Equality by value: robots, tasks, constraints and strategies are equal when they are made of equal
-# parts.
-# --------------------------------------------------------------------------------------------------
-
-
 class ByValue(Value):
     """The parent of values that are equal by what they are made of, and may be keys.
 
@@ -468,7 +492,7 @@ class ByValue(Value):
     when two values are first compared or one is first a key; 32 bytes of them are kept.
     """
 
-    aside: ClassVar[tuple[str, ...]] = ()
+    _aside: ClassVar[tuple[str, ...]] = ()
     """Fields that do not count."""
 
     def __eq__(self, other: object) -> bool:
@@ -476,26 +500,26 @@ class ByValue(Value):
             return True
         if type(self) is not type(other):
             return NotImplemented
-        return self.digest == other.digest  # type: ignore[attr-defined]
+        return self._digest == other._digest  # type: ignore[attr-defined]
 
     def __hash__(self) -> int:
         return self._number
 
     @cached_property
-    def digest(self) -> bytes:
+    def _digest(self) -> bytes:
         """32 bytes that stand for the parts, in this process."""
         return blake2b(b"".join(_parts(self)), digest_size=32).digest()
 
     @cached_property
     def _number(self) -> int:
-        return int.from_bytes(self.digest[:7], "big")
+        return int.from_bytes(self._digest[:7], "big")
 
 
 def _parts(value: ByValue) -> list[bytes]:
     recipe = vars(value).get("_recipe")
     if recipe is not None:
         return [_written(type(value)), _call(*recipe)]
-    return [_written(type(value)), *_fields(value, value.aside)]
+    return [_written(type(value)), *_fields(value, value._aside)]
 
 
 def _call(function: Callable[..., Any], arguments: tuple[Any, ...], named: Mapping[str, Any]) -> bytes:
@@ -517,7 +541,7 @@ def _written(value: Any) -> bytes:
 
 def _body(value: Any) -> tuple[str, bytes]:
     if isinstance(value, ByValue):
-        return "value", value.digest
+        return "value", value._digest
     if value is None or isinstance(value, bool | np.bool_ | str | bytes | Enum | PurePath):
         return type(value).__name__, repr(value).encode(errors="surrogatepass")
     if isinstance(value, Real | np.ndarray | list | tuple) and (numbers := _numbers(value)) is not None:
@@ -539,15 +563,10 @@ def _body(value: Any) -> tuple[str, bytes]:
 def _numbers(value: Any) -> np.ndarray | None:
     """The numbers of a value as floats, without the sign of zero; None of what has others in it."""
     try:
-        found = np.asarray(value)
+        array = np.asarray(value)
     except (ValueError, OverflowError):  # ragged
         return None
-    return found.astype(float) + 0.0 if found.dtype.kind in "iuf" and found.size else None
-
-
-# --------------------------------------------------------------------------------------------------
-# A number from a function of the user's own: whatever goes wrong in it is said with its name.
-# --------------------------------------------------------------------------------------------------
+    return array.astype(float) + 0.0 if array.dtype.kind in "iuf" and array.size else None
 
 
 def own_number(what: str, function: Callable[..., Any], *given: Any) -> float | None:
@@ -557,16 +576,16 @@ def own_number(what: str, function: Callable[..., Any], *given: Any) -> float | 
         OwnFunctionError: it raises, or gives no single finite number.
     """
     try:
-        found = function(*given)
+        answer = function(*given)
     except Exception as problem:  # a function of the user's may raise anything
         kind = type(problem).__name__
         raise OwnFunctionError(what, f"raises {kind}: {problem}", "see to it, or leave it out") from problem
-    if found is None:
+    if answer is None:
         return None
     try:
-        numbers = np.asarray(found, dtype=float)
+        numbers = np.asarray(answer, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        raise OwnFunctionError(what, f"gives {found!r}", "give one number, or None for none") from None
+        raise OwnFunctionError(what, f"gives {answer!r}", "give one number, or None for none") from None
     if numbers.size != 1:
         raise OwnFunctionError(what, f"gives an array of shape {numbers.shape}", "give one number, or None for none")
     if not np.isfinite(numbers).all():

@@ -11,9 +11,7 @@ import numpy as np
 from .errors import ArgumentError
 from .types import Vector
 
-# --------------------------------------------------------------------------------------------------
-# Bounds as text: rounded to the side on which they stay true.
-# --------------------------------------------------------------------------------------------------
+# --- Bounds as text: rounded to the side on which they stay true.
 
 DIGITS = 3
 """Significant digits of a bound."""
@@ -84,7 +82,7 @@ class PrintedUnits:
 
     def name(self, unit: str) -> str:
         """A unit as it is printed: "deg/s" of "rad/s", "mm or deg" of "m or rad"; others as they are."""
-        return _UNIT.sub(lambda found: self.angle if found[1] == "rad" else self.length, unit)
+        return _UNIT.sub(lambda match: self.angle if match[1] == "rad" else self.length, unit)
 
     def factor(self, unit: str) -> float:
         """By what a value in a unit that begins with rad or m is multiplied; 1 for other units."""
@@ -117,11 +115,11 @@ SI = PrintedUnits()
 def printed_units(words: str | Sequence[str]) -> PrintedUnits:
     """The units of "degrees", "mm" or "degrees, mm". Raises: ArgumentError: no such unit, or two of one kind."""
     given = words.replace(",", " ").split() if isinstance(words, str) else list(words)
-    found: dict[str, str] = {}
+    units: dict[str, str] = {}
     for word in given or [""]:
         if word not in WORDS:
             raise ArgumentError("the unit", word, "results are printed in degrees or rad, and in mm or m: give these")
         kind, unit = WORDS[word]
-        if found.setdefault(kind, unit) != unit:
-            raise ArgumentError("the unit", word, f"{found[kind]} is asked for, too: give one of them")
-    return PrintedUnits(found.get("rad", "rad"), found.get("m", "m"))
+        if units.setdefault(kind, unit) != unit:
+            raise ArgumentError("the unit", word, f"{units[kind]} is asked for, too: give one of them")
+    return PrintedUnits(units.get("rad", "rad"), units.get("m", "m"))

@@ -30,9 +30,7 @@ from ..base.files import shown
 from ..base.types import Array, Matrix
 from ..strategies.tasks.task import Task
 
-# --------------------------------------------------------------------------------------------------
-# Statistics of a dataset's columns, episode by episode and together, by the definitions of LeRobot.
-# --------------------------------------------------------------------------------------------------
+# --- Statistics of a dataset's columns, episode by episode and together, by the definitions of LeRobot.
 
 QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
 """Those that format v3.0 keeps, as q01 to q99."""
@@ -44,15 +42,15 @@ Stats = dict[str, Array]
 
 def _episode_stats(values: Matrix, names: Iterable[str]) -> Stats:
     """Statistics of a column (k, d) of one episode: min, max, mean, std, count, quantiles q01 to q99, as named."""
-    found: Stats = {
+    stats: Stats = {
         "min": values.min(axis=0), "max": values.max(axis=0), "mean": values.mean(axis=0), "std": values.std(axis=0),
         "count": np.array([len(values)]),
     }  # fmt: skip
     for name in names:
         match = _QUANTILE.fullmatch(name)
         if match:
-            found[name] = np.quantile(values, int(match[1]) / 100, axis=0, method="inverted_cdf")
-    return {name: found[name] for name in names if name in found}
+            stats[name] = np.quantile(values, int(match[1]) / 100, axis=0, method="inverted_cdf")
+    return {name: stats[name] for name in names if name in stats}
 
 
 def _joined_stats(episodes: Sequence[Stats]) -> Stats:
@@ -61,22 +59,22 @@ def _joined_stats(episodes: Sequence[Stats]) -> Stats:
     The mean is $\sum n_e m_e / n$, the variance $\sum n_e (s_e^2 + (m_e - m)^2) / n$; quantiles are the averages
     $\sum n_e q_e / n$, as LeRobot takes them.
     """
-    names = set.intersection(*(set(one) for one in episodes))
-    count = np.array([float(np.ravel(one["count"])[0]) for one in episodes])
+    names = set.intersection(*(set(stats) for stats in episodes))
+    count = np.array([float(np.ravel(stats["count"])[0]) for stats in episodes])
     share = count / count.sum()
 
     def mean(name: str) -> Array:
-        return (np.stack([one[name] for one in episodes]).T @ share).T
+        return (np.stack([stats[name] for stats in episodes]).T @ share).T
 
-    found: Stats = {"count": np.array([int(count.sum())])}
+    joined: Stats = {"count": np.array([int(count.sum())])}
     if {"min", "max"} <= names:
-        found["min"] = np.min([one["min"] for one in episodes], axis=0)
-        found["max"] = np.max([one["max"] for one in episodes], axis=0)
+        joined["min"] = np.min([stats["min"] for stats in episodes], axis=0)
+        joined["max"] = np.max([stats["max"] for stats in episodes], axis=0)
     if {"mean", "std"} <= names:
-        found["mean"] = mean("mean")
-        square = np.stack([one["std"] ** 2 + (one["mean"] - found["mean"]) ** 2 for one in episodes])
-        found["std"] = np.sqrt(np.tensordot(share, square, axes=1))
-    return found | {name: mean(name) for name in sorted(names) if _QUANTILE.fullmatch(name)}
+        joined["mean"] = mean("mean")
+        square = np.stack([stats["std"] ** 2 + (stats["mean"] - joined["mean"]) ** 2 for stats in episodes])
+        joined["std"] = np.sqrt(np.tensordot(share, square, axes=1))
+    return joined | {name: mean(name) for name in sorted(names) if _QUANTILE.fullmatch(name)}
 
 
 def _usual_names(version: str) -> list[str]:
@@ -95,10 +93,7 @@ def _as_arrays(stats: dict[str, Any]) -> Stats:
     return {name: np.asarray(value, dtype=float) for name, value in stats.items()}
 
 
-# --------------------------------------------------------------------------------------------------
-# The metadata of a dataset whose joints were written anew: info.json, the episodes and their
-# statistics.
-# --------------------------------------------------------------------------------------------------
+# --- The metadata of a dataset whose joints were written anew: info.json, the episodes and their statistics.
 
 EPISODES, STATS, SUMMARY = "meta/episodes.jsonl", "meta/episodes_stats.jsonl", "meta/stats.json"
 
@@ -106,29 +101,39 @@ Learnt = dict[int, dict[str, Stats]]
 
 
 def _write_meta(
-    dataset: Dataset, features: dict[str, Any], kept: Sequence[Episode], firsts: dict[int, int], learnt: Learnt,
+    dataset: Dataset, features: dict[str, Any], episodes: Sequence[Episode], firsts: dict[int, int], learnt: Learnt,
     out: Path,
 ) -> None:  # fmt: skip
     """Write the metadata that differs into a folder that has a copy of the old.
 
     Args:
-        kept: the episodes that the new dataset has; firsts: the first row of each in it.
+        episodes: those that the new dataset has; firsts: the first row of each in it.
         learnt: statistics of the changed columns, by episode and column.
 
     Raises:
         RecordingError: metadata that cannot be read.
     """
-    if len(kept) < len(dataset.episodes):
-        _learn_numbers(dataset, kept, firsts, learnt)
-    info = dataset.info | {"features": features} | _totals(dataset, kept)
+    if len(episodes) < len(dataset.episodes):
+        _learn_numbers(dataset, episodes, firsts, learnt)
+    info = dataset.info | {"features": features} | _totals(dataset, episodes)
     (out / "meta" / "info.json").write_text(json.dumps(info, indent=4, ensure_ascii=False), "utf-8")
     file = dataset.folder / SUMMARY
     with _of_its_form(dataset):
-        whole = _write_v3(dataset, kept, firsts, learnt, out) if dataset.version == "v3.0" else _write_v2(
-            dataset, kept, learnt, out
-        )  # fmt: skip
+        whole = (
+            _write_v3(dataset, episodes, firsts, learnt, out)
+            if dataset.version == "v3.0"
+            else _write_v2(dataset, episodes, learnt, out)
+        )
         if file.exists():
-            _write_summary(file, whole, learnt, len(kept) < len(dataset.episodes), out)
+            # meta/stats.json: the columns that changed, or, where episodes are left out, all of them.
+            all_of_them = len(episodes) < len(dataset.episodes)
+            old = read_json(file)
+            changed = {name for stats in learnt.values() for name in stats}
+            for column in {name for stats in whole for name in stats} if all_of_them else changed:
+                joined = _as_lists(_joined_stats([stats[column] for stats in whole if column in stats]))
+                names = list(old.get(column, joined))
+                old[column] = {name: joined[name] for name in names if name in joined}
+            (out / SUMMARY).write_text(json.dumps(old, indent=4, ensure_ascii=False), "utf-8")
 
 
 @contextmanager
@@ -148,8 +153,8 @@ def check_meta(dataset: Dataset) -> None:
     with _of_its_form(dataset):
         if dataset.version == "v2.1":
             for row in _statistics(dataset):
-                for one in row["stats"].values():
-                    _as_arrays(one)
+                for values in row["stats"].values():
+                    _as_arrays(values)
         else:
             for file in episode_files(dataset.folder):
                 table = read_parquet(file)
@@ -165,44 +170,46 @@ def _statistics(dataset: Dataset) -> list[dict[str, Any]]:
     if not file.exists():
         cure = "download the dataset anew, or let LeRobot's convert_dataset_v20_to_v21.py write the file"
         raise RecordingError(file, "there is no such file, and a dataset of v2.1 has one", cure)
-    found = read_lines(file)
-    sound = all(isinstance(row, dict) and isinstance(row.get("stats"), dict) for row in found)
-    if not sound or [row.get("episode_index") for row in found] != list(range(len(dataset.episodes))):
+    lines = read_lines(file)
+    sound = all(isinstance(row, dict) and isinstance(row.get("stats"), dict) for row in lines)
+    if not sound or [row.get("episode_index") for row in lines] != list(range(len(dataset.episodes))):
         raise RecordingError(file, "has not a line with the statistics of each episode", "download the dataset anew")
-    return found
+    return lines
 
 
-def _totals(dataset: Dataset, kept: Sequence[Episode]) -> dict[str, Any]:
+def _totals(dataset: Dataset, episodes: Sequence[Episode]) -> dict[str, Any]:
     """What `info.json` counts, where episodes are left out."""
-    if len(kept) == len(dataset.episodes):
+    if len(episodes) == len(dataset.episodes):
         return {}
-    count = len(kept)
-    found: dict[str, Any] = {
-        "total_episodes": count, "total_frames": sum(e.length for e in kept), "splits": {"train": f"0:{count}"},
-    }  # fmt: skip
+    count = len(episodes)
+    totals: dict[str, Any] = {
+        "total_episodes": count,
+        "total_frames": sum(e.length for e in episodes),
+        "splits": {"train": f"0:{count}"},
+    }
     if dataset.version == "v2.1":
-        videos = sum(one["dtype"] == "video" for one in dataset.features.values())
-        found |= {"total_videos": videos * count, "total_chunks": -(-count // dataset.info["chunks_size"])}
-    return found
+        videos = sum(feature["dtype"] == "video" for feature in dataset.features.values())
+        totals |= {"total_videos": videos * count, "total_chunks": -(-count // dataset.info["chunks_size"])}
+    return totals
 
 
-def _learn_numbers(dataset: Dataset, kept: Sequence[Episode], firsts: dict[int, int], learnt: Learnt) -> None:
+def _learn_numbers(dataset: Dataset, episodes: Sequence[Episode], firsts: dict[int, int], learnt: Learnt) -> None:
     """The statistics of the columns that count episodes and rows."""
     names = _usual_names(dataset.version)
-    for number, e in enumerate(kept):
+    for number, e in enumerate(episodes):
         index = firsts[e.index] + np.arange(e.length, dtype=float)
         learnt[e.index]["index"] = _episode_stats(index[:, None], names)
         learnt[e.index]["episode_index"] = _episode_stats(np.full((e.length, 1), float(number)), names)
 
 
 def _write_v3(
-    dataset: Dataset, kept: Sequence[Episode], firsts: dict[int, int], learnt: Learnt, out: Path
-) -> list[dict[str, Stats]]:  # fmt: skip
+    dataset: Dataset, episodes: Sequence[Episode], firsts: dict[int, int], learnt: Learnt, out: Path
+) -> list[dict[str, Stats]]:
     """The files of meta/episodes; returns the statistics of each episode that stays."""
     import pyarrow
     from pyarrow import parquet
 
-    numbers, whole = {e.index: i for i, e in enumerate(kept)}, []
+    numbers, whole = {e.index: i for i, e in enumerate(episodes)}, []
     for file in episode_files(dataset.folder):
         table = read_parquet(file)
         old = table.column("episode_index").to_pylist()
@@ -232,18 +239,18 @@ def _write_v3(
 
 def _stats_of(row: dict[str, Any]) -> dict[str, Stats]:
     """The statistics in a row of meta/episodes."""
-    found: dict[str, Stats] = {}
+    stats: dict[str, Stats] = {}
     for name, value in row.items():
         if name.startswith("stats/") and value is not None:
             _, column, what = name.split("/", 2)
-            found.setdefault(column, {})[what] = np.asarray(value, dtype=float)
-    return found
+            stats.setdefault(column, {})[what] = np.asarray(value, dtype=float)
+    return stats
 
 
-def _write_v2(dataset: Dataset, kept: Sequence[Episode], learnt: Learnt, out: Path) -> list[dict[str, Stats]]:
+def _write_v2(dataset: Dataset, episodes: Sequence[Episode], learnt: Learnt, out: Path) -> list[dict[str, Stats]]:
     """episodes.jsonl and episodes_stats.jsonl; returns the statistics of each episode that stays."""
-    numbers = {e.index: i for i, e in enumerate(kept)}
-    left_out = len(kept) < len(dataset.episodes)
+    numbers = {e.index: i for i, e in enumerate(episodes)}
+    left_out = len(episodes) < len(dataset.episodes)
     if left_out:
         rows = [row | {"episode_index": numbers[row["episode_index"]]}
                 for row in read_lines(dataset.folder / EPISODES) if row["episode_index"] in numbers]  # fmt: skip
@@ -255,24 +262,13 @@ def _write_v2(dataset: Dataset, kept: Sequence[Episode], learnt: Learnt, out: Pa
         new = {column: _as_lists(stats) for column, stats in learnt[row["episode_index"]].items()}
         stats = row["stats"] | new
         lines.append(row | {"episode_index": numbers[row["episode_index"]], "stats": stats})
-        whole.append({column: _as_arrays(one) for column, one in stats.items()})
+        whole.append({column: _as_arrays(values) for column, values in stats.items()})
     _write_lines(out / STATS, lines)
     return whole
 
 
 def _write_lines(file: Path, rows: Sequence[Any]) -> None:
     file.write_text("".join(f"{json.dumps(row, ensure_ascii=False)}\n" for row in rows), "utf-8")
-
-
-def _write_summary(file: Path, whole: Sequence[dict[str, Stats]], learnt: Learnt, all_of_them: bool, out: Path) -> None:
-    """meta/stats.json: the columns that changed, or, where episodes are left out, all of them."""
-    old = read_json(file)
-    changed = {name for stats in learnt.values() for name in stats}
-    for column in {name for stats in whole for name in stats} if all_of_them else changed:
-        found = _as_lists(_joined_stats([stats[column] for stats in whole if column in stats]))
-        names = list(old.get(column, found))
-        old[column] = {name: found[name] for name in names if name in found}
-    (out / SUMMARY).write_text(json.dumps(old, indent=4, ensure_ascii=False), "utf-8")
 
 
 @dataclass(frozen=True)
@@ -287,7 +283,7 @@ class Change:
 
 def write_changed(
     dataset: Dataset, task: Task, changes: Sequence[Change], left_out: Sequence[int], out: Path, about: dict[str, Any]
-) -> float:  # fmt: skip
+) -> float:
     """Write the dataset into a new folder; returns how far rounding moves the tool at most [m or rad].
 
     Args:
@@ -298,9 +294,9 @@ def write_changed(
         RecordingError: a file that cannot be read. OSError: one that cannot be written.
     """
     _copy_texts(dataset, out)
-    kept = [e for e in dataset.episodes if e.index not in set(left_out)]
-    numbers = {e.index: i for i, e in enumerate(kept)}
-    firsts = dict(zip(numbers, np.cumsum([0, *(e.length for e in kept)]).tolist(), strict=False))
+    episodes = [e for e in dataset.episodes if e.index not in set(left_out)]
+    numbers = {e.index: i for i, e in enumerate(episodes)}
+    firsts = dict(zip(numbers, np.cumsum([0, *(e.length for e in episodes)]).tolist(), strict=False))
     writer = _Writer(dataset, task, changes, numbers, firsts, out)
     streams = [change.file.open("rb") for change in changes]
     try:
@@ -309,8 +305,8 @@ def write_changed(
     finally:
         for stream in streams:
             stream.close()
-    _videos(dataset, kept, numbers, out)
-    _write_meta(dataset, writer.features(), kept, firsts, writer.stats, out)
+    _videos(dataset, episodes, numbers, out)
+    _write_meta(dataset, writer.features(), episodes, firsts, writer.stats, out)
     text = json.dumps(about | {"from": dataset.folder.resolve().name, "left out": list(left_out)}, indent=2)
     (out / "meta" / "holokin.json").write_text(text + "\n", "utf-8")
     return writer.rounded
@@ -341,30 +337,30 @@ class _Writer:
 
     def features(self) -> dict[str, Any]:
         """The features of the new dataset."""
-        found = dict(self.dataset.features)
+        features = dict(self.dataset.features)
         robot = self.task.robot
         for change in self.changes:
             kind = "float64" if change.double else "float32"
             if isinstance(change.source, JointFeature):
-                found[change.name] = found[change.name] | ({"dtype": kind} if change.double else {})
+                features[change.name] = features[change.name] | ({"dtype": kind} if change.double else {})
             else:
                 names = [f"{joint}.pos" for joint in robot.joint_names]
-                found[change.name] = {"dtype": kind, "shape": [robot.n], "names": names}
-        return found
+                features[change.name] = {"dtype": kind, "shape": [robot.n], "names": names}
+        return features
 
     def file(self, file: Path, streams: Sequence[IO[bytes]]) -> None:
         """Write one data file anew, or, in format v2.1, leave out the one of an episode that is left out."""
         from pyarrow import parquet
 
-        here = [e for e in self.dataset.episodes if e.file == file]
-        count = sum(e.length for e in here)
+        in_file = [e for e in self.dataset.episodes if e.file == file]
+        count = sum(e.length for e in in_file)
         joints = [self._joints(stream, count) for stream in streams]
-        kept = [e for e in here if e.index in self.numbers]
+        episodes = [e for e in in_file if e.index in self.numbers]
         for change, q in zip(self.changes, joints, strict=True):
-            self._measure(change, q, here)
-        if not kept:
+            self._measure(change, q, in_file)
+        if not episodes:
             return
-        target = self.out / self._target(kept[0])
+        target = self.out / self._target(episodes[0])
         target.parent.mkdir(parents=True, exist_ok=True)
         writer, done = None, 0
         written: list[list[Matrix]] = [[] for _ in self.changes]
@@ -373,7 +369,7 @@ class _Writer:
                 parts = [q[done : done + len(batch)] for q in joints]
                 for change, q, values in zip(self.changes, parts, written, strict=True):
                     values.append(self._values(file, change, batch, q))
-                table = self._changed(batch, [values[-1] for values in written], here)
+                table = self._changed(batch, [values[-1] for values in written], in_file)
                 done += len(batch)
                 if writer is None:
                     writer = parquet.ParquetWriter(target, table.schema, compression="snappy", use_dictionary=True)
@@ -382,12 +378,12 @@ class _Writer:
             if writer is not None:
                 writer.close()
         for change, values in zip(self.changes, written, strict=True):
-            self._learn(change, np.vstack(values), here)
+            self._learn(change, np.vstack(values), in_file)
 
-    def _learn(self, change: Change, values: Matrix, here: Sequence[Episode]) -> None:
+    def _learn(self, change: Change, values: Matrix, in_file: Sequence[Episode]) -> None:
         """The statistics of a column in the episodes of a file."""
         first = 0
-        for e in here:
+        for e in in_file:
             mine = values[first : first + e.length].astype(float)
             first += e.length
             if e.index in self.numbers:
@@ -406,7 +402,7 @@ class _Writer:
         n = self.task.n
         return np.fromfile(stream, count=count * n).reshape(count, n)
 
-    def _changed(self, batch: Any, columns: Sequence[Matrix], here: Sequence[Episode]) -> Any:
+    def _changed(self, batch: Any, columns: Sequence[Matrix], in_file: Sequence[Episode]) -> Any:
         """A batch with its new columns, without the episodes that are left out."""
         import pyarrow
 
@@ -419,7 +415,7 @@ class _Writer:
             table = table.replace_schema_metadata(
                 {k: v for k, v in (table.schema.metadata or {}).items() if k != b"huggingface"}
             )
-        return self._renumbered(table, here) if self.renumbered else table
+        return self._renumbered(table, in_file) if self.renumbered else table
 
     def _values(self, file: Path, change: Change, batch: Any, q: Matrix) -> Any:
         """The numbers of a column's rows, rounded as they are written."""
@@ -435,12 +431,12 @@ class _Writer:
         old[:, source.places] = source.values(robot, q)
         return old.astype(kind)
 
-    def _measure(self, change: Change, q: Matrix, here: Sequence[Episode]) -> None:
+    def _measure(self, change: Change, q: Matrix, in_file: Sequence[Episode]) -> None:
         """How far rounding moves the tool."""
         source, robot = change.source, self.task.robot
         kind = np.float64 if change.double else np.float32
         first = 0
-        for e in here:
+        for e in in_file:
             mine = q[first : first + e.length]
             first += e.length
             if e.index in self.numbers:
@@ -448,16 +444,16 @@ class _Writer:
                     written = source.joints(robot, source.values(robot, mine).astype(kind).astype(float))
                 else:
                     written = mine.astype(kind).astype(float)
-                self.rounded = max(self.rounded, float(np.abs(self.task.error(written, *self.task.poses(mine))).max()))
+                self.rounded = max(self.rounded, float(np.abs(self.task.error(written, *self.task._poses(mine))).max()))
 
-    def _renumbered(self, table: Any, here: Sequence[Episode]) -> Any:
+    def _renumbered(self, table: Any, in_file: Sequence[Episode]) -> Any:
         """Rows of the episodes that stay, with their new numbers."""
         import pyarrow
 
         episode = table.column("episode_index").to_numpy()
         keep = np.isin(episode, list(self.numbers))
         table = table.filter(pyarrow.array(keep))
-        first = {e.index: e.first for e in here}
+        first = {e.index: e.first for e in in_file}
         old = episode[keep]
         moved = np.array([self.firsts[e] - first[e] for e in old], dtype=np.int64)
         for name, values in {
@@ -488,13 +484,13 @@ def _column_of(values: Matrix, change: Change, table: Any) -> tuple[Any, Any]:
     return pyarrow.field(change.name, fixed.type, metadata=None if old is None else old.metadata), fixed
 
 
-def _videos(dataset: Dataset, kept: Sequence[Episode], numbers: dict[int, int], out: Path) -> None:
+def _videos(dataset: Dataset, episodes: Sequence[Episode], numbers: dict[int, int], out: Path) -> None:
     """The videos of the episodes that stay: hard links where the disk has them, else copies."""
     template = dataset.info.get("video_path")
-    for key, one in dataset.features.items():
-        if one["dtype"] != "video" or not isinstance(template, str):
+    for key, feature in dataset.features.items():
+        if feature["dtype"] != "video" or not isinstance(template, str):
             continue
-        for e in kept:
+        for e in episodes:
             source, target = (_video(dataset, template, key, e, i) for i in (e.index, numbers[e.index]))
             place = out / target.relative_to(dataset.folder)
             if source.is_file() and not place.exists():
@@ -509,7 +505,11 @@ def _video(dataset: Dataset, template: str, key: str, episode: Episode, number: 
     """The video file of an episode, where its number is `number`."""
     if dataset.version == "v3.0":
         numbers = [episode.facts.get(f"videos/{key}/{what}") for what in ("chunk_index", "file_index")]
-        whole = [int(one) for one in numbers if isinstance(one, int | float) and float(one).is_integer()]  # of pandas
+        whole = [
+            int(number_of_row)
+            for number_of_row in numbers
+            if isinstance(number_of_row, int | float) and float(number_of_row).is_integer()
+        ]  # of pandas
         if len(whole) < 2:
             fact = f"does not say which file has the video {key} of episode {episode.index}"
             raise RecordingError(dataset.folder / "meta" / "episodes", fact, "download the dataset anew")

@@ -18,10 +18,10 @@ from .joint_map import TURN, JointMap, angular_velocity, third_derivative
 def solve(joints: JointMap, given: Any, p: Any, R: Any) -> tuple[Any, Any]:
     """(q (..., n), status (...)) of positions (..., 3F) and rotations (..., F, 3, 3), by `ik.batch`."""
     lead, n = p.shape[:-1], joints.task.n
-    one = given.ndim - len(lead)
+    axes = given.ndim - len(lead)
 
     def found(given: Array, R: Array) -> tuple[Any, Any]:
-        q, status = joints.solve(*_rows((given, one), (R, 3)))
+        q, status = joints.solve(*_rows((given, axes), (R, 3)))
         return q, status.astype(np.int32)
 
     shapes = (jax.ShapeDtypeStruct((*lead, n), p.dtype), jax.ShapeDtypeStruct(lead, np.int32))
@@ -74,11 +74,11 @@ def _called(function: Callable[..., tuple[Array, ...]], shapes: tuple[Any, ...],
     """A function of arrays with any leading axes, called on the host; `vmap` gives it one more."""
 
     def host(*given: Any) -> tuple[Array, ...]:
-        found = function(*(np.asarray(one, dtype=float) for one in given))
+        results = function(*(np.asarray(array, dtype=float) for array in given))
         lead = np.shape(given[-1])[:-3]
         return tuple(
-            np.reshape(one, (*lead, *one.shape[1:])).astype(shape.dtype)
-            for one, shape in zip(found, shapes, strict=True)
+            np.reshape(array, (*lead, *array.shape[1:])).astype(shape.dtype)
+            for array, shape in zip(results, shapes, strict=True)
         )
 
     return jax.pure_callback(host, shapes, *tensors, vmap_method="broadcast_all")

@@ -20,7 +20,6 @@ import numpy as np
 from ..base.errors import ArgumentError, ShapeError
 from ..base.types import ROTATION, Array, Indices, Matrix, Value, Vector, rotation_gap
 from ..motion.ik import InverseKinematics
-from ..strategies import HolonomicStrategy
 from ..strategies.tasks.task import Task
 from ..symbolic import SX, Function, horzcat, jacobian, symbol, vec, vertcat
 from ..symbolic.rotations import skew
@@ -46,14 +45,14 @@ class JointMap(Value):
     @property
     def start(self) -> tuple[Vector, Array]:
         """Positions (3F,) and rotations (F, 3, 3) of the tools at the start."""
-        p, R = self.task.place(self.ik.q0)
+        p, R = self.task._place(self.ik.q0)
         return p, R.reshape(-1, 3, 3)
 
     @property
     def shapes(self) -> tuple[tuple[int, ...], ...]:
         """The shapes of one pose: a pose, positions, fewer positions."""
         frames = self.task.frames
-        return ((4, 4), (3,), (2,)) if frames == 1 else ((frames, 4, 4), (frames, 3), (self.task.point,))
+        return ((4, 4), (3,), (2,)) if frames == 1 else ((frames, 4, 4), (frames, 3), (self.task._point,))
 
     def solve(self, given: Array, R: Array) -> tuple[Matrix, Indices]:
         """Joints (k, n), NaN where a pose is not reached, and an `InverseStatus` (k,) for each.
@@ -68,8 +67,8 @@ class JointMap(Value):
             turned = poses[..., :3, :3]
             rounded = rotation_gap(turned) < ROTATION
             turned[...] = np.where(rounded[..., None, None], R.reshape(turned.shape), turned)
-        found = self.ik.batch(poses)
-        return found.q, found.status
+        solutions = self.ik.batch(poses)
+        return solutions.q, solutions.status
 
     def gain(self, q: Matrix, R: Array) -> Array:
         """D = G(q) E(R) (k, n, 6F) at joints (k, n) and rotations (k, F, 3, 3); zeros where q is not finite."""
@@ -89,11 +88,13 @@ class JointMap(Value):
         by_joints, by_turns = np.zeros((len(q), n, 6 * frames, n)), np.zeros((len(q), n, 6 * frames, 3 * frames))
         if sound.any():
             k, m = int(sound.sum()), self.task.m
-            at = _stacked(R[sound])
+            rotations = _stacked(R[sound])
             dG = self._gain_slopes.batch(q[sound], native_from=NATIVE_SLOPES_FROM).reshape(
                 k, n, n, m
             )  # (k, i, by, row)
-            dE = self._rate_slopes.batch(at, native_from=NATIVE_SLOPES_FROM).reshape(k, 6 * frames, m, 3 * frames)
+            dE = self._rate_slopes.batch(rotations, native_from=NATIVE_SLOPES_FROM).reshape(
+                k, 6 * frames, m, 3 * frames
+            )
             by_joints[sound] = np.einsum("kijm,kmt->kitj", dG, self._E(R[sound]))
             by_turns[sound] = np.einsum("kim,ktmw->kitw", self._G(q[sound]), dE)
         return by_joints, by_turns
@@ -123,19 +124,16 @@ class JointMap(Value):
 
     @cached_property
     def _gain_slopes(self) -> Function:
-        return _slopes_of_gain(self.ik.strategy)
-
-
-def _slopes_of_gain(strategy: HolonomicStrategy) -> Function:
-    """q -> dG / dq_j (n, n m), side by side: with M = [J; J_g], dG = -M^-1 (dM) G, so no factorisation is derived."""
-    e, m = strategy.expressions, strategy.task.m
-    G = e.rate(SX.eye(m), written_out=True).X
-    tool, rule = [], []
-    for j in range(strategy.task.n):
-        tool.append(_slope(e.J, e.q[j]) @ G)
-        rule.append(_slope(e.planes, e.q[j]) @ G)
-    found = e.rate(horzcat(*tool), horzcat(*rule), written_out=True)
-    return Function("gain_slopes", {"q": e.q}, {"dG": -found.X})
+        # q -> dG / dq_j (n, n m), side by side: with M = [J; J_g], dG = -M^-1 (dM) G, so no factorisation is derived.
+        strategy = self.ik.strategy
+        e, m = strategy.expressions, strategy.task.m
+        G = e.rate(SX.eye(m), written_out=True).X
+        tool, rule = [], []
+        for j in range(strategy.task.n):
+            tool.append(_slope(e.J, e.q[j]) @ G)
+            rule.append(_slope(e.planes, e.q[j]) @ G)
+        solution = e.rate(horzcat(*tool), horzcat(*rule), written_out=True)
+        return Function("gain_slopes", {"q": e.q}, {"dG": -solution.X})
 
 
 def _slope(M: SX, variable: SX) -> SX:
@@ -144,9 +142,9 @@ def _slope(M: SX, variable: SX) -> SX:
 
 def _rates_of(task: Task) -> tuple[SX, SX]:
     """(R (3F, 3), E (m, 6F)): the rates of the task's rows by the twist of the tools."""
-    _, R = task.target_symbols()
+    _, R = task._target_symbols()
     v, w = symbol("v", 3 * task.frames), symbol("w", 3 * task.frames)
-    return R, jacobian(task.rates_expression(R, v, w), vertcat(v, w))
+    return R, jacobian(task._rates_expression(R, v, w), vertcat(v, w))
 
 
 def _stacked(R: Array) -> Array:
@@ -154,13 +152,10 @@ def _stacked(R: Array) -> Array:
     return np.ascontiguousarray(R.reshape(len(R), -1, 3))
 
 
-# --------------------------------------------------------------------------------------------------
-# Tool poses as tensors of torch or JAX: positions and rotations of all frames, and the twist with
-# which they move.
+# --- Tool poses as tensors of torch or JAX: positions and rotations of all frames, and the twist with which they move.
 #
-# The library is an argument `xp`: of torch and of `jax.numpy` the functions used here have one
-# signature. Leading axes, any number, are those of a batch.
-# --------------------------------------------------------------------------------------------------
+# The library is an argument `xp`: of torch and of `jax.numpy` the functions used here have one signature. Leading axes,
+# any number, are those of a batch.
 
 ORDERS = {"wxyz": (0, 1, 2, 3), "xyzw": (1, 2, 3, 0)}
 """Which of w, x, y, z each number of a quaternion is."""
@@ -229,12 +224,6 @@ def _form_of(order: Any) -> Array:
     return QUATERNION[:, :, places][:, :, :, places]
 
 
-def _rotations_of(xp: Any, quaternions: Any, form: Any) -> Any:
-    """Rotations (..., 3, 3) of quaternions (..., 4) of any length, with the form of their order."""
-    square = (quaternions * quaternions).sum(-1)[..., None, None]
-    return xp.einsum("ijab,...a,...b->...ij", form, quaternions, quaternions) / square
-
-
 def angular_velocity(xp: Any, turn: Any, R: Any, dR: Any) -> Any:
     """w (..., 3) of the part of dR (..., 3, 3) that keeps R a rotation."""
     return xp.einsum("kij,...il,...jl->...k", turn, dR, R)
@@ -272,19 +261,21 @@ def read_tensors(
     """
     frames, (start_p, start_R) = joints.task.frames, joints.start
     axes = _leading_axes(tuple(poses.shape), joints.shapes)
-    lead, one = tuple(poses.shape[:axes]), tuple(poses.shape[axes:])
+    lead, shape = tuple(poses.shape[:axes]), tuple(poses.shape[axes:])
     if turns is not None:
         wanted = (*poses.shape[:-1], 4)
-        if one[-1] != 3 or tuple(turns.shape) != wanted:
+        if shape[-1] != 3 or tuple(turns.shape) != wanted:
             raise ShapeError("the quaternions", f"{wanted}, with positions (..., 3)", tuple(turns.shape))
-        R = _rotations_of(xp, turns, tensor(_form_of(order)))
+        # Rotations (..., 3, 3) of quaternions (..., 4) of any length, with the form of their order.
+        square = (turns * turns).sum(-1)[..., None, None]
+        R = xp.einsum("ijab,...a,...b->...ij", tensor(_form_of(order)), turns, turns) / square
         last = xp.broadcast_to(tensor(np.array([[0.0, 0.0, 0.0, 1.0]])), (*poses.shape[:-1], 1, 4))
         given = xp.concatenate([xp.concatenate([R, poses[..., None]], -1), last], -2)
         return GivenTensors(given, poses.reshape(*lead, 3 * frames), R.reshape(*lead, frames, 3, 3))
-    if one[-2:] == (4, 4):
+    if shape[-2:] == (4, 4):
         p = poses[..., :3, 3].reshape(*lead, 3 * frames)
         return GivenTensors(poses, p, _nearest_rotations(poses[..., :3, :3].reshape(*lead, frames, 3, 3)))
-    size = int(np.prod(one))
+    size = int(np.prod(shape))
     rest = xp.broadcast_to(tensor(start_p[size:]), (*lead, 3 * frames - size))
     p = xp.concatenate([poses.reshape(*lead, size), rest], -1)
     return GivenTensors(poses, p, xp.broadcast_to(tensor(start_R), (*lead, frames, 3, 3)))
@@ -292,8 +283,8 @@ def read_tensors(
 
 def _leading_axes(shape: tuple[int, ...], known: tuple[tuple[int, ...], ...]) -> int:
     """How many axes of a shape are of the batch: those before the first known shape that fits. Raises: ShapeError."""
-    for one in known:
-        if len(shape) >= len(one) and shape[len(shape) - len(one) :] == one:
-            return len(shape) - len(one)
-    words = " or ".join(f"(..., {', '.join(map(str, one))})" for one in known)
+    for shape_of_one in known:
+        if len(shape) >= len(shape_of_one) and shape[len(shape) - len(shape_of_one) :] == shape_of_one:
+            return len(shape) - len(shape_of_one)
+    words = " or ".join(f"(..., {', '.join(map(str, shape_of_one))})" for shape_of_one in known)
     raise ShapeError("the tool poses", words, shape)

@@ -80,7 +80,7 @@ def _step_class() -> Any:
 
         def __init__(
             self, ik: InverseKinematics, motors: tuple[str, ...], scales: Vector, step: ArrayLike | None, prefix: str
-        ) -> None:  # fmt: skip
+        ) -> None:
             self.ik, self.motors, self.scales, self.step, self.prefix = ik, motors, scales, step, prefix
             self.reset()
 

@@ -22,37 +22,30 @@ from ..motion.ik import InverseKinematics, InverseStatus
 from ..robot import Robot
 from .dataset_writer import Change, check_meta, write_changed
 
-# --------------------------------------------------------------------------------------------------
-# Is the action of a dataset a joint position? Joint rates and differences have the same names.
-# --------------------------------------------------------------------------------------------------
-
 FAR = 0.5
 """Median distance [rad or m] of an action from the state beyond which it is doubted to be a position."""
 
 
 def check_targets(dataset: Dataset, robot: Robot, columns: Sequence[JointFeature]) -> None:
     """Raises: RecordingError: a column of the first episode that is far from the measured joints."""
-    state = next((one for one in columns if one.name == STATE), None)
-    others = [one for one in columns if one.name != STATE]
+    state = next((column for column in columns if column.name == STATE), None)
+    others = [column for column in columns if column.name != STATE]
     if state is None or not others:
         return
-    found: dict[str, list[float]] = {one.name: [] for one in others}
-    for part in rows(dataset, [one.name for one in columns], [0]):
-        here = postures_of(dataset, robot, state, part.values[STATE])
-        for one in others:
-            gap = less_turns(postures_of(dataset, robot, one, part.values[one.name]) - here, robot.hinges)
-            found[one.name] += np.abs(gap).max(axis=1).tolist()
-    for name, gaps in found.items():
+    distances: dict[str, list[float]] = {column.name: [] for column in others}
+    for part in rows(dataset, [column.name for column in columns], [0]):
+        measured = postures_of(dataset, robot, state, part.values[STATE])
+        for column in others:
+            gap = less_turns(postures_of(dataset, robot, column, part.values[column.name]) - measured, robot.hinges)
+            distances[column.name] += np.abs(gap).max(axis=1).tolist()
+    for name, gaps in distances.items():
         if np.median(gaps) > FAR:
             fact = f"{name} is {np.median(gaps):.2g} rad or m from {STATE} (median of episode 0): it seems no position"
             cure = f"leave it as it is by --column {STATE}, or name both columns if it is one"
             raise RecordingError(dataset.folder / INFO, fact, cure)
 
 
-# --------------------------------------------------------------------------------------------------
-# The joints of a dataset on one leaf: a posture for each tool pose of its columns, and which poses
-# have none.
-# --------------------------------------------------------------------------------------------------
+# --- The joints of a dataset on one leaf: a posture for each tool pose of its columns, and which poses have none.
 
 JUMPED = -1
 """The status of a frame at which the joints jump, beside those of `InverseStatus`."""
@@ -132,8 +125,8 @@ class _Solver:
         else:
             place, turn = tool_poses_of(self.dataset, self.source, values, part.frame)
         poses = pose_from(place, turn)
-        found = self.ik.batch(poses, threads=self.threads)
-        q, status = found.q.copy(), found.status.astype(np.intp)
+        solutions = self.ik.batch(poses, threads=self.threads)
+        q, status = solutions.q.copy(), solutions.status.astype(np.intp)
         reached = status == InverseStatus.REACHED
         if reached.any():
             gap = np.abs(task.error(q[reached], place[reached], turn[reached]))
@@ -147,11 +140,11 @@ class _Solver:
         return q
 
     def _nearest(self, pose: Matrix, status: int) -> tuple[Matrix, int]:
-        found = self.ik.nearest(pose, rcond=EDGE)
-        if found.status > InverseStatus.CLAMPED:
-            return np.full_like(found.q, np.nan), status
-        self.moved = max(self.moved, found.distance)
-        return found.q, int(found.status)
+        nearest = self.ik.nearest(pose, rcond=EDGE)
+        if nearest.status > InverseStatus.CLAMPED:
+            return np.full_like(nearest.q, np.nan), status
+        self.moved = max(self.moved, nearest.distance)
+        return nearest.q, int(nearest.status)
 
     def _jumps(self, episode: Indices, q: Matrix, old: Matrix) -> Indices:
         """Rows to which the new joints jump within an episode."""
@@ -159,7 +152,7 @@ class _Solver:
         whole, source = np.vstack([before[1], q]), np.vstack([before[2], old])
         of = np.append(before[0], episode)
         moves = np.diff(whole, axis=0), less_turns(np.diff(source, axis=0), self.ik.strategy.task.robot.hinges)
-        step, usual = (np.abs(one).max(axis=1) for one in moves)
+        step, usual = (np.abs(motion).max(axis=1) for motion in moves)
         self.last = int(episode[-1]), q[-1], old[-1]
         with np.errstate(invalid="ignore"):
             return np.flatnonzero((of[1:] == of[:-1]) & (step > STEP + RATIO * usual))
@@ -225,10 +218,10 @@ class Retargeted(NoTruthValue, Value, ask="`.written`"):
     nearest: tuple[int, float]
 
     def __str__(self) -> str:
-        lines = [str(one) for one in self.bad[:MOST_LINES]]
+        lines = [str(frames) for frames in self.bad[:MOST_LINES]]
         if len(self.bad) > MOST_LINES:
             lines.append(
-                f"... and {len(self.bad) - MOST_LINES} more, {sum(one.count for one in self.bad)} frames in all"
+                f"... and {len(self.bad) - MOST_LINES} more, {sum(frames.count for frames in self.bad)} frames in all"
             )
         if self.written is None:
             return "\n".join([*lines, f"no dataset was written; the joints that were computed are in {self.joints}"])
@@ -278,23 +271,25 @@ def retarget(
     with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
     with aside(out.parent) as work:
-        found = _new_joints(dataset, ik, sources, tip, bad == "nearest", work, threads)
-        bads = _bad_frames(dataset, found)
-        at_nearest = sum(int((one.before != one.status).sum()) for one in found) if bad == "nearest" else 0
+        joints = _new_joints(dataset, ik, sources, tip, bad == "nearest", work, threads)
+        bads = _bad_frames(dataset, joints)
+        at_nearest = sum(int((new.before != new.status).sum()) for new in joints) if bad == "nearest" else 0
         facts = {
-            "bad": tuple(bads), "columns": tuple(_column(one.source) for one in found),
-            "kept": max(one.kept for one in found), "nearest": (at_nearest, max(one.moved for one in found)),
-        }  # fmt: skip
+            "bad": tuple(bads),
+            "columns": tuple(_column(new.source) for new in joints),
+            "kept": max(new.kept for new in joints),
+            "nearest": (at_nearest, max(new.moved for new in joints)),
+        }
         if bads and bad != "skip":
             with writing(out):
-                file = _keep_joints(dataset, ik, found, work, out)
+                file = _keep_joints(dataset, ik, joints, work, out)
             return Retargeted(None, file, 0, left_out=(), rounded=np.nan, **facts)
-        left = tuple(sorted({one.episode for one in bads}))
+        left = tuple(sorted({new.episode for new in bads}))
         if len(left) == len(dataset.episodes):
             raise ArgumentError(
                 "episodes without a bad frame", 0, "choose another strategy or q0: nothing would be left"
             )
-        changes = [Change(one.source, one.file, _column(one.source), double) for one in found]
+        changes = [Change(new.source, new.file, _column(new.source), double) for new in joints]
         with writing(out):
             rounded = write_changed(dataset, ik.strategy.task, changes, left, work / "new", _about(ik, tip))
             os.rename(work / "new", out)
@@ -308,19 +303,19 @@ def _column(source: Source) -> str:
     return source.name if isinstance(source, JointFeature) else f"{source.name}.joints"
 
 
-def _bad_frames(dataset: Dataset, found: Sequence[NewJoints]) -> list[BadFrames]:
+def _bad_frames(dataset: Dataset, joints: Sequence[NewJoints]) -> list[BadFrames]:
     out = []
-    for one in found:
-        wrong = np.flatnonzero((one.status < 0) | (one.status > InverseStatus.CLAMPED))
+    for new in joints:
+        wrong = np.flatnonzero((new.status < 0) | (new.status > InverseStatus.CLAMPED))
         begins = np.array([e.first for e in dataset.episodes])
         of = np.searchsorted(begins, wrong, side="right") - 1
         for e in np.unique(of):
             mine = wrong[of == e]
-            kinds, counts = np.unique(one.status[mine], return_counts=True)
+            kinds, counts = np.unique(new.status[mine], return_counts=True)
             why = ", ".join(
                 WHY.get(int(kind), InverseStatus(int(kind)).name.lower()) for kind in kinds[np.argsort(-counts)]
             )
-            out.append(BadFrames(int(e), one.source.name, len(mine), int(mine[0] - begins[e]), why))
+            out.append(BadFrames(int(e), new.source.name, len(mine), int(mine[0] - begins[e]), why))
     return sorted(out, key=lambda b: (b.episode, b.column))
 
 
@@ -333,9 +328,7 @@ def _about(ik: InverseKinematics, tip: str | None) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _keep_joints(
-    dataset: Dataset, ik: InverseKinematics, found: Sequence[NewJoints], work: Path, out: Path
-) -> Path:  # fmt: skip
+def _keep_joints(dataset: Dataset, ik: InverseKinematics, joints: Sequence[NewJoints], work: Path, out: Path) -> Path:
     """All joints that were computed, in a parquet file beside the folder that was not made."""
     import pyarrow
     from pyarrow import parquet
@@ -344,15 +337,15 @@ def _keep_joints(
     names = list(robot.joint_names)
     target, part, writer = out.with_name(f"{out.name}-joints.parquet"), work / "joints.parquet", None
     try:
-        for one in found:
-            with one.file.open("rb") as stream:
+        for new in joints:
+            with new.file.open("rb") as stream:
                 for episode in dataset.episodes:
                     q = np.fromfile(stream, count=episode.length * robot.n).reshape(-1, robot.n)
-                    status = one.status[episode.first : episode.first + episode.length]
+                    status = new.status[episode.first : episode.first + episode.length]
                     words = [WHY.get(int(s), InverseStatus(int(s)).name.lower()) if s else "" for s in status]
                     table = pyarrow.table(
                         {
-                            "column": [one.source.name] * len(q), "episode_index": [episode.index] * len(q),
+                            "column": [new.source.name] * len(q), "episode_index": [episode.index] * len(q),
                             "frame_index": np.arange(len(q)), **dict(zip(names, q.T.copy(), strict=True)), "bad": words,
                         }
                     )  # fmt: skip

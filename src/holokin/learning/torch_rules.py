@@ -133,8 +133,8 @@ class Slopes(torch.autograd.Function):
     @staticmethod
     def forward(joints: JointMap, q: Any, R: Any) -> tuple[Any, Any]:
         """By `JointMap.slopes`."""
-        found = joints.slopes(_rows(q, q.shape[-1:]), _rows(R, R.shape[-3:]))
-        by_joints, by_turns = (torch.from_numpy(one.reshape(*q.shape[:-1], *one.shape[1:])) for one in found)
+        slopes = joints.slopes(_rows(q, q.shape[-1:]), _rows(R, R.shape[-3:]))
+        by_joints, by_turns = (torch.from_numpy(part.reshape(*q.shape[:-1], *part.shape[1:])) for part in slopes)
         return by_joints, by_turns
 
     @staticmethod

@@ -46,10 +46,7 @@ from ..symbolic.native import LARGEST, Port, StepKernel, StepMemory, enabled, en
 from .control.control_law import ControlLaw, Step, feedback, tracking, wanted_symbols
 from .ik.leaf import leaf_value
 
-# --------------------------------------------------------------------------------------------------
-# The control step as one expression: (q, pose, twist, parameters) -> joint rates, and what its
-# status is made of.
-# --------------------------------------------------------------------------------------------------
+# --- The control step as one expression: (q, pose, twist, parameters) -> joint rates, and what its status is made of.
 
 UNLIMITED = {"rad": 2 * np.pi, "m": 2.0}
 """Speed [unit/s] of a joint that has no limit of its own: a turn a second, which few arms reach, and what fast linear
@@ -107,15 +104,16 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     dt, gain, constraint_gain = (parameters[2 * r + i] for i in range(3))
     dx, error = tracking(task, e.kinematics, p, R, twists, dt)
     leaf = (c - dt * rate, constraint_gain, rate) if r else ()
-    found = feedback(strategy, dx, error, gain, *leaf)
-    dq, fast, room, holding = found.X, SX(1), SX(1), SX(0)
+    solution = feedback(strategy, dx, error, gain, *leaf)
+    dq, fast, room, holding = solution.X, SX(1), SX(1), SX(0)
+    # By how much to slow down so that speeds, singular postures and position limits are kept.
     if limits:
         for i, joint in enumerate(task.robot.coordinates):
             fastest = fastest_rate(joint)
             if np.isfinite(fastest):
                 fast = fmin(fast, fastest / fmax(fabs(dq[i]), 1e-12))
             if joint.unit in UNLIMITED:
-                fast = fmin(fast, TOWARDS_SINGULAR * found.rcond / fmax(fabs(dq[i]) * dt, 1e-12))
+                fast = fmin(fast, TOWARDS_SINGULAR * solution.rcond / fmax(fabs(dq[i]) * dt, 1e-12))
             ends = [sign * (end - e.q[i]) for end, sign in ((joint.upper, 1), (joint.lower, -1)) if np.isfinite(end)]
             if ends:  # how far the joint is from the end that it goes to
                 speed = (1 if np.isfinite(joint.upper) else -1) * dq[i] * dt
@@ -124,6 +122,7 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
                 )
                 its = if_else(speed > 1e-12, fmax(left, 0) / fmax(speed, 1e-12), 1)
                 room, holding = fmin(room, its), holding + if_else(its <= AT_LIMIT, 2.0**i, 0)
+    # The largest error of the tool, by which it counts as lost.
     largest = SX(0)
     for i, unit in enumerate(task.units):
         if unit in UNLIMITED:  # of other units, as of thrust, nobody knows what is far
@@ -133,15 +132,15 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
     outputs = {
         "dq": scale * dq,
         "scale": scale,
-        "rcond": found.rcond,
-        "margin": fmin(strategy.margin_expression, task.margin_expression(R)),
+        "rcond": solution.rcond,
+        "margin": fmin(strategy._margin_expression, task._margin_expression(R)),
         "room": room,
         "off": largest,
         "given": given,
         "holding": holding,
     }
     inputs = {"q": e.q, "pose": pose, "twist": twist, "parameters": parameters}
-    return Function("step", inputs, outputs, found.system, strategy.transport)
+    return Function("step", inputs, outputs, solution.system, strategy.transport)
 
 
 def _sum_by_halves(values: SX) -> SX:
@@ -152,9 +151,7 @@ def _sum_by_halves(values: SX) -> SX:
     return values
 
 
-# --------------------------------------------------------------------------------------------------
-# The control step on CasADi's virtual machine, where there is no compiler.
-# --------------------------------------------------------------------------------------------------
+# --- The control step on CasADi's virtual machine, where there is no compiler.
 
 
 class _Memory(threading.local):
@@ -183,12 +180,14 @@ def _machine_step(
             fit = False
         if not fit:
             q, pose, twist = convert(q, pose, twist)
+        # Write the arguments into the memory of the machine, and run it.
         trigger, (q_in, pose_in, twist_in, parameters_in), results, out = mine.all
         latest[0], memory.stepped = out, True
         q_in[...], pose_in[...], twist_in[...] = q, pose, twist
         if change:
             parameters_in[...] = parameters
         trigger()
+        # Zero rates and a status where the step is not sound.
         rates, scale, rcond, margin, room, off, given, holding = results
         share = scale.item()
         size = rates @ rates + share + given.item()
@@ -342,12 +341,12 @@ class _Compiled:
         """(q, pose, twist) in new arrays as the compiled step takes them. Raises: ArgumentError, ShapeError."""
         q, pose, twist, _ = self.function.input_shapes.values()
         frames, point = self.strategy.task.frames, len(pose) == 1
-        one = () if frames == 1 else (frames,)
+        several = () if frames == 1 else (frames,)
         a, b, c = arguments
-        points = (pose, (*one, 3)) if point else ()  # of a position task whole poses and twists will do, too
-        T = _numbers("pose", with_matrices("pose", b), tuple(dict.fromkeys(((*one, 4, 4), *points))))
-        v = _numbers("twist", c, tuple(dict.fromkeys(((*one, 6), *points))))
-        whole, moved = T.shape == (*one, 4, 4), v.shape == (*one, 6)
+        points = (pose, (*several, 3)) if point else ()  # of a position task whole poses and twists will do, too
+        T = _numbers("pose", with_matrices("pose", b), tuple(dict.fromkeys(((*several, 4, 4), *points))))
+        v = _numbers("twist", c, tuple(dict.fromkeys(((*several, 6), *points))))
+        whole, moved = T.shape == (*several, 4, 4), v.shape == (*several, 6)
         for matrix in T.reshape(-1, 4, 4) if whole else ():
             if np.isfinite(matrix[3]).all():
                 right_last_row("pose", matrix)
@@ -387,10 +386,10 @@ class _Compiled:
             if not np.isfinite(value).all():
                 raise NotFiniteError(what, value.tolist())
         _, _, rcond, margin, _, off, *_ = self.function(*arguments, parameters)
-        most, least = map(float, parameters[-2:])
-        check_solved(self.strategy, arguments[0], rcond, margin, least)
-        if not off <= most:
-            raise LostToolError(float(off), most)
+        most_error, least_rcond = map(float, parameters[-2:])
+        check_solved(self.strategy, arguments[0], rcond, margin, least_rcond)
+        if not off <= most_error:
+            raise LostToolError(float(off), most_error)
 
 
 class _Levelled(threading.local):
@@ -543,10 +542,6 @@ def _generated(f: Function) -> tuple[Any, list[tuple[int, ...]], list[tuple[int,
     return f.program, list(f.input_shapes.values()), list(f.output_shapes.values()), thresholds
 
 
-# --------------------------------------------------------------------------------------------------
-# `LoopWatch`: tells whether joints move as a loop commands them.
-# --------------------------------------------------------------------------------------------------
-
 STARVED = 0.5
 """Share of the commanded motion below which a loop is starved: a servo that merely lags makes up for it."""
 
@@ -578,13 +573,13 @@ class LoopWatch(NoTruthValue, ask="`.starved`"):
 
         Raises: ShapeError: not as many as before. NotFiniteError, ArgumentError.
         """
-        here = finite("q", q, ("n",) if self._last is None else self._last[0].shape)
-        rates = finite("dq", dq, here.shape)
+        posture = finite("q", q, ("n",) if self._last is None else self._last[0].shape)
+        rates = finite("dq", dq, posture.shape)
         if self._last is not None:
             before, asked = self._last
-            self._made += float((here - before) @ asked)
+            self._made += float((posture - before) @ asked)
             self._asked += self.dt * float(asked @ asked)
-        self._last = here.copy(), rates.copy()
+        self._last = posture.copy(), rates.copy()
         if self.starved and not self._told:
             self._told = True
             logging.getLogger("holokin").warning("%s", self.sentence)

@@ -54,8 +54,8 @@ class Drift(NoTruthValue, Value, ask="`.largest`"):
         count = f"{len(self.since_start)} cycle{'s' * (len(self.since_start) > 1)}"
         names = self.trajectory.joint_names
         whole = [f"{name} by {turns:+d}" for name, turns in zip(names, self.turns[-1], strict=True) if turns]
-        said = f"after {count} {names[k]} is {last[k]:.4g} {units[k]} from its start"
-        return f"{said}; whole turns: {', '.join(whole)}" if whole else said
+        sentence = f"after {count} {names[k]} is {last[k]:.4g} {units[k]} from its start"
+        return f"{sentence}; whole turns: {', '.join(whole)}" if whole else sentence
 
     def __str__(self) -> str:
         return ", ".join(f"{value:.4g}" for value in self.largest)
@@ -116,15 +116,11 @@ def path_spread(
     return Spread(a, follow(strategy, path_b, q0, samples=samples, method=method, limits=limits))
 
 
-# --------------------------------------------------------------------------------------------------
-# Why a closed path drifts: curvature, or a place that it winds round. The path is contracted and
-# followed again.
+# --- Why a closed path drifts: curvature, or a place that it winds round. The path is contracted and followed again.
 #
-# Leaves are local. Where a strategy is holonomic and defined, drift does not change while a loop is
-# contracted to a point, at which it is zero (theory 1.1). So a drift that stays while the loop
-# shrinks, and is gone at a point, has jumped on the way: there the loop passed a place where the
-# strategy is not defined. Curvature lets it fade instead.
-# --------------------------------------------------------------------------------------------------
+# Leaves are local. Where a strategy is holonomic and defined, drift does not change while a loop is contracted to a
+# point, at which it is zero (theory 1.1). So a drift that stays while the loop shrinks, and is gone at a point, has
+# jumped on the way: there the loop passed a place where the strategy is not defined. Curvature lets it fade instead.
 
 NO_DRIFT = 1e-6
 """Drift [joint units] that needs no reason: well over the integration error of 500 samples."""
@@ -186,11 +182,13 @@ class Winding(NoTruthValue, Value, ask="`.cause`"):
         """The cause, with its metrics."""
         if self.cause is Cause.NONE:
             return self.cause.value
-        said = f"{self.cause.value}; drift {_told(self.drift, self)}"
+        sentence = f"{self.cause.value}; drift {_told(self.drift, self)}"
         if self.cause is not Cause.WINDING:
-            return said
+            return sentence
         above, below = self.between
-        return f"{said}; from {above:.3g} to {below:.3g} times its size the drift changes by {_told(self.jump, self)}"
+        return (
+            f"{sentence}; from {above:.3g} to {below:.3g} times its size the drift changes by {_told(self.jump, self)}"
+        )
 
     def __str__(self) -> str:
         return self.sentence
@@ -229,15 +227,17 @@ def winding(
         sizes = sorted(known, reverse=True)
         return Winding(cause, np.array(sizes), np.array([known[s] for s in sizes]), between, names, units)
 
+    # No drift, or a tool that turns round: nothing to contract.
     known = {1.0: full, 0.0: np.zeros(len(full))}
     if np.abs(full).max() <= NO_DRIFT:
         return found(Cause.NONE, known)
-    turning = any(task.angular) and any(s.turn > 0 for s in path.segments)
+    turning = any(task._angular) and any(s.turn > 0 for s in path.segments)
     lifts = _lifts(path) if turning else None
     if lifts is not None and np.linalg.norm(lifts[-1]) > np.pi:
         return found(Cause.TOOL_TURNS, known)
     if lifts is not None and np.linalg.norm(lifts, axis=1).max() > 2 * np.pi - PIECE:  # where their axes may flip
         return found(Cause.UNDECIDED, known)
+    # The drift of a smaller loop; an integrated one must not depend on its samples.
     exact = by_leaf(strategy, method) is not None
 
     def drift(size: float) -> Vector | None:
@@ -257,6 +257,7 @@ def winding(
             known[size] = value
         return value is not None
 
+    # Contract the loop in even steps, then halve where the drift changes most.
     for k in range(STEPS - 1, 0, -1):
         add(k / STEPS)
     above, below = _steepest(known)
@@ -267,6 +268,7 @@ def winding(
             blocked = True
             break
         above, below = _steepest(known, above, below)
+    # A jump is much steeper than the steepest change elsewhere.
     change = _change(known, above, below)
     elsewhere = max((_change(known, a, b) / (a - b) for a, b in _pairs(known) if (a, b) != (above, below)), default=0.0)
     if change > max(NO_DRIFT, JUMP * elsewhere * (above - below)):
@@ -293,8 +295,8 @@ def _told(difference: Vector, of: Winding) -> str:
     """A joint difference in words: the largest joint's, and whole turns by name."""
     k = int(np.abs(difference).argmax())
     turns = whole_turns(difference, of.joint_units)
-    told = ((of.joint_names[i], int(turns[i])) for i in np.flatnonzero(turns))
-    whole = ", ".join(f"{name} by {count:+d} turn{'s' if abs(count) > 1 else ''}" for name, count in told)
+    turned = ((of.joint_names[i], int(turns[i])) for i in np.flatnonzero(turns))
+    whole = ", ".join(f"{name} by {count:+d} turn{'s' if abs(count) > 1 else ''}" for name, count in turned)
     return f"{difference[k]:.4g} {of.joint_units[k]} ({whole or of.joint_names[k]})"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal, get_args
 
@@ -36,16 +37,13 @@ from ..strategies.tasks.task import of_one_tool
 from ..symbolic import SX, Function, fabs, fmax, fmin, runge_kutta, symbol
 from ..symbolic.native import VelocityRules
 from .ik.branch import branch_code
-from .ik.leaf import jump_problem, leaf_step, leaf_stepper, leaf_value, move_to_leaf, native_leaf
+from .ik.leaf import TRIES, jump_problem, leaf_step, leaf_stepper, leaf_value, move_to_leaf, native_leaf
 from .ik.plan import NativeFollower, Plan, check_start, make_plan
 from .ik.pose_paths import nearest_postures, out_of_reach
 from .ik.posture_search import all_postures
 from .trajectory import Measures, Status, Trajectory, record
 
-# --------------------------------------------------------------------------------------------------
-# Following by velocity: dq = G(q) x', integrated by Runge-Kutta of order 4 with fixed steps, as the
-# paper does.
-# --------------------------------------------------------------------------------------------------
+# --- Following by velocity: dq = G(q) x', integrated by Runge-Kutta of order 4 with fixed steps, as the paper does.
 
 
 @kept
@@ -56,23 +54,25 @@ def path_rate(strategy: Strategy) -> Function:
     """
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
-    (p, R), v, w = task.target_symbols(), symbol("v", 3 * task.frames), symbol("w", 3 * task.frames)
-    found = e.rate(task.rates_expression(R, v, w))
-    error, off = task.error_expression(e.kinematics, p, R), SX(0)
+    (p, R), v, w = task._target_symbols(), symbol("v", 3 * task.frames), symbol("w", 3 * task.frames)
+    solution = e.rate(task._rates_expression(R, v, w))
+    error, off = task._error_expression(e.kinematics, p, R), SX(0)
     for i in range(task.m):
         off = fmax(off, fabs(error[i]))
-    margin = fmin(strategy.margin_expression, task.margin_expression(R))
-    outputs = {"dq": found.X, "rcond": found.rcond, "margin": margin, "off": off}
-    return Function("path_rate", {"q": e.q, "p": p, "R": R, "v": v, "w": w}, outputs, found.system, strategy.transport)
+    margin = fmin(strategy._margin_expression, task._margin_expression(R))
+    outputs = {"dq": solution.X, "rcond": solution.rcond, "margin": margin, "off": off}
+    return Function(
+        "path_rate", {"q": e.q, "p": p, "R": R, "v": v, "w": w}, outputs, solution.system, strategy.transport
+    )
 
 
-def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], Vector]:
+def _velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], Vector]:
     """(q, step) -> q after that step of the plan.
 
     Raises:
         SingularityError (when called): G is not defined there. TrackingError: the tool lost the path.
     """
-    rate, error = checked_rate(strategy), strategy.task.error_function
+    rate, error = checked_rate(strategy), strategy.task._error_function
 
     def step(q: Vector, i: int) -> Vector:
         new = runge_kutta(rate, q, *plan.step_rates(i))
@@ -94,7 +94,7 @@ def velocity_rules() -> VelocityRules:
     return VelocityRules(TOLERANCES.singular, TOLERANCES.representation, TOLERANCES.tracking)
 
 
-def native_velocity(
+def _native_velocity(
     strategy: Strategy, plan: Plan, q0: Vector, limits: bool, *, load: bool, build: bool
 ) -> NativeFollower | None:
     """The same steps as native code, many in one call; None without it, see `Function.follower`, and of Python's G."""
@@ -104,6 +104,30 @@ def native_velocity(
     if kernel is None:
         return None
     return NativeFollower(kernel, plan, q0.copy(), velocity_rules(), limits)
+
+
+@dataclass(frozen=True, eq=False)
+class Stepper:
+    """The steps of a law along a plan: `step`, (q, step of the plan) -> q after it, and the same in native code."""
+
+    step: Callable[[Vector, int], Vector]
+    native: NativeFollower | None = None
+
+
+def stepper(
+    strategy: Strategy, leaf: HolonomicStrategy | None, plan: Plan, q0: Vector, limits: bool, tries: int = TRIES, *,
+    load: bool, build: bool,
+) -> Stepper:  # fmt: skip
+    """The steps on the leaf through q0 (n,), of a strategy that is followed on one, or by velocity.
+
+    Args:
+        tries: pieces of one step in Python. load, build: as of `Function.follower`.
+    """
+    if leaf is None:
+        native = _native_velocity(strategy, plan, q0, limits, load=load, build=build)
+        return Stepper(_velocity_stepper(strategy, plan), native)
+    native = native_leaf(leaf, plan, q0, limits, load=load, build=build)
+    return Stepper(leaf_stepper(leaf, plan, q0, tries), native)
 
 
 Following = Literal["velocity", "leaf"]
@@ -163,7 +187,7 @@ def follow(
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"following {cycles} cycles", path.gap)
     strategy(start)
-    plan = make_plan(task, path, whole("samples", samples), task.place(start)[1])
+    plan = make_plan(task, path, whole("samples", samples), task._place(start)[1])
     check_start(task, start, *plan.first)
     once = partial(_walk, strategy, leaf, plan, start, int(cycles), limits, native)
     return _to_jump(strategy, plan, int(cycles), once)
@@ -191,11 +215,9 @@ def by_leaf(strategy: Strategy, method: Following | None = None) -> HolonomicStr
 
 
 def _walk(
-    strategy: Strategy, leaf: HolonomicStrategy | None, plan: Plan, q: Vector, cycles: int, limits: bool,
-    native: bool,
-) -> Trajectory:  # fmt: skip
+    strategy: Strategy, leaf: HolonomicStrategy | None, plan: Plan, q: Vector, cycles: int, limits: bool, native: bool
+) -> Trajectory:
     method = "velocity" if leaf is None else "leaf"
-    stepper = velocity_stepper(strategy, plan) if leaf is None else leaf_stepper(leaf, plan, q)
     robot = strategy.task.robot
     lower, upper = robot.lower - TOLERANCES.limit, robot.upper + TOLERANCES.limit
     total = whole("the number of steps of all cycles", cycles * plan.steps)
@@ -208,22 +230,22 @@ def _walk(
         return _record(strategy, plan, postures[: done + 1], cycles, status)
 
     sources = {"load": native or total >= CACHED_FROM, "build": native or total >= NATIVE_FROM}
-    if leaf is None:
-        fast = native_velocity(strategy, plan, q, limits, **sources)
-    else:
-        fast = native_leaf(leaf, plan, q, limits, **sources)
+    chosen = stepper(strategy, leaf, plan, q, limits, **sources)
+    step, fast = chosen.step, chosen.native
     steps = _native_steps(fast, plan, q, cycles, postures) if fast is not None else ()
     with progress(f"following by {method}: {strategy.name}", total) as report:
         try:
+            # In native code as far as it goes; it may halt at a limit or where the leaf ends.
             for done, q in steps:  # noqa: B007  q goes on below
                 report(done)
             if fast is not None and done < total:
                 fast.halted()
-            for step in range(done, total):
-                q = stepper(q, step % plan.steps)
+            # The rest in Python, a step at a time.
+            for k in range(done, total):
+                q = step(q, k % plan.steps)
                 if limits and not ((q >= lower) & (q <= upper)).all():
                     robot.check_limits(q)
-                done = step + 1
+                done = k + 1
                 postures[done] = q
                 report(done)
         except JointLimitError as problem:
@@ -251,20 +273,20 @@ def _to_jump(strategy: Strategy, plan: Plan, cycles: int, walk: Callable[[], Tra
         return walk()
     ended: PathError | None = None
     try:
-        found = walk()
+        trajectory = walk()
     except PathError as problem:
-        found, ended = problem.trajectory, problem
-    met = first_jump(strategy, found.q)
+        trajectory, ended = problem.trajectory, problem
+    met = first_jump(strategy, trajectory.q)
     if met is None and isinstance(ended, BranchError):
-        near = jump_near(strategy, found.q[-1])
-        met = None if near is None else (len(found.q) - 1, near)
+        near = jump_near(strategy, trajectory.q[-1])
+        met = None if near is None else (len(trajectory.q) - 1, near)
     if met is not None:
         last, jump = met
-        kept = _record(strategy, plan, found.q[: last + 1], cycles, Status.JUMP)
-        raise jump_problem(strategy, jump, f"stopped {plan.where(last)}: ", kept) from ended
+        before = _record(strategy, plan, trajectory.q[: last + 1], cycles, Status.JUMP)
+        raise jump_problem(strategy, jump, f"stopped {plan.where(last)}: ", before) from ended
     if ended is not None:
         raise ended
-    return found
+    return trajectory
 
 
 def _native_steps(
@@ -305,10 +327,6 @@ def _record(strategy: Strategy, plan: Plan, q: Matrix, cycles: int, status: Stat
 
     return record(task, plan, q, dq, cycles, status, residual)
 
-
-# --------------------------------------------------------------------------------------------------
-# `approach`: from any posture to the start of a path.
-# --------------------------------------------------------------------------------------------------
 
 Way = Literal["joints", "tool"]
 """What goes straight: the joints, or the tool."""
@@ -354,12 +372,14 @@ def approach(
     positive("speed", speed, "give a positive speed of the joints")
     if level is not None and not isinstance(strategy, HolonomicStrategy):
         raise ArgumentError("level", level, f"{strategy.name!r} has none: leave it out, or {HolonomicStrategy.cure}")
+    # Go to the level first, by the self-motion.
     rows = [start]
     if level is not None and isinstance(strategy, HolonomicStrategy):
-        at = leaf_value(strategy, start)
-        far = strategy.constraint.nearest(leaf_value(strategy, move_to_leaf(strategy, start, level)) - at)
+        level_now = leaf_value(strategy, start)
+        far = strategy.constraint.nearest(leaf_value(strategy, move_to_leaf(strategy, start, level)) - level_now)
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
-            rows.append(move_to_leaf(strategy, rows[-1], at + share * far))
+            rows.append(move_to_leaf(strategy, rows[-1], level_now + share * far))
+    # Then along the straight line of the tool; where that does not lead, to the nearest posture at its end.
     pose = task.pose(rows[-1])
     rotation = pose[:3, :3] if path.rotation is None else path.rotation
     way = straight(pose[:3, 3], pose[:3, :3], path.start, rotation)
@@ -374,6 +394,7 @@ def approach(
             if goal is None:
                 raise
             reached = np.array([start, goal])
+    # The joints themselves may go straight.
     if by == "joints":
         reached = start + np.linspace(0.0, 1.0, count + 1)[:, None] * (reached[-1] - start)
         reached[0] = start
@@ -385,8 +406,8 @@ def _found(strategy: Strategy, p: Vector, R: Matrix, near: Vector) -> Vector | N
     """The posture nearest to another (n,) of those found at a pose, on the same leaf; None if there is none."""
     task = strategy.task
     if isinstance(strategy, HolonomicStrategy):
-        found = all_postures(strategy, pose_from(p, R), leaf_value(strategy, near), limits=True, near=near).q
-        return found[np.argmin(np.abs(found - near).max(axis=1))] if len(found) else None
+        postures = all_postures(strategy, pose_from(p, R), leaf_value(strategy, near), limits=True, near=near).q
+        return postures[np.argmin(np.abs(postures - near).max(axis=1))] if len(postures) else None
     nearest = nearest_postures(task, p[None], R[None], near[None], limits=True)
     return nearest.q[0] if nearest.reached[0] and nearest.missing[0] <= TOLERANCES.start else None
 
@@ -410,7 +431,7 @@ def _recorded(strategy: Strategy, q: Matrix, speed: float) -> Trajectory:
         error=lambda samples: np.zeros((samples, task.m)), sigma=sigma, residual=np.zeros,
     )  # fmt: skip
     return Trajectory(
-        joint_names=task.robot.joint_names, joint_units=tuple(c.unit for c in task.robot.coordinates),
+        robot=task.robot, joint_units=tuple(c.unit for c in task.robot.coordinates),
         row_names=task.row_names, row_units=task.units, t=t, q=q, marks=(0, len(q) - 1) if len(q) > 1 else (0,),
         status=Status.COMPLETE, measures=measures,
     )  # fmt: skip

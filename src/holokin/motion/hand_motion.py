@@ -81,15 +81,17 @@ class HandFollower(Value):
 
         def follow(pose: PoseLike) -> Followed:
             nonlocal target
-            found = self.ik.nearest(pose, target, step=step)
-            target = np.asarray(found.q)
+            answer = self.ik.nearest(pose, target, step=step)
+            target = np.asarray(answer.q)
             state.target_position = target.tolist()
             profile.update(state, out)
             out.pass_to_input(state)
-            here, speed = np.array(out.new_position), np.array(out.new_velocity)
-            behind = float(np.abs(target - here).max())
-            resting = not found.moving and behind <= AT_REST and float(np.abs(speed).max()) <= AT_REST
-            return Followed(frozen(here), frozen(speed), frozen(np.array(out.new_acceleration)), found, behind, resting)
+            position, speed = np.array(out.new_position), np.array(out.new_velocity)
+            behind = float(np.abs(target - position).max())
+            resting = not answer.moving and behind <= AT_REST and float(np.abs(speed).max()) <= AT_REST
+            return Followed(
+                frozen(position), frozen(speed), frozen(np.array(out.new_acceleration)), answer, behind, resting
+            )
 
         return follow
 

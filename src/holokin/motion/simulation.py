@@ -17,14 +17,14 @@ from ..base.types import MOST, Array, ArrayLike, Matrix, Vector, positive, whole
 from ..path.editing import AnyPath
 from ..path.path import turn_between
 from ..strategies.tasks.task import Task
-from .control.control_law import ControlLaw, Step, as_control_law
+from .control.control_law import ControlLaw, as_control_law
 from .ik.plan import Plan, check_start, make_plan
 from .trajectory import Status, Trajectory, record
 
 
 @typed
 def simulate(
-    law: object,
+    control_law: object,
     task: Task,
     path: AnyPath,
     q0: ArrayLike,
@@ -39,7 +39,7 @@ def simulate(
     limits stop nothing: a law must know them itself.
 
     Args:
-        law: a `ControlLaw`, such as a compiled `controller`; a `Strategy`, which is run without feedback; or a
+        control_law: a `ControlLaw`, such as a compiled `controller`; a `Strategy`, which is run without feedback; or a
             function (q, pose, twist, dt) -> dq. `Step` says what these are.
         task: what the tool must do; the record's error and singular values are of it.
         path: of the tool.
@@ -57,14 +57,14 @@ def simulate(
         ControllerError: the law threw, blocked, or returned something that is not n finite numbers; `.trajectory`
             holds what was computed.
     """
-    chosen = as_control_law(law)
+    chosen = as_control_law(control_law)
     start = task.robot.checked(q0, "the start posture")
     positive("dt", dt, "give a positive step in seconds")
     if patience is not None:
         positive("patience", patience, "give positive seconds, or None")
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"simulating {cycles} cycles", path.gap)
-    tool = task.place(start)
+    tool = task._place(start)
     steps = np.ceil(path.duration / dt - 1e-9)
     if not steps * cycles <= MOST:
         raise ArgumentError("the number of steps", float(steps * cycles), f"give a larger dt, for at most {MOST:g}")
@@ -107,8 +107,8 @@ class _Run:
         walk = record(self.task, self.plan, self.q[:k].copy(), self.dq[:k].copy(), self.cycles, status)
         if self.fault is None:
             return walk
-        said, cause = self.fault
-        raise ControllerError(self.law.name, f"{self.plan.where(self.done)}: {said}", walk) from cause
+        fact, cause = self.fault
+        raise ControllerError(self.law.name, f"{self.plan.where(self.done)}: {fact}", walk) from cause
 
     def _watched(self, patience: float, report: Callable[[int], None]) -> None:
         """The loop in a thread of its own, left behind if a call does not come back."""
@@ -128,15 +128,14 @@ class _Run:
 
     def _loop(self, report: Callable[[int], None]) -> None:
         plan, n = self.plan, self.task.n
-        poses, twists = step_targets(plan)
         self.pulse = time.monotonic()
         q = self.q0.copy()
         try:
-            step: Step = self.law.begin(self.q0.copy())
+            step = control_step(self.law, plan, self.q0)
             for k in range(len(self.q) - 1):
                 i = k % plan.steps
                 self.pulse = time.monotonic()
-                answer = step(q.copy(), poses[i].copy(), twists[i].copy(), float(plan.h[i]))
+                answer = step(q, i)
                 if self.stopped:
                     return
                 fault = _flaw(answer, n)
@@ -165,6 +164,13 @@ def _flaw(answer: object, n: int) -> str:
     if not np.isfinite(dq).all():
         return f"it returned NaN or infinite rates: {dq.tolist()}"
     return ""
+
+
+def control_step(law: ControlLaw, plan: Plan, q0: Vector) -> Callable[[Vector, int], object]:
+    """(q, step of the plan) -> what a control law answers there, in a run from q0 (n,). Raises: what the law raises."""
+    poses, twists = step_targets(plan)
+    step = law.begin(q0.copy())
+    return lambda q, i: step(q.copy(), poses[i].copy(), twists[i].copy(), float(plan.h[i]))
 
 
 def step_targets(plan: Plan) -> tuple[Array, Matrix]:

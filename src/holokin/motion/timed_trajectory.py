@@ -50,8 +50,8 @@ class Slowdown(Shown):
     def __str__(self) -> str:
         reason = f"the {self.limit} of {self.joint}" if self.joint else f"the shape of the {self.limit}"
         share = f"{100 * self.least:.{1 if 0.99 < self.least < 1.0 else 0}f} % of the wanted speed"
-        least = share if self.least >= 5e-3 else "a stop"
-        return f"{self.start:.3f} to {self.stop:.3f} s: slower than wanted, down to {least}; the reason is {reason}"
+        slowest = share if self.least >= 5e-3 else "a stop"
+        return f"{self.start:.3f} to {self.stop:.3f} s: slower than wanted, down to {slowest}; the reason is {reason}"
 
 
 @dataclass(frozen=True)
@@ -133,14 +133,16 @@ class TimedTrajectory(Value):
     def loads(self) -> tuple[JointLoad, ...]:
         """One a joint. Distances to position limits are infinite where there are none."""
         gaps = np.minimum(self.q - self.limits.lower, self.limits.upper - self.q)
-        found = []
+        loads = []
         for i, (joint, unit) in enumerate(zip(self.joint_names, self.joint_units, strict=True)):
             peaks = [float(np.abs(x[:, i]).max()) for x in (self.dq, self.ddq, self.dddq)]
             bounds = [float(getattr(self.limits, rate)[i]) for rate in RATES]
             shares = [p / b if np.isfinite(b) else float("nan") for p, b in zip(peaks, bounds, strict=True)]
-            at = int(np.argmin(gaps[:, i]))
-            found.append(JointLoad(joint, unit, tuple(peaks), tuple(shares), float(gaps[at, i]), float(self.t[at])))
-        return tuple(found)
+            nearest = int(np.argmin(gaps[:, i]))
+            loads.append(
+                JointLoad(joint, unit, tuple(peaks), tuple(shares), float(gaps[nearest, i]), float(self.t[nearest]))
+            )
+        return tuple(loads)
 
     @property
     def nearest_limit(self) -> JointLoad:
@@ -163,10 +165,10 @@ class TimedTrajectory(Value):
         if by not in ("derivative", "difference"):
             raise ArgumentError("by", by, "use 'derivative' or 'difference'")
         if by == "derivative":
-            found = [self.dq, self.ddq, self.dddq]
+            rates = [self.dq, self.ddq, self.dddq]
         else:
-            found = [np.diff(self.played, order, axis=0) / self.dt**order for order in (1, 2, 3)]
-        pairs = {rate: (x, getattr(self.limits, rate)) for rate, x in zip(RATES, found, strict=True)}
+            rates = [np.diff(self.played, order, axis=0) / self.dt**order for order in (1, 2, 3)]
+        pairs = {rate: (x, getattr(self.limits, rate)) for rate, x in zip(RATES, rates, strict=True)}
         return {
             rate: float((np.abs(x) / limit).max()) - 1.0
             for rate, (x, limit) in pairs.items()
@@ -188,12 +190,15 @@ class TimedTrajectory(Value):
         fastest = f"never faster than {own}" if times == "1" else f"at most {times} times {own}"
         return f"{self.profile}, {self.duration:.3f} s, {len(self)} samples of {1e3 * self.dt:g} ms, {fastest}"
 
+    def __str__(self) -> str:
+        return self.table()
+
     @typed
     def table(self, units: PrintedUnits = SI) -> str:
         """Lines of text: a joint each with its peaks, shares of limits, and least distance to a position limit."""
         lines = [self.sentence + ("" if units.plain else f", in {units.angle} and {units.length}")]
         lines.append(f"{'joint':20} {'speed':>15} {'acceleration':>15} {'jerk':>15} {'to a limit':>12} {'at [s]':>8}")
-        for load in (one.printed(units) for one in self.loads):
+        for load in (joint_load.printed(units) for joint_load in self.loads):
             cells = [
                 f"{peak if peak > NOTHING else 0.0:8.4g} {100 * share:4.0f} %"
                 if np.isfinite(share)
@@ -206,7 +211,7 @@ class TimedTrajectory(Value):
         lines += [str(slow) for slow in self.slowdowns]
         return "\n".join(lines)
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
         loads = [
             {

@@ -12,16 +12,13 @@ from ..base.arguments import typed
 from ..base.errors import ArgumentError
 from ..base.types import HUGE, ArrayLike, Flags, Indices, Matrix, Value, Vector, numbers, positive, whole
 from ..path.path import Poses, distinct
-from ..robot import GIVE_SPEEDS, Robot, speed_limits
+from ..robot import GIVE_SPEEDS, speed_limits
 from .timed_trajectory import RATES, Limits, Slowdown, TimedTrajectory
 from .trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-# --------------------------------------------------------------------------------------------------
-# `JointCurve`: the joints along a path without any time, q(s), as splines between the corners.
-# --------------------------------------------------------------------------------------------------
 
 DEGREE = 5
 """Of the splines: up to the third derivative they have no jumps, so that jerks are defined."""
@@ -101,23 +98,21 @@ def joint_curve(trajectory: Trajectory) -> JointCurve:
     repeats = len(marks) > 1 and bool(np.abs(trajectory.q[marks] - trajectory.q[0]).max() <= CLOSED)
     last = marks[1] if repeats else len(trajectory) - 1
     t, q = trajectory.t[: last + 1], trajectory.q[: last + 1]
-    kept = distinct(Poses(q, None), t)[1]  # samples that repeat the one before, of a piece of path as short as that
-    kept[-1] = last
-    corners = np.searchsorted(kept, [k for k in trajectory.corners if 0 < k < last], side="right") - 1
-    ends = np.unique([0, *corners, len(kept) - 1]).tolist()
+    distinct_rows = distinct(Poses(q, None), t)[
+        1
+    ]  # samples that repeat the one before, of a piece of path as short as that
+    distinct_rows[-1] = last
+    corners = np.searchsorted(distinct_rows, [k for k in trajectory.corners if 0 < k < last], side="right") - 1
+    ends = np.unique([0, *corners, len(distinct_rows) - 1]).tolist()
     turns_round = repeats and len(ends) == 2 and 0 not in trajectory.corners
-    t, q = t[kept], q[kept]
+    t, q = t[distinct_rows], q[distinct_rows]
     stretches = [Stretch(t[a : b + 1] - t[a], q[a : b + 1], turns_round) for a, b in pairwise(ends)]
     return JointCurve(tuple(stretches), repeats)
 
 
-# --------------------------------------------------------------------------------------------------
-# `TimeLaw`: how far along a curve one is at a time, s(t): quintic, time-optimal, and smoothed for
-# jerk.
+# --- `TimeLaw`: how far along a curve one is at a time, s(t): quintic, time-optimal, and smoothed for jerk.
 #
-# All laws but the quintic one have path accelerations that are constant, or linear in time, in
-# pieces.
-# --------------------------------------------------------------------------------------------------
+# All laws but the quintic one have path accelerations that are constant, or linear in time, in pieces.
 
 FINEST = 2_000
 """Most points a cycle at which the time-optimal law looks at the limits. Twice as many change the time by 1e-5."""
@@ -151,9 +146,9 @@ class TimeLaw(Value):
     def at(self, t: Vector) -> list[Vector]:
         """[s, ds/dt, second, third derivative] at times (k,); before the start and after the end it rests."""
         index = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
-        found = self._on(index, np.clip(t, 0.0, self.duration) - self.t[index])
+        derivatives = self._on(index, np.clip(t, 0.0, self.duration) - self.t[index])
         rest = (t < 0.0) | (t > self.duration)
-        return [found[0], *(np.where(rest, 0.0, f) for f in found[1:])]
+        return [derivatives[0], *(np.where(rest, 0.0, f) for f in derivatives[1:])]
 
     def within(self, count: int) -> tuple[Vector, list[Vector]]:
         """(t, `at`) at some `count` times, both ends of every piece among them, each as the piece itself has it."""
@@ -164,14 +159,14 @@ class TimeLaw(Value):
         return self.t[index] + share * h[index], self._on(index, share * h[index])
 
     def _on(self, index: Indices, x: Vector) -> list[Vector]:
-        c, found = self.c, []
+        c, derivatives = self.c, []
         for _ in range(4):
             value = np.zeros(len(x))
             for row in c[::-1]:
                 value = value * x + row[index]
-            found.append(value)
+            derivatives.append(value)
             c = c[1:] * np.arange(1, len(c))[:, None] if len(c) > 1 else np.zeros_like(c)
-        return found
+        return derivatives
 
 
 def quintic(length: float) -> TimeLaw:
@@ -248,7 +243,7 @@ def _graded(stretch: Stretch, s: Vector, velocity: Vector, acceleration: Vector,
     A ramp at the least acceleration of the joints to the rate v that is allowed takes v^2 / (2 a) of the way. The grid
     begins with a share of that, and each interval is longer than the last one by the same factor.
     """
-    found = [s]
+    points = [s]
     _, d1, _, d3 = stretch.derivatives(s[[0, -1]])
     for end, rate, fall in zip((0, 1), _caps(d1, d3, velocity, jerk, speed), np.abs(d1), strict=True):
         ramp = rate**2 * float((fall / acceleration).max()) / 2
@@ -258,8 +253,8 @@ def _graded(stretch: Stretch, s: Vector, velocity: Vector, acceleration: Vector,
             steps = first * GROWTH ** np.arange(int(np.log(widest / first) / np.log(GROWTH)) + 1)
             off = np.cumsum(steps)
             off = off[off < s[-1] / 2]
-            found.append(s[-1] - off if end else off)
-    joined = np.unique(np.concatenate(found))
+            points.append(s[-1] - off if end else off)
+    joined = np.unique(np.concatenate(points))
     return joined[np.concatenate([[True], np.diff(joined) > 1e-13 * joined[-1]])]
 
 
@@ -343,15 +338,11 @@ def _of_accelerations(t: Vector, a: Vector, jerk: Vector, length: float) -> Time
     return TimeLaw(t, np.vstack([s[:-1], v, a / 2, jerk / 6]) * (length / s[-1]))
 
 
-# --------------------------------------------------------------------------------------------------
-# `_fastest_trapezoid`: one ramp up, a constant rate, one ramp down; each ramp is as short as its own
-# place allows.
+# --- `_fastest_trapezoid`: one ramp up, a constant rate, one ramp down; each ramp is as short as its own place allows.
 #
-# A ramp takes T seconds from rest to the path rate V, over the length V T / 2. Its acceleration
-# rises for a share w of T, stays, and falls for the same share; w = 0 is even acceleration, for
-# where no jerk is limited. On a straight curve this is T = V/a + a/j, or 2 sqrt(V/j) where the
-# limit a of the acceleration is not reached.
-# --------------------------------------------------------------------------------------------------
+# A ramp takes T seconds from rest to the path rate V, over the length V T / 2. Its acceleration rises for a share w of
+# T, stays, and falls for the same share; w = 0 is even acceleration, for where no jerk is limited. On a straight curve
+# this is T = V/a + a/j, or 2 sqrt(V/j) where the limit a of the acceleration is not reached.
 
 RISES = np.concatenate([np.geomspace(0.01, 0.2, 7), np.linspace(0.225, 0.5, 12)])
 """Shares of a ramp in which its acceleration rises; the one with the shortest ramp is taken: 5 % lie between two."""
@@ -377,6 +368,7 @@ def _fastest_trapezoid(stretch: Stretch, laps: int, bounds: tuple[Vector, Vector
     """
     length = laps * stretch.length
     rises = RISES if np.isfinite(bounds[2]).any() else np.zeros(1)
+    # The greatest rate at each place that a constant rate allows.
     grid = np.linspace(0.0, stretch.length, 2 * FINEST + 1)
     _, d1, d2, d3 = stretch.derivatives(grid)
     with np.errstate(divide="ignore"):
@@ -403,9 +395,11 @@ def _fastest_trapezoid(stretch: Stretch, laps: int, bounds: tuple[Vector, Vector
                 best = seconds, rate, (up[0][k], up[1][k]), (down[0][k], down[1][k])
         return best
 
+    # The greatest rate, if its ramps take little of the time.
     at_once = tried(np.array([top, min(top, float(caps.min()))]), rises)
     if sum(ramp[0] for ramp in at_once[2:]) < at_once[0] / 4 < np.inf:  # ramps do not pay for a lower rate
         return _law(length, *at_once[1:])
+    # Else look for the best rate, coarsely, then ever finer.
     for attempt in range(ROUNDS):
         rates = np.geomspace(1.0, 1.0 / NARROWER, RATES_TRIED) * top / NARROWER**attempt
         best = tried(rates, rises[::3])
@@ -416,7 +410,7 @@ def _fastest_trapezoid(stretch: Stretch, laps: int, bounds: tuple[Vector, Vector
     step = rates[0] / rates[1]
     while step > 1.003:
         finer = best[1] * np.geomspace(1 / step, step, 9)
-        best = min(best, tried(finer[finer <= rates[0]], rises), key=lambda found: found[0])
+        best = min(best, tried(finer[finer <= rates[0]], rises), key=lambda candidate: candidate[0])
         step **= 1 / 4
     return _law(length, *best[1:])
 
@@ -432,16 +426,16 @@ def _ramps(
     ladder = shortest[:, None] * (longest / shortest)[:, None] ** np.linspace(0.0, 1.0, LADDER)
     each = [np.repeat(x, LADDER) for x in (V, w)]
     holds = _holds(stretch, length, bounds, each[0], each[1], ladder.ravel(), end).reshape(ladder.shape)
-    at = holds.argmax(axis=1)
+    first = holds.argmax(axis=1)
     rows = np.arange(len(V))
-    low, high = ladder[rows, np.maximum(at - 1, 0)], ladder[rows, at]
+    low, high = ladder[rows, np.maximum(first - 1, 0)], ladder[rows, first]
     for _ in range(HALVINGS):
         middle = np.sqrt(low * high)
         good = _holds(stretch, length, bounds, V, w, middle, end)
         low, high = np.where(good, low, middle), np.where(good, middle, high)
-    found = np.where(holds.any(axis=1), high, np.inf).reshape(len(rates), len(rises))
-    best = found.argmin(axis=1)
-    return found[np.arange(len(rates)), best], rises[best]
+    times = np.where(holds.any(axis=1), high, np.inf).reshape(len(rates), len(rises))
+    best = times.argmin(axis=1)
+    return times[np.arange(len(rates)), best], rises[best]
 
 
 def _holds(
@@ -466,8 +460,8 @@ def _holds(
     s, a = V * T * way, V / T * bend
     s, a = (length - s, -a) if end else (s, a)
     rates = [V * fast, a, V / T**2 * jump]
-    found = stretch.motion(s.ravel(), [x.ravel() for x in rates])[1:]
-    worst = np.max([np.abs(x / limit).max(axis=1) for x, limit in zip(found, bounds, strict=True)], axis=0)
+    rates_of_joints = stretch.motion(s.ravel(), [x.ravel() for x in rates])[1:]
+    worst = np.max([np.abs(x / limit).max(axis=1) for x, limit in zip(rates_of_joints, bounds, strict=True)], axis=0)
     return (worst <= 1.0).reshape(x.shape).all(axis=1)
 
 
@@ -481,8 +475,8 @@ def _law(length: float, rate: float, up: tuple[float, float], down: tuple[float,
         slope = a / (w * T) if w else 0.0
         steps += [(w * T, 0.0, slope), ((1 - 2 * w) * T, a, 0.0), (w * T, a, -slope)]
     total = sum(h for h, _, _ in steps)
-    kept = np.array([step for step in steps if step[0] > 1e-12 * total]).T
-    return _of_accelerations(np.concatenate([[0.0], np.cumsum(kept[0])]), kept[1], kept[2], length)
+    pieces = np.array([step for step in steps if step[0] > 1e-12 * total]).T
+    return _of_accelerations(np.concatenate([[0.0], np.cumsum(pieces[0])]), pieces[1], pieces[2], length)
 
 
 Profile = Literal["time-optimal", "trapezoidal", "quintic"]
@@ -530,7 +524,6 @@ GIVE_VELOCITY = f"{GIVE_SPEEDS}, or give the motion its own: velocity= here or i
 @typed
 def retime(
     trajectory: Trajectory,
-    robot: Robot,
     *,
     acceleration: ArrayLike | None = None,
     jerk: ArrayLike | None = None,
@@ -559,9 +552,9 @@ def retime(
     time along it is smoothed. That is not the least time under a limit of jerk.
 
     Args:
-        robot: whose limits of position, and of speed, hold.
-        acceleration: largest accelerations [rad/s^2 or m/s^2], one for all joints or (n,); needed for "time-optimal"
-            and "trapezoidal".
+        trajectory: whose robot's limits of position, and of speed, hold.
+        acceleration: largest accelerations [rad/s^2 or m/s^2], one for all joints or (n,), which no model of a robot
+            has; needed for "time-optimal" and "trapezoidal".
         jerk: the same of the jerks; None for no limit.
         velocity: the same of the speeds; by default the robot's `max_velocity`, of which no joint may lack one.
             `math.inf` is no limit.
@@ -580,9 +573,7 @@ def retime(
         one that does not repeat.
         ShapeError: limits that are not n numbers.
     """
-    n = trajectory.q.shape[1]
-    if trajectory.joint_names != robot.joint_names:
-        raise ArgumentError("the robot", robot.name, "give the one that the trajectory is of")
+    robot, n = trajectory.robot, trajectory.robot.n
     if profile not in get_args(Profile):
         raise ArgumentError("profile", profile, f"use one of {', '.join(get_args(Profile))}")
     speeds = speed_limits(robot, GIVE_VELOCITY) if velocity is None else velocity
@@ -591,7 +582,10 @@ def retime(
         _limit("acceleration", acceleration, n), _limit("jerk", jerk, n),
     )  # fmt: skip
     if profile != "quintic" and not np.isfinite(limits.acceleration).all():
-        raise ArgumentError("acceleration", acceleration, f"a {profile} profile needs that of every joint")
+        cure = (
+            f"a {profile} profile needs that of every joint: hk.retime(trajectory, acceleration=5.0) [rad/s^2 or m/s^2]"
+        )
+        raise ArgumentError("acceleration", acceleration, f'{cure}, or profile="quintic", which does without')
     if not any(np.isfinite(getattr(limits, rate)).any() for rate in RATES) and speed is None:
         raise ArgumentError("the limits", None, "give at least one of velocity, acceleration, jerk and speed")
     most = np.inf if speed is None else positive("speed", speed)
@@ -664,11 +658,11 @@ class _Plan:
         ]  # a share of the time
         step = (0.5 / least) ** (1 / (WINDOWS - 1))
         for _ in range(1 + FINER):
-            taken = [
+            candidates = [
                 self._slowing(stretch, smoothed(law, w * law.duration), ROUGHLY) * law.duration * (1 + w)
                 for law, w in tried
             ]
-            law, w = tried[int(np.argmin(taken))]
+            law, w = tried[int(np.argmin(candidates))]
             tried = [(law, w), *((law, x) for x in (w * np.geomspace(1 / step, step, WINDOWS)).tolist() if x <= 0.5)]
             step **= 2 / (WINDOWS - 1)
         return smoothed(law, w * law.duration), w * law.duration
@@ -676,11 +670,11 @@ class _Plan:
     def _slowing(self, stretch: Stretch, law: TimeLaw, count: int = 2 * FINEST) -> float:
         """The factor of time by which every limit just holds, looked at at all pieces of the law and between."""
         _, (s, *rates) = law.within(count)
-        found = stretch.motion(s, rates)[1:]
+        joint_rates = stretch.motion(s, rates)[1:]
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             ratios = [
                 float(np.abs(x / limit).max()) ** (1.0 / order)
-                for order, (x, limit) in enumerate(zip(found, self._bounds, strict=True), 1)
+                for order, (x, limit) in enumerate(zip(joint_rates, self._bounds, strict=True), 1)
             ]
         return max(*ratios, float(rates[0].max()) / self.speed)
 
@@ -709,15 +703,15 @@ class _Plan:
         ends = np.cumsum([len(part) for part in times]) - 1
         when = np.concatenate(times)
         s, *rates = law.at(when)
-        taken = self._taken(stretch, law, when, rates[0])
+        shares = self._taken(stretch, law, when, rates[0])
         rates[0][[0, -1]] = 0.0
         rows = stretch.motion(s, rates)
         rows[0][0], rows[0][ends] = stretch.q[0], stretch.q[-1]
-        return _Part(rows, rates[0], taken, [int(i) for i in ends], factor * window)
+        return _Part(rows, rates[0], shares, [int(i) for i in ends], factor * window)
 
     def _taken(self, stretch: Stretch, law: TimeLaw, t: Vector, rate: Vector) -> Matrix:
         """See `_Part`: looked at between the samples too, for a ramp may be shorter than a step."""
-        found = np.zeros((len(t), 2))
+        greatest = np.zeros((len(t), 2))
         slow = np.flatnonzero(rate < (1.0 - SLOW) * self.speed) if np.isfinite(self.speed) else np.zeros(0, dtype=int)
         for part in np.split(slow, range(10_000, len(slow), 10_000)):
             if not len(part):
@@ -727,8 +721,8 @@ class _Plan:
             moved = stretch.motion(s, rates)[1:]
             shares = np.stack([np.abs(x / b) for x, b in zip(moved, self._bounds, strict=True)], axis=1)
             shares = shares.reshape(len(part), BETWEEN, -1).max(axis=1)
-            found[part] = np.column_stack([shares.max(axis=1), shares.argmax(axis=1)])
-        return found
+            greatest[part] = np.column_stack([shares.max(axis=1), shares.argmax(axis=1)])
+        return greatest
 
 
 def _open(stretch: Stretch) -> Stretch:
@@ -739,10 +733,10 @@ def _limit(what: str, given: ArrayLike | None, n: int) -> Vector:
     """Limits (n,), infinite where there are none. Raises: ArgumentError, ShapeError."""
     if given is None:
         return np.full(n, np.inf)
-    found = numbers(what, given)
-    if found.shape not in ((), (n,)) or not ((found > 0) & ((found <= HUGE) | (found == np.inf))).all():
+    array = numbers(what, given)
+    if array.shape not in ((), (n,)) or not ((array > 0) & ((array <= HUGE) | (array == np.inf))).all():
         raise ArgumentError(what, given, f"give one positive number, or {n} of them, at most {HUGE:g}")
-    return np.broadcast_to(found, (n,))
+    return np.broadcast_to(array, (n,))
 
 
 def _lap_ends(law: TimeLaw, length: float, laps: int) -> list[float]:
@@ -752,8 +746,8 @@ def _lap_ends(law: TimeLaw, length: float, laps: int) -> list[float]:
     def past(t: float, lap: int) -> float:
         return float(law.at(np.array([t]))[0][0]) - lap * length
 
-    found = [brentq(past, 0.0, law.duration, args=(lap,), xtol=1e-15) for lap in range(1, laps)]
-    return [float(t) for t in found]  # type: ignore[arg-type]  no RootResults, which are given when asked for
+    ends = [brentq(past, 0.0, law.duration, args=(lap,), xtol=1e-15) for lap in range(1, laps)]
+    return [float(t) for t in ends]  # type: ignore[arg-type]  no RootResults, which are given when asked for
 
 
 def _differences(q: Matrix, dt: float) -> list[Matrix]:
@@ -778,7 +772,7 @@ def _joined(trajectory: Trajectory, plan: _Plan, parts: list[_Part], times: int,
             stops.append(count - 1)
             if part is parts[-1]:
                 marks += laps
-    q, dq, ddq, dddq, speed, taken = (np.concatenate(column) for column in columns)
+    q, dq, ddq, dddq, speed, shares = (np.concatenate(column) for column in columns)
     if len(marks) == max(2, len(trajectory.marks)):
         q[marks[-1]] = trajectory.q[-1]
     t = np.asarray(np.arange(len(q)) * plan.dt, dtype=float)
@@ -788,14 +782,14 @@ def _joined(trajectory: Trajectory, plan: _Plan, parts: list[_Part], times: int,
         if jumps[0] > STEADY or jumps[1] > 1e3 * STEADY:
             cure = f"the second of three {plan.profile} cycles is not steady: give larger accelerations, or cycles="
             raise ArgumentError("the jump of an endless cycle", max(jumps), cure)
-    slow = _slowdowns(trajectory, plan, t, speed, taken)
+    slow = _slowdowns(trajectory, plan, t, speed, shares)
     return TimedTrajectory(
         trajectory, plan.limits, plan.profile, plan.dt, t, q, dq, ddq, dddq, speed, tuple(marks),
         tuple(k for k in stops if k < len(q) - 1), loop, slow, max(part.window for part in parts),
     )  # fmt: skip
 
 
-def _slowdowns(trajectory: Trajectory, plan: _Plan, t: Vector, speed: Vector, taken: Matrix) -> tuple[Slowdown, ...]:
+def _slowdowns(trajectory: Trajectory, plan: _Plan, t: Vector, speed: Vector, shares: Matrix) -> tuple[Slowdown, ...]:
     """Where the path speed is below that asked for; a constant speed has a reason of its own, its ramps have theirs."""
     if not np.isfinite(plan.speed):
         return ()
@@ -804,17 +798,17 @@ def _slowdowns(trajectory: Trajectory, plan: _Plan, t: Vector, speed: Vector, ta
     even = still & np.concatenate([still[1:], [False]]) & (speed > SLOW * plan.speed)
     kind = np.where(slow, 1 + even, 0)
     edges = np.flatnonzero(np.diff(kind)) + 1
-    found = []
+    slowdowns = []
     for part in np.split(np.arange(len(t)), edges):
         if not kind[part[0]]:
             continue
-        share = taken[part, 0].max()
-        among = taken[part[taken[part, 0] >= ALMOST * share], 1].astype(
+        share = shares[part, 0].max()
+        among = shares[part[shares[part, 0] >= ALMOST * share], 1].astype(
             int
         )  # the last half step is also the next part's
         rate, joint = divmod(int(np.bincount(among).argmax()), len(trajectory.joint_names))
-        least = float(speed[part].min() / plan.speed)
+        slowest = float(speed[part].min() / plan.speed)
         binds = share >= BINDS
         name, limit = (trajectory.joint_names[joint], RATES[rate]) if binds else ("", f"{plan.profile} profile")
-        found.append(Slowdown(float(t[part[0]]), float(t[part[-1]]), least, name, limit))
-    return tuple(found)
+        slowdowns.append(Slowdown(float(t[part[0]]), float(t[part[-1]]), slowest, name, limit))
+    return tuple(slowdowns)

@@ -16,6 +16,7 @@ from ..base.errors import ArgumentError, NotFiniteError, ShapeError
 from ..base.files import write_csv
 from ..base.types import Indices, Matrix, NoTruthValue, Value, Vector, frozen, numbers
 from ..base.units import SI, PrintedUnits
+from ..robot import Robot
 from ..strategies.tasks.task import Task
 from .ik.plan import BLOCK, Plan
 
@@ -62,13 +63,13 @@ def _known(values: Matrix, count: int) -> Matrix:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory(NoTruthValue, Value, ask="`.status`"):
-    """Joint motion at k instants.
+    """Joint motion of a robot at k instants.
 
     t (k,) [s]; q (k, n) [joint units]; marks: indices at which cycles begin, and the last one ends; corners: indices at
     which the tool's direction jumps, the marks among them where a closed path ends in another direction than it starts.
     """
 
-    joint_names: tuple[str, ...]
+    robot: Robot
     joint_units: tuple[str, ...]
     row_names: tuple[str, ...]
     row_units: tuple[str, ...]
@@ -83,6 +84,11 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         return (
             f"Trajectory({len(self)} samples, {self.cycles} cycles, {self.status.name}, {', '.join(self.joint_names)})"
         )
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of q."""
+        return self.robot.joint_names
 
     def _shown_rows(self) -> list[Sequence[str]]:
         """How it ended, and from where to where each joint went."""
@@ -171,10 +177,12 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         """The same motion with its values in other units, to be printed."""
         joints, rows = units.factors(self.joint_units), units.factors(self.row_units)
         measures = Measures(
-            lambda count: self.dq[:count] * joints, lambda count: self.x[:count] * rows,
-            lambda count: self.error[:count] * rows, lambda count: self.sigma[:count],
+            lambda count: self.dq[:count] * joints,
+            lambda count: self.x[:count] * rows,
+            lambda count: self.error[:count] * rows,
+            lambda count: self.sigma[:count],
             lambda count: self.residual[:count],
-        )  # fmt: skip
+        )
         return replace(
             self, joint_units=tuple(map(units.name, self.joint_units)), q=self.q * joints,
             row_units=tuple(map(units.name, self.row_units)), measures=measures,
@@ -201,12 +209,6 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         write_csv(path, header, np.column_stack([seen.t, seen.q, seen.dq, seen.x]).tolist())
 
 
-# --------------------------------------------------------------------------------------------------
-# The trajectory of a run: its postures along a plan, and what is measured of them when somebody
-# asks.
-# --------------------------------------------------------------------------------------------------
-
-
 def record(
     task: Task,
     plan: Plan,
@@ -217,8 +219,8 @@ def record(
     residual: Callable[[int], Vector] | None = None,
 ) -> Trajectory:
     """The trajectory of postures q (k + 1, n) at the start and the plan's samples; the rest is measured when asked."""
-    robot = task.robot
     count, steps = len(q) - 1, plan.steps
+    # The times of the samples, a block at a time.
     t = np.empty(count + 1)
     t[0] = 0.0
     for first in range(0, count, BLOCK):
@@ -236,6 +238,7 @@ def record(
         J, _ = task.jacobian_batch(q[:samples])
         return np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1], dtype=float)
 
+    # The samples at the corners of the path, in every cycle.
     first = np.concatenate([[0], np.cumsum(plan.counts)])[list(plan.path.corners)]
     corners = np.add.outer(steps * np.arange(count // steps + 1), first).ravel().tolist()
     measures = Measures(
@@ -246,8 +249,8 @@ def record(
         residual=residual or np.zeros,
     )
     return Trajectory(
-        joint_names=robot.joint_names,
-        joint_units=tuple(c.unit for c in robot.coordinates),
+        robot=task.robot,
+        joint_units=tuple(c.unit for c in task.robot.coordinates),
         row_names=task.row_names,
         row_units=task.units,
         t=t,
@@ -258,10 +261,6 @@ def record(
         corners=tuple(k for k in corners if k <= count),
     )
 
-
-# --------------------------------------------------------------------------------------------------
-# `Recording`: the joints of a robot over time, as they were logged.
-# --------------------------------------------------------------------------------------------------
 
 GAP = 10.0
 """A step longer than this many median steps is a gap: something is missing there."""
@@ -325,14 +324,9 @@ class Recording(Value):
         return frozen(np.flatnonzero(steps > GAP * np.median(steps)))
 
 
-# --------------------------------------------------------------------------------------------------
-# The joint speed of a motion over the least that any law could have.
-# --------------------------------------------------------------------------------------------------
-
-
 def over_least_speed(task: Task, walk: Trajectory) -> float:
     """Joint speed (rms) over that of the pseudo-inverse at the same postures; NaN where the tool does not move."""
     J, _ = task.jacobian_batch(walk.q)
-    least = np.linalg.pinv(J) @ (J @ walk.dq[:, :, None])
-    size = float(np.linalg.norm(least))
+    minimum_norm = np.linalg.pinv(J) @ (J @ walk.dq[:, :, None])
+    size = float(np.linalg.norm(minimum_norm))
     return float(np.linalg.norm(walk.dq)) / size if size > 0 else np.nan

@@ -38,9 +38,7 @@ from .path import (
     turn_between,
 )
 
-# --------------------------------------------------------------------------------------------------
-# Paths of lines and arcs.
-# --------------------------------------------------------------------------------------------------
+# --- Paths of lines and arcs.
 
 
 @typed
@@ -215,8 +213,8 @@ def _of_segments(segments: list[Segment], t: Vector, first: Array | None) -> Cur
 
     def curve(s: Vector) -> Poses:
         index = np.clip(np.searchsorted(t, s, side="right") - 1, 0, len(segments) - 1)
-        at = path.on(index, (s - t[index]) / (t[index + 1] - t[index]))
-        return Poses(at.position, None if first is None else at.rotation @ first)
+        samples = path.on(index, (s - t[index]) / (t[index + 1] - t[index]))
+        return Poses(samples.position, None if first is None else samples.rotation @ first)
 
     return curve
 
@@ -231,13 +229,13 @@ def within(curve: Curve, t: Vector, closed: bool, tolerance: float, speed: float
         ArgumentError: the curve has a corner or a jump.
     """
 
-    def rough(at: Samples, _begun: list[Samples], wanted: Poses) -> Flags:
-        off = np.linalg.norm(at.position - wanted.points, axis=1)
-        return (off > tolerance) | (_turned(at, wanted) > tolerance)
+    def rough(samples: Samples, _begun: list[Samples], wanted: Poses) -> Flags:
+        off = np.linalg.norm(samples.position - wanted.points, axis=1)
+        return (off > tolerance) | (_turned(samples, wanted) > tolerance)
 
-    segments, stuck, at = _refined(curve, t, closed, speed, rough, np.full(len(t) - 1, MOST))
+    segments, stuck, samples = _refined(curve, t, closed, speed, rough, np.full(len(t) - 1, MOST))
     if stuck.any():
-        raise ArgumentError(CORNER, at, SMOOTH)
+        raise ArgumentError(CORNER, samples, SMOOTH)
     return segments
 
 
@@ -255,12 +253,12 @@ def evenly(
     """
     pieces = np.full(len(breaks) - 1, FINE)
     while True:
-        segments, stuck, at = _evenly(curve, breaks, closed, speed, angular_speed, tolerance, slowest, pieces)
+        segments, stuck, parameters = _evenly(curve, breaks, closed, speed, angular_speed, tolerance, slowest, pieces)
         if not stuck.any():
             return segments
         pieces[stuck] *= FINER
         if pieces.max() > FINEST:
-            raise ArgumentError(CORNER, at, SMOOTH)
+            raise ArgumentError(CORNER, parameters, SMOOTH)
 
 
 def _evenly(
@@ -270,6 +268,7 @@ def _evenly(
     """`evenly`, with the length of each interval measured on some pieces; as `_refined`. Raises: ArgumentError."""
     from scipy.interpolate import PchipInterpolator
 
+    # The clock: seconds along the curve up to each of its fine places.
     fine = _divided(breaks, pieces)
     edges = [*range(0, len(fine) - 1, BLOCK), len(fine) - 1]
     parts = (fine[a : b + 1] for a, b in pairwise(edges))
@@ -280,6 +279,7 @@ def _evenly(
     clock = np.append(0.0, np.cumsum(steps))
     knots = clock[np.append(0, np.cumsum(pieces))]
 
+    # Its inverse, time to parameter, by monotone cubics.
     @lru_cache(maxsize=1)
     def interpolated(k: int) -> PchipInterpolator:
         near = slice(max(0, edges[k] - 2), edges[k + 1] + 3)  # it has the slopes of one through all: they are local
@@ -293,19 +293,20 @@ def _evenly(
         place = np.searchsorted(knots, t).clip(0, len(knots) - 1)
         return curve(np.where(knots[place] == t, breaks[place], inverse(t)))  # waypoints to the last bit
 
-    def rough(at: Samples, begun: list[Samples], wanted: Poses) -> Flags:
-        ahead = at.velocity / np.maximum(np.linalg.norm(at.velocity, axis=1, keepdims=True), 1e-300)
-        gap = at.position - wanted.points
+    # Where a cubic is off the curve, turned from it, or not even.
+    def rough(samples: Samples, begun: list[Samples], wanted: Poses) -> Flags:
+        ahead = samples.velocity / np.maximum(np.linalg.norm(samples.velocity, axis=1, keepdims=True), 1e-300)
+        gap = samples.position - wanted.points
         gap -= np.sum(gap * ahead, axis=1, keepdims=True) * ahead  # along the curve it is the clock that is off
         uneven = np.zeros(len(wanted), dtype=bool)
-        for x in (at, *begun):
+        for x in (samples, *begun):
             sizes = np.linalg.norm(x.velocity, axis=1) / speed, np.linalg.norm(x.angular, axis=1) / angular_speed
             load = _most(*sizes)
             slow = load < 1 - EVEN
             if slow.any():
                 slow[slow] = slowest * inverse(x.t[slow], 1) < SLOW
             uneven |= (load > 1 + EVEN) | slow
-        off = (np.linalg.norm(gap, axis=1) > tolerance) | (_turned(at, wanted) > TURNED)
+        off = (np.linalg.norm(gap, axis=1) > tolerance) | (_turned(samples, wanted) > TURNED)
         return off | uneven
 
     return _refined(timed, knots, closed, speed, rough, pieces // 4)
@@ -327,15 +328,15 @@ def _refined(
         segments = cubics(t, poses, closed, speed)
         path = Path(tuple(segments), speed)
         index = np.arange(len(segments))
-        at, *begun = (path.on(index, np.full(len(index), u)) for u in (0.5, 0.0, 0.25, 0.75))
+        middle, *begun = (path.on(index, np.full(len(index), u)) for u in (0.5, 0.0, 0.25, 0.75))
         if poses.rotations is not None:
-            at = replace(at, rotation=at.rotation @ poses.rotations[0])
-        found = rough(at, begun, curve((t[:-1] + t[1:]) / 2))
+            middle = replace(middle, rotation=middle.rotation @ poses.rotations[0])
+        spline = rough(middle, begun, curve((t[:-1] + t[1:]) / 2))
         interval = np.repeat(np.arange(len(counts)), counts)
-        worse = np.bincount(interval, found, len(counts)) > 0
+        worse = np.bincount(interval, spline, len(counts)) > 0
         stuck = worse & (counts >= most)
         if stuck.any() or not worse.any():
-            return segments, stuck, float(t[int(np.argmax(found & stuck[interval]))])
+            return segments, stuck, float(t[int(np.argmax(spline & stuck[interval]))])
         counts[worse] *= 2
 
 
@@ -345,11 +346,11 @@ def _divided(breaks: Vector, counts: Indices) -> Vector:
     return np.append(within * np.repeat(np.diff(breaks) / counts, counts) + np.repeat(breaks[:-1], counts), breaks[-1])
 
 
-def _turned(at: Samples, wanted: Poses) -> Vector:
+def _turned(samples: Samples, wanted: Poses) -> Vector:
     """Angles (k,) between rotations and those wanted."""
     if wanted.rotations is None:
         return np.zeros(len(wanted))
-    return np.linalg.norm(turn_between(wanted.rotations, at.rotation), axis=1)
+    return np.linalg.norm(turn_between(wanted.rotations, samples.rotation), axis=1)
 
 
 def _most(*sizes: Array) -> Array:
@@ -374,10 +375,6 @@ def even_curve(
     breaks = np.arange(pieces + 1.0)
     return evenly(lambda s: Poses(points(s), None), breaks, closed, speed, 1.0, tolerance)
 
-
-# --------------------------------------------------------------------------------------------------
-# `spline` and `path_of`: smooth paths through waypoints, and of functions of time.
-# --------------------------------------------------------------------------------------------------
 
 SHAPE = 1e-4
 """How far [m] a spline at even speed may be from the spline of chord lengths through the same waypoints; of one larger
@@ -420,24 +417,26 @@ def spline(
     if given is not None and times is None and given.times is not None:
         times = given.times
     poses = as_poses(points)
-    said = () if given is None else given.notes
+    notes_of_file = () if given is None else given.notes
     first = poses.rotations[0] if poses.rotations is not None else None
+    # With times: a spline through the waypoints at these.
     if times is not None:
         if closed and not meets(poses):
             cure = "give the first waypoint again as the last one, with the time of the return"
             raise ArgumentError("the end of a closed path with times", poses.points[-1].tolist(), cure)
         t = finite("times", times, (len(poses),), "give one for each waypoint")
-        poses, kept, notes = distinct(poses, t)
-        t = rising(t[kept], len(poses))
+        poses, distinct_rows, notes = distinct(poses, t)
+        t = rising(t[distinct_rows], len(poses))
         if poses.rotations is not None:
             sure_turns(poses.rotations)
-        return replace(_timed_path(cubics(t, poses, closed, 1.0), first, t), notes=(*said, *notes))
+        return replace(_timed_path(cubics(t, poses, closed, 1.0), first, t), notes=(*notes_of_file, *notes))
     if closed and not meets(poses):
         poses = poses.at(np.append(np.arange(len(poses)), 0))
     poses, _, notes = distinct(poses)
     turns = None if poses.rotations is None else sure_turns(poses.rotations)
     positive("speed", speed, "give a positive speed in m/s or rad/s")
     positive("angular_speed", angular_speed, "give a positive speed in m/s or rad/s")
+    # Without: a spline by chord lengths, gone along at even speed.
     far = np.linalg.norm(np.diff(poses.points, axis=0), axis=1) / speed
     if turns is not None:
         turned = np.linalg.norm(turns, axis=1)
@@ -448,7 +447,7 @@ def spline(
         raise ArgumentError("the size of a curve", size, f"give metres, at most {LARGEST:g}")
     curve = _of_segments(cubics(t, poses, closed, 1.0), t, first)
     segments = evenly(curve, t, closed, speed, angular_speed, SHAPE * max(1.0, size), SLOWEST)
-    return Path(tuple(segments), speed, angular_speed, first, (*said, *notes))
+    return Path(tuple(segments), speed, angular_speed, first, (*notes_of_file, *notes))
 
 
 @typed
@@ -531,9 +530,7 @@ def _slope(x: Array, h: float) -> tuple[Vector, Vector]:
     return first, last
 
 
-# --------------------------------------------------------------------------------------------------
-# Paths over a plane or curved patch: figure eight, raster, spiral.
-# --------------------------------------------------------------------------------------------------
+# --- Paths over a plane or curved patch: figure eight, raster, spiral.
 
 Surface = Callable[[float, float], float]
 """Height z = f(u, v) [m] over the plane of a patch."""
@@ -688,10 +685,10 @@ def raster(
 
 def _through(patch: Patch, corners: Matrix, speed: float, angular_speed: float) -> Path:
     """Straight over the plane from corner to corner (k, 2), and up and down with the surface."""
-    at = patch.at(corners)
-    first = None if at.rotations is None else at.rotations[0]
+    points = patch.at(corners)
+    first = None if points.rotations is None else points.rotations[0]
     if patch.surface is None:
-        pairs = zip(at.points[:-1], at.points[1:], strict=True)
+        pairs = zip(points.points[:-1], points.points[1:], strict=True)
         return Path(tuple(line_segment(a, b, np.zeros(3)) for a, b in pairs), speed, angular_speed, first)
     pieces = []
     for k, (a, b) in enumerate(pairwise(corners)):
@@ -701,7 +698,7 @@ def _through(patch: Patch, corners: Matrix, speed: float, angular_speed: float) 
 
         tolerance = _tolerance(float(np.abs(b - a).max()))
         segments = evenly(curve, np.linspace(0.0, 1.0, 3), False, speed, angular_speed, tolerance)
-        rotation = None if at.rotations is None else at.rotations[k]
+        rotation = None if points.rotations is None else points.rotations[k]
         pieces.append(Path(tuple(segments), speed, angular_speed, rotation))
     return join(*pieces)
 

@@ -97,8 +97,8 @@ def _beside(path: Path, k: int, half: float) -> tuple[State, State]:
 def _state(path: Path, t: float, side: Literal["left", "right"]) -> State:
     index = np.searchsorted(path.starts[1:-1], [t], side=side)
     u = np.clip((t - path.starts[index]) / path.durations[index], 0.0, 1.0)
-    at = path.on(index, u)
-    return at.position[0], at.velocity[0], at.angular[0], at.rotation[0]
+    sample = path.on(index, u)
+    return sample.position[0], sample.velocity[0], sample.angular[0], sample.rotation[0]
 
 
 def _blend(path: Path, k: int, room: float, tolerance: float) -> tuple[Segment, float]:
@@ -163,7 +163,7 @@ def with_leads(
     ends = path.at(np.array([0.0, path.duration]))
     before, after = [], []
     for side, (length, pieces) in enumerate(zip(lengths, (before, after), strict=True)):
-        here, sign = ends.position[side], (-1.0, 1.0)[side]
+        position, sign = ends.position[side], (-1.0, 1.0)[side]
         if length > SAME:
             velocity = ends.velocity[side]
             rate = float(np.linalg.norm(velocity))
@@ -171,11 +171,11 @@ def with_leads(
                 raise ArgumentError("the speed at an end of the path", rate, "give the direction of the leads, along=")
             way = sign * velocity / rate if along is None else _direction("along", along)
             nominal = length * path.speed / rate if along is None else None
-            pieces.append((here, here + length * way, nominal))
-            here = here + length * way
+            pieces.append((position, position + length * way, nominal))
+            position = position + length * way
         if np.linalg.norm(up) > SAME:
             slower = None if retract_speed is None else path.speed / positive("retract_speed", retract_speed)
-            pieces.append((here, here + up, None if slower is None else retract * slower))
+            pieces.append((position, position + up, None if slower is None else retract * slower))
     zero = np.zeros(3)
     lead = [replace(line_segment(b, a, zero), nominal=n) for a, b, n in reversed(before)]
     out = [replace(line_segment(a, b, zero), nominal=n) for a, b, n in after]
@@ -211,10 +211,10 @@ def passes(
     for k in range(1, count):
         back = turns and k % 2 == 1
         end = segments[-1].position(np.ones(1))[0]
-        at = (path.end if back else path.start) + k * step
+        start = (path.end if back else path.start) + k * step
         turned = np.eye(3) if turns else path.turned.T  # from the end of a pass to the start of the next
-        segments += _link(end, at, turn_between(np.eye(3), turned), up)
-        segments += (path.reversed() if back else path).starting_at(at).segments
+        segments += _link(end, start, turn_between(np.eye(3), turned), up)
+        segments += (path.reversed() if back else path).starting_at(start).segments
     return replace(path, segments=tuple(segments))
 
 
@@ -239,12 +239,6 @@ def _direction(what: str, value: ArrayLike) -> Vector:
     return v / np.linalg.norm(v)
 
 
-# --------------------------------------------------------------------------------------------------
-# `SynchronizedPaths`: a path for each frame of a task, run through in the same time, as two hands
-# carry one tray.
-# --------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class SynchronizedPaths(Value):
     """Paths of F frames, as many segments in each, each segment as long in all of them [s].
@@ -257,7 +251,7 @@ class SynchronizedPaths(Value):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.paths or any(not np.array_equal(path.durations, self.durations) for path in self.paths):
-            raise ArgumentError("the paths to run through together", len(self.paths), "make them by hk.synchronized")
+            raise ArgumentError("the paths to run through together", len(self.paths), "hk.path.synchronized makes them")
 
     def __repr__(self) -> str:
         return f"SynchronizedPaths({', '.join(map(repr, self.paths))})"
@@ -417,14 +411,14 @@ def _timed(path: Path | ArrayLike, ends: Vector, seconds: Vector) -> Path:
 def _pieces(path: Path, ends: Vector, alike: float) -> list[Segment]:
     times = path.starts / path.duration
     middle = (ends[:-1] + ends[1:]) / 2
-    found = []
+    pieces = []
     for i, a, b in zip(np.searchsorted(times, middle, side="right") - 1, ends, ends[1:], strict=False):
         share = times[i + 1] - times[i]
         low, high = (np.clip((np.array([a, b]) - times[i]) / share, 0.0, 1.0)).tolist()
         low, high = (0.0 if low * share <= alike else low), (1.0 if (1 - high) * share <= alike else high)
         segment = path.segments[i]
-        found.append(segment if (low, high) == (0.0, 1.0) else segment.part(low, high))
-    return found
+        pieces.append(segment if (low, high) == (0.0, 1.0) else segment.part(low, high))
+    return pieces
 
 
 @typed
@@ -446,8 +440,8 @@ def through(
         raise ArgumentError("the coordinates of the points to go through", 0, "give at least one")
     corners = np.vstack([given, given[:1]]) if closed and not meets(Poses(given, None)) else given
     each = one_or_each("seconds", seconds, len(corners) - 1)
-    poses, kept, notes = distinct(Poses(corners, None))
-    corners, each = poses.points, each[kept[1:] - 1]
+    poses, distinct_rows, notes = distinct(Poses(corners, None))
+    corners, each = poses.points, each[distinct_rows[1:] - 1]
     moves = np.diff(corners, axis=0)
     if speed is not None:
         each = np.linalg.norm(moves, axis=1) / positive("speed", speed)

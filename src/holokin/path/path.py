@@ -23,6 +23,7 @@ from ..base.types import (
     ArrayLike,
     Indices,
     Matrix,
+    Shown,
     Value,
     Vector,
     check_rotation,
@@ -35,11 +36,6 @@ from ..base.types import (
     whole,
 )
 from ..symbolic.rotations import rotation_from_rpy
-
-# --------------------------------------------------------------------------------------------------
-# `StraightPath`: from one tool pose to another, the position along a line, the rotation evenly
-# about one axis.
-# --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +85,6 @@ def rotation_matrix(turn: Array) -> Array:
         return np.tile(np.eye(3), (*np.shape(turn)[:-1], 1, 1))
     return Rotation.from_rotvec(np.array(turn)).as_matrix()  # a copy: it refuses what nobody can write to
 
-
-# --------------------------------------------------------------------------------------------------
-# `Segment`: a piece of a path, on which the tool moves along a line, an arc or a cubic and turns
-# meanwhile.
-# --------------------------------------------------------------------------------------------------
 
 NODES, WEIGHTS = (frozen(values) for values in np.polynomial.legendre.leggauss(20))
 """Gauss-Legendre points on [-1, 1]: exact for the area of a cubic, and 1e-15 of the length of the segments of a spline,
@@ -262,9 +253,9 @@ def _shifted(rows: Matrix, start: float, share: float) -> Matrix:
     """The cubic of rows [1, u, u^2, u^3] as one of v, u = start + share v."""
     s, k = start, share
     a, b, c, d = rows
-    return np.array([
-        a + s * b + s * s * c + s**3 * d, k * (b + 2 * s * c + 3 * s * s * d), k * k * (c + 3 * s * d), k**3 * d
-    ])  # fmt: skip
+    return np.array(
+        [a + s * b + s * s * c + s**3 * d, k * (b + 2 * s * c + 3 * s * s * d), k * k * (c + 3 * s * d), k**3 * d]
+    )
 
 
 def powers(u: Vector, count: int) -> Matrix:
@@ -360,7 +351,7 @@ ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(Shown):
     """A path at k instants: t [s], position (k, 3), rotation (k, 3, 3), velocity [m/s] and angular [rad/s] (k, 3)."""
 
     t: Vector
@@ -402,8 +393,8 @@ class Path(Value):
 
     def __repr__(self) -> str:
         count = len(self.segments)
-        said = "".join(f"; {note}" for note in self.notes)
-        return f"Path({count} segment{'s' * (count > 1)}, {self.length:.4g} m, {self.duration:.4g} s{said})"
+        notes = "".join(f"; {note}" for note in self.notes)
+        return f"Path({count} segment{'s' * (count > 1)}, {self.length:.4g} m, {self.duration:.4g} s{notes})"
 
     @typed
     def __add__(self, other: Path) -> Path:
@@ -626,14 +617,14 @@ class Path(Value):
 
 def _on_segments(index: ArrayLike, u: ArrayLike, count: int) -> tuple[Indices, Vector]:
     """Some of so many segments (k,), and the parameters (k,) on them. Raises: ShapeError, ArgumentError."""
-    chosen, at = numbers("the segments", index), finite("u", u, ("k",))
-    if chosen.shape != at.shape:
-        raise ShapeError("the segments", at.shape, chosen.shape, "give one for each u")
+    chosen, parameters = numbers("the segments", index), finite("u", u, ("k",))
+    if chosen.shape != parameters.shape:
+        raise ShapeError("the segments", parameters.shape, chosen.shape, "give one for each u")
     if not ((chosen >= 0) & (chosen < count) & (chosen == np.floor(chosen))).all():
         raise ArgumentError("the segments", chosen.tolist(), f"give whole numbers from 0 to {count - 1}")
-    if not np.abs(at - 0.5).max(initial=0.0) <= 0.5 + ROUND_OFF:
-        raise ArgumentError("u", at.tolist(), "give numbers from 0 to 1")
-    return chosen.astype(np.intp), at
+    if not np.abs(parameters - 0.5).max(initial=0.0) <= 0.5 + ROUND_OFF:
+        raise ArgumentError("u", parameters.tolist(), "give numbers from 0 to 1")
+    return chosen.astype(np.intp), parameters
 
 
 def locate(counts: Indices, step: Indices) -> tuple[Indices, Vector, Vector]:
@@ -649,8 +640,8 @@ def corners_of(path: Any, k: int) -> tuple[int, ...]:
     start, end = (path.on(np.arange(k), np.full(k, u)) for u in (0.0, 1.0))
     after = np.hstack([start.velocity, start.angular])
     before = np.roll(np.hstack([end.velocity, end.angular]), 1, axis=0)
-    found = np.abs(after - before).max(axis=1) > CORNER * np.maximum(np.abs(after), np.abs(before)).max(axis=1)
-    return tuple(int(i) for i in np.flatnonzero(found) if i > 0 or path.closed)
+    jumps = np.abs(after - before).max(axis=1) > CORNER * np.maximum(np.abs(after), np.abs(before)).max(axis=1)
+    return tuple(int(i) for i in np.flatnonzero(jumps) if i > 0 or path.closed)
 
 
 @typed
@@ -697,11 +688,6 @@ def as_point(point: ArrayLike) -> Vector:
     if p.shape == (2,):
         p = np.append(p, 0.0)
     return finite("a point", p, (3,))
-
-
-# --------------------------------------------------------------------------------------------------
-# `Waypoints`: points or poses of the tool, as a file has them; and those of arrays.
-# --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)

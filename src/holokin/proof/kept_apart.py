@@ -146,7 +146,7 @@ def clearances_of(
             raise ArgumentError("floor", floor, "give clear_of, too: [] for the floor and the links alone")
         return None
     robot = shapes_of or own
-    robot.check_links()
+    robot._check_links()
     if joints_of(robot) != joints_of(own):
         raise ArgumentError("shapes_of", robot.name, "give the same robot, with other shapes")
     level = None if floor is None else number("floor", floor)
@@ -219,7 +219,7 @@ def _is_rotation(T: Matrix) -> bool:
 
 
 def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str, float]) -> None:
-    size, foot = max(chain_length(robot), 0.1), foot_of(robot.joints, robot.tip().joint)
+    size, foot = max(chain_length(robot), 0.1), foot_of(robot.joints, robot._find_tip().joint)
     most = LARGE * size
     for name, length in lengths.items():
         if abs(length - (foot[2] if name == "floor" else 0.0)) > most:
@@ -232,7 +232,7 @@ def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str,
             raise ArgumentError("a shape of the robot", shape.link, cure)
     for one in obstacles:
         if one.joint >= 0:
-            cure = "a proof is about obstacles that stand still: put what the tool carries on it by hk.with_shape"
+            cure = "a proof is about obstacles that stand still: put what the tool carries on it by hk.robot.with_shape"
             raise ArgumentError("an obstacle that moves", one.link, cure)
         if one.shape.fault:
             raise ArgumentError(f"the obstacle {one.link!r}", one.shape.fault, "give a shape that can be read")

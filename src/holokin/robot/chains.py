@@ -9,20 +9,15 @@ import numpy as np
 
 from ..base.arguments import check, typed
 from ..base.errors import ArgumentError, RobotFileError, ShapeError, UnknownNameError, shown
-from ..base.poses import pose_from
+from ..base.poses import PoseLike, given_pose, pose_from, pose_numbers
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, numbers, one_or_each
+from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, numbers, one_or_each, tool_pose
 from ..symbolic.rotations import rotation_from_rpy
 from .joints import WOUND, Body, Coordinate, Joint, Tip, foot_of, joints_above
 from .model import Robot
 from .shapes.link_shapes import LinkShape
 from .shapes.visuals import Visual
 from .tree import MOVING, Branch, Tree, above_of, chain_of, leaves_of, motion, rerooted, root_of
-
-# --------------------------------------------------------------------------------------------------
-# `longest_span`: a distance beyond which no posture brings a tool, by the lengths of the links
-# alone.
-# --------------------------------------------------------------------------------------------------
 
 CORNERS = (0.1, 0.01, 1e-3)
 """The length of a link is sqrt(d^2 + corner^2) while the points are looked for [m]: where axes meet, d has a kink."""
@@ -61,8 +56,8 @@ def longest_span(robot: Robot, tip: str | None = None, *, turned: bool) -> Span:
         turned: whether the tool's rotation is known: then the span ends on the last hinge's axis; else at the tip.
     """
     links = _Links.of(robot, robot.tip(tip), turned)
-    at = links.drawn_in()
-    return Span(links.first(at), links.last(at), links.length(at)[0] + links.slides)
+    points = links.drawn_in()
+    return Span(links.first(points), links.last(points), links.length(points)[0] + links.slides)
 
 
 def longest_reach(robot: Robot, tip: str | None = None) -> float:
@@ -153,10 +148,10 @@ class _Links:
         """The points (k,) between which the links in a line are shortest."""
         from scipy.optimize import minimize
 
-        at = np.zeros(len(self.free))
+        points = np.zeros(len(self.free))
         for corner in CORNERS:
-            at = minimize(self.length, at, (corner,), "BFGS", jac=True).x * self.free
-        return at
+            points = minimize(self.length, points, (corner,), "BFGS", jac=True).x * self.free
+        return points
 
     def length(self, t: Vector, corner: float = 0.0) -> tuple[float, Vector]:
         """The length of the links in a line [m] and its derivative (k,): without the link before the first point and,
@@ -183,10 +178,7 @@ class _Links:
         return np.asarray(self.tip[:3, :3].T @ (t[-1] * self.axis[-1] - self.tip[:3, 3]))
 
 
-# --------------------------------------------------------------------------------------------------
-# Are joints in rad, and places in metres? What is far beyond all limits and all reach is in other
-# units.
-# --------------------------------------------------------------------------------------------------
+# --- Are joints in rad, and places in metres? What is far beyond all limits and all reach is in other units.
 
 FAR = 100.0
 """Reaches of an arm from its base at which a place is not in metres: millimetres make a thousand of one."""
@@ -223,17 +215,17 @@ def start_posture(robot: Robot, q: ArrayLike, limits: bool, what: str = "the sta
 def doubtful_unit(robot: Robot, places: Matrix, tip: str | None = None) -> str:
     """What to say of places (k, 3) that are all too far from the base to be in metres; empty of others."""
     away = places - foot_of(robot.joints, robot.tip(tip).joint)
-    least, reach = float(np.linalg.norm(away, axis=-1).min()), longest_reach(robot, tip)
-    if not FAR * reach < least < np.inf:
+    nearest, reach = float(np.linalg.norm(away, axis=-1).min()), longest_reach(robot, tip)
+    if not FAR * reach < nearest < np.inf:
         return ""
-    return f"at least {least:.4g} m from the base, where {robot.name} reaches {reach:.3g} m: give metres"
+    return f"at least {nearest:.4g} m from the base, where {robot.name} reaches {reach:.3g} m: give metres"
 
 
 def check_metres(robot: Robot, poses: Array, tip: str | None = None) -> None:
     """Raises: ArgumentError where the poses (k, 4, 4) of a workspace are too far away to be in metres."""
-    if said := doubtful_unit(robot, poses[:, :3, 3], tip):
+    if doubt := doubtful_unit(robot, poses[:, :3, 3], tip):
         first = poses[0, :3, 3].tolist()
-        raise ArgumentError("the position of the first pose of the workspace", first, f"all are {said}")
+        raise ArgumentError("the position of the first pose of the workspace", first, f"all are {doubt}")
 
 
 def check_radians(what: str, angles: Vector, overruled: str = "") -> None:
@@ -271,19 +263,6 @@ def _check_limits_of_hinges(robot: Robot) -> None:
         cure = f"{fact}: give radians, np.deg2rad(...){TRUST}"
         raise ArgumentError(f"the widest limit of {robot.name!r} [rad]", max(widest), cure)
 
-
-def _check_tool(robot: Robot, xyz: Vector, tip: str | None = None) -> None:
-    """Raises: ArgumentError where a tool is many times longer than the arm that carries it, as in millimetres."""
-    reach, size = longest_reach(robot, tip), float(np.linalg.norm(xyz))
-    if size > (max(SHARE * reach, 1.0) if np.isfinite(reach) else LONGEST):
-        cure = f"this looks like millimetres, {robot.name} reaches {reach:.3g} m: give metres"
-        raise ArgumentError("xyz of a tool", np.asarray(xyz).tolist(), cure)
-
-
-# --------------------------------------------------------------------------------------------------
-# `with_limits`: a robot with limits of its joints that its model does not have, or with others than
-# it has.
-# --------------------------------------------------------------------------------------------------
 
 FASTEST = 50.0
 """Speed [rad/s, m/s] beyond which a limit is doubted: eight turns a second; limits in deg/s are beyond it."""
@@ -324,15 +303,15 @@ def with_limits(
     known = {what: _each(robot, what, value) for what, value in given.items() if value is not None}
     rows = [{what: float(values[i]) for what, values in known.items()} for i in range(robot.n)]
     limited = tuple(replace(c, **row) for c, row in zip(robot.coordinates, rows, strict=True))
-    found = replace(robot, coordinates=limited)
+    limited_robot = replace(robot, coordinates=limited)
     for c, before in zip(limited, robot.coordinates, strict=True):
         doubted = FASTEST < c.max_velocity < np.inf and c.max_velocity != before.max_velocity
         if doubted and c.unit == "rad" and not trust_units:
             cure = f"give rad/s, as np.deg2rad({c.max_velocity:g}), math.inf for none{TRUST}"
             raise ArgumentError(f"max_velocity of joint {c.name!r}", f"{c.max_velocity:g} rad/s", cure)
     if not trust_units and (lower is not None or upper is not None):
-        _check_limits_of_hinges(found)
-    return found
+        _check_limits_of_hinges(limited_robot)
+    return limited_robot
 
 
 def without_speed_limit(robot: Robot) -> str:
@@ -355,17 +334,17 @@ def _each(robot: Robot, what: str, value: JointValues) -> Vector:
     """(n,) of a number, of n numbers, or of those of some joints, where the others stay."""
     if isinstance(value, Mapping):
         values = getattr(robot, what).copy()
-        for name, one in value.items():
-            values[robot.joint_index(name)] = _number(f"{what} of joint {name!r}", one)
+        for name, number in value.items():
+            values[robot.joint_index(name)] = _number(f"{what} of joint {name!r}", number)
         return values
     return one_or_each(what, value, robot.n).copy()
 
 
 def _number(what: str, value: float) -> float:
-    found = numbers(what, value)
-    if found.shape != ():
-        raise ShapeError(what, "()", found.shape)
-    return float(found)
+    array = numbers(what, value)
+    if array.shape != ():
+        raise ShapeError(what, "()", array.shape)
+    return float(array)
 
 
 def robot_of(
@@ -543,15 +522,15 @@ class _Builder:
 
     def _all_followers(self) -> dict[str, list[tuple[Branch, float, float]]]:
         """Every joint that leads -> those that follow it in the end, each with its multiplier and offset."""
-        found: dict[str, list[tuple[Branch, float, float]]] = {}
+        followers: dict[str, list[tuple[Branch, float, float]]] = {}
         for joint in self.by_name.values():
             if joint.follows is not None and joint.name not in self.held and joint.kind in MOVING:
                 try:
                     master, multiplier, offset = self._master(joint)
                 except RobotFileError:
                     continue  # told where a chain needs it
-                found.setdefault(master.name, []).append((joint, multiplier, offset))
-        return found
+                followers.setdefault(master.name, []).append((joint, multiplier, offset))
+        return followers
 
     def _coordinate(self, master: Branch) -> Coordinate:
         """A joint's name, kind and limits, such that all joints that follow it are within theirs, too.
@@ -559,8 +538,8 @@ class _Builder:
         low <= multiplier q + offset <= high of a follower is a range of q, and its largest speed over |multiplier| one
         of q'. Raises: ArgumentError, RobotFileError: limits make no sense, or the ranges have nothing in common.
         """
-        found = master.coordinate
-        lower, upper, speed = found.lower, found.upper, found.max_velocity
+        coordinate = master.coordinate
+        lower, upper, speed = coordinate.lower, coordinate.upper, coordinate.max_velocity
         for joint, multiplier, offset in self.followers.get(master.name, ()):
             low, high, most = _own_limits(joint)
             if multiplier:
@@ -575,7 +554,7 @@ class _Builder:
                 fact = f"joint {joint.name!r} follows {master.name!r} and is never within its own limits"
                 cure = f"correct the limits of both, or hold it still: locked={{{joint.name!r}: value}}"
                 raise self.tree.problem(fact, cure)
-        return replace(found, lower=min(lower, upper), upper=max(lower, upper), max_velocity=speed)
+        return replace(coordinate, lower=min(lower, upper), upper=max(lower, upper), max_velocity=speed)
 
     def check_locked(self, joint: Branch, value: object) -> None:
         """Raises: ArgumentError, RobotFileError: a joint that cannot be held at a value."""
@@ -638,9 +617,7 @@ def _axis(tree: Tree, joint: Branch) -> Vector:
     return joint.axis / length
 
 
-# --------------------------------------------------------------------------------------------------
-# Robots put together: an arm on a rail or a mobile base, two arms side by side, a tool on a flange.
-# --------------------------------------------------------------------------------------------------
+# --- Robots put together: an arm on a rail or a mobile base, two arms side by side, a tool on a flange.
 
 BASE = "base"
 """What a part stands on when it stands on the ground, in `Part.on`."""
@@ -648,7 +625,9 @@ BASE = "base"
 
 @dataclass(frozen=True, eq=False)
 class Part(Value):
-    """A robot and where it is mounted: its base at xyz (3,) [m], rpy (3,) [rad] in the frame of a tip, or of the base.
+    """A robot and where it is mounted: the pose (4, 4) of its base in the frame of a tip, or of the base.
+
+    Instead of the pose a position (3,) [m] may be given, with rpy (3,) [rad] as of `with_tool`; they become the pose.
 
     `on` names a tip of the parts before it, or "base" for the ground. By default it is the first tip of the part before
     it; the first part stands on the ground. `prefix` goes before the names of its joints and tips.
@@ -656,7 +635,7 @@ class Part(Value):
 
     robot: Robot
     on: str | None = None
-    xyz: Vector = field(default_factory=lambda: np.zeros(3))
+    pose: Matrix = field(default_factory=lambda: np.zeros(3))
     rpy: Vector = field(default_factory=lambda: np.zeros(3))
     prefix: str = ""
 
@@ -665,9 +644,8 @@ class Part(Value):
             raise ArgumentError("the robot of a part", self.robot, "give a Robot, as hk.load makes it")
         check("on of a part", str | None, self.on)
         check("prefix of a part", str, self.prefix)
-        object.__setattr__(self, "xyz", finite("xyz of a part", self.xyz, (3,)))
-        object.__setattr__(self, "rpy", finite("rpy of a part", self.rpy, (3,)))
-        check_radians("rpy of a part", self.rpy)
+        object.__setattr__(self, "pose", _placed("a part", self.pose, self.rpy, ""))
+        object.__setattr__(self, "rpy", np.zeros(3))
         super().__post_init__()
 
 
@@ -698,11 +676,11 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
     carrying: set[str] = set()
     on = BASE
     for part in given:
-        part.robot.check_links()
+        part.robot._check_links()
         on = on if part.on is None else part.on
         mount = _mount(on, tips)
         carrying.add(mount.name)
-        origin = mount.placement @ pose_matrix(part.xyz, part.rpy)
+        origin = mount.placement @ part.pose
         first, number = len(joints), len(coordinates)
 
         def placed(
@@ -711,6 +689,7 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
             """(joint, placement there) of what the part fixes to one of its joints, or (joint -1) to its base."""
             return (mount.joint, origin @ T) if index < 0 else (first + index, T)
 
+        # The part's joints, masses, shapes and looks, each moved to where the part is mounted.
         for c in part.robot.coordinates:
             coordinates.append(replace(c, name=part.prefix + c.name))
         for joint in part.robot.joints:
@@ -732,6 +711,7 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
         for visual in part.robot.visuals:
             index, T = placed(visual.joint, visual.placement)
             visuals.append(replace(visual, link=part.prefix + visual.link, joint=index, placement=T))
+        # Its tips, on the first of which the next part stands.
         ends = []
         for tip in part.robot.tips:
             index, T = placed(tip.joint, tip.placement)
@@ -769,14 +749,14 @@ def ordered(robot: Robot, order: Sequence[str]) -> Robot:
 
 @typed
 def with_tool(
-    robot: Robot, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0), *, tip: str | None = None, name: str = "tool",
-    trust_units: bool = False,
+    robot: Robot, pose: PoseLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0), *, tip: str | None = None,
+    name: str = "tool", trust_units: bool = False,
 ) -> Robot:  # fmt: skip
-    """The robot with a tool: a tip at xyz (3,) [m], rpy (3,) [rad] in the frame of one of its tips, which it replaces.
-
-    R = Rz(yaw) Ry(pitch) Rx(roll), as in a URDF.
+    """The robot with a tool: a tip at a pose in the frame of one of its tips, which it replaces.
 
     Args:
+        pose: (4, 4), as `pose_of` makes it or a pose of another library; or a position (3,) [m].
+        rpy: of a position, the turn (3,) [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), as in a URDF.
         tip: the tip that carries the tool, by default the first.
         name: of the new tip.
         trust_units: take the numbers for rad and m, whatever they look like.
@@ -785,25 +765,45 @@ def with_tool(
         UnknownNameError: no such tip. ArgumentError: another tip has that name; angles over a turn, which look like
         degrees, or a tool ten times as long as the arm, which looks like millimetres. ShapeError, NotFiniteError.
     """
-    place, turn = finite("xyz of a tool", xyz, (3,)), finite("rpy of a tool", rpy, (3,))
-    carrier = robot.tip(tip)
+    T = _placed("a tool", pose, rpy, None if trust_units else TRUST)
+    carrier = robot._find_tip(tip)
     if not trust_units:
-        check_radians("rpy of a tool", turn, TRUST)
-        _check_tool(robot, place, carrier.name)
-    T = pose_matrix(place, turn)
+        reach, size = longest_reach(robot, carrier.name), float(np.linalg.norm(T[:3, 3]))
+        if size > (max(SHARE * reach, 1.0) if np.isfinite(reach) else LONGEST):
+            cure = f"this looks like millimetres, {robot.name} reaches {reach:.3g} m: give metres"
+            raise ArgumentError("xyz of a tool", T[:3, 3].tolist(), cure)
     tips = [Tip(name, t.joint, t.placement @ T, t.arm_end) if t is carrier else t for t in robot.tips]
     _unlike("tip", tips)
     return replace(robot, tips=tuple(tips))
 
 
 @typed
-def with_base_pose(robot: Robot, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0)) -> Robot:
-    """The robot mounted at xyz (3,) [m], rpy (3,) [rad]: poses then count from the frame in which these are given.
+def with_base_pose(robot: Robot, pose: PoseLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0)) -> Robot:
+    """The robot mounted at a pose (4, 4), or at a position (3,) [m] with rpy (3,) [rad], as of `with_tool`.
+
+    Poses then count from the frame in which this one is given.
 
     Raises:
         ShapeError, NotFiniteError, ArgumentError.
     """
-    return compose(Part(robot, xyz=finite("xyz", xyz, (3,)), rpy=finite("rpy", rpy, (3,))), name=robot.name)
+    return compose(Part(robot, pose=_placed("a robot", pose, rpy, "")), name=robot.name)
+
+
+def _placed(what: str, pose: PoseLike, rpy: ArrayLike, overruled: str | None) -> Matrix:
+    """The pose (4, 4) of one, or of a position (3,) and rpy (3,); overruled None: angles are in rad, however large.
+
+    Raises:
+        ShapeError, NotFiniteError, ArgumentError.
+    """
+    given, turn = pose_numbers(f"the pose of {what}", pose), finite(f"rpy of {what}", rpy, (3,))
+    if overruled is not None:
+        check_radians(f"rpy of {what}", turn, overruled)
+    if given.shape == (3,):
+        return pose_matrix(finite(f"the position of {what}", given), turn)
+    if turn.any():
+        raise ArgumentError(f"rpy of {what}", turn.tolist(), "give it with a position (3,): a pose (4, 4) has its turn")
+    cure = "give a pose (4, 4), or a position (3,)"
+    return tool_pose(f"the pose of {what}", given_pose(f"the pose of {what}", given, cure=cure))
 
 
 def _mount(on: str, tips: Sequence[Tip]) -> Tip:
@@ -820,7 +820,7 @@ def _unlike(kind: str, named: Sequence[Joint | Tip]) -> None:
     names = [thing.name for thing in named]
     for name in names:
         if names.count(name) > 1:
-            cure = f"give a part a prefix, as in hk.Part(arm, prefix='left_'), or the {kind} another name"
+            cure = f"give a part a prefix, as in hk.robot.Part(arm, prefix='left_'), or the {kind} another name"
             raise ArgumentError(f"the name of two {kind}s", name, cure)
 
 

@@ -83,11 +83,11 @@ class Joint(Value):
 
 def joints_above(joints: Sequence[Joint], joint: int) -> list[int]:
     """A joint of the tree and all those before it, down to the base; none for the base, -1."""
-    found = []
+    chain = []
     while joint >= 0:
-        found.append(joint)
+        chain.append(joint)
         joint = joints[joint].parent
-    return found
+    return chain
 
 
 def foot_of(joints: Sequence[Joint], joint: int) -> Vector:

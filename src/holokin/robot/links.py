@@ -21,14 +21,11 @@ from .model import Robot
 from .shapes.link_shapes import Capsule, LinkShape, Shape
 from .tree import joint_frames, motion, placed
 
-# --------------------------------------------------------------------------------------------------
-# The geometric Jacobian as a link in the middle of the chain sees it: of few operations, for
-# proofs.
+# --- The geometric Jacobian as a link in the middle of the chain sees it: of few operations, for proofs.
 #
-# Seen from the base each column holds all joints before it; seen from a middle link only those in
-# between. The rows are turned together, and the linear ones are the velocities of another point of
-# the tool: a factor A with det A = 1, which keeps null vectors and det J J^T.
-# --------------------------------------------------------------------------------------------------
+# Seen from the base each column holds all joints before it; seen from a middle link only those in between. The rows are
+# turned together, and the linear ones are the velocities of another point of the tool: a factor A with det A = 1, which
+# keeps null vectors and det J J^T.
 
 Frames = dict[int, tuple[SX, SX]]
 
@@ -42,16 +39,16 @@ def link_jacobian(robot: Robot, q: SX, tip: str | None = None, *, turned: bool =
     Args:
         turned: all six rows are to count. Else the linear ones (3, n) of the tool's own point.
     """
-    end = robot.tip(tip)
+    end = robot._find_tip(tip)
     chain = [end.joint]
     while robot.joints[chain[-1]].parent >= 0:
         chain.append(robot.joints[chain[-1]].parent)
-    found = []
+    candidates = []
     for middle in range(len(chain)):
         frames = _seen_from(robot, q, chain[::-1], middle, end)
         points = chain if turned else [-1]
-        found += [_columns(robot, frames, chain, frames[point][0], turned) for point in points]
-    return min(found, key=lambda J: (sparsify(J).nnz(), n_nodes(J)))
+        candidates += [_columns(robot, frames, chain, frames[point][0], turned) for point in points]
+    return min(candidates, key=lambda J: (sparsify(J).nnz(), n_nodes(J)))
 
 
 def _seen_from(robot: Robot, q: SX, chain: list[int], middle: int, end: Tip) -> Frames:
@@ -92,11 +89,6 @@ def _columns(robot: Robot, frames: Frames, chain: list[int], point: SX, turned: 
     return horzcat(*columns)[: 6 if turned else 3, :]
 
 
-# --------------------------------------------------------------------------------------------------
-# Coordinates without a robot, for tasks x = f(u) of any other kind, as control allocation.
-# --------------------------------------------------------------------------------------------------
-
-
 @typed
 def coordinates(
     names: Sequence[str],
@@ -127,16 +119,16 @@ def coordinates(
     each = (units,) * len(known) if isinstance(units, str) else tuple(units)
     if len(each) != len(known):
         raise ShapeError("the units of the coordinates", (len(known),), (len(each),))
-    bounds = (one_or_each(f"{what} of the coordinates", value, len(known)) for what, value in
-              (("lower", lower), ("upper", upper), ("max_velocity", max_velocity)))  # fmt: skip
+    bounds = (
+        one_or_each(f"{what} of the coordinates", value, len(known))
+        for what, value in (("lower", lower), ("upper", upper), ("max_velocity", max_velocity))
+    )
     rows = zip(known, each, *bounds, strict=True)
-    made = tuple(Coordinate(one, "quantity", float(a), float(b), float(v), unit) for one, unit, a, b, v in rows)
+    made = tuple(
+        Coordinate(name_of_row, "quantity", float(a), float(b), float(v), unit) for name_of_row, unit, a, b, v in rows
+    )
     return Robot(name, made, (), (), "coordinates without links")
 
-
-# --------------------------------------------------------------------------------------------------
-# How far a robot's tool gets from its base, without CasADi: a list of robots is printed at once.
-# --------------------------------------------------------------------------------------------------
 
 _SAMPLES = 2048
 """Postures of which the farthest are improved: for the robots of the catalogue 16 times as many change no digit."""
@@ -157,7 +149,7 @@ def reach(robot: Robot, tip: str | None = None) -> float:
     """
     from scipy.optimize import minimize
 
-    end = robot.tip(tip)
+    end = robot._find_tip(tip)
     if not (np.isfinite(robot.upper - robot.lower) | robot.hinges).all():
         return float("inf")
     lower, upper = robot.ranges(np.pi)
@@ -188,10 +180,7 @@ def _points(robot: Robot, Q: Matrix, end: Tip) -> tuple[Matrix, Array]:
     return point, J
 
 
-# --------------------------------------------------------------------------------------------------
-# Capsules for robots whose links have no shapes, such as those of DH tables; and obstacles around a
-# robot.
-# --------------------------------------------------------------------------------------------------
+# --- Capsules for robots whose links have no shapes, such as those of DH tables; and obstacles around a robot.
 
 SLENDER = 20.0
 """Length of an arm over the radius of its capsules: 7 cm for a Panda, 6 cm for a UR5e."""
@@ -220,7 +209,7 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
     Raises:
         UnknownNameError: a name that no link has. ArgumentError: a bad radius, or a robot without links.
     """
-    robot.check_links()
+    robot._check_links()
     lines = link_lines(robot)
     names = tuple(dict.fromkeys([BASE, *(joint.name for joint in robot.joints), *(line.link for line in lines)]))
     given = dict(radius) if isinstance(radius, Mapping) else {}
@@ -243,8 +232,8 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
         parent = _parent(line.joint, lines, clad, shaped)
         added.append(LinkShape(line.link, line.joint, *between(line.start, line.end, r), parent=parent))
     replaced = {shape.joint for shape in added}
-    kept = [shape for shape in robot.shapes if not (shape.joint in replaced and shape in unread)]
-    return replace(robot, shapes=(*kept, *added))
+    readable = [shape for shape in robot.shapes if not (shape.joint in replaced and shape in unread)]
+    return replace(robot, shapes=(*readable, *added))
 
 
 def _parent(joint: int, lines: Sequence[Line], clad: Set[tuple[str, int]], shaped: Set[int]) -> str | None:
@@ -268,7 +257,7 @@ def chain_length(robot: Robot) -> float:
     Raises:
         ArgumentError: a robot without links.
     """
-    tip = robot.tip()
+    tip = robot._find_tip()
     total = float(np.linalg.norm(tip.arm_end))
     for index in joints_above(robot.joints, tip.joint):
         total += float(np.linalg.norm(robot.joints[index].step))
@@ -300,7 +289,7 @@ def link_lines(robot: Robot) -> list[Line]:
 
     A base begins at its foot. A tip that is fixed to the base is the end of no link.
     """
-    found, feet = [], list[tuple[Vector, str]]()
+    lines, feet = [], list[tuple[Vector, str]]()
     for joint in robot.joints:
         link = robot.joints[joint.parent].name
         if joint.parent < 0:
@@ -308,14 +297,14 @@ def link_lines(robot: Robot) -> list[Line]:
             same = (name for foot, name in feet if np.linalg.norm(foot - joint.start) < _SHORTEST)
             link = next(same, new)
             feet.append((joint.start, link))
-        found.append(Line(link, joint.parent, joint.start, joint.placement[:3, 3]))
+        lines.append(Line(link, joint.parent, joint.start, joint.placement[:3, 3]))
     for tip in robot.tips:
         if tip.joint >= 0:
             link, points = robot.joints[tip.joint].name, [np.zeros(3), tip.arm_end, tip.placement[:3, 3]]
             if _on_the_way(points[1], points[2]):
                 del points[1]
-            found += [Line(link, tip.joint, *ends) for ends in pairwise(points)]
-    return found
+            lines += [Line(link, tip.joint, *ends) for ends in pairwise(points)]
+    return lines
 
 
 def _on_the_way(point: Vector, end: Vector) -> bool:
@@ -342,7 +331,7 @@ def with_shape(
     Raises:
         UnknownNameError: no such tip. ArgumentError, ShapeError, NotFiniteError.
     """
-    end = robot.tip(tip)
+    end = robot._find_tip(tip)
     placed = end.placement @ pose_matrix(finite("xyz of a shape", xyz, (3,)), finite("rpy of a shape", rpy, (3,)))
     clad = with_capsules(robot) if all(known.obstacle for known in robot.shapes) else robot
     return replace(clad, shapes=(*clad.shapes, LinkShape(name, end.joint, placed, shape, carried=True)))
@@ -412,7 +401,7 @@ def merged(bodies: Iterable[Body]) -> dict[int, Body]:
     groups: dict[int, list[Body]] = {}
     for body in bodies:
         groups.setdefault(body.joint, []).append(body)
-    found = {}
+    bodies_by_joint = {}
     for joint, parts in groups.items():
         mass = sum(part.mass for part in parts)
         center = sum((part.mass * part.center for part in parts), np.zeros(3)) / mass if mass else np.zeros(3)
@@ -420,8 +409,8 @@ def merged(bodies: Iterable[Body]) -> dict[int, Body]:
         for part in parts:
             d = part.center - center
             inertia = inertia + part.inertia + part.mass * (d @ d * np.eye(3) - np.outer(d, d))
-        found[joint] = Body(joint, mass, center, inertia)
-    return found
+        bodies_by_joint[joint] = Body(joint, mass, center, inertia)
+    return bodies_by_joint
 
 
 @typed
@@ -446,9 +435,7 @@ def knows_masses(robot: Robot) -> bool:
     return any(body.joint >= 0 for body in robot.bodies)
 
 
-# --------------------------------------------------------------------------------------------------
-# What a robot's masses give: the joint-space mass matrix and the gravity potential. [Kha87]
-# --------------------------------------------------------------------------------------------------
+# --- What a robot's masses give: the joint-space mass matrix and the gravity potential. [Kha87]
 
 
 def mass_matrix_expression(robot: Robot, q: SX) -> SX:
@@ -458,7 +445,7 @@ def mass_matrix_expression(robot: Robot, q: SX) -> SX:
     """
     total = SX.zeros(robot.n, robot.n)
     for body in _bodies(robot):
-        k = robot.kinematics_at(q, body.joint, pose_from(body.center))
+        k = robot._kinematics_at(q, body.joint, pose_from(body.center))
         v, w = k.jacobian[:3, :], k.rotation.T @ k.jacobian[3:, :]
         total = total + body.mass * (v.T @ v) + w.T @ SX(body.inertia) @ w
     return total
@@ -469,7 +456,7 @@ def potential_expression(robot: Robot, q: SX, gravity: Vector) -> SX:
     total = SX(0)
     for body in _bodies(robot):
         total = total - body.mass * dot(
-            SX(gravity), robot.kinematics_at(q, body.joint, pose_from(body.center)).position
+            SX(gravity), robot._kinematics_at(q, body.joint, pose_from(body.center)).position
         )
     return total
 
@@ -483,10 +470,6 @@ def _bodies(robot: Robot) -> tuple[Body, ...]:
             raise MassError(robot.name, f"has a mass of {body.mass} kg")
     return moving
 
-
-# --------------------------------------------------------------------------------------------------
-# `Servo`: what drives each joint of a robot on physics.
-# --------------------------------------------------------------------------------------------------
 
 ServoKind = Literal["position", "velocity", "torque"]
 """What a servo is told."""
@@ -538,9 +521,9 @@ def servo(
     if kind not in SERVOS:
         raise ArgumentError("the kind of servo", kind, f"use one of {', '.join(SERVOS)}")
     w, zeta = 2 * np.pi * positive("frequency", frequency), positive("damping_ratio", damping_ratio)
-    at, heavy = robot.checked(q), weighed(robot)
+    posture, heavy = robot.checked(q), weighed(robot)
     s = symbol("q", robot.n)
-    M = Function("mass_matrix", {"q": s}, {"M": mass_matrix_expression(heavy, s)})(at)
+    M = Function("mass_matrix", {"q": s}, {"M": mass_matrix_expression(heavy, s)})(posture)
     inertia = np.diag(np.reshape(M, (robot.n, robot.n)))
     scale = np.ones(robot.n) if kind == "torque" else inertia
     stiffness = np.zeros(robot.n) if kind == "velocity" else scale * w**2

@@ -48,10 +48,7 @@ from .joints import FARTHEST, MOST_MOVING, WOUND, Body, Coordinate, Joint, Kinem
 from .shapes.link_shapes import LinkShape
 from .shapes.visuals import Visual
 
-# --------------------------------------------------------------------------------------------------
-# Where the joints of a robot stand in a MuJoCo or Pinocchio model, which may have more of them, in
-# another order.
-# --------------------------------------------------------------------------------------------------
+# --- Where the joints of a robot stand in a MuJoCo or Pinocchio model, which may have more of them, in another order.
 
 _CURE = "name the model's joint with one degree of freedom for each of the robot's: joints=[...]"
 
@@ -107,16 +104,16 @@ class ModelJoints(Value):
 
 def pinocchio_joints(model: Any, names: Sequence[str]) -> ModelJoints:
     """The places of joints in a `pinocchio.Model`. Raises: UnknownNameError, ArgumentError."""
-    found, hinges = [], []
+    at_columns, hinges = [], []
     for name in names:
         if not model.existJointName(name):
             raise UnknownNameError("joint of the Pinocchio model", name, list(model.names)[1:])
         joint = model.joints[model.getJointId(name)]
         if joint.nv != 1 or joint.nq not in (1, 2):
             raise ArgumentError(f"joint {name!r} of the Pinocchio model", joint.shortname(), _CURE)
-        found.append((joint.idx_q, joint.idx_q + joint.nq - 1, joint.idx_v))
+        at_columns.append((joint.idx_q, joint.idx_q + joint.nq - 1, joint.idx_v))
         hinges.append(not joint.shortname().startswith("JointModelP"))
-    places, sines, columns = np.array(found, dtype=np.intp).reshape(-1, 3).T
+    places, sines, columns = np.array(at_columns, dtype=np.intp).reshape(-1, 3).T
     return ModelJoints(places, sines, columns, int(model.nq), int(model.nv), np.array(hinges, dtype=bool))
 
 
@@ -124,7 +121,7 @@ def mujoco_joints(model: Any, names: Sequence[str]) -> ModelJoints:
     """The places of joints in a `mujoco.MjModel`. Raises: UnknownNameError, ArgumentError."""
     known = _mujoco_names(model)
     numbered = {name: i for i, name in enumerate(known)}
-    found, hinges = [], []
+    at_columns, hinges = [], []
     for name in names:
         if name not in numbered:
             raise UnknownNameError("joint of the MuJoCo model", name, list(numbered))
@@ -132,9 +129,9 @@ def mujoco_joints(model: Any, names: Sequence[str]) -> ModelJoints:
         kind = _KINDS[int(model.jnt_type[joint])]
         if kind not in ("slide", "hinge"):
             raise ArgumentError(f"joint {name!r} of the MuJoCo model", f"a {kind} joint", _CURE)
-        found.append((model.jnt_qposadr[joint], model.jnt_dofadr[joint]))
+        at_columns.append((model.jnt_qposadr[joint], model.jnt_dofadr[joint]))
         hinges.append(kind == "hinge")
-    places, columns = np.array(found, dtype=np.intp).reshape(-1, 2).T
+    places, columns = np.array(at_columns, dtype=np.intp).reshape(-1, 2).T
     return ModelJoints(places, places, columns, int(model.nq), int(model.nv), np.array(hinges, dtype=bool))
 
 
@@ -157,10 +154,10 @@ def places_in(
     compiled = _is_compiled(model)
     if not compiled and not hasattr(model, "existJointName"):
         raise ArgumentError("model", model, "give a mujoco.MjModel or a pinocchio.Model, not its data")
-    kept = _known.setdefault(model, {}) if compiled else {}
-    if wanted not in kept:
-        kept[wanted] = _found(model, wanted, names, prefix, joints, hinges)
-    return kept[wanted]
+    cache = _known.setdefault(model, {}) if compiled else {}
+    if wanted not in cache:
+        cache[wanted] = _found(model, wanted, names, prefix, joints, hinges)
+    return cache[wanted]
 
 
 _known: WeakKeyDictionary[Any, dict[tuple[str, ...], ModelJoints]] = WeakKeyDictionary()
@@ -181,16 +178,16 @@ def _found(
                 f"in this model these joints begin with {' or '.join(map(repr, others))}: give one of these as prefix"
             )
             raise ArgumentError("prefix", prefix, cure)
-    found = (mujoco_joints if compiled else pinocchio_joints)(model, wanted)
-    for name, ours, theirs in zip(wanted, hinges, found.hinges, strict=True):
+    places = (mujoco_joints if compiled else pinocchio_joints)(model, wanted)
+    for name, ours, theirs in zip(wanted, hinges, places.hinges, strict=True):
         if ours != theirs:
             kind, other = ("a hinge", "a slide") if ours else ("a slide", "a hinge")
             raise ArgumentError(
                 f"joint {name!r} of the model", other, f"the robot's is {kind}: name another by joints="
             )
-    if len(set(found.places.tolist())) < len(names):
+    if len(set(places.places.tolist())) < len(names):
         raise ArgumentError("joints", list(wanted), "name each joint once")
-    return found
+    return places
 
 
 def _is_compiled(model: Any) -> bool:
@@ -200,8 +197,8 @@ def _is_compiled(model: Any) -> bool:
 
 def _prefixes(names: tuple[str, ...], known: Sequence[str]) -> list[str]:
     """What stands in a model before all of these names."""
-    found = [name.removesuffix(names[0]) for name in known if names and name.endswith(names[0])]
-    return [prefix for prefix in found if {prefix + name for name in names} <= set(known)]
+    prefixes = [name.removesuffix(names[0]) for name in known if names and name.endswith(names[0])]
+    return [prefix for prefix in prefixes if {prefix + name for name in names} <= set(known)]
 
 
 def _mujoco_names(model: Any) -> list[str]:
@@ -214,13 +211,15 @@ def _taken_from(places: ModelJoints, given: ArrayLike, names: Sequence[str], nea
     array = numbers(places.what, given)
     if array.shape[-1:] != (places.length,):
         raise ShapeError(places.what, ("...", places.length), array.shape, _WHOLE)
-    found = places.read(array, numbers("near", near))
-    if not np.isfinite(found).all():
+    values = places.read(array, numbers("near", near))
+    if not np.isfinite(values).all():
         bad = [
-            name for name, row in zip(names, found.reshape(-1, len(names)).T, strict=True) if not np.isfinite(row).all()
+            name
+            for name, row in zip(names, values.reshape(-1, len(names)).T, strict=True)
+            if not np.isfinite(row).all()
         ]
         raise NotFiniteError(places.what, f"at {', '.join(bad)}")
-    return found
+    return values
 
 
 def _put_into(places: ModelJoints, array: Array, q: ArrayLike) -> Array:
@@ -246,7 +245,7 @@ class Robot(ByValue):
     `visuals` what its links look like. Robots are equal, and one key, when all this is; `source` does not count.
     """
 
-    aside = ("source",)
+    _aside = ("source",)
 
     name: str
     coordinates: tuple[Coordinate, ...]
@@ -279,7 +278,7 @@ class Robot(ByValue):
                 raise ArgumentError(f"the name of a joint of {self.name!r}", name, "leave out its control characters")
 
     def __repr__(self) -> str:
-        tip = f", tip={self.tips[0].name!r}" if self.tips else ""
+        tip = f", tip={self.tip!r}" if self.tips else ""
         return f"Robot({self.name!r}, n={self.n}{tip})"
 
     def _shown_rows(self) -> list[Sequence[str]]:
@@ -343,11 +342,11 @@ class Robot(ByValue):
     @typed
     def kinematics(self, q: SX, tip: str | None = None) -> Kinematics:
         """Expressions of a tip's pose and geometric Jacobian (columns: v = a x (p - o), w = a, or v = a)."""
-        chosen = self.tip(tip)
-        return self.kinematics_at(q, chosen.joint, chosen.placement)
+        chosen = self._find_tip(tip)
+        return self._kinematics_at(q, chosen.joint, chosen.placement)
 
     @typed
-    def kinematics_at(self, q: SX, joint: int, placement: Matrix) -> Kinematics:
+    def _kinematics_at(self, q: SX, joint: int, placement: Matrix) -> Kinematics:
         """The same for any frame (4, 4) on a joint's moving side. Raises: ShapeError, NotFiniteError, ArgumentError."""
         check_length("q", q, self.n)
         p, R, J, origins = _written(self, joint, tuple(finite("a placement", placement, (4, 4)).ravel().tolist()))(q)
@@ -359,19 +358,19 @@ class Robot(ByValue):
         return {joint.name: origin for joint, (origin, _) in zip(self.joints, self._frames(q), strict=True)}
 
     @typed
-    def columns(self, q: SX, tip: str | None = None) -> list[tuple[int, float, SX, SX]]:
+    def _joint_columns(self, q: SX, tip: str | None = None) -> list[tuple[int, float, SX, SX]]:
         """(coordinate, multiplier, v (3,), w (3,)) of each joint from the base to a tip: what it does to the tool."""
-        chosen, frames = self.tip(tip), self._frames(q)
+        chosen, frames = self._find_tip(tip), self._frames(q)
         return self._columns(frames, chosen.joint, _compose(frames, chosen.joint, chosen.placement)[0])
 
     def _columns(self, frames: list[tuple[SX, SX]], joint: int, p: SX) -> list[tuple[int, float, SX, SX]]:
-        found = []
+        columns = []
         for above in joints_above(self.joints, joint):
             moving, (origin, rotation) = self.joints[above], frames[above]
             axis = rotation @ SX(moving.axis)
             v, w = (axis, SX.zeros(3, 1)) if moving.kind == "prismatic" else (cross(axis, p - origin), axis)
-            found.append((moving.coordinate, moving.multiplier, v, w))
-        return found[::-1]
+            columns.append((moving.coordinate, moving.multiplier, v, w))
+        return columns[::-1]
 
     def pose(self, q: ArrayLike, tip: str | None = None) -> Matrix:
         """Pose (4, 4) of a tip in the base frame at q (n,); at many postures (k, n) -> (k, 4, 4), as `ik.batch` takes.
@@ -418,8 +417,8 @@ class Robot(ByValue):
             many = "; many by their names are put in order by robot.postures(Q)" * (array.ndim == 2)
             raise ShapeError(what, (self.n,), array.shape, f"the joints are {', '.join(self.joint_names)}{many}")
         if not (isfinite(sum(array.tolist())) or np.isfinite(array).all()):
-            found = [f"{name} {v}" for name, v in zip(self.joint_names, array, strict=True) if not isfinite(v)]
-            raise NotFiniteError(what, ", ".join(found))
+            bad = [f"{name} {v}" for name, v in zip(self.joint_names, array, strict=True) if not isfinite(v)]
+            raise NotFiniteError(what, ", ".join(bad))
         return array
 
     def postures(self, Q: ArrayLike) -> Matrix:
@@ -478,8 +477,8 @@ class Robot(ByValue):
             UnknownNameError, ArgumentError: the model lacks a joint, or it is another kind of joint there.
             ShapeError, NotFiniteError: the configuration.
         """
-        found = self._places(model, prefix, joints)
-        return _taken_from(found, configuration, self.joint_names, near)
+        places = self._places(model, prefix, joints)
+        return _taken_from(places, configuration, self.joint_names, near)
 
     @typed
     def put(
@@ -508,15 +507,20 @@ class Robot(ByValue):
     def _places(self, model: Any, prefix: str, joints: Sequence[str] | None) -> ModelJoints:
         return places_in(model, self.joint_names, self.hinges, prefix, joints)
 
-    def check_links(self) -> None:
+    def _check_links(self) -> None:
         """Raises: ArgumentError: these are `coordinates`, without links."""
         if not self.tips:
             raise ArgumentError("the robot", self, "it has coordinates and no links: give their task by hk.custom_task")
 
+    @property
+    def tip(self) -> str | None:
+        """Name of the tool, of several the first; None of `coordinates`, which have none."""
+        return self.tips[0].name if self.tips else None
+
     @typed
-    def tip(self, name: str | None = None) -> Tip:
+    def _find_tip(self, name: str | None = None) -> Tip:
         """A tip by name, by default the first. Raises: UnknownNameError, ArgumentError: these are `coordinates`."""
-        self.check_links()
+        self._check_links()
         for tip in self.tips:
             if name in (None, tip.name):
                 return tip
@@ -541,7 +545,7 @@ class Robot(ByValue):
         return {}
 
     def _numeric(self, tip: str | None) -> Function:
-        name = self.tip(tip).name
+        name = self._find_tip(tip).name
         if name not in self._functions:
             q = symbol("q", self.n)
             k = self.kinematics(q, name)
@@ -562,7 +566,7 @@ class Robot(ByValue):
             return known[tip]
         except (KeyError, TypeError):  # a new one, or no name at all
             check("tip", str | None, tip)
-        name = self.tip(tip).name
+        name = self._find_tip(tip).name
         if name not in known:
             q = symbol("q", self.n)
             k = self.kinematics(q, name)
@@ -574,10 +578,10 @@ class Robot(ByValue):
             known[name] = function.checked(shape, self.checked, self._doubtful)
         return known.setdefault(tip, known[name])
 
-    def _doubtful(self, q: Vector, found: Matrix) -> Matrix:
+    def _doubtful(self, q: Vector, result: Matrix) -> Matrix:
         """What was found at q, unless q is not finite."""
         self.checked(q)
-        return found
+        return result
 
     @cached_property
     def _skeleton(self) -> Function:
@@ -603,18 +607,12 @@ def _compose(frames: Sequence[tuple[SX, SX]], parent: int, placement: Matrix) ->
     return p + R @ SX(placement[:3, 3]), R @ SX(placement[:3, :3])
 
 
-# --------------------------------------------------------------------------------------------------
-# Second derivatives of the forward kinematics, in closed form: cross products of Jacobian columns.
-# [HC20]
-# --------------------------------------------------------------------------------------------------
-
-
 def hessian_expression(robot: Robot, q: SX, tip: str | None = None) -> list[SX]:
     """H_i (n, n) for the six rows i of the geometric Jacobian, H_i[a, b] = d J_ia / d q_b [m or 1 per joint unit^2].
 
     A joint b at or before a turns a's column, w_b x (v_a, w_a); one behind it moves the tool's point, w_a x v_b.
     """
-    moving = robot.columns(q, tip)
+    moving = robot._joint_columns(q, tip)
     out = [SX.zeros(robot.n, robot.n) for _ in range(6)]
     for i, (a, gain_a, v_a, w_a) in enumerate(moving):
         for j, (b, gain_b, v_b, w_b) in enumerate(moving):

@@ -202,11 +202,6 @@ def _turn_matrix(axis: Vector, angle: float | Vector) -> Array:
     return np.eye(3) + s * K + (1 - c) * (K @ K)
 
 
-# --------------------------------------------------------------------------------------------------
-# A tree seen from another link: from one hand of a two-armed robot to the other, for instance.
-# --------------------------------------------------------------------------------------------------
-
-
 def rerooted(tree: Tree, base: str) -> Tree:
     """The same tree with `base` as its root.
 
@@ -214,7 +209,7 @@ def rerooted(tree: Tree, base: str) -> Tree:
     from the child, since M(q)^-1 is that, and a fixed step O^-1 to the parent.
     """
     above = above_of(tree)
-    taken = {*tree.links, *(joint.name for joint in tree.joints)}
+    used = {*tree.links, *(joint.name for joint in tree.joints)}
     turned: dict[str, list[Branch]] = {}
     between: dict[str, None] = {}
     link = base
@@ -225,7 +220,7 @@ def rerooted(tree: Tree, base: str) -> Tree:
             turned[joint.name] = [Branch(joint.name, "fixed", joint.child, joint.parent, back)]
         else:
             name = f"{joint.name} seen from {joint.child}"
-            while name in taken:
+            while name in used:
                 name += "'"
             moving = replace(joint, parent=joint.child, child=name, origin=np.eye(4), axis=-joint.axis)
             turned[joint.name] = [moving, Branch(name, "fixed", name, joint.parent, back)]
@@ -235,10 +230,7 @@ def rerooted(tree: Tree, base: str) -> Tree:
     return replace(tree, links={**tree.links, **between}, joints=joints)
 
 
-# --------------------------------------------------------------------------------------------------
-# Frames of a robot's joints at many postures at once, in NumPy: without CasADi and without a
-# compiler.
-# --------------------------------------------------------------------------------------------------
+# --- Frames of a robot's joints at many postures at once, in NumPy: without CasADi and without a compiler.
 
 Frames = list[tuple[Matrix, Array]]
 """(positions (k, 3), rotations (k, 3, 3)) of frames at k postures."""

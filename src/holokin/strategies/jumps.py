@@ -73,11 +73,15 @@ def _switches(strategy: Strategy) -> tuple[tuple[str, ...], SX, SX]:
         c, k = strategy.constraint, e.kinematics
         whole = Formula(strategy.constraint_expression, e.q, e.q, c.angular)
         formulas = [whole] if c.formulas is None else c.formulas(strategy.task, k, e.q)
-        found = [one for formula in formulas for one in switches_of(formula)]
+        switched = [switch for formula in formulas for switch in switches_of(formula)]
     else:
-        found = [switches(e.planes, e.q, reflected=True)]
-    words = tuple(word for one in found for word in one.words)
-    return words, vertcat(SX(0, 1), *(one.gap for one in found)), vertcat(SX(0, 1), *(one.state for one in found))
+        switched = [switches(e.planes, e.q, reflected=True)]
+    words = tuple(word for switch in switched for word in switch.words)
+    return (
+        words,
+        vertcat(SX(0, 1), *(switch.gap for switch in switched)),
+        vertcat(SX(0, 1), *(switch.state for switch in switched)),
+    )
 
 
 def may_jump(strategy: Strategy) -> tuple[str, ...]:
@@ -103,19 +107,19 @@ def states(strategy: Strategy, Q: Matrix) -> Matrix:
 
 def jumps_of(strategy: Strategy, Q: Matrix, low: Vector, high: Vector) -> tuple[Jump, ...]:
     """Jumps of a law within a box, the largest of each operation: sought from postures (N, n) by Newton's method."""
-    found: dict[str, Jump] = {}
+    jumps: dict[str, Jump] = {}
     words = _switches(strategy)[0]
     gaps, slopes = _gaps_at(strategy, Q) if words else (Q, Q)
     for i, what in enumerate(words):
         for q, normal in _places(strategy, i, Q, gaps[:, i], slopes[:, i], low, high):
-            one = _jump(strategy, what, q - BESIDE * normal, q + BESIDE * normal, normal)
-            if one is not None and _more(one, found.get(what)):
-                found[what] = one
-    return tuple(found.values())
+            candidate = _jump(strategy, what, q - BESIDE * normal, q + BESIDE * normal, normal)
+            if candidate is not None and _more(candidate, jumps.get(what)):
+                jumps[what] = candidate
+    return tuple(jumps.values())
 
 
-def _more(one: Jump, other: Jump | None) -> bool:
-    return other is None or (one.planes, one.level) > (other.planes, other.level)
+def _more(jump: Jump, other: Jump | None) -> bool:
+    return other is None or (jump.planes, jump.level) > (other.planes, other.level)
 
 
 def _gaps_at(strategy: Strategy, X: Matrix) -> tuple[Matrix, Array]:
@@ -134,18 +138,20 @@ def _places(
         return gaps[:, i], slopes[:, i]
 
     with np.errstate(all="ignore"):
+        # Begin at the postures that are nearest to the switch, by its slope.
         far = np.abs(gap) / np.linalg.norm(slope, axis=1)
         near = np.flatnonzero(far <= REACH * np.linalg.norm(high - low))
         X = Q[near[np.argsort(far[near], kind="stable")[:STARTS]]]
         if not len(X):
             return []
+        # Newton's method on gap(q) = 0 within the box, of those that still move.
         moving = np.arange(len(X))
         for _ in range(STEPS):
             gap, slope = at(X[moving])
             move = gap[:, None] * slope / np.sum(slope**2, axis=1)[:, None]
-            found = np.clip(X[moving] - np.where(np.isfinite(move), move, 0.0), low, high)
-            went = np.abs(found - X[moving]).max(axis=1)
-            X[moving] = found
+            posture = np.clip(X[moving] - np.where(np.isfinite(move), move, 0.0), low, high)
+            went = np.abs(posture - X[moving]).max(axis=1)
+            X[moving] = posture
             moving = moving[went > 1e-4 * BESIDE]
             if not len(moving):
                 break
@@ -154,6 +160,7 @@ def _places(
         X, slope = (part[np.abs(gap) <= 1e-3 * BESIDE * size] for part in (X, slope))
     if not len(X):
         return []
+    # Keep places on whose two sides the state is another one.
     normals = slope / np.linalg.norm(slope, axis=1)[:, None]
     sides = states(strategy, np.vstack([X - BESIDE * normals, X + BESIDE * normals])).reshape(2, len(X), -1)[:, :, i]
     turned = np.flatnonzero(sides[0] != sides[1])
@@ -191,19 +198,19 @@ def jump_near(strategy: HolonomicStrategy, q: Vector) -> Jump | None:
     """A jump of g next to a posture (n,), within `NEAR` of each joint."""
     if not may_jump(strategy):
         return None
-    found = [jump for jump in jumps_of(strategy, q[None], q - NEAR, q + NEAR) if jump.level]
-    return max(found, key=lambda one: one.level, default=None)
+    jumps = [jump for jump in jumps_of(strategy, q[None], q - NEAR, q + NEAR) if jump.level]
+    return max(jumps, key=lambda one: one.level, default=None)
 
 
 def first_jump(strategy: HolonomicStrategy, Q: Matrix) -> tuple[int, Jump] | None:
     """(k, jump): the first one of g on the straight paths between postures (N, n), between rows k and k + 1."""
     if not may_jump(strategy) or len(Q) < 2:
         return None
-    at = states(strategy, Q)
-    for k in np.flatnonzero((at[1:] != at[:-1]).any(axis=1)):
-        found = _between(strategy, Q[k], Q[k + 1], at[k], at[k + 1])
-        if found is not None:
-            return int(k), found
+    places = states(strategy, Q)
+    for k in np.flatnonzero((places[1:] != places[:-1]).any(axis=1)):
+        jump = _between(strategy, Q[k], Q[k + 1], places[k], places[k + 1])
+        if jump is not None:
+            return int(k), jump
     return None
 
 

@@ -45,13 +45,10 @@ from .right_inverses import holonomic
 from .strategy import HolonomicStrategy, Strategy
 from .tasks.task import Task
 
-# --------------------------------------------------------------------------------------------------
-# Self-motions, the postures that hold the tool where it is: walked in steps, at many tool poses
-# side by side.
+# --- Self-motions, the postures that hold the tool where it is: walked in steps, at many tool poses side by side.
 #
-# dq/ds = v, where v is the last direction without its part that moves the tool, v - J^+ J v. With
-# one redundant joint that is the self-motion itself, a curve; with several it is a line in it.
-# --------------------------------------------------------------------------------------------------
+# dq/ds = v, where v is the last direction without its part that moves the tool, v - J^+ J v. With one redundant joint
+# that is the self-motion itself, a curve; with several it is a line in it.
 
 CORRECTIONS = 2
 """Newton corrections of a step. A step of 0.2 leaves 1e-3, the first one 1e-6 of it, the second one round-off."""
@@ -112,7 +109,7 @@ class SelfMotion(Value):
     @cached_property
     def _target(self) -> tuple[Vector, Matrix]:
         """Where the tool is at the given posture: position (3,), rotation (3, 3)."""
-        p, R = self.task.place(self.q[int(np.argmin(np.abs(self.s)))])
+        p, R = self.task._place(self.q[int(np.argmin(np.abs(self.s)))])
         return frozen(p), frozen(R)
 
 
@@ -152,7 +149,7 @@ class SelfMotions(Value):
     @classmethod
     def through(cls, task: Task, Q: Matrix) -> SelfMotions:
         """Those through postures (S, n)."""
-        return cls(task, *task.poses(Q))
+        return cls(task, *task._poses(Q))
 
     def traced(
         self, Q: Matrix, *, step: float, length: float, limits: bool, directions: Matrix | None = None
@@ -169,39 +166,39 @@ class SelfMotions(Value):
         still = np.flatnonzero([end is not CurveEnd.CLOSED for end in last])
         others, first = self._one_way(Q[still], -v[still], still, step, length, limits)
         behind, starts = dict(zip(still.tolist(), others, strict=True)), dict(zip(still.tolist(), first, strict=True))
-        found = []
+        curves = []
         for i, q in enumerate(Q):
             back = behind.get(i, Q[:0])
             line = np.concatenate([back[::-1], q[None], ahead[i]])
             s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-            found.append(SelfMotion(self.task, line, s - s[len(back)], (starts.get(i, last[i]), last[i])))
-        return found
+            curves.append(SelfMotion(self.task, line, s - s[len(back)], (starts.get(i, last[i]), last[i])))
+        return curves
 
     def walked(self, Q: Matrix, v: Matrix, lengths: Vector, step: float) -> tuple[Matrix, Flags]:
         """Postures (S, n) so far [joint units] along the self-motions through Q (S, n), and which walks got there."""
         every, steps = np.arange(len(Q)), int(np.ceil(np.abs(lengths).max() / step))
-        at, along, sound = self.step(Q, v, every, np.zeros(len(Q)))
+        postures, along, sound = self.step(Q, v, every, np.zeros(len(Q)))
         for _ in range(steps):
-            at, along, here = self.step(at, along, every, lengths / steps)
-            sound &= here
-        return at, sound
+            postures, along, sound_now = self.step(postures, along, every, lengths / steps)
+            sound &= sound_now
+        return postures, sound
 
     def step(self, q: Matrix, v: Matrix, i: Indices, length: Vector) -> tuple[Matrix, Matrix, Flags]:
         """One step of postures (k, n) of the poses i along their directions v (k, n), which need not hold the tool.
 
         Returns (postures, directions there, which of them are good); those that are not stay where they were.
         """
-        found, along, sound = self._step(q, v, i, length)
+        postures, along, sound = self._step(q, v, i, length)
         for parts in PARTS:
             bad = np.flatnonzero(~sound & (length != 0))
             if not len(bad):
                 break
-            at, way, good = q[bad], v[bad], np.ones(len(bad), dtype=bool)
+            posture, way, good = q[bad], v[bad], np.ones(len(bad), dtype=bool)
             for _ in range(parts):
-                at, way, here = self._step(at, way, i[bad], length[bad] / parts)
-                good &= here
-            found[bad], along[bad], sound[bad] = np.where(good[:, None], at, q[bad]), way, good
-        return found, along, sound
+                posture, way, sound_part = self._step(posture, way, i[bad], length[bad] / parts)
+                good &= sound_part
+            postures[bad], along[bad], sound[bad] = np.where(good[:, None], posture, q[bad]), way, good
+        return postures, along, sound
 
     def _step(self, q: Matrix, v: Matrix, i: Indices, length: Vector) -> tuple[Matrix, Matrix, Flags]:
         start, size = q, np.inf
@@ -210,10 +207,10 @@ class SelfMotions(Value):
         q = q + length[:, None] * along
         for _ in range(CORRECTIONS):
             J = self.task.jacobian_batch(q)[0]
-            e = self.task.error_function.batch(q, self.p[i], self.R[i]).reshape(len(q), -1)
-            found = least_motion(J, np.stack([e, np.einsum("kmn,kn->km", J, along)], axis=2))
-            q, along = q + found[:, :, 0], _unit(along - found[:, :, 1])
-            size = np.abs(found[:, :, 0]).max(axis=1)
+            e = self.task._error_function.batch(q, self.p[i], self.R[i]).reshape(len(q), -1)
+            motions = least_motion(J, np.stack([e, np.einsum("kmn,kn->km", J, along)], axis=2))
+            q, along = q + motions[:, :, 0], _unit(along - motions[:, :, 1])
+            size = np.abs(motions[:, :, 0]).max(axis=1)
         with np.errstate(invalid="ignore"):
             near = np.linalg.norm(q - start, axis=1) < 2 * np.abs(length) + ROUGH
             sound = np.isfinite(q).all(axis=1) & near & (size < ROUGH)
@@ -227,21 +224,21 @@ class SelfMotions(Value):
             return [], []
         robot, ends = self.task.robot, np.full(len(Q), CurveEnd.LENGTH, dtype=object)
         on = np.arange(len(Q))
-        at, along, _ = self._step(Q, v, i, np.zeros(len(Q)))
+        posture, along, _ = self._step(Q, v, i, np.zeros(len(Q)))
         first, numbers, points = along, [on[:0]], [Q[:0]]
         for k in range(int(np.ceil(length / step))):
-            at, along, sound = self.step(at, along, i[on], np.full(len(on), step))
+            posture, along, sound = self.step(posture, along, i[on], np.full(len(on), step))
             ends[on[~sound]] = CurveEnd.SINGULAR
             if limits:
-                beyond = sound & ~robot.within(at)
+                beyond = sound & ~robot.within(posture)
                 ends[on[beyond]], sound = CurveEnd.LIMIT, sound & ~beyond
             back = sound & (np.sum(along * first[on], axis=1) > SAME_WAY) & (k > 2)
-            back &= away(self.task, at, Q[on]) < CLOSED * step
+            back &= away(self.task, posture, Q[on]) < CLOSED * step
             ends[on[back]] = CurveEnd.CLOSED
             numbers.append(on[sound])
-            points.append(at[sound])
+            points.append(posture[sound])
             left = sound & ~back
-            on, at, along = on[left], at[left], along[left]
+            on, posture, along = on[left], posture[left], along[left]
             if not len(on):
                 break
         which, flat = np.concatenate(numbers), np.concatenate(points)
@@ -273,8 +270,8 @@ def least_motion(J: Array, wanted: Array, weights: Array | float = 1.0) -> Array
 
 def correction(task: Task, q: Vector, p: Vector, R: Matrix) -> Vector:
     """The least joint motion (n,) that, to first order, takes the tool to a pose: position (3,), rotation (3, 3)."""
-    least = np.linalg.lstsq(task.jacobian(q), task.error_function(q, p, R), rcond=None)[0]
-    return np.asarray(least, dtype=float)
+    motion = np.linalg.lstsq(task.jacobian(q), task._error_function(q, p, R), rcond=None)[0]
+    return np.asarray(motion, dtype=float)
 
 
 def unit_null(task: Task, q: Vector, before: Vector | None) -> Vector:
@@ -292,13 +289,10 @@ def _unit(v: Matrix) -> Matrix:
         return v / np.linalg.norm(v, axis=1, keepdims=True)
 
 
-# --------------------------------------------------------------------------------------------------
-# Labels of the postures with one tool pose: what tells the leaves of a `radial` strategy apart.
+# --- Labels of the postures with one tool pose: what tells the leaves of a `radial` strategy apart.
 #
-# With one redundant joint these postures are a curve, the self-motion, and the label is arc length
-# along it as an angle: it never turns back. With more the label is the projection on the
-# self-motions at the start, which does.
-# --------------------------------------------------------------------------------------------------
+# With one redundant joint these postures are a curve, the self-motion, and the label is arc length along it as an
+# angle: it never turns back. With more the label is the projection on the self-motions at the start, which does.
 
 STEP = 0.05
 """Arc length between the postures that the curve is traced by [joint units]."""
@@ -369,12 +363,12 @@ def _arc_length(task: Task, q0: Vector) -> Label | None:
         nodes, width = np.array([np.interp(s, curve.s, e) for e in E.T]).T, WIDTH * (s[1] - s[0])
         weights = np.exp(-np.sum((E[:, None] - nodes) ** 2, axis=2) / (2 * width**2))
         a = turn * s / length
-        found = np.arctan2(weights @ np.sin(a), weights @ np.cos(a))
-        slopes = (np.diff(np.unwrap(found)) / np.diff(angles))[1:-1]
+        mean = np.arctan2(weights @ np.sin(a), weights @ np.cos(a))
+        slopes = (np.diff(np.unwrap(mean)) / np.diff(angles))[1:-1]
         present = weights.sum(axis=1) / (np.sqrt(2 * np.pi) * WIDTH) > PRESENT
         slopes = slopes[present[1:-2] & present[2:-1]]
         if len(slopes) and slopes.min() > SLOPES[0] and slopes.max() < SLOPES[1]:
-            a = a - found[np.argmin(np.abs(curve.s))]
+            a = a - mean[np.argmin(np.abs(curve.s))]
             return _weighted(task.robot, nodes, width, a)
     return None
 
@@ -387,9 +381,9 @@ def _weighted(robot: Robot, nodes: Matrix, width: float, angles: Vector) -> Labe
     fixed = np.sum((nodes - center) ** 2, axis=1) / (2 * width**2)
 
     def weights(q: SX) -> SX:
-        here = vertcat(q[slide], cos(q[turn]), sin(q[turn])) - SX(center)
+        departure = vertcat(q[slide], cos(q[turn]), sin(q[turn])) - SX(center)
         # |here - node|^2 by its three terms: half the work of the difference itself
-        return exp(SX(away) @ here - SX(fixed) - here.T @ here / (2 * width**2))
+        return exp(SX(away) @ departure - SX(fixed) - departure.T @ departure / (2 * width**2))
 
     def value(q: SX) -> SX:
         w = weights(q)
@@ -484,15 +478,17 @@ def _constraint(title: str, r: int, lines: _Lines) -> Constraint:
     return replace(_of(title, r, lines, _kept(loop)), looped=_of(title, r, lines, lambda _q: loop.symbols, loop))
 
 
-def _of(title: str, r: int, lines: _Lines, found: Callable[[SX], Found], loop: Transport | None = None) -> Constraint:
+def _of(
+    title: str, r: int, lines: _Lines, label_at: Callable[[SX], Found], loop: Transport | None = None
+) -> Constraint:
     """g by its label, gradient and margin at q. Where J is singular the gradient is 0: rcond 0 says so."""
     return Constraint(
         title,
         r,
-        lambda _task, _k, q: found(q)[0],
+        lambda _task, _k, q: label_at(q)[0],
         (lines.label.angular,) * r,
-        lambda _task, _k, q: found(q)[2],
-        lambda _task, _k, q: found(q)[1],
+        lambda _task, _k, q: label_at(q)[2],
+        lambda _task, _k, q: label_at(q)[1],
         transport=loop,
     )
 
@@ -528,13 +524,13 @@ class _Lines:
 
     def rate(self, q: SX, v: SX) -> tuple[SX, SX]:
         """(dq, rcond) of the strategy."""
-        found = self.along(q, v)
-        return found[: self.chart.n], found[self.chart.n]
+        rates = self.along(q, v)
+        return rates[: self.chart.n], rates[self.chart.n]
 
     def slope(self, q: SX, v: SX, weight: SX) -> tuple[SX, SX]:
         """The derivatives of weight . dq by q and by v."""
-        found = self.pulled(q, v, weight)
-        return found[: self.chart.n], found[self.chart.n :]
+        slopes = self.pulled(q, v, weight)
+        return slopes[: self.chart.n], slopes[self.chart.n :]
 
     def end(self, q: SX, back: SX, left: SX, first: SX, least: SX) -> tuple[SX, SX, SX]:
         """(label, margin, regular) of a transport from q to `back`, which misses the centre by the joint motion `left`;
@@ -566,7 +562,7 @@ class _Lines:
 def _lines(strategy: Strategy, q0: Vector, steps: int) -> _Lines:
     """The lines to the tool pose at q0."""
     task = strategy.task
-    chart = task.chart(task.place(q0)[1])
+    chart = task._chart(task._place(q0)[1])
     charted = replace(strategy, task=chart)
     e, dx, w = charted.expressions, symbol("dx", task.m), symbol("w", task.n)
     moved = e.rate(dx, written_out=True)

@@ -88,8 +88,8 @@ def _check_weight(task: Task, weight: Callable[[SX], Any]) -> None:
         raise ShapeError("the weight", (task.n, task.n), value.shape)
     function = Function("weight", {"q": q}, {"weight": value})
     for posture in _check_postures(task):
-        at = np.array2string(posture, precision=3)
-        _positive_definite(f"the weight at q = {at}", np.reshape(function(posture), (task.n, task.n)))
+        place = np.array2string(posture, precision=3)
+        _positive_definite(f"the weight at q = {place}", np.reshape(function(posture), (task.n, task.n)))
 
 
 def _check_postures(task: Task) -> np.ndarray:
@@ -152,8 +152,10 @@ def right_inverse(task: Task, G: Callable[[SX], Any], *, name: str = "given") ->
     for q in _check_postures(task):
         off = np.abs(task.jacobian(q) @ strategy.distribution(q) - np.eye(task.m)).max()
         if not off < 1e-6:
-            at = np.array2string(q, precision=3)
-            raise ArgumentError(f"|J G - 1| of {name!r} at q = {at}", float(off), "give a right inverse, or null_basis")
+            place = np.array2string(q, precision=3)
+            raise ArgumentError(
+                f"|J G - 1| of {name!r} at q = {place}", float(off), "give a right inverse, or null_basis"
+            )
     return strategy
 
 
@@ -170,10 +172,7 @@ def coupled_twist(task: Task, gain: ArrayLike, *, name: str = "coupled (geometri
     return RowStrategy(name, task, lambda _t, k, _q: k.jacobian[3:, :] + SX(L) @ k.jacobian[:3, :])
 
 
-# --------------------------------------------------------------------------------------------------
-# A strategy given as a Python function q -> G without a formula: any code that computes a right
-# inverse.
-# --------------------------------------------------------------------------------------------------
+# --- A strategy given as a Python function q -> G without a formula: any code that computes a right inverse.
 
 AGAIN = 1e-6
 """Difference of G [joint unit / task unit] between two calls at one posture that is no noise: as large as what J G may
@@ -199,15 +198,15 @@ class NumericStrategy(Strategy):
             FunctionError: the function raised. ShapeError, NotFiniteError: what it returned, or q.
             ArgumentError: J G is not 1 there.
         """
-        at = self.task.robot.checked(q)
-        G = self.value(at)
+        posture = self.task.robot.checked(q)
+        G = self.value(posture)
         if not np.isfinite(G).all():
-            raise NotFiniteError(f"G of {self.name!r} at q = {at.tolist()}", G.tolist(), "it must be finite there")
-        J = self.task.jacobian(at)
+            raise NotFiniteError(f"G of {self.name!r} at q = {posture.tolist()}", G.tolist(), "it must be finite there")
+        J = self.task.jacobian(posture)
         off = float(np.abs(J @ G - np.eye(self.task.m)).max())
         if not off < self.accuracy * max(1.0, float(np.linalg.norm(J, 2) * np.linalg.norm(G, 2))):
             cure = "give a right inverse, without damping, or its accuracy: numeric(task, G, accuracy=...)"
-            raise ArgumentError(f"|J G - 1| of {self.name!r} at q = {np.array2string(at, precision=3)}", off, cure)
+            raise ArgumentError(f"|J G - 1| of {self.name!r} at q = {np.array2string(posture, precision=3)}", off, cure)
         return G
 
     def value(self, q: Vector) -> Matrix:
@@ -217,12 +216,12 @@ class NumericStrategy(Strategy):
             FunctionError, ShapeError, ArgumentError.
         """
         try:
-            found = self.function(q.copy())
+            answer = self.function(q.copy())
         except HolokinError:
             raise
         except Exception as problem:
             raise FunctionError(self.name, q, problem) from problem
-        G = np.array(numbers(f"G of {self.name!r}", found))
+        G = np.array(numbers(f"G of {self.name!r}", answer))
         if G.shape != (self.task.n, self.task.m):
             raise ShapeError(f"G of {self.name!r}", (self.task.n, self.task.m), G.shape, "rows are joints")
         return G
@@ -273,8 +272,8 @@ class _Calls:
         self, Q: Matrix, *more: Array, threads: int | None = None, out: Sequence[Array] | None = None, **_: Any
     ) -> tuple[Array, ...]:
         """The same over a leading axis."""
-        found = [self(q, *(one[i] for one in more)) for i, q in enumerate(Q)]
-        made = tuple(np.array([row[k] for row in found]) for k in range(3))
+        answers = [self(q, *(array[i] for array in more)) for i, q in enumerate(Q)]
+        made = tuple(np.array([row[k] for row in answers]) for k in range(3))
         for place, value in zip(out or (), made, strict=False):
             place[...] = value.reshape(place.shape)
         return made
@@ -329,12 +328,10 @@ def _about(q0: Vector) -> Matrix:
     return q0 + moves
 
 
-# --------------------------------------------------------------------------------------------------
-# Strategies with a physical reading: least kinetic energy, and an arm on springs.
+# --- Strategies with a physical reading: least kinetic energy, and an arm on springs.
 #
-# Both are weighted pseudo-inverses G = W J^T (J W J^T)^-1. They are written by the rows that annul
-# range G, N^T W^-1 dq = 0, so W itself, the inverse of what is given, is never formed.
-# --------------------------------------------------------------------------------------------------
+# Both are weighted pseudo-inverses G = W J^T (J W J^T)^-1. They are written by the rows that annul range G, N^T W^-1 dq
+# = 0, so W itself, the inverse of what is given, is never formed.
 
 Force = Literal["pseudo-inverse", "stiffness"]
 """How the force at the tool is found from the joint torques: by J^+, or by the inverse that the stiffness weights."""
@@ -413,22 +410,18 @@ def geometric_stiffness(task: Task, k: Kinematics, q: SX) -> Callable[..., SX]:
 
 def check_exact(task: Task) -> None:
     """Raises: ArgumentError: J of the task is not df/dq."""
-    if not task.exact:
+    if not task._exact:
         raise ArgumentError(
-            "the task of an impedance",
-            task.name,
-            "it needs coordinates: a position, 'rpy', 'zyz', 'rotation-vector'",
+            "the task of an impedance", task.name, "it needs coordinates: a position, 'rpy', 'zyz', 'rotation-vector'"
         )
 
 
-# --------------------------------------------------------------------------------------------------
-# `fitted`: a holonomic strategy's leaves as polynomials, for use in a fast loop.
+# --- `fitted`: a holonomic strategy's leaves as polynomials, for use in a fast loop.
 #
-# A radial strategy integrates a ray at every call. Near a start its constraint is a smooth function
-# of the tool pose x and one linear coordinate phi = Z^T q per redundant joint, so a polynomial in
-# (x, phi) of low degree stands for it. Whatever the fit, the result is the gradient of a function:
-# it is exactly holonomic, and only as near to the given strategy as the fit is good.
-# --------------------------------------------------------------------------------------------------
+# A radial strategy integrates a ray at every call. Near a start its constraint is a smooth function of the tool pose x
+# and one linear coordinate phi = Z^T q per redundant joint, so a polynomial in (x, phi) of low degree stands for it.
+# Whatever the fit, the result is the gradient of a function: it is exactly holonomic, and only as near to the given
+# strategy as the fit is good.
 
 Terms = tuple[tuple[int, ...], ...]
 """For each monomial the variables that it multiplies; () is the constant."""
@@ -466,12 +459,14 @@ def fitted(
         raise ArgumentError("rows", rows, f"name some of the {task.m} task rows, from 0, each once")
     if not len(postures):
         raise ArgumentError("the number of postures", 0, "give a few hundred")
+    # Coordinates (x, phi) of the postures about the middle one, scaled to -1 to 1.
     q0 = postures[np.argmin(np.linalg.norm(postures - postures.mean(axis=0), axis=1))]
     Z = null_space(task.jacobian(q0))
-    chart = task.counted_from(task.place(q0)[1])  # rotation vectors jump half a turn from their reference
+    chart = task._counted_from(task._place(q0)[1])  # rotation vectors jump half a turn from their reference
     x = chart.value_batch(postures)[:, chosen]
     u = np.hstack([x, (postures - q0) @ Z])
     middle, spread = u.mean(axis=0), np.maximum(np.abs(u - u.mean(axis=0)).max(axis=0), 1e-6)
+    # Enough postures for the terms?
     exponents = monomials_up_to(u.shape[1], degree)[1:]  # without the constant, of which a leaf knows nothing
     if len(exponents) > len(postures) * (1 + len(chosen)):
         cure = f"give at least {len(exponents) // (1 + len(chosen)) + 1} postures, or a lower degree"
@@ -481,6 +476,7 @@ def fitted(
         phi = SX(Z.T) @ (q - SX(q0))
         return (vertcat(chart.value_expression(k)[chosen], phi) - SX(middle)) / SX(spread)
 
+    # The coefficients by least squares, and the constraint that they make.
     others = [i for i in range(task.m) if i not in chosen]
     coefficients = _least_squares(strategy, postures, Z, q0, variables, exponents, others)
 
@@ -513,13 +509,7 @@ def monomials(u: SX, terms: Terms) -> SX:
 
 
 def _least_squares(
-    strategy: HolonomicStrategy,
-    Q: Matrix,
-    Z: Matrix,
-    q0: Matrix,
-    variables: Field,
-    exponents: Terms,
-    others: list[int],
+    strategy: HolonomicStrategy, Q: Matrix, Z: Matrix, q0: Matrix, variables: Field, exponents: Terms, others: list[int]
 ) -> Matrix:
     """Coefficients (terms, r) from the values of g - phi, measured from their mean, and from its gradients.
 
@@ -544,15 +534,12 @@ def _least_squares(
     return np.asarray(np.linalg.lstsq(A, b, rcond=1e-12)[0], dtype=float)
 
 
-# --------------------------------------------------------------------------------------------------
-# All holonomic strategies: the paper's open question, answered by a parametrised inverse and a
-# transport (theory 1.6).
+# --- All holonomic strategies: the paper's open question, answered by a parametrised inverse and a transport (theory
+# 1.6).
 #
-# With an inverse K(x, z), f(K(x, z)) = x, over a contractible set of tool poses x, the complete
-# holonomic strategies are exactly the maps Phi(x, .) of the redundancy coordinates z with Phi(x0,
-# .) = identity: a leaf is q = K(x, Phi(x, z0)), z0 its label, and G = K_x + K_z dPhi/dx. Nothing is
-# redundant in this description.
-# --------------------------------------------------------------------------------------------------
+# With an inverse K(x, z), f(K(x, z)) = x, over a contractible set of tool poses x, the complete holonomic strategies
+# are exactly the maps Phi(x, .) of the redundancy coordinates z with Phi(x0, .) = identity: a leaf is q = K(x, Phi(x,
+# z0)), z0 its label, and G = K_x + K_z dPhi/dx. Nothing is redundant in this description.
 
 CHECKED = 1e-8
 """Largest error of K, z, Phi and its inverse at the places where they are checked [m, rad]."""
@@ -596,15 +583,17 @@ def from_transport(
     transport = as_map([x, z0], phi)
     slope = as_map([x, z0], jacobian(phi, z0))
 
-    def label(at: SX, value: SX) -> SX:
+    def label(pose_value: SX, value: SX) -> SX:
         if inverse is not None:
-            return _sized("the inverse of Phi", inverse(at, value), (r, 1))
-        found = value  # at the center Phi is the identity
+            return _sized("the inverse of Phi", inverse(pose_value, value), (r, 1))
+        coordinates = value  # at the center Phi is the identity
         last = [1.0] * 4  # Newton steps at the end: quadratic, so four reach round-off
         for share in [*((k + 1) / steps for k in range(steps - 1)), *last]:
-            here = SX(x0) + share * (at - SX(x0))
-            found = found + factorise(slope(here, found)).solve(value - transport(here, found))
-        return found
+            place = SX(x0) + share * (pose_value - SX(x0))
+            coordinates = coordinates + factorise(slope(place, coordinates)).solve(
+                value - transport(place, coordinates)
+            )
+        return coordinates
 
     def expression(bound: Task, k: Kinematics, q: SX) -> SX:
         return label(bound.value_expression(k), _sized("z", z(q), (r, 1)))
@@ -635,15 +624,11 @@ def _check(
     )
     coordinates = Function("z", {"q": q}, {"z": _sized("z", z(q), (r, 1))})
     for posture in around + 0.1 * np.random.default_rng(0).uniform(-1, 1, (4, task.n)):
-        found = errors(task(posture), np.atleast_1d(coordinates(posture)))
-        for what, error in zip(errors.output_shapes, found, strict=True):
+        gaps = errors(task(posture), np.atleast_1d(coordinates(posture)))
+        for what, error in zip(errors.output_shapes, gaps, strict=True):
             if not np.abs(error).max() < CHECKED:
-                at = np.array2string(posture, precision=3)
-                raise ArgumentError(
-                    f"|{what}| near q = {at}",
-                    float(np.abs(error).max()),
-                    "it must be 0 everywhere",
-                )
+                place = np.array2string(posture, precision=3)
+                raise ArgumentError(f"|{what}| near q = {place}", float(np.abs(error).max()), "it must be 0 everywhere")
 
 
 def _sized(what: str, value: Any, shape: tuple[int, int]) -> SX:

@@ -45,9 +45,7 @@ from ..symbolic.linear import back_substitute, null_space_expression
 from .constraints import Constraint
 from .tasks.task import Task
 
-# --------------------------------------------------------------------------------------------------
-# The planes of a strategy as expressions: the span of a frame, or the kernel of rows (theory 1.3).
-# --------------------------------------------------------------------------------------------------
+# --- The planes of a strategy as expressions: the span of a frame, or the kernel of rows (theory 1.3).
 
 Brackets = dict[tuple[int, int], SX]
 """[B_a, B_b] (n,) of the columns a < b of a frame."""
@@ -129,11 +127,11 @@ class FrameExpressions(Expressions):
         B, m = self.planes, self.J.shape[0]
         A = null_space_expression(B.T).T
         M = factorise(self.J @ B).solve(SX.eye(m))  # Proposition 1
-        found = of_frame or pairwise_brackets(B, self.q)
+        brackets = of_frame or pairwise_brackets(B, self.q)
         turned = []
         for k in range(A.shape[0]):
             K = SX.zeros(m, m)  # antisymmetric
-            for (a, b), value in found.items():
+            for (a, b), value in brackets.items():
                 K[a, b] = dot(A[k, :].T, value)
                 K[b, a] = -K[a, b]
             turned.append(M.T @ K @ M)
@@ -159,9 +157,9 @@ class RowExpressions(Expressions):
     def slope(self, dx: SX, weight: SX) -> tuple[SX, SX]:
         """Of [J; A] x = [dx; 0], with y = [J; A]^-T w: w^T dx = -y^T d[J; A] x."""
         extended, sizes = self._extended()
-        m, found = self.J.shape[0], factorise(extended)
-        x = found.solve(vertcat(dx, SX.zeros(len(sizes), 1)))
-        y = found.solve_transposed(weight)
+        m, factors = self.J.shape[0], factorise(extended)
+        x = factors.solve(vertcat(dx, SX.zeros(len(sizes), 1)))
+        y = factors.solve_transposed(weight)
         scaled = vertcat(SX(0, 1), *(y[m + i] / size for i, size in enumerate(sizes)))
 
         def form(y: SX, scaled: SX, x: SX) -> SX:
@@ -265,35 +263,35 @@ class Strategy(Made, ByValue, ABC):
         return None
 
     @property
-    def margin_expression(self) -> SX:
+    def _margin_expression(self) -> SX:
         """How far the posture is from where a representation, the task's or the constraint's, is singular."""
-        return self.task.margin_expression(self.expressions.kinematics.rotation)
+        return self.task._margin_expression(self.expressions.kinematics.rotation)
 
     @cached_property
     def gain(self) -> Function:
         """q -> (G, rcond, representation margin), unchecked."""
         s = self.looped
-        found = s.expressions.rate(SX.eye(s.task.m))
-        outputs = {"G": found.X, "rcond": found.rcond, "margin": s.margin_expression}
-        return Function("gain", {"q": s.expressions.q}, outputs, found.system, s.transport)
+        solution = s.expressions.rate(SX.eye(s.task.m))
+        outputs = {"G": solution.X, "rcond": solution.rcond, "margin": s._margin_expression}
+        return Function("gain", {"q": s.expressions.q}, outputs, solution.system, s.transport)
 
     @cached_property
     def rate(self) -> Function:
         """(q, dx) -> (dq = G dx, rcond, margin), unchecked: one solve instead of m. [ZR11, (3)]"""
         s, dx = self.looped, symbol("dx", self.task.m)
-        found = s.expressions.rate(dx)  # (3)
-        outputs = {"dq": found.X, "rcond": found.rcond, "margin": s.margin_expression}
-        return Function("rate", {"q": s.expressions.q, "dx": dx}, outputs, found.system, s.transport)
+        solution = s.expressions.rate(dx)  # (3)
+        outputs = {"dq": solution.X, "rcond": solution.rcond, "margin": s._margin_expression}
+        return Function("rate", {"q": s.expressions.q, "dx": dx}, outputs, solution.system, s.transport)
 
     def _written(self, what: str, planes: Field, shape: tuple[int, int]) -> tuple[SX, Kinematics, SX, SX]:
         """(q, kinematics, J, planes) over a new symbol. Raises: ShapeError unless the planes have the shape."""
         q = symbol("q", self.task.n)
         k = self.task.kinematics(q)
-        found = as_expression(planes(self.task, k, q))
-        if found.shape != shape:
+        expression = as_expression(planes(self.task, k, q))
+        if expression.shape != shape:
             cure = "it must fit n joints and m task rows"
-            raise ShapeError(f"{what} of {self.name!r}", shape, found.shape, cure)
-        return q, k, self.task.jacobian_expression(k, q), found
+            raise ShapeError(f"{what} of {self.name!r}", shape, expression.shape, cure)
+        return q, k, self.task.jacobian_expression(k, q), expression
 
     def _planes_at(self, q: ArrayLike) -> Matrix:
         return np.reshape(self._planes(self.task.robot.checked(q)), self.looped.expressions.planes.shape)
@@ -315,10 +313,10 @@ class Strategy(Made, ByValue, ABC):
             raise NotFiniteError(f"G of {self.name!r} at q = {q.tolist()}", G.tolist(), FORMULA)
         return G
 
-    def _doubtful(self, q: Vector, found: Array, rcond: float, margin: float) -> Array:
+    def _doubtful(self, q: Vector, result: Array, rcond: float, margin: float) -> Array:
         """What was found at q, unless the strategy is singular there."""
         check_solved(self, self.task.robot.checked(q), rcond, margin)
-        return found
+        return result
 
     def _check_finite(self, q: Vector) -> None:
         """Raises: NotFiniteError when what the user wrote, frame, rows or constraint, is not finite at a sound q."""
@@ -362,10 +360,7 @@ def checked_rate(strategy: Strategy) -> Callable[[Vector, Vector], Vector]:
     return rate
 
 
-# --------------------------------------------------------------------------------------------------
-# The three kinds of strategies: planes from a frame, from rows, from a constraint. Every strategy
-# is one of them.
-# --------------------------------------------------------------------------------------------------
+# --- The three kinds of strategies: planes from a frame, from rows, from a constraint. Every strategy is one of them.
 
 
 @final
@@ -473,9 +468,9 @@ class HolonomicStrategy(KernelStrategy):
         return self._constraint_at.call(q)
 
     @property
-    def margin_expression(self) -> SX:
+    def _margin_expression(self) -> SX:
         """How far the posture is from where a representation, the task's or the constraint's, is singular."""
-        e, margin = self.expressions, super().margin_expression
+        e, margin = self.expressions, super()._margin_expression
         if self.constraint.margin is not None:
             margin = fmin(margin, self.constraint.margin(self.task, e.kinematics, e.q))
         return margin

@@ -11,7 +11,7 @@ import casadi as ca
 
 from ..base.errors import ArgumentError, NativeError
 from ..base.types import Vector
-from .native.emit import Pieces, Transport
+from .native.emit import Pieces, Transport, applied, operations, walk
 
 
 def jacobian(expression: ca.SX, q: ca.SX) -> ca.SX:
@@ -56,33 +56,31 @@ def _staged(outputs: ca.SX, early: ca.SX, late: ca.SX) -> tuple[ca.SX, ca.SX, ca
     value, an expression of the early ones. Equal expressions are one.
     """
     made = ca.Function("outputs", [early, late], ca.cse([ca.densify(outputs)]))
-    registers: dict[int, _Register] = {}
-    found, symbols, values = ca.SX(*outputs.shape), [], []
+    symbols, values = [], []
 
-    def operand(one: _Register) -> ca.SX:
-        if one.late or one.value.is_constant():
-            return one.value
-        if one.stands is None:
-            one.stands = ca.SX.sym(f"early{len(symbols)}")
-            symbols.append(one.stands)
-            values.append(one.value)
-        return one.stands
+    def operand(part: _Register) -> ca.SX:
+        if part.late or part.value.is_constant():
+            return part.value
+        if part.stands is None:
+            part.stands = ca.SX.sym(f"early{len(symbols)}")
+            symbols.append(part.stands)
+            values.append(part.value)
+        return part.stands
 
-    for k in range(made.n_instructions()):
-        op, into, out = made.instruction_id(k), made.instruction_input(k), made.instruction_output(k)
-        if op == ca.OP_OUTPUT:
-            found[out[1]] = registers[into[0]].value
-        elif op == ca.OP_INPUT:
-            registers[out[0]] = _Register((early, late)[into[0]][into[1]], bool(into[0]))
-        elif op == ca.OP_CONST:
-            registers[out[0]] = _Register(ca.SX(made.instruction_constant(k)), False)
-        else:
-            given = [registers[i] for i in into]
-            needs = any(one.late for one in given)
-            parts = [operand(one) if needs else one.value for one in given]
-            value = ca.SX.unary(op, *parts) if len(parts) == 1 else ca.SX.binary(op, *parts)
-            registers[out[0]] = _Register(value, needs)
-    return found, ca.vertcat(ca.SX(0, 1), *symbols), ca.vertcat(ca.SX(0, 1), *values)
+    def apply(op: int, parts: list[_Register]) -> _Register:
+        late = any(part.late for part in parts)
+        return _Register(applied(op, [operand(part) if late else part.value for part in parts]), late)
+
+    rows = walk(
+        made,
+        lambda argument, i: _Register((early, late)[argument][i], bool(argument)),
+        lambda number: _Register(ca.SX(number), False),
+        apply,
+    )
+    stages = ca.SX(*outputs.shape)
+    for row, part in rows.items():
+        stages[row] = part.value
+    return stages, ca.vertcat(ca.SX(0, 1), *symbols), ca.vertcat(ca.SX(0, 1), *values)
 
 
 @dataclass(eq=False)
@@ -94,20 +92,15 @@ class _Register:
     stands: ca.SX | None = None
 
 
-# --------------------------------------------------------------------------------------------------
-# Taylor models: what an expression is along a curve and near it, as a polynomial with a bound of
-# what is left.
+# --- Taylor models: what an expression is along a curve and near it, as a polynomial with a bound of what is left.
 #
-# Every operation of a CasADi function is applied to models instead of numbers, for all |t| <= 1 and
-# |u_j| <= 1:
+# Every operation of a CasADi function is applied to models instead of numbers, for all |t| <= 1 and |u_j| <= 1:
 #
 #     m + a t + b t^2 + c t^3 + sum_j e_j u_j,   give or take r;   give or take r0 where all u_j are 0
 #
-# The arguments are x = c + t v + t^2 w + t^3 z, each with a width of its own. What is linear in the
-# u_j and cubic in t is exact: a model serves over pieces ten times as long as an `Enclosure`, which
-# keeps the middle alone. Round-off is not enclosed, and a copysign takes the sign at the middle, as
-# there.
-# --------------------------------------------------------------------------------------------------
+# The arguments are x = c + t v + t^2 w + t^3 z, each with a width of its own. What is linear in the u_j and cubic in t
+# is exact: a model serves over pieces ten times as long as an `Enclosure`, which keeps the middle alone. Round-off is
+# not enclosed, and a copysign takes the sign at the middle, as there.
 
 _UNARY = {
     ca.OP_NEG: "hk_model_scale({0}, HK_C(-1), {1})",
@@ -138,7 +131,7 @@ class TaylorModel:
         self._made = ca.Function(name, [ca.vertcat(*inputs.values())], ca.cse([ca.densify(ca.vec(output))]))
         self.instructions: int = self._made.n_instructions()
         known = {*_UNARY, *_BINARY, ca.OP_COPYSIGN, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
-        if any(self._made.instruction_id(k) not in known for k in range(self.instructions)):
+        if operations(self._made) - known:
             raise NativeError(f"{name} has an operation that has no Taylor model")
 
     @cached_property
@@ -157,7 +150,10 @@ class TaylorModel:
             if op == ca.OP_INPUT:
                 code = f"w[{out[0]}] = x[{into[1]}]"
             elif op == ca.OP_COPYSIGN:
-                code = _copysign(into, out[0], constant)
+                if into[0] not in constant:
+                    raise NativeError("a copysign of what is no number has no Taylor model")
+                sign = f"HK_C({constant[into[1]]!r})" if into[1] in constant else f"w[{into[1]}].m"
+                code = f"hk_model_constant(HK_COPYSIGN(HK_C({constant[into[0]]!r}), {sign}), w + {out[0]})"
             else:
                 code = _operation(op, into, out[0], constant)
             constant.pop(out[0], None)
@@ -188,24 +184,14 @@ def _operation(op: int, into: list[int], out: int, constant: Mapping[int, float]
     return made + (_BINARY if op in _BINARY else _UNARY)[op].format(*places, there)
 
 
-def _copysign(into: list[int], out: int, constant: Mapping[int, float]) -> str:
-    if into[0] not in constant:
-        raise NativeError("a copysign of what is no number has no Taylor model")
-    sign = f"HK_C({constant[into[1]]!r})" if into[1] in constant else f"w[{into[1]}].m"
-    return f"hk_model_constant(HK_COPYSIGN(HK_C({constant[into[0]]!r}), {sign}), w + {out})"
-
-
 def _written(there: str, register: int, constant: Mapping[int, float]) -> str:
     if register in constant:
         return f"  hk_model_constant(HK_C({constant[register]!r}), {there});"
     return f"  *({there}) = w[{register}];"
 
 
-# --------------------------------------------------------------------------------------------------
-# Where a formula may jump: the places at which an if_else, a floor, a sign, ... of it turns over.
-# --------------------------------------------------------------------------------------------------
+# --- Where a formula may jump: the places at which an if_else, a floor, a sign, ... of it turns over.
 
-_NAMES = {getattr(ca, key): key.removeprefix("OP_").lower() for key in dir(ca) if key.startswith("OP_")}
 _CONDITIONS = {ca.OP_LT: "if_else", ca.OP_LE: "if_else"}
 _JUMPS = {
     ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil", ca.OP_SIGN: "sign", ca.OP_COPYSIGN: "copysign", ca.OP_FMOD: "fmod",
@@ -239,14 +225,14 @@ class Formula:
 
 def switches_of(formula: Formula) -> list[Switches]:
     """The switches of a formula's rows, as expressions of q."""
-    found = []
+    switches_by_row = []
     for i, flag in enumerate(formula.angular):
         one = switches(formula.expression[i], formula.variables, angle=flag)
         if one.words:
             gap, state = ca.substitute([one.gap, one.state], [formula.variables], [formula.at])
             one = Switches(one.words, gap, state)
-        found.append(one)
-    return found
+        switches_by_row.append(one)
+    return switches_by_row
 
 
 def switches(expression: ca.SX, q: ca.SX, *, angle: bool = False, reflected: bool = False) -> Switches:
@@ -258,25 +244,18 @@ def switches(expression: ca.SX, q: ca.SX, *, angle: bool = False, reflected: boo
     flat = ca.densify(ca.vec(expression))
     made = ca.Function("made", [q], [flat])
     harmless = ({ca.OP_ATAN2} if angle else set()) | ({ca.OP_COPYSIGN} if reflected else set())
-    if not ({made.instruction_id(i) for i in range(made.n_instructions())} & set(_JUMPS)) - harmless:
+    if not (operations(made) & set(_JUMPS)) - harmless:
         return Switches((), ca.SX(0, 1), ca.SX(0, 1))
     made = ca.Function("made", [q], [ca.cse([flat])[0]])
-    work: dict[int, ca.SX] = {}
-    found: list[tuple[str, ca.SX, ca.SX]] = []
-    for i in range(made.n_instructions()):
-        op, out, into = made.instruction_id(i), made.instruction_output(i), made.instruction_input(i)
-        if op == ca.OP_OUTPUT:
-            continue
-        if op == ca.OP_CONST:
-            work[out[0]] = ca.SX(made.instruction_constant(i))
-        elif op == ca.OP_INPUT:
-            work[out[0]] = q[into[1]]
-        else:
-            parts = [work[j] for j in into]
-            if op in _JUMPS and op not in harmless and not all(part.is_constant() for part in parts):
-                found.append((_JUMPS[op], *_turning(op, parts)))
-            work[out[0]] = ca.SX.unary(op, parts[0]) if len(parts) == 1 else ca.SX.binary(op, *parts)
-    words, gaps, states = zip(*found, strict=True) if found else ((), (), ())
+    turning: list[tuple[str, ca.SX, ca.SX]] = []
+
+    def apply(op: int, parts: list[ca.SX]) -> ca.SX:
+        if op in _JUMPS and op not in harmless and not all(part.is_constant() for part in parts):
+            turning.append((_JUMPS[op], *_turning(op, parts)))
+        return applied(op, parts)
+
+    walk(made, lambda _, i: q[i], ca.SX, apply)
+    words, gaps, states = zip(*turning, strict=True) if turning else ((), (), ())
     return Switches(tuple(words), ca.vertcat(ca.SX(0, 1), *gaps), ca.vertcat(ca.SX(0, 1), *states))
 
 
@@ -297,9 +276,7 @@ def _turning(op: int, parts: list[ca.SX]) -> tuple[ca.SX, ca.SX]:
     return ratio - ca.floor(ratio + 0.5), ca.floor(ratio)
 
 
-# --------------------------------------------------------------------------------------------------
-# The Runge-Kutta step of order 4, for numbers and for expressions, and many of them as a loop.
-# --------------------------------------------------------------------------------------------------
+# --- The Runge-Kutta step of order 4, for numbers and for expressions, and many of them as a loop.
 
 
 def runge_kutta(rate: Callable[[Any, Any], Any], y: Any, h: float, start: Any, middle: Any, end: Any) -> Any:
@@ -339,22 +316,25 @@ def transport(
     v = ca.SX.sym("v", *began.shape)
     (moved, rcond), (by_y, by_v), (label, margin, factor) = rate(y, v), slope(y, v, w), end(q, y, f, first, least)
     slopes = ca.horzcat(*(gradient(label[i], y).T for i in range(label.shape[0])))
-    b, c, gaps, kept = ca.SX.sym("b", *v.shape), ca.SX.sym("c", *v.shape), ca.SX.sym("gaps", 2), ca.SX.sym("kept")
+    b, c, gaps, kept_share = ca.SX.sym("b", *v.shape), ca.SX.sym("c", *v.shape), ca.SX.sym("gaps", 2), ca.SX.sym("kept")
 
     def by_q(by_v: ca.SX) -> ca.SX:
         """The slopes w by y and those by v as slopes by q: v moves with it."""
         return w + gradient(by_v.T @ began, q).T
 
     n = len(center)
-    found, left, values = _staged(ca.vertcat(moved, rcond, by_y, by_v), ca.vertcat(y, v), w)
+    expressions, left, values = _staged(ca.vertcat(moved, rcond, by_y, by_v), ca.vertcat(y, v), w)
     pieces = Pieces(
         begin=_function("begin", [q], began),
-        rate=_function("rate", [y, v], found[:n], found[n], values),
-        pull=_function("pull", [left, w], found[n + 1 : 2 * n + 1], found[2 * n + 1 :]),
+        rate=_function("rate", [y, v], expressions[:n], expressions[n], values),
+        pull=_function("pull", [left, w], expressions[n + 1 : 2 * n + 1], expressions[2 * n + 1 :]),
         miss=_function("miss", [y], miss(y)),
         end=_function("end", [q, y, f, first, least], label, margin, slopes, factor),
         back=_function(
-            "back", [q, y, v, w, b, c, gaps, kept], kept * by_q(b), doubt(q, y, v, by_q(-c), b + c, gaps, kept)
+            "back",
+            [q, y, v, w, b, c, gaps, kept_share],
+            kept_share * by_q(b),
+            doubt(q, y, v, by_q(-c), b + c, gaps, kept_share),
         ),
     )
     size = label.shape[0] * (1 + n) + 1

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..base.errors import ArgumentError, ExpressionError, HolokinError, ShapeError, brief, closest
 from ..base.types import Vector, number
+from .native.emit import OPERATION_NAMES, applied, operations, walk
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: getattr(ca, name)
@@ -78,9 +79,9 @@ def written(what: str, function: Callable[..., Any], *symbols: ca.SX) -> ca.SX:
     except HolokinError:
         raise
     except Exception as problem:  # noqa: BLE001  a function may raise anything; CasADi before 3.8.2 raises a bare Exception
-        said = " ".join(str(problem).split())
-        _place, _, words = said.rpartition(": ") if said.startswith(".../casadi") else ("", "", said)
-        cure = next((cure for key, cure in _CURES.items() if key in said), "")
+        message = " ".join(str(problem).split())
+        _place, _, words = message.rpartition(": ") if message.startswith(".../casadi") else ("", "", message)
+        cure = next((cure for key, cure in _CURES.items() if key in message), "")
         fact = f"called with symbols it raised {type(problem).__name__}: {brief(words, 160)}"
         raise ExpressionError(what, fact, cure or "write it with casadi's functions, + - * / and if_else") from None
 
@@ -118,19 +119,19 @@ def parse(text: str | float, names: Mapping[str, ca.SX]) -> ca.SX:
     values: dict[ast.expr, ca.SX] = {}
     for node, name, parts in reversed(_outside_in(tree.body, formula)):  # no recursion: long sums are deep trees
         try:
-            found = _apply(node, name, [values.pop(part) for part in parts], names, formula)
-            finite = not found.is_constant() or bool(np.isfinite(float(found)))
+            meaning = _apply(node, name, [values.pop(part) for part in parts], names, formula)
+            finite = not meaning.is_constant() or bool(np.isfinite(float(meaning)))
         except ArithmeticError as problem:
             raise ExpressionError(formula, str(problem), _CURE) from None
         if not finite:
             raise ExpressionError(formula, f"{_shown(node)} is no finite real number", "leave it out, or rewrite it")
-        values[node] = found
+        values[node] = meaning
     return values[tree.body]
 
 
 def _outside_in(root: ast.expr, formula: str) -> list[tuple[ast.expr, str, list[ast.expr]]]:
     """(node, name of what it calls or means, operands) of all parts of a formula, none before what it is part of."""
-    found: list[tuple[ast.expr, str, list[ast.expr]]] = []
+    ordered: list[tuple[ast.expr, str, list[ast.expr]]] = []
     waiting = [root]
     while waiting:
         node, name, parts = waiting.pop(), "", []
@@ -147,9 +148,9 @@ def _outside_in(root: ast.expr, formula: str) -> list[tuple[ast.expr, str, list[
                 pass
             case _:
                 raise ExpressionError(formula, f"{_shown(node)} is not arithmetic", _CURE)
-        found.append((node, name, parts))
+        ordered.append((node, name, parts))
         waiting += parts
-    return found
+    return ordered
 
 
 def _apply(node: ast.expr, name: str, parts: list[ca.SX], names: Mapping[str, ca.SX], formula: str) -> ca.SX:
@@ -183,23 +184,32 @@ def _shown(node: ast.expr) -> str:
         return "a part of it"
 
 
-# --------------------------------------------------------------------------------------------------
-# `Separated`: an expression whose derivatives are exact, and where it is smooth.
+# --- `Separated`: an expression whose derivatives are exact, and where it is smooth.
 #
-# CasADi multiplies constants while it differentiates, (0.3 (0.7 x))' = fl(0.3 0.7), and that
-# product is rounded. Here each constant is a symbol, so that no number is computed before the
-# intervals do it. Only 0, +-1/2, +-1 and +-2 stay, whose sums and products are exact, and the
-# exponents of powers.
+# CasADi multiplies constants while it differentiates, (0.3 (0.7 x))' = fl(0.3 0.7), and that product is rounded. Here
+# each constant is a symbol, so that no number is computed before the intervals do it. Only 0, +-1/2, +-1 and +-2 stay,
+# whose sums and products are exact, and the exponents of powers.
 #
-# A derivative says nothing of a jump: |x|' = sign x is bounded across 0. Each operation that has a
-# kink or a jump leaves a guard, an expression that vanishes there.
-# --------------------------------------------------------------------------------------------------
+# A derivative says nothing of a jump: |x|' = sign x is bounded across 0. Each operation that has a kink or a jump
+# leaves a guard, an expression that vanishes there.
 
 _KEPT = (0.0, 0.5, -0.5, 1.0, -1.0, 2.0, -2.0)
 _COMPARED = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX)
 _TRUTHS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR)
 _LOGICAL = (ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO)
 _SUMS = (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE, ca.OP_ASSIGN)
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A part of an expression: its number where it is a constant, the guards of the cuts that it may jump at, whether
+    it is a condition, whether it is a root."""
+
+    expression: ca.SX
+    number: float = 0.5
+    cuts: frozenset[int] = frozenset()
+    truth: bool = False
+    root: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,83 +233,61 @@ class Separated:
         """
         given = ca.veccat(*inputs.values())
         made = ca.Function("separated", [given], ca.cse([ca.densify(ca.vec(output))]))
-        work: dict[int, ca.SX] = {}
-        constant: dict[int, float] = {}  # register: its number, where it has one
-        cuts: dict[int, frozenset[int]] = {}  # register: the guards of the cuts that it may jump at
-        truths: set[int] = set()
-        roots: set[int] = set()
         symbols, values, guards = [], [], []
         needed: dict[int, None] = {}
-        rows = [ca.SX(0)] * made.size1_out(0)
 
         def guard(expression: ca.SX) -> int:
             guards.append(expression)
             return len(guards) - 1
 
-        for k in range(made.n_instructions()):
-            op, out, into = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
-            if op == ca.OP_OUTPUT:
-                rows[out[1]] = work[into[0]]
-                if not angular[out[1]]:
-                    needed |= dict.fromkeys(cuts[into[0]])
-                continue
-            if op in (ca.OP_INPUT, ca.OP_CONST):
-                register, number = out[0], made.instruction_constant(k) if op == ca.OP_CONST else None
-                cuts[register] = frozenset()
-                truths.discard(register)
-                roots.discard(register)
-                constant.pop(register, None)
-                if number is None:
-                    work[register] = given[into[1]]
-                else:
-                    constant[register] = number
-                    work[register] = ca.SX(number) if number in _KEPT else ca.SX.sym(f"constant_{len(values)}")
-                    if number not in _KEPT:
-                        symbols.append(work[register])
-                        values.append(number)
-                continue
-            arguments = [work[i] for i in into]
-            jumps = frozenset[int]().union(*(cuts[i] for i in into))
-            multiple = op == ca.OP_MUL and any(constant.get(i, 0.5) % 1 == 0 for i in into)
-            if op in (ca.OP_POW, ca.OP_CONSTPOW) and constant.get(into[1], 0.5) % 1 == 0:
-                arguments[1] = ca.SX(constant[into[1]])
-            if op not in _SUMS and not multiple and jumps:
+        def constant(number: float) -> _Part:
+            if number in _KEPT:
+                return _Part(ca.SX(number), number=number)
+            symbols.append(ca.SX.sym(f"constant_{len(values)}"))
+            values.append(number)
+            return _Part(symbols[-1], number=number)
+
+        def apply(op: int, parts: list[_Part]) -> _Part:
+            arguments = [part.expression for part in parts]
+            whole = [part.number % 1 == 0 for part in parts]
+            jumps = frozenset[int]().union(*(part.cuts for part in parts))
+            if op in (ca.OP_POW, ca.OP_CONSTPOW) and whole[1]:
+                arguments[1] = ca.SX(parts[1].number)
+            # A sum of angles jumps as they do, and so does a whole multiple; a sine and a cosine do not.
+            if op not in _SUMS and not (op == ca.OP_MUL and any(whole)) and jumps:
                 if op not in (ca.OP_SIN, ca.OP_COS):
-                    needed |= dict.fromkeys(jumps)
+                    needed.update(dict.fromkeys(jumps))
                 jumps = frozenset()
+            # The guards of the operation's own kinks and jumps.
             if op == ca.OP_ATAN2:
                 y, x = arguments
                 jumps = frozenset({guard(ca.sqrt(x * x + y * y) + x)})
             elif op in _COMPARED:
                 needed[guard(arguments[0] - arguments[1])] = None
             elif op in (ca.OP_FABS, ca.OP_SIGN, ca.OP_COPYSIGN):
-                positive = (
-                    op == ca.OP_COPYSIGN and into[0] in roots
-                )  # where a root vanishes its derivative is unbounded
-                needed |= dict.fromkeys(guard(a) for a in arguments[positive:])
+                positive = op == ca.OP_COPYSIGN and parts[0].root  # where a root vanishes its derivative is unbounded
+                needed.update(dict.fromkeys(guard(a) for a in arguments[positive:]))
             elif op in _LOGICAL:
-                asked = into[:1] if op == ca.OP_IF_ELSE_ZERO else into
-                needed |= dict.fromkeys(guard(work[i]) for i in asked if i not in truths)
-            made_of = ca.SX.unary(op, *arguments) if len(arguments) == 1 else ca.SX.binary(op, *arguments)
-            register = out[0]
-            work[register], cuts[register] = made_of, jumps
-            constant.pop(register, None)
-            (truths.add if op in _TRUTHS else truths.discard)(register)
-            (roots.add if op == ca.OP_SQRT else roots.discard)(register)
+                asked = parts[:1] if op == ca.OP_IF_ELSE_ZERO else parts
+                needed.update(dict.fromkeys(guard(part.expression) for part in asked if not part.truth))
+            return _Part(applied(op, arguments), cuts=jumps, truth=op in _TRUTHS, root=op == ca.OP_SQRT)
+
+        rows = walk(made, lambda _, i: _Part(given[i]), constant, apply)
+        for row, part in rows.items():
+            if not angular[row]:
+                needed.update(dict.fromkeys(part.cuts))
         return Separated(
-            ca.vertcat(*rows), ca.vertcat(*symbols), np.array(values), ca.vertcat(*(guards[i] for i in needed))
+            ca.vertcat(*(rows[row].expression for row in range(made.size1_out(0)))),
+            ca.vertcat(*symbols),
+            np.array(values),
+            ca.vertcat(*(guards[i] for i in needed)),
         )
 
-
-# --------------------------------------------------------------------------------------------------
-# What an expression is made of: only sums, products, quotients, sines and cosines, or more.
-# --------------------------------------------------------------------------------------------------
 
 _PLAIN = (
     "INPUT", "OUTPUT", "CONST", "PARAMETER", "ASSIGN", "ADD", "SUB", "MUL", "DIV", "INV", "NEG", "TWICE", "SQ", "SIN",
     "COS", "TAN",
 )  # fmt: skip
-_NAMES = {getattr(ca, name): name.removeprefix("OP_") for name in dir(ca) if name.startswith("OP_")}
 _WORDS = {"IF_ELSE_ZERO": "if_else", "LT": "if_else", "LE": "if_else", "NOT": "if_else", "CONSTPOW": "pow"}
 
 
@@ -310,5 +298,5 @@ def other_operations(expression: ca.SX, q: ca.SX) -> tuple[str, ...]:
     easily. Whole powers are products; a power with any other exponent counts as one of them.
     """
     made = ca.Function("made", [q], [expression])
-    names = {_NAMES[made.instruction_id(i)] for i in range(made.n_instructions())} - set(_PLAIN)
+    names = {OPERATION_NAMES[op] for op in operations(made)} - set(_PLAIN)
     return tuple(sorted({_WORDS.get(name, name.lower()) for name in names}))

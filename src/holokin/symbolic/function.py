@@ -31,11 +31,6 @@ from .native.kernel import (
 )
 from .native.toolchain import allowed, enabled, tell
 
-# --------------------------------------------------------------------------------------------------
-# `CheckedBatch`: a checked function of one vector at many samples. The one rule of (n,) or (k, n)
-# is here.
-# --------------------------------------------------------------------------------------------------
-
 PIECE = 100_000
 """Samples that are checked at once, so that only the results grow with their number."""
 
@@ -63,12 +58,12 @@ class CheckedBatch:
         """x (n,), checked, or (k, n) as numbers, which are checked by their results. Raises: as `convert`."""
         if hasattr(given, "keys"):  # values by name, of whose order `convert` knows
             return self._convert(given)
-        found = numbers("q", given)
-        if found.ndim != 2:
-            return self._convert(found)
-        if found.shape[1] != self._size:
-            raise ShapeError("q", f"({self._size},) or (k, {self._size})", found.shape)
-        return found
+        array = numbers("q", given)
+        if array.ndim != 2:
+            return self._convert(array)
+        if array.shape[1] != self._size:
+            raise ShapeError("q", f"({self._size},) or (k, {self._size})", array.shape)
+        return array
 
     def __call__(self, Q: Matrix, threads: int | None = None) -> Array:
         """The results at Q (k, n), a row each; see `Function.batch` for threads.
@@ -77,20 +72,20 @@ class CheckedBatch:
         """
         if threads is not None:
             whole("threads", threads)
-        found = np.empty((len(Q), *self._result))
+        results = np.empty((len(Q), *self._result))
         edges = np.linspace(0, len(Q), 1 + max(1, len(Q) // PIECE)).astype(int)
         for first, last in pairwise(edges.tolist()):
             more = [np.empty((last - first, *shape)) for shape in self._others]
-            self._batch(Q[first:last], threads=threads, out=[found[first:last], *more])
+            self._batch(Q[first:last], threads=threads, out=[results[first:last], *more])
             measures = [one.reshape(-1) for one in more[len(more) - len(self._bounds) :]]
-            for i in np.flatnonzero(~self._sound(found[first:last], measures)).tolist():
+            for i in np.flatnonzero(~self._sound(results[first:last], measures)).tolist():
                 q = self._convert(Q[first + i], f"posture {first + i}")
-                found[first + i] = self._doubt(q, found[first + i].copy(), *(float(one[i]) for one in measures))
-        return found
+                results[first + i] = self._doubt(q, results[first + i].copy(), *(float(one[i]) for one in measures))
+        return results
 
-    def _sound(self, found: Array, measures: list[Array]) -> Flags:
+    def _sound(self, results: Array, measures: list[Array]) -> Flags:
         """Which rows are finite, with measures above their bounds; a sum beyond all floats counts as not finite."""
-        rows = found.reshape(len(found), int(np.prod(self._result)))
+        rows = results.reshape(len(results), int(np.prod(self._result)))
         with np.errstate(all="ignore"):
             sound: Any = np.isfinite(rows @ np.ones(rows.shape[1]))
             for one, bound in zip(measures, self._bounds, strict=True):
@@ -217,11 +212,11 @@ class Function:
             kernel([_rows(v) for v in stacked], results, threads)
             return self._unwrapped(results, count)
         done = 0
-        for size, least in CHUNKS.items():
-            while count - done >= least:
-                here = slice(done, min(done + size, count))
-                self._evaluate_chunk(size, [v[here] for v in stacked], [r[here] for r in results])
-                done = here.stop
+        for size, fewest in CHUNKS.items():
+            while count - done >= fewest:
+                rows = slice(done, min(done + size, count))
+                self._evaluate_chunk(size, [v[rows] for v in stacked], [r[rows] for r in results])
+                done = rows.stop
         for i in range(done, count):  # a few are cheaper one by one
             for slot, value in zip(self._port.arguments, stacked, strict=True):
                 slot[...] = value[i]

@@ -19,7 +19,7 @@ from ..base.types import Array, Flags, Indices, Vector
 from . import intervals as iv
 from .function import Function
 from .intervals import Interval
-from .native.emit import emit
+from .native.emit import OPERATION_NAMES, emit, operations, walk
 
 
 def _truth(always: Flags, possible: Flags) -> Interval:
@@ -70,16 +70,16 @@ def _power(a: Interval, b: Interval) -> Interval:
     """a^b: by repeated squares for one small whole b, else exp(b log a): unbounded where a reaches to 0 or below."""
     whole = b.low.flat[0] if b.low.size else np.nan
     if not ((b.low == whole) & (b.high == whole)).all() or whole not in range(-64, 65):
-        found = iv.exponential(iv.multiply(b, iv.logarithm(a)))
+        power = iv.exponential(iv.multiply(b, iv.logarithm(a)))
         lost = ~(a.low > 0)  # a negative a has powers too, of whole b
-        return Interval(np.where(lost, -np.inf, found.low), np.where(lost, np.inf, found.high))
-    found, base, left = iv.point(np.ones_like(a.low)), a, int(abs(whole))
+        return Interval(np.where(lost, -np.inf, power.low), np.where(lost, np.inf, power.high))
+    power, base, left = iv.point(np.ones_like(a.low)), a, int(abs(whole))
     while left:
-        found = iv.multiply(found, base) if left % 2 else found
+        power = iv.multiply(power, base) if left % 2 else power
         base, left = iv.square(base), left // 2
     if whole > 0 and whole % 2 == 0:
-        found = Interval(np.maximum(found.low, 0.0), found.high)
-    return iv.invert(found) if whole < 0 else found
+        power = Interval(np.maximum(power.low, 0.0), power.high)
+    return iv.invert(power) if whole < 0 else power
 
 
 def _hyperbolic(sign: float, over: bool) -> Callable[[Interval], Interval]:
@@ -89,8 +89,8 @@ def _hyperbolic(sign: float, over: bool) -> Callable[[Interval], Interval]:
         up, down = iv.exponential(a), iv.exponential(iv.negate(a))
         if over:  # tanh x = 1 - 2 / (exp 2x + 1), which rises
             two = iv.point(np.full_like(a.low, 2.0))
-            found = iv.subtract(_one(a), iv.divide(two, iv.add(iv.square(up), _one(a))))
-            return iv.within(found, -1.0, 1.0)
+            tangent = iv.subtract(_one(a), iv.divide(two, iv.add(iv.square(up), _one(a))))
+            return iv.within(tangent, -1.0, 1.0)
         return iv.multiply(iv.point(np.full_like(a.low, 0.5)), iv.add(up, down) if sign > 0 else iv.subtract(up, down))
 
     return apply
@@ -123,8 +123,8 @@ def _area_sine(a: Interval) -> Interval:
 
     def at(x: Array) -> Interval:
         size = iv.point(np.abs(x))
-        found = iv.logarithm(iv.add(size, iv.hypotenuse(size, _one(size))))
-        return Interval(np.where(x < 0, -found.high, found.low), np.where(x < 0, -found.low, found.high))
+        positive = iv.logarithm(iv.add(size, iv.hypotenuse(size, _one(size))))
+        return Interval(np.where(x < 0, -positive.high, positive.low), np.where(x < 0, -positive.low, positive.high))
 
     return Interval(at(a.low).low, at(a.high).high)
 
@@ -192,8 +192,6 @@ _RULES: dict[int, Callable[..., Interval]] = {
     ca.OP_IF_ELSE_ZERO: _conditional,
 }
 
-_NAMES = {getattr(ca, key): key.removeprefix("OP_").lower() for key in dir(ca) if key.startswith("OP_")}
-
 
 class IntervalFunction:
     """y (k,) of symbols x (all in a row), over boxes; `constants` are further symbols and their numbers.
@@ -213,36 +211,36 @@ class IntervalFunction:
         given = ca.veccat(*inputs.values(), symbols)
         made = ca.Function("enclosed", [given], ca.cse([ca.densify(ca.vec(output))]))
         self.name, self.rows, self.columns = name, made.size1_out(0), made.size1_in(0) - len(values)
-        fixed: dict[int, float] = {}
-        arguments: dict[int, int] = {}
-        results: dict[int, int] = {}
-        layer: list[int] = []
-        register: dict[int, int] = {}
+        fixed: dict[int, float] = {}  # place: its number
+        arguments: dict[int, int] = {}  # place: the symbol that it is
+        layer: list[int] = []  # of each place
         groups: dict[tuple[int, int, int, float], list[tuple[int, ...]]] = {}
-        for k in range(made.n_instructions()):
-            op, out, into = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
-            if op == ca.OP_OUTPUT:
-                results[out[1]] = register[into[0]]
-                continue
-            place = len(layer)
-            if op == ca.OP_CONST:
-                fixed[place] = made.instruction_constant(k)
-                layer.append(0)
-            elif op == ca.OP_INPUT:
-                if into[1] < self.columns:
-                    arguments[place] = into[1]
-                else:
-                    fixed[place] = float(values[into[1] - self.columns])
-                layer.append(0)
-            elif op not in _RULES:
+
+        def constant(value: float) -> int:
+            fixed[len(layer)] = value
+            layer.append(0)
+            return len(layer) - 1
+
+        def read(_: int, i: int) -> int:
+            if i >= self.columns:
+                return constant(float(values[i - self.columns]))
+            arguments[len(layer)] = i
+            layer.append(0)
+            return len(layer) - 1
+
+        def apply(op: int, places: list[int]) -> int:
+            if op not in _RULES:
                 cure = "write it with + - * /, roots, sines, arc tangents, exp and log"
-                raise ExpressionError(name, f"the operation {_NAMES.get(op, op)} has no rule for intervals", cure)
-            else:
-                places = tuple(register[i] for i in into)
-                layer.append(1 + max(layer[i] for i in places))
-                power = fixed.get(places[1], np.nan) if op in (ca.OP_POW, ca.OP_CONSTPOW) else 0.0
-                groups.setdefault((layer[place], op, len(places), power), []).append((place, *places))
-            register[out[0]] = place
+                fact = f"the operation {OPERATION_NAMES.get(op, str(op)).lower()} has no rule for intervals"
+                raise ExpressionError(name, fact, cure)
+            place = len(layer)
+            layer.append(1 + max(layer[i] for i in places))
+            power = fixed.get(places[1], np.nan) if op in (ca.OP_POW, ca.OP_CONSTPOW) else 0.0
+            groups.setdefault((layer[place], op, len(places), power), []).append((place, *places))
+            return place
+
+        # Sort the operations by layer and kind, so that one call does all of a kind.
+        results = walk(made, read, constant, apply)
         self.operations = len(layer)
         self._constants = _indices(fixed), np.array(list(fixed.values()))[:, None]
         self._arguments = _indices(arguments), _indices(arguments.values())
@@ -264,8 +262,8 @@ class IntervalFunction:
         below[places], above[places] = low[columns], high[columns]
         with np.errstate(all="ignore"):
             for rule, out, *into in self._steps:
-                found: Any = rule(*(Interval(below[i], above[i]) for i in into))
-                below[out], above[out] = found
+                bounds: Any = rule(*(Interval(below[i], above[i]) for i in into))
+                below[out], above[out] = bounds
         y = Interval(np.zeros((self.rows, boxes)), np.zeros((self.rows, boxes)))
         rows, places = self._results
         y.low[rows], y.high[rows] = below[places], above[places]
@@ -282,36 +280,29 @@ def operation_list(inputs: Mapping[str, ca.SX], output: ca.SX) -> list[list[Any]
     Places count the operations; the outputs come last, in order.
     """
     made = ca.Function("listed", [ca.veccat(*inputs.values())], ca.cse([ca.densify(ca.vec(output))]))
-    found: list[list[Any]] = []
-    register: dict[int, int] = {}
-    results: dict[int, int] = {}
-    for k in range(made.n_instructions()):
-        op, out, into = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
-        if op == ca.OP_OUTPUT:
-            results[out[1]] = register[into[0]]
-            continue
-        if op == ca.OP_CONST:
-            found.append(["const", made.instruction_constant(k)])
-        elif op == ca.OP_INPUT:
-            found.append(["input", into[1]])
-        else:
-            found.append([_NAMES[op], *(register[i] for i in into)])
-        register[out[0]] = len(found) - 1  # last: an operation may write over its argument
-    return found + [["output", results[row]] for row in range(made.size1_out(0))]
+    listed: list[list[Any]] = []
+
+    def place_of(operation: list[Any]) -> int:
+        listed.append(operation)
+        return len(listed) - 1
+
+    results = walk(
+        made,
+        lambda _, i: place_of(["input", i]),
+        lambda value: place_of(["const", value]),
+        lambda op, places: place_of([OPERATION_NAMES[op].lower(), *places]),
+    )
+    return listed + [["output", results[row]] for row in range(made.size1_out(0))]
 
 
-# --------------------------------------------------------------------------------------------------
-# Enclosures: what an expression can be over a box of its arguments, as pairs (mid, rad) with |y -
-# mid| <= rad. [Rum99]
+# --- Enclosures: what an expression can be over a box of its arguments, as pairs (mid, rad) with |y - mid| <= rad.
+# [Rum99]
 #
-# Every operation of a CasADi function is applied to pairs instead of numbers. The middle is the
-# expression's own value at the centre of the box, so an enclosure shrinks to it with the box.
-# Round-off is not enclosed: a bound holds up to about 1e-13 of itself. Two things are left out on
-# purpose: a copysign takes the sign at the centre (it picks one of two equal formulas in
-# Householder reflections), and a jump of a derivative (fabs, if_else, fmin) is no part of it, so
-# that expressions must be smooth. Where an `if_else` may fall either way both branches are
-# enclosed.
-# --------------------------------------------------------------------------------------------------
+# Every operation of a CasADi function is applied to pairs instead of numbers. The middle is the expression's own value
+# at the centre of the box, so an enclosure shrinks to it with the box. Round-off is not enclosed: a bound holds up to
+# about 1e-13 of itself. Two things are left out on purpose: a copysign takes the sign at the centre (it picks one of
+# two equal formulas in Householder reflections), and a jump of a derivative (fabs, if_else, fmin) is no part of it, so
+# that expressions must be smooth. Where an `if_else` may fall either way both branches are enclosed.
 
 Pair = tuple[ca.SX, ca.SX]
 """(mid, rad >= 0)."""
@@ -460,8 +451,7 @@ _OPERATIONS: dict[int, Callable[..., Pair]] = {
 def short(expression: ca.SX, symbols: ca.SX, most: int) -> bool:
     """True for an expression of at most `most` operations and no factorisation, whose enclosures are of use."""
     made = ca.Function("length", [symbols], [expression])
-    count = made.n_instructions()
-    return count <= most and all(made.instruction_id(k) != ca.OP_COPYSIGN for k in range(count))
+    return made.n_instructions() <= most and ca.OP_COPYSIGN not in operations(made)
 
 
 class Enclosure:
@@ -473,9 +463,8 @@ class Enclosure:
 
     def __init__(self, name: str, inputs: Mapping[str, ca.SX], output: ca.SX) -> None:
         made = ca.Function(name, [ca.vertcat(*inputs.values())], ca.cse([ca.densify(ca.vec(output))]))
-        for k in range(made.n_instructions()):
-            if made.instruction_id(k) not in {*_OPERATIONS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
-                raise NativeError(f"{name} has an operation that has no enclosure")
+        if operations(made) - {*_OPERATIONS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
+            raise NativeError(f"{name} has an operation that has no enclosure")
         self.name, self.made = name, made
 
     @cached_property
@@ -518,18 +507,10 @@ def _of_pairs(text: str) -> Function:
     """(mid, rad) of x -> (mid, rad) of y. Of a serialized function, so that equal ones share half a second's work."""
     made, zero = ca.Function.deserialize(text), ca.SX(0)
     mid, rad = ca.SX.sym("mid", made.size1_in(0)), ca.SX.sym("rad", made.size1_in(0))
-    y: list[Any] = [None] * made.size1_out(0)
-    register: dict[int, Pair] = {}
-    for k in range(made.n_instructions()):
-        op, out, into = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
-        if op == ca.OP_OUTPUT:
-            y[out[1]] = register[into[0]]
-        elif op == ca.OP_CONST:
-            register[out[0]] = (ca.SX(made.instruction_constant(k)), zero)
-        elif op == ca.OP_INPUT:
-            register[out[0]] = (mid[into[1]], rad[into[1]])
-        else:
-            register[out[0]] = _OPERATIONS[op](*(register[i] for i in into))
+    pairs = walk(
+        made, lambda _, i: (mid[i], rad[i]), lambda value: (ca.SX(value), zero), lambda op, a: _OPERATIONS[op](*a)
+    )
+    y = [pairs[row] for row in range(made.size1_out(0))]
     outputs = {"mid": ca.vertcat(*(p[0] for p in y)), "rad": ca.vertcat(*(p[1] for p in y))}
     return Function(made.name(), {"mid": mid, "rad": rad}, outputs)
 

@@ -101,25 +101,27 @@ def square(a: Interval) -> Interval:
     with np.errstate(over="ignore"):
         low, high = np.square(a.low), np.square(a.high)
         across = (a.low <= 0) & (a.high >= 0)
-        found = outward(np.where(across, 0.0, np.minimum(low, high)), np.maximum(low, high))
-    return Interval(np.maximum(found.low, 0.0), found.high)
+        product = outward(np.where(across, 0.0, np.minimum(low, high)), np.maximum(low, high))
+    return Interval(np.maximum(product.low, 0.0), product.high)
 
 
 def invert(a: Interval) -> Interval:
     """1 / a: unbounded where a holds 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = outward(1.0 / a.high, 1.0 / a.low)
+        inverse = outward(1.0 / a.high, 1.0 / a.low)
     across = (a.low <= 0) & (a.high >= 0)
-    return Interval(np.where(across, -np.inf, found.low), np.where(across, np.inf, found.high))
+    return Interval(np.where(across, -np.inf, inverse.low), np.where(across, np.inf, inverse.high))
 
 
 def divide(a: Interval, b: Interval) -> Interval:
     """a / b: unbounded where b holds 0."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         p, q, r, s = a.low / b.low, a.low / b.high, a.high / b.low, a.high / b.high
-        found = outward(np.minimum(np.minimum(p, q), np.minimum(r, s)), np.maximum(np.maximum(p, q), np.maximum(r, s)))
+        quotient = outward(
+            np.minimum(np.minimum(p, q), np.minimum(r, s)), np.maximum(np.maximum(p, q), np.maximum(r, s))
+        )
     across = (b.low <= 0) & (b.high >= 0)
-    return Interval(np.where(across, -np.inf, found.low), np.where(across, np.inf, found.high))
+    return Interval(np.where(across, -np.inf, quotient.low), np.where(across, np.inf, quotient.high))
 
 
 def hypotenuse(a: Interval, b: Interval) -> Interval:
@@ -131,8 +133,8 @@ def hypotenuse(a: Interval, b: Interval) -> Interval:
 def root(a: Interval) -> Interval:
     """The square root: unbounded where a reaches below 0."""
     with np.errstate(invalid="ignore"):
-        found = outward(np.sqrt(a.low), np.sqrt(a.high))
-    return Interval(np.where(found.low > -np.inf, np.maximum(found.low, 0.0), found.low), found.high)
+        roots = outward(np.sqrt(a.low), np.sqrt(a.high))
+    return Interval(np.where(roots.low > -np.inf, np.maximum(roots.low, 0.0), roots.low), roots.high)
 
 
 def absolute(a: Interval) -> Interval:
@@ -229,9 +231,9 @@ def _sine_at(x: Array, shift: int) -> Interval:
     width = np.nextafter(np.maximum(y.high - c, c - y.low), np.inf) * (1 + 1e-15)
     quadrant = (k + shift) % 4
     odd = (quadrant % 2) == 1
-    found = np.where(odd, cosine, sine) * np.where(quadrant >= 2, -1.0, 1.0)
+    values = np.where(odd, cosine, sine) * np.where(quadrant >= 2, -1.0, 1.0)
     off = np.nextafter(width + np.where(odd, _COSINE_OFF, _SINE_OFF * np.abs(c)) * (1 + 1e-15), np.inf)
-    low, high = np.nextafter(found - off, -np.inf), np.nextafter(found + off, np.inf)
+    low, high = np.nextafter(values - off, -np.inf), np.nextafter(values + off, np.inf)
     return Interval(np.where(far, -1.0, np.maximum(low, -1.0)), np.where(far, 1.0, np.minimum(high, 1.0)))
 
 
@@ -240,13 +242,13 @@ def _wave(a: Interval, shift: int) -> Interval:
     wide = ~((a.high - a.low < 6.0) & (np.maximum(np.abs(a.low), np.abs(a.high)) < 1e6))
     low, high = np.where(wide, 0.0, a.low), np.where(wide, 0.0, a.high)
     ends = low[None] if np.array_equal(low, high) else np.stack((low, high))
-    found = _sine_at(ends, shift)
-    found = hull(Interval(found.low[0], found.high[0]), Interval(found.low[-1], found.high[-1]))
+    values = _sine_at(ends, shift)
+    values = hull(Interval(values.low[0], values.high[0]), Interval(values.low[-1], values.high[-1]))
     turns = divide(point(ends), _QUARTER)
     first, last = turns.low[0], turns.high[-1]
     top = _holds(first + shift, last + shift, 1)  # x = pi/2 + 2 pi j: x / (pi/2) = 1 mod 4; adding a small whole
     bottom = _holds(first + shift, last + shift, 3)  # number may round, so a bit more than the interval is looked at
-    return Interval(np.where(wide | bottom, -1.0, found.low), np.where(wide | top, 1.0, found.high))
+    return Interval(np.where(wide | bottom, -1.0, values.low), np.where(wide | top, 1.0, values.high))
 
 
 def _holds(first: Array, last: Array, phase: int) -> Flags:
@@ -291,10 +293,10 @@ def _arctan_at(x: Array) -> Interval:
         power = multiply(power, z)
     left = divide(power, point(np.full_like(x, 2.0 * _ARCTAN + 1)))  # the series alternates and falls
     series = _series(z, _ARCTAN_TERMS, _ball(left))
-    found = multiply(point(np.full_like(x, 4.0)), multiply(series, y))
+    angle = multiply(point(np.full_like(x, 4.0)), multiply(series, y))
     edge = PI[1] / 2
     far = Interval(np.where(x > 0, PI[0] / 2 - 1e-149, -edge), np.where(x > 0, edge, -PI[0] / 2 + 1e-149))
-    low, high = np.where(big, far.low, found.low), np.where(big, far.high, found.high)
+    low, high = np.where(big, far.low, angle.low), np.where(big, far.high, angle.high)
     return Interval(np.maximum(low, -edge), np.minimum(high, edge))
 
 
@@ -306,10 +308,10 @@ def arctan2(y: Interval, x: Interval) -> Interval:
     """atan2(y, x): within atan(y / x) and atan(x / y), where the divisor keeps its sign; [-pi, pi] across the cut."""
     pi, quarter = _around(PI), _QUARTER
     right, over = arctan(divide(y, x)), arctan(divide(x, y))
-    found = [right, subtract(quarter, over), subtract(negate(quarter), over), add(right, pi)]
+    candidates = [right, subtract(quarter, over), subtract(negate(quarter), over), add(right, pi)]
     cases = [x.low > 0, y.low > 0, y.high < 0, (x.high < 0) & (y.low >= 0)]
     low, high = np.full_like(right.low, -PI[1]), np.full_like(right.high, PI[1])
-    for case, one in zip(cases, found, strict=True):  # each holds the angle: far from its axis atan is less exact
+    for case, one in zip(cases, candidates, strict=True):  # each holds the angle: far from its axis atan is less exact
         low = np.where(case, np.maximum(low, one.low), low)
         high = np.where(case, np.minimum(high, one.high), high)
     return Interval(low, high)
@@ -327,8 +329,8 @@ def _exp_at(x: Array) -> Interval:
     for _ in range(_EXP - 1):
         power = multiply(power, absolute(y))
     left = divide(power, point(np.full_like(x, float(math.factorial(_EXP) // 2))))
-    found = _series(y, _EXP_TERMS, _ball(left))
-    low, high = np.ldexp(found.low, k.astype(int)), np.ldexp(found.high, k.astype(int))
+    exponential = _series(y, _EXP_TERMS, _ball(left))
+    low, high = np.ldexp(exponential.low, k.astype(int)), np.ldexp(exponential.high, k.astype(int))
     return Interval(np.where(x < -700, 0.0, np.maximum(low, 0.0)), np.where(x > 700, np.inf, high))
 
 
@@ -355,14 +357,14 @@ def _log_at(x: Array) -> Interval:
         power = multiply(power, z)
     left = multiply(power, point(np.full_like(x, 1.1 / (2 * _LOG + 1))))  # 1 / (1 - t^2) < 1.04
     series = _series(z, _LOG_TERMS, Interval(np.zeros_like(x), left.high))
-    found = add(
+    bounds = add(
         multiply(point(k.astype(float)), _around(LN2)), multiply(point(np.full_like(x, 2.0)), multiply(series, t))
     )
-    return Interval(np.where(good, found.low, -np.inf), np.where(x < np.inf, found.high, np.inf))
+    return Interval(np.where(good, bounds.low, -np.inf), np.where(x < np.inf, bounds.high, np.inf))
 
 
 def logarithm(a: Interval) -> Interval:
     """log a: unbounded where a reaches to 0 or below."""
-    found = _rising(_log_at)(a)
+    bounds = _rising(_log_at)(a)
     lost = ~(a.low > 0)
-    return Interval(np.where(lost, -np.inf, found.low), np.where(lost, np.inf, found.high))
+    return Interval(np.where(lost, -np.inf, bounds.low), np.where(lost, np.inf, bounds.high))

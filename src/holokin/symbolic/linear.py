@@ -168,15 +168,13 @@ def solution(A: ca.SX, B: ca.SX, *, written_out: bool = False) -> Solution:
     return Solution(X, measures[0], measures[1], System(ca.SX(A), ca.SX(B), X, measures))
 
 
-# --------------------------------------------------------------------------------------------------
-# Null spaces of a Jacobian J (m, n) of full rank, r = n - m: numbers and expressions side by side.
+# --- Null spaces of a Jacobian J (m, n) of full rank, r = n - m: numbers and expressions side by side.
 #
 # A basis N (n, r) is never unique. Which one is right hangs on what is done with it:
 # - its span alone counts: `null_space`, `null_space_expression`, orthonormal;
 # - r = 1 and the sign counts: `null_vector`, `null_vector_expression`, of length 1 with det [J; n^T] > 0;
 # - r = 1 and J may lose rank: `minors`, `minors_expression`, which vanish there;
 # - of any r all minors: `every_minor`, whose squares sum up to det J J^T.
-# --------------------------------------------------------------------------------------------------
 
 
 def null_space(J: Array) -> Array:
@@ -222,28 +220,23 @@ def every_minor(J: ca.SX) -> dict[tuple[int, ...], ca.SX]:
     sum minor^2 = det J J^T. Row by row, each minor from smaller ones, so that zeros of J leave nothing behind.
     """
     m, n = J.shape
-    found: dict[tuple[int, ...], ca.SX] = {(j,): J[0, j] for j in range(n)}
+    determinants: dict[tuple[int, ...], ca.SX] = {(j,): J[0, j] for j in range(n)}
     for i in range(1, m):
-        smaller, found = found, {}
+        smaller, determinants = determinants, {}
         for columns in combinations(range(n), i + 1):
             terms = [
-                (-1) ** (i + at) * J[i, column] * smaller[columns[:at] + columns[at + 1 :]]
-                for at, column in enumerate(columns)
+                (-1) ** (i + place) * J[i, column] * smaller[columns[:place] + columns[place + 1 :]]
+                for place, column in enumerate(columns)
             ]
-            found[columns] = ca.SX(sum(terms[1:], terms[0]))
-    return found
+            determinants[columns] = ca.SX(sum(terms[1:], terms[0]))
+    return determinants
 
 
 def minors_expression(J: ca.SX) -> ca.SX:
     """`minors` as an expression: det [J; w^T] = n^T w for every w."""
-    n, found = J.shape[1], every_minor(J)
+    n, determinants = J.shape[1], every_minor(J)
     columns = tuple(range(n))
-    return ca.vertcat(*((-1) ** (n - 1 + j) * found[columns[:j] + columns[j + 1 :]] for j in range(n)))
-
-
-# --------------------------------------------------------------------------------------------------
-# A small quadratic programme, solved by CasADi's own active-set method qrqp.
-# --------------------------------------------------------------------------------------------------
+    return ca.vertcat(*((-1) ** (n - 1 + j) * determinants[columns[:j] + columns[j + 1 :]] for j in range(n)))
 
 
 @dataclass(frozen=True)
@@ -255,8 +248,8 @@ class NearestPoint:
 
     def __call__(self, wish: Vector, A: Matrix, b: Vector, lower: Vector, upper: Vector) -> Vector | None:
         """x (n,), or None when no point fulfils the conditions."""
-        found = self._solver(h=np.eye(self.n), g=-wish, a=A, lba=b, uba=b, lbx=lower, ubx=upper)
-        x = np.asarray(found["x"], dtype=float).ravel()
+        solution = self._solver(h=np.eye(self.n), g=-wish, a=A, lba=b, uba=b, lbx=lower, ubx=upper)
+        x = np.asarray(solution["x"], dtype=float).ravel()
         met = self._solver.stats()["success"] and np.abs(A @ x - b).max() < 1e-8 * max(1.0, float(np.abs(b).max()))
         return x if met else None
 

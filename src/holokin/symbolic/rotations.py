@@ -185,18 +185,14 @@ def frame_about(axis: Vector) -> Matrix:
 def zyz_angles(R: ca.SX) -> ca.SX:
     """(phi, theta, psi) with R = Rz(phi) Ry(theta) Rz(psi), theta in [0, pi]; singular at sin theta = 0."""
     return ca.vertcat(
-        ca.atan2(R[1, 2], R[0, 2]),
-        ca.atan2(ca.sqrt(R[0, 2] ** 2 + R[1, 2] ** 2), R[2, 2]),
-        ca.atan2(R[2, 1], -R[2, 0]),
+        ca.atan2(R[1, 2], R[0, 2]), ca.atan2(ca.sqrt(R[0, 2] ** 2 + R[1, 2] ** 2), R[2, 2]), ca.atan2(R[2, 1], -R[2, 0])
     )
 
 
 def rpy_angles(R: ca.SX) -> ca.SX:
     """(roll, pitch, yaw) with R = Rz(yaw) Ry(pitch) Rx(roll); singular at cos pitch = 0."""
     return ca.vertcat(
-        ca.atan2(R[2, 1], R[2, 2]),
-        ca.atan2(-R[2, 0], ca.sqrt(R[0, 0] ** 2 + R[1, 0] ** 2)),
-        ca.atan2(R[1, 0], R[0, 0]),
+        ca.atan2(R[2, 1], R[2, 2]), ca.atan2(-R[2, 0], ca.sqrt(R[0, 0] ** 2 + R[1, 0] ** 2)), ca.atan2(R[1, 0], R[0, 0])
     )
 
 

@@ -200,7 +200,7 @@ def _signed(task: Task, k: int, position: Vector) -> float:
 def _rates(task: Task, rotation: Matrix) -> Array:
     """The map (m, 6) from the twist of a tool turned by R (3, 3) to the rates of the task rows."""
     unit = np.eye(6)
-    rates, margins = task.rates(np.tile(rotation, (6, 1, 1)), unit[:, :3], unit[:, 3:])
+    rates, margins = task._tool_rates(np.tile(rotation, (6, 1, 1)), unit[:, :3], unit[:, 3:])
     check_representation(task, np.full(task.n, np.nan), margins[0])
     return rates.T
 
@@ -302,7 +302,8 @@ def ask_cycles(setup: AuditSetup, path: Path) -> Answer:
     walk = setup.run(path, cycles=setup.cycles)
     unfollowed = setup.went_round(walk, path)
     if unfollowed:
-        raise ControllerError(setup.law.name, unfollowed, walk)
+        cure = "feedback, dq = J^+ (x' + K e), or a smaller dt keeps it on the path"
+        raise ControllerError(setup.law.name, f"after its cycles: {unfollowed}; {cure}", walk)
     fine = setup.run(path, dt=setup.dt / 2)
     each = np.abs(walk.drift()).max(axis=1)
     total = largest(walk.drift_since_start()[-1])

@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -20,16 +19,16 @@ from ...proof.kept_apart import CLEARANCE, clearances_of
 from ...robot import LinkShape, Robot, check_metres
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.cover_workspace import Coverage, Reach, coverage, largest_part
-from ..coverage.pose_postures import Chain, chain_to_tool, chart_of, coordinates_of
+from ..coverage.pose_postures import Chain, chart_of, coordinates_of
 from ..coverage.starts import (
     Candidate,
     candidates,
+    check_redundant,
     check_that_joints_move,
     first_start,
     postures_at,
     proposed_workspace,
     reached,
-    task_of_kind,
 )
 from .designed_law import Design, design, least_costs
 from .nearby_cusps import MORE_SPEED, LevelRange, NearbyCusps, cusps_near, level_range, said_of
@@ -96,12 +95,12 @@ class Case:
 
     def __init__(
         self, task: Task, workspace: Workspace, q0: Vector | None, apart: Clearances | None, proven: Mapping[str, Any],
-        say: Callable[[str], None],
+        progress: Callable[[str], None],
     ) -> None:  # fmt: skip
-        self.task, self.workspace, self.apart, self.proven, self.say = task, workspace, apart, proven, say
+        self.task, self.workspace, self.apart, self.proven, self.progress = task, workspace, apart, proven, progress
         T = workspace.poses(POSES)
         check_metres(task.robot, T, task.tip)
-        say("which poses can be reached")
+        progress("which poses can be reached")
         self.Q, self.reach = reached(task, T, q0)
         if not self.reach.within.any():
             raise _nothing(task, workspace, self.reach)
@@ -131,20 +130,22 @@ class Case:
         rough = self.poses.some(slice(None, None, SCREENED))
         trials: list[Trial] = []
         for candidate in candidates(self.task, self.starts):
-            self.say(candidate.name)
+            self.progress(candidate.name)
             found = tried(candidate, self.starts, rough)
             if found:
                 best = ranked(found)[0]
                 trials += tried(_there(candidate), best.q0[None], self.poses)
         if not trials:
-            raise ArgumentError("the laws that fit", 0, "give another start posture: all are singular at this one")
+            raise ArgumentError(
+                "the strategies that fit", 0, "give another start posture: all are singular at this one"
+            )
         trials = distinct(ranked(trials))
         trials += self._designed(trials)
         self.trials = {trial.candidate.name: trial for trial in trials}
         self.floor = self._floor(trials)
         laws = ranked(self._law(trial) for trial in trials)
         while laws[0].name not in self.checked:
-            self.say(f"{laws[0].name}, pose by pose")
+            self.progress(f"{laws[0].name}, pose by pose")
             laws[0] = self._looked_at(laws[0])
             laws = ranked(laws)
         return tuple(self._without_cusps(laws))
@@ -155,7 +156,7 @@ class Case:
         most = MORE_SPEED * best.squared_speed
         equal = [one for one in laws[1:] if alike(one, best) and one.squared_speed <= most]
         for law in [best, *equal][:MOST]:
-            self.say(f"{law.name}, its cusps")
+            self.progress(f"{law.name}, its cusps")
             self.cusps[law.name] = found = cusps_near(law.strategy, law.q0, self.workspace)
             if found.clear:
                 law = law if law.name in self.checked else self._looked_at(law)
@@ -166,9 +167,9 @@ class Case:
 
     def levels(self, law: Law) -> tuple[LevelRange | None, Sequence[str]]:
         """The levels of a law that serve the workspace; and what is said of them."""
-        self.say(f"{law.name}, its levels")
+        self.progress(f"{law.name}, its levels")
         try:
-            found = level_range(law.strategy, self.workspace, law.q0, say=self.say)
+            found = level_range(law.strategy, self.workspace, law.q0, progress=self.progress)
         except HolokinError as problem:  # of several rows
             return None, [f"Levels were not looked for: {problem}."]
         blind = "" if self.apart is None else " Collisions were not looked at for them."
@@ -198,7 +199,7 @@ class Case:
         law, found = trial.candidate, []
         for words, goal in GOALS.items():
             name = f"designed from {law.name}{words}"
-            self.say(name)
+            self.progress(name)
             try:
                 made = self._design(trial, margin=self._room if goal["limits"] else 0.0, **goal)
             except HolokinError:  # no law where there is none: the others stay
@@ -286,7 +287,7 @@ class Case:
         made = self.made.get(law.name)
         if made is not None and law.margin > FAR * ROOM:
             return None
-        self.say(f"{law.name}, joint limits aside")
+        self.progress(f"{law.name}, joint limits aside")
         trial = self.trials[law.name]
         if made is not None:
             trial = replace(trial, candidate=replace(trial.candidate, strategy=made.base))
@@ -306,7 +307,7 @@ class Case:
             return None
         best: Part | None = None
         for law in laws[:PARTS]:
-            self.say(f"the part of the workspace that {law.name} serves")
+            self.progress(f"the part of the workspace that {law.name} serves")
             candidate = Candidate(law.name, law.keys, self.task, None if law.keys["kind"] == "radial" else law.strategy)
 
             def serves(T: Array, law: Law = law, candidate: Candidate = candidate) -> bool:
@@ -354,12 +355,9 @@ ASKED = ("clear_of", "floor", "clearance", "self_collision", "ignore", "shapes_o
 
 @typed
 def advise(
-    robot: Robot | str | Path,
+    task: Task,
     workspace: Workspace | None = None,
     *,
-    tip: str | None = None,
-    base: str | None = None,
-    task: Literal["pose", "axis", "position"] | Task | None = None,
     q0: ArrayLike | None = None,
     clear_of: Sequence[LinkShape] | None = None,
     floor: float | None = None,
@@ -368,9 +366,9 @@ def advise(
     ignore: Sequence[tuple[str, str]] = (),
     shapes_of: Robot | None = None,
     levels: bool = False,
-    say: Callable[[str], None] = lambda _text: None,
+    progress: Callable[[str], None] = lambda _text: None,
 ) -> Advice:
-    """The laws that fit a robot, each on its best leaf, compared on a workspace, and a sentence on why the best is.
+    """The strategies that fit a task, each on its best leaf, compared on a workspace, and why the best is the best.
 
     Locked joints, differences of parallel joints, arm angles, the elbow's height, stationary costs, `radial` of the
     pseudo-inverse, and laws designed from the best of these: each from several postures at the workspace's centre.
@@ -381,44 +379,36 @@ def advise(
     looked at pose by pose; `certify_by` of the advice is the call that proves it.
 
     Args:
-        robot: a robot, a name of the catalogue, or a file.
+        task: what the tool does: `hk.pose(robot)`, `hk.pose(robot, "axis")` if it may spin, `hk.position(robot)`.
         workspace: by default a box round the tool at the start, with moderate turns.
-        tip: the link that is the tool; for a URDF by default the palm at the end of its longest arm. base: the link
-            that stands still.
-        task: "pose", "axis" (the tool may spin about its z axis) or "position", or a task of this robot; by default the
-            pose, for arms of up to six joints the position.
         q0: the posture (n,) that the leaf is to go through; by default each law gets the best of several.
         clear_of: a pose is served only where no link is nearer than `clearance` to these obstacles (`hk.obstacle`), to
             the floor, or to another link; [] for the floor and the links alone. By default nothing is looked at. The
             pairs are those of `certify`; meshes are their convex hulls, and where these are nearer, themselves.
         floor, clearance, self_collision, ignore, shapes_of: as of `certify`.
         levels: which levels of the best law serve the workspace, as `level_range` finds them; it takes seconds.
-        say: hears what is going on.
+        progress: hears how far it is.
 
     Raises:
         ArgumentError: the robot is not redundant for the task; a workspace of one pose. OutOfReachError: no pose of
-        the workspace is reached within the joint limits. JointLimitError: the start is beyond them. RobotFileError,
-        UnknownNameError, ShapeError, NotFiniteError.
+        the workspace is reached within the joint limits. JointLimitError: the start is beyond them. ShapeError,
+        NotFiniteError.
     """
-    say("the robot")
-    chain = chain_to_tool(robot, tip, base)
-    if isinstance(task, Task):
-        work = task
-        if task.robot != chain.robot:
-            raise ArgumentError("the task", task, "give a task of the same robot: load the robot first")
-    else:
-        work = task_of_kind(chain.robot, tip if isinstance(robot, Robot) else None, task)
-    words = {"tip": not chain.chosen, "task": task, "q0": q0, "workspace": workspace}
-    chosen = tuple(word for word, value in words.items() if value is None or value is False)
+    of_one_tool(task, "advice")
+    check_redundant(task)
+    chain = Chain(task.robot, None, task.tip or task.robot.tips[0].name, (), False)
+    chosen = tuple(word for word, value in {"q0": q0, "workspace": workspace}.items() if value is None)
     asked = clear_of, floor, clearance, self_collision, ignore, shapes_of
     apart = clearances_of(chain.robot, *asked)
     proven: dict[str, Any] = {} if apart is None else dict(zip(ASKED, asked, strict=True))
-    return advise_chain(chain, work, workspace, q0, chosen=chosen, apart=apart, proven=proven, levels=levels, say=say)
+    return advise_chain(
+        chain, task, workspace, q0, chosen=chosen, apart=apart, proven=proven, levels=levels, progress=progress
+    )
 
 
 def advise_chain(
     chain: Chain, task: Task, workspace: Workspace | None, q0: ArrayLike | None, *, chosen: Sequence[str],
-    apart: Clearances | None, proven: Mapping[str, Any], say: Callable[[str], None], levels: bool = False,
+    apart: Clearances | None, proven: Mapping[str, Any], progress: Callable[[str], None], levels: bool = False,
 ) -> Advice:  # fmt: skip
     """The advice for a chain and its task, as of `advise`.
 
@@ -437,9 +427,9 @@ def advise_chain(
     if workspace is None:
         at = first_start(task) if start is None else start
         workspace = proposed_workspace(task, at)
-    case = Case(task, workspace, start, apart, proven, say)
+    case = Case(task, workspace, start, apart, proven, progress)
     laws = case.ranked()
-    say("the reasons")
+    progress("the reasons")
     part = case.part(laws) if not laws[0].served.all() else None
     found = case.checked[laws[0].name]
     range_, said = case.levels(laws[0]) if levels else (None, ())

@@ -291,14 +291,14 @@ def advise_command(
     name: str,
     asked: Question,
     out: FilePath | None,
-    say: Callable[[str], None],
+    progress: Callable[[str], None],
     announce: Callable[[str], None],
     levels: bool = False,
 ) -> tuple[Advice, Callable[[], tuple[FilePath, str]]]:
     """What `holokin advise` does: (advice, what writes its job and returns the file and a remark).
 
     Args:
-        name: of a robot or a job. asked: about it. say: hears what is going on. announce: hears, before the work
+        name: of a robot or a job. asked: about it. progress: hears what is going on. announce: hears, before the work
             begins, what is looked at and how long that takes. levels: as of `advise`.
 
     Raises:
@@ -315,7 +315,7 @@ def advise_command(
         chosen=asked.chosen,
         apart=asked.apart,
         proven=asked.proven,
-        say=say,
+        progress=progress,
         levels=levels,
     )
 
@@ -353,7 +353,9 @@ def _write_advice(path: FilePath, advice: Advice, asked: Question) -> None:
         if _runs(text, path):
             write_new(path, text)
             return
-    raise ArgumentError("the circle of the job", None, "none was found that the law follows: write a path of your own")
+    raise ArgumentError(
+        "the circle of the job", None, "none was found that the strategy follows: write a path of your own"
+    )
 
 
 def _advised_job_text(path: FilePath, advice: Advice, asked: Question, radius: float) -> str:

@@ -23,7 +23,7 @@ def sheets_command(
     asked: Question,
     out: FilePath | None,
     options: Mapping[str, Any],
-    say: Callable[[str], None],
+    progress: Callable[[str], None],
     announce: Callable[[str], None],
 ) -> tuple[SheetsResult, FilePath]:
     """(the sheets of a robot or a job with the motion along the job's path, the file to which they were written).
@@ -47,7 +47,7 @@ def sheets_command(
     checks = asked.keys.get("checks")
     around = kept_clear(filled(ChecksTable, "checks", checks), asked.task.robot) if checks else {}
     announce(f"{asked.chain}: {space}. This takes up to {table.seconds + 60:.0f} s.")
-    found = sheets(asked.task, space, say=say, **searched(table), **around)
+    found = sheets(asked.task, space, progress=progress, **searched(table), **around)
     write_sheets(found, file)
     if asked.file is None or asked.q0 is None:
         return SheetsResult(found, table.share), file

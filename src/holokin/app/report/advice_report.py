@@ -12,14 +12,12 @@ from ...analysis.design import Advice, Law
 from ...base.errors import brief
 from ...base.types import Vector
 from ...robot import Coordinate, LinkShape, Robot, Tip, knows_masses, reach
-from .job_report import Column
+from .job_report import Column, print_line, print_table
 from .plots import GOOD, GREY, HOLONOMIC, INK, PAGE, WARNING, on_figure
 from .robot_panels import Actor, draw_panel, stage_of
 from .sheets_plots import CAUSES, coverage_cloud
 
-# --------------------------------------------------------------------------------------------------
-# A robot in words: its joints with their limits, its tool frames, where its numbers are from.
-# --------------------------------------------------------------------------------------------------
+# --- A robot in words: its joints with their limits, its tool frames, where its numbers are from.
 
 
 def robot_facts(robot: Robot) -> list[str]:
@@ -77,29 +75,23 @@ CLEARANCE: Column = ("clearance\nmin [m]", "right")
 
 def print_advice(advice: Advice, console: Any) -> None:
     """Print the laws as a table, the best first, and the reasons below."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=Text(brief(advice.subject, 600)), title_justify="left", title_style="bold", header_style="dim")
-    columns = (*COLUMNS[:-1], CLEARANCE, COLUMNS[-1]) if advice.asked else COLUMNS
-    for heading, justify in columns:
-        table.add_column(Text(heading), justify=justify, no_wrap=heading not in ("law", "joint"))
-    for i, law in enumerate(advice.laws):
-        said = cells(law)
-        said[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.asked else []
-        table.add_row(*(Text(cell, style=GOOD if i == 0 else "") for cell in said))
-    console.print(table)
+    columns, rows = (*COLUMNS[:-1], CLEARANCE, COLUMNS[-1]) if advice.asked else COLUMNS, []
+    for law in advice.laws:
+        cells_of_law = cells(law)
+        cells_of_law[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.asked else []
+        rows.append(cells_of_law)
+    print_table(console, brief(advice.subject, 600), columns, rows, lambda k, _: "" if k else GOOD)
     if advice.proposed:
-        console.print(f"  Not given, so chosen here: {_chosen(advice)}.", style=WARNING, markup=False, highlight=False)
+        print_line(console, f"Not given, so chosen here: {_chosen(advice)}.", WARNING)
     if advice.offers:
-        taken = "position" if advice.task.orientation is None else "axis"
-        console.print(f"  The task is '{taken}': {advice.offers}.", style=WARNING, markup=False, highlight=False)
+        task = "position" if advice.task.orientation is None else "axis"
+        print_line(console, f"The task is '{task}': {advice.offers}.", WARNING)
     for law in advice.laws:
         if law.same:
-            said = f"{law.name} stands for {', '.join(law.same)}, too: the same joint rates at every pose"
-            console.print(f"  {said}.", markup=False, highlight=False)
+            cells_of_law = f"{law.name} stands for {', '.join(law.same)}, too: the same joint rates at every pose"
+            print_line(console, f"{cells_of_law}.")
     for sentence in advice.reasons:
-        console.print(f"  {sentence}", markup=False, highlight=False)
+        print_line(console, sentence)
 
 
 def cells(law: Law) -> list[str]:
@@ -221,9 +213,9 @@ def _speed_bars(axes: Any, laws: tuple[Law, ...], most: float = 2.0) -> Any:
     for row, value in zip(rows, excess, strict=True):
         text = "-" if not np.isfinite(value) else f"{value:.1f}" if value < 99.95 else f"{value:,.0f}"
         inside = np.isfinite(value) and value > 70 * (most - 1)
-        at = min(value, 100 * (most - 1)) - 2 if inside else np.nan_to_num(value) + 2
+        place_of_text = min(value, 100 * (most - 1)) - 2 if inside else np.nan_to_num(value) + 2
         side, color = ("right", "white") if inside else ("left", INK)
-        axes.text(at, row, text, va="center", ha=side, fontsize=8, color=color)
+        axes.text(place_of_text, row, text, va="center", ha=side, fontsize=8, color=color)
         if np.isfinite(value) and value > 100 * (most - 1):
             for x in CUT:
                 place = np.array([x - 1.5, x + 1.5]) * (most - 1)
@@ -245,9 +237,9 @@ def _legend(figure: Any, advice: Advice) -> None:
     """The causes for which poses are not reached."""
     from matplotlib.lines import Line2D
 
-    found = advice.coverage
-    marks = [("#1f7a6b", "reached", int(found.reached.sum()))]
-    marks += [(color, name, found.count(cause)) for cause, (color, name) in CAUSES.items() if found.count(cause)]
+    coverage = advice.coverage
+    marks = [("#1f7a6b", "reached", int(coverage.reached.sum()))]
+    marks += [(color, name, coverage.count(cause)) for cause, (color, name) in CAUSES.items() if coverage.count(cause)]
     handles = [
         Line2D([], [], color=color, marker="o", linestyle="", markersize=6, label=f"{name}: {count}")
         for color, name, count in marks

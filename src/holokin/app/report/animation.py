@@ -32,10 +32,7 @@ from .plots import (
 from .robot_panels import GHOST, Curve, stage_of
 from .robot_view import Layer, Pixels, floor_scale, layer_of, onto, show, solids_at, standing, triad
 
-# --------------------------------------------------------------------------------------------------
-# Films: frames to a file, MP4 where imageio-ffmpeg is installed, else GIF; never larger than
-# `MOST_BYTES`.
-# --------------------------------------------------------------------------------------------------
+# --- Films: frames to a file, MP4 where imageio-ffmpeg is installed, else GIF; never larger than `MOST_BYTES`.
 
 MOST_BYTES = 3_000_000
 """Size of a film."""
@@ -182,8 +179,8 @@ def shown_laws(result: JobResult) -> tuple[StrategyResult, ...]:
     if len(result.drawn) <= MOST_LAWS:
         return result.drawn
     first = {s.verdict.holonomic: s for s in reversed(result.drawn)}
-    found = tuple(first[kind] for kind in (False, True) if kind in first)
-    return found if len(found) == 2 else result.drawn[:2]
+    laws = tuple(first[kind] for kind in (False, True) if kind in first)
+    return laws if len(laws) == 2 else result.drawn[:2]
 
 
 def two_path_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -> Iterator[Pixels]:
@@ -329,8 +326,8 @@ class _Sheet:
         self.canvas.restore_region(self.region)
         buffer = np.asarray(self.canvas.buffer_rgba())
         for panel, (row, column), ground, loop in zip(self.panels, self.places, self.grounds, self.loops, strict=True):
-            here = buffer[row : row + self.window.rows, column : column + self.window.columns]
-            here[..., :3] = self._picture(ground.copy(), panel, loop, share)
+            panel_pixels = buffer[row : row + self.window.rows, column : column + self.window.columns]
+            panel_pixels[..., :3] = self._picture(ground.copy(), panel, loop, share)
         for panel, title in zip(self.panels, self.titles, strict=True):
             title.set_text(panel.said(share))
             title.axes = None
@@ -344,22 +341,22 @@ class _Sheet:
 
     def _ground(self, row: int, column: int) -> Pixels:
         """What stands still in a panel: the floor, obstacles, base, and the start as a ghost."""
-        here = self.still[row : row + self.window.rows, column : column + self.window.columns, :3]
-        found = here.astype(np.float32) / 255
-        onto(found, self.things)
-        onto(found, self.ghost, GHOST)
-        return found
+        panel_pixels = self.still[row : row + self.window.rows, column : column + self.window.columns, :3]
+        picture = panel_pixels.astype(np.float32) / 255
+        onto(picture, self.things)
+        onto(picture, self.ghost, GHOST)
+        return picture
 
-    def _picture(self, found: Pixels, panel: Panel, loop: Layer, share: float) -> Pixels:
+    def _picture(self, pixels: Pixels, panel: Panel, loop: Layer, share: float) -> Pixels:
         depth = self.things.depth
         for walk, color, alpha in panel.walks:
             q = walk.q[round(share * (len(walk) - 1))]
             layer = self.stage.layer(q, color, self.window, still=False)
-            onto(found, layer, alpha, np.where(layer.depth >= self.things.depth, np.float32(1.0), np.float32(0.3)))
+            onto(pixels, layer, alpha, np.where(layer.depth >= self.things.depth, np.float32(1.0), np.float32(0.3)))
             depth = np.maximum(depth, layer.depth) if alpha == 1.0 else depth
         hidden = np.float32(1.0 if self.robot.planar else 0.3)
-        onto(found, loop, 1.0, np.where(loop.depth >= depth - 1e-4, np.float32(1.0), hidden))
-        return (255 * np.clip(found, 0, 1) + 0.5).astype(np.uint8)
+        onto(pixels, loop, 1.0, np.where(loop.depth >= depth - 1e-4, np.float32(1.0), hidden))
+        return (255 * np.clip(pixels, 0, 1) + 0.5).astype(np.uint8)
 
 
 def _sizes(walk: Trajectory) -> Vector:

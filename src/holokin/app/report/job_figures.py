@@ -102,11 +102,11 @@ def _figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
     for strategy in result.drawn:
         if strategy.coverage is not None:
             with rc_context(style()):
-                found = strategy.coverage
-                said = [f"{found.sentence}.", found.remark, MAPS if strategy.slices else ""]
-                said.append(CUTS if any(len(part.cuts) for part in strategy.slices) else "")
-                caption = " ".join(filter(None, said))
-                yield f"coverage-{result.stems[strategy.name]}", caption, coverage_figure(found, strategy.slices)
+                coverage = strategy.coverage
+                sentences = [f"{coverage.sentence}.", coverage.remark, MAPS if strategy.slices else ""]
+                sentences.append(CUTS if any(len(part.cuts) for part in strategy.slices) else "")
+                caption = " ".join(filter(None, sentences))
+                yield f"coverage-{result.stems[strategy.name]}", caption, coverage_figure(coverage, strategy.slices)
 
     if result.sheets is not None:
         with rc_context(style()):
@@ -118,18 +118,18 @@ def _figures(result: JobResult) -> Iterator[tuple[str, str, Any]]:
 
 def _robot_caption(result: JobResult) -> str:
     """What to see in the picture of the robot."""
-    said = "The robot at the start is pale grey. "
+    caption = "The robot at the start is pale grey. "
     if any(s.two_paths is not None for s in result.drawn):
-        said += (
+        caption += (
             "Half a loop clockwise leads it to where it is light blue, half a loop counter-clockwise to the orange "
             "outline. The tool is at one pose in both: where the two robots differ, the joints depend on the path."
         )
     else:
-        said += "In colour it is at the end of its path: blue by a holonomic law, red by any other."
-        said += " Its joints are compared with none of another path there." if result.one_way else ""
+        caption += "In colour it is at the end of its path: blue by a holonomic law, red by any other."
+        caption += " Its joints are compared with none of another path there." if result.one_way else ""
     if len(result.drawn) > MOST_PANELS:
-        said += f" The {MOST_PANELS} of {len(result.drawn)} laws whose ends are farthest apart are shown."
-    return said
+        caption += f" The {MOST_PANELS} of {len(result.drawn)} laws whose ends are farthest apart are shown."
+    return caption
 
 
 def _two_paths_caption(result: JobResult, strategy: StrategyResult) -> str:
@@ -328,12 +328,12 @@ def _printed(result: JobResult, drawn: list[StrategyResult]) -> list[StrategyRes
 def _stage_for(result: JobResult, drawn: list[StrategyResult] | tuple[StrategyResult, ...]) -> Stage:
     """The stage for the starts and ends of some strategies, and their paths."""
     casts = [cast(result, s) for s in drawn]
-    postures = np.array([one.q for actors, _ in casts for one in actors])
+    postures = np.array([actor.q for actors, _ in casts for actor in actors])
     pairs: list[tuple[Vector, Vector]] = [
         (s.two_paths[0].q[-1], s.two_paths[1].q[-1]) for s in drawn if s.two_paths is not None
     ]
     pairs = pairs or [(s.cycles.q[0], s.cycles.q[-1]) for s in drawn]
-    curves = [curve for _, found in casts for curve in found]
+    curves = [curve for _, of_tools in casts for curve in of_tools]
     return stage_of(result.robot, postures, curves, pairs=pairs, obstacles=result.obstacles)
 
 

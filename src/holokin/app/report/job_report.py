@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path as FilePath
 from typing import Any, Literal, NamedTuple
@@ -23,9 +23,7 @@ from .job_figures import figures
 from .job_result import JobResult, SheetsResult, StrategyResult, renewed, write_facts
 from .plots import ALIKE, BAD, GOOD, HOLONOMIC_TEXT, WARNING, check_words, paths_words, speed_warning, stopped
 
-# --------------------------------------------------------------------------------------------------
-# What the checks of a job found, as a section of its report.
-# --------------------------------------------------------------------------------------------------
+# --- What the checks of a job found, as a section of its report.
 
 MOST_ROWS = 200
 """Findings in a report; result.json has them all."""
@@ -43,30 +41,28 @@ def _check_section(result: JobResult, table: Callable[[list[str], list[list[str]
 
 
 def _told(
-    result: JobResult, strategy: StrategyResult, report: CheckReport,
-    table: Callable[[list[str], list[list[str]]], str],
-) -> list[str]:  # fmt: skip
+    result: JobResult, strategy: StrategyResult, report: CheckReport, table: Callable[[list[str], list[list[str]]], str]
+) -> list[str]:
     """The findings as a table, and the other lines of the report as a list."""
     lines = "".join(f"<li>{escape(line)}</li>" for line in report.notes(result.units))
-    found = table(_HEAD, [_row(one.printed(result.units)) for one in report.findings[:MOST_ROWS]])
+    findings = table(_HEAD, [_row(finding.printed(result.units)) for finding in report.findings[:MOST_ROWS]])
     mark = "yes" if strategy.followed == 1.0 else "no"
-    said = [f"<p class='{mark}'>{escape(text)}</p>" for text in [check_words(strategy)] if text]
-    said += [f"<p class='no'>{escape(report.unread)}</p>"] if report.unread else []
-    return [*([found] if report.findings else []), *said, f"<ul class='small'>{lines}</ul>"]
+    sentences = [f"<p class='{mark}'>{escape(text)}</p>" for text in [check_words(strategy)] if text]
+    sentences += [f"<p class='no'>{escape(report.unread)}</p>"] if report.unread else []
+    return [*([findings] if report.findings else []), *sentences, f"<ul class='small'>{lines}</ul>"]
 
 
-def _row(one: Finding) -> list[str]:
-    unit = f" {one.unit}" if one.unit else ""
-    sign = "at least" if one.is_least else "limit"
+def _row(finding: Finding) -> list[str]:
+    unit = f" {finding.unit}" if finding.unit else ""
+    sign = "at least" if finding.is_least else "limit"
     return [
-        f"<span class='no'>{escape(one.kind.value)}</span>", escape(" and ".join(one.what)), f"{one.start:.3f}",
-        f"{one.stop:.3f}", f"{one.time:.3f}", f"{one.value:.4g}{unit}", f"{sign} {one.limit:.4g}{unit}",
+        f"<span class='no'>{escape(finding.kind.value)}</span>", escape(" and ".join(finding.what)),
+        f"{finding.start:.3f}", f"{finding.stop:.3f}", f"{finding.time:.3f}", f"{finding.value:.4g}{unit}",
+        f"{sign} {finding.limit:.4g}{unit}",
     ]  # fmt: skip
 
 
-# --------------------------------------------------------------------------------------------------
-# What a job found of its [sheets], as a section of its report.
-# --------------------------------------------------------------------------------------------------
+# --- What a job found of its [sheets], as a section of its report.
 
 
 def _sheets_section(result: SheetsResult | None) -> list[str]:
@@ -92,9 +88,7 @@ def _listed(lines: list[str]) -> str:
     return f"<ul class='small'>{items}</ul>" if items else ""
 
 
-# --------------------------------------------------------------------------------------------------
-# The table of a job, for the terminal and the report.
-# --------------------------------------------------------------------------------------------------
+# --- The table of a job, for the terminal and the report.
 
 NOTHING = 1e-18
 """Size [any unit] below which a figure is 0: differences of doubles over 0.01 are at least that."""
@@ -113,6 +107,30 @@ Column = tuple[str, Literal["left", "right"]]
 """Heading and alignment."""
 
 
+WRAPPED = ("strategy", "law", "joint")
+"""Columns of names, which may have several lines."""
+
+
+def print_table(
+    console: Any, title: str, columns: Sequence[Column], rows: Sequence[Sequence[str]], style: Callable[[int, str], str]
+) -> None:
+    """Print rows of cells under a title; `style`: (number of the row, cell) -> its colour."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(title), title_justify="left", title_style="bold", header_style="dim")
+    for heading, justify in columns:
+        table.add_column(Text(heading), justify=justify, no_wrap=heading not in WRAPPED)
+    for k, cells in enumerate(rows):
+        table.add_row(*(Text(brief(cell), style=style(k, cell)) for cell in cells))
+    console.print(table)
+
+
+def print_line(console: Any, text: str, style: str | None = None) -> None:
+    """Print a line below a table, as it is."""
+    console.print(f"  {text}", style=style, markup=False, highlight=False)
+
+
 class _Column(NamedTuple):
     heading: str
     cell: Callable[[StrategyResult], str]
@@ -129,7 +147,7 @@ def _columns(result: JobResult) -> list[_Column]:
     joints, task = result.joint_unit[0], result.row_unit[0]
     looked_at = any(np.isfinite(s.metrics["clearance"]) for s in result.strategies)
     narrow = result.workspace or looked_at
-    found = [
+    listed = [
         _Column("strategy", lambda s: s.name, "left"),
         _Column("verdict", lambda s: "holonomic" if s.verdict.holonomic else "NOT holonomic", "left"),
         _Column(f"drift / cycle\n[{joints}]", figure("drift_mean")),
@@ -141,9 +159,9 @@ def _columns(result: JobResult) -> list[_Column]:
     ]
     unit = result.units.length
     clear = figure("clearance", number if unit == "m" else "{:.1f}".format)
-    found += [_Column(f"clear.\n[{unit}]", clear)] if looked_at else []
-    found += [_Column("work-\nspace", figure("coverage", "{:.1%}".format))] if result.workspace else []
-    return [*found, _Column("expected", _expected, "left")]
+    listed += [_Column(f"clear.\n[{unit}]", clear)] if looked_at else []
+    listed += [_Column("work-\nspace", figure("coverage", "{:.1%}".format))] if result.workspace else []
+    return [*listed, _Column("expected", _expected, "left")]
 
 
 def _expected(s: StrategyResult) -> str:
@@ -158,60 +176,48 @@ def columns(result: JobResult) -> list[Column]:
 def rows(result: JobResult) -> list[list[str]]:
     """The cells of every strategy: those that could not be run last."""
     shown = _columns(result)
-    failed = [[one.name, "NOT run", *["-"] * (len(shown) - 3), "FAILED"] for one in result.not_run]
+    failed = [[strategy.name, "NOT run", *["-"] * (len(shown) - 3), "FAILED"] for strategy in result.not_run]
     return [*([column.cell(s) for column in shown] for s in result.strategies), *failed]
 
 
 def remarks(result: JobResult) -> list[tuple[str, str]]:
     """(strategy, sentence) of all that the table does not tell: what was not run, what stopped, what is too fast."""
-    found = [(one.name, f"not run: {one.reason}") for one in result.not_run]
-    found += [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
-    return [(name, text) for name, text in found if text]
+    sentences = [(strategy.name, f"not run: {strategy.reason}") for strategy in result.not_run]
+    sentences += [(s.name, text) for s in result.strategies for text in (s.trouble, speed_warning(result, s))]
+    return [(name, text) for name, text in sentences if text]
 
 
 def print_result(result: JobResult, console: Any) -> None:
     """Print a job's table, and below it what failed."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=Text(brief(result.title)), title_justify="left", title_style="bold", header_style="dim")
-    for heading, justify in columns(result):
-        table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
     colors = {"holonomic": HOLONOMIC_TEXT, "NOT holonomic": BAD, "ok": GOOD}
     colors |= dict.fromkeys(("NOT run", "FAILED"), f"bold {BAD}")
-    for cells in rows(result):
-        table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells))
-    console.print(table)
+    print_table(console, brief(result.title), columns(result), rows(result), lambda _, cell: colors.get(cell, ""))
     if paths_words(result):
-        console.print(f"  {paths_words(result)}", markup=False, highlight=False)
+        print_line(console, paths_words(result))
     for name, text in remarks(result):
-        console.print(f"  {brief(name)}: {text}", style=WARNING, markup=False, highlight=False)
+        print_line(console, f"{brief(name)}: {text}", WARNING)
     if result.sheets is not None:
-        console.print("  sheets:", markup=False, highlight=False)
+        print_line(console, "sheets:")
         for line in [*result.sheets.map_lines(), *result.sheets.path_lines()]:
             wrong = line == result.sheets.verdict and not result.sheets.passed
-            console.print(f"    {brief(line, 300)}", style=BAD if wrong else None, markup=False, highlight=False)
+            print_line(console, f"  {brief(line, 300)}", BAD if wrong else None)
     for strategy in result.strategies:
         if strategy.timed is not None:
-            console.print(f"  {brief(strategy.name)}, timed:", markup=False, highlight=False)
+            print_line(console, f"{brief(strategy.name)}, timed:")
             for line in strategy.timed.table(result.units).splitlines():
-                console.print(f"    {brief(line)}", markup=False, highlight=False)
+                print_line(console, f"  {brief(line)}")
         if strategy.motion_check is not None:
-            console.print(f"  {brief(strategy.name)}, checked:", markup=False, highlight=False)
-            told = strategy.motion_check.table(result.units).splitlines()
-            said = [text for text in [check_words(strategy)] if text]
-            for line in [*said, *told[strategy.motion_check.passed :]]:
-                console.print(f"    {brief(line)}", markup=False, highlight=False)
+            print_line(console, f"{brief(strategy.name)}, checked:")
+            lines_of_check = strategy.motion_check.table(result.units).splitlines()
+            words = [text for text in [check_words(strategy)] if text]
+            for line in [*words, *lines_of_check[strategy.motion_check.passed :]]:
+                print_line(console, f"  {brief(line)}")
         for check in strategy.checks:
             if not check.passed:
-                text = f"  {brief(strategy.name)}: {check.unmet}"
-                console.print(text, style=BAD, markup=False, highlight=False)
+                print_line(console, f"{brief(strategy.name)}: {check.unmet}", BAD)
 
 
-# --------------------------------------------------------------------------------------------------
-# The verdict of a job in words, for somebody who signs it: what was run, what holds, what was not
-# tested.
-# --------------------------------------------------------------------------------------------------
+# --- The verdict of a job in words, for somebody who signs it: what was run, what holds, what was not tested.
 
 MOST_FINDINGS = 3
 """Findings of a strategy that are told in the verdict; the section on checks has all."""
@@ -219,13 +225,13 @@ MOST_FINDINGS = 3
 
 def _verdict_section(result: JobResult) -> list[str]:
     """The verdict as a section of the report."""
-    told = "".join(
+    items = "".join(
         f"<li><span class='{'yes' if well else 'no'}'>{escape(f'{name} {text}')}</span> {escape(more)}</li>"
         for name, text, more, well in strategy_verdicts(result)
     )
     untested = "".join(f"<li>{escape(text)}</li>" for text in not_tested(result))
     return [
-        "<h2>Verdict</h2>", f"<p>{escape(what_was_run(result))}</p>", f"<ul>{told}</ul>",
+        "<h2>Verdict</h2>", f"<p>{escape(what_was_run(result))}</p>", f"<ul>{items}</ul>",
         f"<p><b>{escape(whole_verdict(result))}</b></p>", "<p>Not tested:</p>", f"<ul>{untested}</ul>",
     ]  # fmt: skip
 
@@ -246,7 +252,7 @@ def whole_verdict(result: JobResult) -> str:
     asked = sum(len(s.checks) for s in result.strategies)
     checked = [s for s in result.strategies if s.motion_check is not None]
     if not result.passed:
-        failed = [s.name for s in result.strategies if not s.passed] + [one.name for one in result.not_run]
+        failed = [s.name for s in result.strategies if not s.passed] + [strategy.name for strategy in result.not_run]
         failed += ["[sheets]"] if result.sheets is not None and not result.sheets.passed else []
         return f"Not all that the job asks for holds: see {', '.join(failed)}."
     if not asked and not checked and result.sheets is None:
@@ -259,13 +265,13 @@ def whole_verdict(result: JobResult) -> str:
 
 def strategy_verdicts(result: JobResult) -> list[tuple[str, str, str, bool]]:
     """(strategy, what it does, more sentences, whether it is well) of each strategy, those that were not run last."""
-    found = []
+    verdicts = []
     for s in result.strategies:
         does, _, reach = _returns(result, s).partition(": ")
         parts = [reach[:1].upper() + reach[1:], _limits(result, s), _speeds(result, s), _clearance(result, s)]
         well = s.passed and s.status is Status.COMPLETE and (not result.path.closed or returns(s))
-        found.append((s.name, f"{does.rstrip('.')}.", " ".join(filter(None, [*parts, _failed(s)])), well))
-    return found + [(one.name, "was not run.", f"{one.reason}.", False) for one in result.not_run]
+        verdicts.append((s.name, f"{does.rstrip('.')}.", " ".join(filter(None, [*parts, _failed(s)])), well))
+    return verdicts + [(strategy.name, "was not run.", f"{strategy.reason}.", False) for strategy in result.not_run]
 
 
 def returns(strategy: StrategyResult) -> bool:
@@ -306,19 +312,19 @@ def _limits(result: JobResult, s: StrategyResult) -> str:
 
 def _speeds(result: JobResult, s: StrategyResult) -> str:
     """Whether the limits of the joints' speeds are kept: of the path as it is asked for, and as it is timed."""
-    said = ""
+    sentence = ""
     peak = s.metrics["peak_speed"]
     if np.isfinite(peak):
-        kept = "are kept" if peak <= 1 else "are exceeded"
-        said = f"Speed limits {kept} at the speed of the path: {peak:.0%} of one at most."
+        verb = "are kept" if peak <= 1 else "are exceeded"
+        sentence = f"Speed limits {verb} at the speed of the path: {peak:.0%} of one at most."
     elif unknown := without_speed_limit(result.robot):
-        said = f"Cannot tell whether speed limits are kept: the robot's description has none of {unknown}."
+        sentence = f"Cannot tell whether speed limits are kept: the robot's description has none of {unknown}."
     if s.timed is not None:
         bare = np.isinf(s.timed.limits.velocity)
         names = ", ".join(name for name, none in zip(result.robot.joint_names, bare, strict=True) if none)
         less = f", which has no speed limit of {names}," if names else ""
-        said += f" Timed within the limits of [timing]{less} the motion takes {s.timed.duration:.4g} s."
-    return said.strip()
+        sentence += f" Timed within the limits of [timing]{less} the motion takes {s.timed.duration:.4g} s."
+    return sentence.strip()
 
 
 def _clearance(result: JobResult, s: StrategyResult) -> str:
@@ -328,7 +334,7 @@ def _clearance(result: JobResult, s: StrategyResult) -> str:
         return ""
     unread = f"Of the distances the checks {report.unread}." if report.unread else ""
     if report.findings:
-        some = "; ".join(str(one.printed(result.units)) for one in report.findings[:MOST_FINDINGS])
+        some = "; ".join(str(pair.printed(result.units)) for pair in report.findings[:MOST_FINDINGS])
         more = len(report.findings) - MOST_FINDINGS
         return f"The checks of the motion found: {some}{f'; and {more} more' if more > 0 else ''}. {unread}".strip()
     if unread:
@@ -336,13 +342,13 @@ def _clearance(result: JobResult, s: StrategyResult) -> str:
     if not report.pairs:
         return "The checks of the motion found nothing; distances were not among them."
     wanted, near = result.units.said(report.wanted, "m", 3), report.nearest
-    close = sum(one.wanted < report.wanted for one in report.pairs)
+    close = sum(pair.wanted < report.wanted for pair in report.pairs)
     touch = f"{close} pairs that are always nearer do not touch"
     touch = "1 pair that is always nearer does not touch" if close == 1 else touch
     if near is None:
         return f"No pair was held against the clearance of {wanted}: {touch}."
-    least = f"the least distance is {result.units.said(near.least, 'm', 3)}, between {' and '.join(near.pair)}"
-    return f"Clearances are kept: {least} ({wanted} wanted){f'; {touch}' if close else ''}."
+    smallest = f"the least distance is {result.units.said(near.least, 'm', 3)}, between {' and '.join(near.pair)}"
+    return f"Clearances are kept: {smallest} ({wanted} wanted){f'; {touch}' if close else ''}."
 
 
 def _failed(s: StrategyResult) -> str:
@@ -354,25 +360,25 @@ def _failed(s: StrategyResult) -> str:
 
 def not_tested(result: JobResult) -> list[str]:
     """What this run does not say."""
-    found = ["other paths, other starts and other speeds than these"]
+    sentences = ["other paths, other starts and other speeds than these"]
     if not result.path.closed:
-        found.append("whether the joints return: the path is open")
+        sentences.append("whether the joints return: the path is open")
     elif result.one_way:
-        found.append(f"whether two ways to one pose end with the same joints: {result.one_way}")
+        sentences.append(f"whether two ways to one pose end with the same joints: {result.one_way}")
     if all(s.motion_check is None for s in result.strategies):
-        found.append("collisions, obstacles, floor, singular postures of the motion: the job has no [checks]")
+        sentences.append("collisions, obstacles, floor, singular postures of the motion: the job has no [checks]")
     elif any(s.followed < 1.0 for s in result.strategies):
-        found.append("the rest of the path of a strategy that stopped")
+        sentences.append("the rest of the path of a strategy that stopped")
     reports = [s.motion_check for s in result.strategies if s.motion_check is not None]
-    left_out = {one.pair for report in reports for one in report.left_out}
+    left_out = {pair.pair for report in reports for pair in report.left_out}
     if left_out:
-        found.append(f"{len(left_out)} pairs of links whose distances were left out: see the checks of the motion")
-    found += dict.fromkeys(remark for report in reports for remark in report.remarks)
+        sentences.append(f"{len(left_out)} pairs of links whose distances were left out: see the checks of the motion")
+    sentences += dict.fromkeys(remark for report in reports for remark in report.remarks)
     if all(s.timed is None for s in result.strategies):
-        found.append("accelerations and jerks: the job has no [timing]")
+        sentences.append("accelerations and jerks: the job has no [timing]")
     if result.sheets is not None and result.sheets.along is not None:
-        found.append("the motion over the sheets: [timing] and [checks] are of strategies, and of `holokin export`")
-    return [*found, "the controller and the robot: servos, weight, backlash, its own planning"]
+        sentences.append("the motion over the sheets: [timing] and [checks] are of strategies, and of `holokin export`")
+    return [*sentences, "the controller and the robot: servos, weight, backlash, its own planning"]
 
 
 RETURNS = ", returns"
@@ -453,17 +459,17 @@ def _facts(result: JobResult, version: str) -> dict[str, Any]:
         "robot_source": result.robot.source, "task": result.task, "start": result.q0.tolist(),
         "joint_names": list(result.robot.joint_names), "workspace": result.workspace or None,
         "path_length_m": result.path.length,
-        "sheets": result.sheets.summary() if result.sheets is not None else None,
+        "sheets": result.sheets.to_dict() if result.sheets is not None else None,
         "two_paths": paths_words(result) or "compared",
         "path_duration_s": result.path.duration, "cycles": result.cycles, "seconds": result.seconds,
-        "holokin": version, "strategies": [s.summary() for s in result.strategies],
-        "not_run": [vars(one) for one in result.not_run],
+        "holokin": version, "strategies": [s.to_dict() for s in result.strategies],
+        "not_run": [vars(strategy) for strategy in result.not_run],
     }  # fmt: skip
 
 
 def _page(
     result: JobResult, folder: FilePath, shown: list[tuple[str, str]], films: list[tuple[str, str]], version: str
-) -> str:  # fmt: skip
+) -> str:
     robot = result.robot
     units = [c.unit for c in robot.coordinates]
     start = posture_text(result.q0 * result.units.factors(units), robot.joint_names)
@@ -485,8 +491,8 @@ def _page(
         f"<p class='small'>{escape(_tolerance(result))}</p>",
         "<ul>",
         *(
-            f"<li>{told}.<details class='small'><summary>Details</summary>{shown}</details></li>"
-            for told, shown in verdicts
+            f"<li>{sentence}.<details class='small'><summary>Details</summary>{shown}</details></li>"
+            for sentence, shown in verdicts
         ),
         *(f"<li class='no'>{escape(name)}: {escape(text)}</li>" for name, text in remarks(result)),
         "</ul>",
@@ -510,11 +516,11 @@ def _page(
 def _rows(result: JobResult) -> list[list[str]]:
     """The cells of the table; where the joints come back it says so."""
     place = next(k for k, (title, _) in enumerate(columns(result)) if title.startswith("drift"))
-    found = rows(result)
-    for cells, strategy in zip(found, result.strategies, strict=False):
+    cells_of = rows(result)
+    for cells, strategy in zip(cells_of, result.strategies, strict=False):
         if strategy.metrics["drift_most"] <= ALIKE:
             cells[place] += RETURNS
-    return found
+    return cells_of
 
 
 def _tolerance(result: JobResult) -> str:
@@ -531,19 +537,19 @@ def _terms() -> list[str]:
 
 def _coverage(result: JobResult) -> list[str]:
     """What becomes of the poses of the workspace, by strategy; nothing in a job without one."""
-    found = [(s.name, s.coverage) for s in result.strategies if s.coverage is not None]
-    if not found:
+    coverages = [(s.name, s.coverage) for s in result.strategies if s.coverage is not None]
+    if not coverages:
         return []
-    causes = list(dict.fromkeys(cause for _, c in found for cause, _ in c.causes()))
-    shares = [{cause: k / len(c) for cause, k in c.causes()} for _, c in found]
+    causes = list(dict.fromkeys(cause for _, c in coverages for cause, _ in c.causes()))
+    shares = [{cause: k / len(c) for cause, k in c.causes()} for _, c in coverages]
     table = [
         [escape(cause), *(f"{share[cause]:.1%}" if cause in share else "" for share in shares)] for cause in causes
     ]
     return [
         "<h2>Workspace</h2>",
-        f"<p class='small'>{escape(result.workspace)}; {len(found[0][1])} poses, each gone to straight from the start."
-        "</p>",
-        html_table(["", *(escape(name) for name, _ in found)], table),
+        f"<p class='small'>{escape(result.workspace)}; {len(coverages[0][1])} poses, each gone to straight from the "
+        "start.</p>",
+        html_table(["", *(escape(name) for name, _ in coverages)], table),
     ]
 
 
@@ -552,21 +558,21 @@ def _timing(result: JobResult) -> list[str]:
     parts: list[str] = []
     for s in result.strategies:
         if s.timed is not None:
-            slow = "".join(f"<li>{escape(str(one))}</li>" for one in s.timed.slowdowns)
+            slow = "".join(f"<li>{escape(str(slowdown))}</li>" for slowdown in s.timed.slowdowns)
             parts += [
                 f"<h3>{escape(s.name)}</h3><p class='small'>{escape(s.timed.sentence)}</p>",
                 _loads(s.timed, result.units),
             ]
             parts += [f"<ul class='small'>{slow}</ul>"] if slow else []
-    said = "The greatest speed, acceleration and jerk of each joint, and what share of its limit that is."
-    return ["<h2>Timing</h2>", f"<p class='small'>{said}</p>", *parts] if parts else []
+    caption = "The greatest speed, acceleration and jerk of each joint, and what share of its limit that is."
+    return ["<h2>Timing</h2>", f"<p class='small'>{caption}</p>", *parts] if parts else []
 
 
 def _loads(timed: TimedTrajectory, units: PrintedUnits) -> str:
     """The peaks of each joint as a table, numbers under their headings."""
     head = ["joint", "speed", "of limit", "acceleration", "of limit", "jerk", "of limit", "nearest limit at", "time"]
     table = []
-    for load in (one.printed(units) for one in timed.loads):
+    for load in (load_of_joint.printed(units) for load_of_joint in timed.loads):
         cells = [escape(load.joint)]
         for order, (peak, share) in enumerate(zip(load.peaks, load.shares, strict=True), 1):
             unit = f"{load.unit}/s" + (f"<sup>{order}</sup>" if order > 1 else "")
@@ -627,5 +633,5 @@ def _expectations(result: JobResult) -> str:
     ]
     if not rows:
         return "<p>The job file holds no [expect] table.</p>"
-    said = "" if result.units.plain else "<p class='small'>In rad and m, the units of the job file.</p>"
-    return said + html_table(["strategy", "figure", "wanted", "found", ""], rows)
+    note = "" if result.units.plain else "<p class='small'>In rad and m, the units of the job file.</p>"
+    return note + html_table(["strategy", "figure", "wanted", "found", ""], rows)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -27,10 +27,7 @@ from ...path.editing import AnyPath
 from ...proof.cell_search import count_kept, remove_kept
 from ...robot import LinkShape, Robot
 
-# --------------------------------------------------------------------------------------------------
-# What a job found of its [sheets]: the map, the share that was wanted, and the motion along the
-# job's path.
-# --------------------------------------------------------------------------------------------------
+# --- What a job found of its [sheets]: the map, the share that was wanted, and the motion along the job's path.
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +53,13 @@ class SheetsResult(NoTruthValue, Value, ask="`.passed`"):
     @property
     def verdict(self) -> str:
         """The share that is served, beside the one that was wanted."""
-        said = "is reached" if self.passed else "is not reached"
-        return f"a share of {self.wanted:.2%} was wanted: it {said} ({self.found.share:.2%})"
+        verb = "is reached" if self.passed else "is not reached"
+        return f"a share of {self.wanted:.2%} was wanted: it {verb} ({self.found.share:.2%})"
 
     @property
     def seconds(self) -> float:
         """How long all changes along the path take at the joints' speed limits, the tool at rest."""
-        return 0.0 if self.along is None else sum(one.seconds for one in self.along.seams)
+        return 0.0 if self.along is None else sum(seam.seconds for seam in self.along.seams)
 
     @property
     def motions(self) -> dict[str, Trajectory]:
@@ -86,22 +83,22 @@ class SheetsResult(NoTruthValue, Value, ask="`.passed`"):
             lines.append(f"  with the tool at rest: {self.seconds:.2f} s at the joints' speed limits")
         return lines
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
         s, m = self.found, self.along
         return {
-            "sheets": [str(one) for one in s.sheets], "share": s.share, "wanted": self.wanted, "passed": self.passed,
+            "sheets": [str(part) for part in s.sheets], "share": s.share, "wanted": self.wanted, "passed": self.passed,
             "poses": len(s.poses), "reachable": int(s.reachable.sum()), "served": int(s.served.sum()),
             "least": s.least, "candidates": s.candidates, "stopped": s.stopped, "file": self.file or None,
             "remark": self.remark, "unfollowed": self.unfollowed,
             "path": None if m is None else {
                 "complete": m.complete, "changes": m.changes, "seconds_of_changes": self.seconds,
-                "pieces": [{"sheet": one.sheet, "start": one.start, "stop": one.stop} for one in m.pieces],
+                "pieces": [{"sheet": part.sheet, "start": part.start, "stop": part.stop} for part in m.pieces],
                 "divisions": [
-                    {"at": one.at, "first": one.first, "second": one.second, "reason": one.reason}
-                    for one in m.divisions
+                    {"at": part.at, "first": part.first, "second": part.second, "reason": part.reason}
+                    for part in m.divisions
                 ],
-                "left_out": [{"start": one.start, "stop": one.stop, "reason": one.reason} for one in m.left_out],
+                "left_out": [{"start": part.start, "stop": part.stop, "reason": part.reason} for part in m.left_out],
             },
         }  # fmt: skip
 
@@ -164,7 +161,7 @@ class StrategyResult:
             named |= {"clockwise": self.two_paths[0], "counter-clockwise": self.two_paths[1]}
         return named
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
         v = self.verdict
         return {
@@ -179,9 +176,9 @@ class StrategyResult:
             "plane": list(v.plane),
             "metrics": {key: number_or_none(value) for key, value in self.metrics.items()},
             "drift_each_cycle": self.cycles.drift().tolist(),
-            "coverage": self.coverage.summary() if self.coverage is not None else None,
-            "timing": self.timed.summary() if self.timed is not None else None,
-            "motion_check": self.motion_check.summary() if self.motion_check is not None else None,
+            "coverage": self.coverage.to_dict() if self.coverage is not None else None,
+            "timing": self.timed.to_dict() if self.timed is not None else None,
+            "motion_check": self.motion_check.to_dict() if self.motion_check is not None else None,
             "followed": self.followed,
             "checks": [vars(check) for check in self.checks],
             "passed": self.passed,
@@ -236,9 +233,9 @@ class JobResult:
 
     def factor(self, metric: str) -> float:
         """By what a metric is multiplied to be printed: its meaning says its unit."""
-        found = re.search(r"\[([^\]]+)\]$", self.meanings.get(metric, ""))
+        unit = re.search(r"\[([^\]]+)\]$", self.meanings.get(metric, ""))
         known = {"joint": self.joint_unit[1], "m or rad": self.row_unit[1], "m": self.units.factor("m")}
-        return known.get(found[1], 1.0) if found else 1.0
+        return known.get(unit[1], 1.0) if unit else 1.0
 
     def meaning(self, metric: str) -> str:
         """What a metric is, with its unit as it is printed."""
@@ -250,11 +247,11 @@ class JobResult:
         """The same with the motions of its strategies in the units in which it is printed: for figures of them."""
         if self.units.plain:
             return self
-        found = []
+        strategies = []
         for s in self.strategies:
             pair = s.two_paths and (s.two_paths[0].printed(self.units), s.two_paths[1].printed(self.units))
-            found.append(replace(s, two_paths=pair, cycles=s.cycles.printed(self.units)))
-        return replace(self, strategies=tuple(found))
+            strategies.append(replace(s, two_paths=pair, cycles=s.cycles.printed(self.units)))
+        return replace(self, strategies=tuple(strategies))
 
     @property
     def drawn(self) -> tuple[StrategyResult, ...]:
@@ -278,29 +275,23 @@ class JobResult:
 
         Numbered where two strategies would write one file, also on disks that do not tell A from a.
         """
-        return _file_stems({strategy.name: strategy.trajectories() for strategy in self.strategies})
+        # Name -> the STEM of its files STEM-KEY, unlike those of the others; for names with the keys of their files.
+        named = {strategy.name: strategy.trajectories() for strategy in self.strategies}
+        stems: dict[str, str] = {}
+        used: set[str] = set()
+        for name, keys in named.items():
+            word = re.sub(r"[\W_]+", "-", name).strip("-")
+            base = word.encode()[:80].decode(errors="ignore") or "strategy"  # a file's name may have 255 bytes
+            stem, number = base, 1
+            while used & (files := {f"{stem}-{key}".casefold() for key in keys}):
+                number += 1
+                stem = f"{base}-{number}"
+            stems[name] = stem
+            used |= files
+        return stems
 
 
-def _file_stems(named: Mapping[str, Iterable[str]]) -> dict[str, str]:
-    """Name -> the STEM of its files STEM-KEY, unlike those of the others; for names with the keys of their files."""
-    stems: dict[str, str] = {}
-    taken: set[str] = set()
-    for name, keys in named.items():
-        word = re.sub(r"[\W_]+", "-", name).strip("-")
-        base = word.encode()[:80].decode(errors="ignore") or "strategy"  # a file's name may have 255 bytes
-        stem, number = base, 1
-        while taken & (files := {f"{stem}-{key}".casefold() for key in keys}):
-            number += 1
-            stem = f"{base}-{number}"
-        stems[name] = stem
-        taken |= files
-    return stems
-
-
-# --------------------------------------------------------------------------------------------------
-# The folder of a job's results: replaced whole or not at all, without the loss of what others have
-# put there.
-# --------------------------------------------------------------------------------------------------
+# --- The folder of a job's results: replaced whole or not at all, without the loss of what others have put there.
 
 FACTS = "result.json"
 """The file by which a folder is known as holokin's; it names the files that holokin wrote."""
@@ -359,11 +350,11 @@ def renewed(out: FilePath, name: str) -> Iterator[FilePath]:
             put(work, target, written(target) or set())
 
 
-def free_name(label: str, ending: str, taken: Container[str], *, prefix: str = "") -> str:
+def free_name(label: str, ending: str, used: Container[str], *, prefix: str = "") -> str:
     """A file name for a strategy: the letters of its label, and a number where that name is taken."""
     word = "".join(c if c.isalnum() or c in "-_" else "-" for c in label).strip("-") or "strategy"
     stems = chain([word], (f"{word}-{i}" for i in count(2)))
-    return next(name for stem in stems if (name := f"{prefix}{stem}{ending}") not in taken)
+    return next(name for stem in stems if (name := f"{prefix}{stem}{ending}") not in used)
 
 
 def write_facts(folder: FilePath, facts: dict[str, Any]) -> None:
@@ -387,11 +378,6 @@ def _repair(place: FilePath) -> None:
         restore(place, lambda held: written(held) or set())
 
 
-# --------------------------------------------------------------------------------------------------
-# `CellsFiles`: where `holokin certify --workspace` keeps the cells of each strategy until
-# certificates are written.
-# --------------------------------------------------------------------------------------------------
-
 ENDING = ".cells"
 
 
@@ -403,8 +389,8 @@ class CellsFiles:
 
     def of(self, title: str) -> FilePath:
         """That of a strategy. Raises: ArgumentError: it is there, and the run is not to go on with it."""
-        taken = {file.name for file in self._files.values()}
-        file = self._stem.with_name(free_name(title, ENDING, taken, prefix=f"{self._stem.name}-"))
+        used = {file.name for file in self._files.values()}
+        file = self._stem.with_name(free_name(title, ENDING, used, prefix=f"{self._stem.name}-"))
         if file.exists() and not self._resume:
             cure = "a run that was stopped left it: say --resume to go on with its cells, or delete it"
             raise ArgumentError("the file of cells", str(file), cure)

@@ -37,9 +37,9 @@ def print_audit(audit: LogAudit | DatasetAudit, console: Any) -> None:
 
 
 def save_log_audits(audits: Sequence[LogAudit], file: FilePath) -> None:
-    """Write `LogAudit.summary` as JSON; of several runs a list of them, under "runs". Raises: WriteError."""
-    found = [audit.summary() for audit in audits]
-    write_json(file, found[0] if len(found) == 1 else {"runs": found})
+    """Write `LogAudit.to_dict` as JSON; of several runs a list of them, under "runs". Raises: WriteError."""
+    summaries = [audit.to_dict() for audit in audits]
+    write_json(file, summaries[0] if len(summaries) == 1 else {"runs": summaries})
 
 
 def log_figure(audit: LogAudit) -> Any:
@@ -90,8 +90,8 @@ def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
     from matplotlib.colors import Normalize, to_hex
 
     robot, log, cycles = audit.robot, audit.recording, audit.cycles
-    at = thin(len(log), 20_000)
-    points, _ = audit.task.poses(log.q[at])
+    rows = thin(len(log), 20_000)
+    points, _ = audit.task._poses(log.q[rows])
     colors = colormaps["viridis"]
     count = len(cycles)
 
@@ -110,17 +110,13 @@ def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
     seen = stage.scene.view.seen(points)
     axes.plot(*seen[:, :2].T, color="#c9cdd4", linewidth=1.0, zorder=3)
     for i in thin(count, 30):
-        here = (at >= cycles.q0[i]) & (at <= cycles.stop[i])
-        if here.any():
-            axes.plot(*seen[here, :2].T, color=color(int(i) + 1), linewidth=1.3, zorder=4)
+        in_cycle = (rows >= cycles.q0[i]) & (rows <= cycles.stop[i])
+        if in_cycle.any():
+            axes.plot(*seen[in_cycle, :2].T, color=color(int(i) + 1), linewidth=1.3, zorder=4)
     bar = ScalarMappable(Normalize(0, count), colors.reversed())
     axes.figure.colorbar(bar, ax=axes, shrink=0.6, pad=0.04, label="cycles done", ticks=[0, count])
     return axes
 
-
-# --------------------------------------------------------------------------------------------------
-# The figure of the audit of a robot learning dataset.
-# --------------------------------------------------------------------------------------------------
 
 MOST_POINTS = 4_000
 """Tool poses and pairs that are drawn."""
@@ -139,9 +135,9 @@ def dataset_figure(audit: DatasetAudit) -> Any:
 def _by_episode(axes: Any, audit: DatasetAudit) -> None:
     """Each pair of equal poses, at both of its episodes; those that differ in red."""
     pairs = audit.pairs
-    at = thin(len(pairs.first), MOST_POINTS) if len(pairs.first) else np.empty(0, np.intp)
+    shown = thin(len(pairs.first), MOST_POINTS) if len(pairs.first) else np.empty(0, np.intp)
     for beyond, color, word in ((False, GOOD, "equal"), (True, BAD, "different")):
-        mine = at[pairs.beyond[at] == beyond]
+        mine = shown[pairs.beyond[shown] == beyond]
         rows = np.concatenate([pairs.first[mine], pairs.second[mine]])
         episode = audit.episodes[np.searchsorted(audit.begins, rows, side="right") - 1]
         distance = np.maximum(np.tile(pairs.distance[mine], 2), 1e-6)
@@ -161,7 +157,7 @@ def _places(axes: Any, audit: DatasetAudit) -> None:
     shown = thin(len(audit.q), 20 * MOST_POINTS // 40)
     rows = [0] if worst is None else [int(audit.pairs.first[worst]), int(audit.pairs.second[worst])]
     first, last = audit.q[rows[0]].astype(float), audit.q[rows[-1]].astype(float)
-    points, _ = audit.task.poses(audit.q[shown].astype(float))
+    points, _ = audit.task._poses(audit.q[shown].astype(float))
     stage = stage_of(audit.robot, np.vstack([first, last]), [Curve(points, GREY)], pairs=[(first, last)])
     differs = worst is not None and audit.verdict is LogVerdict.DIFFERS
     actors = [Actor(first, GOOD), *([Actor(last, BAD, "outline")] if differs else [])]
@@ -175,5 +171,5 @@ def _places(axes: Any, audit: DatasetAudit) -> None:
     if differs:
         pairs = audit.pairs
         bad = pairs.first[np.flatnonzero(pairs.beyond)]
-        spots, _ = audit.task.poses(audit.q[bad[thin(len(bad), MOST_POINTS)]].astype(float))
+        spots, _ = audit.task._poses(audit.q[bad[thin(len(bad), MOST_POINTS)]].astype(float))
         axes.plot(*stage.scene.view.seen(spots)[:, :2].T, ".", color=BAD, markersize=3, zorder=4)

@@ -22,9 +22,7 @@ from ...proof.proven_region import CAUSES
 from ...robot import Robot
 from .job_result import JobResult, StrategyResult
 
-# --------------------------------------------------------------------------------------------------
-# What figures, tables and reports say of a result, in sentences.
-# --------------------------------------------------------------------------------------------------
+# --- What figures, tables and reports say of a result, in sentences.
 
 ALIKE = 1e-8
 """Joint difference [rad or m] that is called none in captions: nobody could measure it."""
@@ -111,15 +109,11 @@ def speed_warning(result: JobResult, strategy: StrategyResult) -> str:
     )
 
 
-# --------------------------------------------------------------------------------------------------
-# The colours of everything drawn: plots, films, tables of the terminal, the studio. Safe for
-# colour-blind readers.
+# --- The colours of everything drawn: plots, films, tables of the terminal, the studio. Safe for colour-blind readers.
 #
-# The eight colours are those of Okabe and Ito, "Color Universal Design", 2008
-# (https://jfly.uni-koeln.de/color/), also in B. Wong, "Points of view: Color blindness", Nature
-# Methods 8, 441 (2011). A colour is never the only sign: lines differ by their dashes or have their
-# names beside them too.
-# --------------------------------------------------------------------------------------------------
+# The eight colours are those of Okabe and Ito, "Color Universal Design", 2008 (https://jfly.uni-koeln.de/color/), also
+# in B. Wong, "Points of view: Color blindness", Nature Methods 8, 441 (2011). A colour is never the only sign: lines
+# differ by their dashes or have their names beside them too.
 
 BLUE = "#0072B2"
 VERMILLION = "#D55E00"
@@ -189,13 +183,13 @@ def law_colors(holonomic: Sequence[bool]) -> tuple[str, ...]:
     Returns:
         As many colours; the first four laws of each kind have one of their own, then they repeat.
     """
-    taken = {True: 0, False: 0}
-    found: list[str] = []
+    used = {True: 0, False: 0}
+    colors: list[str] = []
     for kind in map(bool, holonomic):
         of_kind = _HOLONOMIC if kind else _NONHOLONOMIC
-        found.append(of_kind[taken[kind] % len(of_kind)])
-        taken[kind] += 1
-    return tuple(found)
+        colors.append(of_kind[used[kind] % len(of_kind)])
+        used[kind] += 1
+    return tuple(colors)
 
 
 DIRECTIONS = {
@@ -257,12 +251,12 @@ def legible(figure: Any) -> Any:
     """The figure, its smallest type no smaller than `TYPE` where it is as wide as a `PAGE`."""
     from matplotlib.text import Text
 
-    least = TYPE * max(1.0, figure.get_figwidth() / PAGE)
+    smallest = TYPE * max(1.0, figure.get_figwidth() / PAGE)
     for axes in figure.axes:
         for axis in axes._axis_map.values():  # ticks that are not made yet, too
-            axis.set_tick_params(labelsize=max(least, *(t.get_fontsize() for t in axis.get_ticklabels()), 0.0))
+            axis.set_tick_params(labelsize=max(smallest, *(t.get_fontsize() for t in axis.get_ticklabels()), 0.0))
     for text in figure.findobj(Text):
-        text.set_fontsize(max(least, text.get_fontsize()))
+        text.set_fontsize(max(smallest, text.get_fontsize()))
     return figure
 
 
@@ -294,9 +288,9 @@ def joint_histories(
     gap = abs(clockwise.q[-1, joint] - counter.q[-1, joint])
     unit = clockwise.joint_units[joint]
     low, high = axes.get_ylim()
-    least = 0.02 if unit == "rad" else 0.01  # a joint that stands still shall look it
-    if high - low < least:
-        axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)
+    smallest = 0.02 if unit == "rad" else 0.01  # a joint that stands still shall look it
+    if high - low < smallest:
+        axes.set_ylim((low + high - smallest) / 2, (low + high + smallest) / 2)
     if robot is not None:
         _limit_lines(axes, float(robot.lower[joint]), float(robot.upper[joint]))
     ending = f"stopped at {' and '.join(f'{t:.3g}' for t in stops)} s" if stops else _gap(gap, unit)
@@ -365,7 +359,7 @@ def drift_per_cycle(axes: Any, walks: dict[str, Trajectory], colors: Sequence[st
     """
     sizes = {name: np.abs(walk.drift_since_start()).max(axis=1) for name, walk in walks.items()}
     colors = [color_of(i) for i in range(len(sizes))] if colors is None else colors
-    told: list[tuple[float, str, str]] = []
+    named_lines: list[tuple[float, str, str]] = []
     order = sorted(sizes, key=lambda name: -sizes[name][-1])
     for (name, values), color in zip(sizes.items(), colors, strict=True):
         cycles, shown = np.arange(1, len(values) + 1), np.maximum(values, 1e-17)
@@ -373,9 +367,9 @@ def drift_per_cycle(axes: Any, walks: dict[str, Trajectory], colors: Sequence[st
         paint = color if alone else HOLONOMIC if values.max() <= ROUND_OFF else GREY
         axes.semilogy(cycles, shown, "o-", color=paint, linewidth=1.8 if alone else 1.0, markersize=4, label=name)
         if alone:
-            told.append((float(shown[-1]), name, color))
+            named_lines.append((float(shown[-1]), name, color))
     if len(sizes) > LABELS:
-        told += _together(sizes, {name for _, name, _ in told})
+        named_lines += _together(sizes, {name for _, name, _ in named_lines})
     axes.axhspan(1e-18, 1e-12, color="#f3f4f6", zorder=0)
     axes.text(0.01, 0.02, "below 1e-12: round-off", transform=axes.transAxes, ha="left", color="#6b7280", fontsize=9)
     axes.set_ylim(1e-17, 10)
@@ -384,13 +378,13 @@ def drift_per_cycle(axes: Any, walks: dict[str, Trajectory], colors: Sequence[st
     axes.set_ylabel(f"joint drift, largest joint [{' or '.join(units)}]")
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_xlim(0.7, max(len(v) for v in sizes.values()) + 0.3)
-    beside(axes, told)
+    beside(axes, named_lines)
     return axes
 
 
 def _together(sizes: dict[str, Vector], alone: set[str]) -> list[tuple[float, str, str]]:
     """Labels for the laws that have none of their own: how many, and how far they drift."""
-    found = []
+    labels = []
     rest = {name: values for name, values in sizes.items() if name not in alone}
     for back, color in ((True, HOLONOMIC), (False, "#6b7280")):
         group = [v for v in rest.values() if (v.max() <= ROUND_OFF) == back]
@@ -398,14 +392,16 @@ def _together(sizes: dict[str, Vector], alone: set[str]) -> list[tuple[float, st
             ends = [float(v[-1]) for v in group]
             what = "laws come back to the start" if back else "more laws drift"
             place = float(np.exp(np.mean(np.log(np.maximum(ends, 1e-17)))))
-            found.append((place, f"{len(group)} {what}, at most {max(ends):.1g}", color))
-    return found
+            labels.append((place, f"{len(group)} {what}, at most {max(ends):.1g}", color))
+    return labels
 
 
-def beside(axes: Any, told: Sequence[tuple[float, str, str]], least: float = 0.058) -> None:
+def beside(axes: Any, named_lines: Sequence[tuple[float, str, str]], least: float = 0.058) -> None:
     """Names (height in data, text, colour) right of the axes, none over another, joined to the ends of their lines."""
-    places = [float(axes.transAxes.inverted().transform(axes.transData.transform((0, y)))[1]) for y, _, _ in told]
-    order = sorted(range(len(told)), key=lambda i: places[i])
+    places = [
+        float(axes.transAxes.inverted().transform(axes.transData.transform((0, y)))[1]) for y, _, _ in named_lines
+    ]
+    order = sorted(range(len(named_lines)), key=lambda i: places[i])
     spread: list[float] = []
     for i in order:
         spread.append(max(places[i], spread[-1] + least if spread else 0.02))
@@ -413,10 +409,10 @@ def beside(axes: Any, told: Sequence[tuple[float, str, str]], least: float = 0.0
     if over > 0:  # from the top downwards
         for k in range(len(spread) - 1, -1, -1):
             spread[k] = min(spread[k], 0.98 if k == len(spread) - 1 else spread[k + 1] - least)
-    for at, i in zip(spread, order, strict=True):
-        _, text, color = told[i]
-        axes.plot([1.0, 1.03], [places[i], at], color=color, linewidth=0.8, transform=axes.transAxes, clip_on=False)
-        axes.text(1.04, at, text, transform=axes.transAxes, va="center", fontsize=9, color=_readable(color))
+    for height, i in zip(spread, order, strict=True):
+        _, text, color = named_lines[i]
+        axes.plot([1.0, 1.03], [places[i], height], color=color, linewidth=0.8, transform=axes.transAxes, clip_on=False)
+        axes.text(1.04, height, text, transform=axes.transAxes, va="center", fontsize=9, color=_readable(color))
 
 
 def joint_ranges(axes: Any, robot: Robot, walks: dict[str, Trajectory], colors: Sequence[str]) -> Any:
@@ -457,12 +453,7 @@ def _gap(gap: float, unit: str) -> str:
     return "ends agree" if gap < 1e-9 else f"ends {gap:.3g} {unit} apart"
 
 
-# --------------------------------------------------------------------------------------------------
-# A picture of the levels that serve a workspace.
-# --------------------------------------------------------------------------------------------------
-
-
-def level_figure(found: LevelRange) -> Any:
+def level_figure(levels: LevelRange) -> Any:
     """The share of the workspace that each level serves; shaded, the levels that serve all of it."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
@@ -470,20 +461,18 @@ def level_figure(found: LevelRange) -> Any:
     with rc_context(style()):
         figure = Figure(figsize=(6.4, 3.2), layout="constrained")
         axes = figure.subplots()
-        for k, (low, high) in enumerate(found.intervals):
+        for k, (low, high) in enumerate(levels.intervals):
             axes.axvspan(low, high, color=BLUE, alpha=0.16, linewidth=0, label=None if k else "serves all")
-        axes.plot(found.levels, 100 * found.shares, "-o", color=BLUE, markersize=2.5, linewidth=1.2)
-        axes.axvline(found.level, color=INK, linestyle=":", linewidth=1.2, label="level of the start")
-        axes.axvline(found.best, color=INK, linewidth=1.2, label="level to take")
-        unit = "rad" if found.strategy.constraint.angular[0] else "the constraint's unit"
-        axes.set(xlabel=f"level [{unit}]", ylabel="served [%]", ylim=(0, 104), title=on_figure(found.strategy.name))
+        axes.plot(levels.levels, 100 * levels.shares, "-o", color=BLUE, markersize=2.5, linewidth=1.2)
+        axes.axvline(levels.level, color=INK, linestyle=":", linewidth=1.2, label="level of the start")
+        axes.axvline(levels.best, color=INK, linewidth=1.2, label="level to take")
+        unit = "rad" if levels.strategy.constraint.angular[0] else "the constraint's unit"
+        axes.set(xlabel=f"level [{unit}]", ylabel="served [%]", ylim=(0, 104), title=on_figure(levels.strategy.name))
         axes.legend(loc="lower center", fontsize=8, frameon=True, framealpha=0.9)
     return figure
 
 
-# --------------------------------------------------------------------------------------------------
-# A picture of a region that is proven, and of what the rest of its workspace is.
-# --------------------------------------------------------------------------------------------------
+# --- A picture of a region that is proven, and of what the rest of its workspace is.
 
 PROOF_COLORS = ("#1f7a6b", "#c9d1da", PURPLE, ORANGE, SKY, VERMILLION)
 """Of a pose that is proven, and of the others by `CAUSES`."""
@@ -524,8 +513,8 @@ def region_map(axes: Any, region: UniqueRegion, plane: Plane, causes: Indices) -
     from matplotlib.colors import ListedColormap
 
     (i, j), solid = plane.axes, region.workspace.solid
-    found, low, high = 1 + causes.reshape(plane.inside.shape), solid.center - solid.half, solid.center + solid.half
+    cells, low, high = 1 + causes.reshape(plane.inside.shape), solid.center - solid.half, solid.center + solid.half
     shown = {"cmap": ListedColormap(PROOF_COLORS), "vmin": 0, "vmax": len(PROOF_COLORS) - 1, "interpolation": "nearest"}
-    axes.imshow(found, origin="lower", extent=(low[i], high[i], low[j], high[j]), aspect="equal", **shown)
+    axes.imshow(cells, origin="lower", extent=(low[i], high[i], low[j], high[j]), aspect="equal", **shown)
     axes.grid(False)
-    return set(found.ravel().tolist())
+    return set(cells.ravel().tolist())

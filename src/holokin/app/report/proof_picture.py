@@ -40,44 +40,44 @@ MARGIN = 0.12
 """Room round a path or a box in its views from above and from the side, over its size."""
 
 
-def start_of(found: Certificate) -> Vector:
+def start_of(certificate: Certificate) -> Vector:
     """The posture (n,) on the leaf that the file names: the start, or the leaf's posture in the middle of a box."""
-    return found.anchors.q[0][: found.equation.joints]
+    return certificate.anchors.q[0][: certificate.equation.joints]
 
 
-def drawable(found: Certificate) -> bool:
+def drawable(certificate: Certificate) -> bool:
     """Whether its tool poses are places in the frame of the robot's base."""
-    task = found.equation.strategy.task
-    tools = task.spatial and all(
+    task = certificate.equation.strategy.task
+    tools = task._spatial and all(
         isinstance(part, FrameTask) and isinstance(part.frame, TipFrame) for part in parts_of(task)
     )
     return bool(task.robot.tips) and tools
 
 
-def proof_figure(found: Certificate) -> Any:
+def proof_figure(certificate: Certificate) -> Any:
     """The robot at its start; the path or the box in green, what is not proven of it dashed and grey."""
     from matplotlib.figure import Figure
 
-    robot, q = found.equation.strategy.task.robot, start_of(found)
-    curves = _curves(found)
+    robot, q = certificate.equation.strategy.task.robot, start_of(certificate)
+    curves = _curves(certificate)
     figure = Figure(figsize=SIZE)
     stage = stage_of(robot, q[None], curves)
     place = (0.08, 0.09, 0.53, 0.87) if robot.planar else (0.01, 0.01, 0.6, 0.98)
     draw_panel(figure.add_axes(place), stage, [Actor(q, HOLONOMIC)], curves)
-    _view(figure.add_axes((0.72, 0.58, 0.26, 0.38)), found, curves, (0, 1))
+    _view(figure.add_axes((0.72, 0.58, 0.26, 0.38)), certificate, curves, (0, 1))
     if not robot.planar:
-        _view(figure.add_axes((0.72, 0.09, 0.26, 0.38)), found, curves, (0, 2))
+        _view(figure.add_axes((0.72, 0.09, 0.26, 0.38)), certificate, curves, (0, 2))
     return figure
 
 
-def _view(axes: Any, found: Certificate, curves: list[Curve], plane: tuple[int, int]) -> None:
+def _view(axes: Any, certificate: Certificate, curves: list[Curve], plane: tuple[int, int]) -> None:
     """The path or the box along two axes of the base, to a scale, with the start of the tools."""
     i, j = plane
     for curve in curves:
         dash = "--" if curve.dash else "-"
         axes.plot(curve.points[:, i], curve.points[:, j], color=curve.color, linestyle=dash, linewidth=1.3)
-    robot, q = found.equation.strategy.task.robot, start_of(found)
-    tips = {part.tip for part in parts_of(found.equation.strategy.task)}
+    robot, q = certificate.equation.strategy.task.robot, start_of(certificate)
+    tips = {part.tip for part in parts_of(certificate.equation.strategy.task)}
     for p in (robot.pose(q, tip)[:3, 3] for tip in tips):
         axes.plot(p[i], p[j], "o", color=HOLONOMIC, markersize=4)
     shown = np.vstack([curve.points for curve in curves])[:, [i, j]]
@@ -91,35 +91,35 @@ def _view(axes: Any, found: Certificate, curves: list[Curve], plane: tuple[int, 
     axes.locator_params(nbins=4)
 
 
-def picture_words(found: Certificate) -> str:
+def picture_words(certificate: Certificate) -> str:
     """What to see in it."""
-    box = isinstance(found.asked, PoseRange)
+    box = isinstance(certificate.asked, PoseRange)
     what = "the box of tool positions" if box else "the path"
-    return f"The robot at the posture below. {_colors(found, what)} {AXES_WORDS}"
+    return f"The robot at the posture below. {_colors(certificate, what)} {AXES_WORDS}"
 
 
-def _colors(found: Certificate, what: str) -> str:
-    if found.whole:
+def _colors(certificate: Certificate, what: str) -> str:
+    if certificate.whole:
         return f"Green: {what}."
-    if found.covered:
+    if certificate.covered:
         return f"Red: {what}, along which the joints do not return or are not shown to."
     return f"Green: what is proven of {what}. Dashed grey: what is not."
 
 
-def _curves(found: Certificate) -> list[Curve]:
-    space = found.asked
+def _curves(certificate: Certificate) -> list[Curve]:
+    space = certificate.asked
     if isinstance(space, PoseRange) and isinstance(space.solid, Box):
-        color = LOOP if found.whole else GREY
-        return [Curve(edge, color, 0 if found.whole else DASH) for edge in _edges_of(space.solid)]
+        color = LOOP if certificate.whole else GREY
+        return [Curve(edge, color, 0 if certificate.whole else DASH) for edge in _edges_of(space.solid)]
     if isinstance(space, Workspace):
         return []
-    color = LOOP if found.whole or not found.covered else VERMILLION
-    return [curve for path in paths_of(space) for curve in _parts(found, path, color)]
+    color = LOOP if certificate.whole or not certificate.covered else VERMILLION
+    return [curve for path in paths_of(space) for curve in _parts(certificate, path, color)]
 
 
-def _parts(found: Certificate, path: Path, color: str) -> list[Curve]:
+def _parts(certificate: Certificate, path: Path, color: str) -> list[Curve]:
     """The proven part of a path, and the rest."""
-    end = proven_time(found, path)
+    end = proven_time(certificate, path)
     listed = []
     if end > 0:
         listed.append(Curve(_points(path, 0.0, end), color))
@@ -143,10 +143,7 @@ def _edges_of(box: Box) -> list[Matrix]:
     return [edge for edge in edges if np.ptp(edge, axis=0).any()]
 
 
-# --------------------------------------------------------------------------------------------------
-# The picture of a box of tool poses: what is proven of it, what is refuted, what is undecided, and
-# the robot there.
-# --------------------------------------------------------------------------------------------------
+# --- The picture of a box of tool poses: what is proven of it, what is refuted, what is undecided, and the robot there.
 
 CLEAR_SIZE = (7.6, 6.5)
 """Of the picture [inch]."""
@@ -161,7 +158,7 @@ NAMES = ("proven", "undecided", *CAUSES[1:NEAR], "refuted: too near")
 """What the parts of a box are called, as their colours."""
 
 
-def box_figure(found: Certificate) -> Any:
+def box_figure(certificate: Certificate) -> Any:
     """The robot beside slices of the box, which go through the posture that is too near, or through the middle.
 
     The robot stands at this posture, or, where none is known, at the start; with the shapes and obstacles of the proof.
@@ -169,13 +166,13 @@ def box_figure(found: Certificate) -> Any:
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
-    region, worst = region_of(found), refuted_by(found)
-    space, robot = region.workspace, found.equation.strategy.task.robot
-    clear = found.demands.clear
+    region, worst = region_of(certificate), refuted_by(certificate)
+    space, robot = region.workspace, certificate.equation.strategy.task.robot
+    clear = certificate.demands.clear
     shaped = robot if clear is None else clear.robot
-    q = start_of(found)
+    q = start_of(certificate)
     actors = [Actor(q, HOLONOMIC)] if worst is None else [Actor(q, HOLONOMIC, "ghost"), Actor(worst.q, VERMILLION)]
-    edges = [Curve(edge, LOOP if found.whole else INK) for edge in _edges_of(_box(space))]
+    edges = [Curve(edge, LOOP if certificate.whole else INK) for edge in _edges_of(_box(space))]
     figure = Figure(figsize=CLEAR_SIZE)
     things: list[LinkShape] = [] if clear is None else obstacles_of(clear)
     stage = stage_of(shaped, np.array([actor.q for actor in actors]), edges, obstacles=things)
@@ -191,9 +188,9 @@ def box_figure(found: Certificate) -> Any:
     return figure
 
 
-def box_picture_words(found: Certificate) -> str:
+def box_picture_words(certificate: Certificate) -> str:
     """What to see in it."""
-    worst = refuted_by(found)
+    worst = refuted_by(certificate)
     if worst is None:
         robot = "The robot at the posture below, with the shapes that the proof is about."
         return f"{robot} Below it slices through the middle of the box, the tool in its middle orientation."

@@ -27,7 +27,7 @@ from ...proof.recheck import CheckerWord, Outcome, ask_checker, unasked
 from ...robot import LinkShape, Robot
 from ...version import build
 from .html_page import drawn, html_table, page
-from .job_report import Column
+from .job_report import Column, print_line, print_table
 from .job_result import free_name, renewed, write_facts
 from .plots import BAD, GOOD, WARNING
 from .proof_picture import box_figure, box_picture_words, drawable, picture_words, proof_figure, start_of
@@ -50,10 +50,7 @@ from .proof_words import (
     verdict,
 )
 
-# --------------------------------------------------------------------------------------------------
-# The parts of a certificate's page that are about distances: shapes, pairs, speeds, and where a box
-# is not proven.
-# --------------------------------------------------------------------------------------------------
+# --- The parts of a certificate's page that are about distances: shapes, pairs, speeds, and where a box is not proven.
 
 MOST_ROWS = 150
 """Rows of a table; the file has all."""
@@ -68,15 +65,17 @@ MEANT = {
 """What is said of the parts of a box, by cause."""
 
 
-def _open_section(found: Certificate) -> list[str]:
+def _open_section(certificate: Certificate) -> list[str]:
     """Where a box is not proven: shares by cause, and the posture that is too near by most."""
-    if found.whole or not isinstance(found.asked, PoseRange):
-        return [f"<p class='no'>REFUTED: {escape(str(worst))}.</p>"] if (worst := refuted_by(found)) else []
-    parts = region_of(found).parts
+    if certificate.whole or not isinstance(certificate.asked, PoseRange):
+        return [f"<p class='no'>REFUTED: {escape(str(worst))}.</p>"] if (worst := refuted_by(certificate)) else []
+    parts = region_of(certificate).parts
     rows = [[escape(MEANT[cause]), _percent(parts.shares[CAUSES[cause]])] for cause in MEANT if cause in parts.cause]
-    worst = refuted_by(found)
-    said = (
-        [f"<p>The worst that was found: {escape(str(worst))}. {escape(_posture(found, worst.q))}</p>"] if worst else []
+    worst = refuted_by(certificate)
+    sentences = (
+        [f"<p>The worst that was found: {escape(str(worst))}. {escape(_posture(certificate, worst.q))}</p>"]
+        if worst
+        else []
     )
     about = (
         f"The rest of the box was cut into {len(parts):,} parts, and postures of the leaf were sampled in each: what "
@@ -84,35 +83,35 @@ def _open_section(found: Certificate) -> list[str]:
         "that is too near."
     )
     table = html_table(["Parts of the box that are not proven", "Share of the box"], rows)
-    return ["<h2>Where it is not proven</h2>", table, *said, f"<p class='small'>{about}</p>"]
+    return ["<h2>Where it is not proven</h2>", table, *sentences, f"<p class='small'>{about}</p>"]
 
 
-def _clear_sections(found: Certificate) -> list[str]:
+def _clear_sections(certificate: Certificate) -> list[str]:
     """Speeds; and, where distances are proven, the nearest place, the shapes and the pairs."""
-    return [*_distances(found), *_speeds(found)]
+    return [*_distances(certificate), *_speeds(certificate)]
 
 
-def _distances(found: Certificate) -> list[str]:
-    clear, near = found.demands.clear, nearest_of(found)
+def _distances(certificate: Certificate) -> list[str]:
+    clear, near = certificate.demands.clear, nearest_of(certificate)
     if clear is None:
         return []
     parts = ["<h2>Shapes and distances</h2>"]
     if near is not None:
         parts.append(
-            f"<p>The least distance that is proven over {place_words(found)} is {at_least(near.bound)} m, of "
+            f"<p>The least distance that is proven over {place_words(certificate)} is {at_least(near.bound)} m, of "
             f"{_pair(near.names)}: in the cell about the tool position {_place(near.pose)} m, at which the "
-            f"distance is {near.distance:.4g} m. {escape(_posture(found, near.q))}</p>"
+            f"distance is {near.distance:.4g} m. {escape(_posture(certificate, near.q))}</p>"
         )
-    assumed = assumed_words(found)
+    assumed = assumed_words(certificate)
     parts += [f"<p class='no'>{escape(assumed)}.</p>"] if assumed else []
     shapes = shapes_of(clear)
-    rows = [_shape_row(found, shape) for shape in shapes[:MOST_ROWS]]
+    rows = [_shape_row(certificate, shape) for shape in shapes[:MOST_ROWS]]
     rows += [[escape(floor_words(clear)), "", "", "as it is"]] if floor_words(clear) else []
     parts.append(html_table(["Shape of", "Kind and size", "Place of its frame", "In the proof"], rows))
     parts += [f"<p class='small'>And {len(shapes) - MOST_ROWS} more.</p>"] if len(shapes) > MOST_ROWS else []
     pairs = [
-        [_pair(names), f"{asked:g}" if asked else "no contact", at_least(least)]
-        for names, asked, least in least_of_pairs(found)[:MOST_ROWS]
+        [_pair(names), f"{asked:g}" if asked else "no contact", at_least(bound)]
+        for names, asked, bound in least_of_pairs(certificate)[:MOST_ROWS]
     ]
     head = ["Pair that is looked at", "Asked [m]", "Proven, at least [m]"]
     parts += ["<h3>Pairs</h3>", html_table(head, pairs, numbers=True)] if pairs else []
@@ -123,11 +122,11 @@ def _distances(found: Certificate) -> list[str]:
     return parts
 
 
-def _speeds(found: Certificate) -> list[str]:
+def _speeds(certificate: Certificate) -> list[str]:
     """Upper bounds of joint speeds over the tool's, of a box or where distances are proven, too."""
-    if not len(found) or not (isinstance(found.asked, PoseRange) or found.demands.clear is not None):
+    if not len(certificate) or not (isinstance(certificate.asked, PoseRange) or certificate.demands.clear is not None):
         return []
-    rates, robot = joint_rates(found), found.equation.strategy.task.robot
+    rates, robot = joint_rates(certificate), certificate.equation.strategy.task.robot
     if not np.isfinite(rates.per_speed).all():
         return []
     turning = bool(rates.per_turn.any())
@@ -145,9 +144,8 @@ def _speeds(found: Certificate) -> list[str]:
         else "The model does not have the speed limits of all joints that would bound the speed of the tool."
     )
     table = html_table([*head, "Speed limit in the model"], rows, numbers=True)
-    about = (
-        f"Upper bounds over {place_words(found)}, on any path of the tool. {within} The checker does not look at this."
-    )
+    bounds = f"Upper bounds over {place_words(certificate)}, on any path of the tool."
+    about = f"{bounds} {within} The checker does not look at this."
     return ["<h2>Speeds of the joints</h2>", table, f"<p class='small'>{about}</p>"]
 
 
@@ -155,20 +153,22 @@ def _bound(value: float) -> str:
     return at_most(float(value)) if value > 1e-12 else "0"
 
 
-def _shape_row(found: Certificate, shape: LinkShape) -> list[str]:
-    robot, T = found.equation.strategy.task.robot, shape.placement
+def _shape_row(certificate: Certificate, shape: LinkShape) -> list[str]:
+    robot, T = certificate.equation.strategy.task.robot, shape.placement
     frame = "the base" if shape.joint < 0 else f"joint {robot.joints[shape.joint].name}"
     turned = "" if np.allclose(T[:3, :3], np.eye(3), atol=1e-9) else f", z axis along {_row(T[:3, 2])}"
     kind = "obstacle" if shape.obstacle else "carried" if shape.carried else "link"
     place = f"{_row(T[:3, 3])} m{turned}, in the frame of {frame}"
     return [
-        f"{escape(brief(shape.link))} ({kind})", escape(size_words(shape.shape)), escape(place),
+        f"{escape(brief(shape.link))} ({kind})",
+        escape(size_words(shape.shape)),
+        escape(place),
         escape(stand_in_words(shape.shape)),
-    ]  # fmt: skip
+    ]
 
 
-def _posture(found: Certificate, q: Vector) -> str:
-    joints = zip(found.equation.strategy.task.robot.coordinates, q, strict=True)
+def _posture(certificate: Certificate, q: Vector) -> str:
+    joints = zip(certificate.equation.strategy.task.robot.coordinates, q, strict=True)
     return f"Posture: {', '.join(f'{brief(c.name)} {x:.5g} {c.unit}' for c, x in joints)}."
 
 
@@ -188,10 +188,7 @@ def _percent(share: float) -> str:
     return f"{100 * share:.2f} %" if share >= 5e-5 else "below 0.01 %"
 
 
-# --------------------------------------------------------------------------------------------------
-# The page of a certificate: HTML to print, beside the file of the certificate, which it names by
-# its SHA-256.
-# --------------------------------------------------------------------------------------------------
+# --- The page of a certificate: HTML to print, beside the file of the certificate, which it names by its SHA-256.
 
 MOST_PIECES = 12
 """Rows in the table of a path; the file has all pieces."""
@@ -249,41 +246,41 @@ def write_page(certificate: Certificate, file: FilePath, word: CheckerWord) -> F
     return target
 
 
-def _page(found: Certificate, file: FilePath, word: CheckerWord, now: datetime) -> str:
+def _page(certificate: Certificate, file: FilePath, word: CheckerWord, now: datetime) -> str:
     sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
-    robot, first = found.equation.strategy.task.robot, verdict(found, word)
+    robot, first = certificate.equation.strategy.task.robot, verdict(certificate, word)
     parts = [
         f"<div class='verdict{' good' if first.good else ''}'><h1>{escape(first.line)}</h1>"
         f"<p>{escape(first.sentence)}</p>"
-        f"<p class='{_tone(found, word)}'>{escape(checker_words(found, word))}</p></div>",
-        f"<p>{_told(found.title)}. Certificate of holokin about the model of the robot {_told(robot.name)}, "
+        f"<p class='{_tone(certificate, word)}'>{escape(checker_words(certificate, word))}</p></div>",
+        f"<p>{_told(certificate.title)}. Certificate of holokin about the model of the robot {_told(robot.name)}, "
         f"{now:%Y-%m-%d}.</p>",
         "<h2>What is proven</h2>",
         "<div class='claims'>"
         + html_table(
             ["Statement", "Proof", "Checker"],
-            [[escape(c.text), _mark(c.proven), _mark(c.checked)] for c in claims(found, word)],
+            [[escape(c.text), _mark(c.proven), _mark(c.checked)] for c in claims(certificate, word)],
         )
         + "</div>",
-        f"<p class='small'>The theorem in the program's words: {escape(found.theorem)}</p>",
+        f"<p class='small'>The theorem in the program's words: {escape(certificate.theorem)}</p>",
         "<h2>What is NOT proven</h2>",
-        f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in not_proven(found, word))}</ul>",
+        f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in not_proven(certificate, word))}</ul>",
         "<h2>File and versions</h2>",
         _facts(_file_facts(file, sha256, now)),
-        *_where(found),
-        *_open_section(found),
-        *_clear_sections(found),
+        *_where(certificate),
+        *_open_section(certificate),
+        *_clear_sections(certificate),
         "<h2>Robot</h2>",
         _facts(_robot_facts(robot)),
-        _joints(found),
+        _joints(certificate),
         "<h2>Strategy and start</h2>",
-        _facts(_strategy_facts(found)),
+        _facts(_strategy_facts(certificate)),
         "<h2>Checker</h2>",
         *_checker(word),
         "<h2>Numbers of the proof</h2>",
-        _facts(_numbers(found)),
+        _facts(_numbers(certificate)),
     ]
-    return page(f"{first.line} - {brief(found.title)}", parts, _HEAD.format(sha256=sha256))
+    return page(f"{first.line} - {brief(certificate.title)}", parts, _HEAD.format(sha256=sha256))
 
 
 def _told(name: str) -> str:
@@ -303,17 +300,17 @@ def _mark(text: str) -> str:
     return f"<span class='{kind}'>{escape(text)}</span>" if kind else escape(text)
 
 
-def _tone(found: Certificate, word: CheckerWord) -> str:
+def _tone(certificate: Certificate, word: CheckerWord) -> str:
     """The class of what the checker says: green only where all is proven, too."""
     if word.outcome is not Outcome.VERIFIED:
         return "no"
-    return "yes" if found.whole else ""
+    return "yes" if certificate.whole else ""
 
 
 def _checker(word: CheckerWord) -> list[str]:
     """What it said, word by word."""
     head, *lines = word.text.splitlines()
-    said = "".join(f"<li>{escape(line.strip())}</li>" for line in lines)
+    items = "".join(f"<li>{escape(line.strip())}</li>" for line in lines)
     facts = [
         ("Outcome", _mark(word.outcome.value)),
         ("Version", escape(word.version)),
@@ -326,29 +323,29 @@ def _checker(word: CheckerWord) -> list[str]:
     return [
         f"<p class='small'>{about}</p>",
         _facts([*facts, ("Its words", escape(head))]),
-        f"<ul class='small'>{said}</ul>" if said else "",
+        f"<ul class='small'>{items}</ul>" if items else "",
     ]
 
 
-def _where(found: Certificate) -> list[str]:
+def _where(certificate: Certificate) -> list[str]:
     """The path or the box, with the picture."""
-    figure = [drawn(*_picture(found))] if drawable(found) else []
-    if isinstance(found.asked, Workspace):
-        return ["<h2>Box of tool poses</h2>", *figure, _facts(_box_facts(found, found.asked))]
-    return ["<h2>Path</h2>", *figure, _facts(_path_facts(found, found.asked)), *_pieces(found.asked)]
+    figure = [drawn(*_picture(certificate))] if drawable(certificate) else []
+    if isinstance(certificate.asked, Workspace):
+        return ["<h2>Box of tool poses</h2>", *figure, _facts(_box_facts(certificate, certificate.asked))]
+    return ["<h2>Path</h2>", *figure, _facts(_path_facts(certificate, certificate.asked)), *_pieces(certificate.asked)]
 
 
-def _picture(found: Certificate) -> tuple[Callable[[], Any], str]:
+def _picture(certificate: Certificate) -> tuple[Callable[[], Any], str]:
     """What draws it, and what to see in it."""
-    if isinstance(found.asked, PoseRange) and not (found.whole and found.demands.clear is None):
-        return lambda: box_figure(found), box_picture_words(found)
-    return lambda: proof_figure(found), picture_words(found)
+    if isinstance(certificate.asked, PoseRange) and not (certificate.whole and certificate.demands.clear is None):
+        return lambda: box_figure(certificate), box_picture_words(certificate)
+    return lambda: proof_figure(certificate), picture_words(certificate)
 
 
-def _box_facts(found: Certificate, space: Workspace) -> list[tuple[str, str]]:
+def _box_facts(certificate: Certificate, space: Workspace) -> list[tuple[str, str]]:
     if not isinstance(space, PoseRange):
         return [("Poses", escape(str(space)))]
-    task, (p, h) = found.equation.strategy.task, (space.solid.center, space.solid.half)
+    task, (p, h) = certificate.equation.strategy.task, (space.solid.center, space.solid.half)
     spans = [f"{axis}: {a - b:.6g} to {a + b:.6g} m" for axis, a, b in zip("xyz", p, h, strict=True)]
     rows = [
         ("Tool positions", ", ".join(spans)),
@@ -361,29 +358,33 @@ def _box_facts(found: Certificate, space: Workspace) -> list[tuple[str, str]]:
         turns = f"leans by up to {tilt:.4g} deg, turns about its z axis by up to +-{spin:.4g} deg"
         rows.append(("Orientation in the middle", _axes(space.rotation)))
         rows.append(("Turns", turns if space.tilt or space.spin else "none: one orientation"))
-    return [*rows, ("Proven", share_words(found)), *([("Stopped at", escape(found.where))] if found.where else [])]
+    return [
+        *rows,
+        ("Proven", share_words(certificate)),
+        *([("Stopped at", escape(certificate.where))] if certificate.where else []),
+    ]
 
 
-def _path_facts(found: Certificate, path: AnyPath) -> list[tuple[str, str]]:
-    task = found.equation.strategy.task
+def _path_facts(certificate: Certificate, path: AnyPath) -> list[tuple[str, str]]:
+    task = certificate.equation.strategy.task
     rows = [
         ("Length", f"{path.length:.6g} m in {len(path.durations)} piece{'s' * (len(path.durations) > 1)}"),
         ("Closed", "yes" if path.closed else "no"),
     ]
-    for k, one in enumerate(paths_of(path)):
+    for k, part in enumerate(paths_of(path)):
         name = f", tool {k + 1}" if task.frames > 1 else ""
-        rows.append((f"Begins{name}", f"at {_short(one.start)} m"))
-        if task.orientation is not None and task.frames == 1 and task.spatial:
-            R = one.rotation if one.rotation is not None else task.pose(start_of(found))[:3, :3]
-            turn = float(sum(segment.turn for segment in one.segments))
+        rows.append((f"Begins{name}", f"at {_short(part.start)} m"))
+        if task.orientation is not None and task.frames == 1 and task._spatial:
+            R = part.rotation if part.rotation is not None else task.pose(start_of(certificate))[:3, :3]
+            turn = float(sum(segment.turn for segment in part.segments))
             rows.append(("Orientation at the start", _axes(R)))
             rows.append(("The tool turns", f"by {np.degrees(turn):.4g} deg in all" if turn else "not at all"))
         elif task.orientation is None:
             rows.append((f"Orientation{name}", "free: the task is about positions alone"))
     return [
         *rows,
-        ("Covered by cells", share_words(found)),
-        *([("Stopped at", escape(found.where))] if found.where else []),
+        ("Covered by cells", share_words(certificate)),
+        *([("Stopped at", escape(certificate.where))] if certificate.where else []),
     ]
 
 
@@ -391,15 +392,15 @@ def _pieces(path: AnyPath) -> list[str]:
     """The ends of the pieces of a path."""
     parts: list[str] = []
     several = len(paths_of(path)) > 1
-    for k, one in enumerate(paths_of(path)):
-        shown = one.segments[:MOST_PIECES]
-        begun = one.on(np.arange(len(shown)), np.zeros(len(shown))).position
-        ended = one.on(np.arange(len(shown)), np.ones(len(shown))).position
+    for k, part in enumerate(paths_of(path)):
+        shown = part.segments[:MOST_PIECES]
+        begun = part.on(np.arange(len(shown)), np.zeros(len(shown))).position
+        ended = part.on(np.arange(len(shown)), np.ones(len(shown))).position
         rows = [
             [str(i + 1), _short(a), _short(b), f"{s.length:.6g}", _shape(s)]
             for i, (s, a, b) in enumerate(zip(shown, begun, ended, strict=True))
         ]
-        more = len(one.segments) - len(shown)
+        more = len(part.segments) - len(shown)
         head = ["Piece", "From [m]", "To [m]", "Length [m]", "Shape"]
         parts += [f"<h3>Tool {k + 1}</h3>"] if several else []
         parts += [html_table(head, rows)]
@@ -430,31 +431,31 @@ def _robot_facts(robot: Robot) -> list[tuple[str, str]]:
     return rows
 
 
-def _joints(found: Certificate) -> str:
+def _joints(certificate: Certificate) -> str:
     """Each joint with its limits in the model, and what is proven of it."""
-    robot, some = found.equation.strategy.task.robot, len(found) > 0
+    robot, some = certificate.equation.strategy.task.robot, len(certificate) > 0
     head = ["Joint", "Unit", "Lower limit", "Proven from", "Proven to", "Upper limit", "To a limit"]
     rows = []
     for i, joint in enumerate(robot.coordinates):
         scale = 10.0**PLACES
         hull = [
-            f"{np.floor(found.low[i] * scale) / scale:.{PLACES}f}",
-            f"{np.ceil(found.high[i] * scale) / scale:.{PLACES}f}",
+            f"{np.floor(certificate.low[i] * scale) / scale:.{PLACES}f}",
+            f"{np.ceil(certificate.high[i] * scale) / scale:.{PLACES}f}",
         ]
-        left = at_least(float(found.to_limit[i])) if np.isfinite(found.to_limit[i]) else "no limit"
+        left = at_least(float(certificate.to_limit[i])) if np.isfinite(certificate.to_limit[i]) else "no limit"
         values = [*hull, left] if some else ["-", "-", "-"]
         rows.append([_told(joint.name), joint.unit, _number(joint.lower), *values[:2], _number(joint.upper), values[2]])
     asked = (
         ""
-        if found.limits is not None
+        if certificate.limits is not None
         else " The proof was made without limits: that the joints keep them is not claimed."
     )
-    about = f"The joints over {place_words(found)}; bounds are rounded outwards.{asked}"
+    about = f"The joints over {place_words(certificate)}; bounds are rounded outwards.{asked}"
     return f"<p class='small'>{about}</p>{html_table(head, rows, numbers=True)}"
 
 
-def _strategy_facts(found: Certificate) -> list[tuple[str, str]]:
-    strategy, robot, q = found.equation.strategy, found.equation.strategy.task.robot, start_of(found)
+def _strategy_facts(certificate: Certificate) -> list[tuple[str, str]]:
+    strategy, robot, q = certificate.equation.strategy, certificate.equation.strategy.task.robot, start_of(certificate)
     posture = ", ".join(
         f"{_told(c.name)} {_number(x)} {c.unit}" for c, x in zip(robot.coordinates, q.tolist(), strict=True)
     )
@@ -463,14 +464,14 @@ def _strategy_facts(found: Certificate) -> list[tuple[str, str]]:
         ("Rows of the task", _told(", ".join(strategy.task.row_names))),
         ("Strategy", _told(strategy.name)),
         ("Constraint", f"g(q) = c: {_told(strategy.constraint.name)}, {strategy.constraint.rows} row(s)"),
-        ("Level c", _vector(found.c)),
+        ("Level c", _vector(certificate.c)),
         ("Posture", posture),
     ]
-    if isinstance(found.asked, Workspace):
+    if isinstance(certificate.asked, Workspace):
         rows.append(
             (
                 "The posture is",
-                f"on the leaf, at the place {_vector(found.anchors.u[0])} of the box, whose sides are -1 to 1",
+                f"on the leaf, at the place {_vector(certificate.anchors.u[0])} of the box, whose sides are -1 to 1",
             )
         )
     else:
@@ -478,25 +479,33 @@ def _strategy_facts(found: Certificate) -> list[tuple[str, str]]:
     return rows
 
 
-def _numbers(found: Certificate) -> list[tuple[str, str]]:
+def _numbers(certificate: Certificate) -> list[tuple[str, str]]:
     rows = [
-        ("Extent", escape(found.extent.value)),
-        ("Cells", f"{len(found):,}"),
-        ("Time of the search", f"{found.seconds:.3g} s"),
+        ("Extent", escape(certificate.extent.value)),
+        ("Cells", f"{len(certificate):,}"),
+        ("Time of the search", f"{certificate.seconds:.3g} s"),
     ]
-    if not len(found):
+    if not len(certificate):
         return rows
-    f = found.findings
+    f = certificate.findings
     rows += [
-        (f"|det {escape(found.equation.derivative)}|", f"at least {at_least(found.determinant)}"),
+        (f"|det {escape(certificate.equation.derivative)}|", f"at least {at_least(certificate.determinant)}"),
         ("omega of the theorem", f"at most {at_most(float(f.omega.max()))}"),
         ("Radius of a root's ball", f"at most {at_most(float(f.r.max()))}"),
         ("Alone within", f"at least {at_least(float(f.alone.min()))}"),
     ]
-    if np.isfinite(found.gap):
-        rows += [("Gap of the closed path", f"at most {at_most(gap_of(found))}"), ("Whole turns", _vector(found.turns))]
-    if found.revisit is not None:
-        joints = zip(found.equation.strategy.task.robot.coordinates, found.revisit.low, found.revisit.high, strict=True)
+    if np.isfinite(certificate.gap):
+        rows += [
+            ("Gap of the closed path", f"at most {at_most(gap_of(certificate))}"),
+            ("Whole turns", _vector(certificate.turns)),
+        ]
+    if certificate.revisit is not None:
+        joints = zip(
+            certificate.equation.strategy.task.robot.coordinates,
+            certificate.revisit.low,
+            certificate.revisit.high,
+            strict=True,
+        )
         rows += [(f"{_told(c.name)} differs by", f"{low:.9g} to {high:.9g} {c.unit}") for c, low, high in joints]
     return rows
 
@@ -550,54 +559,47 @@ CHECKED = {Outcome.VERIFIED: GOOD, Outcome.REJECTED: BAD, Outcome.SAMPLED: WARNI
 """The colour of what the checker says."""
 
 
-def cells(name: str, found: Certificate | str) -> list[str]:
+def cells(name: str, certificate: Certificate | str) -> list[str]:
     """The row of one strategy."""
-    if isinstance(found, str):
+    if isinstance(certificate, str):
         return [name, "not done", *["-"] * (len(COLUMNS) - 2)]
-    proven = "all" if found.whole else "drifts" if found.revisit else "part" if len(found) else "NO"
-    if not len(found):
-        return [name, proven, "0", f"{found.seconds:.2g}", *["-"] * (len(COLUMNS) - 4)]
+    proven = "all" if certificate.whole else "drifts" if certificate.revisit else "part" if len(certificate) else "NO"
+    if not len(certificate):
+        return [name, proven, "0", f"{certificate.seconds:.2g}", *["-"] * (len(COLUMNS) - 4)]
     return [
-        name, proven, str(len(found)), f"{found.seconds:.2g}", f"{found.findings.omega.max():.2g}",
-        f"{found.findings.r.max():.1e}", f"{found.to_limit.min():.3g}", f"{found.determinant:.1e}",
+        name, proven, str(len(certificate)), f"{certificate.seconds:.2g}", f"{certificate.findings.omega.max():.2g}",
+        f"{certificate.findings.r.max():.1e}", f"{certificate.to_limit.min():.3g}", f"{certificate.determinant:.1e}",
     ]  # fmt: skip
 
 
 def print_certificates(
-    title: str, found: dict[str, Certificate | str], words: dict[str, CheckerWord], console: Any
+    title: str, certificates: dict[str, Certificate | str], words: dict[str, CheckerWord], console: Any
 ) -> None:
     """Print the table of a job's certificates, and below it each theorem, with what the checker says of it."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=Text(brief(title)), title_justify="left", title_style="bold", header_style="dim")
-    for heading, justify in COLUMNS:
-        table.add_column(Text(heading), justify=justify, no_wrap=heading != "strategy")
     colors = {"all": GOOD, "part": WARNING, "not done": WARNING, "drifts": BAD, "NO": BAD}
-    for name, one in found.items():
-        table.add_row(*(Text(brief(cell), style=colors.get(cell, "")) for cell in cells(name, one)))
-    console.print(table)
-    left = [name for name, one in found.items() if isinstance(one, str)]
-    for name, one in found.items():
-        text = f"not certified: {one}" if isinstance(one, str) else str(one)
-        style = GOOD if isinstance(one, Certificate) and one.whole else WARNING
-        console.print(f"  {brief(name)}: {text}", style=style, markup=False, highlight=False)
-        if isinstance(one, Certificate) and not one.whole:
-            console.print(f"    {one.extent.value}", style=WARNING, markup=False, highlight=False)
-            worst = refuted_by(one)
+    listed = [cells(name, certificate) for name, certificate in certificates.items()]
+    print_table(console, brief(title), COLUMNS, listed, lambda _, cell: colors.get(cell, ""))
+    left = [name for name, certificate in certificates.items() if isinstance(certificate, str)]
+    for name, certificate in certificates.items():
+        text = f"not certified: {certificate}" if isinstance(certificate, str) else str(certificate)
+        style = GOOD if isinstance(certificate, Certificate) and certificate.whole else WARNING
+        print_line(console, f"{brief(name)}: {text}", style)
+        if isinstance(certificate, Certificate) and not certificate.whole:
+            print_line(console, f"  {certificate.extent.value}", WARNING)
+            worst = refuted_by(certificate)
             if worst is not None:
-                console.print(f"    refuted: {worst}", style=BAD, markup=False, highlight=False)
-        if isinstance(one, Certificate):
-            text, style = checker_words(one, words[name]), CHECKED[words[name].outcome]
-            console.print(f"    {text}", style=style, markup=False, highlight=False)
+                print_line(console, f"  refuted: {worst}", BAD)
+        if isinstance(certificate, Certificate):
+            text, style = checker_words(certificate, words[name]), CHECKED[words[name].outcome]
+            print_line(console, f"  {text}", style)
     if left:
-        rest = "the verdict is on the others" if len(left) < len(found) else "nothing is certified"
+        rest = "the verdict is on the others" if len(left) < len(certificates) else "nothing is certified"
         text = f"left out: {brief(', '.join(left))}; {rest}"
-        console.print(f"  {text}", style=WARNING, markup=False, highlight=False)
+        print_line(console, text, WARNING)
 
 
 def write_certificates(
-    name: str, found: dict[str, Certificate | str], words: dict[str, CheckerWord], out: FilePath, version: str,
+    name: str, certificates: dict[str, Certificate | str], words: dict[str, CheckerWord], out: FilePath, version: str,
     stopped: bool,
 ) -> list[FilePath]:  # fmt: skip
     """Write NAME-certificate.json and its page for each into `out/<name>`, which is replaced whole, see `renewed`.
@@ -612,24 +614,27 @@ def write_certificates(
     files: list[str] = []
     facts: dict[str, Any] = {"holokin": version, "stopped": stopped, "strategies": {}}
     with renewed(out, name) as work:
-        for label, one in found.items():
-            if isinstance(one, str):
-                facts["strategies"][label] = {"proven": False, "theorem": one}
+        for label, certificate in certificates.items():
+            if isinstance(certificate, str):
+                facts["strategies"][label] = {"proven": False, "theorem": certificate}
                 continue
-            file, word = one.save(work / free_name(label, "-certificate.json", files)), words.get(label) or unasked(one)
-            files += [file.name, write_page(one, file, word).name]
-            said = {"proven": one.whole, "theorem": one.theorem, "checker": word.outcome.value}
-            facts["strategies"][label] = said
-            if (worst := refuted_by(one)) is not None:
-                said["refuted"] = {
+            file, word = (
+                certificate.save(work / free_name(label, "-certificate.json", files)),
+                words.get(label) or unasked(certificate),
+            )
+            files += [file.name, write_page(certificate, file, word).name]
+            facts_of_one = {"proven": certificate.whole, "theorem": certificate.theorem, "checker": word.outcome.value}
+            facts["strategies"][label] = facts_of_one
+            if (worst := refuted_by(certificate)) is not None:
+                facts_of_one["refuted"] = {
                     "names": worst.names, "distance": worst.distance, "wanted": worst.wanted, "q": worst.q.tolist(),
                     "pose": worst.pose.tolist(),
                 }  # fmt: skip
-            if isinstance(one.asked, PoseRange) and not one.whole:
-                region = region_of(one)
-                said["shares"] = {"proven": region.share, **region.parts.shares}
-            if one.revisit is not None:
-                moved = [one.revisit.low.tolist(), one.revisit.high.tolist()]
-                said["drift"] = dict(zip(("least", "most"), moved, strict=True))
+            if isinstance(certificate.asked, PoseRange) and not certificate.whole:
+                region = region_of(certificate)
+                facts_of_one["shares"] = {"proven": region.share, **region.parts.shares}
+            if certificate.revisit is not None:
+                moved = [certificate.revisit.low.tolist(), certificate.revisit.high.tolist()]
+                facts_of_one["drift"] = dict(zip(("least", "most"), moved, strict=True))
         write_facts(work, facts)
     return [out / name / file for file in files]

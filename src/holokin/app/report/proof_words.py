@@ -24,10 +24,7 @@ from ...robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, S
 from ...strategies.tasks.task import Task
 from .plots import joint_unit
 
-# --------------------------------------------------------------------------------------------------
-# What a certificate says of distances, in words: shapes, pairs, the nearest place, and postures
-# that are too near.
-# --------------------------------------------------------------------------------------------------
+# --- What a certificate says of distances, in words: shapes, pairs, the nearest place, and postures that are too near.
 
 
 @final
@@ -44,11 +41,13 @@ class Nearest:
 
 
 @kept
-def refuted_by(found: Certificate) -> TooNear | None:
+def refuted_by(certificate: Certificate) -> TooNear | None:
     """A posture that is nearer than was asked, where what was asked is not proven; None where none was found."""
-    if found.whole or found.demands.clear is None:
+    if certificate.whole or certificate.demands.clear is None:
         return None
-    return region_of(found).parts.worst if isinstance(found.asked, PoseRange) else too_near_along(found)
+    return (
+        region_of(certificate).parts.worst if isinstance(certificate.asked, PoseRange) else too_near_along(certificate)
+    )
 
 
 def shapes_of(clear: ClearCells) -> list[LinkShape]:
@@ -74,9 +73,11 @@ def size_words(shape: Shape) -> str:
     if isinstance(shape, Box):
         return f"box, {_lengths(shape.sides, ' x ')} m"
     if isinstance(shape, Capsule):
-        return f"capsule, radius {shape.radius:.4g} m, length {shape.length:.4g} m without its round ends" if (
-            shape.length
-        ) else f"sphere, radius {shape.radius:.4g} m"  # fmt: skip
+        return (
+            f"capsule, radius {shape.radius:.4g} m, length {shape.length:.4g} m without its round ends"
+            if (shape.length)
+            else f"sphere, radius {shape.radius:.4g} m"
+        )
     if isinstance(shape, Cylinder):
         return f"cylinder, radius {shape.radius:.4g} m, length {shape.length:.4g} m"
     if isinstance(shape, Ellipsoid):
@@ -108,36 +109,38 @@ def _lengths(values: Sequence[float] | Vector, between: str) -> str:
     return between.join(f"{float(x):.4g}" for x in values)
 
 
-def nearest_of(found: Certificate) -> Nearest | None:
+def nearest_of(certificate: Certificate) -> Nearest | None:
     """Where the least distance is proven; None where nothing is, or no pair is held against the clearance."""
-    clear = found.demands.clear
-    if clear is None or not len(found):
+    clear = certificate.demands.clear
+    if clear is None or not len(certificate):
         return None
-    apart, least = found.findings.apart, clear.judged(found.findings.apart)
-    p = int(np.argmin(least))
-    if not np.isfinite(least[p]):
+    apart, bounds = certificate.findings.apart, clear.judged(certificate.findings.apart)
+    p = int(np.argmin(bounds))
+    if not np.isfinite(bounds[p]):
         return None
     i = int(np.argmin(apart[:, p]))
-    task, q = found.equation.strategy.task, found.cells.q0[i, : found.equation.joints]
+    task, q = certificate.equation.strategy.task, certificate.cells.q0[i, : certificate.equation.joints]
     names = clear.pairs[p].names
     those = [g for g, gap in enumerate(clear.looked_at.gaps) if gap.names == names]
-    return Nearest(names, float(least[p]), task.pose(q), q, float(gap_distances(clear, q[None])[0, those].min()))
+    return Nearest(names, float(bounds[p]), task.pose(q), q, float(gap_distances(clear, q[None])[0, those].min()))
 
 
-def least_of_pairs(found: Certificate) -> list[tuple[tuple[str, str], float, float]]:
+def least_of_pairs(certificate: Certificate) -> list[tuple[tuple[str, str], float, float]]:
     """(names, asked, proven at least) of each pair of things, the nearest first."""
-    clear = found.demands.clear
-    if clear is None or not len(found):
+    clear = certificate.demands.clear
+    if clear is None or not len(certificate):
         return []
     listed: dict[tuple[str, str], tuple[float, float]] = {}
-    for pair, least in zip(clear.pairs, found.findings.apart.min(axis=0).tolist(), strict=True):
-        listed[pair.names] = pair.wanted, min(least, listed.get(pair.names, (0.0, np.inf))[1])
+    for pair, bound in zip(clear.pairs, certificate.findings.apart.min(axis=0).tolist(), strict=True):
+        listed[pair.names] = pair.wanted, min(bound, listed.get(pair.names, (0.0, np.inf))[1])
     return sorted(((names, *of) for names, of in listed.items()), key=lambda row: row[2])
 
 
-def assumed_words(found: Certificate) -> str:
+def assumed_words(certificate: Certificate) -> str:
     """What is said of the links of a robot whose model has no shapes."""
-    if found.demands.clear is None or any(not shape.obstacle for shape in found.equation.strategy.task.robot.shapes):
+    if certificate.demands.clear is None or any(
+        not shape.obstacle for shape in certificate.equation.strategy.task.robot.shapes
+    ):
         return ""
     return (
         "The model of the robot has no shapes: capsules about the lines from joint to joint stand for its links. That "
@@ -200,76 +203,80 @@ class Verdict:
 
 def _pose_word(task: Task) -> str:
     """What a task asks of the tool."""
-    if not task.spatial:
+    if not task._spatial:
         return "value of the task"
     if task.frames > 1:
         return "poses of the tools"
     return "tool position" if task.orientation is None else "tool pose"
 
 
-def proven_time(found: Certificate, path: Path) -> float:
+def proven_time(certificate: Certificate, path: Path) -> float:
     """The time [s] up to which a path is proven."""
-    boxes = found.proven.boxes
+    boxes = certificate.proven.boxes
     if not len(boxes):
         return 0.0
-    if found.covered:
+    if certificate.covered:
         return path.duration
     last = int(boxes.piece.max())
     share = float(boxes.high[boxes.piece == last, 0].max())
     return float(path.starts[last] + share * path.durations[last])
 
 
-def share_words(found: Certificate) -> str:
+def share_words(certificate: Certificate) -> str:
     """How much of the path or the box is proven, rounded down."""
-    if isinstance(found.asked, Workspace):
-        share, what = region_of(found).share, "of the box"
+    if isinstance(certificate.asked, Workspace):
+        share, what = region_of(certificate).share, "of the box"
     else:
-        path = paths_of(found.asked)[0]
-        share, what = proven_time(found, path) / path.duration, "of the path, by its time"
-    if found.covered:
+        path = paths_of(certificate.asked)[0]
+        share, what = proven_time(certificate, path) / path.duration, "of the path, by its time"
+    if certificate.covered:
         return f"all {what.partition(',')[0]}"
     return f"{np.floor(1e4 * min(share, 0.9999)) / 100:.4g} % {what}"
 
 
-def place_words(found: Certificate) -> str:
+def place_words(certificate: Certificate) -> str:
     """What the cells cover."""
-    if isinstance(found.asked, Workspace):
-        return "the box" if found.covered else "the part of the box that is proven"
-    return "the path" if found.covered else "the part of the path that is proven"
+    if isinstance(certificate.asked, Workspace):
+        return "the box" if certificate.covered else "the part of the box that is proven"
+    return "the path" if certificate.covered else "the part of the path that is proven"
 
 
-def verdict(found: Certificate, word: CheckerWord) -> Verdict:
+def verdict(certificate: Certificate, word: CheckerWord) -> Verdict:
     """What the page says first: never more than the certificate, and nothing good where the checker rejects it."""
     if word.outcome is Outcome.REJECTED:
         line = "NOT VALID: the independent checker rejects this certificate"
         return Verdict(line, "Do not rely on anything that this page says. The reason stands under Checker.", False)
-    if not len(found):
-        return Verdict("NOTHING IS PROVEN", found.theorem, False)
-    pose = _pose_word(found.equation.strategy.task)
-    if found.extent is Extent.ELSEWHERE:
+    if not len(certificate):
+        return Verdict("NOTHING IS PROVEN", certificate.theorem, False)
+    pose = _pose_word(certificate.equation.strategy.task)
+    if certificate.extent is Extent.ELSEWHERE:
         line = f"the path meets one {pose} twice, with other joints"
-        line = "this closed path ends with other joints" if _ends_elsewhere(found) else line
-        return Verdict(f"THE JOINTS DO NOT RETURN: {line}", f"It is proven that {found.returning}.", False)
-    if found.extent is Extent.RETURN:
+        line = "this closed path ends with other joints" if _ends_elsewhere(certificate) else line
+        return Verdict(f"THE JOINTS DO NOT RETURN: {line}", f"It is proven that {certificate.returning}.", False)
+    if certificate.extent is Extent.RETURN:
         only = "Only this is proven: along the path the joints are a continuous function of the place."
         line = "NOT PROVEN that the joints return with the tool"
-        return Verdict(line, f"{only} {_capital(found.returning)}.", False)
-    if not found.whole:
-        stop = f" The proof stopped at {found.where}." if found.where else ""
-        worst = refuted_by(found)
+        return Verdict(line, f"{only} {_capital(certificate.returning)}.", False)
+    if not certificate.whole:
+        stop = f" The proof stopped at {certificate.where}." if certificate.where else ""
+        worst = refuted_by(certificate)
         if worst is not None:
             stop = f" In the rest it is REFUTED: {worst}."
-        return Verdict(f"NOT ALL IS PROVEN: only {share_words(found)}", f"{_capital(found.extent.cause)}.{stop}", False)
+        return Verdict(
+            f"NOT ALL IS PROVEN: only {share_words(certificate)}", f"{_capital(certificate.extent.cause)}.{stop}", False
+        )
     verified = word.outcome is Outcome.VERIFIED
     known = "PROVEN" if verified else "PROVEN BUT NOT VERIFIED"
-    limits = "" if found.limits is not None else " Joint limits are not part of the proof."
-    return Verdict(f"{known}: {_good(found, pose)}", _sentence(found) + _apart(found) + limits, verified)
+    limits = "" if certificate.limits is not None else " Joint limits are not part of the proof."
+    return Verdict(
+        f"{known}: {_good(certificate, pose)}", _sentence(certificate) + _apart(certificate) + limits, verified
+    )
 
 
-def _apart(found: Certificate) -> str:
+def _apart(certificate: Certificate) -> str:
     """What is proven of distances, for the sentence below the first line."""
-    near, clear = nearest_of(found), found.demands.clear
-    if clear is None or not len(found):
+    near, clear = nearest_of(certificate), certificate.demands.clear
+    if clear is None or not len(certificate):
         return ""
     if near is None:
         return " There the shapes that are listed below do not touch."
@@ -280,13 +287,13 @@ def _apart(found: Certificate) -> str:
     )
 
 
-def _ends_elsewhere(found: Certificate) -> bool:
+def _ends_elsewhere(certificate: Certificate) -> bool:
     """Whether it is the end of a closed path at which the joints are others, and not a place on the way."""
-    closed = not isinstance(found.asked, Workspace) and found.asked.closed
-    return found.extent is Extent.ELSEWHERE and closed and not np.isfinite(found.gap)
+    closed = not isinstance(certificate.asked, Workspace) and certificate.asked.closed
+    return certificate.extent is Extent.ELSEWHERE and closed and not np.isfinite(certificate.gap)
 
 
-def checker_words(found: Certificate, word: CheckerWord) -> str:
+def checker_words(certificate: Certificate, word: CheckerWord) -> str:
     """What the checker says, in the box of the first line."""
     if word.outcome is Outcome.REJECTED:
         return f"REJECTED by the independent checker: {word.text.partition(': ')[2]}"
@@ -298,9 +305,9 @@ def checker_words(found: Certificate, word: CheckerWord) -> str:
             f"NOT verified as a whole: by the independent checker, in {word.seconds:.3g} s, {what}; no fault was found."
         )
     took = f"by the independent checker in {word.seconds:.3g} s"
-    if found.whole or (_ends_elsewhere(found) and _drift_verified(word)):
+    if certificate.whole or (_ends_elsewhere(certificate) and _drift_verified(word)):
         return f"Verified {took}."
-    if found.extent is Extent.ELSEWHERE:
+    if certificate.extent is Extent.ELSEWHERE:
         return f"Verified {took}, except that the joints differ: it does not say so."
     return f"What is proven is verified {took}; it is not all that was asked."
 
@@ -310,27 +317,27 @@ def _drift_verified(word: CheckerWord) -> bool:
     return word.outcome is Outcome.VERIFIED and "the joints do NOT return" in word.text
 
 
-def _good(found: Certificate, pose: str) -> str:
-    if isinstance(found.asked, Workspace):
+def _good(certificate: Certificate, pose: str) -> str:
+    if isinstance(certificate.asked, Workspace):
         return f"while the tool stays in this box, the same {pose} has the same joints"
-    if not found.asked.closed:
+    if not certificate.asked.closed:
         return "along this path the joints are one continuous function of the place"
-    if found.turns.any():
+    if certificate.turns.any():
         return "this closed path returns the joints, except for whole turns"
     return "this closed path returns the joints to their start"
 
 
-def _sentence(found: Certificate) -> str:
+def _sentence(certificate: Certificate) -> str:
     """What follows from a whole proof, for a reader without mathematics."""
-    same = _pose_word(found.equation.strategy.task)
-    if isinstance(found.asked, Workspace):
+    same = _pose_word(certificate.equation.strategy.task)
+    if isinstance(certificate.asked, Workspace):
         return (
             "The model of the robot, started at the posture below and moved by the strategy, comes back to the same "
             "joints after every loop of the tool inside the box, at any speed and any number of times."
         )
-    if not found.asked.closed:
+    if not certificate.asked.closed:
         return f"Where the path meets a {same} again, the joints are the same, except for whole turns."
-    if found.turns.any():
+    if certificate.turns.any():
         return (
             "After the path the joints are at their start but for the whole turns that are named below: the robot "
             "looks the same, but cables are wound up, and joints with limits must be turned back."
@@ -341,59 +348,63 @@ def _sentence(found: Certificate) -> str:
     )
 
 
-def claims(found: Certificate, word: CheckerWord) -> list[Claim]:
+def claims(certificate: Certificate, word: CheckerWord) -> list[Claim]:
     """The statements of a certificate, one by one, with who says so."""
-    says, place = word.outcome.value, place_words(found)
-    if not len(found):
-        return [Claim(f"Anything about {_asked(found)}.", NOT_PROVEN, says)]
-    derivative = found.equation.derivative
+    says, place = word.outcome.value, place_words(certificate)
+    if not len(certificate):
+        return [Claim(f"Anything about {_asked(certificate)}.", NOT_PROVEN, says)]
+    derivative = certificate.equation.derivative
     proven = PROVEN if word.outcome is not Outcome.REJECTED else "claimed only"
     text = (
-        f"For every {'pose' if isinstance(found.asked, Workspace) else 'place'} of {place} there is exactly one "
+        f"For every {'pose' if isinstance(certificate.asked, Workspace) else 'place'} of {place} there is exactly one "
         f"posture near the predicted one. It is a continuous function, and |det {derivative}| >= "
-        f"{at_least(found.determinant)}: no singular posture is met."
+        f"{at_least(certificate.determinant)}: no singular posture is met."
     )
-    listed = [Claim(text, proven, says), *_limit_claims(found, proven, says), *_clear_claims(found, proven, says)]
-    listed += _rate_claims(found, proven)
-    if isinstance(found.asked, Workspace):
+    listed = [
+        Claim(text, proven, says),
+        *_limit_claims(certificate, proven, says),
+        *_clear_claims(certificate, proven, says),
+    ]
+    listed += _rate_claims(certificate, proven)
+    if isinstance(certificate.asked, Workspace):
         text = f"Every loop of the tool inside {place} that begins on this posture function brings the joints back."
         listed.append(Claim(text, proven, f"{says}: it follows from the first line"))
     else:
-        listed += _path_claims(found, proven, word)
-    robot = brief(found.equation.strategy.task.robot.name)
+        listed += _path_claims(certificate, proven, word)
+    robot = brief(certificate.equation.strategy.task.robot.name)
     same = "compared: the same" if word.compared else "not compared"
-    what = "The task's rows and the limits" if found.limits is not None else "The task's rows"
+    what = "The task's rows and the limits" if certificate.limits is not None else "The task's rows"
     listed.append(Claim(f"{what} in the file are those of the model of the robot {robot}.", "-", same))
     return listed
 
 
-def _asked(found: Certificate) -> str:
-    return "the box" if isinstance(found.asked, Workspace) else "the path"
+def _asked(certificate: Certificate) -> str:
+    return "the box" if isinstance(certificate.asked, Workspace) else "the path"
 
 
-def _limit_claims(found: Certificate, proven: str, says: str) -> list[Claim]:
-    if found.limits is None:
+def _limit_claims(certificate: Certificate, proven: str, says: str) -> list[Claim]:
+    if certificate.limits is None:
         return [Claim("No joint leaves its limits.", f"{NOT_PROVEN}: not asked", "-")]
-    if not np.isfinite(found.to_limit).any():
+    if not np.isfinite(certificate.to_limit).any():
         return [Claim("No joint leaves its limits.", "the model has none", "-")]
-    i, robot = int(np.argmin(found.to_limit)), found.equation.strategy.task.robot
-    joint, near = brief(robot.joint_names[i]), f"{at_least(float(found.to_limit[i]))} {robot.coordinates[i].unit}"
-    place = place_words(found)
+    i, robot = int(np.argmin(certificate.to_limit)), certificate.equation.strategy.task.robot
+    joint, near = brief(robot.joint_names[i]), f"{at_least(float(certificate.to_limit[i]))} {robot.coordinates[i].unit}"
+    place = place_words(certificate)
     text = f"Over {place} every joint stays within its limits, the nearest ({joint}) by {near} or more."
     return [Claim(text, proven, says)]
 
 
-def _clear_claims(found: Certificate, proven: str, says: str) -> list[Claim]:
+def _clear_claims(certificate: Certificate, proven: str, says: str) -> list[Claim]:
     """The distances of shapes, where they were asked for."""
-    clear = found.demands.clear
+    clear = certificate.demands.clear
     if clear is None:
         return []
-    least, place, listed = found.findings.apart.min(axis=0), place_words(found), []
+    bounds, place, listed = certificate.findings.apart.min(axis=0), place_words(certificate), []
     for asked in sorted({float(wanted) for wanted in clear.wanted}, reverse=True):
         these = [p for p, wanted in enumerate(clear.wanted) if wanted == asked]
         names = list(dict.fromkeys(clear.pairs[p].names for p in these))
-        i = min(these, key=lambda p: least[p])
-        near = f"the nearest are {_pair(clear.pairs[i].names)}, {at_least(float(least[i]))} m apart or more"
+        i = min(these, key=lambda p: bounds[p])
+        near = f"the nearest are {_pair(clear.pairs[i].names)}, {at_least(float(bounds[i]))} m apart or more"
         what = f"at least {asked:g} m apart" if asked else "apart: they do not touch"
         text = f"Over {place} the shapes of {_pairs(names)} are {what}; {near}."
         listed.append(Claim(text, proven, f"{says}: the distance asked for"))
@@ -409,22 +420,22 @@ def _pairs(names: list[tuple[str, str]]) -> str:
     return "; ".join(_pair(of) for of in names[:MOST_NAMED]) + more
 
 
-def _rate_claims(found: Certificate, proven: str) -> list[Claim]:
+def _rate_claims(certificate: Certificate, proven: str) -> list[Claim]:
     """How fast the tool may be, where all joints have speed limits."""
-    rates = joint_rates(found)
+    rates = joint_rates(certificate)
     if not (np.isfinite(rates.tool_speed) and rates.tool_speed > 0):
         return []
     turning = ", if it does not turn" if rates.per_turn.any() else ""
     text = (
-        f"Over {place_words(found)} no joint is faster than its limit while the tool moves at "
+        f"Over {place_words(certificate)} no joint is faster than its limit while the tool moves at "
         f"{at_least(rates.tool_speed)} m/s or slower{turning}."
     )
     return [Claim(text, proven, "it does not look at this")]
 
 
-def _collisions(found: Certificate) -> str:
+def _collisions(certificate: Certificate) -> str:
     """What of collisions is not proven."""
-    clear = found.demands.clear
+    clear = certificate.demands.clear
     if clear is None:
         return COLLISIONS
     known = {pair.names for pair in clear.pairs}
@@ -438,50 +449,52 @@ def _collisions(found: Certificate) -> str:
     ]
     parts += [f"Pairs left out, {reason}: {_pairs(pairs)}" for reason, pairs in out.items()]
     parts += [f"Links without a shape: {brief(', '.join(bare))}"] if bare else []
-    parts += [assumed] if (assumed := assumed_words(found)) else []
+    parts += [assumed] if (assumed := assumed_words(certificate)) else []
     return ". ".join(parts) + "."
 
 
-def _path_claims(found: Certificate, proven: str, word: CheckerWord) -> list[Claim]:
+def _path_claims(certificate: Certificate, proven: str, word: CheckerWord) -> list[Claim]:
     """That the joints return, at the end of a closed path and elsewhere."""
-    listed, robot, says = [], found.equation.strategy.task.robot, word.outcome.value
-    if found.turns.any() or np.isfinite(found.gap):
-        turned = f", except for the whole turns {found.turns.astype(int).tolist()}" if found.turns.any() else ""
-        within = f"within {at_most(gap_of(found))} {joint_unit(robot)}{turned}"
+    listed, robot, says = [], certificate.equation.strategy.task.robot, word.outcome.value
+    if certificate.turns.any() or np.isfinite(certificate.gap):
+        turned = (
+            f", except for the whole turns {certificate.turns.astype(int).tolist()}" if certificate.turns.any() else ""
+        )
+        within = f"within {at_most(gap_of(certificate))} {joint_unit(robot)}{turned}"
         text = f"At the end of the closed path the joints are those of its beginning, {within}."
         listed.append(Claim(text, proven, says))
-    elif not isinstance(found.asked, Workspace) and found.asked.closed:
-        told, checked = (
-            (DIFFER, says if _drift_verified(word) else "-") if _ends_elsewhere(found) else (NOT_PROVEN, "-")
+    elif not isinstance(certificate.asked, Workspace) and certificate.asked.closed:
+        answer, checked = (
+            (DIFFER, says if _drift_verified(word) else "-") if _ends_elsewhere(certificate) else (NOT_PROVEN, "-")
         )
-        listed.append(Claim("At the end of the closed path the joints are those of its beginning.", told, checked))
-    again = f"the path meets a {_pose_word(found.equation.strategy.task)} again, the joints are the same"
-    told = proven if found.whole else NOT_PROVEN
-    told = DIFFER if found.extent is Extent.ELSEWHERE and not _ends_elsewhere(found) else told
-    listed.append(Claim(f"Wherever else {again}, except for whole turns.", told, "it does not look at this"))
+        listed.append(Claim("At the end of the closed path the joints are those of its beginning.", answer, checked))
+    again = f"the path meets a {_pose_word(certificate.equation.strategy.task)} again, the joints are the same"
+    answer = proven if certificate.whole else NOT_PROVEN
+    answer = DIFFER if certificate.extent is Extent.ELSEWHERE and not _ends_elsewhere(certificate) else answer
+    listed.append(Claim(f"Wherever else {again}, except for whole turns.", answer, "it does not look at this"))
     return listed
 
 
-def gap_of(found: Certificate) -> float:
+def gap_of(certificate: Certificate) -> float:
     """How far from the start the joints may end on a closed path: what the file claims, and the checker verifies."""
-    return float(found.data["claims"]["gap"])
+    return float(certificate.data["claims"]["gap"])
 
 
-def not_proven(found: Certificate, word: CheckerWord) -> list[str]:
+def not_proven(certificate: Certificate, word: CheckerWord) -> list[str]:
     """What a reader might think is proven, and is not."""
-    box = isinstance(found.asked, Workspace)
+    box = isinstance(certificate.asked, Workspace)
     others = "loops that leave it" if box else "other paths"
     listed = [
-        f"Anything outside {place_words(found)}: {others}, another start, another level, another tool.",
+        f"Anything outside {place_words(certificate)}: {others}, another start, another level, another tool.",
         *ALWAYS[:2],
-        _collisions(found),
+        _collisions(certificate),
         *ALWAYS[2:],
     ]
-    if found.limits is None:
+    if certificate.limits is None:
         listed.insert(1, "Joint limits: the proof was made without them.")
-    elif not np.isfinite(found.to_limit).all():
-        listed.insert(1, f"Limits of the joints that have none in the model: {_unlimited(found)}.")
-    if not box and found.covered:
+    elif not np.isfinite(certificate.to_limit).all():
+        listed.insert(1, f"Limits of the joints that have none in the model: {_unlimited(certificate)}.")
+    if not box and certificate.covered:
         listed.append(
             "By the checker: places where the path crosses itself or runs along itself. Only the program that made the "
             "certificate looked at them."
@@ -491,9 +504,11 @@ def not_proven(found: Certificate, word: CheckerWord) -> list[str]:
     return [*listed, *COMPARE]
 
 
-def _unlimited(found: Certificate) -> str:
-    names = found.equation.strategy.task.robot.joint_names
-    return brief(", ".join(name for name, left in zip(names, found.to_limit, strict=True) if not np.isfinite(left)))
+def _unlimited(certificate: Certificate) -> str:
+    names = certificate.equation.strategy.task.robot.joint_names
+    return brief(
+        ", ".join(name for name, left in zip(names, certificate.to_limit, strict=True) if not np.isfinite(left))
+    )
 
 
 def _capital(text: str) -> str:

@@ -101,7 +101,7 @@ class Stage:
     def wires(self, curves: Sequence[Curve]) -> list[Solid]:
         """Paths as thin rods."""
         radius = 0.005 * float(np.hypot(*self.scene.shape)) / 1.4
-        return [rod for c in curves for rod in wire(thinned(c.points), radius, c.color, c.dash)]
+        return [rod for c in curves for rod in wire(_thinned(c.points), radius, c.color, c.dash)]
 
 
 def stage_of(
@@ -121,11 +121,11 @@ def stage_of(
     if not robot.planar:
         bodies = [np.vstack(robot.skeleton(q)) for q in Q[:: max(1, len(Q) // 12)]]
         apart = [(np.vstack(robot.skeleton(a)), np.vstack(robot.skeleton(b))) for a, b in pairs]
-        view = best_view(bodies, [thinned(c.points) for c in curves], apart)
-    solids = [one for k in range(len(Q)) for one in solids_at(pieces, frames, k, GREY)]
-    solids += [one for k in range(len(Q)) for one in tool_frames(robot, frames, k, 2.6 * unit)]
+        view = best_view(bodies, [_thinned(c.points) for c in curves], apart)
+    solids = [solid for k in range(len(Q)) for solid in solids_at(pieces, frames, k, GREY)]
+    solids += [solid for k in range(len(Q)) for solid in tool_frames(robot, frames, k, 2.6 * unit)]
     solids += [*triad(np.zeros(3), np.eye(3), 4.5 * unit)]
-    solids += [rod for c in curves for rod in wire(thinned(c.points), 0.1 * unit, GREY)]
+    solids += [rod for c in curves for rod in wire(_thinned(c.points), 0.1 * unit, GREY)]
     if extra is not None and len(extra):
         solids += wire(np.vstack([extra.min(axis=0), extra.max(axis=0)]), 1e-6, GREY)
     scene = scene_of(view, solids, flat=robot.planar, ratio=ratio, around=standing(obstacles))
@@ -142,22 +142,22 @@ def picture(stage: Stage, actors: Sequence[Actor], curves: Sequence[Curve], wind
     ]
     solid = [one for one in actors if one.look == "solid"] or list(actors)
     shadow = [s for one in solid[:1] for s in solids_at(stage.pieces, stage.frames(one.q), 0, GREY)]
-    found = shadowed(empty(window), stage.scene, window, [*shadow, *standing(stage.obstacles)])
-    found = over(found, things)
+    pixels = shadowed(empty(window), stage.scene, window, [*shadow, *standing(stage.obstacles)])
+    pixels = over(pixels, things)
     beneath = Layer(things.color, np.zeros_like(things.cover), np.full_like(things.depth, -np.inf))
     for one, layer in layers:
         if one.look == "outline":
-            found = outlined(found, layer, one.color, beneath)
+            pixels = outlined(pixels, layer, one.color, beneath)
             continue
-        found = over(found, layer, GHOST if one.look == "ghost" else 1.0)
+        pixels = over(pixels, layer, GHOST if one.look == "ghost" else 1.0)
         if one.look == "solid":
             cover, depth = np.maximum(beneath.cover, layer.cover), np.maximum(beneath.depth, layer.depth)
             beneath = Layer(layer.color, cover, depth)
     if stage.obstacles:
-        found = over(found, things, BEFORE, (things.depth > beneath.depth) & (beneath.cover > 0))
+        pixels = over(pixels, things, BEFORE, (things.depth > beneath.depth) & (beneath.cover > 0))
     depth = np.maximum(beneath.depth, things.depth)
-    found = laid(found, layer_of(stage.scene, base, window), depth, 0.0)
-    return laid(found, layer_of(stage.scene, stage.wires(curves), window), depth, 1.0 if stage.robot.planar else 0.25)
+    pixels = laid(pixels, layer_of(stage.scene, base, window), depth, 0.0)
+    return laid(pixels, layer_of(stage.scene, stage.wires(curves), window), depth, 1.0 if stage.robot.planar else 0.25)
 
 
 def draw_panel(axes: Any, stage: Stage, actors: Sequence[Actor], curves: Sequence[Curve] = (), title: str = "") -> Any:
@@ -168,12 +168,12 @@ def draw_panel(axes: Any, stage: Stage, actors: Sequence[Actor], curves: Sequenc
     drawn = picture(stage, actors, curves, window)
     show(axes, stage.scene, drawn, window)
     if not stage.robot.planar:
-        taken = named_axes(axes, stage.scene, 4.5 * stage.unit, drawn[..., 3], window)
-        floor_scale(axes, stage.scene, left=taken)
+        named = named_axes(axes, stage.scene, 4.5 * stage.unit, drawn[..., 3], window)
+        floor_scale(axes, stage.scene, left=named)
     axes.set_title(title, loc="left", fontsize=10)
     return axes
 
 
-def thinned(points: Matrix) -> Matrix:
+def _thinned(points: Matrix) -> Matrix:
     """At most `MOST_POINTS` of the points of a path, ends included."""
     return points[thin(len(points), MOST_POINTS)]

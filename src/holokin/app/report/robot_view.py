@@ -18,10 +18,7 @@ from ...robot.links import Line, between, link_lines
 from ...robot.tree import Frames, joint_frames, placed
 from .plots import AXES, GREY, INK, rgb
 
-# --------------------------------------------------------------------------------------------------
-# Solids seen without perspective: rods with round ends and convex blocks, shaded, the nearer before
-# the farther.
-# --------------------------------------------------------------------------------------------------
+# --- Solids seen without perspective: rods with round ends and convex blocks, shaded, the nearer before the farther.
 
 Pixels = NDArray[Any]
 """What is known of each pixel: 32 bits are enough."""
@@ -191,20 +188,22 @@ def drawn(solids: Sequence[Solid], window: Window) -> Layer:
             j1 = min(int((high[0] - window.left) / pixel) + 2, window.columns)
             if i0 >= i1 or j0 >= j1:
                 continue
-            here = np.s_[i0:i1, j0:j1]
+            pixels = np.s_[i0:i1, j0:j1]
             x, y = np.broadcast_arrays(xs[None, j0:j1], ys[i0:i1, None])
             z, tilt, inside = solid.depth(x, y)
             share = np.clip(inside * np.float32(1 / pixel) + np.float32(0.5), 0, 1)
-            share *= z >= depth[here]
-            known = cover[here]
+            share *= z >= depth[pixels]
+            known = cover[pixels]
             total = share + known * (1 - share)
             weight = share / np.maximum(total, np.float32(1e-6))
-            paint = _shaded(solid.color, tilt)
-            paint -= color[here]
+            # Colours (..., 3) of a surface by the cosine of its normal to the light.
+            shade = ((tilt + np.float32(1)) * np.float32(_SHADES / 2)).astype(np.intp)
+            paint = (_LIGHT * solid.color * (1 - _SHINE) + _SHINE).astype(np.float32).take(shade, axis=0, mode="clip")
+            paint -= color[pixels]
             paint *= weight[..., None]
-            color[here] += paint
-            cover[here] = np.maximum(known, total)
-            np.copyto(depth[here], z, where=share > 0.5)
+            color[pixels] += paint
+            cover[pixels] = np.maximum(known, total)
+            np.copyto(depth[pixels], z, where=share > 0.5)
     return Layer(color, cover, depth, _part(solids, window))
 
 
@@ -247,22 +246,16 @@ def _pieces(solid: Solid) -> list[tuple[Vector, Vector]]:
     return pieces
 
 
-def _shaded(color: Vector, tilt: Pixels) -> Pixels:
-    """Colours (..., 3) of a surface by the cosine of its normal to the light."""
-    at = ((tilt + np.float32(1)) * np.float32(_SHADES / 2)).astype(np.intp)
-    return (_LIGHT * color * (1 - _SHINE) + _SHINE).astype(np.float32).take(at, axis=0, mode="clip")
-
-
 def over(below: Any, layer: Layer, alpha: float = 1.0, where: Any = None) -> Pixels:
     """Pictures (rows, columns, 4), 0 to 1, with a layer laid over them; `where`: the pixels that take it, and how."""
-    found, here = below.copy(), layer.here
-    share = layer.cover[here] * np.float32(alpha)
+    found, window = below.copy(), layer.here
+    share = layer.cover[window] * np.float32(alpha)
     if where is not None:
-        share = share * where[here]
-    part = found[here]
+        share = share * where[window]
+    part = found[window]
     total = share + part[..., 3] * (1 - share)
     weight = share / np.maximum(total, np.float32(1e-6))
-    part[..., :3] += weight[..., None] * (layer.color[here] - part[..., :3])
+    part[..., :3] += weight[..., None] * (layer.color[window] - part[..., :3])
     part[..., 3] = total
     return found
 
@@ -276,10 +269,7 @@ def onto(ground: Pixels, layer: Layer, alpha: float = 1.0, where: Any = None) ->
     part += share[..., None] * (layer.color[layer.here] - part)
 
 
-# --------------------------------------------------------------------------------------------------
-# A robot as solids: links as rods with thickness or by the shapes of its model, hinges, rails, base
-# and tool frame.
-# --------------------------------------------------------------------------------------------------
+# --- A robot as solids: links as rods with thickness or by the shapes of its model, hinges, rails, base and tool frame.
 
 TAPER = 0.6
 """Thickness of the last link over that of the first."""
@@ -325,7 +315,7 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
     unit = thickness(robot, Q)
     shown = [part for part in robot.shapes if not part.obstacle and not part.shape.fault]
     shaped = {part.joint for part in shown if not part.carried}
-    found = [Piece(part, _role(part)) for part in shown]
+    pieces = [Piece(part, _role(part)) for part in shown]
     deep = _depths(robot)
     for line in _lines(robot, shown):
         index, step = line.joint, line.end - line.start
@@ -333,20 +323,20 @@ def pieces_of(robot: Robot, Q: Matrix) -> tuple[Piece, ...]:
             width = unit * (1 - (1 - TAPER) * (deep[index] if index >= 0 else 0.0))
             width *= CORE if index in shaped else 1.0
             plate = step * min(0.5, width / np.linalg.norm(step)) if index < 0 else 0.0  # it stands on it
-            found.append(_piece(index, between(line.start + plate, line.end, width), "link"))
+            pieces.append(_piece(index, between(line.start + plate, line.end, width), "link"))
     for index, joint in enumerate(robot.joints):
         width = unit * (1 - (1 - TAPER) * deep[index])
         if joint.kind == "prismatic":
-            found += _rail(robot, index, Q, 1.25 * width, index in shaped)
+            pieces += _rail(robot, index, Q, 1.25 * width, index in shaped)
         elif index not in shaped and (joint.parent >= 0 or np.linalg.norm(joint.step) > width):
             half = 1.2 * width * joint.axis
-            found.append(_piece(index, between(-half, half, 1.16 * width), "hinge"))
+            pieces.append(_piece(index, between(-half, half, 1.16 * width), "hinge"))
     first = [joint for joint in robot.joints if joint.parent < 0]
     if all(joint.kind != "prismatic" for joint in first) and -1 not in shaped:
         for foot in np.unique([joint.start for joint in first], axis=0):
             middle = pose_from(foot + [0.0, 0.0, 0.25 * unit])
-            found.append(_piece(-1, (middle, Cylinder(2.4 * unit, 0.5 * unit)), "base"))
-    return tuple(found)
+            pieces.append(_piece(-1, (middle, Cylinder(2.4 * unit, 0.5 * unit)), "base"))
+    return tuple(pieces)
 
 
 def _role(part: LinkShape) -> str:
@@ -363,8 +353,8 @@ def _lines(robot: Robot, shown: Sequence[LinkShape]) -> list[Line]:
         if part.carried:
             tools.setdefault(part.joint, []).append(part.placement[:3, 3])
     lines, count = link_lines(robot), len(robot.joints)
-    found = [*lines[:count], *(line for line in lines[count:] if line.joint not in tools)]
-    return found + [Line("", joint, np.zeros(3), min(there, key=np.linalg.norm)) for joint, there in tools.items()]
+    rods = [*lines[:count], *(line for line in lines[count:] if line.joint not in tools)]
+    return rods + [Line("", joint, np.zeros(3), min(there, key=np.linalg.norm)) for joint, there in tools.items()]
 
 
 def thickness(robot: Robot, Q: Matrix) -> float:
@@ -376,9 +366,7 @@ def thickness(robot: Robot, Q: Matrix) -> float:
     return length / SLENDER
 
 
-def solids_at(
-    pieces: Sequence[Piece], frames: Frames, k: int, color: str, *, still: bool = True
-) -> list[Solid]:  # fmt: skip
+def solids_at(pieces: Sequence[Piece], frames: Frames, k: int, color: str, *, still: bool = True) -> list[Solid]:
     """A robot in a colour at posture k of its joints' frames, without what stands still, if asked."""
     looks = {
         "link": _tint(color, white=0.42), "other": _tint(color, white=0.22), "hinge": _tint(color, ink=0.06),
@@ -394,11 +382,11 @@ def solids_at(
 
 def tool_frames(robot: Robot, frames: Frames, k: int, size: float) -> list[Solid]:
     """The axes of every tip at posture k: x, y and z in the colours of `AXES`, rods of a length [m]."""
-    found: list[Solid] = []
+    rods: list[Solid] = []
     for tip in robot.tips:
         p, R = placed(frames, tip.joint, tip.placement, len(frames[0][0]))
-        found += triad(p[k], R[k], size)
-    return found
+        rods += triad(p[k], R[k], size)
+    return rods
 
 
 def triad(p: Vector, R: Matrix, size: float) -> list[Solid]:
@@ -409,11 +397,7 @@ def triad(p: Vector, R: Matrix, size: float) -> list[Solid]:
 def wire(points: Matrix, radius: float, color: str, dash: int = 0) -> list[Solid]:
     """A polyline (k, 3) as thin rods; with a dash, that many of them are shown, then as many not."""
     paint = _tint(color, white=0.12)
-    return [
-        Rod(a, b, radius, paint)
-        for i, (a, b) in enumerate(pairwise(points))
-        if not dash or i % (2 * dash) < dash
-    ]  # fmt: skip
+    return [Rod(a, b, radius, paint) for i, (a, b) in enumerate(pairwise(points)) if not dash or i % (2 * dash) < dash]
 
 
 def standing(shapes: Sequence[LinkShape], color: str = GREY) -> list[Solid]:
@@ -684,8 +668,8 @@ def shadowed(picture: Pixels, scene: Scene, window: Window, solids: Sequence[Sol
     ys = np.linspace(window.top, window.bottom, coarse.rows)
     u, v = np.meshgrid(xs, ys - scene.floor * up[2])
     place = np.linalg.inv(np.array([right[:2], up[:2]])) @ np.stack([u.ravel(), v.ravel()])
-    at = np.array([(above.top - place[1]) / above.pixel - 0.5, (place[0] - above.left) / above.pixel - 0.5])
-    dark = map_coordinates(cover, at, order=1).reshape(u.shape)
+    pixel = np.array([(above.top - place[1]) / above.pixel - 0.5, (place[0] - above.left) / above.pixel - 0.5])
+    dark = map_coordinates(cover, pixel, order=1).reshape(u.shape)
     rows = np.linspace(0, coarse.rows - 1, window.rows)
     columns = np.linspace(0, coarse.columns - 1, window.columns)
     fine = map_coordinates(dark, np.meshgrid(rows, columns, indexing="ij"), order=1).astype(np.float32)
@@ -744,7 +728,7 @@ def named_axes(axes: Any, scene: Scene, size: float, cover: Pixels, window: Wind
     Returns:
         Whether one of them is in the corner at the right below.
     """
-    wide, tall, taken = window.right - window.left, window.top - window.bottom, False
+    wide, tall, covered = window.right - window.left, window.top - window.bottom, False
     for name, axis in zip("xyz", np.eye(3), strict=True):
         flat = scene.view.seen(axis[None])[0][:2]
         short = float(np.hypot(*flat))
@@ -754,8 +738,8 @@ def named_axes(axes: Any, scene: Scene, size: float, cover: Pixels, window: Wind
         row, column = int((window.top - y) / window.pixel), int((x - window.left) / window.pixel)
         if 0 <= row < window.rows and 0 <= column < window.columns and cover[row, column] < 0.5:
             axes.text(x, y, name, fontsize=7.5, color=INK, ha="center", va="center", zorder=6)
-            taken = taken or (x > window.left + 0.5 * wide and y < window.bottom + 0.1 * tall)
-    return taken
+            covered = covered or (x > window.left + 0.5 * wide and y < window.bottom + 0.1 * tall)
+    return covered
 
 
 def floor_scale(axes: Any, scene: Scene, *, left: bool = False) -> Any:
@@ -769,10 +753,7 @@ def floor_scale(axes: Any, scene: Scene, *, left: bool = False) -> Any:
 
 def _squares(scene: Scene) -> float:
     """The side of the squares on the floor [m]."""
-    return _round(float(np.ptp(scene.spread, axis=0).max()) / 5)
-
-
-def _round(value: float) -> float:
-    """The nearest of 1, 2, 5 times a power of ten, from below."""
+    # The nearest of 1, 2, 5 times a power of ten, from below.
+    value = float(np.ptp(scene.spread, axis=0).max()) / 5
     power = 10.0 ** np.floor(np.log10(max(value, 1e-9)))
     return float(power * max(k for k in (1, 2, 5) if k * power <= value * 1.0000001))

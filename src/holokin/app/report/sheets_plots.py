@@ -33,10 +33,7 @@ from .plots import (
     thin,
 )
 
-# --------------------------------------------------------------------------------------------------
-# Pictures of coverage: slices through a workspace and the cloud of its poses. Each takes an Axes
-# and returns it.
-# --------------------------------------------------------------------------------------------------
+# --- Pictures of coverage: slices through a workspace and the cloud of its poses. Each takes an Axes and returns it.
 
 CAUSES = {
     PoseStatus.LIMIT: (ORANGE, "joint limit"),
@@ -125,10 +122,10 @@ def coverage_cloud(axes: Any, coverage: Coverage, most: float | None = None, see
     color = shades()(np.clip(coverage.rcond[reached] / most, 0, 1))
     style = {"linewidths": 0, "zorder": 4} if flat else {"linewidths": 0, "depthshade": False}
     for cause in reversed(CAUSES):  # what the law loses last, over the rest
-        here = status == cause
+        of_cause = status == cause
         lost = cause < PoseStatus.BEYOND_LIMITS
-        if here.any():  # an empty cloud would move the limits of the axes
-            axes.scatter(*points[:, here], color=CAUSES[cause][0], s=22 if lost else 9, **style)
+        if of_cause.any():  # an empty cloud would move the limits of the axes
+            axes.scatter(*points[:, of_cause], color=CAUSES[cause][0], s=22 if lost else 9, **style)
     if reached.any():
         axes.scatter(*points[:, reached], color=color, s=7, alpha=0.9 if flat else 0.45, **style)
     if flat and seen is None:
@@ -194,8 +191,8 @@ def _layout(points: Matrix, slices: Sequence[Slice | Plane]) -> tuple[list[float
         widths, heights, places = [sides[0][0]] * 2, [sides[0][1]], [(0, 0)]
     else:
         widths, heights, places = [float(np.ptp(points[:, 0]))], [float(np.ptp(points[:, 1]))], []
-    least = max(0.3 * max(*widths, *heights), 1e-3)  # thin or single ones shall be seen
-    return [max(w, least) for w in widths], [max(h, least) for h in heights], places
+    smallest = max(0.3 * max(*widths, *heights), 1e-3)  # thin or single ones shall be seen
+    return [max(w, smallest) for w in widths], [max(h, smallest) for h in heights], places
 
 
 def _explain(figure: Any, coverage: Coverage, every: Sequence[Coverage], most: float, left: float, cut: bool) -> None:
@@ -229,8 +226,8 @@ def shades() -> Any:
 
 def _greatest(every: Sequence[Coverage]) -> float:
     """The greatest rcond of some coverages; 1 where nothing is reached."""
-    found = [c.rcond[c.reached].max() for c in every if c.reached.any()]
-    return float(max(found)) if found else 1.0
+    rconds = [c.rcond[c.reached].max() for c in every if c.reached.any()]
+    return float(max(rconds)) if rconds else 1.0
 
 
 def _frame_cloud(axes: Any, points: Matrix) -> None:
@@ -248,9 +245,7 @@ def _frame_cloud(axes: Any, points: Matrix) -> None:
         axis.labelpad = -3
 
 
-# --------------------------------------------------------------------------------------------------
-# Pictures of a map of sheets: which sheet serves which pose, and where the joints change.
-# --------------------------------------------------------------------------------------------------
+# --- Pictures of a map of sheets: which sheet serves which pose, and where the joints change.
 
 SHEETS = ("#1f7a6b", SKY, ORANGE, "#3b4ba0", YELLOW, VERMILLION, PURPLE)
 """Colours of the sheets, the first one's first; of more they come again."""
@@ -259,9 +254,11 @@ NONE = "#d5dae1"
 """Colour of cells that no sheet serves."""
 
 REST = {
-    PoseRest.NOT_COVERED: (BLACK, "reached, by no sheet"), PoseRest.BLOCKED: ("#4b5563", "too near to something"),
-    PoseRest.LIMITS: ("#8a93a0", "beyond joint limits"), PoseRest.OUT_OF_REACH: ("#c5ccd6", "out of reach"),
-}  # fmt: skip
+    PoseRest.NOT_COVERED: (BLACK, "reached, by no sheet"),
+    PoseRest.BLOCKED: ("#4b5563", "too near to something"),
+    PoseRest.LIMITS: ("#8a93a0", "beyond joint limits"),
+    PoseRest.OUT_OF_REACH: ("#c5ccd6", "out of reach"),
+}
 """Colour and short name of what becomes of a pose without a sheet."""
 
 MAPPED = (
@@ -275,7 +272,7 @@ STEPS = 41
 """Cells along the longest side."""
 
 
-def sheets_figure(found: Sheets, steps: int = STEPS) -> Any:
+def sheets_figure(sheets: Sheets, steps: int = STEPS) -> Any:
     """Maps of the planes through the workspace's centre, in its middle orientation, and the cloud of all poses.
 
     Lines are where the joints jump from a cell to the next: there the arm changes its posture.
@@ -283,18 +280,18 @@ def sheets_figure(found: Sheets, steps: int = STEPS) -> Any:
     Args:
         steps: cells along the longest side of a map, at least 2.
     """
-    p = found.poses[:, :3, 3]
-    planes = list(grid_planes(found.workspace, steps)) if isinstance(found.workspace, PoseRange) else []
+    p = sheets.poses[:, :3, 3]
+    planes = list(grid_planes(sheets.workspace, steps)) if isinstance(sheets.workspace, PoseRange) else []
     figure, maps, cloud, _ = views(p, planes)
     jumps = False
     for axes, plane in zip(maps, planes, strict=True):
-        jumps |= _map(axes, found, found.workspace, plane)
-    _cloud(cloud, found)
-    many = f"{len(found)} sheet{'' if len(found) == 1 else 's'}"
-    head = f"{on_figure(found.task.robot.name)}: {many} for {found.share:.1%} of what the arm reaches"
+        jumps |= _map(axes, sheets, sheets.workspace, plane)
+    _cloud(cloud, sheets)
+    many = f"{len(sheets)} sheet{'' if len(sheets) == 1 else 's'}"
+    head = f"{on_figure(sheets.task.robot.name)}: {many} for {sheets.share:.1%} of what the arm reaches"
     size = figure.get_size_inches()
     figure.suptitle(head, x=0.2 / size[0], y=1 - 0.15 / size[1], ha="left", va="top", fontsize=12, color=INK)
-    _legend(figure, found, bool(planes), jumps)
+    _legend(figure, sheets, bool(planes), jumps)
     return figure
 
 
@@ -303,52 +300,52 @@ def sheet_color(s: int) -> str:
     return SHEETS[s % len(SHEETS)]
 
 
-def _map(axes: Any, found: Sheets, space: Any, plane: Plane) -> bool:
+def _map(axes: Any, sheets: Sheets, space: Any, plane: Plane) -> bool:
     """One plane; returns whether the joints jump in it."""
     from matplotlib.colors import to_rgb
 
     poses = space.at(plane.points[plane.inside.ravel()])
-    within = np.flatnonzero(reached(found.task, poses, None)[1].within)  # a sheet takes long to say no
-    answers = found.batch(poses[within])
-    sheet, q = np.full(len(poses), -1), np.full((len(poses), found.task.n), np.nan)
+    within = np.flatnonzero(reached(sheets.task, poses, None)[1].within)  # a sheet takes long to say no
+    answers = sheets.batch(poses[within])
+    sheet, q = np.full(len(poses), -1), np.full((len(poses), sheets.task.n), np.nan)
     sheet[within], q[within] = answers.sheet, answers.q
     labels = np.full(plane.inside.shape, -2)
     labels[plane.inside] = sheet
     image = np.ones((*labels.shape, 3))
     image[labels == -1] = to_rgb(NONE)
-    for s in range(len(found)):
+    for s in range(len(sheets)):
         image[labels == s] = to_rgb(sheet_color(s))
-    cuts = _jumps(found, poses, q, sheet, neighbouring_cells(plane.inside))
+    cuts = _jumps(sheets, poses, q, sheet, neighbouring_cells(plane.inside))
     i, j = plane.axes
     _plane_map(axes, plane, image, poses[cuts][:, :, [i, j], 3])
     axes.set_title(f"{'xyz'[3 - i - j]} = {plane.at:.3g} m", loc="left", fontsize=10)
     return bool(len(cuts))
 
 
-def _jumps(found: Sheets, poses: Array, q: Array, sheet: Indices, pairs: Indices) -> Indices:
+def _jumps(sheets: Sheets, poses: Array, q: Array, sheet: Indices, pairs: Indices) -> Indices:
     """Those of some pairs (e, 2) of poses, both with a sheet, between which the joints do not continue."""
     both = pairs[(sheet[pairs] >= 0).all(axis=1)]
     cut = [
         (sheet[i] != sheet[j] and np.abs(q[i] - q[j]).max() > 0.2)
-        or (sheet[i] == sheet[j] and not leads_to(found.sheets[sheet[i]].ik, poses[j], q[i], q[j]))
+        or (sheet[i] == sheet[j] and not leads_to(sheets.sheets[sheet[i]].ik, poses[j], q[i], q[j]))
         for i, j in both
-    ]  # fmt: skip
+    ]
     return both[np.array(cut, dtype=bool)] if len(both) else both
 
 
-def _cloud(axes: Any, found: Sheets) -> None:
+def _cloud(axes: Any, sheets: Sheets) -> None:
     """All sampled poses at their positions."""
-    p, flat = found.poses[:, :3, 3], not hasattr(axes, "get_zlim")
+    p, flat = sheets.poses[:, :3, 3], not hasattr(axes, "get_zlim")
     points = p[:, :2].T if flat else p.T
     style = {"linewidths": 0} if flat else {"linewidths": 0, "depthshade": False}
     for rest in reversed(REST):
-        here = found.rest == rest
-        if here.any():
-            axes.scatter(*points[:, here], color=REST[rest][0], s=16 if rest is PoseRest.NOT_COVERED else 5, **style)
-    for s in range(len(found)):
-        here = found.labels == s
-        if here.any():
-            axes.scatter(*points[:, here], color=sheet_color(s), s=9, alpha=0.9 if flat else 0.6, **style)
+        of_rest = sheets.rest == rest
+        if of_rest.any():
+            axes.scatter(*points[:, of_rest], color=REST[rest][0], s=16 if rest is PoseRest.NOT_COVERED else 5, **style)
+    for s in range(len(sheets)):
+        of_rest = sheets.labels == s
+        if of_rest.any():
+            axes.scatter(*points[:, of_rest], color=sheet_color(s), s=9, alpha=0.9 if flat else 0.6, **style)
     axes.set_title(f"{len(p)} poses", loc="left", fontsize=10)
     if flat:
         axes.set_aspect("equal")
@@ -363,30 +360,28 @@ def _lines(name: str) -> str:
     return fill(on_figure(name, 60), 28)
 
 
-def _share(found: Sheets, rest: PoseRest) -> str:
+def _share(sheets: Sheets, rest: PoseRest) -> str:
     """How many poses have no sheet for a reason: of those in reach, or of all."""
-    count, every = int((found.rest == rest).sum()), len(found.poses)
-    within = int(found.reachable.sum())
+    count, every = int((sheets.rest == rest).sum()), len(sheets.poses)
+    within = int(sheets.reachable.sum())
     return f"{count / within:.1%}" if rest is PoseRest.NOT_COVERED else f"{count / every:.1%} of all"
 
 
-def _legend(figure: Any, found: Sheets, maps: bool, jump: bool) -> None:
+def _legend(figure: Any, sheets: Sheets, maps: bool, jump: bool) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    within = max(1, int(found.reachable.sum()))
+    within = max(1, int(sheets.reachable.sum()))
     width, height = figure.get_size_inches()
     patches = [
-        Patch(
-            color=sheet_color(s),
-            label=f"sheet {s}: {(found.labels == s).sum() / within:.1%}\n{_lines(one.name)}",
-        )
-        for s, one in enumerate(found.sheets)
+        Patch(color=sheet_color(s), label=f"sheet {s}: {(sheets.labels == s).sum() / within:.1%}\n{_lines(sheet.name)}")
+        for s, sheet in enumerate(sheets.sheets)
     ]
     patches += [
-        Patch(color=color, label=f"{name}: {_share(found, rest)}")
-        for rest, (color, name) in REST.items() if (found.rest == rest).any()
-    ]  # fmt: skip
+        Patch(color=color, label=f"{name}: {_share(sheets, rest)}")
+        for rest, (color, name) in REST.items()
+        if (sheets.rest == rest).any()
+    ]
     patches += [Patch(color=NONE, label="no sheet (maps)")] if maps else []
     lines = [Line2D([], [], color=CUT, linewidth=1.8, label="the joints jump here")] if jump else []
     corner = (1 - 2.95 / width, 1 - 0.8 / height)
@@ -427,8 +422,8 @@ def sheet_motion_figure(motion: SheetMotion, robot: Robot) -> Any:
         bar.axvspan(100 * part.start, 100 * part.stop, color=NONE, linewidth=0)
     for at in _places(motion):
         axes.axvline(100 * at, color=INK, linewidth=1.2, zorder=1.5)
-    for one in motion.divisions:
-        axes.axvline(100 * one.at, color=LIMIT, linewidth=1.6, linestyle=(0, (3, 2)), zorder=1.5)
+    for division in motion.divisions:
+        axes.axvline(100 * division.at, color=LIMIT, linewidth=1.6, linestyle=(0, (3, 2)), zorder=1.5)
     _frame(axes, bar, robot)
     _motion_legend(figure, motion, robot, named, Patch)
     return figure
@@ -436,9 +431,9 @@ def sheet_motion_figure(motion: SheetMotion, robot: Robot) -> Any:
 
 def _places(motion: SheetMotion) -> list[float]:
     """Where the sheet changes with the tool at rest, as shares of the path."""
-    divided = {one.at for one in motion.divisions}
-    ends = {one.stop for one in motion.pieces}
-    starts = [one.start for one in motion.pieces if one.start in ends and one.start not in divided]
+    divided = {part.at for part in motion.divisions}
+    ends = {part.stop for part in motion.pieces}
+    starts = [part.start for part in motion.pieces if part.start in ends and part.start not in divided]
     begun = [0.0] if motion.changes > len(starts) else []
     return begun + starts
 
@@ -464,7 +459,7 @@ def _motion_legend(figure: Any, motion: SheetMotion, robot: Robot, named: list[i
     ]  # fmt: skip
     if len(named) < robot.n:
         lines.append(Line2D([], [], color="#c3c8d0", label="other joints"))
-    used = np.unique([one.sheet for one in motion.pieces]).tolist() if motion.pieces else []
+    used = np.unique([piece.sheet for piece in motion.pieces]).tolist() if motion.pieces else []
     patches = [patch(color=sheet_color(s), label=f"sheet {s}") for s in used]
     patches += [patch(color=NONE, label="no sheet")] if motion.left_out else []
     figure.legend(handles=[*lines, *patches], loc="upper left", bbox_to_anchor=(0.745, 0.98), fontsize=8.5)

@@ -68,10 +68,10 @@ class Door:
 
     def _known(self, host: str, port: int) -> bool:
         """Whether a Host header (name:port, in small letters) names the studio."""
-        name, colon, found = host.rpartition(":") if not host.endswith("]") else (host, "", "")
+        name, colon, port_text = host.rpartition(":") if not host.endswith("]") else (host, "", "")
         if not colon:
-            name, found = host, "80"  # what browsers leave out
-        if found != str(port):
+            name, port_text = host, "80"  # what browsers leave out
+        if port_text != str(port):
             return False
         return name in self._names or (self._any_address and _is_address(name))
 

@@ -14,12 +14,12 @@ from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Matrix, Value, Vector, finite, frozen, positive, tool_pose
 from ...motion import StepStatus, approach, controller
 from ...motion.control import ControlLaw
-from ...motion.follow_path import build_native, native_velocity, velocity_stepper
+from ...motion.follow_path import Stepper, build_native, by_leaf, stepper
 from ...motion.ik import InverseStatus, ik, move_to_leaf
 from ...motion.ik.inverse_function import how_far, is_native
-from ...motion.ik.leaf import LeafPath, PathEnd, leaf_follower, leaf_value, leaf_walk, native_leaf, straight_path
-from ...motion.ik.plan import NativeFollower, Plan, check_start, make_plan
-from ...motion.simulation import step_targets
+from ...motion.ik.leaf import PathEnd, leaf_value, leaf_walk, straight_path
+from ...motion.ik.plan import Plan, check_start, make_plan
+from ...motion.simulation import control_step
 from ...path import Path, arc, figure_eight, polyline
 from ...path.editing import AnyPath, synchronized
 from ...path.path import StraightPath, straight
@@ -27,12 +27,10 @@ from ...robot import start_posture
 from ...strategies import HolonomicStrategy, SelfMotion, Strategy, moore_penrose
 from ...strategies.tasks.frame_task import completed
 from ...strategies.tasks.task import Task
-from .laws import Law, Slider, across, along, level_slider, self_motion_curve, self_slider
+from .laws import Law, Slider
 from .states import History, Judgement, LawState, LawStatus
 
-# --------------------------------------------------------------------------------------------------
-# The loop that all laws of a session run round: a path, and the [path] table of a job that says it.
-# --------------------------------------------------------------------------------------------------
+# --- The loop that all laws of a session run round: a path, and the [path] table of a job that says it.
 
 SAMPLES = 500
 """Steps a cycle, as of `hk.drift`."""
@@ -60,8 +58,8 @@ class Loop(Value):
 
     def points(self, count: int = 200) -> Matrix:
         """Points (F, count, 3) of the curves of the F frames, to draw them."""
-        at = self.path.at(np.linspace(0.0, self.path.duration, count)).position
-        return np.ascontiguousarray(at.reshape(count, -1, 3).swapaxes(0, 1))
+        positions = self.path.at(np.linspace(0.0, self.path.duration, count)).position
+        return np.ascontiguousarray(positions.reshape(count, -1, 3).swapaxes(0, 1))
 
 
 def circle_loop(
@@ -104,7 +102,7 @@ def eight_loop(
     crossing: ArrayLike, width: float, height: float | None = None, normal: ArrayLike = (0.0, 0.0, 1.0), *,
     along: ArrayLike | None = None, speed: float = SPEED, samples: int = SAMPLES, clockwise: bool = False,
 ) -> Loop:  # fmt: skip
-    """A figure eight that begins where it crosses itself, as `hk.figure_eight`."""
+    """A figure eight that begins where it crosses itself, as `hk.path.figure_eight`."""
     at, n = finite("crossing", crossing, (3,)), _unit(normal)
     flat = np.array([1.0, 0.0, 0.0] if abs(n[0]) < 0.9 else [0.0, 1.0, 0.0]) if along is None else _unit(along)
     flat = flat - (flat @ n) * n
@@ -122,8 +120,8 @@ def reversed_loop(loop: Loop) -> Loop:
     Raises:
         ArgumentError: a job's path of another kind, which no job file says the other way round.
     """
-    found, *others = (_reversed(loop.kind, keys) for keys in (loop.keys, *(loop.keys.get("others") or ())))
-    keys = {**found, "others": others} if others else found
+    first, *others = (_reversed(loop.kind, keys) for keys in (loop.keys, *(loop.keys.get("others") or ())))
+    keys = {**first, "others": others} if others else first
     return Loop(loop.kind, loop.path.reversed(), keys, loop.samples, not loop.clockwise)
 
 
@@ -144,28 +142,20 @@ def _reversed(kind: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 def _unit(direction: ArrayLike) -> Vector:
     """A direction (3,) of length 1. Raises: ArgumentError: it is zero."""
-    found = finite("direction", direction, (3,))
-    size = float(np.linalg.norm(found))
+    vector = finite("direction", direction, (3,))
+    size = float(np.linalg.norm(vector))
     if not size > 0:
-        raise ArgumentError("direction", found.tolist(), "it may not vanish")
-    return found / size
-
-
-def _for_tools(loop: Loop, places: Matrix) -> Loop:
-    """The same curve for several tools at once, each from its own place (F, 3) [m], as hands that carry a tray do."""
-    first = loop.points(2)[0, 0]
-    tables = [_shifted(loop.keys, place - first) for place in places]
-    paths = [loop.path.starting_at(place) for place in places]  # type: ignore[union-attr]  of one tool, so a Path
-    return replace(loop, path=synchronized(*paths), keys={**tables[0], "others": tables[1:]})
+        raise ArgumentError("direction", vector.tolist(), "it may not vanish")
+    return vector / size
 
 
 def _shifted(keys: Mapping[str, Any], by: Vector) -> dict[str, Any]:
     """[path] of the curve moved by a vector (3,) [m]."""
-    found = dict(keys)
+    moved = dict(keys)
     for key in ("center", "at", "points"):
-        if found.get(key) is not None:
-            found[key] = (np.asarray(found[key], dtype=float) + by).tolist()
-    return found
+        if moved.get(key) is not None:
+            moved[key] = (np.asarray(moved[key], dtype=float) + by).tolist()
+    return moved
 
 
 def entered(loop: Loop, task: Task, home: Vector) -> Loop:
@@ -174,7 +164,12 @@ def entered(loop: Loop, task: Task, home: Vector) -> Loop:
     A task of several tools has no entry: the curve begins where each of them is.
     """
     if task.frames > 1 and isinstance(loop.path, Path):
-        return _for_tools(loop, task.pose(home).reshape(-1, 4, 4)[:, :3, 3])
+        # The same curve for several tools at once, each from its own place (F, 3) [m], as hands that carry a tray do.
+        places = task.pose(home).reshape(-1, 4, 4)[:, :3, 3]
+        first = loop.points(2)[0, 0]
+        tables = [_shifted(loop.keys, place - first) for place in places]
+        paths = [loop.path.starting_at(place) for place in places]  # type: ignore[union-attr]  of one tool, so a Path
+        return replace(loop, path=synchronized(*paths), keys={**tables[0], "others": tables[1:]})
     if task.frames > 1 or not isinstance(loop.path, Path):
         return loop
     R = task.pose(home)[:3, :3] if loop.path.rotation is None else loop.path.rotation
@@ -184,10 +179,7 @@ def entered(loop: Loop, task: Task, home: Vector) -> Loop:
     return replace(loop, keys={**loop.keys, "entry": "joints" if away else None})
 
 
-# --------------------------------------------------------------------------------------------------
-# One law after a dragged tool: from a posture to the joints of a tool pose, or where it stays and
-# why.
-# --------------------------------------------------------------------------------------------------
+# --- One law after a dragged tool: from a posture to the joints of a tool pose, or where it stays and why.
 
 PERIOD = 0.1
 """Step of a law that follows by velocity [s]: no joint goes farther in a step than at its full speed in this time."""
@@ -237,8 +229,8 @@ def poses_of(task: Task, pose: PoseLike) -> Array:
     given = pose_numbers("a tool pose", pose)
     shaped = given[None] if task.frames == 1 and given.ndim == 2 else given
     poses = given_pose("a tool pose", shaped, (task.frames, 4, 4))
-    for one in poses:
-        tool_pose("a tool pose", one)
+    for tool in poses:
+        tool_pose("a tool pose", tool)
     return poses
 
 
@@ -267,9 +259,9 @@ def _by_leaf(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Follower:
                 return solver.near(pose, q), InverseStatus.REACHED
             except HolokinError:
                 return how_far(solver, pose, q)
-        walk, at = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
-        levels = at, at + strategy.constraint.nearest(level - at)
-        last, ended = walk(q, straight_path(task, task.place(q), task.target(poses), levels))
+        walk, level_now = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
+        levels = level_now, level_now + strategy.constraint.nearest(level - level_now)
+        last, ended = walk(q, straight_path(task, task._place(q), task.target(poses), levels))
         return last, InverseStatus.REACHED if ended is PathEnd.REACHED else InverseStatus.LEAF_ENDS
 
     def follow(q: Vector, poses: Array, wait: bool) -> Move:
@@ -293,7 +285,7 @@ def _by_velocity(strategy: Strategy, limits: bool) -> Follower:
     task = strategy.task
     law = controller(strategy, dt=PERIOD, gain=1 / PERIOD, limits=limits)
     still = np.zeros(6) if task.frames == 1 else np.zeros((task.frames, 6))
-    error = task.error_function
+    error = task._error_function
 
     def follow(q: Vector, poses: Array, _wait: bool) -> Move:
         path, steps = _way(task, q, poses)
@@ -320,33 +312,35 @@ def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
         path, steps = _way(task, q, poses)
         F = task.frames
         twist = np.hstack([path.move.reshape(F, 3), path.turn.reshape(F, 3)]) / (steps * PERIOD)
-        at = q
+        posture = q
         try:
             step = rule.begin(q.copy())
             for k in range(1, steps + CORRECTIONS + 1):
                 target = _pose(task, path.at(min(1.0, k / steps)))
                 rates = twist if k <= steps else np.zeros((F, 6))
-                at = at + PERIOD * np.asarray(step(at.copy(), target, rates[0] if F == 1 else rates, PERIOD))
+                posture = posture + PERIOD * np.asarray(
+                    step(posture.copy(), target, rates[0] if F == 1 else rates, PERIOD)
+                )
         except HolokinError as problem:
             return Move(q, LawStatus.STOPPED, str(problem))
         except Exception as problem:  # noqa: BLE001  a control law of somebody's own may throw anything
             return Move(q, LawStatus.STOPPED, f"{rule.name} threw {type(problem).__name__}: {problem}; correct it")
-        if at.shape != q.shape or not np.isfinite(at).all():
+        if posture.shape != q.shape or not np.isfinite(posture).all():
             return Move(q, LawStatus.STOPPED, f"{rule.name} returned no {len(q)} finite joint rates; correct it")
-        if limits and _beyond(task, at):
-            return Move(q, LawStatus.LIMIT, _limit_sentence(task, at))
-        off = float(np.abs(task.error_function(at, *task.target(poses))).max())
+        if limits and _beyond(task, posture):
+            return Move(q, LawStatus.LIMIT, _limit_sentence(task, posture))
+        off = float(np.abs(task._error_function(posture, *task.target(poses))).max())
         if off < DOUBTFUL:
-            return Move(at, LawStatus.FOLLOWING)
-        return Move(q, *stopped(task, rule.name, at))
+            return Move(posture, LawStatus.FOLLOWING)
+        return Move(q, *stopped(task, rule.name, posture))
 
     return follow
 
 
 def _way(task: Task, q: Vector, poses: Array) -> tuple[StraightPath, int]:
     """The straight path of the tools from a posture to poses, and its number of steps."""
-    here = task.place(q)
-    path = straight(*here, *completed(task, task.target(poses), here))
+    place = task._place(q)
+    path = straight(*place, *completed(task, task.target(poses), place))
     far = float(np.linalg.norm(path.move.reshape(-1, 3), axis=1).max())
     turned = float(np.linalg.norm(path.turn.reshape(-1, 3), axis=1).max())
     return path, int(np.clip(np.ceil(max(far / LONG, turned / TURN)), 1, MOST))
@@ -381,10 +375,7 @@ def _limit_sentence(task: Task, q: Vector) -> str:
     return f"{robot.joint_names[i]} would pass its limit of {bound:.4g} {unit}; drag it back, or choose another law."
 
 
-# --------------------------------------------------------------------------------------------------
-# One law round the loop of a session: the steps of `hk.follow`, as many at a time as a frame of the
-# page asks for.
-# --------------------------------------------------------------------------------------------------
+# --- One law round the loop of a session: the steps of `hk.follow`, as many at a time as a frame of the page asks for.
 
 LOOP_PIECES = 200
 """Pieces of one step in Python. A step takes one or two; where a leaf ends, native code has tried them all before."""
@@ -392,36 +383,32 @@ LOOP_PIECES = 200
 LOOK = 60
 """Steps of a cycle with which it is tried whether a law gets round a loop: 30 ms in Python."""
 
-Stepper = Callable[[Vector, int], Vector]
-"""(posture, step of the plan) -> the posture after it."""
-
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A law on its way round a loop: its plan, where it begins (n,), and what makes its steps."""
+    """A law on its way round a loop: its plan, and what makes its steps."""
 
     law: Law
     plan: Plan
-    q0: Vector
     limits: bool
-    native: NativeFollower | None
     stepper: Stepper
 
     def run(self, q: Vector, first: int, last: int) -> tuple[Matrix, tuple[LawStatus, str]]:
         """Steps [first, last) of a cycle from a posture: the postures (k, n) after each, fewer where it stops; why."""
         rows = np.empty((last - first, len(q)))
-        done = self.native.run(q, first, last, rows) if self.native is not None else 0
-        at = rows[done - 1] if done else q
+        native = self.stepper.native
+        done = native.run(q, first, last, rows) if native is not None else 0
+        posture = rows[done - 1] if done else q
         robot = self.law.task.robot
         try:
             for i in range(first + done, last):
-                at = self.stepper(at, i)
+                posture = self.stepper.step(posture, i)
                 if self.limits:
-                    robot.check_limits(at)
-                rows[done] = at
+                    robot.check_limits(posture)
+                rows[done] = posture
                 done += 1
         except JointLimitError:
-            return rows[:done], (LawStatus.LIMIT, _limit_sentence(self.law.task, at))
+            return rows[:done], (LawStatus.LIMIT, _limit_sentence(self.law.task, posture))
         except HolokinError as problem:
             if self.law.strategy is None:
                 return rows[:done], (LawStatus.STOPPED, str(problem))
@@ -466,36 +453,13 @@ def walk(law: Law, loop: Loop, q0: Vector, limits: bool, *, build: bool = False)
     start_posture(task.robot, q0, limits)
     if law.strategy is not None:
         law.strategy(q0)
-    plan = make_plan(task, loop.path, loop.samples, task.place(q0)[1])
+    plan = make_plan(task, loop.path, loop.samples, task._place(q0)[1])
     check_start(task, q0, *plan.first)
-    native: NativeFollower | None = None
-    if isinstance(law.rule, HolonomicStrategy):
-        native = native_leaf(law.rule, plan, q0, limits, load=True, build=build)
-        stepper = _leaf_stepper(law.rule, plan, q0)
-    elif isinstance(law.rule, Strategy):
-        native = native_velocity(law.rule, plan, q0, limits, load=True, build=build)
-        stepper = velocity_stepper(law.rule, plan)
-    else:
-        stepper = _control_stepper(law.rule, plan, q0)
-    return Walk(law, plan, q0, limits, native, stepper)
-
-
-def _leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Stepper:
-    """The steps of `follow`; but no step has more than PIECES, so that a loop is never held up for long."""
-    follow, c = leaf_follower(strategy, q0, LOOP_PIECES), leaf_value(strategy, q0)
-    return lambda q, i: follow(q, LeafPath(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
-
-
-def _control_stepper(rule: ControlLaw, plan: Plan, q0: Vector) -> Stepper:
-    """The steps of `simulate`."""
-    poses, twists = step_targets(plan)
-    step = rule.begin(q0.copy())
-
-    def stepper(q: Vector, i: int) -> Vector:
-        rates = np.asarray(step(q.copy(), poses[i].copy(), twists[i].copy(), float(plan.h[i])), dtype=float)
-        return q + plan.h[i] * rates
-
-    return stepper
+    if isinstance(law.rule, Strategy):
+        leaf = by_leaf(law.rule)
+        return Walk(law, plan, limits, stepper(law.rule, leaf, plan, q0, limits, LOOP_PIECES, load=True, build=build))
+    rates = control_step(law.rule, plan, q0)
+    return Walk(law, plan, limits, Stepper(lambda q, i: q + plan.h[i] * np.asarray(rates(q, i), dtype=float)))
 
 
 def poses_at(plan: Plan, step: int) -> Array:
@@ -614,35 +578,3 @@ def put_on_leaf(run: Run, q: Vector, limits: bool) -> None:
         run.follow = follower(law, q, limits)
         run.law, run.level = law, _level_of(law, q)
     run.put(Move(q, run.status, run.sentence))
-
-
-def slider_of(run: Run, direction: int, limits: bool) -> Slider:
-    """The slider of a law along its self-motion; it counts from where the law stood when it was first asked for."""
-    if direction not in run.curves:
-        run.curves[direction] = self_motion_curve(run.law.task, run.q, limits, direction), 0.0
-    return self_slider(run.law, *run.curves[direction], direction)
-
-
-def slide(run: Run, direction: int, s: float, limits: bool) -> None:
-    """A law to the place s of its slider. Raises: as `slider_of`, `along`, `put_on_leaf`."""
-    slider_of(run, direction, limits)
-    curve = run.curves[direction][0]
-    put_on_leaf(run, along(curve, s), limits)
-    run.curves = {direction: (curve, s)}
-
-
-def level_slider_of(run: Run, row: int, limits: bool) -> Slider:
-    """The slider of a row of the level of a law; angles count on through whole turns from when it was asked for."""
-    if row not in run.levels:
-        run.levels[row] = level_slider(run.law, run.q, limits, row)
-    return run.levels[row]
-
-
-def move_across(run: Run, row: int, value: float, limits: bool) -> None:
-    """A law to the leaf of a value of its slider. Raises: as `level_slider`, `across`; JointLimitError."""
-    slider = level_slider_of(run, row, limits)
-    q = across(run.law, run.q, slider, value, row)
-    if limits:
-        run.law.task.robot.check_limits(q)
-    put_on_leaf(run, q, limits)
-    run.levels = {row: replace(slider, value=value)}

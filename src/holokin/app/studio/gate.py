@@ -29,16 +29,12 @@ from ...base.errors import MissingExtraError
 from .door import PAGE, TOKEN, Door, inner, policy
 from .page_scene import silent_viser
 
-# --------------------------------------------------------------------------------------------------
-# `Incoming`: what browsers say to the studio, looked at before viser hears it. Loaded with viser,
-# not before.
+# --- `Incoming`: what browsers say to the studio, looked at before viser hears it. Loaded with viser, not before.
 #
-# viser takes a client's word for everything: it sets any property of a control to any value, tells
-# it to all browsers, and opens a tunnel to the internet when it is asked to. So of its messages
-# only those pass that the page of the studio needs, with just their known fields; numbers are
-# finite and within the bounds of their control, a choice is one of its options. What does not fit
-# is dropped, and nobody else notices.
-# --------------------------------------------------------------------------------------------------
+# viser takes a client's word for everything: it sets any property of a control to any value, tells it to all browsers,
+# and opens a tunnel to the internet when it is asked to. So of its messages only those pass that the page of the studio
+# needs, with just their known fields; numbers are finite and within the bounds of their control, a choice is one of its
+# options. What does not fit is dropped, and nobody else notices.
 
 LONGEST = 200
 """Characters of a text that is typed into the page, and of names in messages."""
@@ -221,8 +217,8 @@ def _(control: Any, value: Any) -> str:
 @fitted.register(viser.GuiNumberHandle)
 @fitted.register(viser.GuiSliderHandle)
 def _(control: Any, value: Any) -> int | float:
-    found = between(value, control.min, control.max)
-    return round(found) if isinstance(control.value, int) else found
+    number = between(value, control.min, control.max)
+    return round(number) if isinstance(control.value, int) else number
 
 
 @fitted.register(viser.GuiVector3Handle)
@@ -337,15 +333,15 @@ def _guarded(door: Door, answer: Any) -> Any:
         hosts, port = request.headers.get_all("Host"), connection.local_address[1]
         refused = door.stranger(port, hosts, request.headers.get_all("Origin"))
         if refused or not door.knows(request.path):
-            found = connection.respond(http.HTTPStatus.FORBIDDEN, f"{refused or TOKEN}\n")
+            response = connection.respond(http.HTTPStatus.FORBIDDEN, f"{refused or TOKEN}\n")
         else:
-            found = answer(connection, replace(request, path=inner(request.path)))
-            if found is not None:
-                found.headers["Content-Security-Policy"] = policy(hosts[0])
-        if found is not None:
+            response = answer(connection, replace(request, path=inner(request.path)))
+            if response is not None:
+                response.headers["Content-Security-Policy"] = policy(hosts[0])
+        if response is not None:
             for name, value in PAGE:
-                found.headers[name] = value
-        return found
+                response.headers[name] = value
+        return response
 
     return process
 
@@ -358,11 +354,11 @@ def _listening(incoming: Incoming) -> Any:
 
         async def recv(self, *given: Any, **named: Any) -> Any:
             while True:
-                said = await super().recv(*given, **named)
+                received = await super().recv(*given, **named)
                 await self._paced()
-                found = incoming.passed(said)
-                if found is not None:
-                    return found
+                message = incoming.passed(received)
+                if message is not None:
+                    return message
 
         async def _paced(self) -> None:
             now = time.monotonic()

@@ -21,10 +21,7 @@ from ...strategies.radial_strategy import SelfMotions
 from ...strategies.tasks.task import Task, of_one_tool
 from .states import LawStatus
 
-# --------------------------------------------------------------------------------------------------
-# The laws of a session: a strategy or a control law, with a name, a colour, and what a job file
-# says of it.
-# --------------------------------------------------------------------------------------------------
+# --- The laws of a session: a strategy or a control law, with a name, a colour, and what a job file says of it.
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,20 +69,20 @@ def default_laws(task: Task, q0: Vector) -> tuple[Law, ...]:
     redundant(task)
     pinv = moore_penrose(task, name="pseudo-inverse")
     joints = [names[i] for i in locked_joints(task, q0)]
-    found: list[tuple[str, Strategy, Mapping[str, Any]]] = [("pseudo-inverse", pinv, {"kind": "moore-penrose"})]
+    strategies: list[tuple[str, Strategy, Mapping[str, Any]]] = [("pseudo-inverse", pinv, {"kind": "moore-penrose"})]
     said = f"lock {', '.join(joints)}"
-    found.append((said, holonomic(task, lock(*joints), name=said), {"kind": "lock", "joints": joints}))
+    strategies.append((said, holonomic(task, lock(*joints), name=said), {"kind": "lock", "joints": joints}))
     if task.n - task.m == 1:
         try:
             find_arm(task)
             angle = holonomic(task, arm_angle(), name="arm angle")
-            found.append(("arm angle", angle, {"kind": "arm-angle"}))
+            strategies.append(("arm angle", angle, {"kind": "arm-angle"}))
         except NoArmError:
             pass
-    found.append(("radial", radial(pinv, q0, name="radial"), {"kind": "radial"}))
+    strategies.append(("radial", radial(pinv, q0, name="radial"), {"kind": "radial"}))
     return tuple(
         Law(name, colour, rule, task, None, keys)
-        for colour, (name, rule, keys) in enumerate(found)
+        for colour, (name, rule, keys) in enumerate(strategies)
         if defined(rule, q0)
     )
 
@@ -106,9 +103,7 @@ def redundant(task: Task) -> None:
         raise ArgumentError(f"the number of joints to spare of the {task.name}", task.n - task.m, cure)
 
 
-# --------------------------------------------------------------------------------------------------
-# Sliders: along a self-motion, with the tool still; and across the leaves of a holonomic law.
-# --------------------------------------------------------------------------------------------------
+# --- Sliders: along a self-motion, with the tool still; and across the leaves of a holonomic law.
 
 STEP = 0.02
 """Arc length between the postures of a curve [joint units]."""
@@ -233,8 +228,8 @@ def across(law: Law, q: Vector, slider: Slider, value: float, row: int) -> Vecto
     moved = value - slider.value
     change = np.zeros(law.task.n - law.task.m)
     change[row] = np.deg2rad(moved) if slider.unit == DEGREES else moved
-    here, level = law.task.place(q), leaf_value(strategy, q)
-    return leaf_follower(strategy, q)(q, straight_path(law.task, here, here, (level, level + change)))
+    place, level = law.task._place(q), leaf_value(strategy, q)
+    return leaf_follower(strategy, q)(q, straight_path(law.task, place, place, (level, level + change)))
 
 
 def leaves_of(law: Law) -> HolonomicStrategy:
@@ -248,22 +243,22 @@ def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limit
     """How far a row of the level goes one way with the tool still, and why no farther."""
     task, robot = strategy.task, strategy.task.robot
     walk = leaf_walk(strategy, q)
-    here, unit = task.place(q), np.eye(task.n - task.m)[row]
-    at, c, gone = q, leaf_value(strategy, q), 0.0
+    place, unit = task._place(q), np.eye(task.n - task.m)[row]
+    posture, c, gone = q, leaf_value(strategy, q), 0.0
     wide, full = MOVE, 2 * np.pi if strategy.constraint.angular[row] else np.inf
     for _ in range(STEPS):
-        rate = _null_rate(strategy, at, sign * unit)
+        rate = _null_rate(strategy, posture, sign * unit)
         if rate is None:
             return gone, "singular"
         size = min(wide / max(float(np.abs(rate).max()), 1e-12), full - gone)
-        new, ended = walk(at, straight_path(task, here, here, (c, c + sign * size * unit)))
+        new, ended = walk(posture, straight_path(task, place, place, (c, c + sign * size * unit)))
         beyond = ended is PathEnd.REACHED and limits and not robot.within(new)
         if ended is not PathEnd.REACHED or beyond:
             if wide < MOVE / 100:
                 return gone, "limit" if beyond else "singular"
             wide /= 4
             continue
-        at, c, gone = new, c + sign * size * unit, gone + size
+        posture, c, gone = new, c + sign * size * unit, gone + size
         if gone >= full - 1e-12:
             return gone, "closed"
     return gone, "length"
@@ -328,9 +323,9 @@ def two_paths(
         ArgumentError: a task of several tools; the pose is where the tool is.
     """
     of_one_tool(laws[0][0].task, "two paths to one pose")
-    law, q, _ = next((one for one in laws if one[2] is LawStatus.FOLLOWING), laws[0])
+    law, q, _ = next((entry for entry in laws if entry[2] is LawStatus.FOLLOWING), laws[0])
     paths = _pair(law.task.pose(q), pose, width)
-    found = []
+    by_law = []
     for law, q, _ in laws:
         a, b, spread, sentence = np.zeros((0, len(q))), np.zeros((0, len(q))), np.nan, ""
         try:
@@ -340,9 +335,9 @@ def two_paths(
             a, b, spread = both.a.q, both.b.q, both.largest
         except HolokinError as problem:
             sentence = str(problem)
-        found.append(LawPaths(law.name, law.colour, a, b, spread, sentence))
+        by_law.append(LawPaths(law.name, law.colour, a, b, spread, sentence))
     points = np.array([path.at(np.linspace(0.0, path.duration, 100)).position for path in paths])
-    return TwoPaths(points, paths, tuple(found))
+    return TwoPaths(points, paths, tuple(by_law))
 
 
 def _pair(begin: Matrix, end: Matrix, width: float) -> tuple[Path, Path]:

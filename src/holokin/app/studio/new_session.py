@@ -134,10 +134,10 @@ def visible_cycles(laws: Sequence[Law], loop: Loop, q0: Vector) -> int:
             continue
         try:
             start = loop_start(law, loop, q0)
-            found = drift(law.strategy, loop.path, start, samples=LOOK, cycles=MOST)
+            drifts = drift(law.strategy, loop.path, start, samples=LOOK, cycles=MOST)
         except HolokinError:
             continue
-        largest = np.maximum(largest, found.largest)
+        largest = np.maximum(largest, drifts.largest)
     if not largest.max() > UNSEEN:
         return 1
     return int(np.argmax(largest >= VISIBLE)) + 1 if largest.max() >= VISIBLE else MOST
@@ -172,14 +172,14 @@ def session_of_robot(
     starts = _ready(chosen)[:tried] if q0 is None else robot.checked(q0, "the start posture")[None]
     if not len(starts):
         raise ArgumentError(f"the start of {robot.name!r}", None, "no posture within its limits was found: give one")
-    told = None if origin is None or task is not None else Origin(origin, _task_keys(chosen), FilePath.cwd())
+    job_origin = None if origin is None or task is not None else Origin(origin, _task_keys(chosen), FilePath.cwd())
     known: dict[int, tuple[Law, ...]] = {}
     for i, loop in _loops(chosen, starts):
         laws = known[i] = known.get(i) or default_laws(chosen, starts[i])
         if all(_follows(law, loop, starts[i], 1 if law.holonomic else LASTING) for law in laws):
-            return Session(laws, starts[i], loop, title=robot.name, source=source, origin=told, cycles=CYCLES)
+            return Session(laws, starts[i], loop, title=robot.name, source=source, origin=job_origin, cycles=CYCLES)
     laws = default_laws(chosen, starts[0])
-    return Session(laws, starts[0], title=robot.name, source=source, origin=told, cycles=CYCLES)
+    return Session(laws, starts[0], title=robot.name, source=source, origin=job_origin, cycles=CYCLES)
 
 
 def _task_of(robot: Robot) -> Task:
@@ -202,7 +202,7 @@ def _ready(task: Task) -> Matrix:
     if task.robot.planar or not len(starts):
         return starts
     some = starts[:AMONG]
-    p, R = task.poses(some)
+    p, R = task._poses(some)
     front = (p[:, 0] > 0) & (R[:, 2, 2] < DOWN)
     above = np.array([min(points[:, 2].min() for points in task.robot.skeleton(q)) > -FLOOR for q in some])
     return np.vstack([some[front & above], some[front], some[above], starts])
@@ -212,11 +212,11 @@ def _loops(task: Task, starts: Matrix) -> Iterator[tuple[int, Loop]]:
     """Circles from the tool at start postures (k, n), each with the index of its start: of each size, the largest
     first, in the order in which the pseudo-inverse drifts."""
     given = moore_penrose(task)
-    far = float(np.linalg.norm(task.poses(starts)[0][:, :3], axis=1).max())
+    far = float(np.linalg.norm(task._poses(starts)[0][:, :3], axis=1).max())
     normals = np.eye(3)[2:] if task.robot.planar else np.eye(3)[::-1]
     for share in SHARES:
         radius = float(f"{min(LARGEST, share * far):.1g}")
-        found: list[tuple[float, int, Loop]] = []
+        candidates: list[tuple[float, int, Loop]] = []
         for i, normal in product(range(len(starts)), normals):
             tool = task.pose(starts[i]).reshape(-1, 4, 4)[0][:3, 3]
             for inward in _inward(tool, normal):
@@ -225,9 +225,9 @@ def _loops(task: Task, starts: Matrix) -> Iterator[tuple[int, Loop]]:
                     size = float(drift(given, loop.path, starts[i], samples=LOOK).largest[0])
                 except HolokinError:
                     continue
-                found.append((size, i, loop))
-        found.sort(key=lambda one: -one[0])
-        yield from ((i, loop) for _, i, loop in found)
+                candidates.append((size, i, loop))
+        candidates.sort(key=lambda candidate: -candidate[0])
+        yield from ((i, loop) for _, i, loop in candidates)
 
 
 def _inward(tool: Vector, normal: Vector) -> list[Vector]:

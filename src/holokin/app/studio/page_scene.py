@@ -34,10 +34,7 @@ from ...robot.tree import Frames, joint_frames
 from ..report.plots import GREY, LOOP, color_of, rgb
 from ..report.robot_view import pieces_of
 
-# --------------------------------------------------------------------------------------------------
-# The links of a robot as triangles to look at: its own meshes, or capsules where it has none that
-# can be read.
-# --------------------------------------------------------------------------------------------------
+# --- The links of a robot as triangles to look at: its own meshes, or capsules where it has none that can be read.
 
 SOLID = 200_000
 """Triangles of all links together that are drawn of one robot at most."""
@@ -83,22 +80,22 @@ def looks_of(robot: Robot, most: int = SOLID) -> tuple[tuple[Look, ...], tuple[s
     Raises:
         MissingExtraError: trimesh is not installed.
     """
-    whole, said = _whole(robot)
+    whole, sentences = _whole(robot)
     count = sum(len(mesh.faces) for mesh in whole.values())
     share = min(1.0, most / count) if count else 1.0
-    return tuple(_look(joint, mesh, share) for joint, mesh in whole.items()), said
+    return tuple(_look(joint, mesh, share) for joint, mesh in whole.items()), sentences
 
 
 @lru_cache(maxsize=2)
 def _whole(robot: Robot) -> tuple[dict[int, Any], tuple[str, ...]]:
     """Joint -> all that it carries as one mesh, as fine as it is; and what could not be read."""
     parts: dict[int, list[Any]] = {}
-    said: list[str] = []
+    sentences: list[str] = []
     for visual in robot.visuals:
         try:
             mesh = _mesh(visual.shape, visual.color)
         except RobotFileError as problem:
-            said.append(f"{visual.link} is drawn as a capsule: {problem.fact} ({problem.path})")
+            sentences.append(f"{visual.link} is drawn as a capsule: {problem.fact} ({problem.path})")
             continue
         mesh.apply_transform(visual.placement)
         parts.setdefault(visual.joint, []).append(mesh)
@@ -110,7 +107,7 @@ def _whole(robot: Robot) -> tuple[dict[int, Any], tuple[str, ...]]:
     whole = {joint: trimesh_package().util.concatenate(meshes) for joint, meshes in sorted(parts.items())}
     for mesh in whole.values():
         mesh.merge_vertices(merge_norm=True, merge_tex=True)
-    return whole, tuple(dict.fromkeys(said))
+    return whole, tuple(dict.fromkeys(sentences))
 
 
 def frames_of(robot: Robot, Q: Matrix) -> tuple[Matrix, Array]:
@@ -124,8 +121,8 @@ def quaternions(rotations: Array) -> Array:
     """w, x, y, z (..., 4) of rotations (..., 3, 3)."""
     from scipy.spatial.transform import Rotation
 
-    found = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat()
-    return found[:, [3, 0, 1, 2]].reshape(*rotations.shape[:-2], 4)
+    xyzw = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat()
+    return xyzw[:, [3, 0, 1, 2]].reshape(*rotations.shape[:-2], 4)
 
 
 def _mesh(shape: Shape | Surface, color: Any = None) -> Any:
@@ -172,9 +169,9 @@ def _own_colors(piece: Any) -> Any:
     visual = piece.visual
     if getattr(visual, "defined", False):
         colors = visual.to_color() if hasattr(visual, "to_color") else visual
-        found = np.asarray(colors.vertex_colors)
-        if found.shape == (len(piece.vertices), 4):
-            return found
+        rgba = np.asarray(colors.vertex_colors)
+        if rgba.shape == (len(piece.vertices), 4):
+            return rgba
     return np.tile([*LINK, 255], (len(piece.vertices), 1))
 
 
@@ -204,7 +201,7 @@ def _capsules(robot: Robot) -> dict[int, list[Any]]:
     A slider that goes farther than the arm reaches both ways stands for a base that drives: it has no rail. Under a
     robot with meshes is neither plate nor rail.
     """
-    found: dict[int, list[Any]] = {}
+    meshes: dict[int, list[Any]] = {}
     far = max(chain_length(robot), 1.0)
     Q = np.clip([robot.lower, robot.upper], -2 * far, 2 * far)
     tools = tuple(part for part in robot.shapes if part.carried)
@@ -213,8 +210,8 @@ def _capsules(robot: Robot) -> dict[int, list[Any]]:
         if piece.role == "tool" or (piece.role in ("base", "rail") and (robot.visuals or far_off)):
             continue
         color = LINK if piece.role == "link" else JOINT
-        found.setdefault(piece.joint, []).append(_shape_mesh(piece.part, color))
-    return found
+        meshes.setdefault(piece.joint, []).append(_shape_mesh(piece.part, color))
+    return meshes
 
 
 def _shape_mesh(part: LinkShape, color: tuple[int, int, int]) -> Any:
@@ -449,7 +446,7 @@ class Scene:
     def points_of(self, Q: ArrayLike, tip: Tip | None = None) -> tuple[Matrix, Matrix]:
         """Where a tool (k, 3) and the elbow (k, 3) are at postures Q (k, n); the elbow moves most while tools stand."""
         positions, turns = frames_of(self.robot, np.asarray(Q, dtype=float))
-        tip = self.robot.tip() if tip is None else tip
+        tip = self.robot._find_tip() if tip is None else tip
         rotations = rotations_of(turns[tip.joint + 1])
         return positions[tip.joint + 1] + rotations @ tip.placement[:3, 3], positions[self._elbow + 1]
 
@@ -485,8 +482,8 @@ class Scene:
         ]
         return np.concatenate(ends) if ends else np.zeros((1, 3))
 
-    def outlook(self, more: ArrayLike = ()) -> tuple[Vector, Matrix]:
-        """(unit vector (3,) to the camera, points (k, 3) [m] to be seen): the arm from the side, and more points."""
+    def look_at_all(self, more: ArrayLike = ()) -> None:
+        """The camera sees the whole arm from the side, and more points (k, 3) [m]."""
         low, high = self.box()
         points = np.vstack([self.drawn(), np.asarray(more, dtype=float).reshape(-1, 3)])
         tool = self.robot.pose(self.q0)[:3, 3] if self.robot.tips else (low + high) / 2
@@ -494,12 +491,15 @@ class Scene:
         ahead = float(np.arctan2(*(tool[:2])[::-1])) if np.linalg.norm(reached) > 1e-6 else 0.0
         side = ahead - np.deg2rad(62.0)
         up = np.deg2rad(72.0 if self.robot.planar else 20.0)
-        return np.array([np.cos(side) * np.cos(up), np.sin(side) * np.cos(up), np.sin(up)]), points
+        away = np.array([np.cos(side) * np.cos(up), np.sin(side) * np.cos(up), np.sin(up)])
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        radius = float(np.linalg.norm(points - middle, axis=1).max())
+        self.look_from(middle + radius / np.sin(FOV / 2) * away, middle)
 
-    def look_from(self, place: Vector, at: Vector) -> None:
-        """Where the camera of a browser begins, and returns to on "reset view"."""
-        camera = self.server.initial_camera
-        camera.position, camera.look_at, camera.fov, camera.near = place, at, FOV, 0.02
+    def look_from(self, place: Vector, look_at: Vector) -> None:
+        """Where the cameras of all browsers are now, begin, and return to on "reset view"."""
+        for camera in (self.server.initial_camera, *(client.camera for client in self.server.get_clients().values())):
+            camera.position, camera.look_at, camera.fov, camera.near = place, look_at, FOV, 0.02
 
     def _floor(self) -> None:
         away = max(float(np.linalg.norm(joint.start)) for joint in self.robot.joints) if self.robot.tips else 0.0

@@ -152,7 +152,7 @@ def record(
         lead: the law whose robot is drawn solid, by default the last one; the others are translucent ghosts.
         seconds: for how long it plays at most; longer motions are played faster.
         obstacles: what stands around the robot, such as the part that it works on: shapes of `hk.obstacle`.
-            Tools that the robot carries are drawn, too: see `hk.with_shape`.
+            Tools that the robot carries are drawn, too: see `hk.robot.with_shape`.
 
     Returns:
         The recording; its `html()` is what the file holds.
@@ -217,9 +217,9 @@ def _hidden(points: Matrix, things: Matrix, ahead: Vector, up: float) -> int:
 class _Film:
     """Motions on the clock of a recording."""
 
-    def __init__(self, robot: Robot, clips: Mapping[str, Motion], lead: str, seconds: float,
-        things: tuple[LinkShape, ...] = (),
-    ):  # fmt: skip
+    def __init__(
+        self, robot: Robot, clips: Mapping[str, Motion], lead: str, seconds: float, things: tuple[LinkShape, ...] = ()
+    ):
         self.robot, self.clips, self.lead = robot, clips, list(clips).index(lead)
         self.things = things
         self.start = min(float(clip.t[0]) for clip in clips.values())
@@ -282,13 +282,13 @@ class _Film:
         if len(self.tools) > 1:
             hands = np.mean([scene.points_of(Q[:1, self.lead], tip)[0][0] for tip in self.tools], axis=0)
             side = float(np.arctan2(hands[1], hands[0])) - ASIDE
-        gap = sum((one - other).sum(axis=0) for one, other in pairs)
+        gap = sum((ghost - solid).sum(axis=0) for ghost, solid in pairs)
         ahead = np.array([np.cos(side), np.sin(side), 0.0])
         if (
             not self.robot.planar and len(self.tools) == 1 and ahead @ gap < -1e-9
         ):  # the ghosts in front of the robot, not behind it
             ahead, side = -ahead, side + np.pi
-        body = np.vstack([loop, *(one for one, _ in pairs)])
+        body = np.vstack([loop, *(ghost for ghost, _ in pairs)])
         if _hidden(body, things, ahead, up) > _hidden(body, things, -ahead, up):
             ahead, side = -ahead, side + np.pi
         away = np.array([*(np.cos(up) * ahead[:2]), np.sin(up)])
@@ -300,15 +300,15 @@ class _Film:
         tan, wide, tall = np.tan(FOV / 2), (high[0] - low[0]) / ASPECT, high[1] - low[1]
         places = (((LEFT, RIGHT), (-UPRIGHT, UPRIGHT)), ((-RIGHT, RIGHT), BELOW))  # beside the caption, or below it
         sizes = [max(wide / (x[1] - x[0]), tall / (y[1] - y[0])) / tan for x, y in places]
-        near, (x, y) = min(zip(sizes, places, strict=True), key=lambda one: one[0])
+        near, (x, y) = min(zip(sizes, places, strict=True), key=lambda ghost: ghost[0])
         far = near + (high[2] - low[2]) / 2
         middle = (low + high) / 2 @ np.stack([right, above, away])
-        at = middle - tan * near * (sum(x) / 2 * ASPECT * right + sum(y) / 2 * above)
-        return at + far * away, at
+        look_at = middle - tan * near * (sum(x) / 2 * ASPECT * right + sum(y) / 2 * above)
+        return look_at + far * away, look_at
 
     def _pieces(self, scene: Scene) -> dict[int, list[tuple[int, str, Matrix]]]:
         """Frame -> (law, name, points (k, 3)) of the pieces of the elbows' lines that appear there."""
-        found: dict[int, list[tuple[int, str, Matrix]]] = {}
+        pieces: dict[int, list[tuple[int, str, Matrix]]] = {}
         for law, clip in enumerate(self.clips.values()):
             ends = [*clip.marks] if len(clip.marks) > 1 else [0, len(clip.t) - 1]
             for cycle, (first, last) in enumerate(pairwise(ends)):
@@ -318,8 +318,8 @@ class _Film:
                     if len(part):
                         frame = round(self.clock(float(clip.t[rows[part[-1] + 1]])) * RATE)
                         line = points[part[0] : part[-1] + 2]
-                        found.setdefault(frame, []).append((law, f"elbow/{cycle}-{piece}", line))
-        return found
+                        pieces.setdefault(frame, []).append((law, f"elbow/{cycle}-{piece}", line))
+        return pieces
 
     def caption(self, title: str, text: str) -> dict[str, Any]:
         """What the overlay writes: title, text, and of each law its colour, and (second, error) of each cycle."""
@@ -339,12 +339,12 @@ def _motion(name: str, motion: Any, robot: Robot) -> Motion:
     if not hasattr(motion, "t") or not hasattr(motion, "q"):
         raise ArgumentError(f"the motion of {name}", type(motion).__name__, "give a Trajectory or a Motion")
     status = getattr(motion, "status", Status.COMPLETE)
-    found = Motion(motion.t, motion.q, tuple(getattr(motion, "marks", ())), status)
-    if found.q.shape[1] != robot.n:
+    recorded = Motion(motion.t, motion.q, tuple(getattr(motion, "marks", ())), status)
+    if recorded.q.shape[1] != robot.n:
         raise ShapeError(
-            f"q of {name}", ("k", robot.n), found.q.shape, f"the joints are {', '.join(robot.joint_names)}"
+            f"q of {name}", ("k", robot.n), recorded.q.shape, f"the joints are {', '.join(robot.joint_names)}"
         )
-    return found
+    return recorded
 
 
 def _quiet_server() -> Any:

@@ -93,7 +93,13 @@ class PosturePanel:
         self.self_motion.disabled = not still
         if still:
             self._fit(snap)
-        self._draw_cusps(snap)
+        # The nearest cusp as a ball, the smallest loop as a line; of a leaf that was left it is said.
+        cusps = snap.cusps
+        put(self.far_text, "" if cusps is None else block(line(cusps.sentence), quiet(_where(cusps, snap))))
+        if cusps is not self._cusps:
+            self._cusps = cusps
+            self.page.scene.ball(None if cusps is None else cusps.place, CUSP, "cusp")
+            self.page.scene.path([] if cusps is None else cusps.loop, "cusp", CUSP)
         if snap.cloud is not self._cloud:
             self._cloud = snap.cloud
             self._draw_cloud(snap.cloud)
@@ -159,30 +165,27 @@ class PosturePanel:
                 continue
             self._fitted[name] = key
             try:
-                found = self._range(name, snap.law(self.law.value))
+                slider = self._range(name, snap.law(self.law.value))
             except HolokinError as problem:
-                found = None
+                slider = None
                 if name == LEVEL:
                     put(self.level_text, f"**Level**: {problem}")
-            if found is not None and not found.high > found.low:
-                found = None
-            self._ranges[name] = found
-            handle.disabled = found is None
-            if found is not None:
-                self._scale(handle, found)
+            if slider is not None and not slider.high > slider.low:
+                slider = None
+            self._ranges[name] = slider
+            handle.disabled = slider is None
+            if slider is not None:
+                # A slider in the units of what it moves.
+                with self.page.server.atomic():
+                    scale, unit = self._unit(slider)
+                    handle.label = f"{_what(slider)} [{unit}]" if unit else _what(slider)
+                    fine = 10 if unit in (DEGREES, "mm") else 1000  # what is shown at its ends is rounded inwards
+                    low, high = np.ceil(fine * scale * slider.low) / fine, np.floor(fine * scale * slider.high) / fine
+                    handle.min, handle.max = low, high
+                    handle.step, handle.precision = 1 / fine, 1 if fine == 10 else 3
+                    handle.value = float(np.clip(scale * slider.value, low, high))
                 if name == LEVEL:
-                    self._say_level(found)
-
-    def _scale(self, handle: Any, known: Slider) -> None:
-        """A slider in the units of what it moves."""
-        with self.page.server.atomic():
-            scale, unit = self._unit(known)
-            handle.label = f"{_what(known)} [{unit}]" if unit else _what(known)
-            fine = 10 if unit in (DEGREES, "mm") else 1000  # what is shown at its ends is rounded inwards
-            low, high = np.ceil(fine * scale * known.low) / fine, np.floor(fine * scale * known.high) / fine
-            handle.min, handle.max = low, high
-            handle.step, handle.precision = 1 / fine, 1 if fine == 10 else 3
-            handle.value = float(np.clip(scale * known.value, low, high))
+                    self._say_level(slider)
 
     def _unit(self, known: Slider) -> tuple[float, str]:
         """(factor, name) with which the numbers of a slider are shown."""
@@ -214,15 +217,6 @@ class PosturePanel:
         hints = [COLUMNS, *("" if law.judgement is None else law.judgement.sentence for law in snap.laws)]
         foot = "rcond: 1 is good, 0 singular. curvature: drift over the area of a small loop."
         return block(table(rows, hints), quiet(foot))
-
-    def _draw_cusps(self, snap: Snapshot) -> None:
-        """The nearest cusp as a ball, the smallest loop as a line; of a leaf that was left it is said."""
-        found = snap.cusps
-        put(self.far_text, "" if found is None else block(line(found.sentence), quiet(_where(found, snap))))
-        if found is not self._cusps:
-            self._cusps = found
-            self.page.scene.ball(None if found is None else found.place, CUSP, "cusp")
-            self.page.scene.path([] if found is None else found.loop, "cusp", CUSP)
 
     def _draw_cloud(self, cloud: Cloud | None) -> None:
         if cloud is None:

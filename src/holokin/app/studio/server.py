@@ -76,17 +76,17 @@ class Studio:
         self._opening: tempfile.TemporaryDirectory[str] | None = None
         self.door = Door(host)
         self.server = open_server(host, _free_port(host, port), self.door, Incoming())
-        found = self.server.get_port()
-        self.url = f"{url_of(host, found)}/{self.door.token}/"
+        free = self.server.get_port()
+        self.url = f"{url_of(host, free)}/{self.door.token}/"
         self.notes: list[str] = []
-        if port and found != port:
-            self.notes.append(f"port {port} is in use: the page is at port {found}")
+        if port and free != port:
+            self.notes.append(f"port {port} is in use: the page is at port {free}")
         if not loopback(host):
-            self.notes.append(OPEN.format(host=host, url=f"{url_of(_known_as(host), found)}/{self.door.token}/"))
+            self.notes.append(OPEN.format(host=host, url=f"{url_of(_known_as(host), free)}/{self.door.token}/"))
         self.page = self._shown(session)
         atexit.register(self.close)  # native code of its threads must not run while Python goes down
-        self.server.on_client_connect(self._welcome)
-        self.server.on_client_disconnect(self._farewell)
+        self.server.on_client_connect(lambda _client: self._forget_file())
+        self.server.on_client_disconnect(lambda _client: self.page.handles.let_go())
 
     @property
     def session(self) -> Session:
@@ -135,16 +135,6 @@ class Studio:
             pass
         finally:
             self.close()
-
-    def _welcome(self, client: Any) -> None:
-        """A browser came: its window is looked at now, and whenever its camera or its size changes."""
-        self._forget_file()
-        client.camera.on_update(lambda _camera: self.page.fit(client))
-        self.page.fit(client)
-
-    def _farewell(self, client: Any) -> None:
-        self.page.handles.let_go()
-        self.page.ask(lambda: self.page.cameras.forget(client))
 
     def _shown(self, session: Session, units: PrintedUnits = SI) -> Page:
         self.server.scene.reset()
@@ -207,21 +197,21 @@ def _free_port(host: str, port: int) -> int:
     Raises:
         ArgumentError: the address is none of this machine, or no port is free.
     """
-    found = port
-    for found in range(port, min(port + TRIED, 65536)):
+    candidate = port
+    for candidate in range(port, min(port + TRIED, 65536)):
         try:
-            family, kind, _, _, place = socket.getaddrinfo(host, found, type=socket.SOCK_STREAM)[0]
-            with socket.socket(family, kind) as one:
-                one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0 if os.name == "nt" else 1)
-                one.bind(place)
-            return found
+            family, kind, _, _, place = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0]
+            with socket.socket(family, kind) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0 if os.name == "nt" else 1)
+                probe.bind(place)
+            return candidate
         except (socket.gaierror, UnicodeError):
             break
         except OSError as problem:
             if problem.errno not in (errno.EADDRINUSE, errno.EACCES):
                 break
     else:
-        raise ArgumentError("port", port, f"no port from it to {found} is free: choose another one")
+        raise ArgumentError("port", port, f"no port from it to {candidate} is free: choose another one")
     raise ArgumentError("the host", host, "give an address of this machine, such as 127.0.0.1 or 0.0.0.0")
 
 
@@ -242,11 +232,6 @@ def _session(what: What) -> Session:
     if isinstance(what, Robot):
         return session_of_robot(what, source=what.name)
     return open_session(str(what or DEFAULT))
-
-
-# --------------------------------------------------------------------------------------------------
-# `hk.studio`: a page in the browser. What serves it is loaded when it is called.
-# --------------------------------------------------------------------------------------------------
 
 
 @typed

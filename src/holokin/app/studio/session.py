@@ -6,6 +6,7 @@ All that changes is in a `Session`, behind one lock; what it tells are frozen va
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -13,24 +14,68 @@ from typing import Any
 
 import numpy as np
 
-from ...base.errors import ArgumentError, OpenPathError
+from ...base.errors import ArgumentError, HolokinError, OpenPathError, UnknownNameError
 from ...base.poses import PoseLike
-from ...base.types import ArrayLike, not_negative, positive, whole
+from ...base.types import Array, ArrayLike, Vector, frozen, not_negative, positive, whole
 from ...path.workspaces import Workspace
+from ...robot import Robot, start_posture
 from ...strategies import HolonomicStrategy
+from ...strategies.tasks.task import Task
 from ..job.tables import MOST_STEPS
 from ..job.templates import table, toml
-from .followers import Loop, Run, entered, leaf_start, reversed_loop, state_of
-from .laws import Law, leaves_of
-from .loop import LawGroup, Playing, begin, gather, go, target_of
-from .states import Cloud, CloudStatus, LeafCusps, Origin, Phase, Snapshot, default_workspace
-from .work import Search, Shared, SheetFollower, Worker, cover, look_after, look_for_cusps
+from .followers import (
+    Loop,
+    Move,
+    Run,
+    compiled,
+    entered,
+    leaf_start,
+    loop_fault,
+    new_run,
+    poses_of,
+    put_on_leaf,
+    reversed_loop,
+    state_of,
+)
+from .laws import (
+    WIDTH,
+    Law,
+    Slider,
+    TwoPaths,
+    across,
+    along,
+    leaves_of,
+    level_slider,
+    self_motion_curve,
+    self_slider,
+    two_paths,
+)
+from .loop import Playing, begin, gather, go, target_of
+from .states import (
+    Cloud,
+    CloudStatus,
+    LawStatus,
+    LeafCusps,
+    Origin,
+    Phase,
+    Snapshot,
+    covered,
+    default_workspace,
+    failed_cloud,
+    judged,
+    largest_curvature,
+    leaf_cusps,
+)
+from .work import Search, SheetFollower, Worker, failure
 
 SAMPLES = 512
 """Poses of a cloud."""
 
+REST = 0.3
+"""Seconds between two looks at the postures: no number on a page need change faster than one can read it."""
 
-class Session(LawGroup):
+
+class Session:
     """Several laws of one robot on one tool target. Make one with `open_session`.
 
     Threads may share it: every method takes its lock, and `snapshot` gives a value that never changes. What changes
@@ -56,7 +101,16 @@ class Session(LawGroup):
                 `home`, or it is beyond the limits.
         """
         given = tuple(laws)
-        super().__init__(given, home, limits)
+        if not given:
+            raise ArgumentError("the laws of a session", 0, "give at least one")
+        self._lock = threading.RLock()
+        self.task: Task = given[0].task
+        self.robot: Robot = self.task.robot
+        self.limits = limits
+        self.home: Vector = frozen(start_posture(self.robot, home, limits))
+        self._runs: dict[str, Run] = {}
+        self._message = ""
+        self._target: Array = frozen(self._home_target())
         self.title, self.source, self.origin = title or self.task.name, source, origin
         self._playing = Playing(cycles=cycles)
         self._loop: Loop | None = None
@@ -65,10 +119,6 @@ class Session(LawGroup):
         self._known: Snapshot | None = None
         self._cloud: Cloud | None = None
         self._cusps: LeafCusps | None = None
-        self._shared = Shared(
-            self._lock, lambda: list(self._runs.values()), lambda: self.home, self._changed, self._failed,
-            self._unseen_loop, self._looked_at, limits,
-        )  # fmt: skip
         self.sheets: SheetFollower | None = None
         self._looked = 0
         self._worker: Worker | None = None
@@ -78,6 +128,139 @@ class Session(LawGroup):
             self.add_law(law)
         if loop is not None:
             self.set_loop(loop)
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The laws, in order."""
+        with self._lock:
+            return tuple(run.law for run in self._runs.values())
+
+    def add_law(self, law: Law) -> Snapshot:
+        """One more law, from home; the loop stops. Raises: ArgumentError: its name, its robot. HolokinError."""
+        with self._lock:
+            if law.name in self._runs:
+                raise ArgumentError("the name of a law", law.name, "it is taken: give another one")
+            if law.task.robot is not self.robot:
+                raise ArgumentError("the robot of the law", law.task.robot.name, "take that of the session")
+            self._playing.stop()
+            run = self._runs[law.name] = new_run(law, leaf_start(law, self.home), self.limits)
+            if not np.array_equal(self._target, self._home_target()):
+                run.put(run.follow(run.q, self._target, self._native(run)))
+            return self._changed()
+
+    def drag(self, pose: PoseLike) -> Snapshot:
+        """All laws follow to a tool pose (4, 4), or (F, 4, 4) of a task of F frames; a running loop stops.
+
+        Holonomic laws go where `InverseKinematics.near` leads, others by small velocity steps along the straight path.
+        A law that cannot get there stays where it is, and its status and sentence say why; it goes on as soon as the
+        target is within its reach again. Nothing is raised for such a pose. Where no arm follows the sheets it is told
+        which of them serves.
+
+        Raises:
+            ShapeError, NotFiniteError, ArgumentError: what is no pose.
+        """
+        poses = poses_of(self.task, pose)
+        with self._lock:
+            self._playing.stop()
+            self._target, self._message = frozen(poses), ""
+            for run in self._runs.values():
+                run.put(run.follow(run.q, self._target, self._native(run)))
+            if self.sheets is not None:
+                self.sheets.look(self._target)
+            return self._changed()
+
+    def reset(self) -> Snapshot:
+        """All laws at their home again, each on its leaf; the loop stops, and what was recorded is forgotten."""
+        with self._lock:
+            self._playing.stop()
+            self._target, self._message = frozen(self._home_target()), ""
+            for run in self._runs.values():
+                try:
+                    run.put(Move(leaf_start(run.law, self.home), LawStatus.FOLLOWING))
+                except HolokinError as problem:
+                    run.put(Move(run.q, LawStatus.STOPPED, f"Its leaf has no posture at home: {problem}."))
+                run.forget()
+            return self._changed()
+
+    def two_paths(self, pose: PoseLike, *, width: float = WIDTH, samples: int = 200) -> TwoPaths:
+        """Each law by two paths from its posture to a tool pose (4, 4), and how far its joints end apart.
+
+        As `hk.path_spread` along polylines with a corner `width` [m] to either side. The session does not change.
+
+        Raises:
+            ArgumentError, ShapeError, NotFiniteError: what is no pose; a task of several tools.
+        """
+        wanted = poses_of(self.task, pose)[0]
+        with self._lock:
+            runs = [(run.law, run.q, run.status) for run in self._runs.values()]
+        return two_paths(runs, wanted, positive("width", width), whole("samples", samples), self.limits)
+
+    def self_motion(self, name: str, direction: int = 0) -> Slider:
+        """The slider of one law along its self-motion, from where it stands; see `move_self`.
+
+        direction: which one, from 0 to n - m - 1, where several joints are to spare.
+
+        Raises: UnknownNameError; ArgumentError: no such direction.
+        """
+        with self._lock:
+            run = self._run(name)
+            if direction not in run.curves:
+                run.curves[direction] = self_motion_curve(run.law.task, run.q, self.limits, direction), 0.0
+            return self_slider(run.law, *run.curves[direction], direction)
+
+    def move_self(self, name: str, s: float, direction: int = 0) -> Snapshot:
+        """One law goes to the place s of its slider (arc length from where it stood when the slider was made).
+
+        The tool stays where it is, to 1e-9. A holonomic law is then on another leaf, and keeps it. The loop stops.
+
+        Raises:
+            UnknownNameError; ArgumentError: the slider does not go so far. HolokinError: the law is not defined there.
+        """
+        with self._lock:
+            self.self_motion(name, direction)
+            run = self._run(name)
+            curve = run.curves[direction][0]
+            put_on_leaf(run, along(curve, s), self.limits)
+            run.curves = {direction: (curve, s)}
+            self._playing.stop()
+            return self._changed()
+
+    def level_slider(self, name: str, row: int = 0) -> Slider:
+        """The slider of a row of the level of a holonomic law, with the tool still; degrees for an angle of the arm.
+
+        Raises:
+            UnknownNameError; ArgumentError: a law without leaves, or no such row.
+        """
+        with self._lock:
+            run = self._run(name)
+            if row not in run.levels:  # angles count on through whole turns from here
+                run.levels[row] = level_slider(run.law, run.q, self.limits, row)
+            return run.levels[row]
+
+    def move_level(self, name: str, value: float, row: int = 0) -> Snapshot:
+        """One law goes to a value of its slider, in the slider's unit, through all between, and keeps that leaf.
+
+        Raises:
+            UnknownNameError; ArgumentError: a law without leaves. SingularityError, BranchError, JointLimitError: the
+                self-motion does not lead there; nothing changes then.
+        """
+        with self._lock:
+            slider, run = self.level_slider(name, row), self._run(name)
+            q = across(run.law, run.q, slider, value, row)
+            if self.limits:
+                self.robot.check_limits(q)
+            put_on_leaf(run, q, self.limits)
+            run.levels = {row: replace(slider, value=value)}
+            self._playing.stop()
+            return self._changed()
+
+    def _run(self, name: str) -> Run:
+        if name not in self._runs:
+            raise UnknownNameError("law", name, list(self._runs))
+        return self._runs[name]
+
+    def _home_target(self) -> Array:
+        return self.task.pose(self.home).reshape(-1, 4, 4)
 
     @property
     def loop(self) -> Loop | None:
@@ -171,7 +354,7 @@ class Session(LawGroup):
 
     def with_sheets(self, search: Search) -> Session:
         """The session with a map of sheets, which `find_sheets` makes or reads by this function."""
-        self.sheets = SheetFollower(self._shared, search)
+        self.sheets = SheetFollower(self._lock, self._runs, self._changed, self._tell_failure, search)
         return self
 
     def find_sheets(self) -> Snapshot:
@@ -188,7 +371,7 @@ class Session(LawGroup):
         """
         with self._lock:
             sheets, run = self._mapped(), None if name is None else self._run(name)
-            self._halt()
+            self._playing.stop()
             if run is None:
                 sheets.release(self.limits)
             else:
@@ -200,15 +383,6 @@ class Session(LawGroup):
             raise ArgumentError("the sheets of the session", None, "open a job with a table [sheets]")
         return self.sheets
 
-    def drag(self, pose: PoseLike) -> Snapshot:
-        """As `LawGroup.drag`; where no arm follows the sheets it is told which of them serves."""
-        with self._lock:
-            snap = super().drag(pose)
-            if self.sheets is not None:
-                self.sheets.look(self._target)
-                snap = self._changed()
-            return snap
-
     def start_work(self) -> None:
         """Compile and judge the laws in a thread, and keep the curvature at their postures: `LawState.judgement`.
 
@@ -216,7 +390,11 @@ class Session(LawGroup):
         """
         with self._lock:
             if self._worker is None:
-                self._worker = look_after(self._shared)
+                self._worker = Worker(
+                    "holokin-studio",
+                    self._look_after,
+                    lambda problem: self._tell_failure("The background work ended", problem),
+                )
 
     def start_cloud(self, name: str, region: Workspace | None = None, *, samples: int = SAMPLES) -> Snapshot:
         """The coverage of a workspace by the leaf on which a holonomic law stands, in a thread: `Snapshot.cloud`.
@@ -233,7 +411,23 @@ class Session(LawGroup):
             where = default_workspace(run.law.task, self.home) if region is None else region
             q = leaf_start(run.law, self.home)
             self.cancel_cloud()
-            self._covering = cover(self._shared, name, strategy, q, where, count, self.limits, self._keep)
+
+            def work(closed: threading.Event) -> None:
+                def tell(cloud: Cloud) -> bool:
+                    with self._lock:
+                        if not closed.is_set():
+                            self._cloud = cloud
+                            self._changed()
+                        return not closed.is_set()
+
+                covered(strategy, name, q, where, count, self.limits, tell)
+
+            def failed(problem: Exception) -> None:
+                with self._lock:
+                    self._cloud = failed_cloud(name, failure("The coverage was not found", problem))
+                    self._changed()
+
+            self._covering = Worker("holokin-studio-cloud", work, failed)
             return self._changed()
 
     def cancel_cloud(self) -> Snapshot:
@@ -258,7 +452,21 @@ class Session(LawGroup):
             strategy = leaves_of(run.law)
             self.cancel_cusps()
             self._cusps = LeafCusps(name, run.level, True, f"{name}: cusps are looked for.", None, np.zeros((0, 3)))
-            self._seeking.append(look_for_cusps(self._shared, name, strategy, run.q, self._keep_cusps))
+            q = run.q
+
+            def work(closed: threading.Event) -> None:
+                cusps = leaf_cusps(name, strategy, q)
+                with self._lock:
+                    if not closed.is_set():
+                        self._cusps = cusps
+                        self._changed()
+
+            def failed(problem: Exception) -> None:
+                with self._lock:
+                    self._cusps = None
+                    self._tell_failure("The cusps were not found", problem)
+
+            self._seeking.append(Worker("holokin-studio-cusps", work, failed))
             return self._changed()
 
     def cancel_cusps(self) -> Snapshot:
@@ -295,26 +503,64 @@ class Session(LawGroup):
         self._number += 1
         return self.snapshot()
 
-    def _halt(self) -> None:
-        self._playing.stop()
+    def _tell_failure(self, what: str, problem: Exception) -> None:
+        """Something was not done by a thread, and why."""
+        with self._lock:
+            self._fault = failure(what, problem)
+            self._changed()
 
-    def _keep(self, cloud: Cloud) -> None:
-        self._cloud = cloud
+    def _look_after(self, closed: threading.Event) -> None:
+        """Compile the laws, judge them, and keep the curvature at their postures, until the session is closed.
 
-    def _keep_cusps(self, found: LeafCusps | None) -> None:
-        self._cusps = found
+        Between these it looks round each new loop: which law does not get round it? A thread reads what it needs under
+        the lock, works without it, and tells under it again.
+        """
+        while not closed.is_set():
+            with self._lock:
+                loop = None if self._looked == self._loops else self._loop
+                number, runs = self._loops, list(self._runs.values())
+                waiting = [run for run in runs if not run.ready or run.due]
+                run = min(waiting, key=lambda run: (run.ready, run.judgement is not None), default=None)
+                q = self.home if run is None else run.q
+            if loop is not None:
+                self._look_round(number, loop, runs)
+            elif run is None:
+                closed.wait(REST)
+            else:
+                again = run.judgement is not None
+                self._look_at(run, q)
+                if again:  # while laws move there is always one that is due: leave time for what draws them
+                    closed.wait(REST / len(runs))
 
-    def _failed(self, sentence: str) -> None:
-        self._fault = sentence
+    def _look_round(self, number: int, loop: Loop, runs: list[Run]) -> None:
+        """Tell of the first law that does not get round the loop of a number; another may be there by now."""
+        try:
+            fault = next(filter(None, (loop_fault(run.law, loop, self.home, self.limits) for run in runs)), "")
+        except Exception as problem:  # noqa: BLE001  its thread goes on
+            fault = failure("The loop could not be tried", problem)
+        with self._lock:
+            if number == self._loops:
+                self._looked, self._loop_fault = number, fault
+            self._changed()
 
-    def _unseen_loop(self) -> tuple[int, Loop] | None:
-        """The loop, and its number, that nobody has looked at yet."""
-        return None if self._loop is None or self._looked == self._loops else (self._loops, self._loop)
-
-    def _looked_at(self, number: int, sentence: str) -> None:
-        """What was found on the loop of a number; another loop may be there by now."""
-        if number == self._loops:
-            self._looked, self._loop_fault = number, sentence
+    def _look_at(self, run: Run, q: Vector) -> None:
+        """Compile a law, or judge it at a posture (n,)."""
+        if not run.ready:
+            try:
+                compiled(run.law, self.home)
+            except Exception as problem:  # noqa: BLE001  its thread goes on, with the other laws
+                self._tell_failure(f"{run.law.name} could not be compiled, and follows more slowly", problem)
+        strategy, judgement = run.law.strategy, run.judgement
+        if run.ready and strategy is not None:  # compile all laws first: the loop is smooth then
+            if judgement is None:
+                judgement = judged(strategy, self.home, q)
+            else:
+                judgement = replace(judgement, curvature=largest_curvature(strategy, q), q=q)
+        with self._lock:
+            if judgement is not run.judgement:
+                run.judgement, run.state = judgement, None
+            run.ready = True
+            self._changed()
 
     def _needed(self) -> Loop:
         if self._loop is None:
@@ -329,10 +575,6 @@ class Session(LawGroup):
         target = target_of(self._playing, self._runs.values())
         self._target = self._target if target is None else target
 
-
-# --------------------------------------------------------------------------------------------------
-# `to_job`: a session as a job file, which `holokin run` runs to the same numbers.
-# --------------------------------------------------------------------------------------------------
 
 FILES = ("name", "file")
 """Keys of a job that may hold the name of a file."""
@@ -356,8 +598,8 @@ def to_job(session: Session, title: str | None = None) -> str:
     if session.origin is None:
         cure = "a job names a robot of the catalogue or a file: open the session with that name"
         raise ArgumentError("the robot of the session", session.robot.name, cure)
-    told = [law for law in laws if law.keys is not None]
-    if not told:
+    in_job = [law for law in laws if law.keys is not None]
+    if not in_job:
         raise ArgumentError("the laws that a job can say", 0, "add one of the kinds that jobs have")
     snapshot = session.snapshot()
     cycles = snapshot.cycles or max(1, snapshot.cycle)
@@ -371,7 +613,7 @@ def to_job(session: Session, title: str | None = None) -> str:
     lines.append(f"# {', '.join(session.robot.joint_names)}\n{_part('start', {'q': home.tolist()})}")
     lines.append(_part("path", _placed(path, session.origin.folder)))
     written: set[str] = set()
-    for law in told:
+    for law in in_job:
         label = law.label or law.name
         if label not in written:
             lines.append(_part(f"strategies.{toml(label)}", _keys(law)))
@@ -393,11 +635,11 @@ def _part(name: str, keys: Mapping[str, Any]) -> str:
 
 def _placed(keys: Mapping[str, Any], source: FilePath) -> dict[str, Any]:
     """The keys with the full names of files."""
-    found: dict[str, Any] = {}
+    placed: dict[str, Any] = {}
     for key, value in keys.items():
-        if isinstance(value, list) and value and all(isinstance(one, Mapping) for one in value):
-            value = [_placed(one, source) for one in value]
+        if isinstance(value, list) and value and all(isinstance(entry, Mapping) for entry in value):
+            value = [_placed(entry, source) for entry in value]
         elif key in FILES and isinstance(value, str) and FilePath(value).suffix:
             value = FilePath(os.path.normpath(source / value)).as_posix()
-        found[key] = value
-    return found
+        placed[key] = value
+    return placed

@@ -26,7 +26,6 @@ from .laws import LawPaths
 from .posture_panel import PosturePanel
 from .session import Session, to_job
 from .stage import (
-    BOTTOM_SHEET,
     FAR,
     LEAST,
     Stage,
@@ -45,11 +44,6 @@ from .stage import (
 )
 from .states import FASTEST, SLOWEST, UNITS, USUAL, LawState, Phase, Snapshot, joint_unit, largest
 from .work import SheetFollower, SheetState
-
-# --------------------------------------------------------------------------------------------------
-# The panel of the loop: its shape, centre, radius and plane, corners by clicks, and two paths to
-# one pose.
-# --------------------------------------------------------------------------------------------------
 
 SHOWN = 3.0
 """Seconds in which two paths are shown."""
@@ -141,7 +135,7 @@ class LoopPanel:
             for handle, name in ((self.center, "Centre"), (self.radius, "Radius")):
                 handle.label = f"{name} [{units.length}]"
                 handle.step, handle.precision = handle.step * ratio, 1 if units.length == "mm" else 4
-                value, low, high = (_times(ratio, one) for one in (handle.value, handle.min, handle.max))
+                value, low, high = (_times(ratio, number) for number in (handle.value, handle.min, handle.max))
                 handle.min, handle.max, handle.value = low, high, value
 
     def _tool(self) -> Any:
@@ -164,14 +158,14 @@ class LoopPanel:
             page.say("The tool is at its start: drag it somewhere, and two paths lead there from the start.")
             return
         try:
-            found = page.session.two_paths(wanted)
+            compared = page.session.two_paths(wanted)
         except HolokinError as problem:
             page.session.drag(wanted)
             page.say(str(problem))
             return
-        path = next(path for path in found.by_law if path.name == self.law.value)
+        path = next(path for path in compared.by_law if path.name == self.law.value)
         for index, color in enumerate((CLOCKWISE, COUNTER_CLOCKWISE)):
-            page.scene.path(found.points[index], f"path{index}", color)
+            page.scene.path(compared.points[index], f"path{index}", color)
         if path.sentence:
             self.answer.content = path.sentence
         else:
@@ -201,14 +195,9 @@ class LoopPanel:
 def _times(ratio: float, value: Any) -> Any:
     """A number, or each of several, times a ratio; to twelve digits, so that there and back is what it was."""
     if isinstance(value, tuple | list | np.ndarray):
-        return tuple(_times(ratio, one) for one in value)
+        return tuple(_times(ratio, number) for number in value)
     return float(f"{ratio * float(value):.12g}")
 
-
-# --------------------------------------------------------------------------------------------------
-# The panel of what a session is worked on with: a robot program of a law, its certificate, and
-# advice on laws.
-# --------------------------------------------------------------------------------------------------
 
 ACCELERATION = 2.0
 """Of a program's joints [rad/s^2, m/s^2], until somebody gives another one."""
@@ -227,9 +216,9 @@ class WorkPanel:
     def __init__(self, page: Stage):
         self.page = page
         gui, laws = page.server.gui, page.session.laws
-        told = tuple(law.name for law in laws if law.keys is not None and page.session.origin is not None)
-        off = not told
-        self.law = gui.add_dropdown("Law", told or ("none",), hint="Of the program and of the certificate")
+        in_job = tuple(law.name for law in laws if law.keys is not None and page.session.origin is not None)
+        off = not in_job
+        self.law = gui.add_dropdown("Law", in_job or ("none",), hint="Of the program and of the certificate")
         gui.add_markdown(
             "A **robot program** of the loop with its cycles, timed within the speed limits of the joints."
         )
@@ -248,8 +237,10 @@ class WorkPanel:
         self.advise = gui.add_button("Ask for advice", color="gray", hint="It takes about a minute, and slows the page")
         self.answer = gui.add_html("")
         for button, work in (
-            (self.program, self._program), (self.certify, self._certificate), (self.advise, self._advice),
-        ):  # fmt: skip
+            (self.program, self._program),
+            (self.certify, self._certificate),
+            (self.advise, self._advice),
+        ):
             button.on_click(lambda event, work=work: self._work(event.client, work))
 
     def _work(self, client: Any, work: Any) -> None:
@@ -259,7 +250,7 @@ class WorkPanel:
             self.page.say("")
             self._tell("It is being worked on.")
             try:
-                found = work()
+                file = work()
             except JobError as problem:  # of a file that is there no more
                 self._tell("")
                 self.page.say(f"{problem.key}: {problem.fact}; {problem.cure}. {CURE}")
@@ -267,8 +258,8 @@ class WorkPanel:
             except BaseException:
                 self._tell("")
                 raise
-            if found is not None and client is not None:
-                client.send_file_download(*found, save_immediately=True)
+            if file is not None and client is not None:
+                client.send_file_download(*file, save_immediately=True)
 
         self.page.alone("work", whole)
 
@@ -283,30 +274,32 @@ class WorkPanel:
             timed.save(file.parent / "program" / "joints.csv")
             packed = io.BytesIO()
             with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as box:
-                for one in sorted((file.parent / "program").iterdir()):
-                    box.write(one, one.name)
-        said = f"{program.targets} targets, {timed.duration:.3g} s, {timed.profile}."
-        self._tell(said, *program.notes)
+                for part in sorted((file.parent / "program").iterdir()):
+                    box.write(part, part.name)
+        sentence = f"{program.targets} targets, {timed.duration:.3g} s, {timed.profile}."
+        self._tell(sentence, *program.notes)
         return f"{name}-{language}.zip", packed.getvalue()
 
     def _certificate(self) -> tuple[str, bytes] | None:
         label = self._label()
         with _saved_job(self.page.session) as (name, job, file):
             chosen = job.model_copy(update={"strategies": {label: job.strategies[label]}})
-            found = next(one for title, one in certify_job(chosen, file) if title in (label, self.law.value))
-            if not isinstance(found, Certificate):
-                self._tell(f"{self.law.value} is not certified: {found}")
+            certificate = next(
+                answer for title, answer in certify_job(chosen, file) if title in (label, self.law.value)
+            )
+            if not isinstance(certificate, Certificate):
+                self._tell(f"{self.law.value} is not certified: {certificate}")
                 return None
-            self._tell(found.theorem)
-            return f"{name}-certificate.json", found.save(file.parent / "certificate.json").read_bytes()
+            self._tell(certificate.theorem)
+            return f"{name}-certificate.json", certificate.save(file.parent / "certificate.json").read_bytes()
 
     def _advice(self) -> None:
         session = self.page.session
         if session.task.frames > 1:
             raise ArgumentError("advice", session.task.name, "it is given for robots with one tool")
         task = "position" if session.task.orientation is None else "pose"
-        found = advise(session.robot, task=task, q0=session.home, say=self._tell)
-        self._tell(f"The best is {found.best.name}.", *found.reasons)
+        advice = advise(session.robot, task=task, q0=session.home, say=self._tell)
+        self._tell(f"The best is {advice.best.name}.", *advice.reasons)
 
     def _label(self) -> str:
         """The name in a job of the law that is chosen."""
@@ -322,12 +315,6 @@ def _saved_job(session: Session) -> Iterator[tuple[str, Job, FilePath]]:
         file = FilePath(folder, f"{name}.toml")
         file.write_text(to_job(session), "utf-8")
         yield open_one_job(str(file))
-
-
-# --------------------------------------------------------------------------------------------------
-# The panel of sheets: which one serves the dragged tool, and the switch by which an arm follows
-# them.
-# --------------------------------------------------------------------------------------------------
 
 
 class SheetsPanel:
@@ -377,14 +364,11 @@ def _told(state: SheetState) -> str:
         for s in range(state.count)
     ]
     who = quiet(f"{state.law} follows the sheets." if state.law else "No arm follows the sheets.")
-    said = line(state.sentence) if state.sheet >= 0 else warning(state.sentence)
-    return block(table(rows), said, warning(state.why), who, quiet(f"{state.about}."))
+    sentence = line(state.sentence) if state.sheet >= 0 else warning(state.sentence)
+    return block(table(rows), sentence, warning(state.why), who, quiet(f"{state.about}."))
 
 
-# --------------------------------------------------------------------------------------------------
-# What goes out of the page: a job file, a picture, a GIF, a recording. All of it is downloaded by
-# the browser.
-# --------------------------------------------------------------------------------------------------
+# --- What goes out of the page: a job file, a picture, a GIF, a recording. All of it is downloaded by the browser.
 
 PICTURES, PAUSE = 60, 0.1
 """Pictures of a GIF at most, and the time between two [s]."""
@@ -420,9 +404,11 @@ class SavePanel:
     def _connect(self) -> None:
         page = self.page
         for button, make in (
-            (self.job, self._job), (self.picture, self._picture), (self.film, self._film),
+            (self.job, self._job),
+            (self.picture, self._picture),
+            (self.film, self._film),
             (self.recording, self._recording),
-        ):  # fmt: skip
+        ):
 
             @button.on_click
             def _(event: Any, make: Any = make) -> None:
@@ -512,7 +498,7 @@ class Panels:
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
         gui.main_panel.dock_right()
         gui.main_panel.set_width(350)
-        self.head = gui.add_html(f'{BOTTOM_SHEET}<div class="holokin-head">{self._head()}</div>')
+        self.head = gui.add_html(self._head())
         self.doing = gui.add_html("")
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):

@@ -11,12 +11,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...base.poses import pose_from
-from ...base.types import ArrayLike, Matrix, Vector
+from ...base.types import Matrix, Vector
 from ...base.units import PrintedUnits
 from ...robot import reach
 from ..report.plots import BAD, GOOD, GREY, HOLONOMIC, INK, LOOP, PALE, rgb, thin
 from .followers import Loop, circle_loop, polygon_loop
-from .page_scene import FOV, Scene, pose_of, wxyz_of
+from .page_scene import Scene, pose_of, wxyz_of
 from .session import Session
 from .states import Phase, Snapshot, joint_factors, joint_unit, largest
 
@@ -75,10 +75,7 @@ class Stage(Protocol):
         ...
 
 
-# --------------------------------------------------------------------------------------------------
-# What is dragged in the page: the tool, the loop's centre, plane and radius, and the corners of a
-# polygon.
-# --------------------------------------------------------------------------------------------------
+# --- What is dragged in the page: the tool, the loop's centre, plane and radius, and the corners of a polygon.
 
 LEAST = 0.005
 """Smallest radius of a loop that can be dragged [m]."""
@@ -120,11 +117,11 @@ class Handles:
 
     def place_loop(self, loop: Loop | None) -> None:
         """The handles of a circle on it; of what is no circle there are none."""
-        found = circle_of(loop)
-        self._loop.visible = self._radius.visible = self.loop_wanted and found is not None
-        if loop is None or found is None:
+        circle = circle_of(loop)
+        self._loop.visible = self._radius.visible = self.loop_wanted and circle is not None
+        if loop is None or circle is None:
             return
-        center, normal, radius = found
+        center, normal, radius = circle
         frame = frame_of(normal, loop.path.start[:3] - center)
         if "loop" not in self._held:
             self._loop.position, self._loop.wxyz = center, wxyz_of(frame)
@@ -189,7 +186,9 @@ class Handles:
 
         @handle.on_update
         async def _(event: Any) -> None:
-            self._hold(name, event.phase)
+            (self._held.discard if event.phase == "end" else self._held.add)(name)
+            if event.phase == "end":
+                self.page.drawn = -1
             if event.phase != "start":
                 pose = pose_of(event.target.position, event.target.wxyz)
                 self.page.ask(lambda: then(pose), name)
@@ -213,11 +212,6 @@ class Handles:
         self._dragged(radius, "radius", lambda pose: self._set_radius(pose[:3, 3]))
         return loop, radius
 
-    def _hold(self, name: str, phase: str) -> None:
-        (self._held.discard if phase == "end" else self._held.add)(name)
-        if phase == "end":
-            self.page.drawn = -1
-
     def let_go(self) -> None:
         """Nobody drags: of a browser that went away no end of its drag is heard."""
         self._held.clear()
@@ -225,18 +219,18 @@ class Handles:
 
     def _set_circle(self, center: Vector, normal: Vector, radius: float | None) -> None:
         old = self.page.session.loop
-        found = circle_of(old)
-        if old is None or found is None:
+        circle = circle_of(old)
+        if old is None or circle is None:
             return
-        size = found[2] if radius is None else radius
+        size = circle[2] if radius is None else radius
         near = self.page.session.snapshot().target[0][:3, 3]
         loop = circle_loop(center, size, normal, near=near, clockwise=old.clockwise, samples=old.samples)
         self.page.session.set_loop(loop)
 
     def _set_radius(self, place: Vector) -> None:
-        found = circle_of(self.page.session.loop)
-        if found is not None:
-            self._set_circle(found[0], found[1], max(float(np.linalg.norm(place - found[0])), LEAST))
+        circle = circle_of(self.page.session.loop)
+        if circle is not None:
+            self._set_circle(circle[0], circle[1], max(float(np.linalg.norm(place - circle[0])), LEAST))
 
 
 def circle_of(loop: Loop | None) -> tuple[Vector, Vector, float] | None:
@@ -257,9 +251,7 @@ def frame_of(normal: Vector, towards: Vector) -> Matrix:
     return pose_from(np.zeros(3), np.column_stack([-x, np.cross(normal, -x), normal]))
 
 
-# --------------------------------------------------------------------------------------------------
-# Small pieces of HTML for the panels of the page.
-# --------------------------------------------------------------------------------------------------
+# --- Small pieces of HTML for the panels of the page.
 
 Cell = str
 """HTML of a cell: what a user wrote was escaped."""
@@ -307,18 +299,18 @@ def ramp(low: str, high: str, left: str, right: str) -> str:
 def short_names(names: Sequence[str], most: int = 14) -> list[str]:
     """Names without the words that all of them begin or end with, and what is too long still without its end."""
     words = [re.split("([_/.])", name) for name in names]
-    first = 2 * (_shared([one[::2] for one in words]) if len(words) > 1 else 0)
-    last = 2 * (_shared([one[first:][::-2] for one in words]) if len(words) > 1 else 0)
-    if any(one[first : first + 1][0].isdigit() for one in words):  # "joint_1" tells more than "1"
+    first = 2 * (_shared([parts[::2] for parts in words]) if len(words) > 1 else 0)
+    last = 2 * (_shared([parts[first:][::-2] for parts in words]) if len(words) > 1 else 0)
+    if any(parts[first : first + 1][0].isdigit() for parts in words):  # "joint_1" tells more than "1"
         first = max(first - 2, 0)
-    found = ["".join(one[first : len(one) - last]) for one in words]
-    return [name if len(name) <= most else f"{name[: most - 1]}\u2026" for name in found]
+    shortened = ["".join(parts[first : len(parts) - last]) for parts in words]
+    return [name if len(name) <= most else f"{name[: most - 1]}\u2026" for name in shortened]
 
 
 def _shared(words: Sequence[Sequence[str]]) -> int:
     """How many words all begin with; of each at least one is left."""
-    least = min(map(len, words)) - 1
-    return next((i for i in range(least) if len({one[i] for one in words}) > 1), max(least, 0))
+    most = min(map(len, words)) - 1
+    return next((i for i in range(most) if len({parts[i] for parts in words}) > 1), max(most, 0))
 
 
 def plain(text: str, red: bool = False, grey: bool = False, right: bool = False) -> Cell:
@@ -335,24 +327,24 @@ def named(name: str, note: str = "") -> Cell:
 
 def table(rows: Sequence[Sequence[Cell]], hints: Sequence[str] = ()) -> str:
     """Cells in rows; a hint is shown where the mouse rests on its row."""
-    said = [*hints, *[""] * (len(rows) - len(hints))]
+    titles = [*hints, *[""] * (len(rows) - len(hints))]
     lines = [
         f'<tr title="{escape(hint)}">{"".join(f"<td>{cell}</td>" for cell in row)}</tr>'
-        for row, hint in zip(rows, said, strict=True)
+        for row, hint in zip(rows, titles, strict=True)
     ]
     return f'<table style="width:100%;font-size:12.5px;color:{INK};border-spacing:2px 3px">{"".join(lines)}</table>'
 
 
 def marks(values: Sequence[float], colors: Sequence[str], ended: bool) -> Cell:
     """A bar with a mark at each of some shares of 0 to 1; `ended`: the ends of the bar are limits."""
-    found = ""
+    html = ""
     for index, (value, color) in enumerate(zip(values, colors, strict=False)):
         place = f"left:calc({100 * value:.1f}% - 2px);top:{-1 if index else -3}px"
         size = f"width:4px;height:{14 if index else 18}px;border-radius:2px"
-        found += f'<div style="position:absolute;{place};{size};background:{color}"></div>'
+        html += f'<div style="position:absolute;{place};{size};background:{color}"></div>'
     edge = f"2px solid {INK if ended else PALE}"
     style = f"position:relative;height:12px;min-width:120px;background:{PALE};border-left:{edge};border-right:{edge}"
-    return f'<div style="{style}">{found}</div>'
+    return f'<div style="{style}">{html}</div>'
 
 
 def put(handle: Any, content: str) -> None:
@@ -365,11 +357,6 @@ def file_name(title: str) -> str:
     """A title as the name of a file."""
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:60] or "studio"
 
-
-# --------------------------------------------------------------------------------------------------
-# Live plots of a page: drift after each cycle, a joint of all laws over time, and the joints
-# between their limits.
-# --------------------------------------------------------------------------------------------------
 
 MOST_LINES = 12
 """Laws in a plot at most: more lines nobody tells apart."""
@@ -455,8 +442,8 @@ class Charts:
         return f"Joint [{joint_unit(self.page.units, self.page.session.robot)}]"
 
     def _scales(self, soft: bool) -> dict[str, Any]:
-        least = SOFT * joint_factors(self.page.units, self.page.session.robot).max()
-        grows = {"min": {"pad": 0.05, "soft": 0.0, "mode": 1}, "max": {"pad": 0.05, "soft": least, "mode": 1}}
+        smallest = SOFT * joint_factors(self.page.units, self.page.session.robot).max()
+        grows = {"min": {"pad": 0.05, "soft": 0.0, "mode": 1}, "max": {"pad": 0.05, "soft": smallest, "mode": 1}}
         return {"x": {"time": False}, **({"y": {"range": grows}} if soft else {})}
 
     def _plot(self, across: str, dots: bool) -> Any:
@@ -506,90 +493,3 @@ def _at(t: Vector, known: Vector, history: Any, joint: int) -> Vector:
     if len(known) < 2:
         return np.full(len(t), np.nan)
     return np.interp(t, known, history[:, joint], left=np.nan, right=np.nan)
-
-
-# --------------------------------------------------------------------------------------------------
-# `Cameras`: each browser sees all of the robot in the part of its window that no panel covers.
-# --------------------------------------------------------------------------------------------------
-
-FILLED = 0.88
-"""Share of the picture's width and height that what is shown takes at most."""
-
-UNMOVED = 1e-3
-"""How far a camera may be from where it was put, over its distance to the robot, if nobody moved it: browsers round."""
-
-RESHAPED = 0.01
-"""Change of the picture's width over its height from which the robot is fitted in again."""
-
-BOTTOM_SHEET = """<style>@media (max-width: 36em) {
-#root .mantine-Paper-root[style*="position: fixed"], .mantine-Paper-root div[style="width: 20em;"]
-{ width: 100% !important; max-height: 58% !important; }
-body:not(:has([style*="display: none"] .holokin-head))
-#root div[style*="background-color"]:has(> div > div > div > canvas) { height: 42% !important; }
-}</style>"""
-"""On a window as narrow as a telephone's viser lays its panel over the scene, at the bottom: there the scene ends above
-it, as long as the panel is open. Where viser's page is built in another way, this does nothing."""
-
-
-def fitted(points: ArrayLike, away: Vector, aspect: float) -> tuple[Vector, Vector]:
-    """(place of the camera, point it looks at) (3,) [m]: the nearest place from which points (k, 3) fit in.
-
-    A point at x to the right, y above and z towards the camera is in the picture of a camera at c where
-    |x - c_x| <= T (c_z - z); so for each axis c_z >= (max(x + T z) + max(T z - x)) / (2 T).
-
-    Args:
-        away: unit vector (3,) from the points towards the camera; not upright.
-        aspect: width over height of the picture.
-    """
-    right = np.cross([0.0, 0.0, 1.0], away)
-    right /= np.linalg.norm(right)
-    axes = np.stack([right, np.cross(away, right), away])
-    seen = np.asarray(points, dtype=float).reshape(-1, 3) @ axes.T
-    slopes = FILLED * np.tan(FOV / 2) * np.array([aspect, 1.0])
-    ends = [((x + t * seen[:, 2]).max(), (t * seen[:, 2] - x).max()) for x, t in zip(seen.T, slopes, strict=False)]
-    far = max((high + low) / (2 * t) for (high, low), t in zip(ends, slopes, strict=True))
-    across = [(high - low) / 2 for high, low in ends]
-    middle = (seen[:, 2].max() + seen[:, 2].min()) / 2
-    return np.array([*across, far]) @ axes, np.array([*across, middle]) @ axes
-
-
-class Cameras:
-    """The cameras of all browsers on a scene; a camera that somebody moved stays where it is until it is reset.
-
-    Args:
-        points: (k, 3) [m], what shall be seen besides the robot.
-    """
-
-    def __init__(self, scene: Scene, points: Matrix) -> None:
-        self._away, shown = scene.outlook(points)
-        self._points = shown
-        self._first = fitted(shown, self._away, 1.0)
-        self._given: dict[int, tuple[float, Vector]] = {}
-        scene.look_from(*self._first)
-
-    def fit(self, client: Any, anew: bool = False) -> None:
-        """Put the camera of a browser where its window shows all; `anew`: wherever it is.
-
-        Browsers tell where they look from whenever they were moved, reset, or their window got another size.
-        """
-        camera = client.camera
-        if not camera.image_width or not camera.image_height:
-            return
-        aspect, place = camera.image_width / camera.image_height, np.asarray(camera.position)
-        before = self._given.get(client.client_id)
-        as_put = before is not None and self._near(place, before[1])
-        if as_put and before is not None and abs(aspect / before[0] - 1) < RESHAPED:
-            return
-        if not (anew or as_put or self._near(place, self._first[0])):
-            return
-        put, at = fitted(self._points, self._away, aspect)
-        self._given[client.client_id] = aspect, put
-        with client.atomic():
-            camera.position, camera.look_at = put, at
-
-    def forget(self, client: Any) -> None:
-        """A browser went away."""
-        self._given.pop(client.client_id, None)
-
-    def _near(self, place: Vector, put: Vector) -> bool:
-        return bool(np.linalg.norm(place - put) < UNMOVED * np.linalg.norm(put - self._first[1]))

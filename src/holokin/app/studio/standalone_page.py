@@ -63,10 +63,6 @@ from .followers import leaf_start, loop_start
 from .laws import Law
 from .session import Session
 
-# --------------------------------------------------------------------------------------------------
-# An arm as a page draws it: rods, discs and beams, each between two points of a link.
-# --------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True, eq=False)
 class DrawnArm:
@@ -93,9 +89,9 @@ class DrawnArm:
     def function(self) -> Function:
         """q -> points in the base's frame (3 k,): the tool's, then both ends of each piece."""
         robot = self.task.robot
-        q, tip = symbol("q", robot.n), robot.tip(self.task.tip)
+        q, tip = symbol("q", robot.n), robot._find_tip(self.task.tip)
         joints = sorted({part.joint for part in self.parts} - {-1})
-        frames = {j: robot.kinematics_at(q, j, np.eye(4)) for j in joints}
+        frames = {j: robot._kinematics_at(q, j, np.eye(4)) for j in joints}
         rows = [robot.kinematics(q, tip.name).position]
         for part in self.parts:
             for end in _ends(part):
@@ -148,10 +144,7 @@ def _ends(piece: Piece) -> tuple[Vector, Vector]:
     return T[:3, 3] - half * T[:3, 2], T[:3, 3] + half * T[:3, 2]
 
 
-# --------------------------------------------------------------------------------------------------
-# A strategy as WebAssembly: the C by which `hk.follow` goes along a path, compiled by zig for a
-# browser.
-# --------------------------------------------------------------------------------------------------
+# --- A strategy as WebAssembly: the C by which `hk.follow` goes along a path, compiled by zig for a browser.
 
 PATIENCE = 300.0
 """Seconds that the compiler may take: at its first call it builds the C library of WebAssembly, some 20 seconds."""
@@ -218,11 +211,11 @@ def _wasm_of(code: str, name: str) -> bytes:
         source.write_text(code, "utf-8")
         command = (sys.executable, "-m", "ziglang", "cc", *FLAGS, "-Wl,--strip-all", str(source), "-o", str(module))
         try:
-            status, said = call(command, PATIENCE, "stderr")
+            status, output = call(command, PATIENCE, "stderr")
         except (OSError, subprocess.TimeoutExpired) as problem:
             raise ExportError(f"zig did not compile {name!r} ({problem})", "try again, or take a shorter law") from None
         if status != 0 or not module.is_file():
-            complaint = next((line for line in said.splitlines() if "error" in line), f"code {status}").strip()
+            complaint = next((line for line in output.splitlines() if "error" in line), f"code {status}").strip()
             raise ExportError(f"zig refused the C of {name!r} ({complaint})", "please report it, with the job")
         return module.read_bytes()
 
@@ -234,18 +227,15 @@ def packed(data: bytes) -> str:
 
 def _begin_of(strategy: Strategy, q0: Vector, p: Vector, R: Matrix) -> dict[str, Any]:
     """What a run begins with: joints, the state behind them (p, R, c), and the side of det [J; J_g]."""
-    leaf, found = by_leaf(strategy), {"q0": q0.tolist(), "state": [], "side": 0.0}
+    leaf, state = by_leaf(strategy), {"q0": q0.tolist(), "state": [], "side": 0.0}
     if leaf is None:
-        return found
+        return state
     c = leaf_value(leaf, q0)
     side = float(leaf_step(leaf)(q0, p, R, c)[3])
-    return found | {"state": [*p.tolist(), *R.ravel().tolist(), *c.tolist()], "side": side}
+    return state | {"state": [*p.tolist(), *R.ravel().tolist(), *c.tolist()], "side": side}
 
 
-# --------------------------------------------------------------------------------------------------
-# The HTML of a page from its parts. What is the user's is escaped, and nothing but the page's own
-# script may run.
-# --------------------------------------------------------------------------------------------------
+# --- The HTML of a page from its parts. What is the user's is escaped, and nothing but the page's own script may run.
 
 SCRIPTS = ("stage.js", "loops.js", "law.js", "charts.js", "play.js")
 
@@ -365,14 +355,14 @@ def web_page(
     if path is not None and not _is_circle(path):
         offered.append(_loop(PageLoop("The planned path", path, starts[0]), strategies, starts, arm))
     for more in loops:
-        one = task.robot.checked(more.q0, f"the start posture of {more.name!r}")
-        offered.append(_loop(more, strategies, [one] * len(strategies), arm))
+        posture = task.robot.checked(more.q0, f"the start posture of {more.name!r}")
+        offered.append(_loop(more, strategies, [posture] * len(strategies), arm))
     plane = 2 if task.robot.planar else _plane(loop)
     data = {
         "joints": [{"name": joint.name, "unit": joint.unit} for joint in task.robot.coordinates],
         "steps": STEPS, "rounds": ROUNDS, "planar": task.robot.planar, "plane": plane, "size": _path_size(loop, plane),
         "pieces": arm.pieces, "loops": offered,
-        "laws": _modules(laws, arm, max(2, *(len(one["counts"]) for one in offered))),
+        "laws": _modules(laws, arm, max(2, *(len(posture["counts"]) for posture in offered))),
     }  # fmt: skip
     return WebPage(page_text(title or f"{task.robot.name}: drag the loop", text, data))
 
@@ -380,29 +370,31 @@ def web_page(
 def cusp_loop(witness: CuspWitness, rule: str = "the rule") -> PageLoop:
     """The loop of a cusp for a page, which says how far the joints end from where they began."""
     turn = np.degrees(witness.turn)
-    said = (
+    sentence = (
         f"This loop is {100 * witness.length:.1f} cm long, and the tool turns by {turn:.0f} degrees on it. "
         f"It goes round a cusp of {rule}. The joints end {witness.apart:.2f} rad from where they began, "
         "though no posture on it is singular and the rule is kept all the way. "
         "A rule is repeatable within a region of tool poses. No such region contains this loop."
     )
-    return PageLoop("A loop round a cusp", witness.path, witness.first, said, rounds=1)
+    return PageLoop("A loop round a cusp", witness.path, witness.first, sentence, rounds=1)
 
 
 def _checked(laws: Mapping[str, Strategy]) -> list[Strategy]:
     """The laws. Raises: ArgumentError."""
-    found = list(laws.values())
-    if not 1 <= len(found) <= MOST_LAWS:
-        raise ArgumentError("the number of laws on a page", len(found), f"give one to {MOST_LAWS}")
-    for one, other in pairwise(found):
-        same = one.task.robot == other.task.robot and (one.task.m, one.task.tip) == (other.task.m, other.task.tip)
+    strategies = list(laws.values())
+    if not 1 <= len(strategies) <= MOST_LAWS:
+        raise ArgumentError("the number of laws on a page", len(strategies), f"give one to {MOST_LAWS}")
+    for law, other in pairwise(strategies):
+        same = law.task.robot == other.task.robot and (law.task.m, law.task.tip) == (other.task.m, other.task.tip)
         if not same:
             raise ArgumentError("the laws of a page", list(laws), "give those of one robot and one task")
-    for one in found:
-        of_one_tool(one.task, "a page")
-    if not found[0].task.spatial:
-        raise ArgumentError("the task", found[0].task.name, "a page leads a tool in space: take a position or a pose")
-    return found
+    for law in strategies:
+        of_one_tool(law.task, "a page")
+    if not strategies[0].task._spatial:
+        raise ArgumentError(
+            "the task", strategies[0].task.name, "a page leads a tool in space: take a position or a pose"
+        )
+    return strategies
 
 
 def _starts(laws: Sequence[Strategy], q0: ArrayLike) -> list[Vector]:
@@ -417,12 +409,12 @@ def _starts(laws: Sequence[Strategy], q0: ArrayLike) -> list[Vector]:
 
 def _modules(laws: Mapping[str, Strategy], arm: DrawnArm, segments: int) -> list[dict[str, Any]]:
     """Each law for the page: name, colour, module."""
-    colors, found = law_colors([isinstance(law, HolonomicStrategy) for law in laws.values()]), []
+    colors, modules = law_colors([isinstance(law, HolonomicStrategy) for law in laws.values()]), []
     for (name, law), color in zip(laws.items(), colors, strict=True):
         code = law_code(law, arm, segments)
         its = {"name": name, "leaf": by_leaf(law) is not None, "color": color}
-        found.append(its | {"code": digest(code), "module": packed(_wasm_of(code, name))})
-    return found
+        modules.append(its | {"code": digest(code), "module": packed(_wasm_of(code, name))})
+    return modules
 
 
 def _loop(loop: PageLoop, laws: Sequence[Strategy], starts: Sequence[Vector], arm: DrawnArm) -> dict[str, Any]:
@@ -430,7 +422,7 @@ def _loop(loop: PageLoop, laws: Sequence[Strategy], starts: Sequence[Vector], ar
     task, path = laws[0].task, loop.path
     if not path.closed:
         raise OpenPathError("a page", path.gap)
-    plan = make_plan(task, path, STEPS, task.place(starts[0])[1])
+    plan = make_plan(task, path, STEPS, task._place(starts[0])[1])
     p, R = plan.first
     for law, q in zip(laws, starts, strict=True):
         task.robot.check_limits(q)
@@ -446,13 +438,13 @@ def _loop(loop: PageLoop, laws: Sequence[Strategy], starts: Sequence[Vector], ar
 
 def _postures(laws: Sequence[Strategy], path: Path, starts: Sequence[Vector]) -> Matrix:
     """Some postures (k, n) of the first rounds, by which a view is chosen; of a law that stops those before."""
-    found = [starts[0]]
+    postures = [starts[0]]
     for law, q in zip(laws, starts, strict=True):
         try:
-            found += list(follow(law, path, q, samples=LOOKED).q)
+            postures += list(follow(law, path, q, samples=LOOKED).q)
         except PathError as problem:
-            found += [] if problem.trajectory is None else list(problem.trajectory.q)
-    return np.array(found)
+            postures += [] if problem.trajectory is None else list(problem.trajectory.q)
+    return np.array(postures)
 
 
 def _is_circle(path: Path) -> bool:
@@ -464,7 +456,7 @@ def _is_circle(path: Path) -> bool:
 
 def _first_circle(task: Task, q0: Vector) -> Path:
     """A level circle that lies towards the base."""
-    start = task.place(q0)[0][:3]
+    start = task._place(q0)[0][:3]
     inward = -np.sign(start[0]) or -1.0
     return circle(start, start + [inward * SMALL / 2 * DrawnArm.of(task, q0[None]).size(q0), 0.0, 0.0])
 
@@ -482,10 +474,7 @@ def _plane(path: Path) -> int:
     return int(area.argmax()) if area.max() > 0 else 2
 
 
-# --------------------------------------------------------------------------------------------------
-# From a session to a page that needs no installation: which laws, where they begin, and whether
-# they get round.
-# --------------------------------------------------------------------------------------------------
+# --- From a session to a page that needs no installation: which laws, where they begin, and whether they get round.
 
 
 @dataclass(frozen=True, eq=False)
@@ -505,22 +494,22 @@ class PagePlan(Value):
     @cached_property
     def rounds(self) -> dict[str, Trajectory | HolokinError]:
         """Each law's name, and its first round of the path, or why it does not get round; nothing without a path."""
-        found: dict[str, Trajectory | HolokinError] = {}
+        rounds: dict[str, Trajectory | HolokinError] = {}
         for (name, law), start in zip(self.strategies.items(), self.starts, strict=True):
             if self.path is not None:
                 try:
-                    found[name] = follow(law, self.path, start, samples=STEPS)
+                    rounds[name] = follow(law, self.path, start, samples=STEPS)
                 except HolokinError as problem:
-                    found[name] = problem
-        return found
+                    rounds[name] = problem
+        return rounds
 
     def checked(self, job: Job) -> CheckReport | None:
         """What the [checks] of a job find of the round of the second law; None where it has none, or gets round not."""
-        found = self.rounds.get(self.laws[1].name)
-        if job.checks is None or not isinstance(found, Trajectory):
+        trajectory = self.rounds.get(self.laws[1].name)
+        if job.checks is None or not isinstance(trajectory, Trajectory):
             return None
         task = self.laws[1].task
-        return job.checks.checked(found, task.robot, task)
+        return job.checks.checked(trajectory, task.robot, task)
 
     def cusp_loops(self) -> list[PageLoop]:
         """The smallest loop that is found round a cusp of the second law, if there is one.

@@ -208,10 +208,6 @@ class Snapshot:
         return float((q.max(axis=0) - q.min(axis=0)).max(initial=0.0)) if len(q) else 0.0
 
 
-# --------------------------------------------------------------------------------------------------
-# What a law's joints did since its loop began, in bounded memory: thinned out as it gets longer.
-# --------------------------------------------------------------------------------------------------
-
 ROWS = 4096
 """Samples that are kept; when they are full every second one is dropped, so that a plot shows all of a long run."""
 
@@ -250,9 +246,7 @@ class History:
         return t, q
 
 
-# --------------------------------------------------------------------------------------------------
-# The coverage of a workspace by one law, piece by piece, as points to draw.
-# --------------------------------------------------------------------------------------------------
+# --- The coverage of a workspace by one law, piece by piece, as points to draw.
 
 PIECE = 32
 """Poses between two looks at whether to go on: some 50 ms where the arm is searched for other postures."""
@@ -317,9 +311,7 @@ def _margins(q: Matrix, lower: Vector, upper: Vector) -> Vector:
     return shares.min(axis=1, initial=1.0)
 
 
-# --------------------------------------------------------------------------------------------------
-# What is said of a law: whether it is holonomic about its start, and its curvature at a posture.
-# --------------------------------------------------------------------------------------------------
+# --- What is said of a law: whether it is holonomic about its start, and its curvature at a posture.
 
 RADIUS = 0.2
 """Half side [joint units] of the box about the start in which a law is judged, as in jobs."""
@@ -343,48 +335,44 @@ def largest_curvature(strategy: Strategy, q: Vector) -> float:
         return np.nan
 
 
-# --------------------------------------------------------------------------------------------------
-# How far a law's leaf is one function of the tool pose: the cusps that are found on it, as a page
-# shows them.
-# --------------------------------------------------------------------------------------------------
-
 POINTS = 120
 """Points of the line of a loop."""
 
 
 def leaf_cusps(name: str, strategy: HolonomicStrategy, q: Vector) -> LeafCusps:
     """Those of the leaf through a posture (n,), and how far they are from the tool there."""
-    found = cusps_near(strategy, q, pose_cloud(strategy.task.pose(q)[None]))
-    place = None if found.pose is None else found.pose[:3, 3]
-    least = None if found.found is None else found.found.witness
-    loop = np.zeros((0, 3)) if least is None else least.path.at(np.linspace(0, least.path.duration, POINTS)).position
-    return LeafCusps(name, leaf_value(strategy, q), False, _sentence(name, found), place, loop)
+    cusps = cusps_near(strategy, q, pose_cloud(strategy.task.pose(q)[None]))
+    place = None if cusps.pose is None else cusps.pose[:3, 3]
+    smallest = None if cusps.found is None else cusps.found.witness
+    loop = (
+        np.zeros((0, 3))
+        if smallest is None
+        else smallest.path.at(np.linspace(0, smallest.path.duration, POINTS)).position
+    )
+    return LeafCusps(name, leaf_value(strategy, q), False, _sentence(name, cusps), place, loop)
 
 
-def _sentence(name: str, found: NearbyCusps) -> str:
+def _sentence(name: str, cusps: NearbyCusps) -> str:
     """What was found, in a line or two."""
-    if found.found is None:
-        return f"{name}: cusps were not looked for: {found.reason}"
-    if found.found.excluded:
-        return f"{name}: its leaf has no cusp: {found.found.excluded}."
-    if found.pose is None:
+    if cusps.found is None:
+        return f"{name}: cusps were not looked for: {cusps.reason}"
+    if cusps.found.excluded:
+        return f"{name}: its leaf has no cusp: {cusps.found.excluded}."
+    if cusps.pose is None:
         return (
-            f"{name}: no cusp was found within the joint limits from {found.found.starts:,} starts, which is no proof."
+            f"{name}: no cusp was found within the joint limits from {cusps.found.starts:,} starts, which is no proof."
         )
-    said = f"{name}: the nearest cusp found within the joint limits is {found.away:.2g} m away."
-    least = found.found.witness
-    if least is None:
-        return f"{said} No tool loop round a cusp was found."
+    sentence = f"{name}: the nearest cusp found within the joint limits is {cusps.away:.2g} m away."
+    smallest = cusps.found.witness
+    if smallest is None:
+        return f"{sentence} No tool loop round a cusp was found."
     return (
-        f"{said} The smallest tool loop found is {least.length:.2g} m long; after it a joint is {least.apart:.2g} (rad "
-        "or m) from where it was."
+        f"{sentence} The smallest tool loop found is {smallest.length:.2g} m long; after it a joint is "
+        f"{smallest.apart:.2g} (rad or m) from where it was."
     )
 
 
-# --------------------------------------------------------------------------------------------------
-# In what units the page shows joints and places. Sessions, jobs and files have radians and metres
-# throughout.
-# --------------------------------------------------------------------------------------------------
+# --- In what units the page shows joints and places. Sessions, jobs and files have radians and metres throughout.
 
 UNITS = {f"{units.angle}, {units.length}": units for units in (SI, PrintedUnits("deg", "mm"))}
 """By the names by which they are chosen."""

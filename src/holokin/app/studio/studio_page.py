@@ -17,7 +17,7 @@ from ..report.plots import BAD, LOOP, law_colors, thin
 from .page_scene import Scene
 from .session import Session
 from .side_panels import Panels
-from .stage import Cameras, Charts, Handles
+from .stage import Charts, Handles
 from .states import Phase, Snapshot
 
 RATE = 30.0
@@ -66,9 +66,7 @@ class Page:
         self.scene = Scene(server, session.robot, session.home)
         self.handles = Handles(self)
         self._arrange()
-        self.cameras = Cameras(self.scene, self._seen())
-        for client in server.get_clients().values():
-            self.cameras.fit(client, anew=True)
+        self.scene.look_at_all(self._seen())
         snap = session.snapshot()
         self.draw(snap)
         for draw in self._slow:
@@ -197,10 +195,6 @@ class Page:
         finally:
             with self._wake:
                 self._busy.discard(key)
-
-    def fit(self, client: Any) -> None:
-        """A browser told how large its picture is, and from where it looks."""
-        self.ask(lambda: self.cameras.fit(client), ("camera", client.client_id))
 
     def _seen(self) -> Matrix:
         """Points (k, 3) [m] that shall be seen besides the robot: the loop, and the handles of the tools."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,48 +11,11 @@ import numpy as np
 from ...analysis.sheets import Sheets, StillMotion, self_motion_between
 from ...base.errors import HolokinError, NoSheetError, brief
 from ...base.types import Array, Matrix, Value, Vector
-from ...path.workspaces import Workspace
-from ...strategies import HolonomicStrategy
-from .followers import Loop, Move, Run, compiled, follower, loop_fault, put_on_leaf
-from .states import Cloud, LawStatus, LeafCusps, covered, failed_cloud, judged, largest_curvature, leaf_cusps
-
-# --------------------------------------------------------------------------------------------------
-# What a session does in the background: compiling, judging, looking round its loop, and the cloud
-# of a workspace.
-#
-# A thread reads what it needs under the session's lock, works without it, and tells under it again.
-# What it raises is told, too: no thread ends in silence.
-# --------------------------------------------------------------------------------------------------
-
-REST = 0.3
-"""Seconds between two looks at the postures: no number on a page need change faster than one can read it."""
+from .followers import Move, Run, follower, put_on_leaf
+from .states import LawStatus
 
 LONGEST = 200
 """Characters of a foreign error's own words."""
-
-
-@dataclass(frozen=True, eq=False)
-class Shared:
-    """What the threads of a session share: its lock, and under the lock its laws, home and loop, and how to tell.
-
-    changed: of a change. failed: of what failed, in a sentence. unseen: the loop, with its number, that nobody has
-    looked round yet. looked_at: what was found on the loop of a number. limits: whether joint limits stop laws.
-    """
-
-    lock: threading.RLock
-    runs: Callable[[], list[Run]]
-    home: Callable[[], Vector]
-    changed: Callable[[], object]
-    failed: Callable[[str], None]
-    unseen: Callable[[], tuple[int, Loop] | None]
-    looked_at: Callable[[int, str], None]
-    limits: bool
-
-    def tell_failure(self, what: str, problem: Exception) -> None:
-        """Something was not done, and why."""
-        with self.lock:
-            self.failed(failure(what, problem))
-            self.changed()
 
 
 def failure(what: str, problem: Exception) -> str:
@@ -90,112 +53,6 @@ class Worker:
         self.cancel()
         if threading.current_thread() is not self._thread:
             self._thread.join(patience)
-
-
-def look_after(shared: Shared) -> Worker:
-    """Compile the laws of a session, judge them, and keep the curvature at their postures, until it is closed.
-
-    Between these it looks round each new loop: which law does not get round it?
-    """
-
-    def work(closed: threading.Event) -> None:
-        while not closed.is_set():
-            with shared.lock:
-                loop, home, runs = shared.unseen(), shared.home(), shared.runs()
-                waiting = [run for run in runs if not run.ready or run.due]
-                run = min(waiting, key=lambda run: (run.ready, run.judgement is not None), default=None)
-                q = home if run is None else run.q
-            if loop is not None:
-                _look_round(shared, loop, runs, home)
-            elif run is None:
-                closed.wait(REST)
-            else:
-                again = run.judgement is not None
-                _look_at(shared, run, q, home)
-                if again:  # while laws move there is always one that is due: leave time for what draws them
-                    closed.wait(REST / len(runs))
-
-    return Worker("holokin-studio", work, lambda problem: shared.tell_failure("The background work ended", problem))
-
-
-def _look_round(shared: Shared, unseen: tuple[int, Loop], runs: list[Run], home: Vector) -> None:
-    """Tell of the first law that does not get round a loop."""
-    number, loop = unseen
-    try:
-        found = next(filter(None, (loop_fault(run.law, loop, home, shared.limits) for run in runs)), "")
-    except Exception as problem:  # noqa: BLE001  its thread goes on
-        found = failure("The loop could not be tried", problem)
-    with shared.lock:
-        shared.looked_at(number, found)
-        shared.changed()
-
-
-def _look_at(shared: Shared, run: Run, q: Vector, home: Vector) -> None:
-    """Compile a law, or judge it at a posture (n,)."""
-    if not run.ready:
-        try:
-            compiled(run.law, home)
-        except Exception as problem:  # noqa: BLE001  its thread goes on, with the other laws
-            shared.tell_failure(f"{run.law.name} could not be compiled, and follows more slowly", problem)
-    strategy, known = run.law.strategy, run.judgement
-    if not run.ready or strategy is None:  # compile all laws first: the loop is smooth then
-        found = known
-    elif known is None:
-        found = judged(strategy, home, q)
-    else:
-        found = replace(known, curvature=largest_curvature(strategy, q), q=q)
-    with shared.lock:
-        if found is not known:
-            run.judgement, run.state = found, None
-        run.ready = True
-        shared.changed()
-
-
-def cover(
-    shared: Shared, law: str, strategy: HolonomicStrategy, q: Vector, region: Workspace, samples: int, limits: bool,
-    keep: Callable[[Cloud], None],
-) -> Worker:  # fmt: skip
-    """Fill the cloud of a workspace by the leaf through a posture (n,); `keep` takes what is known, under the lock.
-
-    Once the worker is cancelled nothing is kept any more.
-    """
-
-    def work(closed: threading.Event) -> None:
-        def tell(cloud: Cloud) -> bool:
-            with shared.lock:
-                if not closed.is_set():
-                    keep(cloud)
-                    shared.changed()
-                return not closed.is_set()
-
-        covered(strategy, law, q, region, samples, limits, tell)
-
-    def failed(problem: Exception) -> None:
-        with shared.lock:
-            keep(failed_cloud(law, failure("The coverage was not found", problem)))
-            shared.changed()
-
-    return Worker("holokin-studio-cloud", work, failed)
-
-
-def look_for_cusps(
-    shared: Shared, law: str, strategy: HolonomicStrategy, q: Vector, keep: Callable[[LeafCusps | None], None]
-) -> Worker:
-    """Look for cusps of the leaf through a posture (n,); `keep` takes them, under the lock, unless it is cancelled."""
-
-    def work(closed: threading.Event) -> None:
-        found = leaf_cusps(law, strategy, q)
-        with shared.lock:
-            if not closed.is_set():
-                keep(found)
-                shared.changed()
-
-    def failed(problem: Exception) -> None:
-        with shared.lock:
-            keep(None)
-        shared.tell_failure("The cusps were not found", problem)
-
-    return Worker("holokin-studio-cusps", work, failed)
 
 
 FASTEST_CHANGE = 0.6
@@ -245,9 +102,16 @@ class _Change:
 class SheetFollower:
     """The map of a session, and the law whose arm follows it. Its session calls it under its lock."""
 
-    def __init__(self, shared: Shared, search: Search) -> None:
-        """No map yet: `find` makes it, in a thread."""
-        self._shared, self._search = shared, search
+    def __init__(
+        self, lock: threading.RLock, runs: Mapping[str, Run], changed: Callable[[], object],
+        failed: Callable[[str, Exception], None], search: Search,
+    ) -> None:  # fmt: skip
+        """No map yet: `find` makes it, in a thread.
+
+        Args:
+            lock, runs: of the session, as they change. changed: told of each change. failed: told of what was not done.
+        """
+        self._lock, self._runs, self._changed, self._failed, self._search = lock, runs, changed, failed, search
         self.found: Sheets | None = None
         self._change: _Change | None = None
         self._known: dict[tuple[bytes, int], StillMotion] = {}  # from where the arm rests
@@ -265,7 +129,7 @@ class SheetFollower:
     @property
     def _run(self) -> Run | None:
         """The law whose arm follows the sheets; none once a slider or another start has given it its leaf back."""
-        return next((run for run in self._shared.runs() if run.follow == self._move), None)
+        return next((run for run in self._runs.values() if run.follow == self._move), None)
 
     def find(self) -> None:
         """Make the map in a thread; nothing happens while that is done, or where there is one."""
@@ -277,19 +141,19 @@ class SheetFollower:
         def say(text: str) -> None:
             if closed.is_set():
                 raise _EndedError
-            with self._shared.lock:
+            with self._lock:
                 self._tell(searching=f"{text.removeprefix('sheets: ')} ...")
 
-        found = self._search(say)
-        with self._shared.lock:
+        sheets = self._search(say)
+        with self._lock:
             if not closed.is_set():
-                self.found = found
-                self._tell(count=len(found), searching="", about=found.sentence)
+                self.found = sheets
+                self._tell(count=len(sheets), searching="", about=sheets.sentence)
 
     def _lost(self, problem: Exception) -> None:
-        with self._shared.lock:
-            said = "" if isinstance(problem, _EndedError) else failure("The sheets were not found", problem)
-            self._tell(searching=said)
+        with self._lock:
+            sentence = "" if isinstance(problem, _EndedError) else failure("The sheets were not found", problem)
+            self._tell(searching=sentence)
 
     def look(self, poses: Array) -> None:
         """Which sheet serves tool poses (1, 4, 4) to which no arm was taken by them."""
@@ -335,7 +199,8 @@ class SheetFollower:
         seconds = change.motion.seconds
         change.at += dt * seconds / max(seconds, FASTEST_CHANGE)
         if change.at < seconds:
-            change.q = _posture_at(change.motion, change.at)
+            # The joints (n,) of a motion at a time [s], even between its rows.
+            change.q = np.array([np.interp(change.at, change.motion.t, column) for column in change.motion.q.T])
             run.put(Move(change.q, LawStatus.STOPPED, self._state.sentence))
             return True
         self._change, self._known = None, {}
@@ -347,15 +212,15 @@ class SheetFollower:
         if self._change is not None and np.array_equal(q, self._change.q):
             self._change.target = poses
             return Move(q, LawStatus.STOPPED, self._state.sentence)
-        self._change, found = None, self.found
-        if found is None:
+        self._change, sheets = None, self.found
+        if sheets is None:
             return Move(q, LawStatus.STOPPED, "There is no map of sheets.")
         try:
-            wanted, there = found.near(poses[0], q)
-            if wanted in found.of(q):  # the arm stands on it, and it leads there
+            wanted, there = sheets.near(poses[0], q)
+            if wanted in sheets.of(q):  # the arm stands on it, and it leads there
                 self._tell(sheet=wanted, sentence=f"Sheet {wanted} serves.", why="")
                 return Move(there, LawStatus.FOLLOWING)
-            return self._begin(found, q, poses, wanted)
+            return self._begin(sheets, q, poses, wanted)
         except NoSheetError:
             self._unserved(poses[0])
             return Move(q, LawStatus.OUT_OF_REACH, "No sheet serves this pose; drag the tool back.")
@@ -363,36 +228,38 @@ class SheetFollower:
             self._tell(sheet=-1, sentence=str(problem), why="")
             return Move(q, LawStatus.STOPPED, str(problem))
 
-    def _begin(self, found: Sheets, q: Vector, poses: Array, wanted: int) -> Move:
+    def _begin(self, sheets: Sheets, q: Vector, poses: Array, wanted: int) -> Move:
         """Begin a self-motion to a sheet that serves the target, at the pose where the arm rests; or say why not."""
-        here, there = (found.postures(T[None])[:, 0] for T in (found.task.pose(q), poses[0]))
+        resting, there = (sheets.postures(T[None])[:, 0] for T in (sheets.task.pose(q), poses[0]))
         serves = np.flatnonzero(np.isfinite(there).all(axis=1))
         reason = ""
         for second in sorted(serves.tolist(), key=lambda s: s != wanted):
-            if not np.isfinite(here[second]).all():
+            if not np.isfinite(resting[second]).all():
                 reason = reason or f"sheet {second} does not serve the pose where the arm rests"
                 continue
-            on, _ = found.sheets[second].reached(here[[second]], poses, found.clear)
+            on, _ = sheets.sheets[second].reached(resting[[second]], poses, sheets.clear)
             if not np.abs(on[0] - there[second]).max() < SAME:  # NaN is not
                 reason = reason or f"sheet {second} does not lead straight from there to the tool"
                 continue
-            motion = self._motion(found, q, here[second], second)
+            motion = self._motion(sheets, q, resting[second], second)
             if motion.hindrance is None:
                 self._change = _Change(motion, poses, q)
-                first = min(found.of(q), default=-1)
+                first = min(sheets.of(q), default=-1)
                 way = f"Goes to sheet {second}" if first < 0 else f"Changes from sheet {first} to sheet {second}"
                 self._tell(sheet=second, sentence=f"{way}, the tool at rest: {motion.seconds:.2f} s.", why="")
                 return Move(q, LawStatus.STOPPED, self._state.sentence)
             reason = reason or motion.hindrance.text
-        said = f"The arm rests: it would have to change to sheet {wanted}, and no self-motion leads there: {reason}."
-        self._tell(sheet=-1, sentence=said, why="")
-        return Move(q, LawStatus.STOPPED, said)
+        sentence = (
+            f"The arm rests: it would have to change to sheet {wanted}, and no self-motion leads there: {reason}."
+        )
+        self._tell(sheet=-1, sentence=sentence, why="")
+        return Move(q, LawStatus.STOPPED, sentence)
 
-    def _motion(self, found: Sheets, q: Vector, to: Vector, second: int) -> StillMotion:
+    def _motion(self, sheets: Sheets, q: Vector, to: Vector, second: int) -> StillMotion:
         key = (q.tobytes(), second)
         if key not in self._known:
             self._known = {k: v for k, v in self._known.items() if k[0] == key[0]}
-            self._known[key] = self_motion_between(found.task, q, to, found.clear)
+            self._known[key] = self_motion_between(sheets.task, q, to, sheets.clear)
         return self._known[key]
 
     def _unserved(self, pose: Matrix) -> None:
@@ -408,32 +275,27 @@ class SheetFollower:
 
     def _ask(self, closed: threading.Event) -> None:
         while not closed.is_set():
-            with self._shared.lock:
-                (key, known), found = self._why, self.found
-                if known != LOOKED_FOR or found is None:
+            with self._lock:
+                (key, known), sheets = self._why, self.found
+                if known != LOOKED_FOR or sheets is None:
                     self._asker = None
                     return
-            text = found.why(np.frombuffer(key).reshape(4, 4)).text
-            with self._shared.lock:
+            text = sheets.why(np.frombuffer(key).reshape(4, 4)).text
+            with self._lock:
                 if self._why[0] == key:
                     self._why = (key, text)
                     if self._state.sheet < 0 and self._state.why:
                         self._tell(why=f"{text[:1].upper()}{text[1:]}.")
 
     def _unknown(self, problem: Exception) -> None:
-        self._shared.tell_failure("Why no sheet serves the pose was not found", problem)
+        self._failed("Why no sheet serves the pose was not found", problem)
 
     def _tell(self, **changed: object) -> None:
         self._state = replace(self._state, **changed)  # type: ignore[arg-type]
-        self._shared.changed()
+        self._changed()
 
     def close(self) -> None:
         """End its threads; a search ends at its next step."""
         for worker in (self._finder, self._asker):
             if worker is not None:
                 worker.close(patience=2.0)
-
-
-def _posture_at(motion: StillMotion, t: float) -> Vector:
-    """The joints (n,) of a motion at a time [s], even between its rows."""
-    return np.array([np.interp(t, motion.t, column) for column in motion.q.T])

@@ -85,10 +85,10 @@ class Cases(Value):
     @cached_property
     def robots(self) -> list[dict[str, Any]]:
         """[robot] tables, with a hash of each file. Raises: UnknownNameError: what fits none."""
-        found: list[dict[str, Any]] = []
+        tables: list[dict[str, Any]] = []
         for entry in self.table.robots:
             if isinstance(entry, RobotTable):
-                found.append(_told(entry.model_dump(exclude_unset=True), self.folder))
+                tables.append(_told(entry.model_dump(exclude_unset=True), self.folder))
                 continue
             if entry.lower().endswith(SUFFIXES):
                 names = _files(entry, self.folder)
@@ -102,19 +102,19 @@ class Cases(Value):
                 raise ArgumentError("robots", entry, f"no file fits in {self.folder.absolute()}")
             if not names:
                 raise UnknownNameError("robot", entry, list(catalogue()))
-            found += [_told({"name": name}, self.folder) for name in names]
+            tables += [_told({"name": name}, self.folder) for name in names]
         known = set(catalogue())
-        for name in (str(robot.get("name", "")) for robot in found):
+        for name in (str(robot.get("name", "")) for robot in tables):
             if name and name not in known and not FilePath(name).suffix and ":" not in name:  # as `load` reads it
                 raise UnknownNameError("robot", name, list(catalogue()))
-        unique = {json.dumps(robot, sort_keys=True): robot for robot in found}
+        unique = {json.dumps(robot, sort_keys=True): robot for robot in tables}
         return list(unique.values())
 
     @cached_property
     def strata(self) -> list[Stratum]:
         """All of them, those of one robot and task beside each other."""
         starts = self._starts
-        found = [
+        strata = [
             Stratum(r, task, start, loop, laws)
             for r, robot in enumerate(self.labels)
             for task in self.table.tasks
@@ -122,9 +122,9 @@ class Cases(Value):
             for loop in self.table.loops
             if (laws := self._laws(robot, task, loop))
         ]
-        if not found:
+        if not strata:
             raise ArgumentError("without", "every case", "leave some of them in")
-        return found
+        return strata
 
     @property
     def _starts(self) -> list[tuple[str, int]]:
@@ -163,11 +163,11 @@ class Cases(Value):
         some = np.flatnonzero(free)
         starts = {start: i for i, start in enumerate(self._starts)}
         order = evenly([self.strata[i] for i in some], starts) if left else iter(())
-        for one in order:
+        for stratum in order:
             if left <= 0:
                 break
-            counts[some[one]] += 1
-            left -= int(laws[some[one]])
+            counts[some[stratum]] += 1
+            left -= int(laws[some[stratum]])
         return counts
 
     @property
@@ -202,9 +202,7 @@ class Cases(Value):
             start |= {"seed": t.seed, "margin": t.starts.margin}
         drawn = {"table": t.loops[stratum.loop].model_dump(exclude={"count"}), "seed": t.seed, "index": repetition}
         robot = self.robots[stratum.robot]
-        rest = {
-            "law": self._laws_told[name], "cycles": t.cycles, "samples": t.samples, "limits": t.limits,
-        }  # fmt: skip
+        rest = {"law": self._laws_told[name], "cycles": t.cycles, "samples": t.samples, "limits": t.limits}
         rest |= {"metrics": self._metrics_told} if t.metrics else {}
         names = {"robot": self.labels[stratum.robot], "task": stratum.task, "loop": stratum.loop, "law": name}
         task = t.tasks[stratum.task].model_dump(exclude_unset=True)
@@ -217,11 +215,11 @@ class Cases(Value):
     @cached_property
     def _metrics_told(self) -> dict[str, Any]:
         """What metrics of the user's own are: as given, with hashes of the files that they are imported from."""
-        found: dict[str, Any] = {}
+        metrics: dict[str, Any] = {}
         for name, metric in self.table.metrics.items():
             file = source_of(metric, self.folder) if isinstance(metric, str) else None
-            found[name] = [str(metric), *([] if file is None else [_hashed(file)])]
-        return found
+            metrics[name] = [str(metric), *([] if file is None else [_hashed(file)])]
+        return metrics
 
     def _law(self, name: str) -> list[dict[str, Any]]:
         """What a law is: its table, with a hash of the file that it is imported from, and that of the one it is of."""
@@ -238,15 +236,16 @@ class Cases(Value):
         if number < len(self) and (case := self.case(number)).id == row["id"]:
             return case
         same = [
-            k for k, s in enumerate(self.strata)
+            k
+            for k, s in enumerate(self.strata)
             if (self.labels[s.robot], s.task, s.loop) == (row["robot"], row["task"], row["loop"])
             and row["law"] in s.laws
-        ]  # fmt: skip
+        ]
         near = ((k, repetition) for repetition in count() for k in same) if same else iter(())
         for k, repetition in islice(near, SEARCHED):
-            found = self._of(k, repetition, str(row["law"]), number)
-            if found.id == row["id"]:
-                return found
+            case_of_row = self._of(k, repetition, str(row["law"]), number)
+            if case_of_row.id == row["id"]:
+                return case_of_row
         return None
 
     @property
@@ -272,7 +271,7 @@ def evenly(strata: list[Stratum], starts: dict[tuple[str, int], int]) -> Iterato
         groups.setdefault(s.robot, {}).setdefault((s.task, s.loop), {})[starts[s.start]] = i
     turns, many = [(0, robot) for robot in groups], len(starts)
     own, of_all, round_ = Counter[Hashable](), Counter[str](), math.lcm(len(groups), many)
-    for taken in range(len(strata)):
+    for round in range(len(strata)):
         cases, robot = heapq.heappop(turns)
         left = groups[robot]
         task, loop = min(
@@ -282,7 +281,7 @@ def evenly(strata: list[Stratum], starts: dict[tuple[str, int], int]) -> Iterato
                 of_all["task " + of[0]], of_all["loop " + of[1]],
             ),
         )  # fmt: skip
-        free, first = left[task, loop], taken + taken // round_
+        free, first = left[task, loop], round + round // round_
         next_ones = islice((k % many for k in range(first, first + many) if k % many in free), LOOKED_AT)
         start = min(next_ones, key=lambda k: (of_all[f"start {k}"], own[robot, k]))
         place = free.pop(start)
@@ -319,10 +318,10 @@ def _hashed(file: FilePath) -> dict[str, str]:
 
 def robot_table(robot: dict[str, Any]) -> dict[str, Any]:
     """The [robot] table of a case as a job has it, without hashes of files."""
-    found = {key: value for key, value in robot.items() if key != HASH}
-    if found.get("parts"):
-        found["parts"] = [robot_table(part) for part in found["parts"]]
-    return found
+    table = {key: value for key, value in robot.items() if key != HASH}
+    if table.get("parts"):
+        table["parts"] = [robot_table(part) for part in table["parts"]]
+    return table
 
 
 def _label(robot: dict[str, Any]) -> str:

@@ -31,10 +31,7 @@ from .cases import Cases
 from .one_case import Row, fault, forget_built, prepare, run_case
 from .survey_file import SurveyTable, forget_imported, keep, sendable
 
-# --------------------------------------------------------------------------------------------------
-# Which cases are sent together: so many that a batch takes about a second, by the seconds of the
-# rows that came.
-# --------------------------------------------------------------------------------------------------
+# --- Which cases are sent together: so many that a batch takes about a second, by the seconds of the rows that came.
 
 SECONDS = 1.0
 """That a batch is to take, at least: sending one costs milliseconds, and what a kill loses is a batch."""
@@ -96,10 +93,7 @@ class Batches:
         self.left += len(self._back) - before
 
 
-# --------------------------------------------------------------------------------------------------
-# Cases in a process of their own: one that kills it, or hangs, becomes a row, and the next process
-# does the others.
-# --------------------------------------------------------------------------------------------------
+# --- Cases in a process of their own: one that kills it, or hangs, becomes a row, and the next process does the others.
 
 HARD, MORE = 2.0, 1.0
 """Time limits, and seconds more, after which a process that does not answer, in native code, is killed."""
@@ -277,7 +271,7 @@ class Guarded:
         Raises:
             SurveyError: process after process dies before it begins, or fails beside its cases.
         """
-        left, found, deaths, began = list(batch), [], Counter[int](), time.monotonic()
+        left, rows_so_far, deaths, began = list(batch), [], Counter[int](), time.monotonic()
         while left and not self._closed and (deaths or time.monotonic() - began < LATE * lasts):
             self._board[:] = -1, 0.0, 0.0
             try:
@@ -290,8 +284,8 @@ class Guarded:
             for row in rows:
                 left.remove(row.number)
                 deaths.pop(row.number, None)
-            found += rows
-        return found
+            rows_so_far += rows
+        return rows_so_far
 
     def _answer(self, table: str, folder: str, batch: Batch) -> list[Row] | str:
         """As `_some`, of the process; it is killed if native code hangs. Raises: OSError, EOFError: it died."""
@@ -435,22 +429,19 @@ class Pool:
                     running[threads.submit(rows, batch)] = batch
                 if not running:
                     return
-                found: list[Row] = []
+                rows_now: list[Row] = []
                 for done in wait_for_futures(running, return_when=FIRST_COMPLETED).done:
                     batch, new = running.pop(done), done.result()
                     batches.came(batch, new)
-                    found += new
-                yield found
+                    rows_now += new
+                yield rows_now
         finally:
             threads.shutdown(wait=False, cancel_futures=True)
             for process in guarded:
                 process.close()
 
 
-# --------------------------------------------------------------------------------------------------
-# Batches of cases on a Dask cluster; its workers need `holokin[cluster]`, and robot files at the
-# same places.
-# --------------------------------------------------------------------------------------------------
+# --- Batches of cases on a Dask cluster; its workers need `holokin[cluster]`, and robot files at the same places.
 
 PATIENCE = 6.0
 """Seconds to wait for a scheduler and its first worker: with what loads before, an answer comes within ten."""
@@ -510,23 +501,23 @@ class Cluster:
                 flow.add(future)
             if not running:
                 return
-            found: list[Row] = []
+            rows_now: list[Row] = []
             for future in self._came(client, flow):
                 batch = running.pop(future)
                 if future.status == "finished":
                     new = self._checked(batch, future.result())
                     batches.came(batch, new)
-                    found += new
+                    rows_now += new
                 elif future.cancelled():
                     raise SchedulerError(self.scheduler, "was lost")
                 elif not isinstance(problem := future.exception(), distributed.KilledWorker):
                     raise SchedulerError(self.scheduler, f"did not do a batch ({problem!r})", WORKERS)
                 elif len(batch) == 1:
-                    found += [fault(self.cases.case(number), "its workers died") for number in batch]
+                    rows_now += [fault(self.cases.case(number), "its workers died") for number in batch]
                 else:
                     alone += [(number,) for number in batch]
                 future.release()
-            yield found
+            yield rows_now
 
     def _came(self, client: Any, flow: Any) -> list[Any]:
         """What is done, after a wait."""

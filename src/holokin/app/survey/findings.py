@@ -68,13 +68,13 @@ class Findings(Value):
         listed = list(rows)
         names = list(listed[0]) if listed else ["law", "status", *METRICS]
         texts = {"id", "number", "robot", "task", "loop", "law", "status", "reason"}
-        found = {
+        columns = {
             name: np.array([row[name] for row in listed], dtype=object)
             if name in texts
             else np.array([np.nan if row[name] is None else row[name] for row in listed], dtype=float)
             for name in names
         }
-        return cls(found)
+        return cls(columns)
 
     def __len__(self) -> int:
         return len(self.columns["status"])
@@ -196,8 +196,8 @@ class Findings(Value):
         columns = self.columns
         kinds: dict[tuple[str, str, str], list[int]] = {}
         for i in np.flatnonzero(columns["status"] != STATUS_ORDER[0]):
-            said = _plain_reason(columns["reason"][i], columns["robot"][i])
-            kinds.setdefault((columns["law"][i], columns["status"][i], said), []).append(int(i))
+            reason = _plain_reason(columns["reason"][i], columns["robot"][i])
+            kinds.setdefault((columns["law"][i], columns["status"][i], reason), []).append(int(i))
         cycles = np.nan_to_num(columns["cycles"], nan=-1.0)
         first = [(len(rows), min(rows, key=lambda i: cycles[i])) for rows in kinds.values()]
         first.sort(key=lambda pair: (pair[0], cycles[pair[1]]))
@@ -216,13 +216,13 @@ class Findings(Value):
         head += ["returns", "first cycle", "last cycle", "95 %", "cost", "margin"]
         rows = []
         for law in self.laws:
-            found = self.of_law(law)
-            shares, first, drift = found.shares(), found.known("drift"), found.known("drift_last")
-            cost, margin = found.known("cost"), found.known("margin")
-            ended = [shares["complete"], float(np.mean(found.covered)), shares["limit"]]
+            findings = self.of_law(law)
+            shares, first, drift = findings.shares(), findings.known("drift"), findings.known("drift_last")
+            cost, margin = findings.known("cost"), findings.known("margin")
+            ended = [shares["complete"], float(np.mean(findings.covered)), shares["limit"]]
             ended.append(max(0.0, 1 - shares["complete"] - shares["limit"]))
             rows.append([
-                law, f"{len(found):,}", *(f"{share:.1%}" for share in ended),
+                law, f"{len(findings):,}", *(f"{share:.1%}" for share in ended),
                 f"{np.mean(drift < RETURNS):.1%}" if drift.size else "",
                 _digits(np.median(first)) if first.size else "",
                 _digits(np.median(drift)) if drift.size else "",
@@ -255,9 +255,7 @@ def _digits(value: Any) -> str:
     return "0" if value < 1e-12 else f"{value:.2g}"
 
 
-# --------------------------------------------------------------------------------------------------
-# Figures of a survey: distributions by law, never means alone.
-# --------------------------------------------------------------------------------------------------
+# --- Figures of a survey: distributions by law, never means alone.
 
 LEAST = 1e-12
 """Drift [rad, m] that is drawn for less, which is round-off."""
@@ -277,11 +275,11 @@ def _styled(draw: Callable[[Findings], Any]) -> Callable[[Findings], Any]:
     """With the house's settings of matplotlib, wherever it is called."""
 
     @wraps(draw)
-    def drawn(found: Findings) -> Any:
+    def drawn(findings: Findings) -> Any:
         from matplotlib import rc_context
 
         with rc_context(style()):
-            return draw(found)
+            return draw(findings)
 
     return drawn
 
@@ -304,13 +302,13 @@ def _figure(height: float) -> tuple[Any, Any]:
     return figure, figure.add_subplot()
 
 
-def _looks(found: Findings) -> dict[str, dict[str, Any]]:
+def _looks(findings: Findings) -> dict[str, dict[str, Any]]:
     """Law -> how its line is drawn: in a cool colour where half of its cases return, in a warm one else."""
-    drift = [found.of_law(law).known("drift_last") for law in found.laws]
+    drift = [findings.of_law(law).known("drift_last") for law in findings.laws]
     return_ = [bool(d.size) and float(np.median(d)) < RETURNS for d in drift]
     colors = [GREY if color == YELLOW else color for color in law_colors(return_)]  # no line is yellow on white
     looks = {}
-    for i, law in enumerate(found.laws):
+    for i, law in enumerate(findings.laws):
         before = return_[:i].count(return_[i])
         looks[law] = {"color": colors[i], "linestyle": DASHES[before // 4 % len(DASHES)], "linewidth": 2.0}
     return looks
@@ -327,12 +325,12 @@ def _named(figure: Any, handles: Sequence[tuple[float, Any]]) -> None:
 
 
 @_styled
-def drift_figure(found: Findings) -> Any:
+def drift_figure(findings: Findings) -> Any:
     """Share of the cases of a law whose drift of their last cycle is below a value, over that value."""
     figure, axes = _figure(4.4)
-    looks, handles = _looks(found), []
-    for law in found.laws:
-        drift = np.sort(np.maximum(found.of_law(law).known("drift_last"), LEAST))
+    looks, handles = _looks(findings), []
+    for law in findings.laws:
+        drift = np.sort(np.maximum(findings.of_law(law).known("drift_last"), LEAST))
         if drift.size:
             share = np.arange(1, drift.size + 1) / drift.size
             (line,) = axes.step(
@@ -352,17 +350,17 @@ def drift_figure(found: Findings) -> Any:
 
 
 @_styled
-def survival_figure(found: Findings) -> Any:
+def survival_figure(findings: Findings) -> Any:
     """Share of the arms that have met no limit after k cycles."""
     figure, axes = _figure(4.0)
-    looks, handles, least = _looks(found), [], 1.0
-    for law in found.laws:
-        cycles, share, count = found.of_law(law).survival()
+    looks, handles, lowest = _looks(findings), [], 1.0
+    for law in findings.laws:
+        cycles, share, count = findings.of_law(law).survival()
         if count:
             (line,) = axes.step(cycles, share, where="post", label=on_figure(law), **looks[law])
             handles.append((float(share[-1]), line))
-            least = min(least, float(share.min()))
-    bottom = max(0.0, 1.0 - 1.15 * max(1.0 - least, 0.05))
+            lowest = min(lowest, float(share.min()))
+    bottom = max(0.0, 1.0 - 1.15 * max(1.0 - lowest, 0.05))
     axes.set_ylim(bottom, 1.0)
     axes.set_yticks([tick for tick in axes.get_yticks() if bottom <= tick <= 1.0 + 1e-9])
     axes.set_ylim(bottom, 1.0 + 0.02 * (1.0 - bottom))  # a line along the top is seen whole
@@ -381,18 +379,18 @@ def _percent(value: float, _place: Any) -> str:
 
 
 @_styled
-def coverage_figure(found: Findings) -> Any:
+def coverage_figure(findings: Findings) -> Any:
     """Of each robot and law the share of the loops asked that the law covers, as a map; best robots above.
 
     What was not asked is empty; where all cases are faults it says so.
     """
     from matplotlib.colors import LinearSegmentedColormap
 
-    robots, laws, share = found.coverage()
+    robots, laws, share = findings.coverage()
     names = robot_labels(robots)
     known = np.isfinite(share)
     order = np.argsort(-np.nansum(share, axis=1) / np.maximum(known.sum(axis=1), 1), kind="stable")
-    faults = found.faults()
+    faults = findings.faults()
     figure, axes = _figure(2.2 + 0.29 * len(robots))
     scale = [VERMILLION, YELLOW, "#FFFFFF", SKY, BLUE]
     colors = LinearSegmentedColormap.from_list("coverage", scale).with_extremes(bad=PALE)
@@ -421,13 +419,13 @@ def coverage_figure(found: Findings) -> Any:
 
 
 @_styled
-def status_figure(found: Findings) -> Any:
+def status_figure(findings: Findings) -> Any:
     """How the cases of each law ended, as bars."""
-    laws = found.laws
+    laws = findings.laws
     figure, axes = _figure(1.2 + 0.34 * len(laws))
     left = np.zeros(len(laws))
     for status, color in zip(STATUS_ORDER, STATUS_COLORS, strict=True):
-        share = np.array([found.of_law(law).shares()[status] for law in laws])
+        share = np.array([findings.of_law(law).shares()[status] for law in laws])
         if share.any():
             axes.barh(np.arange(len(laws)), share, left=left, color=color, label=status, edgecolor="white")
         left += share
@@ -443,9 +441,9 @@ def status_figure(found: Findings) -> Any:
 
 
 @_styled
-def boxes_figure(found: Findings) -> Any:
+def boxes_figure(findings: Findings) -> Any:
     """Cost and margin of each law: median, quartiles, 5 and 95 percent."""
-    laws, looks = found.laws, _looks(found)
+    laws, looks = findings.laws, _looks(findings)
     figure = _empty(1.5 + 0.34 * len(laws))
     axes = figure.subplots(1, 2, sharey=True)
     panels = (
@@ -453,7 +451,7 @@ def boxes_figure(found: Findings) -> Any:
         ("margin", "least distance to a limit,\nof its range"),
     )
     for ax, (metric, words) in zip(axes, panels, strict=True):
-        values = [found.of_law(law).known(metric) for law in laws]
+        values = [findings.of_law(law).known(metric) for law in laws]
         boxes = ax.boxplot(
             [v if v.size else [np.nan] for v in values], orientation="horizontal", whis=(5, 95), showfliers=False,
             patch_artist=True, widths=0.6, medianprops={"color": INK, "linewidth": 1.8},
@@ -472,9 +470,7 @@ def boxes_figure(found: Findings) -> Any:
     return figure
 
 
-# --------------------------------------------------------------------------------------------------
-# `holokin survey report`: one self-contained page of a results file.
-# --------------------------------------------------------------------------------------------------
+# --- `holokin survey report`: one self-contained page of a results file.
 
 WORST = 10
 """Cases with the largest drift that are shown, each with a job that repeats it."""
@@ -495,44 +491,44 @@ _TERMS = (
 )
 
 
-def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file: Path) -> None:
+def write_survey_report(survey: SurveyTable, folder: Path, findings: Findings, file: Path) -> None:
     """Write the page. Raises: WriteError. SurveyError: there are no rows to report."""
     cases = Cases(survey, folder)
-    if not len(found):
+    if not len(findings):
         cure = "run it with `holokin survey FILE.toml`, or go on with --resume, and report then"
         raise SurveyError(survey.title, f"none of its {len(cases):,} cases has a row yet", cure)
-    stopped = found.stopped(len(found))
+    stopped = findings.stopped(len(findings))
     parts = [
         f"<h1>{escape(survey.title)}</h1>",
         f"<p>{escape(' '.join(survey.about.split()))}</p>",
-        f"<p class='small'>{len(found):,} of {len(cases):,} cases; robots: {len(cases.robots)}, "
+        f"<p class='small'>{len(findings):,} of {len(cases):,} cases; robots: {len(cases.robots)}, "
         f"tasks: {len(survey.tasks)}, kinds of loop: {len(survey.loops)}, laws: {len(survey.laws)}; "
         f"{survey.cycles} cycles each. holokin {escape(build())}.</p>",
-        *_stale(cases, found),
+        *_stale(cases, findings),
         "<h2>By law</h2>",
-        found._repr_html_(),
+        findings._repr_html_(),
         f"<p class='small'>{escape(_TERMS)}</p>",
         "<h2>Figures</h2>",
         drawn(
-            lambda: drift_figure(found),
+            lambda: drift_figure(findings),
             "Of each law the share of cases whose last cycle ends with a joint error below a value.",
         ),
         drawn(
-            lambda: survival_figure(found),
+            lambda: survival_figure(findings),
             "Of each law the share of cases that met no joint limit within so many cycles (the estimate of Kaplan and "
             "Meier). A case that completes all cycles, or stops for another reason, counts as one without a limit in "
             "the cycles that it did, and is left out of the later ones.",
         ),
         drawn(
-            lambda: coverage_figure(found),
+            lambda: coverage_figure(findings),
             "Coverage, in percent: of the loops that a robot was asked to go round with a law those that it went round "
             f"to the end, with the tool within {1e3 * ON_PATH:g} mm of the path. Grey and empty: not asked. "
-            + _faults(found),
+            + _faults(findings),
         ),
-        drawn(lambda: status_figure(found), "How the cases of each law ended."),
-        drawn(lambda: boxes_figure(found), "Medians, quartiles, and 5 and 95 percent of the cases."),
+        drawn(lambda: status_figure(findings), "How the cases of each law ended."),
+        drawn(lambda: boxes_figure(findings), "Medians, quartiles, and 5 and 95 percent of the cases."),
         "<h2>The cases that drift most</h2>",
-        *(_told(row, cases) for row in found.drifting(WORST)),
+        *(_told(row, cases) for row in findings.drifting(WORST)),
         "<h2>Cases that stopped: one of each law and reason</h2>",
         "<p class='small'>The rarest first; reasons that differ in names and numbers alone are one."
         + (f" {len(stopped) - KINDS:,} more frequent kinds are not shown.</p>" if len(stopped) > KINDS else "</p>"),
@@ -541,30 +537,30 @@ def write_survey_report(survey: SurveyTable, folder: Path, found: Findings, file
     write_text(file, page(survey.title, parts))
 
 
-def _stale(cases: Cases, found: Findings) -> list[str]:
+def _stale(cases: Cases, findings: Findings) -> list[str]:
     """A sentence about rows of cases that the survey no longer has, where there are."""
-    many = len(set(found.columns["id"].tolist()).difference(cases.ids))
+    many = len(set(findings.columns["id"].tolist()).difference(cases.ids))
     if not many:
         return []
     why = "there were more cases, or the file of a robot or a law was another one, or is not to be found here"
     return [f"<p><b>{many:,} of the rows are of cases that the survey no longer has</b>: {why}. They count, too.</p>"]
 
 
-def _faults(found: Findings) -> str:
+def _faults(findings: Findings) -> str:
     """How many cases of each law are faults, and how they count."""
     many: Counter[str] = Counter()
-    for (_, law), count in found.faults().items():
+    for (_, law), count in findings.faults().items():
         many[law] += count
     if not many:
         return "No case was a fault."
-    told = ", ".join(f"{law} {count:,}" for law, count in many.most_common())
-    return f"Cases that are faults: {told}; where all are, the map says so, elsewhere they count as not gone round."
+    counts = ", ".join(f"{law} {count:,}" for law, count in many.most_common())
+    return f"Cases that are faults: {counts}; where all are, the map says so, elsewhere they count as not gone round."
 
 
 def _told(row: dict[str, Any], cases: Cases, many: int = 0) -> str:
     words = {"cycles": "complete cycles", "drift": "drift of the first", "drift_last": "of the last"}
     words |= {"drift_total": "in all", "tracking": "tool error", "margin": "margin"}
-    told = [f"{said} {row[name]:.3g}" for name, said in words.items() if row[name] == row[name]]
+    figures = [f"{word} {row[name]:.3g}" for name, word in words.items() if row[name] == row[name]]
     line = f"{row['number']}: {row['law']} on {row['robot']}, {row['task']}, {row['loop']}: {row['status']}"
     if many:
         reason = brief(row["reason"], LONGEST_REASON)
@@ -572,7 +568,7 @@ def _told(row: dict[str, Any], cases: Cases, many: int = 0) -> str:
     case = cases.of_row(row)
     job = repeated(cases, case)[0] if case else "# no job repeats it: its survey, or the file of its robot, has changed"
     return (
-        f"<details><summary>{escape('; '.join([line, ', '.join(told)] if told else [line]))}</summary>"
+        f"<details><summary>{escape('; '.join([line, ', '.join(figures)] if figures else [line]))}</summary>"
         f"<p class='small'>{escape(row['reason'])}</p><pre>{escape(job)}</pre></details>"
     )
 

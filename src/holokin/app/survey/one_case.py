@@ -49,9 +49,7 @@ from .survey_file import (
     when_replaced,
 )
 
-# --------------------------------------------------------------------------------------------------
-# Loops of a survey: what is left to chance is drawn, and each becomes a [path] table as of a job.
-# --------------------------------------------------------------------------------------------------
+# --- Loops of a survey: what is left to chance is drawn, and each becomes a [path] table as of a job.
 
 PLANES = {"xy": (0.0, 0.0, 1.0), "yz": (1.0, 0.0, 0.0), "xz": (0.0, -1.0, 0.0)}
 """The normal of a plane."""
@@ -238,10 +236,10 @@ def start_of(case: Case, folder: FilePath) -> Vector:
     robot, task = json.dumps(case.robot, sort_keys=True), json.dumps(case.task, sort_keys=True)
     arm, index = _robot(robot, folder), case.start["index"]
     if case.start["kind"] == "regular":
-        found = _starts(robot, task, folder)
-        if index >= len(found):
-            raise ArgumentError("regular", index + 1, f"{arm.name} has {len(found)} such start postures")
-        return found[index]
+        starts = _starts(robot, task, folder)
+        if index >= len(starts):
+            raise ArgumentError("regular", index + 1, f"{arm.name} has {len(starts)} such start postures")
+        return starts[index]
     rng = np.random.default_rng([case.start["seed"], zlib.crc32(robot.encode()), index])
     lower, upper = (np.clip(b, -np.pi, np.pi) for b in (arm.lower, arm.upper))
     margin = case.start["margin"]
@@ -251,12 +249,12 @@ def start_of(case: Case, folder: FilePath) -> Vector:
 def _path_table(case: Case, folder: FilePath) -> dict[str, Any]:
     """The [path] table of its loop, drawn from what tells the loop, not from its place in the survey."""
     arm = _robot(json.dumps(case.robot, sort_keys=True), folder)
-    told = json.dumps([case.robot, case.task, case.start, case.loop["table"]], sort_keys=True)
-    rng = np.random.default_rng([case.loop["seed"], zlib.crc32(told.encode()), case.loop["index"]])
+    text = json.dumps([case.robot, case.task, case.start, case.loop["table"]], sort_keys=True)
+    rng = np.random.default_rng([case.loop["seed"], zlib.crc32(text.encode()), case.loop["index"]])
     length = longest_reach(arm)
     table = LoopTable.model_validate(case.loop["table"])
-    found = drawn(table, length if np.isfinite(length) else 1.0, arm.planar, rng)
-    return found | {"samples": case.rest["samples"], "cycles": case.rest["cycles"]}
+    keys = drawn(table, length if np.isfinite(length) else 1.0, arm.planar, rng)
+    return keys | {"samples": case.rest["samples"], "cycles": case.rest["cycles"]}
 
 
 def _job(case: Case, strategies: dict[str, Any], folder: FilePath) -> dict[str, Any]:
@@ -296,12 +294,12 @@ def repeating_job(case: Case, cases: Cases) -> tuple[dict[str, Any], str]:
 
 def _anywhere(robot: dict[str, Any], folder: FilePath) -> dict[str, Any]:
     """A [robot] table whose files are found from any folder."""
-    found = dict(robot)
-    if found.get("name"):
-        found["name"] = str(beside(found["name"], folder.absolute()))
-    if found.get("parts"):
-        found["parts"] = [_anywhere(part, folder) for part in found["parts"]]
-    return found
+    placed = dict(robot)
+    if placed.get("name"):
+        placed["name"] = str(beside(placed["name"], folder.absolute()))
+    if placed.get("parts"):
+        placed["parts"] = [_anywhere(part, folder) for part in placed["parts"]]
+    return placed
 
 
 def repeat_case(case: Case, cases: Cases) -> tuple[Trajectory, str]:
@@ -366,11 +364,11 @@ def _walk(
 def _set_up(case: Case, cases: Cases) -> Ready:
     """Task, start posture and law of a case; task and law, with its native code, are kept."""
     q0 = start_of(case, cases.folder)
-    told = json.dumps([case.robot, case.task], sort_keys=True)
-    task = _task(told, cases.folder)
+    key_text = json.dumps([case.robot, case.task], sort_keys=True)
+    task = _task(key_text, cases.folder)
     laws = resolved(cases.table.laws, case.law, task, q0)
     key = [
-        told,
+        key_text,
         str(cases.folder),
         *(f"{name}: {law!r}" for name, law in laws.items()),
         *(q0.tolist() if of_the_start(laws) else []),
@@ -386,15 +384,17 @@ def _set_up(case: Case, cases: Cases) -> Ready:
 
 
 @lru_cache(maxsize=16)
-def _task(told: str, folder: FilePath) -> Task:
-    robot, task = json.loads(told)
+def _task(key_text: str, folder: FilePath) -> Task:
+    robot, task = json.loads(key_text)
     arm = _robot(json.dumps(robot, sort_keys=True), folder)
     middle = np.clip(0.0, arm.lower, arm.upper)
-    found = TaskTable.model_validate(task).tasks(arm, middle)[0]
-    if found.n <= found.m:
-        fact = f"{found.n} joints for {found.m} rows"
-        raise ArgumentError(f"the task {found.name!r}", fact, "no joint is redundant: choose a task of fewer rows")
-    return found
+    task_of_case = TaskTable.model_validate(task).tasks(arm, middle)[0]
+    if task_of_case.n <= task_of_case.m:
+        fact = f"{task_of_case.n} joints for {task_of_case.m} rows"
+        raise ArgumentError(
+            f"the task {task_of_case.name!r}", fact, "no joint is redundant: choose a task of fewer rows"
+        )
+    return task_of_case
 
 
 _laws: dict[str, Strategy | ControlLaw] = {}
@@ -402,13 +402,13 @@ _laws: dict[str, Strategy | ControlLaw] = {}
 
 def _law(key: str, make: Callable[[], Strategy | ControlLaw]) -> Strategy | ControlLaw:
     """A law, kept while it is among the last ones that were asked for."""
-    found = _laws.pop(key, None)
-    if found is None:
-        found = make()
-    _laws[key] = found
+    known = _laws.pop(key, None)
+    if known is None:
+        known = make()
+    _laws[key] = known
     while len(_laws) > KEPT_LAWS:
         del _laws[next(iter(_laws))]
-    return found
+    return known
 
 
 @when_replaced
@@ -469,26 +469,28 @@ def _while_it_holds(walk: Trajectory, robot: Robot, limits: bool) -> tuple[Traje
 
 def _metrics(walk: Trajectory, law: Strategy | ControlLaw, task: Task) -> dict[str, float]:
     robot = task.robot
-    found = dict.fromkeys(METRICS, float("nan")) | {"cycles": float(walk.cycles)}
+    metrics = dict.fromkeys(METRICS, float("nan")) | {"cycles": float(walk.cycles)}
     if walk.cycles:
         each = np.abs(walk.drift()).max(axis=1)
-        found |= {
-            "drift": float(each[0]), "drift_mean": float(each.mean()), "drift_last": float(each[-1]),
+        metrics |= {
+            "drift": float(each[0]),
+            "drift_mean": float(each.mean()),
+            "drift_last": float(each[-1]),
             "drift_total": float(np.abs(walk.drift_since_start()[-1]).max()),
-        }  # fmt: skip
+        }
     once = walk.until(walk.marks[1] + 1) if walk.cycles else walk
     q = once.q
     bounded = np.isfinite(robot.upper - robot.lower)
     if bounded.any():
         room = np.minimum(walk.q - robot.lower, robot.upper - walk.q)[:, bounded]
-        found["margin"] = float((room / (robot.upper - robot.lower)[bounded]).min())
+        metrics["margin"] = float((room / (robot.upper - robot.lower)[bounded]).min())
     if len(q) > 1:
-        found |= {
+        metrics |= {
             "joint_path": float(np.linalg.norm(np.diff(q, axis=0), axis=1).sum()),
             "cost": over_least_speed(task, once),
             "sigma": float(once.sigma.min()),
         }
         if not without_speed_limit(robot):
-            found["peak_speed"] = float((np.abs(once.dq) / robot.max_velocity).max())
-    found["tracking"] = walk.tracking_error("m")
-    return found
+            metrics["peak_speed"] = float((np.abs(once.dq) / robot.max_velocity).max())
+    metrics["tracking"] = walk.tracking_error("m")
+    return metrics

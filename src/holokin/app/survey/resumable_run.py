@@ -32,9 +32,7 @@ from .survey_file import Library, Own, SurveyTable, forks, imported, keep, senda
 if TYPE_CHECKING:
     from .findings import Findings
 
-# --------------------------------------------------------------------------------------------------
-# What would be a fault of every case of a law is said before anything runs.
-# --------------------------------------------------------------------------------------------------
+# --- What would be a fault of every case of a law is said before anything runs.
 
 
 def check_laws(cases: Cases, *, here: bool = True) -> None:
@@ -151,7 +149,7 @@ class _Clock:
 def run_survey(
     table: SurveyTable, folder: FilePath, out: FilePath, *, workers: int | None = None, scheduler: str | None = None,
     resume: bool = False, again: bool = False, objects: Mapping[str, Any] | None = None,
-    say: Say = lambda _progress: None,
+    progress: Say = lambda _progress: None,
 ) -> Progress:  # fmt: skip
     """Do the cases of a survey that have no row yet; rows are kept as they come.
 
@@ -181,15 +179,15 @@ def run_survey(
         left = [n for n, case in enumerate(asked) if case not in known] if known else range(total)
         done = total - len(left)
         clock = _Clock(total, done, len(faults))
-        found = clock.after(())
-        say(found)
+        state = clock.after(())
+        progress(state)
         with closing(engine.run(Batches(left, total - done, len(table.laws)))) as stream:
             for new in stream:
                 store.add(new, faults)
-                found = clock.after(new)
-                say(found)
+                state = clock.after(new)
+                progress(state)
         stale = len(store.done().difference(asked)) if before else 0
-        return replace(found, stale=stale, fewer=cases.fewer)
+        return replace(state, stale=stale, fewer=cases.fewer)
 
 
 @contextmanager
@@ -206,10 +204,6 @@ def _engine(
     else:
         yield Pool(table, folder, workers or os.cpu_count() or 1, objects)
 
-
-# --------------------------------------------------------------------------------------------------
-# `survey`: the same from Python, with robots, laws and paths as objects.
-# --------------------------------------------------------------------------------------------------
 
 Kind = Mapping[str, Any]
 
@@ -291,7 +285,7 @@ def survey(
         file = FilePath(folder) / "survey.sqlite" if out is None else FilePath(out)
         done = run_survey(
             table, FilePath(), file, workers=workers, resume=resume, again=again, objects=objects,
-            say=lambda found: report(found.share, str(found)),
+            say=lambda state: report(state.share, str(state)),
         )  # fmt: skip
         if done.fewer:
             logging.getLogger("holokin").warning("%s", done.fewer)

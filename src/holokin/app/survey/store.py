@@ -114,10 +114,10 @@ class Store:
     def _check(self, table: SurveyTable | None) -> None:
         if table is None and self._empty():
             raise SurveyError(self.file, "is no results file of a survey (it is empty)", "give another file")
-        found = self._db.execute("SELECT form, fingerprint FROM survey").fetchone()
-        if found is None or found[0] != FORM:
+        facts = self._db.execute("SELECT form, fingerprint FROM survey").fetchone()
+        if facts is None or facts[0] != FORM:
             raise SurveyError(self.file, "has another form than this version writes", "run the survey anew")
-        if table is not None and found[1] != fingerprint(table):
+        if table is not None and facts[1] != fingerprint(table):
             cure = "give another file with --out, in Python out="
             raise SurveyError(self.file, "holds the results of another survey", cure)
 
@@ -151,7 +151,7 @@ class Store:
     def done(self, *, faults: bool = True) -> set[str]:
         """The ids of the cases that have a row, with or without those that are faults."""
         which = "" if faults else " WHERE status <> 'fault'"
-        return {found for (found,) in self._db.execute(f"SELECT id FROM cases{which}")}
+        return {case for (case,) in self._db.execute(f"SELECT id FROM cases{which}")}
 
     def faults(self) -> dict[int, str]:
         """Number -> id of the cases that are faults."""
@@ -160,8 +160,8 @@ class Store:
     def most_frequent_fault(self) -> tuple[str, int, int]:
         """(its reason, how many have it, how many faults there are in all)."""
         asked = "SELECT reason, COUNT(*) FROM cases WHERE status = 'fault' GROUP BY reason ORDER BY 2 DESC, 1"
-        found = self._db.execute(asked).fetchall()
-        return (*found[0], sum(count for _, count in found)) if found else ("", 0, 0)
+        reasons = self._db.execute(asked).fetchall()
+        return (*reasons[0], sum(count for _, count in reasons)) if reasons else ("", 0, 0)
 
     def __len__(self) -> int:
         return int(self._db.execute("SELECT COUNT(*) FROM cases").fetchone()[0])
@@ -185,26 +185,26 @@ class Store:
     def row_of(self, case: str) -> dict[str, object]:
         """The row of a case by its id, or by its number. Raises: ArgumentError: there is none."""
         columns = ", ".join(map(_quoted, self._columns))
-        found = self._db.execute(f"SELECT {columns} FROM cases WHERE id = ?", (case,)).fetchone()
-        if found is None and case.isdecimal() and len(case) < DIGITS:
-            found = self._db.execute(f"SELECT {columns} FROM cases WHERE number = ?", (int(case),)).fetchone()
-        if found is None:
+        values = self._db.execute(f"SELECT {columns} FROM cases WHERE id = ?", (case,)).fetchone()
+        if values is None and case.isdecimal() and len(case) < DIGITS:
+            values = self._db.execute(f"SELECT {columns} FROM cases WHERE number = ?", (int(case),)).fetchone()
+        if values is None:
             cure = f"give the id of one of the {len(self):,} rows, or its number, from 0"
             raise ArgumentError("the case", case, cure)
-        return self._row(found)
+        return self._row(values)
 
     def folder(self) -> Path:
         """From which files of robots counted."""
-        (found,) = self._db.execute("SELECT folder FROM survey").fetchone()
-        if not isinstance(found, str) or "\0" in found:
+        (name,) = self._db.execute("SELECT folder FROM survey").fetchone()
+        if not isinstance(name, str) or "\0" in name:
             raise SurveyError(self.file, "names no folder that its robots are in", "run the survey anew")
-        return Path(found)
+        return Path(name)
 
     def content(self) -> SurveyTable:
         """The survey that the results are of."""
-        (found,) = self._db.execute("SELECT content FROM survey").fetchone()
+        (text,) = self._db.execute("SELECT content FROM survey").fetchone()
         try:
-            return SurveyTable.model_validate_json(found)
+            return SurveyTable.model_validate_json(text)
         except ValueError:
             fact = "is no results file of this version: the survey in it cannot be read"
             raise SurveyError(self.file, fact, "run the survey anew") from None
@@ -242,9 +242,7 @@ def _system(file: Path) -> Iterator[None]:
         raise WriteError(file, OSError(str(problem))) from problem
 
 
-# --------------------------------------------------------------------------------------------------
-# One case of a results file again, with its own law: what a job cannot do.
-# --------------------------------------------------------------------------------------------------
+# --- One case of a results file again, with its own law: what a job cannot do.
 
 
 @typed
@@ -262,14 +260,14 @@ def repeat(results: str | Path, case: str | int) -> tuple[Trajectory, str]:
         HolokinError: what the row of the case gives as its reason.
     """
     with Store.opened(Path(results), None) as store:
-        cases, found = case_of(store, str(case))
-    return repeat_case(found, cases)
+        cases, chosen = case_of(store, str(case))
+    return repeat_case(chosen, cases)
 
 
 def case_of(store: Store, case: str) -> tuple[Cases, Case]:
     """(the cases of a survey, the one of an id or a number). Raises: ArgumentError: there is none."""
     cases, row = Cases(store.content(), store.folder()), store.row_of(case)
-    found = cases.of_row(row)
-    if found is None:
+    chosen = cases.of_row(row)
+    if chosen is None:
         raise ArgumentError("the case", case, "the survey asks it no more: take another one, or run the survey anew")
-    return cases, found
+    return cases, chosen

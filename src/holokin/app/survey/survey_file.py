@@ -56,10 +56,7 @@ from ..job.tables import (
     needed_by,
 )
 
-# --------------------------------------------------------------------------------------------------
-# Functions that a survey file names: their module is looked for beside the file first, then where
-# Python looks.
-# --------------------------------------------------------------------------------------------------
+# --- Functions that a survey file names: their module is looked for beside the file first, then where Python looks.
 
 _importing = threading.Lock()
 """The path of Python's modules is of all threads."""
@@ -73,16 +70,19 @@ def imported(name: str, folder: FilePath) -> Callable[..., Any]:
     module, _, function = name.partition(":")
     try:
         with _importing, _first(folder):
-            _forget(module.partition(".")[0], folder)
-            found = getattr(importlib.import_module(module), function)
+            # What a survey in another folder imported from there by this name.
+            top = module.partition(".")[0]
+            if _folders.get(top, folder) != folder:
+                _drop(top)
+            attribute = getattr(importlib.import_module(module), function)
             if folder.absolute() in FilePath(getattr(sys.modules[module], "__file__", None) or "/").parents:
                 _folders[module.partition(".")[0]] = folder
     except Exception as problem:  # noqa: BLE001  a module may raise anything
         fact = problem if isinstance(problem, ImportError | AttributeError) else repr(problem)
         raise ArgumentError("the law", name, f"it cannot be imported ({fact}); see to it in {folder}") from None
-    if not callable(found):
+    if not callable(attribute):
         raise ArgumentError("the law", name, "it is no function: name one of (task, start posture)")
-    return found
+    return attribute
 
 
 def source_of(name: str, folder: FilePath) -> FilePath | None:
@@ -94,16 +94,10 @@ def source_of(name: str, folder: FilePath) -> FilePath | None:
 def forget_imported() -> bool:
     """Import anew what was found beside survey files: it may have changed. Whether there was any."""
     with _importing:
-        found = list(_folders)
-        for top in found:
+        modules = list(_folders)
+        for top in modules:
             _drop(top)
-    return bool(found)
-
-
-def _forget(top: str, folder: FilePath) -> None:
-    """What a survey in another folder imported from there by this name."""
-    if _folders.get(top, folder) != folder:
-        _drop(top)
+    return bool(modules)
 
 
 def _drop(top: str) -> None:
@@ -123,9 +117,7 @@ def _first(folder: FilePath) -> Iterator[None]:
         sys.path.remove(before)
 
 
-# --------------------------------------------------------------------------------------------------
-# Robots, laws and paths that a survey in Python is given as objects: its tables name them by keys.
-# --------------------------------------------------------------------------------------------------
+# --- Robots, laws and paths that a survey in Python is given as objects: its tables name them by keys.
 
 OBJECT = "given:"
 """Before the name of a robot that is an object."""
@@ -157,10 +149,10 @@ def given(key: str) -> Any:
 
 def given_path(key: str, tool: Matrix) -> Path:
     """A path that begins at the tool pose (4, 4): one that is moved there, or that a function makes of the pose."""
-    found = given(key)
-    if not isinstance(found, Path):
-        return found(tool)
-    return found.in_frame(pose_from(tool[:3, 3] - found.start))
+    path = given(key)
+    if not isinstance(path, Path):
+        return path(tool)
+    return path.in_frame(pose_from(tool[:3, 3] - path.start))
 
 
 def sendable(objects: Mapping[str, Any]) -> bool:
@@ -176,9 +168,7 @@ def forks() -> bool:
     return "fork" in multiprocessing.get_all_start_methods()
 
 
-# --------------------------------------------------------------------------------------------------
-# Metrics of the user's own: columns of a survey, each a function of what the joints did.
-# --------------------------------------------------------------------------------------------------
+# --- Metrics of the user's own: columns of a survey, each a function of what the joints did.
 
 ColumnName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,39}$")]
 """The name of a column: letters, digits and _."""
@@ -199,7 +189,7 @@ def own_metrics(
     asked: Mapping[str, OwnMetric], walk: Trajectory, folder: FilePath
 ) -> tuple[dict[str, float], list[OwnFunctionError]]:
     """(the numbers by name, what went wrong). A metric without a number is left out. Raises: ArgumentError."""
-    found: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     problems: list[OwnFunctionError] = []
     for name, metric in asked.items():
         function = imported(metric, folder) if isinstance(metric, str) else given(metric.key)
@@ -209,16 +199,13 @@ def own_metrics(
             problems.append(problem)
             continue
         if number is not None:
-            found[name] = number
-    return found, problems
+            numbers[name] = number
+    return numbers, problems
 
 
-# --------------------------------------------------------------------------------------------------
-# [laws.NAME] of a survey: the strategies of a job, control laws of text books and libraries, and
-# your own.
+# --- [laws.NAME] of a survey: the strategies of a job, control laws of text books and libraries, and your own.
 #
 # A new kind is one more class here: `kind` and its keys, and `build`.
-# --------------------------------------------------------------------------------------------------
 
 Gain = Annotated[float, Field(ge=0, le=1e6)]
 
@@ -346,11 +333,11 @@ else:
 def resolved(laws: Mapping[str, AnyLaw], name: str, task: Task, q0: Vector) -> dict[str, AnyLaw]:
     """A law, and what it is of, with what a start posture chooses chosen: two starts may share what is built."""
     table = laws[name]
-    found = resolved(laws, table.of, task, q0) if isinstance(table, ClosedLoop) else {}
+    chosen = resolved(laws, table.of, task, q0) if isinstance(table, ClosedLoop) else {}
     if isinstance(table, BestLock):
         joints: list[str | int] = [task.robot.joint_names[i] for i in locked_joints(task, q0)]
         table = Lock(kind="lock", joints=joints)
-    return found | {name: table}
+    return chosen | {name: table}
 
 
 def of_the_start(laws: Mapping[str, AnyLaw]) -> bool:
@@ -374,10 +361,7 @@ def built(laws: Mapping[str, AnyLaw], name: str, task: Task, q0: Vector, folder:
     return table.build(task, q0, name)
 
 
-# --------------------------------------------------------------------------------------------------
-# The form of a survey file, checked by pydantic: which robots, tasks, starts, loops and laws, and
-# how many cases.
-# --------------------------------------------------------------------------------------------------
+# --- The form of a survey file, checked by pydantic: which robots, tasks, starts, loops and laws, and how many cases.
 
 MOST_CASES = 100_000_000
 """Cases of a survey: a thousand processor cores do as many in a day, at a tenth of a second each."""

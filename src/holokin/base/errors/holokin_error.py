@@ -67,8 +67,8 @@ def _near(word: str, known: Sequence[str]) -> list[str]:
     """The known name most like a word, whatever the case; none if none is like it."""
     if len(word) > LONGEST_NAME:
         return []
-    found = get_close_matches(word.lower(), [k.lower() for k in known], n=1, cutoff=0.5)
-    return [k for k in known if k.lower() in found]
+    matches = get_close_matches(word.lower(), [k.lower() for k in known], n=1, cutoff=0.5)
+    return [k for k in known if k.lower() in matches]
 
 
 def closest(word: object, known: Sequence[str]) -> str:
@@ -90,6 +90,14 @@ class HolokinError(Exception):
     def __reduce__(self) -> Any:
         """Pickled as message and facts: the children are made from other arguments than their message."""
         return _again, (type(self), self.args), vars(self)
+
+
+class FileError(HolokinError):
+    """A file that cannot be used as it is: which one, what is wrong with it, and what to do. Abstract."""
+
+    def __init__(self, path: object, fact: str, cure: str) -> None:
+        self.path, self.fact, self.cure = path, fact, cure
+        super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
 
 
 def _again(kind: type[HolokinError], arguments: tuple[Any, ...]) -> HolokinError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from .holokin_error import FORMS, LONGEST, HolokinError, brief, closest, posture_text, shown
+from .holokin_error import FORMS, LONGEST, FileError, HolokinError, brief, closest, posture_text, shown
 
 
 class UnknownNameError(HolokinError):
@@ -61,12 +61,8 @@ class OwnFunctionError(HolokinError):
         super().__init__(f"{brief(what)}, a function of yours, {brief(fact)}; {brief(cure)}")
 
 
-class RobotFileError(HolokinError):
+class RobotFileError(FileError):
     """A robot description that is missing, malformed or not supported."""
-
-    def __init__(self, path: object, fact: str, cure: str) -> None:
-        self.path, self.fact, self.cure = path, fact, cure
-        super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
 
 
 class JobError(HolokinError):
@@ -77,20 +73,12 @@ class JobError(HolokinError):
         super().__init__(f"{brief(path)}: [{brief(key, 200)}] {brief(fact)}; {brief(cure, LONGEST)}")
 
 
-class RecordingError(HolokinError):
+class RecordingError(FileError):
     """A log of joint motion, a table of tool poses, or a drawing, that cannot be read or judged."""
 
-    def __init__(self, path: object, fact: str, cure: str) -> None:
-        self.path, self.fact, self.cure = path, fact, cure
-        super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
 
-
-class SurveyError(HolokinError):
+class SurveyError(FileError):
     """A survey that cannot be run, or whose results cannot be read."""
-
-    def __init__(self, path: object, fact: str, cure: str) -> None:
-        self.path, self.fact, self.cure = path, fact, cure
-        super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
 
 
 class CertificateError(HolokinError):
@@ -179,9 +167,7 @@ class ConstraintRowsError(HolokinError):
         super().__init__(f"{fact}: {cure}" if n == m else f"{fact}, so {cure}")
 
 
-# --------------------------------------------------------------------------------------------------
-# Errors of questions about strategies that have no answer.
-# --------------------------------------------------------------------------------------------------
+# --- Errors of questions about strategies that have no answer.
 
 
 class NotHolonomicError(HolokinError):
@@ -195,10 +181,10 @@ class NotHolonomicError(HolokinError):
         self, name: str, witness: Iterable[float], gap: float | None = None, *, curvature: float | None = None
     ) -> None:
         self.witness, self.gap, self.curvature = tuple(float(v) for v in witness), gap, curvature
-        at = posture_text(self.witness)
-        fact = f"at q = {at} it has a curvature of {curvature or 0:.3g} per rad of joint motion"
+        posture = posture_text(self.witness)
+        fact = f"at q = {posture} it has a curvature of {curvature or 0:.3g} per rad of joint motion"
         if gap is not None:
-            fact = f"from q = {at} two paths of the tool to one pose end {gap:.3g} (joint units) apart"
+            fact = f"from q = {posture} two paths of the tool to one pose end {gap:.3g} (joint units) apart"
         super().__init__(
             f"{name!r} is not holonomic: {fact}; hk.radial(strategy, start) is a holonomic strategy near it"
         )
@@ -242,8 +228,8 @@ class FunctionError(HolokinError):
 
     def __init__(self, name: str, q: Iterable[float], problem: Exception) -> None:
         self.q, self.problem = tuple(float(v) for v in q), problem
-        said = f"{type(problem).__name__}: {brief(problem)}"
+        message = f"{type(problem).__name__}: {brief(problem)}"
         super().__init__(
-            f"the function of {name!r} raised {said} at q = {posture_text(self.q)}; "
+            f"the function of {name!r} raised {message} at q = {posture_text(self.q)}; "
             "correct it, or keep away from this posture"
         )

@@ -69,7 +69,7 @@ class StartError(HolokinError):
     ) -> None:
         self.distance, self.tool, self.path, self.turned = distance, tuple(tool), tuple(path), turned
         angle = f", {turned:.3g} rad from the tool's orientation to the path's" if turned > 1e-9 else ""
-        cure = "move the path with path.starting_at(point), choose a start posture on it, or go there by hk.approach"
+        cure = "move the path with path.starting_at(point), choose a start on it, or go there by hk.motion.approach"
         super().__init__(
             f"the tool at the start posture is {distance:.3g} (m or rad) away from the start of the path: "
             f"tool {posture_text(self.tool)}, path {posture_text(self.path)}{angle}; {unit or cure}"
@@ -83,7 +83,7 @@ class OpenPathError(HolokinError):
         self.gap = gap
         super().__init__(
             f"{what} needs a closed path, but this one ends {gap:.3g} (m or rad) from its start; "
-            "close it with hk.join(path, ...) or use path + path.reversed()"
+            "close it with hk.path.join(path, ...) or use path + path.reversed()"
         )
 
 
@@ -94,7 +94,7 @@ class LostToolError(HolokinError):
         self.error, self.most = error, most
         super().__init__(
             f"the tool is {error:.3g} (m or rad) from where it is wanted, a control step corrects at most {most:.3g}; "
-            "give poses in metres that begin at the tool (hk.approach leads to them), or a larger most_error"
+            "give poses in metres that begin at the tool (hk.motion.approach leads to them), or a larger most_error"
         )
 
 
@@ -116,9 +116,10 @@ class OutsideRegionError(PathError):
 
     def __init__(self, position: Iterable[float]) -> None:
         self.position = tuple(float(x) for x in position)
-        at = ", ".join(f"{x:.4g}" for x in self.position)
+        place = ", ".join(f"{x:.4g}" for x in self.position)
         super().__init__(
-            f"the pose at [{at}] does not belong to the region", "give a pose in it, ask for a larger region, or none"
+            f"the pose at [{place}] does not belong to the region",
+            "give a pose in it, ask for a larger region, or none",
         )
 
 
@@ -127,10 +128,10 @@ class NoSheetError(PathError):
 
     def __init__(self, position: Iterable[float], sheets: int) -> None:
         self.position = tuple(float(x) for x in position)
-        at = ", ".join(f"{x:.4g}" for x in self.position)
+        place = ", ".join(f"{x:.4g}" for x in self.position)
         many = f"none of the {sheets} sheets serves" if sheets != 1 else "the only sheet does not serve"
         cure = "ask s.why(pose), keep to the workspace, or ask for more of it: hk.sheets(..., share=1)"
-        super().__init__(f"{many} the pose at [{at}]", cure)
+        super().__init__(f"{many} the pose at [{place}]", cure)
 
 
 class NoSeamError(HolokinError):

@@ -90,14 +90,14 @@ def c_texts(
     count = whole("vectors_count", vectors_count)
     short = c_name(f"{robot.name}_{strategy.name}") if name is None else str(name)
     source = Source(strategy, q0, number("dt", dt), short, limits)
-    found = vectors(source, count)
-    words = source.words | {"version": __version__, "origin": line(origin), "count": len(found)}
+    test_vectors = vectors(source, count)
+    words = source.words | {"version": __version__, "origin": line(origin), "count": len(test_vectors)}
     words |= _tables(source, operations_of(source))
     texts = {
         f"{short}.h": header(source, words),
         f"{short}.hpp": wrapper(source, words),
         f"{short}.c": library(source, words),
-        f"{short}_vectors.h": vectors_header(source, found, words),
+        f"{short}_vectors.h": vectors_header(source, test_vectors, words),
         f"{short}_selftest.c": selftest(source, words),
         "CMakeLists.txt": text("CMakeLists.txt", words),
         "README.md": text("README.md", words),
@@ -185,10 +185,6 @@ def write_export(folder: Path, texts: dict[str, str], project: str) -> None:
     write_texts(folder, texts)
 
 
-# --------------------------------------------------------------------------------------------------
-# The self-test of exported C, built and run here.
-# --------------------------------------------------------------------------------------------------
-
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
 PATIENCE = 300.0
 """Seconds for each of compiler and test."""
@@ -205,7 +201,7 @@ def check(exported: Exported) -> list[str]:
     chosen = compiler()
     if chosen is None:
         raise ExportError("no C compiler was found, so the self-test was not run", "build it where there is one")
-    said = []
+    answers = []
     sources = [str(exported.folder / f"{exported.name}.c"), str(exported.folder / f"{exported.name}_selftest.c")]
     with tempfile.TemporaryDirectory() as folder:
         for precision, defined in (("double", ()), ("float", (f"-D{exported.name.upper()}_FLOAT",))):
@@ -213,8 +209,8 @@ def check(exported: Exported) -> list[str]:
             flags = ["-std=c99", "-O1", *WARNINGS, *os.environ.get("CFLAGS", "").split()]
             command = [*chosen.command, *flags, *defined, *sources, "-o", test, "-lm"]
             _run(command, f"{chosen.version} refused the exported code in {precision}")
-            said.append(_run([test], f"the self-test in {precision} failed").strip())
-    return said
+            answers.append(_run([test], f"the self-test in {precision} failed").strip())
+    return answers
 
 
 def _run(command: list[str], fault: str) -> str:

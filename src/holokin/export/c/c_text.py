@@ -102,7 +102,9 @@ class Source:
         longest = max(self.functions, key=lambda key: self.functions[key].program.instructions)
         if (size := self.functions[longest].program.instructions) > LARGEST:
             fact = f"{longest} of {self.strategy.name!r} is {size:,} operations long, {LARGEST:,} are the most"
-            raise ExportError(fact, "take a shorter law; of one with leaves hk.strategies.fitted makes a polynomial")
+            raise ExportError(
+                fact, "take a shorter strategy; of one with leaves hk.strategies.fitted makes a polynomial"
+            )
 
     @property
     def holonomic(self) -> HolonomicStrategy | None:
@@ -127,19 +129,19 @@ class Source:
         s = self.strategy
         e = s.expressions
         T = poses_expression(e.kinematics)
-        found = {
+        functions = {
             "pose": _checked("pose", {"q": e.q}, {"T": T}, SX(1)),
             "gain": s.gain,
             "rate": s.rate,
             "step": step_function(s, self.limits),
         }
         if holonomic := self.holonomic:
-            found["constraint"] = _checked(
-                "constraint", {"q": e.q}, {"g": holonomic.constraint_expression}, s.margin_expression
+            functions["constraint"] = _checked(
+                "constraint", {"q": e.q}, {"g": holonomic.constraint_expression}, s._margin_expression
             )
-            found["leaf"] = leaf_step(holonomic)
-            found["extended"] = extended_jacobian(holonomic)
-        return found
+            functions["leaf"] = leaf_step(holonomic)
+            functions["extended"] = extended_jacobian(holonomic)
+        return functions
 
     @cached_property
     def words(self) -> dict[str, Any]:
@@ -156,8 +158,8 @@ class Source:
             "law": line(f"The strategy's leaves are g(q) = c, {constraint.name}.")
             if constraint
             else "The strategy keeps no leaf; whether it is repeatable is for `holokin run` to tell.",
-            "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": task.point if position else 16 * frames,
-            "twist": task.point if position else 6 * frames, "frames": frames, "matrices": int(not position),
+            "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": task._point if position else 16 * frames,
+            "twist": task._point if position else 6 * frames, "frames": frames, "matrices": int(not position),
             "poses": 16 * frames, **_pose_words(task),
             "joints": line(", ".join(robot.joint_names)), "rows": line(", ".join(task.row_names)), "rates": units,
             "pose_checked": _pose_checked(position, self.holonomic is not None),
@@ -234,7 +236,7 @@ def _gather(task: Task) -> str:
 
 def _pose_words(task: Task) -> dict[str, str]:
     """What the texts call poses, targets and twists of a task."""
-    frames, point, several = task.frames, task.point, task.frames > 1
+    frames, point, several = task.frames, task._point, task.frames > 1
     shown = {
         "pose_words": "The tool's pose" if not several else f"The poses of {frames} frames, one after the other,",
         "pose_kind": "4x4" if not several else f"{frames} of 4x4",
@@ -251,7 +253,7 @@ def _pose_words(task: Task) -> dict[str, str]:
             "twist_words": f"{6 * frames} numbers, {'6 a frame, ' * several}linear first, "
             "in the base frame [m/s, rad/s]",
         }
-    if task.spatial:
+    if task._spatial:
         places = "a position" if not several else f"{frames} positions"
         return shown | {
             "pose_note": f" A wanted pose is {places}, {point} numbers.",
@@ -309,7 +311,7 @@ def library(source: Source, words: Mapping[str, Any]) -> str:
         s = source.holonomic
         branch = branch_code(s) + rays_code(s) + free_code(s.task) if s else ""
     except NativeError as problem:
-        raise ExportError(problem.fact, "write the law without it") from None
+        raise ExportError(problem.fact, "write the strategy without it") from None
     transport = source.strategy.looped.transport
     if transport is not None:  # which comes with each of them, and is needed once
         bodies, branch = transport.c + bodies.replace(transport.c, ""), branch.replace(transport.c, "")

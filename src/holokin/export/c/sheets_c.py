@@ -78,8 +78,8 @@ def export_sheets(
     return Exported(Path(folder), f"{short}_sheets", tuple(texts), operations)
 
 
-def _header(name: str, head: str, found: Sheets) -> str:
-    n, up = found.task.n, name.upper()
+def _header(name: str, head: str, sheets: Sheets) -> str:
+    n, up = sheets.task.n, name.upper()
     return f"""/* {head}
 
    Poses are 4x4 matrices by rows (16 numbers): the tool in the base frame. Lengths in m, angles in rad. */
@@ -90,7 +90,7 @@ def _header(name: str, head: str, found: Sheets) -> str:
 extern "C" {{
 #endif
 
-enum {{ {up}_SHEETS = {len(found)}, {up}_SHEETS_N = {n} }};
+enum {{ {up}_SHEETS = {len(sheets)}, {up}_SHEETS_N = {n} }};
 
 /* The joints q at a tool pose, a function of the pose alone. Returns the sheet, or -1 where no sheet serves the pose:
    then q stays. */
@@ -111,13 +111,13 @@ int {name}_sheets_of(int sheet, const double target[16], double q[{n}]);
 """
 
 
-def _library(name: str, head: str, found: Sheets) -> str:
-    n, S = found.task.n, len(found)
-    begin, of = [one.begin for one in found.sheets], [one.begin_at for one in found.sheets]
-    seen_by = seen_features(found.task)
-    X = features(np.concatenate([found.poses[found.served], *of]), found.length) @ seen_by
+def _library(name: str, head: str, sheets: Sheets) -> str:
+    n, S = sheets.task.n, len(sheets)
+    begin, of = [sheet.begin for sheet in sheets.sheets], [sheet.begin_at for sheet in sheets.sheets]
+    seen_by = seen_features(sheets.task)
+    X = features(np.concatenate([sheets.poses[sheets.served], *of]), sheets.length) @ seen_by
     seen = not np.array_equal(seen_by, np.eye(12))
-    ends = np.cumsum([int(found.served.sum()), *map(len, begin)])
+    ends = np.cumsum([int(sheets.served.sum()), *map(len, begin)])
     includes = "\n".join(f'#include "sheet_{s}/{name}_{s}.h"' for s in range(S))
 
     return f"""/* {head} */
@@ -127,7 +127,7 @@ def _library(name: str, head: str, found: Sheets) -> str:
 
 enum {{ SERVED = 1, PIECES = {PIECES}, SAMPLED = {ends[0]} }};
 
-/* Sampled poses that have a sheet, then the stations of each sheet: position, and {found.length:g} / sqrt(2) times the
+/* Sampled poses that have a sheet, then the stations of each sheet: position, and {sheets.length:g} / sqrt(2) times the
    rotation by rows{", as far as the task tells them apart" if seen else ""}; and half the squared length. */
 static const double places[{len(X)}][12] = {{
 {_rows(X)}
@@ -136,20 +136,20 @@ static const double halves[{len(X)}] = {{{_numbers(0.5 * np.sum(X**2, axis=1))}}
 
 /* Where the sampled poses end, and the stations of each sheet; the sheets of the poses, the joints of the stations. */
 static const int ends[{S + 1}] = {{{", ".join(map(str, ends.tolist()))}}};
-static const int labels[{ends[0]}] = {{{", ".join(map(str, found.labels[found.served].tolist()))}}};
+static const int labels[{ends[0]}] = {{{", ".join(map(str, sheets.labels[sheets.served].tolist()))}}};
 static const double joints[{len(X) - ends[0]}][{n}] = {{
 {_rows(np.concatenate(begin))}
 }};
 
 /* A wanted pose as the sheets take it. */
 static void given(const double target[16], double wanted[16]) {{
-  for (int i = 0; i < 16; i++) wanted[i] = {_numbered(found)};
+  for (int i = 0; i < 16; i++) wanted[i] = {_numbered(sheets)};
 }}
 
 /* The nearest of the stations of a sheet, of the sampled poses for -1, further away than `beyond`, which becomes how
    far it is. Returns -1 where there is none. */
 static int nearest(const double target[16], int sheet, double *beyond) {{
-  const double turn = {float(found.length / np.sqrt(2))!r};
+  const double turn = {float(sheets.length / np.sqrt(2))!r};
   double at[12], least = INFINITY;
   int found = -1;
   for (int i = 0; i < 3; i++) {{
@@ -167,11 +167,11 @@ static int nearest(const double target[16], int sheet, double *beyond) {{
 
 /* The posture of a sheet, straight from q. Returns whether there is one. */
 static int go(int sheet, const double target[16], double q[{n}]) {{
-  double wanted[16], leaf[{max(1, n - found.task.m)}];
+  double wanted[16], leaf[{max(1, n - sheets.task.m)}];
   int status = -2;
   given(target, wanted);
   switch (sheet) {{
-{_cases(name, found)}
+{_cases(name, sheets)}
   }}
   return status == 0 || status == SERVED;
 }}
@@ -225,30 +225,30 @@ _SEEN = """  static const double S[12][12] = {{
 """C that leaves out of a point what the task leaves free of a pose."""
 
 
-def _numbered(found: Sheets) -> str:
+def _numbered(sheets: Sheets) -> str:
     """Number i of a wanted pose: of a task of positions it is the position alone."""
-    return "target[i]" if found.task.orientation else "i < 3 ? target[4 * i + 3] : 0.0"
+    return "target[i]" if sheets.task.orientation else "i < 3 ? target[4 * i + 3] : 0.0"
 
 
-def _cases(name: str, found: Sheets) -> str:
+def _cases(name: str, sheets: Sheets) -> str:
     rows = []
-    for s, sheet in enumerate(found.sheets):
+    for s, sheet in enumerate(sheets.sheets):
         level = "".join(f"leaf[{i}] = {float(c)!r}; " for i, c in enumerate(sheet.level))
         rows.append(f"    case {s}: {level}status = {name}_{s}_inverse(q, wanted, leaf, PIECES); break;")
     return "\n".join(rows)
 
 
-def _selftest(name: str, head: str, found: Sheets) -> str:
-    at = np.flatnonzero(found.served)[:: max(1, int(found.served.sum()) // TESTED)]
-    answers = found.batch(found.poses[at])
-    n, k = found.task.n, len(at)
+def _selftest(name: str, head: str, sheets: Sheets) -> str:
+    rows = np.flatnonzero(sheets.served)[:: max(1, int(sheets.served.sum()) // TESTED)]
+    answers = sheets.batch(sheets.poses[rows])
+    n, k = sheets.task.n, len(rows)
     return f"""/* {head} */
 #include "{name}_sheets.h"
 #include <math.h>
 #include <stdio.h>
 
 static const double poses[{k}][16] = {{
-{_rows(found.poses[at].reshape(k, 16))}
+{_rows(sheets.poses[rows].reshape(k, 16))}
 }};
 static const double joints[{k}][{n}] = {{
 {_rows(answers.q)}
@@ -270,10 +270,10 @@ int main(void) {{
 
 
 def _build(name: str, head: str, count: int) -> str:
-    said = "\n".join(f"# {one.strip()}" for one in head.splitlines())
+    heading = "\n".join(f"# {one.strip()}" for one in head.splitlines())
     folders = "\n".join(f"add_subdirectory(sheet_{s})" for s in range(count))
     libraries = " ".join(f"{name}_{s}_double" for s in range(count))
-    return f"""{said}
+    return f"""{heading}
 #   cmake -B build && cmake --build build && ctest --test-dir build
 cmake_minimum_required(VERSION 3.10)
 project({name}_sheets C)

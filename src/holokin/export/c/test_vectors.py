@@ -64,7 +64,7 @@ def vectors(source: Source, count: int) -> list[TestVector]:
         ArgumentError: near the start there is no posture to test at.
     """
     rng = np.random.default_rng(0)
-    found: list[TestVector] = []
+    listed: list[TestVector] = []
     tries = TRIES  # how long to look for a precise one
     for _ in range(count):
         best: TestVector | None = None
@@ -79,18 +79,19 @@ def vectors(source: Source, count: int) -> list[TestVector]:
             )
             raise ArgumentError("the start posture", source.q0.tolist(), cure)
         tries = TRIES if best.precise else 0  # where none is precise it is not asked for again
-        found.append(best)
-    return found
+        listed.append(best)
+    return listed
 
 
 def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestVector | None:
+    # A posture and a wanted pose near it, in single precision, away from singular ones.
     s, robot = source.strategy, source.strategy.task.robot
     lower, upper = np.maximum(robot.lower, source.q0 - REACH), np.minimum(robot.upper, source.q0 + REACH)
     q = _single(rng.uniform(lower, upper))
     near = NEAR * min(1.0, source.dt / 1e-3)  # its gain makes much of it
     there = rng.uniform(np.maximum(lower, q - near), np.minimum(upper, q + near))
     task, frames = s.task, s.task.frames
-    twist = _single(rng.uniform(-0.2, 0.2, task.point if task.orientation is None else 6 * frames))
+    twist = _single(rng.uniform(-0.2, 0.2, task._point if task.orientation is None else 6 * frames))
     G, rcond, margin = s.gain(q)
     if not (rcond > 1e3 * TOLERANCES.singular and margin > 1e3 * TOLERANCES.representation):
         return None
@@ -102,6 +103,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     dx = _single(_task_rates(s.task, pose, twist))
     if not np.isfinite(dx).all():
         return None
+    # What the control step answers; none whose status hangs on the last digits.
     moving, level_rate = rng.uniform(-0.2, 0.2, len(q)), np.zeros(0)
     if source.holonomic:
         level_rate = _single(source.holonomic.rows(q) @ moving)
@@ -112,14 +114,15 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
         "q": q, "target": np.ravel(target), "dx": dx, "twist": twist, "pose": s.task.pose(q).ravel(),
         "gain": np.ravel(G), "rate": s.rate(q, dx)[0], "step": np.atleast_1d(dq), "scale": np.atleast_1d(scale),
     }  # fmt: skip
+    # On a leaf: the Newton step, the posture that the leaf leads to, and one solved from the start.
     if holonomic := source.holonomic:
         values["leaf_rate"] = level_rate
         c = _single(np.atleast_1d(holonomic.constraint_value(there)))
         try:
-            here = np.atleast_1d(holonomic.constraint_value(q))
-            levels = here, here + holonomic.constraint.nearest(c - here)
+            level_now = np.atleast_1d(holonomic.constraint_value(q))
+            levels = level_now, level_now + holonomic.constraint.nearest(c - level_now)
             reached = leaf_follower(holonomic, q, PIECES // 2)(
-                q, straight_path(task, task.place(q), task.target(pose), levels)
+                q, straight_path(task, task._place(q), task.target(pose), levels)
             )
         except HolokinError:
             return None
@@ -151,22 +154,22 @@ def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generato
     """(target, posture) of inverse kinematics from the start; None where the leaf ends before."""
     task, start = strategy.task, source.q0
     pose = _single(task.pose(start + AWAY / len(start) * rng.uniform(-1, 1, len(start))))
-    path = straight_path(task, task.place(start), task.target(pose), (source.leaf, source.leaf))
+    path = straight_path(task, task._place(start), task.target(pose), (source.leaf, source.leaf))
     try:
-        found = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, path)
+        posture = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, path)
     except HolokinError:
         return None
-    return np.ravel(_wanted(task, pose)[0]), found
+    return np.ravel(_wanted(task, pose)[0]), posture
 
 
 def _task_rates(task: Task, pose: Matrix, twist: Vector) -> Vector:
     """x' (m,) of frames at poses that move with twists (6F,), or with the velocity of a point."""
     v, w = np.zeros(3 * task.frames), np.zeros(3 * task.frames)
     if task.orientation is None:
-        v[: task.point] = twist
+        v[: task._point] = twist
     else:
         v, w = (part.ravel() for part in twist.reshape(-1, 2, 3).swapaxes(0, 1))
-    return task.rates(task.target(pose)[1][None], v[None], w[None])[0][0]
+    return task._tool_rates(task.target(pose)[1][None], v[None], w[None])[0][0]
 
 
 def _wanted(task: Task, pose: Matrix) -> tuple[Matrix, Vector, Matrix]:
@@ -175,8 +178,8 @@ def _wanted(task: Task, pose: Matrix) -> tuple[Matrix, Vector, Matrix]:
     if task.orientation is not None:
         return pose.reshape(-1, 4), p, R
     known = p.copy()
-    known[task.point :] = 0.0
-    return p[: task.point], known, np.tile(np.eye(3), (task.frames, 1))
+    known[task._point :] = 0.0
+    return p[: task._point], known, np.tile(np.eye(3), (task.frames, 1))
 
 
 def _load(source: Source, q: Vector, dq: Vector) -> float:
@@ -206,11 +209,13 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
     error = np.abs(task.error(q, *_wanted(task, pose)[1:]))
     terms = {"step": G @ (np.abs(values["dx"]) * (1 + gain * dt) + gain * error)}
     if holonomic := source.holonomic:
-        L, here = np.abs(extended_jacobian(holonomic)(q)[1][:, s.task.m :]), values["g"]
+        L, level_now = np.abs(extended_jacobian(holonomic)(q)[1][:, s.task.m :]), values["g"]
         nearest = holonomic.constraint.nearest
         rate = np.abs(values["leaf_rate"])
-        terms["step"] += L @ (rate * (1 + constraint_gain * dt) + constraint_gain * np.abs(nearest(source.leaf - here)))
-        terms["leaf"] = G @ error + L @ np.abs(nearest(values["c"] - here))
+        terms["step"] += L @ (
+            rate * (1 + constraint_gain * dt) + constraint_gain * np.abs(nearest(source.leaf - level_now))
+        )
+        terms["leaf"] = G @ error + L @ np.abs(nearest(values["c"] - level_now))
     terms["step"] *= values["scale"]
     moved = dict.fromkeys(terms, 0.0)
     for _ in range(NUDGES):
@@ -218,19 +223,19 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
         to[..., :3, 3], to[..., :3, :3] = _nudged(pose[..., :3, 3], rng, 0.0), _nudged(pose[..., :3, :3], rng)
         parameters[:-5] = _nudged(parameters[:-5], rng)
         target, place, turned = _wanted(task, to)
-        found = {"step": source.functions["step"](near, target, values["twist"], parameters)[0]}
+        results = {"step": source.functions["step"](near, target, values["twist"], parameters)[0]}
         if holonomic:
             level = _nudged(values["c"], rng)
-            found["leaf"] = leaf_step(holonomic)(near, place, turned, level)[0]
-        for key, value in found.items():
+            results["leaf"] = leaf_step(holonomic)(near, place, turned, level)[0]
+        for key, value in results.items():
             moved[key] = max(moved[key], float(np.abs(np.atleast_1d(value) - values[key]).max()))
     sizes = {key: max(1.0, float(np.abs(values[key]).max())) for key in terms}
     return float(max((max(sizes[k], terms[k].max()) + OF_NUDGES * moved[k] / FOUR_DIGITS) / sizes[k] for k in terms))
 
 
-def _nudged(values: Matrix, rng: np.random.Generator, least: float = 1.0) -> Matrix:
-    """Values moved, up or down, by single precision's rounding of the largest of them, or of `least`."""
-    size = max(least, float(np.abs(values).max(initial=0.0)))
+def _nudged(values: Matrix, rng: np.random.Generator, smallest: float = 1.0) -> Matrix:
+    """Values moved, up or down, by single precision's rounding of the largest of them, or of `smallest`."""
+    size = max(smallest, float(np.abs(values).max(initial=0.0)))
     return values + np.finfo(np.float32).eps / 2 * size * rng.choice([-1.0, 1.0], values.shape)
 
 
@@ -253,16 +258,18 @@ def _single(values: Matrix) -> Matrix:
     return np.asarray(values, dtype=np.float32).astype(float)
 
 
-def vectors_header(source: Source, found: list[TestVector], words: Mapping[str, Any]) -> str:
+def vectors_header(source: Source, listed: list[TestVector], words: Mapping[str, Any]) -> str:
     """NAME_vectors.h."""
-    sizes = {key: len(value) for key, value in found[0].values.items()}
+    sizes = {key: len(value) for key, value in listed[0].values.items()}
     members = "".join(f"  double {key}[{size}];\n" for key, size in sizes.items()).replace("scale[1]", "scale")
     rows = []
-    for one in found:
-        parts = [_row(value) if key != "scale" else repr(float(value[0])) for key, value in one.values.items()]
+    for vector in listed:
+        parts = [_row(value) if key != "scale" else repr(float(value[0])) for key, value in vector.values.items()]
         rows.append(
             "  {"
-            + ",\n   ".join([*parts, str(one.status), str(int(one.precise)), repr(one.loss), repr(one.terms)])
+            + ",\n   ".join(
+                [*parts, str(vector.status), str(int(vector.precise)), repr(vector.loss), repr(vector.terms)]
+            )
             + "},\n"
         )
     return (
@@ -282,15 +289,15 @@ def selftest(source: Source, words: Mapping[str, Any]) -> str:
     name, n, r = source.name, words["n"], words["r"]
     leaf_tests = bad = declare = turned = moving = ""
     if words["matrices"]:
-        found, step = words["NAME"] + "_NOT_A_ROTATION", f"{name}_step(q, target, twist, &parameters, dq, &scale)"
+        status, step = words["NAME"] + "_NOT_A_ROTATION", f"{name}_step(q, target, twist, &parameters, dq, &scale)"
         turned = (
             f"  for (int i = 0; i < {words['target']}; i++)\n"
             "    target[i] = (real)vectors[0].target[i / 16 * 16 + 4 * (i % 4) + i / 4 % 4];\n"
-            f'  expect("step to a transposed target", {step}, {found}, dq, {n});\n'
+            f'  expect("step to a transposed target", {step}, {status}, dq, {n});\n'
         )
         if source.holonomic:
             solve = f"{name}_solve(q, target, {PIECES})"
-            turned += f'  expect("solve for a transposed target", {solve}, {found}, dq, 0);\n'
+            turned += f'  expect("solve for a transposed target", {solve}, {status}, dq, 0);\n'
     if source.holonomic:
         declare = f"  real c[{r}], g[{r}];\n"
         moving = f"    copy(v->leaf_rate, parameters.leaf_rate, {r});\n"

@@ -71,19 +71,19 @@ def to_fanuc(
     for what, value, most in (("base", base, 9), ("tool", tool, 10), ("zone", zone, 100), ("payload", payload, 10)):
         if value is not None and whole(what, value, 0) > most:
             raise ArgumentError(what, value, f"give a whole number from 0 to {most}")
-    found = targets(timed, wiring, DIALECT, tolerance, lines)
+    goals = targets(timed, wiring, DIALECT, tolerance, lines)
     if coupled:
-        found = replace(found, q=_coupled(found.q), via={i: _coupled(row) for i, row in found.via.items()})
-    short = program_name(name, about, NAME if name else SHORT, found).upper()
+        goals = replace(goals, q=_coupled(goals.q), via={i: _coupled(row) for i, row in goals.via.items()})
+    short = program_name(name, about, NAME if name else SHORT, goals).upper()
     counted = "J3 = joint 3 - joint 2" if coupled else "J3 = joint 3 of the model (no coupling)"
     more = ["degrees, external axes degrees or mm", counted, f"UF {base}, UT {tool}"]
-    remarks = header(timed, about, found, more, REMARK)
+    remarks = header(timed, about, goals, more, REMARK)
     body = [f"!{line.replace(';', ',')}" for line in remarks]  # a semicolon ends a statement
     body += [f"UFRAME_NUM={base}", f"UTOOL_NUM={tool}"]
     body += [f"PAYLOAD[{payload}]"] if payload is not None else []
-    body += with_lines(found, [["J P[1] 10% FINE"], *_moves(found, zone)])
-    text = _listing(short, body, found, f"UF : {base}, UT : {tool}", written or datetime.now())
-    return Program({f"{short}.LS": text}, len(found.q), found.deviation, found.tool)
+    body += with_lines(goals, [["J P[1] 10% FINE"], *_moves(goals, zone)])
+    text = _listing(short, body, goals, f"UF : {base}, UT : {tool}", written or datetime.now())
+    return Program({f"{short}.LS": text}, len(goals.q), goals.deviation, goals.tool)
 
 
 def _coupled(q: Array) -> Array:
@@ -93,18 +93,18 @@ def _coupled(q: Array) -> Array:
     return q
 
 
-def _moves(found: Targets, zone: int) -> list[list[str]]:
+def _moves(goals: Targets, zone: int) -> list[list[str]]:
     """The instruction of each move; positions on the way of circular ones have the numbers after all targets."""
-    times = np.rint(1e3 * np.concatenate([[0.0], np.cumsum(found.seconds)])).astype(int)
-    number = {i: len(found.q) + k for k, i in enumerate(found.via, 1)}
+    times = np.rint(1e3 * np.concatenate([[0.0], np.cumsum(goals.seconds)])).astype(int)
+    number = {i: len(goals.q) + k for k, i in enumerate(goals.via, 1)}
     last = len(times) - 1
     moves = []
-    for i, move in enumerate(found.moves, 1):
+    for i, move in enumerate(goals.moves, 1):
         lasts = max(1, int(times[i] - times[i - 1]))
         if lasts > LONGEST_MOVE:
             raise ArgumentError("the time of a move [ms]", lasts, f"a move takes at most {LONGEST_MOVE}")
         time = f"{lasts}msec" if lasts <= IN_MS else f"{lasts / 1e3:.1f}sec"
-        way = f"{time} {'FINE' if i == last or found.stops[i] else f'CNT{zone}'}"
+        way = f"{time} {'FINE' if i == last or goals.stops[i] else f'CNT{zone}'}"
         if move.kind == "circular":
             moves.append([f"C P[{number[i - 1]}]\n    :  P[{i + 1}] {way}"])
         else:
@@ -112,10 +112,10 @@ def _moves(found: Targets, zone: int) -> list[list[str]]:
     return moves
 
 
-def _listing(name: str, body: list[str], found: Targets, frames: str, written: datetime) -> str:
+def _listing(name: str, body: list[str], goals: Targets, frames: str, written: datetime) -> str:
     date = f"DATE {written:%y-%m-%d  TIME %H:%M:%S}"
     axes = [f"J{k}" for k in range(1, 7)] + [f"E{k}" for k in range(1, 4)]
-    units = ["mm" if length else "deg" for length in found.lengths]
+    units = ["mm" if length else "deg" for length in goals.lengths]
     lines = [
         f"/PROG  {name}", "/ATTR", "OWNER\t\t= MNEDITOR;", 'COMMENT\t\t= "holokin";', "PROG_SIZE\t= 0;",
         f"CREATE\t\t= {date};", f"MODIFIED\t= {date};", "FILE_NAME\t= ;", "VERSION\t\t= 0;",
@@ -126,8 +126,8 @@ def _listing(name: str, body: list[str], found: Targets, frames: str, written: d
     ]  # fmt: skip
     lines += [f"{i:4d}:{'' if text[:2] in MOTIONS else '  '}{text} ;" for i, text in enumerate(body, 1)]
     lines.append("/POS")
-    every = np.vstack([found.q, *found.via.values()])
-    for i, row in enumerate(np.round(found.shown(every), 3) + 0.0, 1):
+    every = np.vstack([goals.q, *goals.via.values()])
+    for i, row in enumerate(np.round(goals.shown(every), 3) + 0.0, 1):
         cells = [f"{axis}={x:10.3f} {unit}" for axis, x, unit in zip(axes, row, units, strict=False)]
         groups = ["\t" + ",\t".join(cells[k : k + 3]) for k in range(0, len(cells), 3)]
         lines += [f"P[{i}]{{", "   GP1:", f"\t{frames},\t", ",\n".join(groups), "};"]

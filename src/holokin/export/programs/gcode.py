@@ -46,20 +46,20 @@ def to_gcode(
     Raises:
         ArgumentError: more axes than letters; bad names, wiring or lines.
     """
-    found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about, 64, found)
-    axes = _letters(found.lengths, letters)
+    goals = targets(timed, wiring, DIALECT, tolerance, lines)
+    short = program_name(name, about, 64, goals)
+    axes = _letters(goals.lengths, letters)
     mode = f"G64 P{1e3 * zone:g}" if not_negative("zone", zone) else "G61"
     # after the dash no comment begins with the word of a file: LinuxCNC takes py, msg and log there for commands
-    facts = [f"; - {line}" for line in header(timed, about, found, ["mm and degrees; F is 1/minutes (G93)"])]
-    seconds = [10.0, *found.seconds.tolist()]
+    facts = [f"; - {line}" for line in header(timed, about, goals, ["mm and degrees; F is 1/minutes (G93)"])]
+    seconds = [10.0, *goals.seconds.tolist()]
     moves = [
         [" ".join(["G1", *(f"{a}{x:.6f}" for a, x in zip(axes, row, strict=True)), f"F{60 / t:.6f}"])]
-        for row, t in zip(found.shown(), seconds, strict=True)
+        for row, t in zip(goals.shown(), seconds, strict=True)
     ]
-    body = with_lines(found, moves)
+    body = with_lines(goals, moves)
     text = "\n".join([*facts, "G21 G90 G93", mode, *body, "G94", "M2", ""])
-    return Program({f"{short}.ngc": text}, len(found.q), found.deviation, found.tool)
+    return Program({f"{short}.ngc": text}, len(goals.q), goals.deviation, goals.tool)
 
 
 def _letters(lengths: tuple[bool, ...], given: Sequence[str] | None) -> list[str]:
@@ -70,9 +70,9 @@ def _letters(lengths: tuple[bool, ...], given: Sequence[str] | None) -> list[str
             raise ArgumentError("the letters of the axes", list(given), cure)
         return list(given)
     sliding, turning = iter(SLIDING), iter(TURNING)
-    found = [next(sliding if length else turning, "") for length in lengths]
-    if "" in found:
+    letters = [next(sliding if length else turning, "") for length in lengths]
+    if "" in letters:
         raise ArgumentError(
             "the axes", len(lengths), "G-code has six sliding axes and three turning ones: give letters="
         )
-    return found
+    return letters

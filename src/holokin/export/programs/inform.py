@@ -65,40 +65,40 @@ def to_inform(
     for what, value, most in (("zone", zone, LEVELS), ("tool", tool, 63)):
         if whole(what, value, 0) > most:
             raise ArgumentError(what, value, f"give a whole number from 0 to {most}")
-    found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about, NAME, found).upper()
-    facts = header(timed, about, found, ["positions in pulses", f"tool {tool}, PL {zone}"], REMARK)
+    goals = targets(timed, wiring, DIALECT, tolerance, lines)
+    short = program_name(name, about, NAME, goals).upper()
+    facts = header(timed, about, goals, ["positions in pulses", f"tool {tool}, PL {zone}"], REMARK)
     remarks = [f"'{line}" for line in facts]
-    moves, rounded = _moves(found, speed_shares(found, speeds), zone)
-    body = ["NOP", *remarks, *with_lines(found, moves), "END"]
-    counts = _counts(found, pulses)
-    bases = counts.shape[1] - found.own
+    moves, rounded = _moves(goals, speed_shares(goals, speeds), zone)
+    body = ["NOP", *remarks, *with_lines(goals, moves), "END"]
+    counts = _counts(goals, pulses)
+    bases = counts.shape[1] - goals.own
     date = written or datetime.now()
     text = ["/JOB", f"//NAME {short}", "//POS", f"///NPOS {len(counts)},{len(counts) * bool(bases)},0,0,0,0"]
     text += [f"///TOOL {tool}", "///POSTYPE PULSE", "///PULSE"]
-    text += [f"C{i:05d}={','.join(map(str, row[: found.own]))}" for i, row in enumerate(counts)]
-    text += [f"BC{i:05d}={','.join(map(str, row[found.own :]))}" for i, row in enumerate(counts) if bases]
+    text += [f"C{i:05d}={','.join(map(str, row[: goals.own]))}" for i, row in enumerate(counts)]
+    text += [f"BC{i:05d}={','.join(map(str, row[goals.own :]))}" for i, row in enumerate(counts) if bases]
     text += ["//INST", f"///DATE {date:%Y/%m/%d %H:%M}", "///ATTR SC,RW", f"///GROUP1 RB1{',BS1' * bool(bases)}"]
     note = f"the roundings of VJ and V change the speed of a move by up to {100 * rounded:.2g} %"
     files = {f"{short}.JBI": "\n".join([*text, *body, ""])}
-    return Program(files, len(found.q), found.deviation, found.tool, (note,))
+    return Program(files, len(goals.q), goals.deviation, goals.tool, (note,))
 
 
-def _counts(found: Targets, pulses: Sequence[float]) -> Matrix:
+def _counts(goals: Targets, pulses: Sequence[float]) -> Matrix:
     """Pulses of every target (k, axes). Raises: ArgumentError."""
-    if len(pulses) != found.q.shape[1]:
-        cure = f"give one for each of {found.q.shape[1]} axes, pulses per degree or per mm"
+    if len(pulses) != goals.q.shape[1]:
+        cure = f"give one for each of {goals.q.shape[1]} axes, pulses per degree or per mm"
         raise ArgumentError("the pulses of the axes", list(pulses), cure)
     each = np.array([positive("the pulses of an axis", abs(x)) * np.sign(x) for x in pulses])
-    return np.rint(found.shown() * each).astype(int)
+    return np.rint(goals.shown() * each).astype(int)
 
 
-def _moves(found: Targets, shares: Matrix, zone: int) -> tuple[list[list[str]], float]:
+def _moves(goals: Targets, shares: Matrix, zone: int) -> tuple[list[list[str]], float]:
     """(the instruction of each move, the largest share by which rounding changes a speed). Raises: ExportError."""
-    bases = found.q.shape[1] > found.own
+    bases = goals.q.shape[1] > goals.own
     text = [[f"MOVJ {_position(0, bases)} VJ=10.00 PL=0"]]
     largest = 0.0
-    for i, (move, share) in enumerate(zip(found.moves, shares.tolist(), strict=True), 1):
+    for i, (move, share) in enumerate(zip(goals.moves, shares.tolist(), strict=True), 1):
         joint = move.kind == "joint"
         exact = 100.0 * share if joint else 1e3 * move.speed
         value = round(exact, 2 if joint else 1)
@@ -107,7 +107,7 @@ def _moves(found: Targets, shares: Matrix, zone: int) -> tuple[list[list[str]], 
             fact = f"the move to target {i + 1} needs {word}={exact:.3g}, and INFORM takes {least:g} to {most:g}"
             raise ExportError(fact, "change the speed of the path, or take linear moves")
         largest = max(largest, abs(value / exact - 1.0))
-        level = 0 if i == len(found.moves) or found.stops[i] else zone
+        level = 0 if i == len(goals.moves) or goals.stops[i] else zone
         verb = f"MOVJ {_position(i, bases)} VJ={value:.2f}" if joint else f"MOVL {_position(i, bases)} V={value:.1f}"
         text.append([f"{verb} PL={level}"])
     return text, largest

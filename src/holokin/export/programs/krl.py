@@ -60,8 +60,8 @@ def to_krl(
         ExportError: a robot of other than six axes, external ones left out. ArgumentError: bad names, numbers, wiring
             or lines.
     """
-    found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about, NAME, found)
+    goals = targets(timed, wiring, DIALECT, tolerance, lines)
+    short = program_name(name, about, NAME, goals)
     numbers = {"tool": tool, "base": base, "payload": payload}
     for what, value in numbers.items():
         if value is not None and whole(what, value, 0) > FRAMES[what]:
@@ -69,35 +69,35 @@ def to_krl(
     more = ["degrees, external axes degrees or mm; TIME_BLOCK needs KSS 8.3 or later"]
     used = [f"{what} {value}" for what, value in numbers.items() if value is not None]
     more += [", ".join(used)] if used else []
-    facts = [f"; {line}" for line in header(timed, about, found, more, 76)]
-    declared = ["DECL INT XERR", *(f"DECL E6POS {point}" for point in _poses(found))]
+    facts = [f"; {line}" for line in header(timed, about, goals, more, 76)]
+    declared = ["DECL INT XERR", *(f"DECL E6POS {point}" for point in _poses(goals))]
     frames = [f"BAS(#{what.upper()},{numbers[what]})" for what in ("tool", "base") if numbers[what] is not None]
     frames += [f"$LOAD=LOAD_DATA[{payload}]"] if payload is not None else []
-    text = ["&ACCESS RVP", "&REL 1", f"DEF {short}()", *(declared if found.linear else []), *facts]
-    text += ["BAS(#INITMOV,0)", *frames, "BAS(#VEL_PTP,10)", *_computed(found)]
-    text += ["$ORI_TYPE=#VAR", "$CIRC_TYPE=#BASE"] if found.linear else []  # the tool turns evenly along a move
-    text += [f"$APO.CDIS={1e3 * not_negative('zone', zone):g}"] if found.linear else []
-    text += with_lines(found, [["SPTP XP1", "BAS(#VEL_PTP,100)", "BAS(#ACC_PTP,100)"], *_moves(found, zone)])
+    text = ["&ACCESS RVP", "&REL 1", f"DEF {short}()", *(declared if goals.linear else []), *facts]
+    text += ["BAS(#INITMOV,0)", *frames, "BAS(#VEL_PTP,10)", *_computed(goals)]
+    text += ["$ORI_TYPE=#VAR", "$CIRC_TYPE=#BASE"] if goals.linear else []  # the tool turns evenly along a move
+    text += [f"$APO.CDIS={1e3 * not_negative('zone', zone):g}"] if goals.linear else []
+    text += with_lines(goals, [["SPTP XP1", "BAS(#VEL_PTP,100)", "BAS(#ACC_PTP,100)"], *_moves(goals, zone)])
     data = ["&ACCESS RVP", "&REL 1", f"DEFDAT {short} PUBLIC"]
-    named = {f"XP{i}": row for i, row in enumerate(found.q, 1)} | {f"XC{i + 2}": row for i, row in found.via.items()}
+    named = {f"XP{i}": row for i, row in enumerate(goals.q, 1)} | {f"XC{i + 2}": row for i, row in goals.via.items()}
     words = [f"A{i}" for i in range(1, 7)] + [f"E{i}" for i in range(1, 7)]
     for point, row in named.items():
-        values = ",".join(f"{word} {x:.6f}" for word, x in zip(words, found.shown(row), strict=False))
+        values = ",".join(f"{word} {x:.6f}" for word, x in zip(words, goals.shown(row), strict=False))
         data.append(f"DECL E6AXIS {point}={{{values}}}")
     files = {f"{short}.src": "\n".join([*text, "END", ""]), f"{short}.dat": "\n".join([*data, "ENDDAT", ""])}
-    return Program(files, len(found.t), found.deviation, found.tool)
+    return Program(files, len(goals.t), goals.deviation, goals.tool)
 
 
-def _poses(found: Targets) -> list[str]:
+def _poses(goals: Targets) -> list[str]:
     """The poses that are computed of targets: those of linear and circular moves."""
-    ends = [f"XF{i}" for i, move in enumerate(found.moves, 2) if move.kind != "joint"]
-    return ends + [f"XG{i + 2}" for i in found.via]
+    ends = [f"XF{i}" for i, move in enumerate(goals.moves, 2) if move.kind != "joint"]
+    return ends + [f"XG{i + 2}" for i in goals.via]
 
 
-def _computed(found: Targets) -> list[str]:
+def _computed(goals: Targets) -> list[str]:
     """The lines that compute them, and stop the program where that fails."""
     lines = []
-    for point in _poses(found):
+    for point in _poses(goals):
         lines += [
             f"{point}=FORWARD({point.replace('XF', 'XP').replace('XG', 'XC')},XERR)",
             "IF XERR<>0 THEN",
@@ -107,19 +107,19 @@ def _computed(found: Targets) -> list[str]:
     return lines
 
 
-def _moves(found: Targets, zone: float) -> list[list[str]]:
+def _moves(goals: Targets, zone: float) -> list[list[str]]:
     """The lines of the moves to each target but the first; a block of joint moves stands at its last one."""
-    radii, _ = zones(found, zone)
-    ends = {*np.flatnonzero(found.stops).tolist(), len(found.t) - 1}
-    ends |= {k for k, given in ((found.on, found.lines.on), (found.off, found.lines.off)) if given}
+    radii, _ = zones(goals, zone)
+    ends = {*np.flatnonzero(goals.stops).tolist(), len(goals.t) - 1}
+    ends |= {k for k, given in ((goals.on, goals.lines.on), (goals.off, goals.lines.off)) if given}
     text: list[list[str]] = []
     block: list[int] = []
     speed = ""
-    for i, move in enumerate(found.moves, 1):
+    for i, move in enumerate(goals.moves, 1):
         if move.kind == "joint":
             block.append(i)
-            goes_on = i < len(found.moves) and found.moves[i].kind == "joint" and i not in ends
-            text.append([] if goes_on else _block(found, block))
+            goes_on = i < len(goals.moves) and goals.moves[i].kind == "joint" and i not in ends
+            text.append([] if goes_on else _block(goals, block))
             block = block if goes_on else []
             continue
         word = f"LIN XF{i + 1}" if move.kind == "linear" else f"CIRC XG{i + 1},XF{i + 1}"
@@ -129,9 +129,9 @@ def _moves(found: Targets, zone: float) -> list[list[str]]:
     return text
 
 
-def _block(found: Targets, block: list[int]) -> list[str]:
+def _block(goals: Targets, block: list[int]) -> list[str]:
     """A PTP_SPLINE through targets that follow each other."""
-    times = found.t[[block[0] - 1, *block]]
+    times = goals.t[[block[0] - 1, *block]]
     total = times[-1] - times[0]
     lines = ["PTP_SPLINE", f"  SPTP XP{block[0]}", "  TIME_BLOCK START"]
     for k, seconds in zip(block, times[1:] - times[:-1], strict=True):

@@ -20,10 +20,6 @@ from ...path.path import rotation_matrix, rotation_vector, straight
 from ...strategies.tasks.task import Task, of_one_tool
 from ...strategies.tasks.task_kinds import pose
 
-# --------------------------------------------------------------------------------------------------
-# A timed motion between its samples, so that programs are held against it there, too.
-# --------------------------------------------------------------------------------------------------
-
 FINER = 4
 """Instants a step at which a program is held against the motion. Between two of them it is a sixteenth as far off as
 between two samples: the largest distance of a curve from its chord goes with the square of the step."""
@@ -53,10 +49,7 @@ def finer(timed: TimedTrajectory) -> tuple[Vector, Matrix, Matrix]:
     )
 
 
-# --------------------------------------------------------------------------------------------------
-# How a controller moves between two targets, and how far its tool then is from that of a timed
-# motion.
-# --------------------------------------------------------------------------------------------------
+# --- How a controller moves between two targets, and how far its tool then is from that of a timed motion.
 
 Kind = Literal["joint", "linear", "circular"]
 KINDS: tuple[Kind, ...] = ("joint", "linear", "circular")
@@ -138,20 +131,25 @@ class ToolDeviation(Shown):
     def sentences(self, unit: str = "rad or m", factor: float = 1.0) -> list[str]:
         """What is kept, of the tool in mm and degrees, of the joints in `unit`, by its factor."""
         place = f"between them the tool is within {1e3 * self.position:.2g} mm"
-        said = [
+        sentences = [
             f"{place} and {np.rad2deg(self.rotation):.2g} deg of the timed motion",
             f"and the joints within {factor * self.joints:.2g} {unit}",
         ]
         if np.isfinite(self.slowest):
             speeds = f"{1e3 * self.slowest:.4g} to {1e3 * self.fastest:.4g} mm/s"
-            said.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed")
-            said.append(f"the speed was compared for {100 * self.compared:.3g} % of the time; at other times the tool")
-            said.append("starts or stops, turns in place, or is on the way to the path")
+            sentences.append(f"its speed is {speeds}, within {100 * self.speed:.2g} % of the timed speed")
+            sentences.append(
+                f"the speed was compared for {100 * self.compared:.3g} % of the time; at other times the tool"
+            )
+            sentences.append("starts or stops, turns in place, or is on the way to the path")
         else:
-            said.append("its speed was not compared: it only gathers speed and loses it, or turns in place")
+            sentences.append("its speed was not compared: it only gathers speed and loses it, or turns in place")
         if not self.kept:
-            said.append("NOT within what was asked for, from one sample to the next: time it with a smaller dt")
-        return [*said, "at a target with a zone the controller rounds the corner; this deviation comes in addition"]
+            sentences.append("NOT within what was asked for, from one sample to the next: time it with a smaller dt")
+        return [
+            *sentences,
+            "at a target with a zone the controller rounds the corner; this deviation comes in addition",
+        ]
 
     def __or__(self, other: ToolDeviation) -> ToolDeviation:
         """The larger of each of the two; kept if both are."""
@@ -200,7 +198,7 @@ class ToolMotion(Value):
             raise ArgumentError("the task of the tolerance", robot.name, "give a task of the robot that moves")
         task = pose(robot, tip=tolerance.task.tip)
         t, q, dq = finer(timed)
-        p, R = task.poses(q)
+        p, R = task._poses(q)
         J, _ = task.jacobian_batch(q)
         speed = np.linalg.norm(np.einsum("kij,kj->ki", J[:, :3], dq), axis=1)
         way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
@@ -224,19 +222,19 @@ class ToolMotion(Value):
         if kind == "joint":
             share = self._chord(a, b, rows)
             q = self.q[a] + share[:, None] * (self.q[b] - self.q[a])
-            p, R = self.task.poses(q)
+            p, R = self.task._poses(q)
             J, _ = self.task.jacobian_batch(q)
             speed = np.linalg.norm(J[:, :3] @ (self.q[b] - self.q[a]), axis=1) / seconds
         else:
             p, R = self._line(a, b, share) if kind == "linear" else self._arc(a, b, share)
             speed, q = np.full(len(rows), self.steady(a, b)), self.q[rows]
         turned = rotation_vector(R @ np.swapaxes(self.R[rows], 1, 2))
-        kept = self.has_speed[rows]
-        slowest, fastest = (speed[kept].min(), speed[kept].max()) if kept.any() else (np.nan, np.nan)
+        with_speed = self.has_speed[rows]
+        slowest, fastest = (speed[with_speed].min(), speed[with_speed].max()) if with_speed.any() else (np.nan, np.nan)
         return ToolDeviation(
             float(np.linalg.norm(p - self.p[rows], axis=1).max()),
             float(np.linalg.norm(turned, axis=1).max()),
-            float(np.abs(speed[kept] / self.speed[rows][kept] - 1.0).max(initial=0.0)),
+            float(np.abs(speed[with_speed] / self.speed[rows][with_speed] - 1.0).max(initial=0.0)),
             float(np.abs(q - self.q[rows]).max()),
             float(slowest),
             float(fastest),
@@ -250,8 +248,8 @@ class ToolMotion(Value):
     def steady(self, a: int, b: int) -> float:
         """The speed of a linear or circular move [m/s]: the mean where there is one to keep, else the largest."""
         part = self.speed[a : b + 1]
-        kept = part[self.has_speed[a : b + 1]]
-        return float(kept.mean() if len(kept) else part.max())
+        with_speed = part[self.has_speed[a : b + 1]]
+        return float(with_speed.mean() if len(with_speed) else part.max())
 
     def _chord(self, a: int, b: int, rows: Indices) -> Vector:
         """How far along the line of the joints the instants are, each at its nearest point."""
@@ -292,9 +290,9 @@ class ToolMotion(Value):
         NaN where the arc is longer than a controller takes.
         """
         p, R = self._line(a, b, share)
-        found = _circle(self.p[a], self.p[self.middle(a, b)], self.p[b])
-        if found is not None:
-            center, axis, angle = found
+        circle = _circle(self.p[a], self.p[self.middle(a, b)], self.p[b])
+        if circle is not None:
+            center, axis, angle = circle
             p = center + rotation_matrix(share[:, None] * angle * axis) @ (self.p[a] - center)
             p[:] = p if angle <= LARGEST_ARC else np.nan
         return p, R
@@ -342,12 +340,12 @@ def _circle(start: Vector, via: Vector, end: Vector) -> tuple[Vector, Vector, fl
 
 def _ramps(speed: Vector, rests: list[int], tolerance: float) -> Flags:
     """Where the speed (k,) rises from a rest to its first peak, but for the tolerance, or falls so to the next rest."""
-    found = np.zeros(len(speed), dtype=bool)
+    on_ramp = np.zeros(len(speed), dtype=bool)
     for first, last in pairwise(rests):
         part = speed[first : last + 1]
-        found[first : first + _rise(part, tolerance)] = True
-        found[last + 1 - _rise(part[::-1], tolerance) : last + 1] = True
-    return found
+        on_ramp[first : first + _rise(part, tolerance)] = True
+        on_ramp[last + 1 - _rise(part[::-1], tolerance) : last + 1] = True
+    return on_ramp
 
 
 def _rise(speed: Vector, tolerance: float) -> int:
@@ -435,10 +433,10 @@ class Dialect:
         return [self.halt] * bool(lines and self.halt) + [self._line(line) for line in lines]
 
     def _line(self, line: str) -> str:
-        if found := OUTPUT.fullmatch(line):
-            return self.output.format(number=int(found[1]), state=self.states[found[2] == "on"]) + self.end
-        if found := WAIT.fullmatch(line):
-            return self.wait.format(seconds=float(found[1])) + self.end
+        if match := OUTPUT.fullmatch(line):
+            return self.output.format(number=int(match[1]), state=self.states[match[2] == "on"]) + self.end
+        if match := WAIT.fullmatch(line):
+            return self.wait.format(seconds=float(match[1])) + self.end
         if re.match(r"(?:output|wait)\b(?=[ .\d]|$)", line):
             raise ArgumentError("a process line", line, "write 'output 3 on', 'output 3 off' or 'wait 0.5'")
         if re.search(self.forbidden, line) or len(line) > self.longest:

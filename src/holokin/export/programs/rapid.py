@@ -51,19 +51,19 @@ def to_rapid(
     Raises:
         ExportError: a robot of other than six axes, external ones left out. ArgumentError: bad names, wiring or lines.
     """
-    found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about, NAME - 2, found, (zone, tool, base, payload))
+    goals = targets(timed, wiring, DIALECT, tolerance, lines)
+    short = program_name(name, about, NAME - 2, goals, (zone, tool, base, payload))
     for what in (zone, tool, base, payload):
         if isinstance(what, str):
             checked_name(what, NAME, "RAPID", program=False)
-    places, reduced = _zones(found, zone)
+    places, reduced = _zones(goals, zone)
     used = tool if base is None else f"{tool}\\WObj:={base}"
     more = [f"degrees, external axes degrees or mm; zone {zone}, tool {used}", *reduced]
-    text = [f"MODULE {short}_M", *(f"  ! {line}" for line in header(timed, about, found, more, 76))]
-    text += [line for i in range(len(found.q)) for line in _declared(f"p{i + 1}", found, i)]
-    text += [line for i in found.via for line in _declared(f"c{i + 2}", found, i, via=True)]
+    text = [f"MODULE {short}_M", *(f"  ! {line}" for line in header(timed, about, goals, more, 76))]
+    text += [line for i in range(len(goals.q)) for line in _declared(f"p{i + 1}", goals, i)]
+    text += [line for i in goals.via for line in _declared(f"c{i + 2}", goals, i, via=True)]
     moves = [[f"    MoveAbsJ p1\\NoEOffs,v100,fine,{used};"]]
-    for i, (move, seconds) in enumerate(zip(found.moves, found.seconds, strict=True), 2):
+    for i, (move, seconds) in enumerate(zip(goals.moves, goals.seconds, strict=True), 2):
         way, end = f"{places[i - 1]},{used};", f"CalcRobT(p{i},{used})"
         if move.kind == "joint":
             moves.append([f"    MoveAbsJ p{i}\\NoEOffs,v1000\\T:={seconds:.4f},{way}"])
@@ -72,26 +72,26 @@ def to_rapid(
         else:
             moves.append([f"    MoveC CalcRobT(c{i},{used}),{end},", f"      v1000\\V:={1e3 * move.speed:.3f},{way}"])
     load = [] if payload is None else [f"GripLoad {payload};"]
-    body = with_lines(found, moves)
-    if found.via:  # the tool turns evenly from the start to the end of an arc, not along with the arc
+    body = with_lines(goals, moves)
+    if goals.via:  # the tool turns evenly from the start to the end of an arc, not along with the arc
         body = ["CirPathMode\\ObjectFrame;", *body, "CirPathMode\\PathFrame;"]
     text += ["", f"  PROC {short}()", *(f"    {line.strip()}" for line in [*load, *body])]
     text += ["  ENDPROC", "ENDMODULE", ""]
-    return Program({f"{short}_M.mod": "\n".join(text)}, len(found.q), found.deviation, found.tool)
+    return Program({f"{short}_M.mod": "\n".join(text)}, len(goals.q), goals.deviation, goals.tool)
 
 
-def _declared(name: str, found: Targets, i: int, via: bool = False) -> list[str]:
-    row = found.shown(found.via[i] if via else found.q[i])
-    own = ",".join(f"{x:.6f}" for x in row[: found.own])
-    other = [f"{x:.6f}" for x in row[found.own :]]
+def _declared(name: str, goals: Targets, i: int, via: bool = False) -> list[str]:
+    row = goals.shown(goals.via[i] if via else goals.q[i])
+    own = ",".join(f"{x:.6f}" for x in row[: goals.own])
+    other = [f"{x:.6f}" for x in row[goals.own :]]
     return [f"  CONST jointtarget {name}:=[[{own}],", f"    [{','.join(other + [UNUSED] * (6 - len(other)))}]];"]
 
 
-def _zones(found: Targets, zone: str | float) -> tuple[list[str], list[str]]:
+def _zones(goals: Targets, zone: str | float) -> tuple[list[str], list[str]]:
     """The zone of each target, and what the header says of them. The controller itself halves named ones."""
     if isinstance(zone, str):
-        last = len(found.q) - 1
-        return ["fine" if i in (0, last) or stop else zone for i, stop in enumerate(found.stops)], []
-    radii, less = zones(found, not_negative("zone", zone))
-    said = [f"the zone is half a move at {less} targets, where that is less"] if less else []
-    return [f"z1\\Z:={1e3 * radius:.3f}" if radius else "fine" for radius in radii], said
+        last = len(goals.q) - 1
+        return ["fine" if i in (0, last) or stop else zone for i, stop in enumerate(goals.stops)], []
+    radii, less = zones(goals, not_negative("zone", zone))
+    sentences = [f"the zone is half a move at {less} targets, where that is less"] if less else []
+    return [f"z1\\Z:={1e3 * radius:.3f}" if radius else "fine" for radius in radii], sentences

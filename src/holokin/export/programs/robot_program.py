@@ -21,24 +21,18 @@ from ..c.c_text import line
 from .moves import FINER, KINDS, PLACES, ToolDeviation, common
 from .targets import Targets, Wiring
 
-# --------------------------------------------------------------------------------------------------
-# Names that a controller's language keeps for itself, so that no program, tool or frame may have
-# them.
+# --- Names that a controller's language keeps for itself, so that no program, tool or frame may have them.
 #
-# Words: RAPID, ABB, "Technical reference manual: RAPID kernel" (3HAC050946), reserved words; KRL,
-# KUKA, "Quickguide KRL syntax, KSS release 8.x" (2012), whose names are no keyword, its statements
-# and data types; URScript, Universal Robots, "The URScript Programming Language", flow of control,
-# functions, threads; VAL3, Staubli, "VAL 3 reference manual" 5.3 (D28062804A), control instructions
-# and types; TP, FANUC, "HandlingTool operator's manual", names of programs. The first three were
-# held against word lists of others: the lexer of intellij-rapid (BossyMr), the syntax files
-# rapid-for-vim and krl-for-vim 3.0 (KnoP-01), and vim-urscript (de-vri-es). Of VAL3 no such list
-# was found.
+# Words: RAPID, ABB, "Technical reference manual: RAPID kernel" (3HAC050946), reserved words; KRL, KUKA, "Quickguide KRL
+# syntax, KSS release 8.x" (2012), whose names are no keyword, its statements and data types; URScript, Universal
+# Robots, "The URScript Programming Language", flow of control, functions, threads; VAL3, Staubli, "VAL 3 reference
+# manual" 5.3 (D28062804A), control instructions and types; TP, FANUC, "HandlingTool operator's manual", names of
+# programs. The first three were held against word lists of others: the lexer of intellij-rapid (BossyMr), the syntax
+# files rapid-for-vim and krl-for-vim 3.0 (KnoP-01), and vim-urscript (de-vri-es). Of VAL3 no such list was found.
 #
-# Instructions are those that the written programs use: a program of such a name would call itself.
-# Others may stand in process lines: there a name is looked for, too. TP and INFORM call programs by
-# CALL and RUN, and a G-code program is known by its file alone: their names are apart from their
-# words.
-# --------------------------------------------------------------------------------------------------
+# Instructions are those that the written programs use: a program of such a name would call itself. Others may stand in
+# process lines: there a name is looked for, too. TP and INFORM call programs by CALL and RUN, and a G-code program is
+# known by its file alone: their names are apart from their words.
 
 DEVICES = frozenset({"con", "prn", "aux", "nul", *(f"{port}{i}" for port in ("com", "lpt") for i in range(1, 10))})
 """Names that Windows, on which programs are loaded, and FANUC's controllers keep for devices: no file has them."""
@@ -63,8 +57,8 @@ class Words:
     def has(self, name: str, program: bool) -> bool:
         """Whether the language, or the program itself, has a name already."""
         pattern = f"{self.declared}|{self.data}" if program else self.declared
-        found = re.fullmatch(pattern, name, 0 if self.exact else re.IGNORECASE)
-        return bool(found) or (name if self.exact else name.lower()) in self.kept
+        match = re.fullmatch(pattern, name, 0 if self.exact else re.IGNORECASE)
+        return bool(match) or (name if self.exact else name.lower()) in self.kept
 
 
 _RAPID = """
@@ -158,11 +152,7 @@ class Program(Shown):
 
 
 def header(
-    timed: TimedTrajectory,
-    about: str,
-    found: Targets | None,
-    more: Sequence[str] = (),
-    width: int = 100,
+    timed: TimedTrajectory, about: str, goals: Targets | None, more: Sequence[str] = (), width: int = 100
 ) -> list[str]:
     """The facts of a program as lines of ASCII: where it is from, the law, limits, tolerances, units.
 
@@ -170,38 +160,38 @@ def header(
     """
     lines = [f"Written by holokin {__version__}", _plain(about) or "law: not told"]
     lines.append(f"{timed.profile} motion of {timed.duration:.3f} s, timed at steps of {1e3 * timed.dt:g} ms")
-    limits, linear = timed.limits, found is not None and found.linear
-    wiring = Wiring() if found is None else found.wiring
-    units = SI if found is None else found.dialect.units
-    told = [("speed", "velocity", "")]
-    told += [] if linear else [("acc", "acceleration", "^2"), ("jerk", "jerk", "^3")]
+    limits, linear = timed.limits, goals is not None and goals.linear
+    wiring = Wiring() if goals is None else goals.wiring
+    units = SI if goals is None else goals.dialect.units
+    limits_named = [("speed", "velocity", "")]
+    limits_named += [] if linear else [("acc", "acceleration", "^2"), ("jerk", "jerk", "^3")]
     for i, (name, si) in enumerate(zip(timed.joint_names, timed.joint_units, strict=True)):
         unit, factor = units.name(si), units.factor(si)
         span = f"{factor * limits.lower[i]:.6g} to {factor * limits.upper[i]:.6g} {unit}"
         rates = [
             f"{what} {factor * getattr(limits, rate)[i]:.6g} {unit}/s{power}"
-            for what, rate, power in told
+            for what, rate, power in limits_named
             if np.isfinite(getattr(limits, rate)[i])
         ]
         turned = [f"sign {wiring.signs[name]:+d}"] if name in wiring.signs else []
         turned += [f"offset {factor * wiring.offsets[name]:.6g} {unit}"] if name in wiring.offsets else []
         lines.append(f"{_plain(name)}: " + ", ".join([span, *rates, *turned]))
     unit, factor = units.together(timed.joint_units)
-    if found is not None and found.tool is not None:
+    if goals is not None and goals.tool is not None:
         lines += [
-            f"{len(found.t)} joint targets, {_counted(found)}",
-            *found.tool.sentences(unit, factor),
-            *_resolution(timed, found),
+            f"{len(goals.t)} joint targets, {_counted(goals)}",
+            *goals.tool.sentences(unit, factor),
+            *_resolution(timed, goals),
         ]
-    elif found is not None and len(found.t) == len(timed):
-        lines.append(f"{len(found.t)} joint targets, one for each step")
-    elif found is not None:
-        within = f"within {factor * found.deviation:.2g} {unit}"
-        lines.append(f"{len(found.t)} joint targets; even motion between them is {within} of the timed motion")
+    elif goals is not None and len(goals.t) == len(timed):
+        lines.append(f"{len(goals.t)} joint targets, one for each step")
+    elif goals is not None:
+        within = f"within {factor * goals.deviation:.2g} {unit}"
+        lines.append(f"{len(goals.t)} joint targets; even motion between them is {within} of the timed motion")
     if linear:
         lines.append("on linear and circular moves the controller chooses acc and jerk of the joints: none are stated")
-    if found is not None and found.asked:
-        lines += _reason(found, timed)
+    if goals is not None and goals.asked:
+        lines += _reason(goals, timed)
     if timed.loop is not None:
         a, b = (timed.t[i] for i in timed.loop)
         lines.append(f"three cycles; the one from {a:.3f} s to {b:.3f} s may be repeated")
@@ -214,36 +204,34 @@ def _plain(words: str) -> str:
     return re.sub(r"[^ -~]|[;<>%]", "?", line(words)).translate(str.maketrans("()", "[]"))
 
 
-def _resolution(timed: TimedTrajectory, found: Targets) -> list[str]:
+def _resolution(timed: TimedTrajectory, goals: Targets) -> list[str]:
     """How far apart the instants are at which deviations are measured, and the samples, of which targets are some."""
-    fastest, step = float("nan") if found.tool is None else found.tool.fastest, 1e3 * timed.dt
+    fastest, step = float("nan") if goals.tool is None else goals.tool.fastest, 1e3 * timed.dt
     moved = f"in this time the tool moves at most {fastest * step / FINER:.2g} mm along the path"
     way = f"; {moved}" if np.isfinite(fastest) else ""
     lines = f"the lines that switch the process on and off are at multiples of {step:g} ms"
     return [f"deviations are measured every {step / FINER:g} ms{way}", lines]
 
 
-def _counted(found: Targets) -> str:
+def _counted(goals: Targets) -> str:
     """How many moves of each kind there are."""
-    kinds = [move.kind for move in found.moves]
+    kinds = [move.kind for move in goals.moves]
     return ", ".join(f"{kinds.count(kind)} {kind} moves" for kind in KINDS if kind in kinds)
 
 
-def _reason(found: Targets, timed: TimedTrajectory) -> list[str]:
+def _reason(goals: Targets, timed: TimedTrajectory) -> list[str]:
     """Why there are joint moves beside linear and circular ones."""
-    ends = dict(enumerate(found.samples[1:], 2))
-    joint = [i for i, move in enumerate(found.moves, 2) if move.kind == "joint" and ends[i] > timed.begin]
-    said = ["joint moves on the way to the path"] if timed.begin else []
+    ends = dict(enumerate(goals.samples[1:], 2))
+    joint = [i for i, move in enumerate(goals.moves, 2) if move.kind == "joint" and ends[i] > timed.begin]
+    reasons = ["joint moves on the way to the path"] if timed.begin else []
     if not joint:
-        return [*said, "no other joint moves: the controller's own inverse gives our joints on the path"]
+        return [*reasons, "no other joint moves: the controller's own inverse gives our joints on the path"]
     shown = ", ".join(map(str, joint[:6])) + (", ..." if len(joint) > 6 else "")
     why = "there no linear or circular move keeps the tolerances, or the arm is nearly singular"
-    return [*said, f"joint moves to targets {shown}: {why}"]
+    return [*reasons, f"joint moves to targets {shown}: {why}"]
 
 
-def checked_name(
-    given: str, longest: int, language: str, program: bool = True, used: Sequence[str] = ()
-) -> str:  # fmt: skip
+def checked_name(given: str, longest: int, language: str, program: bool = True, used: Sequence[str] = ()) -> str:
     """The name of a program, or of a tool or frame. Raises: ArgumentError: the language refuses it, or has it."""
     if not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{longest - 1}}}", given):
         cure = f"{language} takes a letter, then letters, digits and _, at most {longest} in all"
@@ -253,15 +241,15 @@ def checked_name(
     return given
 
 
-def program_name(given: str | None, about: str, longest: int, found: Targets, names: Sequence[object] = ()) -> str:
+def program_name(given: str | None, about: str, longest: int, goals: Targets, names: Sequence[object] = ()) -> str:
     """The name of a program that is given, or one made of a text. Raises: ArgumentError: as `checked_name`.
 
     Args:
-        found: the targets, whose process has names of its own.
+        goals: the targets, whose process has names of its own.
         names: of tools, frames and loads; what is no text is left aside.
     """
-    language = found.dialect.language
-    own = [line for place in PLACES for line in getattr(found.lines, place) if not common(line)]
+    language = goals.dialect.language
+    own = [line for place in PLACES for line in getattr(goals.lines, place) if not common(line)]
     used = [*own, *(word for word in names if isinstance(word, str))]
     if given is not None:
         return checked_name(given, longest, language, used=used)

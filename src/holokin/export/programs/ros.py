@@ -12,7 +12,7 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, MissingExtraError
 from ...base.files import writing
-from ...base.types import Indices, positive
+from ...base.types import positive
 from ...motion import TimedTrajectory
 from .robot_program import Program, header
 from .targets import chosen, deviation
@@ -45,7 +45,7 @@ def to_ros(
     """
     if format not in ("yaml", "json"):
         raise ArgumentError("format", format, "use 'yaml' or 'json'")
-    picked = _picked(timed, tolerance)
+    picked = np.arange(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance))
     comments = header(timed, about, None, ["units: rad, m, s"])
     message = {
         "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": frame},
@@ -110,10 +110,6 @@ def write_mcap(timed: TimedTrajectory, folder: str | Path, *, topic: str = "/joi
             state = of["JointState"](stamped(t), names, q, dq, none)
             writer.write(states, round(t * NANO), store.serialize_cdr(state, states.msgtype))
     return next(folder.glob("*.mcap"))
-
-
-def _picked(timed: TimedTrajectory, tolerance: float | None) -> Indices:
-    return np.arange(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance))
 
 
 def _stamp(t: float) -> dict[str, int]:

@@ -15,10 +15,7 @@ from ...motion import TimedTrajectory
 from ...robot import FARTHEST
 from .moves import FINER, KINDS, PLACES, Dialect, Kind, ProcessLines, ToolDeviation, ToolMotion, ToolTolerance, finer
 
-# --------------------------------------------------------------------------------------------------
-# Which samples of a timed motion become targets of a program, and by which moves the controller
-# goes between them.
-# --------------------------------------------------------------------------------------------------
+# --- Which samples of a timed motion become targets of a program, and by which moves the controller goes between them.
 
 LOOKS = 33
 """Instants of a move that are looked at while it is made longer; all are, before it is taken."""
@@ -45,9 +42,9 @@ class Move:
     length: float = float("nan")
 
 
-def farthest(fits: Callable[[int], bool], here: int, end: int) -> int:
+def farthest(fits: Callable[[int], bool], first: int, end: int) -> int:
     """The last sample up to `end` that fits, by doubling and halving; the next one always does."""
-    good, bad, step = here + 1, end + 1, 1
+    good, bad, step = first + 1, end + 1, 1
     while good + step < bad:
         if fits(good + step):
             good, step = good + step, 2 * step
@@ -87,13 +84,13 @@ def tool_moves(
     moves: list[Move] = []
     largest = ToolDeviation()
     for end in _fixed_samples(timed, more)[1:]:
-        while (here := moves[-1].b if moves else 0) < end:
-            allowed = tried if here >= timed.begin else tried[-1:]  # an entry is the joints' own way
-            ends = {kind: _end(motion, tolerance, kind, here, end) for kind in allowed}
+        while (first := moves[-1].b if moves else 0) < end:
+            allowed = tried if first >= timed.begin else tried[-1:]  # an entry is the joints' own way
+            ends = {kind: _end(motion, tolerance, kind, first, end) for kind in allowed}
             kind = max(allowed, key=ends.__getitem__)  # of equal ones the first
-            kind = kind if ends[kind] > here + 1 else "joint"
-            moves.append(_move(motion, kind, here, ends[kind]))
-            largest |= measured(motion, kind, here, ends[kind])
+            kind = kind if ends[kind] > first + 1 else "joint"
+            moves.append(_move(motion, kind, first, ends[kind]))
+            largest |= measured(motion, kind, first, ends[kind])
     share = float(motion.has_speed.mean())
     return moves, replace(largest, compared=share, kept=largest.within(tolerance))
 
@@ -110,8 +107,8 @@ def _move(motion: ToolMotion, kind: Kind, a: int, b: int) -> Move:
 def measured(motion: ToolMotion, kind: Kind, a: int, b: int, looks: int | None = None) -> ToolDeviation:
     """How far a move from sample a to sample b is from the motion, with its joints, at some instants or all."""
     first, last, rows = _instants(a, b, looks)
-    found = motion.deviation(kind, first, last, rows)
-    return found | ToolDeviation(joints=motion.joint_deviation(kind, first, last, rows))
+    deviation = motion.deviation(kind, first, last, rows)
+    return deviation | ToolDeviation(joints=motion.joint_deviation(kind, first, last, rows))
 
 
 def _instants(a: int, b: int, looks: int | None) -> tuple[int, int, Indices]:
@@ -131,11 +128,11 @@ def _end(motion: ToolMotion, tolerance: ToolTolerance, kind: Kind, here: int, en
             return False
         return motion.joint_deviation(kind, first, last, rows) <= tolerance.joints
 
-    found = farthest(lambda b: kept(b, LOOKS), here, end)
-    while found > here + 1 and not kept(found):
-        found = here + max(1, (found - here) * 7 // 8)
-    moved = np.ptp(motion.p[FINER * here : FINER * found + 1], axis=0).max()
-    return found if kind == "joint" or moved > SHORTEST else here + 1
+    farthest_sample = farthest(lambda b: kept(b, LOOKS), here, end)
+    while farthest_sample > here + 1 and not kept(farthest_sample):
+        farthest_sample = here + max(1, (farthest_sample - here) * 7 // 8)
+    moved = np.ptp(motion.p[FINER * here : FINER * farthest_sample + 1], axis=0).max()
+    return farthest_sample if kind == "joint" or moved > SHORTEST else here + 1
 
 
 NEAR = 0.05
@@ -247,8 +244,10 @@ def targets(
     if isinstance(tolerance, ToolTolerance):
         moves, tool = tool_moves(timed, tolerance, _of_arm(timed, wiring, tolerance), more, dialect.kinds)
     else:
-        at = range(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance), more).tolist()
-        moves = [Move("joint", a, b) for a, b in pairwise(at)]
+        samples = (
+            range(len(timed)) if tolerance is None else chosen(timed, positive("tolerance", tolerance), more).tolist()
+        )
+        moves = [Move("joint", a, b) for a, b in pairwise(samples)]
     picked = np.array([0, *(move.b for move in moves)])
     stops = np.isin(picked, [*timed.stops, *more])  # where lines stand the robot stops, so that they come in time
     via = {i: q[move.via] for i, move in enumerate(moves) if move.kind == "circular"}
@@ -267,17 +266,17 @@ def _window(timed: TimedTrajectory, lines: ProcessLines) -> tuple[int, int]:
     rows = slice(timed.begin, len(timed))
     speed = timed.path_speed[rows]
     gone = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * timed.dt)])
-    found = []
+    ends = []
     for t in lines.window:
         posture = [np.interp(t, timed.untimed.t, column) for column in timed.untimed.q.T]
         apart = np.abs(timed.q[rows] - posture).max(axis=1)
         apart[np.abs(gone - t) > NEAR * gone[-1]] = np.inf  # the path may come by there again
-        found.append(timed.begin + int(np.argmin(apart)))
-    on, off = found
+        ends.append(timed.begin + int(np.argmin(apart)))
+    on, off = ends
     return on, off
 
 
-def speed_shares(found: Targets, speeds: Sequence[float] | None) -> Vector:
+def speed_shares(goals: Targets, speeds: Sequence[float] | None) -> Vector:
     """The share of its axes' greatest speeds that each move takes (k - 1,), if all axes start and end together.
 
     Args:
@@ -286,38 +285,38 @@ def speed_shares(found: Targets, speeds: Sequence[float] | None) -> Vector:
     Raises:
         ArgumentError: a moving joint without one.
     """
-    timed = found.timed
+    timed = goals.timed
     known = timed.limits.velocity if speeds is None else np.array([positive("a speed of axes", v) for v in speeds])
     if known.shape != timed.limits.velocity.shape:
         raise ArgumentError("the speeds of axes", speeds, f"give one for each of {', '.join(timed.joint_names)}")
-    moved = np.abs(np.diff(timed.q[list(found.samples)], axis=0))
+    moved = np.abs(np.diff(timed.q[list(goals.samples)], axis=0))
     endless = ~np.isfinite(known) & (moved.max(axis=0) > 0)
     if endless.any():
         name = timed.joint_names[int(np.argmax(endless))]
         raise ArgumentError(f"the greatest speed of {name}", None, "give speeds=, of the controller's axes")
-    return (moved / known).max(axis=1) / found.seconds
+    return (moved / known).max(axis=1) / goals.seconds
 
 
-def zones(found: Targets, zone: float) -> tuple[Vector, int]:
+def zones(goals: Targets, zone: float) -> tuple[Vector, int]:
     """Radii [m] at which targets are passed (k,): 0 at stops, else the zone, but at most half of a move beside it.
 
     And at how many targets it is less for that reason. Moves whose length nobody knows leave it as it is.
     """
-    steps = np.array([move.length for move in found.moves])
+    steps = np.array([move.length for move in goals.moves])
     near = np.fmin(np.append(np.inf, steps), np.append(steps, np.inf)) / 2
     radii = np.fmin(zone, near)
-    radii[[0, *np.flatnonzero(found.stops).tolist(), -1]] = 0.0
+    radii[[0, *np.flatnonzero(goals.stops).tolist(), -1]] = 0.0
     return radii, int(((radii > 0) & (radii < zone)).sum())
 
 
-def with_lines(found: Targets, moves: Sequence[Sequence[str]]) -> list[str]:
+def with_lines(goals: Targets, moves: Sequence[Sequence[str]]) -> list[str]:
     """The lines that move to each target (k,), with those of the process between. Raises: ArgumentError: a bad line."""
-    before, on, off, after = (found.dialect.written(getattr(found.lines, place)) for place in PLACES)
+    before, on, off, after = (goals.dialect.written(getattr(goals.lines, place)) for place in PLACES)
     text = list(before)
     for i, moved in enumerate(moves):
         text += moved
-        text += on if i == found.on else []
-        text += off if i == found.off else []
+        text += on if i == goals.on else []
+        text += off if i == goals.off else []
     return text + after
 
 
@@ -336,11 +335,11 @@ def _of_arm(timed: TimedTrajectory, wiring: Wiring, tolerance: ToolTolerance) ->
 
 def chosen(timed: TimedTrajectory, tolerance: float, more: tuple[int, ...] = ()) -> Indices:
     """Indices of samples between which straight lines stay within a tolerance: each step as long as may be."""
-    q, found = finer(timed)[1], [0]
+    q, indices = finer(timed)[1], [0]
     for end in _fixed_samples(timed, more)[1:]:
-        while (here := found[-1]) < end:
-            found.append(farthest(lambda b, a=here: _off(q, a, b) <= tolerance, here, end))
-    return np.array(found)
+        while (last := indices[-1]) < end:
+            indices.append(farthest(lambda b, a=last: _off(q, a, b) <= tolerance, last, end))
+    return np.array(indices)
 
 
 def _off(q: Matrix, a: int, b: int) -> float:

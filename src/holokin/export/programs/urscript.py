@@ -61,43 +61,43 @@ def to_urscript(
     if not (0.03 <= lookahead_time <= 0.2 and 100 <= gain <= 2000):
         raise ArgumentError("(lookahead_time, gain)", (lookahead_time, gain), "see the docstring")
     every = tolerance is None
-    found = targets(timed, wiring, DIALECT, tolerance, lines)
+    goals = targets(timed, wiring, DIALECT, tolerance, lines)
     if every and not any(abs(timed.dt - step) < 1e-12 for step in STEPS):
         cure = "retime it with dt=0.002 (e-Series) or dt=0.008 (CB3), or give a tolerance for few targets"
         raise ArgumentError("dt of the trajectory", timed.dt, cure)
-    short = program_name(name, about, 64, found)
-    radii, less = zones(found, zone)
-    said = [f"servoj at {1e3 * timed.dt:g} ms" if every else _why_moves(timed)]
-    said += [f"the blend is half a move at {less} targets, where that is less"] if less and not every else []
-    text = [f"  # {line}" for line in header(timed, about, found, ["radians", *said])]
+    short = program_name(name, about, 64, goals)
+    radii, less = zones(goals, zone)
+    sentences = [f"servoj at {1e3 * timed.dt:g} ms" if every else _why_moves(timed)]
+    sentences += [f"the blend is half a move at {less} targets, where that is less"] if less and not every else []
+    text = [f"  # {line}" for line in header(timed, about, goals, ["radians", *sentences])]
     if tool is not None:
         text.append(f"  set_tcp(p{_list(finite('tool', tool, (6,)))})")
     text += [f"  set_payload({not_negative('payload', payload):g})"] if payload is not None else []
     if every:
         more = f"0, 0, {timed.dt:g}, {lookahead_time:g}, {gain:g}"
-        moves = [f"servoj({_list(row)}, {more})" for row in found.q[1:]]
+        moves = [f"servoj({_list(row)}, {more})" for row in goals.q[1:]]
         moves[-1:] = [moves[-1] + "\n  stopj(2.0)"]
     else:
-        moves = [_move(found, i, radii[i + 1]) for i in range(len(found.moves))]
-    first = f"movej({_list(found.q[0])}, {APPROACH})"
-    body = with_lines(found, [[first], *([move] for move in moves)])
+        moves = [_move(goals, i, radii[i + 1]) for i in range(len(goals.moves))]
+    first = f"movej({_list(goals.q[0])}, {APPROACH})"
+    body = with_lines(goals, [[first], *([move] for move in moves)])
     text += [f"  {line}" for line in body]
     files = {f"{short}.script": "\n".join([f"def {short}():", *text, "end", f"{short}()", ""])}
-    return Program(files, len(found.q), found.deviation, found.tool, tuple(said))
+    return Program(files, len(goals.q), goals.deviation, goals.tool, tuple(sentences))
 
 
 def _why_moves(timed: TimedTrajectory) -> str:
     """That targets are few, and which steps would give every sample."""
-    here = "" if timed.dt in STEPS else f": {1e3 * timed.dt:g} ms is no step of servoj"
-    return f"few targets{here}; servoj would take every sample at 2 ms (e-Series) or 8 ms (CB3)"
+    remark = "" if timed.dt in STEPS else f": {1e3 * timed.dt:g} ms is no step of servoj"
+    return f"few targets{remark}; servoj would take every sample at 2 ms (e-Series) or 8 ms (CB3)"
 
 
-def _move(found: Targets, i: int, radius: float) -> str:
-    move, end = found.moves[i], _list(found.q[i + 1])
+def _move(goals: Targets, i: int, radius: float) -> str:
+    move, end = goals.moves[i], _list(goals.q[i + 1])
     if move.kind == "joint":
-        return f"movej({end}, t={found.seconds[i]:.4f}, r={radius:.6g})"
+        return f"movej({end}, t={goals.seconds[i]:.4f}, r={radius:.6g})"
     speed = f"a=1.2, v={move.speed:.6f}, r={radius:.6g}"
-    return f"movel({end}, {speed})" if move.kind == "linear" else f"movec({_list(found.via[i])}, {end}, {speed})"
+    return f"movel({end}, {speed})" if move.kind == "linear" else f"movec({_list(goals.via[i])}, {end}, {speed})"
 
 
 def _list(row: Vector) -> str:

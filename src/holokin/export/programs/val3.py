@@ -58,20 +58,20 @@ def to_val3(
         ExportError: a robot of other than six joints; a move faster than the nominal speed.
         ArgumentError: bad names, wiring or lines.
     """
-    found = targets(timed, wiring, DIALECT, tolerance, lines)
-    short = program_name(name, about, NAME, found, (tool, base))
+    goals = targets(timed, wiring, DIALECT, tolerance, lines)
+    short = program_name(name, about, NAME, goals, (tool, base))
     for what in (tool, base):
         checked_name(what, NAME, "VAL3", program=False)
-    radii, less = zones(found, not_negative("zone", zone))
+    radii, less = zones(goals, not_negative("zone", zone))
     more = ["degrees, mm", f"tool {tool}, frame {base}"]
     more += [f"leave and reach are half a move at {less} targets, where that is less"] if less else []
-    facts = [f"// {line}" for line in header(timed, about, found, more)]
-    shares = speed_shares(found, speeds)
+    facts = [f"// {line}" for line in header(timed, about, goals, more)]
+    shares = speed_shares(goals, speeds)
     first = ["l_mDesc.accel=100", "l_mDesc.decel=100", "l_mDesc.vel=10", "l_mDesc.blend=off"]
-    first += [*_joints("A", found, found.q[0]), f"movej(l_jA,{tool},l_mDesc)", "waitEndMove()"]
+    first += [*_joints("A", goals, goals.q[0]), f"movej(l_jA,{tool},l_mDesc)", "waitEndMove()"]
     first.append(f"l_mDesc.rvel={TURNING}")
-    moves = [_move(found, i, float(shares[i]), float(radii[i + 1]), (tool, base)) for i in range(len(found.moves))]
-    body = with_lines(found, [first, *moves])
+    moves = [_move(goals, i, float(shares[i]), float(radii[i + 1]), (tool, base)) for i in range(len(goals.moves))]
+    body = with_lines(goals, [first, *moves])
     local = '      <Local name="{}" type="{}" xsi:type="array" size="1" />'
     declared = [local.format(name, kind) for name, kind in LOCALS.items()]
     text = [
@@ -82,16 +82,16 @@ def to_val3(
         "    <Code><![CDATA[begin", *(f"  {line}" for line in [*facts, *body, "waitEndMove()"]), "end]]></Code>",
         "  </Program>", "</Programs>", "",
     ]  # fmt: skip
-    return Program({f"{short}.pgx": "\n".join(text)}, len(found.q), found.deviation, found.tool)
+    return Program({f"{short}.pgx": "\n".join(text)}, len(goals.q), goals.deviation, goals.tool)
 
 
-def _move(found: Targets, i: int, share: float, radius: float, cell: tuple[str, str]) -> list[str]:
+def _move(goals: Targets, i: int, share: float, radius: float, cell: tuple[str, str]) -> list[str]:
     """The lines of a move to target i + 1. Raises: ExportError: too fast."""
-    move, (tool, base) = found.moves[i], cell
+    move, (tool, base) = goals.moves[i], cell
     blend = "off" if not radius else "joint" if move.kind == "joint" else "Cartesian"
     lines = [f"l_mDesc.blend={blend}"]
     lines += [f"l_mDesc.leave={1e3 * radius:.3f}", f"l_mDesc.reach={1e3 * radius:.3f}"] if radius else []
-    lines += _joints("A", found, found.q[i + 1])
+    lines += _joints("A", goals, goals.q[i + 1])
     if move.kind == "joint":
         if share > 1.0:
             fact = f"the move to target {i + 2} takes {100 * share:.3g} % of the nominal speed"
@@ -100,9 +100,9 @@ def _move(found: Targets, i: int, share: float, radius: float, cell: tuple[str, 
     lines += ["l_mDesc.vel=100", f"l_mDesc.tvel={1e3 * move.speed:.6g}", f"l_pA=jointToPoint({tool},{base},l_jA)"]
     if move.kind == "linear":
         return [*lines, f"movel(l_pA,{tool},l_mDesc)"]
-    via = [*_joints("B", found, found.via[i]), f"l_pB=jointToPoint({tool},{base},l_jB)"]
+    via = [*_joints("B", goals, goals.via[i]), f"l_pB=jointToPoint({tool},{base},l_jB)"]
     return [*lines, *via, f"movec(l_pB,l_pA,{tool},l_mDesc)"]
 
 
-def _joints(which: str, found: Targets, row: Vector) -> list[str]:
-    return [f"l_j{which}={{{','.join(f'{x:.6f}' for x in found.shown(row))}}}"]
+def _joints(which: str, goals: Targets, row: Vector) -> list[str]:
+    return [f"l_j{which}={{{','.join(f'{x:.6f}' for x in goals.shown(row))}}}"]

@@ -133,8 +133,8 @@ def _python_joints(source: Source, strategy: HolonomicStrategy) -> str:
     solver, rng = ik(strategy, source.q0, limits=source.limits), np.random.default_rng(0)
     near = source.q0 + rng.uniform(-0.3, 0.3, (4 * POSES, robot.n))
     poses = np.array([robot.pose(q, tip) for q in near])
-    found = solver.batch(poses if strategy.task.orientation is not None else poses[:, :3, 3])
-    kept = np.flatnonzero(found.status == InverseStatus.REACHED)[:POSES]
-    if not len(kept):
+    solutions = solver.batch(poses if strategy.task.orientation is not None else poses[:, :3, 3])
+    reached = np.flatnonzero(solutions.status == InverseStatus.REACHED)[:POSES]
+    if not len(reached):
         raise ExportError("no pose near the start is reached within the joint limits", "choose another start posture")
-    return python_header(strategy.task, " and the joints of Python.", poses[kept], found.q[kept])
+    return python_header(strategy.task, " and the joints of Python.", poses[reached], solutions.q[reached])

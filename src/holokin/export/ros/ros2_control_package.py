@@ -145,14 +145,14 @@ def _python_steps(source: Source, strategy: HolonomicStrategy) -> str:
         raise ExportError("no motion near the start keeps the joint limits", "choose another start posture")
     away, off = _off_the_leaf(source, strategy, rng)
     tip = line(tip_name(strategy.task))
-    told = f" of the tip {tip}, one\n   each millisecond, and the joints of Python after each."
+    sentence = f" of the tip {tip}, one\n   each millisecond, and the joints of Python after each."
     more = [
         f"const double START[{robot.n}] = {{{', '.join(repr(float(x)) for x in source.q0)}}};",
         f"/* So far from the leaf [its units]: {off!r}. */",
         f"constexpr double OFF_BY = {off!r};",
         f"const double OFF_THE_LEAF[{robot.n}] = {{{', '.join(repr(float(x)) for x in away)}}};",
     ]
-    return python_header(strategy.task, told, poses, joints, more)
+    return python_header(strategy.task, sentence, poses, joints, more)
 
 
 def _swing(source: Source, strategy: HolonomicStrategy, swing: Vector) -> tuple[Array, Array]:

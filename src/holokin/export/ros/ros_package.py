@@ -68,8 +68,8 @@ def leaf_strategy(strategy: Strategy, cure: str) -> HolonomicStrategy:
     """
     task = strategy.task
     if task.frames != 1 or not isinstance(getattr(task, "frame", None), TipFrame):
-        one = "export hk.pose or hk.position of one tip, each for a group of its own"
-        raise ExportError(f"{task.name} is not about one tip in the base frame", one)
+        cure_of_task = "export hk.pose or hk.position of one tip, each for a group of its own"
+        raise ExportError(f"{task.name} is not about one tip in the base frame", cure_of_task)
     if task.n <= task.m:
         raise ExportError(f"{task.robot.name!r} has no joint to spare, so there is no leaf", cure)
     if not has_leaf(strategy):
@@ -120,27 +120,29 @@ def markdown_cell(word: str) -> str:
     return line(word).replace("|", "/").replace("`", "'")
 
 
-def python_header(task: Task, told: str, poses: Array, joints: Array, more: Sequence[str] = ()) -> str:
+def python_header(task: Task, sentence: str, poses: Array, joints: Array, more: Sequence[str] = ()) -> str:
     """A header of C++ for the test of a package: poses (k, 4, 4), and the joints (k, n) that Python finds for them.
 
     Args:
-        told: the end of the sentence on the poses. more: lines that come last.
+        sentence: the end of the one on the poses. more: lines that come last.
     """
     from scipy.spatial.transform import Rotation
 
     quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
-    return "\n".join([
-        f"/* Written by holokin {__version__}. Poses (x, y, z, quaternion x, y, z, w){told} */",
-        "#pragma once",
-        "#include <cstddef>",
-        "#include <string>",
-        f"constexpr std::size_t COUNT = {len(joints)}, N = {task.robot.n};",
-        *_names_of_cpp(task),
-        *_numbers_of_cpp(f"POSES[{len(poses)}][7]", np.hstack([poses[:, :3, 3], quaternions])),
-        *_numbers_of_cpp(f"JOINTS[{len(joints)}][{task.robot.n}]", joints),
-        *more,
-        "",
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            f"/* Written by holokin {__version__}. Poses (x, y, z, quaternion x, y, z, w){sentence} */",
+            "#pragma once",
+            "#include <cstddef>",
+            "#include <string>",
+            f"constexpr std::size_t COUNT = {len(joints)}, N = {task.robot.n};",
+            *_names_of_cpp(task),
+            *_numbers_of_cpp(f"POSES[{len(poses)}][7]", np.hstack([poses[:, :3, 3], quaternions])),
+            *_numbers_of_cpp(f"JOINTS[{len(joints)}][{task.robot.n}]", joints),
+            *more,
+            "",
+        ]
+    )
 
 
 def _numbers_of_cpp(declared: str, rows: Iterable[Iterable[float]]) -> list[str]:
@@ -223,13 +225,9 @@ def write_package(
     """
     texts = {f"c/{file}": content for file, content in c.items()}
     texts |= {file: text(template, words) for file, template in {**files, **SHARED}.items()}
-    texts["test/robot.urdf"] = _marked(to_urdf(source.strategy.task.robot))
+    # With a word of who wrote it, behind the line that XML wants first.
+    first, rest = to_urdf(source.strategy.task.robot).split("\n", 1)
+    texts["test/robot.urdf"] = f"{first}\n<!-- Written by holokin {__version__}. -->\n{rest}"
     texts["test/python_joints.h"] = test
     write_export(folder, texts, f"project({words['package']} LANGUAGES C CXX)")
     return tuple(texts), operations_of(source)
-
-
-def _marked(urdf: str) -> str:
-    """With a word of who wrote it, behind the line that XML wants first."""
-    first, rest = urdf.split("\n", 1)
-    return f"{first}\n<!-- Written by holokin {__version__}. -->\n{rest}"

@@ -111,7 +111,7 @@ def wanted_symbols(task: Task) -> tuple[tuple[SX, SX], tuple[SX, SX, SX]]:
 
     pose (4F, 4) and twist (6F,), one frame below the other; or both (point,), where the task has no orientation.
     """
-    F, point = task.frames, task.point
+    F, point = task.frames, task._point
     if task.orientation is not None:
         pose, twist = symbol("pose", 4 * F, 4), symbol("twist", 6 * F)
         p, R = (vertcat(*(pose[4 * f : 4 * f + 3, columns] for f in range(F))) for columns in (3, slice(3)))
@@ -127,8 +127,8 @@ def tracking(task: Task, k: Kinematics, p: SX, R: SX, twist: SX, dt: SX) -> tupl
 
     It is wanted at the pose (p, R) after dt, and moves there with the twist (6,), so e = error to (p, R) - dt x'.
     """
-    dx = task.rates_expression(R, *task.velocities(twist))
-    return dx, task.error_expression(k, p, R) - dt * dx
+    dx = task._rates_expression(R, *task._velocities(twist))
+    return dx, task._error_expression(k, p, R) - dt * dx
 
 
 def feedback(
@@ -164,10 +164,7 @@ def feedback(
 
 
 def compiled(
-    name: str,
-    task: Task,
-    rate: Callable[[Symbols], Solution],
-    strategy: Strategy | None = None,
+    name: str, task: Task, rate: Callable[[Symbols], Solution], strategy: Strategy | None = None
 ) -> ControlLaw:
     """A control law from an expression of its rates, compiled when first begun.
 
@@ -180,14 +177,14 @@ def compiled(
     def function() -> Function:
         q = symbol("q", task.n) if strategy is None else strategy.expressions.q
         k = task.kinematics(q)
-        p, R = task.target_symbols()
+        p, R = task._target_symbols()
         twist, dt, start = symbol("twist", 6 * task.frames), symbol("dt", 1), symbol("start", task.n)
         dx, error = tracking(task, k, p, R, twist, dt)
-        found = rate(Symbols(q, k, task.jacobian_expression(k, q), dx, error, dt, start))
-        margin = task.margin_expression(k.rotation) if strategy is None else strategy.margin_expression
+        solution = rate(Symbols(q, k, task.jacobian_expression(k, q), dx, error, dt, start))
+        margin = task._margin_expression(k.rotation) if strategy is None else strategy._margin_expression
         inputs = {"q": q, "p": p, "R": R, "twist": twist, "dt": dt, "start": start}
-        outputs = {"dq": found.X, "rcond": found.rcond, "margin": margin}
-        return Function("law", inputs, outputs, found.system, None if strategy is None else strategy.transport)
+        outputs = {"dq": solution.X, "rcond": solution.rcond, "margin": margin}
+        return Function("law", inputs, outputs, solution.system, None if strategy is None else strategy.transport)
 
     def begin(q0: Vector) -> Step:
         rates = function()
@@ -216,14 +213,9 @@ def _numeric_step(strategy: NumericStrategy, q: Vector, pose: Matrix, twist: Vec
     task = strategy.task
     _, R = task.target(pose)
     each = twist.reshape(task.frames, 2, 3)
-    dx, margin = task.rates(R[None], each[:, 0].reshape(1, -1), each[:, 1].reshape(1, -1))
+    dx, margin = task._tool_rates(R[None], each[:, 0].reshape(1, -1), each[:, 1].reshape(1, -1))
     check_representation(task, q, float(margin[0]))
     return strategy(q) @ dx[0]
-
-
-# --------------------------------------------------------------------------------------------------
-# Mussa-Ivaldi and Hogan's law with the tool force as a state: a control law with memory. [MIH91]
-# --------------------------------------------------------------------------------------------------
 
 
 @made
@@ -248,6 +240,7 @@ def impedance_with_memory(
 
     @cache
     def functions() -> tuple[Function, Function]:
+        # dq and F' of the springs under a force, as one function.
         q, F, dx = symbol("q", task.n), symbol("F", task.m), symbol("dx", task.m)
         k = task.kinematics(q)
         J = task.jacobian_expression(k, q)
@@ -255,14 +248,11 @@ def impedance_with_memory(
         extended = factorise(vertcat(J, null_space_expression(J).T @ stiffness))
         dq = extended.solve(vertcat(dx, SX.zeros(task.n - task.m, 1)))
         dF = factorise(J.T).solve(stiffness @ dq)  # J^T F' = (K - Gamma) dq, since tau_0 stays
-        outputs = {
-            "dq": dq,
-            "dF": dF,
-            "rcond": extended.rcond(),
-            "margin": task.margin_expression(k.rotation),
-        }
-        R, twist = task.target_symbols()[1], symbol("twist", 6 * task.frames)
-        rates = Function("wanted", {"R": R, "twist": twist}, {"dx": task.rates_expression(R, *task.velocities(twist))})
+        outputs = {"dq": dq, "dF": dF, "rcond": extended.rcond(), "margin": task._margin_expression(k.rotation)}
+        R, twist = task._target_symbols()[1], symbol("twist", 6 * task.frames)
+        rates = Function(
+            "wanted", {"R": R, "twist": twist}, {"dx": task._rates_expression(R, *task._velocities(twist))}
+        )
         return Function("impedance", {"q": q, "F": F, "dx": dx}, outputs), rates
 
     def begin(q0: Vector) -> Step:
@@ -273,9 +263,9 @@ def impedance_with_memory(
             nonlocal F
 
             def slope(y: Vector, dx: Vector) -> Vector:  # of y = (the motion since the start of the step, force)
-                at = q + y[: task.n]
-                dq, dF, rcond, margin = flow(at, y[task.n :], dx)
-                check_regular(task, name, at, rcond, margin)
+                posture = q + y[: task.n]
+                dq, dF, rcond, margin = flow(posture, y[task.n :], dx)
+                check_regular(task, name, posture, rcond, margin)
                 return np.append(dq, dF)
 
             dx = np.atleast_1d(wanted(task.target(pose)[1], twist.ravel()))
@@ -288,13 +278,10 @@ def impedance_with_memory(
     return ControlLaw(name, begin)
 
 
-# --------------------------------------------------------------------------------------------------
-# The laws of the textbooks that are not of the form dq = G(q) x' (3), each under its own name.
+# --- The laws of the textbooks that are not of the form dq = G(q) x' (3), each under its own name.
 #
-# All follow the wanted pose with feedback: u = x' + K e, K [1/s] `gain`, e the task error to the
-# pose wanted now. With gain 1/dt a step goes all the way to the pose wanted at its end. Gains are
-# not negative; every law takes a `name`.
-# --------------------------------------------------------------------------------------------------
+# All follow the wanted pose with feedback: u = x' + K e, K [1/s] `gain`, e the task error to the pose wanted now. With
+# gain 1/dt a step goes all the way to the pose wanted at its end. Gains are not negative; every law takes a `name`.
 
 GAIN = 10.0
 """Default K [1/s]: an error halves in 0.07 s, and steps up to 0.1 s are far from unstable."""
@@ -419,14 +406,14 @@ def asymptotically_cyclic(
         if exact:
             return feedback(strategy, s.dx, s.error, K, SX(c), K_g)
         N = null_space_expression(s.J)
-        least = least_norm(s.J, s.dx + K * s.error)
+        minimum_norm = least_norm(s.J, s.dx + K * s.error)
         back = K_g * strategy.leaf_gap(SX(c))
-        return least._replace(X=least.X + N @ factorise(strategy.expressions.planes @ N).solve(back))
+        return minimum_norm._replace(X=minimum_norm.X + N @ factorise(strategy.expressions.planes @ N).solve(back))
 
     return compiled(name, task, rate, strategy)
 
 
 def _projected(s: Symbols, K: float, z: SX) -> Solution:
     """J^+ (x' + K e - J z) + z, which is J^+ (x' + K e) + (1 - J^+ J) z."""
-    least = least_norm(s.J, s.dx + K * s.error - s.J @ z)
-    return least._replace(X=least.X + z)
+    minimum_norm = least_norm(s.J, s.dx + K * s.error - s.J @ z)
+    return minimum_norm._replace(X=minimum_norm.X + z)

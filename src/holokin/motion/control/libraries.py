@@ -28,10 +28,6 @@ from ...strategies import HolonomicStrategy
 from ..ik.leaf import leaf_value
 from .control_law import ControlLaw, Step
 
-# --------------------------------------------------------------------------------------------------
-# Optional libraries, by the extra that has them.
-# --------------------------------------------------------------------------------------------------
-
 
 def extra(module: str, package: str, name: str) -> Any:
     """An optional library, by the extra that has it. Raises: MissingExtraError."""
@@ -39,12 +35,10 @@ def extra(module: str, package: str, name: str) -> Any:
         return extra_module(module, name, package)
 
 
-# --------------------------------------------------------------------------------------------------
-# The leaf of a holonomic strategy as a task of pink and of mink: error g(q) - c, Jacobian dg/dq.
+# --- The leaf of a holonomic strategy as a task of pink and of mink: error g(q) - c, Jacobian dg/dq.
 #
-# As an equality constraint, A dq = b with A = J_g and b = -gain (g(q) - c), it takes the redundant
-# joints out of the quadratic programme: what remains of it is the tool.
-# --------------------------------------------------------------------------------------------------
+# As an equality constraint, A dq = b with A = J_g and b = -gain (g(q) - c), it takes the redundant joints out of the
+# quadratic programme: what remains of it is the tool.
 
 
 class LeafTask:
@@ -353,8 +347,10 @@ class Library:
 
 
 LIBRARIES = {
-    "pink": Library(pink_law, "pin-pink"), "mink": Library(mink_law, "mink"), "placo": Library(placo_law, "placo"),
-}  # fmt: skip
+    "pink": Library(pink_law, "pin-pink"),
+    "mink": Library(mink_law, "mink"),
+    "placo": Library(placo_law, "placo"),
+}
 """By the names of their modules, which are kinds of law of a survey."""
 
 

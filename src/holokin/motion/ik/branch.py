@@ -26,23 +26,18 @@ from ...base.types import Array, Matrix, Vector, kept
 from ...strategies import HolonomicStrategy, RowExpressions
 from ...symbolic import SX, Enclosure, Function, jacobian, short, vertcat
 
-# --------------------------------------------------------------------------------------------------
-# Rays of a radial law: straight paths of the tool from its center, on whose leaf each pose has one
-# posture.
+# --- Rays of a radial law: straight paths of the tool from its center, on whose leaf each pose has one posture.
 #
-# The transport leads a posture back along the ray to one over the center. Where arc length labels
-# those, two with one label differ by full turns of joints alone, and the transport, which can be
-# gone both ways, keeps that difference. So of an exact transport the postures of one pose on the
-# leaf, within the margins of the label, are q + 2 pi k, k whole numbers for the joints, and no
-# folds are looked for on the way there, as `follow` does. What is left to tell is k. In a piece of
-# the way in which each joint is found to move by less than half a turn, not far from where it was
-# looked for, it is taken to be 0: wrong only where a joint really makes more than half a turn in
-# that piece.
+# The transport leads a posture back along the ray to one over the center. Where arc length labels those, two with one
+# label differ by full turns of joints alone, and the transport, which can be gone both ways, keeps that difference. So
+# of an exact transport the postures of one pose on the leaf, within the margins of the label, are q + 2 pi k, k whole
+# numbers for the joints, and no folds are looked for on the way there, as `follow` does. What is left to tell is k. In
+# a piece of the way in which each joint is found to move by less than half a turn, not far from where it was looked
+# for, it is taken to be 0: wrong only where a joint really makes more than half a turn in that piece.
 #
-# Two things are not shown: that last one, and that the transport of a few steps leads different
-# postures to different ones, as the exact transport does. Both were tested: against the given law,
-# integrated along rays of hundreds of poses.
-# --------------------------------------------------------------------------------------------------
+# Two things are not shown: that last one, and that the transport of a few steps leads different postures to different
+# ones, as the exact transport does. Both were tested: against the given law, integrated along rays of hundreds of
+# poses.
 
 LEAP = 0.1
 """Joint motion [joint unit] to an answer near by that Newton's method finds in one go."""
@@ -61,9 +56,9 @@ SHORTEST = 2.0**-16
 beyond are refused in half the time that 2^-48 takes, and the same are reached."""
 
 
-def keeps_turns(q: Vector, begun: Vector, found: Vector) -> bool:
+def keeps_turns(q: Vector, begun: Vector, posture: Vector) -> bool:
     """True where a piece of a ray from q to a posture that was found, begun somewhere, cannot miss a joint's turn."""
-    return bool((np.abs(found - q) < HALF_TURN).all() and (np.abs(found - begun) <= ASIDE).all())
+    return bool((np.abs(posture - q) < HALF_TURN).all() and (np.abs(posture - begun) <= ASIDE).all())
 
 
 def rays_from(strategy: HolonomicStrategy) -> Vector | None:
@@ -72,7 +67,7 @@ def rays_from(strategy: HolonomicStrategy) -> Vector | None:
     That is where its label is arc length, and straight paths of the tool are those of its transport.
     """
     transport, task = strategy.looped.transport, strategy.task
-    straight = task.turns or task.robot.planar or not any(task.angular)
+    straight = task._turns or task.robot.planar or not any(task._angular)
     return transport.center if transport is not None and straight and all(strategy.constraint.angular) else None
 
 
@@ -96,18 +91,14 @@ def rays_code(strategy: HolonomicStrategy) -> str:
     )
 
 
-# --------------------------------------------------------------------------------------------------
-# Folds: where a leaf ends, and the path with it; the same rules as fold.c.
+# --- Folds: where a leaf ends, and the path with it; the same rules as fold.c.
 #
-# Ahead of one the joints go like the square root of the share of the path that is left, so that 1 /
-# |q'|^2 falls evenly, and is 0 there: two rates tell where. Of a path that passes close by one, the
-# place moves on by a quarter of what has been gone (or by half, past a posture about which joints
-# spin).
+# Ahead of one the joints go like the square root of the share of the path that is left, so that 1 / |q'|^2 falls
+# evenly, and is 0 there: two rates tell where. Of a path that passes close by one, the place moves on by a quarter of
+# what has been gone (or by half, past a posture about which joints spin).
 #
-# A path is given up where the place stands still until 4^-SURE of the share is left; the posture is
-# then led on while Newton's method converges, to 4^-CLOSER at least. It is a judgement, no proof:
-# it refuses poses, and answers none.
-# --------------------------------------------------------------------------------------------------
+# A path is given up where the place stands still until 4^-SURE of the share is left; the posture is then led on while
+# Newton's method converges, to 4^-CLOSER at least. It is a judgement, no proof: it refuses poses, and answers none.
 
 SURE, CLOSER = 4, 7
 STANDS, STILL = 0.25, 0.1
@@ -129,9 +120,9 @@ class Fold:
         square = float(rate @ rate)
         slack = 1.0 / square if square > 0.0 else float("inf")
         gone, fall = share - self.share, self.slack - slack
-        at = share + gone * (slack / fall) if fall != 0.0 else float("inf")
-        agrees = fall > 0.0 and at > share and abs(at - self.at) <= most * gone
-        self.share, self.slack, self.at = share, slack, at
+        place = share + gone * (slack / fall) if fall != 0.0 else float("inf")
+        agrees = fall > 0.0 and place > share and abs(place - self.at) <= most * gone
+        self.share, self.slack, self.at = share, slack, place
         return agrees
 
     def ahead(
@@ -156,10 +147,10 @@ class Fold:
         for k in range(CLOSER + 1):  # to q at first, then to a quarter of the share left, by half of the motion
             left = near.at - share if k else 0.0
             share += 0.75 * left
-            found = solve(q + left * rate if k else q, share)
-            if found is None:
+            posture = solve(q + left * rate if k else q, share)
+            if posture is None:
                 return q if k > SURE else None
-            q, ahead = found, 0.001 * (near.at - share)
+            q, ahead = posture, 0.001 * (near.at - share)
             rate = rate_at(q, share + ahead) / ahead
             if k and not near.agrees(share, rate, STILL if k > 1 else STANDS):
                 return None
@@ -200,7 +191,7 @@ to sample longer ones."""
 def turning(strategy: HolonomicStrategy) -> RowExpressions:
     """The expressions with the geometric rows of a full orientation, which turn whatever its representation does."""
     e, task = strategy.expressions, strategy.task
-    return replace(e, J=task.turning_expression(e.kinematics, e.J)) if task.rotations else e
+    return replace(e, J=task._turning_expression(e.kinematics, e.J)) if task._rotations else e
 
 
 @kept
@@ -210,10 +201,10 @@ def extended_jacobian(strategy: HolonomicStrategy) -> Function:
     A full orientation turns with its geometric rows, whatever its representation: the postures are the same.
     """
     strategy = strategy.looped
-    e, m, one = turning(strategy), strategy.task.m, SX.eye(strategy.task.n)
-    found = e.rate(one[:m, :], one[m:, :])
-    outputs = {"A": vertcat(e.J, e.planes), "inverse": found.X}
-    return Function("extended", {"q": e.q}, outputs, found.system, strategy.transport)
+    e, m, identity = turning(strategy), strategy.task.m, SX.eye(strategy.task.n)
+    solution = e.rate(identity[:m, :], identity[m:, :])
+    outputs = {"A": vertcat(e.J, e.planes), "inverse": solution.X}
+    return Function("extended", {"q": e.q}, outputs, solution.system, strategy.transport)
 
 
 @kept
@@ -284,7 +275,7 @@ def lay_tube(strategy: HolonomicStrategy, center: Vector, half: Vector) -> Tube:
         change, bend = _sampled(strategy, center, half, radius, A, Y)
     for (
         first
-    ) in strategy.task.rotations:  # the rotation vector of the error turns its axes, by at most 0.6 of its length
+    ) in strategy.task._rotations:  # the rotation vector of the error turns its axes, by at most 0.6 of its length
         rows = slice(first, first + 3)
         change += 1.2 * radius * n**0.5 * _length(Y[:, rows]) * _length(A[rows])
     return Tube(center, half, radius, change, bend, _length(Y[:, : strategy.task.m]))
@@ -328,11 +319,11 @@ def branch_code(strategy: HolonomicStrategy) -> str:
     task, change = strategy.task, enclosed_change(strategy)
     numbers = {
         "CHANGE": TOLERANCES.change, "THICKNESS": THICKNESS, "DOUBT": DOUBT, "LAID": LAID, "RESTS": RESTS,
-        "LONGEST": LONGEST, "DIRECTIONS": DIRECTIONS, "SWITCH": SWITCH, "TURNS": len(task.rotations),
-        "ANGLES": int(task.by_angles), "ROWS": task.m,
+        "LONGEST": LONGEST, "DIRECTIONS": DIRECTIONS, "SWITCH": SWITCH, "TURNS": len(task._rotations),
+        "ANGLES": int(task._by_angles), "ROWS": task.m,
     }  # fmt: skip
     head = "".join(f"#define HK_{key} {value}\n" for key, value in numbers.items())
-    head += f"static const int hk_turns[] = {{{', '.join(map(str, task.rotations or (0,)))}}};\n"
+    head += f"static const int hk_turns[] = {{{', '.join(map(str, task._rotations or (0,)))}}};\n"
     enclosed = "" if change is None else f"#define HK_ENCLOSED\n{change.c}"
     return head + extended_jacobian(strategy).c("hk_extended_body") + enclosed
 

@@ -73,12 +73,12 @@ CONSTANTS = {name: globals()[name] for name in _NAMES.split()} | {
 """All of them, for native code."""
 
 
-def projection(at: Look, e: Vector, M: Matrix | None) -> tuple[Vector, Vector]:
+def projection(look: Look, e: Vector, M: Matrix | None) -> tuple[Vector, Vector]:
     """The z (m,) with the least z^T M^-1 z / 2 - e^T z and A z >= -c, M = 1 by default; its multipliers (k,).
 
     By active sets: constraints enter one at a time, the most violated first. [LH95, section 23.3]
     """
-    A, c = at.A, at.c
+    A, c = look.A, look.c
     if not len(c):
         return e if M is None else M @ e, c
     free, MA = (e, A.T) if M is None else (M @ e, M @ A.T)
@@ -106,69 +106,73 @@ def projection(at: Look, e: Vector, M: Matrix | None) -> tuple[Vector, Vector]:
     return free + MA @ forces, forces
 
 
-def inside(edge: Edge, at: Look | None, goal: Goal, careful: bool) -> Look | None:
+def inside(edge: Edge, look: Look | None, goal: Goal, careful: bool) -> Look | None:
     """The nearest posture within the constraints, if a few steps lead to it."""
     longest = TRUST
     for _ in range(RETURNS):
-        if at is None or at.excess <= WITHIN:
-            return at
-        z, _ = projection(at, np.zeros(len(at.e)), None)
+        if look is None or look.excess <= WITHIN:
+            return look
+        z, _ = projection(look, np.zeros(len(look.e)), None)
         size = float(np.linalg.norm(z))
-        there = edge.moved(at, z, min(1.0, longest / max(size, 1e-300)), goal, careful)
+        there = edge.moved(look, z, min(1.0, longest / max(size, 1e-300)), goal, careful)
         longest = min(size, longest) / 4 if there is None else 2 * longest
-        at = there or at
-    return at if at is not None and at.excess <= WITHIN else None
+        look = there or look
+    return look if look is not None and look.excess <= WITHIN else None
 
 
 def descend(
-    edge: Edge, at: Look, goal: Goal, careful: bool, q0: Vector, step: Vector | None = None, least: float = 0.0
+    edge: Edge, look: Look, goal: Goal, careful: bool, q0: Vector, step: Vector | None = None, least: float = 0.0
 ) -> tuple[Look, Look | None]:
     """The end of the path down from a posture within the constraints; and the place on it up to which no joint moves
     by more than a step (n,) from its beginning, None where that is its end.
 
     least: share of the distance below which a step along the edge is not worth it.
     """
-    cut, trust, M, fresh, safe = None, TRUST, None, False, at
-    z, forces = projection(at, at.e, None)
+    cut, trust, M, fresh, safe = None, TRUST, None, False, look
+    z, forces = projection(look, look.e, None)
     for _ in range(STEPS):
+        # The step z that lessens the error most without leaving the active constraints; of second order near the end.
         if not fresh:
-            held = at.c[forces > 0]
+            held = look.c[forces > 0]
             fresh = bool(held.size) and held.max() <= TIGHT
-            M = compliance(edge, at, forces, goal) if fresh else None
-            z, forces = projection(at, at.e, M)
+            M = compliance(edge, look, forces, goal) if fresh else None
+            z, forces = projection(look, look.e, M)
         size, weight = float(np.linalg.norm(z)), 2 * float(forces.sum())
-        if not size > (max(DONE, least * at.distance) if weight > 0 else DONE):
+        if not size > (max(DONE, least * look.distance) if weight > 0 else DONE):
             break
+        # Shorten the step until it stays on the branch and the merit falls as much as hoped.
         along, share = z if weight > 0 else None, min(1.0, trust / size)
         while share * size > DONE:
-            there, hoped = edge.moved(at, along, share, goal, careful), DESCENT * share * float(at.e @ z)
-            if there is not None and (there.excess > NEAR or at.merit(weight) - there.merit(weight) < hoped):
+            there, hoped = edge.moved(look, along, share, goal, careful), DESCENT * share * float(look.e @ z)
+            if there is not None and (there.excess > NEAR or look.merit(weight) - there.merit(weight) < hoped):
                 small = size <= SMALL and there.excess <= NEAR
                 there = there if small else inside(edge, there, goal, careful)
             if there is not None:
                 further, forces = projection(there, there.e, M)
                 ratio = float(np.linalg.norm(further)) / size
-                lower = at.merit(weight) - there.merit(weight) >= hoped
+                lower = look.merit(weight) - there.merit(weight) >= hoped
                 if lower or (size <= SMALL and share == 1.0 and ratio <= CONTRACTION):
                     break
             share /= 2
         else:
             break
+        # Where a joint would move by more than the step, keep the place up to which none does.
         if step is not None and cut is None and least_ratio(there.q, q0, step) < 1.0:
-            cut = part(edge, at, along, share, goal, careful, q0, step) or safe
-        at, z, fresh = there, further, fresh and ratio <= FAST and share == 1.0
+            cut = part(edge, look, along, share, goal, careful, q0, step) or safe
+        # Go there; a step of full length widens the region of trust.
+        look, z, fresh = there, further, fresh and ratio <= FAST and share == 1.0
         trust = 2 * max(share * size, TRUST / 4)
-        safe = at if at.excess <= WITHIN else safe
-    return inside(edge, at, goal, careful) or safe, cut
+        safe = look if look.excess <= WITHIN else safe
+    return inside(edge, look, goal, careful) or safe, cut
 
 
 def part(
-    edge: Edge, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool, q0: Vector, step: Vector
+    edge: Edge, look: Look, z: Vector | None, share: float, goal: Goal, careful: bool, q0: Vector, step: Vector
 ) -> Look | None:
     """Along a motion of the tool as far as no joint goes farther from its beginning than a step; None for nowhere."""
     best, low, high = None, 0.0, 2.0 * share
     for _ in range(HALVINGS):
-        there = inside(edge, edge.moved(at, z, share, goal, careful), goal, careful)
+        there = inside(edge, edge.moved(look, z, share, goal, careful), goal, careful)
         ratio = 0.0 if there is None else least_ratio(there.q, q0, step)
         if there is not None and ratio >= 1.0:
             best, low = there, share
@@ -181,15 +185,15 @@ def part(
     return best
 
 
-def compliance(edge: Edge, at: Look, forces: Vector, goal: Goal) -> Matrix:
+def compliance(edge: Edge, look: Look, forces: Vector, goal: Goal) -> Matrix:
     """The inverse of the second derivative by z of |e|^2 / 2 - forces c, made positive definite."""
-    pull = at.e + at.A.T @ forces
+    pull = look.e + look.A.T @ forces
     H = np.empty((len(pull), len(pull)))
     for k in range(len(pull)):
-        there = edge.look(at.q + SPREAD * at.S[:, k], goal, at)
+        there = edge.look(look.q + SPREAD * look.S[:, k], goal, look)
         H[:, k] = (pull - there.e - there.A.T @ forces) / SPREAD
     H = (H + H.T) / 2
-    held = at.A[forces > 0]
+    held = look.A[forces > 0]
     H += 10 * np.linalg.norm(H) * held.T @ held  # which changes nothing while they are held
     values, vectors = np.linalg.eigh(H)
     return vectors / np.maximum(values, CURVED) @ vectors.T

@@ -49,28 +49,22 @@ from .leaf import (
     straight_path,
 )
 
-# --------------------------------------------------------------------------------------------------
-# Stretches of a path along a leaf that are shown to keep to its branch: tubes about curves, for
-# native code.
+# --- Stretches of a path along a leaf that are shown to keep to its branch: tubes about curves, for native code.
 #
-# The path of the tool and of the level is even: its rate xi is constant, in the task's geometric
-# rows. Along it the joints obey A(q) q' = xi, A = [J; J_g]. A stretch follows them from its middle
-# c, at which Y = A^-1, by
+# The path of the tool and of the level is even: its rate xi is constant, in the task's geometric rows. Along it the
+# joints obey A(q) q' = xi, A = [J; J_g]. A stretch follows them from its middle c, at which Y = A^-1, by
 #
 #     P(t) = c + t v + t^2 w + t^3 z,   |t| <= 1,   v = h Y xi,   w = -Y DA[v] v / 2,
 #     z = -Y (D^2 A[v, v] v / 2 + DA[w] v + 2 DA[v] w) / 3
 #
-# (h: half its share of the way), and Taylor models enclose A over all q = P(t) + e, |e_i| <=
-# radius:
+# (h: half its share of the way), and Taylor models enclose A over all q = P(t) + e, |e_i| <= radius:
 #
 #     Y A(q) = 1 + t X1 + t^2 X2 + S,   (1 - t X1) Y A(q) = 1 + t^2 (X2 - X1^2) - t^3 X1 X2 + (1 - t X1) S.
 #
-# With K a bound of what differs from 1 there, and eta one of (1 - t X1) Y E on the curve, in the
-# largest joint: eta + K radius <= radius, K < 1. By the contraction principle [Deu04, section 2.1]
-# each pose of the stretch then has one posture on the level within `radius` of the curve, it lies
-# within eta / (1 - K), A is regular there, and so it moves continuously. Stretches follow one
-# another where one's posture lies within the other's radius.
-# --------------------------------------------------------------------------------------------------
+# With K a bound of what differs from 1 there, and eta one of (1 - t X1) Y E on the curve, in the largest joint: eta + K
+# radius <= radius, K < 1. By the contraction principle [Deu04, section 2.1] each pose of the stretch then has one
+# posture on the level within `radius` of the curve, it lies within eta / (1 - K), A is regular there, and so it moves
+# continuously. Stretches follow one another where one's posture lies within the other's radius.
 
 SLENDER = 0.02
 """Radius of a stretch over the largest joint's motion in half of it, to begin with and at most: then it is such that
@@ -120,23 +114,23 @@ inverse kinematics is asked in loops, where no answer is better than a late one.
 def node(strategy: HolonomicStrategy) -> Function:
     """(q, p, R, c) -> (Newton correction, rcond, margin, sign of det, A^-1) of the extended Jacobian A."""
     e, task = strategy.expressions, strategy.task
-    (p, R), c, one = task.target_symbols(), symbol("c", task.n - task.m), SX.eye(task.n)
-    found = e.rate(
-        horzcat(task.error_expression(e.kinematics, p, R), one[: task.m, :]),
-        horzcat(strategy.leaf_gap(c), one[task.m :, :]),
+    (p, R), c, identity = task._target_symbols(), symbol("c", task.n - task.m), SX.eye(task.n)
+    solution = e.rate(
+        horzcat(task._error_expression(e.kinematics, p, R), identity[: task.m, :]),
+        horzcat(strategy.leaf_gap(c), identity[task.m :, :]),
     )
     outputs = {
-        "dq": found.X[:, 0], "rcond": found.rcond, "margin": strategy.margin_expression, "side": found.orientation,
-        "inverse": found.X[:, 1:],
+        "dq": solution.X[:, 0], "rcond": solution.rcond, "margin": strategy._margin_expression,
+        "side": solution.orientation, "inverse": solution.X[:, 1:],
     }  # fmt: skip
-    return Function("node", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system)
+    return Function("node", {"q": e.q, "p": p, "R": R, "c": c}, outputs, solution.system)
 
 
 @kept
 def along(strategy: HolonomicStrategy) -> TaylorModel | None:
     """The Taylor models of the extended Jacobian; None where there are none, or its angular rows are not geometric."""
     e = strategy.expressions
-    if not strategy.task.geometric or strategy.looped is not strategy:  # a loop has no Taylor models
+    if not strategy.task._geometric or strategy.looped is not strategy:  # a loop has no Taylor models
         return None
     try:
         model = TaylorModel("hk_along_body", {"q": e.q}, vertcat(e.J, e.planes))
@@ -248,13 +242,13 @@ def edge_function(strategy: HolonomicStrategy) -> Function:
     the same in metres and millimetres. Its slope (n,) is that of log rcond^2 by q.
     """
     e, task = turning(strategy), strategy.task
-    geometric = task.geometric_twin
+    geometric = task._geometric_twin
     n, m, k = task.n, task.m, e.kinematics
     p, R, length = symbol("p", 3), symbol("R", 3, 3), symbol("length", 1)
-    scale = vertcat(*(length if angular else SX(1) for angular in task.angular))
-    one = SX.eye(n)
-    found = e.rate(one[:m, :], one[m:, :])
-    Y = found.X / (SX.ones(n, 1) @ vertcat(scale, SX.ones(n - m, 1)).T)  # the inverse of the extended Jacobian A
+    scale = vertcat(*(length if angular else SX(1) for angular in task._angular))
+    identity = SX.eye(n)
+    solution = e.rate(identity[:m, :], identity[m:, :])
+    Y = solution.X / (SX.ones(n, 1) @ vertcat(scale, SX.ones(n - m, 1)).T)  # the inverse of the extended Jacobian A
     S, J = Y[:, :m], e.J * (scale @ SX.ones(1, n))
     large, fast = sumsqr(J), sumsqr(S)
     # d |S|^2 = -2 <Y^T S S^T, dA>: no solve is differentiated
@@ -263,7 +257,7 @@ def edge_function(strategy: HolonomicStrategy) -> Function:
     held = symbol("weights", n, n)
     slope = gradient(dot(held, vertcat(J, e.planes)), e.q)
     outputs = {
-        "e": geometric.error_expression(k, p, R) * scale,
+        "e": geometric._error_expression(k, p, R) * scale,
         "S": S,
         "rcond2": m * m / (large * fast),
         "slope": substitute(slope, held, weights).T,
@@ -271,7 +265,7 @@ def edge_function(strategy: HolonomicStrategy) -> Function:
         "p": k.position,
         "R": k.rotation,
     }
-    return Function("edge", {"q": e.q, "p": p, "R": R, "length": length}, outputs, found.system)
+    return Function("edge", {"q": e.q, "p": p, "R": R, "length": length}, outputs, solution.system)
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,7 +349,7 @@ class Edge(Value):
     @cached_property
     def linear(self) -> Flags:
         """Which rows of e are positions (m,)."""
-        return ~np.array(self.strategy.task.angular)
+        return ~np.array(self.strategy.task._angular)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -368,7 +362,7 @@ class Edge(Value):
 
     def tool(self, q: Vector) -> Goal:
         """(position, rotation) of the tool."""
-        return self.strategy.task.place(q)
+        return self.strategy.task._place(q)
 
     def look(self, q: Vector, goal: Goal, scaled: Look | None = None) -> Look:
         """At a posture; `scaled`: a look whose choice of constraints and whose sizes are kept."""
@@ -404,16 +398,16 @@ class Edge(Value):
         while width >= NARROW:
             end = min(1.0, share + width)
             begun = q + (end - share) * rate
-            found = self.solved(begun, *path.at(end))
+            posture = self.solved(begun, *path.at(end))
             width = (end - share) / 2
-            if found is None:
+            if posture is None:
                 continue
-            off = float(np.abs(found - begun).max())
+            off = float(np.abs(posture - begun).max())
             width *= min(8.0, max(0.5, (2 * LEAP / max(off, 1e-300)) ** 0.5))  # for a half of the leap, next time
             if off > LEAP:
                 continue
-            last = found if end - share >= COARSE else last
-            rate, q, share = (found - q) / (end - share), found, end
+            last = posture if end - share >= COARSE else last
+            rate, q, share = (posture - q) / (end - share), posture, end
             if end == 1.0:
                 return q, True
         return last, False
@@ -428,33 +422,33 @@ class Edge(Value):
 
     def joined(self, q: Vector, tool: Goal, end: Look) -> bool:
         """True where the straight path of the tool between two postures is shown to lead from one to the other."""
-        found, reached = self.walk(q, self.straight(tool, (end.position, end.rotation)), self.tries)
-        return reached and float(np.abs(found - end.q).max()) <= SAME
+        posture, reached = self.walk(q, self.straight(tool, (end.position, end.rotation)), self.tries)
+        return reached and float(np.abs(posture - end.q).max()) <= SAME
 
-    def moved(self, at: Look, z: Vector | None, share: float, goal: Goal, careful: bool) -> Look | None:
+    def moved(self, look: Look, z: Vector | None, share: float, goal: Goal, careful: bool) -> Look | None:
         """The look after a share of a motion z of the tool, or, without z, of the straight path to the goal.
 
         None where that leads nowhere. careful: only where it is shown to keep to the branch.
         """
         if z is None:
-            p, R = completed(self.strategy.task, goal, (at.position, at.rotation))
-            twist = np.concatenate([p - at.position, rotation_vector(R @ at.rotation.T)])
+            p, R = completed(self.strategy.task, goal, (look.position, look.rotation))
+            twist = np.concatenate([p - look.position, rotation_vector(R @ look.rotation.T)])
         else:
-            twist = at.twist @ z
+            twist = look.twist @ z
         end = goal if z is None and share == 1.0 else None
-        path = self.path((at.position, at.rotation), share * twist[:3], share * twist[3:], end)
+        path = self.path((look.position, look.rotation), share * twist[:3], share * twist[3:], end)
         if careful:
-            q, reached = self.walk(at.q, path, self.tries)
+            q, reached = self.walk(look.q, path, self.tries)
             return self.look(q, goal) if reached else None
-        found = self.solved(at.q + share * (at.S @ (at.e if z is None else z)), *path.at(1.0))
-        return None if found is None else self.look(found, goal)
+        posture = self.solved(look.q + share * (look.S @ (look.e if z is None else z)), *path.at(1.0))
+        return None if posture is None else self.look(posture, goal)
 
     def onto(self, q: Vector, goal: Goal) -> Look | None:
         """The look at the posture of the leaf nearby that has the tool pose of q; None where there is none."""
-        found = self.solved(q, *self.tool(q), self.leaf)
-        return None if found is None else self.look(found, goal)
+        posture = self.solved(q, *self.tool(q), self.leaf)
+        return None if posture is None else self.look(posture, goal)
 
     def solved(self, q: Vector, p: Vector, R: Matrix, c: Vector) -> Vector | None:
         """The posture at a tool pose on a leaf to which Newton contracts from q."""
-        found = newton_on_leaf(leaf_step(self.strategy), q, p, R, c, self.side)
-        return None if found is None else found[0]
+        solution = newton_on_leaf(leaf_step(self.strategy), q, p, R, c, self.side)
+        return None if solution is None else solution[0]

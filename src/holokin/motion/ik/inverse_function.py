@@ -35,10 +35,7 @@ from .leaf import TRIES, leaf_step, leaf_value, level_towards, with_leaves
 from .pose_paths import PosePaths
 from .solutions import GivenPoses, InverseStatus, PoseSet, Solutions
 
-# --------------------------------------------------------------------------------------------------
-# The pose of a leaf that is nearest to a wanted one: what a robot does whose operator's hand leaves
-# its reach.
-# --------------------------------------------------------------------------------------------------
+# --- The pose of a leaf that is nearest to a wanted one: what a robot does whose operator's hand leaves its reach.
 
 LENGTH = 0.3
 """Length [m] that weighs angles against positions: 0.1 rad count as 3 cm. Arms of a metre have their best rcond at it
@@ -119,22 +116,22 @@ def _edge_at(strategy: HolonomicStrategy, q0: Vector, length: float, rcond: floa
     q0 = start_posture(robot, q0, limits)
     free = np.full(robot.n, np.inf)
     edge = Edge(strategy, q0, length, rcond, *((robot.lower, robot.upper) if limits else (-free, free)))
-    here = edge.look(q0, edge.tool(q0))
-    if not here.rcond >= rcond:
-        cure = f"give a smaller one, or a start farther from singular postures: this one has {here.rcond:.3g}"
+    look = edge.look(q0, edge.tool(q0))
+    if not look.rcond >= rcond:
+        cure = f"give a smaller one, or a start farther from singular postures: this one has {look.rcond:.3g}"
         raise ArgumentError("rcond, below which the tool is not to go", rcond, cure)
     return edge
 
 
 def down(
-    edge: Edge, at: Look, goal: Goal, careful: bool, begin: Goal, q: Vector, step: Vector | None = None
+    edge: Edge, look: Look, goal: Goal, careful: bool, begin: Goal, q: Vector, step: Vector | None = None
 ) -> tuple[Look, Look | None] | None:
     """The end of the path down from a look, which may be outside; and how far a step leads, where that is not its end.
 
     None where it is not shown to be on the branch of a posture q, whose tool is at `begin`. careful: each piece is
     shown to keep to the branch; else Newton steps alone lead down, and the straight path from q to the end is.
     """
-    within = inside(edge, at, goal, careful)
+    within = inside(edge, look, goal, careful)
     if within is None:
         return None
     end, cut = descend(edge, within, goal, careful, q, step)
@@ -148,8 +145,8 @@ def _from_start(edge: Edge, goal: Goal, careful: bool) -> tuple[Look, bool]:
     """
     way = edge.straight(edge.tool(edge.q0), goal)
     q, reached = edge.walk(edge.q0, way, TRIES) if careful else edge.glance(edge.q0, way)
-    at = edge.look(q if reached or not careful or edge.ray else edge.q0, goal)
-    return at, reached and at.excess <= WITHIN
+    look = edge.look(q if reached or not careful or edge.ray else edge.q0, goal)
+    return look, reached and look.excess <= WITHIN
 
 
 def _reached_from_start(edge: Edge, goal: Goal, near: Vector | None = None) -> tuple[Look, bool]:
@@ -161,26 +158,26 @@ def _reached_from_start(edge: Edge, goal: Goal, near: Vector | None = None) -> t
     """
     if edge.ray:
         return _from_start(edge, goal, True)
-    at, reached = _from_start(edge, goal, False)
-    agrees = near is not None and float(np.abs(at.q - near).max()) <= SAME
-    return _from_start(edge, goal, True) if reached and not agrees else (at, reached)
+    look, reached = _from_start(edge, goal, False)
+    agrees = near is not None and float(np.abs(look.q - near).max()) <= SAME
+    return _from_start(edge, goal, True) if reached and not agrees else (look, reached)
 
 
-def _slid_from_start(edge: Edge, goal: Goal, at: Look) -> Look | None:
+def _slid_from_start(edge: Edge, goal: Goal, look: Look) -> Look | None:
     """The look at a goal, where the path down leads to it from where the straight path from the start ends."""
-    within = inside(edge, at, goal, False)
-    end = at if within is None else descend(edge, within, goal, False, edge.q0, None, ALONG)[0]
+    within = inside(edge, look, goal, False)
+    end = look if within is None else descend(edge, within, goal, False, edge.q0, None, ALONG)[0]
     reached = end.distance <= REACHED and end.excess <= WITHIN
     return end if reached and edge.joined(edge.q0, edge.tool(edge.q0), end) else None
 
 
 def cold(edge: Edge, goal: Goal) -> Look:
     """The look at the posture nearest to a goal, found from the start alone."""
-    at, reached = _reached_from_start(edge, goal)
+    look, reached = _reached_from_start(edge, goal)
     if reached:
-        return at
-    found = down(edge, at, goal, False, edge.tool(edge.q0), edge.q0)
-    return found[0] if found is not None else descend(edge, edge.look(edge.q0, goal), goal, True, edge.q0)[0]
+        return look
+    end = down(edge, look, goal, False, edge.tool(edge.q0), edge.q0)
+    return end[0] if end is not None else descend(edge, edge.look(edge.q0, goal), goal, True, edge.q0)[0]
 
 
 def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, bool]:
@@ -211,18 +208,18 @@ def _whither(
 ) -> tuple[Look, Look | None, bool]:
     """Where a posture q, or one of the leaf close to it, is to go: where the joints belong, which the start tells, then
     True; else down to the nearest pose, and how far a step leads on that way, where that is not its end."""
-    at, reached = _reached_from_start(edge, goal, edge.solved(q, *goal, edge.leaf))
+    look, reached = _reached_from_start(edge, goal, edge.solved(q, *goal, edge.leaf))
     if reached:
-        return at, None, True
-    found = None
+        return look, None, True
+    descent = None
     if begin is not None:
         tool = begin.position, begin.rotation
         tries = (down(edge, begin, goal, careful, tool, begin.q, step) for careful in (False, True))
-        found = next((one for one in tries if one is not None), None)
-    if found is None:
+        descent = next((path_down for path_down in tries if path_down is not None), None)
+    if descent is None:
         return cold(edge, goal), None, True
-    slid = _slid_from_start(edge, goal, at) if found[0].distance > REACHED else None
-    return (*found, False) if slid is None else (slid, None, True)
+    slid = _slid_from_start(edge, goal, look) if descent[0].distance > REACHED else None
+    return (*descent, False) if slid is None else (slid, None, True)
 
 
 def steps(a: Vector, b: Vector, step: Vector) -> float:
@@ -241,17 +238,17 @@ def nearest(
     """The nearest pose to a goal, from the start or from q; `refused` looks whether the goal is a pose at all."""
     kernel = _edge_kernel(edge.strategy)
     if kernel is not None:
-        ended, found = kernel(edge.context, np.concatenate([goal[0], goal[1].ravel()]), q, step)
+        ended, numbers = kernel(edge.context, np.concatenate([goal[0], goal[1].ravel()]), q, step)
         moving, status = ended == 1, _REFUSED.get(ended, InverseStatus.REACHED)
     elif (status := refused()) is InverseStatus.REACHED:
-        at, moving = (cold(edge, goal), False) if q is None else warm(edge, goal, q, step)
-        found = at.numbers
+        look, moving = (cold(edge, goal), False) if q is None else warm(edge, goal, q, step)
+        numbers = look.numbers
     else:
-        found, moving = None, False
-    if found is None or status is not InverseStatus.REACHED:
+        numbers, moving = None, False
+    if numbers is None or status is not InverseStatus.REACHED:
         stays = edge.q0 if q is None else q  # without q, what is no pose was refused before
         return Nearest(stays, np.full((4, 4), np.nan), status, np.nan, np.nan, np.nan, np.nan)
-    joints, e, rcond, tool, slack = found
+    joints, e, rcond, tool, slack = numbers
     pose = np.zeros((4, 4))
     pose[:3, :3], pose[:3, 3], pose[3, 3] = tool[3:].reshape(3, 3), tool[:3], 1.0
     distance, position, angle = (float(part @ part) ** 0.5 for part in (e, e[edge.linear], e[~edge.linear]))
@@ -333,7 +330,7 @@ class InverseKinematics(Value):
         Raises: as `ik(pose)`; ShapeError, NotFiniteError: q.
         """
         posture = self.strategy.task.robot.checked(q, "the posture")
-        p, R = self.strategy.task.place(posture)
+        p, R = self.strategy.task._place(posture)
         paths = self._paths if level is None else self._at_level(level)
         return bool(np.abs(self._cold_at(p, R, paths) - posture).max() < AGREE)
 
@@ -455,11 +452,11 @@ class InverseKinematics(Value):
     def sentence(self) -> str:
         """What it answers for, and in which region it is proven to be one function of the pose."""
         limits = "postures beyond the joint limits are refused" if self.limits else "joint limits are not looked at"
-        said = f"inverse kinematics of {self.strategy.name} of {self.strategy.task.robot.name} through q0; {limits}"
+        sentence = f"inverse kinematics of {self.strategy.name} of {self.strategy.task.robot.name} through q0; {limits}"
         if self.region is None:
             cure = "hk.unique_region(strategy, q0) proves one, hk.cusps(ik) looks for loops that do not return"
-            return f"{said}; no region was asked for where the joints are one function of the pose: {cure}"
-        return f"{said}; its region: {self.region}"
+            return f"{sentence}; no region was asked for where the joints are one function of the pose: {cure}"
+        return f"{sentence}; its region: {self.region}"
 
     def __str__(self) -> str:
         return self.sentence
@@ -490,11 +487,11 @@ class InverseKinematics(Value):
         p, R = self._given.one(pose)
         begin = self.strategy.task.robot.checked(q, "the posture to begin from")
         there = None if self.region is None else self._inside(p, R)
-        found = paths.reach(p, R, begin)
-        if there is not None and not np.linalg.norm(found - there[0]) <= there[1]:
+        posture = paths.reach(p, R, begin)
+        if there is not None and not np.linalg.norm(posture - there[0]) <= there[1]:
             fact = "from this posture the pose is reached with other joints than those of ik(pose)"
             raise BranchError(fact, "go back by the path that was come, or stop and move the joints to ik(pose)")
-        return found
+        return posture
 
     def _edge(self, level: ArrayLike | None, *more: Any) -> Edge:
         """The edge of the leaf of the start; or of another level, of which the last one is kept."""
@@ -512,8 +509,8 @@ class InverseKinematics(Value):
             return [self._paths] * count
         given = np.asarray(level)
         rows = given if given.ndim == 2 and len(given) == count else [level] * min(count, 1)
-        found = [self._at_level(row) for row in rows]
-        return found if len(found) == count else found * count
+        paths = [self._at_level(row) for row in rows]
+        return paths if len(paths) == count else paths * count
 
     def _inside(self, p: Vector, R: Matrix) -> tuple[Vector, float]:
         """(a posture near that of the region's function at a pose, how far about it there is none but that)."""
@@ -541,9 +538,9 @@ class InverseKinematics(Value):
     def _silent_near(self, pose: PoseLike, q: Vector) -> Vector | None:
         """`ik.near(pose, q)`, or None where there is none."""
         p, R = self._given.one(pose)
-        found, status = self._paths.go(p, R, q)
-        reached = status is InverseStatus.REACHED and self._paths.jump(p, R, q, found, status) is None
-        return found if reached else None
+        posture, status = self._paths.go(p, R, q)
+        reached = status is InverseStatus.REACHED and self._paths.jump(p, R, q, posture, status) is None
+        return posture if reached else None
 
     @cached_property
     def _quiet(self) -> tuple[Callable[[PoseLike], Vector | None], Callable[[PoseLike, Vector], Vector | None]]:
@@ -555,7 +552,7 @@ class InverseKinematics(Value):
 
     @cached_property
     def _place(self) -> tuple[Vector, Matrix]:
-        p, R = self.strategy.task.place(self.q0)
+        p, R = self.strategy.task._place(self.q0)
         return frozen(p), frozen(R)
 
     @cached_property
@@ -603,23 +600,15 @@ def ik(strategy: Strategy, q0: ArrayLike, limits: bool = True, *, region: PoseSe
     q0 = start_posture(strategy.task.robot, q0, limits)
     strategy(q0)
     if region is not None:
-        _check_region(strategy, q0, region)
+        p, R = strategy.task.place(q0)
+        near, alone = region.near(p[None], R[None])
+        if region.strategy != strategy or not np.linalg.norm(near[0] - q0) <= alone[0]:
+            cure = "give one of the same strategy whose function holds q0: hk.unique_region(strategy, q0)"
+            raise ArgumentError("the region", str(region), cure)
     return InverseKinematics(strategy, q0, limits, region)
 
 
-def _check_region(strategy: HolonomicStrategy, q0: Vector, region: PoseSet) -> None:
-    """Raises: ArgumentError: the region is of another strategy, or does not hold q0."""
-    p, R = strategy.task.place(q0)
-    near, alone = region.near(p[None], R[None])
-    if region.strategy != strategy or not np.linalg.norm(near[0] - q0) <= alone[0]:
-        cure = "give one of the same strategy whose function holds q0: hk.unique_region(strategy, q0)"
-        raise ArgumentError("the region", str(region), cure)
-
-
-# --------------------------------------------------------------------------------------------------
-# Inverse kinematics asked without a word: where it has no answer nothing is raised, and no reason
-# is searched for.
-# --------------------------------------------------------------------------------------------------
+# --- Inverse kinematics asked without a word: where it has no answer nothing is raised, and no reason is searched for.
 
 
 def how_far(ik: InverseKinematics, pose: PoseLike, q: ArrayLike) -> tuple[Vector, InverseStatus]:

@@ -101,15 +101,15 @@ def leaf_step(strategy: HolonomicStrategy) -> Function:
     """
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
-    (p, R), c = task.target_symbols(), symbol("c", task.n - task.m)
-    found = e.rate(task.error_expression(e.kinematics, p, R), strategy.leaf_gap(c))
+    (p, R), c = task._target_symbols(), symbol("c", task.n - task.m)
+    solution = e.rate(task._error_expression(e.kinematics, p, R), strategy.leaf_gap(c))
     outputs = {
-        "dq": found.X,
-        "rcond": found.rcond,
-        "margin": strategy.margin_expression,
-        "side": found.orientation,
+        "dq": solution.X,
+        "rcond": solution.rcond,
+        "margin": strategy._margin_expression,
+        "side": solution.orientation,
     }
-    return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system, strategy.transport)
+    return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, solution.system, strategy.transport)
 
 
 def newton_on_leaf(
@@ -120,25 +120,25 @@ def newton_on_leaf(
     None where they do not, or where something is singular or det [J; J_g] has another sign than `side`.
     """
     memory = correct.memory
-    at, *target = memory.arguments
+    posture, *target = memory.arguments
     target[0][...], target[1][...], target[2][...] = p, R, c
-    dq, rcond, margin, here = memory.results
-    at[...] = q
+    dq, rcond, margin, side_now = memory.results
+    posture[...] = q
     before = np.inf
     for _ in range(NEWTONS):
         memory.trigger()
         size = max(map(abs, dq.tolist()))
         sound = rcond[0] > TOLERANCES.singular and margin[0] > TOLERANCES.representation
-        if not (sound and here[0] == side):
+        if not (sound and side_now[0] == side):
             return None
         last = before <= ALMOST
         if last and not size <= before:
-            return at.copy(), float(margin[0])
+            return posture.copy(), float(margin[0])
         if not (last or size <= max(TOLERANCES.contraction * before, DONE)):
             return None
-        at += dq
+        posture += dq
         if last or size <= DONE:
-            return at.copy(), float(margin[0])
+            return posture.copy(), float(margin[0])
         before = size
     return None
 
@@ -189,15 +189,15 @@ def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: PathEnd, tries: 
         strategy(q)  # raises if it is singular already here
     except HolokinError as problem:
         return problem
-    at, rcond = posture_text(q, strategy.task.robot.joint_names), strategy.gain(q)[1]
+    posture, rcond = posture_text(q, strategy.task.robot.joint_names), strategy.gain(q)[1]
     if rcond > REGULAR and ended is not PathEnd.FOLD:
         return BranchError(
-            f"no step along the leaf of {strategy.name!r} from {at} could be shown to keep to its branch, "
+            f"no step along the leaf of {strategy.name!r} from {posture} could be shown to keep to its branch, "
             f"though [J; J_g] is regular there (rcond {rcond:.1e})",
             "take a start nearer by; the pose may be out of reach, or a constraint of yours have kinks and jumps",
         )
     return BranchError(
-        f"the leaf of {strategy.name!r} ends at {at}: there [J; J_g] turns singular and no nearby posture on "
+        f"the leaf of {strategy.name!r} ends at {posture}: there [J; J_g] turns singular and no nearby posture on "
         "it follows the path",
         "choose another constraint, or another leaf (start posture)",
     )
@@ -205,8 +205,10 @@ def leaf_problem(strategy: HolonomicStrategy, q: Vector, ended: PathEnd, tries: 
 
 def jump_problem(strategy: HolonomicStrategy, jump: Jump, where: str = "", walk: Any = None) -> JumpError:
     """What is said of a leaf that ends where g jumps."""
-    at = posture_text(jump.q, strategy.task.robot.joint_names)
-    fact = f"{where}the leaf of {strategy.name!r} ends at {at}, where its g jumps by {jump.level:.3g} ({jump.what})"
+    posture = posture_text(jump.q, strategy.task.robot.joint_names)
+    fact = (
+        f"{where}the leaf of {strategy.name!r} ends at {posture}, where its g jumps by {jump.level:.3g} ({jump.what})"
+    )
     cure = "write g without the jump, mark it as an angle if it is one, or keep the path away from there"
     return JumpError(fact, cure, walk, jump.what, jump.q, jump.level)
 
@@ -221,39 +223,42 @@ def leaf_walk(
     """
     correct, branch, smallest = leaf_step(strategy), Branch(strategy), SHORTEST if ray else TOLERANCES.smallest_step
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
-    angular, angles = any(strategy.task.angular), strategy.task.by_angles
-    side = correct(q0, *strategy.task.place(q0), leaf_value(strategy, q0))[3]
+    angular, angles = any(strategy.task._angular), strategy.task._by_angles
+    side = correct(q0, *strategy.task._place(q0), leaf_value(strategy, q0))[3]
 
     def walk(q: Vector, path: LeafPath) -> tuple[Vector, PathEnd]:
         nonlocal rate
         path = path if angular else replace(path, turn=0.0)
         share, width, fold = 0.0, 1.0, Fold()
 
-        def solve(begun: Vector, at: float) -> Vector | None:
-            found = newton_on_leaf(correct, begun, *path.at(at), side)
-            return None if found is None else found[0]
+        def solve(begun: Vector, place: float) -> Vector | None:
+            solution = newton_on_leaf(correct, begun, *path.at(place), side)
+            return None if solution is None else solution[0]
 
         for _ in range(tries):
+            # Newton's method at the end of the next piece, from where the last rate leads.
             goal = min(1.0, share + width)
             begun = q + (goal - share) * rate
-            found, fits = newton_on_leaf(correct, begun, *path.at(goal), side), 0.5
-            if found is not None and ray:
-                fits = 2.0 if keeps_turns(q, begun, found[0]) else 0.5
-            elif found is not None:
-                fits = branch.step(q, found[0], path.curve(goal - share, found[1] if angles else 1.0))
-            if found is not None and fits >= 1.0:
-                move = found[0] - q
+            solution, fits = newton_on_leaf(correct, begun, *path.at(goal), side), 0.5
+            if solution is not None and ray:
+                fits = 2.0 if keeps_turns(q, begun, solution[0]) else 0.5
+            elif solution is not None:
+                fits = branch.step(q, solution[0], path.curve(goal - share, solution[1] if angles else 1.0))
+            # The piece is shown to keep to the branch: go on from its end.
+            if solution is not None and fits >= 1.0:
+                move = solution[0] - q
                 rate = move / (goal - share)
                 if goal == 1.0:
-                    return found[0], PathEnd.REACHED
+                    return solution[0], PathEnd.REACHED
                 if not max(map(abs, move.tolist())) > CREEP:
                     return q, PathEnd.STOPPED
-                q, share, width, middle = found[0], goal, fits * (goal - share), (share + goal) / 2
+                q, share, width, middle = solution[0], goal, fits * (goal - share), (share + goal) / 2
                 if folds and not ray:
-                    end = fold.ahead(q, share, middle, rate, solve, lambda q, at: correct(q, *path.at(at))[0])
+                    end = fold.ahead(q, share, middle, rate, solve, lambda q, place: correct(q, *path.at(place))[0])
                     if end is not None:
                         return end, PathEnd.FOLD
                 continue
+            # It is not: try a shorter one.
             width = fits * (goal - share)
             if width < smallest:
                 return q, PathEnd.STOPPED
@@ -275,9 +280,14 @@ def straight_path(task: Task, begin: Pose, end: Pose, levels: tuple[Vector, Vect
     return LeafPath(at, turn=float(np.linalg.norm(line.turn)))
 
 
-def leaf_stepper(strategy: HolonomicStrategy, plan: Plan, q0: Vector) -> Callable[[Vector, int], Vector]:
-    """(q, step) -> q after that step of the plan, on the leaf through q0. Raises (when called): as `leaf_follower`."""
-    walk, c = leaf_follower(strategy, q0), leaf_value(strategy, q0)
+def leaf_stepper(
+    strategy: HolonomicStrategy, plan: Plan, q0: Vector, tries: int = TRIES
+) -> Callable[[Vector, int], Vector]:
+    """(q, step) -> q after that step of the plan, on the leaf through q0, in so many pieces at most.
+
+    Raises (when called): as `leaf_follower`.
+    """
+    walk, c = leaf_follower(strategy, q0, tries), leaf_value(strategy, q0)
     return lambda q, i: walk(q, LeafPath(lambda share: (*plan.target(i, share), c), *plan.bends(i)))
 
 
@@ -341,12 +351,12 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 
     task = strategy.task
     start = start_posture(task.robot, q0, limits)
     strategy(start)
-    at, goal = leaf_value(strategy, start), level_towards(strategy, start, level)
-    here = task.place(start)
-    found = leaf_follower(strategy, start)(start, straight_path(task, here, here, (at, goal)))
+    level_now, goal = leaf_value(strategy, start), level_towards(strategy, start, level)
+    pose = task._place(start)
+    posture = leaf_follower(strategy, start)(start, straight_path(task, pose, pose, (level_now, goal)))
     if limits:
-        task.robot.check_limits(found, WITHIN)
-    return found
+        task.robot.check_limits(posture, WITHIN)
+    return posture
 
 
 def level_towards(strategy: HolonomicStrategy, q0: Vector, level: ArrayLike) -> Vector:
@@ -354,13 +364,13 @@ def level_towards(strategy: HolonomicStrategy, q0: Vector, level: ArrayLike) -> 
 
     Raises: ArgumentError, ShapeError, NotFiniteError.
     """
-    at, wanted = leaf_value(strategy, q0), finite("the level", level)
-    if wanted.shape not in ((), at.shape):
-        raise ShapeError("the level", at.shape, wanted.shape)
-    goal = np.broadcast_to(wanted, at.shape)
+    level_now, wanted = leaf_value(strategy, q0), finite("the level", level)
+    if wanted.shape not in ((), level_now.shape):
+        raise ShapeError("the level", level_now.shape, wanted.shape)
+    goal = np.broadcast_to(wanted, level_now.shape)
     check_levels(strategy, goal)
-    _check_room(strategy, q0, goal - at)
-    return at + strategy.constraint.nearest(goal - at)
+    _check_room(strategy, q0, goal - level_now)
+    return level_now + strategy.constraint.nearest(goal - level_now)
 
 
 def _check_room(strategy: HolonomicStrategy, q: Vector, change: Vector) -> None:

@@ -35,9 +35,7 @@ from .leaf import (
 from .plan import Plan, doubtful_target
 from .solutions import InverseStatus, beyond_limits, in_rows
 
-# --------------------------------------------------------------------------------------------------
-# Can the tool get there at all? Asked only after following has failed.
-# --------------------------------------------------------------------------------------------------
+# --- Can the tool get there at all? Asked only after following has failed.
 
 TARGETS = 24
 """Targets of the rest of the path that are tried."""
@@ -99,8 +97,8 @@ class Beyond(NamedTuple):
     @property
     def fact(self) -> str:
         """All of it in words."""
-        at = posture_text(np.round(self.position, 9))
-        where = f"{100 * self.share:.3g} % along it, at the point {at} m"
+        place = posture_text(np.round(self.position, 9))
+        where = f"{100 * self.share:.3g} % along it, at the point {place} m"
         off = f"no search came closer to the tool pose than {self.missing:.3g} (m or rad)"
         return f"the path is out of reach: {where}, {off}{self.why}"
 
@@ -113,13 +111,13 @@ def out_of_reach(plan: Plan, q: Vector, step: int, limits: bool) -> Beyond | Non
     """
     for i in np.unique(np.linspace(step, plan.steps - 1, TARGETS).astype(int)):
         position, rotation = plan.target(int(i), 1.0)
-        found = nearest_postures(plan.task, position[None], rotation[None], q[None], limits=limits)
-        if not found.reached[0]:
-            if not found.ended[0]:
+        nearest = nearest_postures(plan.task, position[None], rotation[None], q[None], limits=limits)
+        if not nearest.reached[0]:
+            if not nearest.ended[0]:
                 return None
             why = _in_the_way(plan.task, position, rotation, q, limits)
-            return Beyond((i + 1) / plan.steps, float(found.missing[0]), position, why)
-        q = found.q[0]
+            return Beyond((i + 1) / plan.steps, float(nearest.missing[0]), position, why)
+        q = nearest.q[0]
     return None
 
 
@@ -139,15 +137,6 @@ def _in_the_way(task: Task, position: Vector, rotation: Matrix, q: Vector, limit
     return f" within the joint limits: a posture that reaches it has {name!r} {past[k]:.3g} {unit} outside {limit}"
 
 
-def _pose_out_of_reach(task: Task, position: Vector, rotation: Matrix, q: Vector, limits: bool) -> float | None:
-    """Distance [m or rad] of a tool pose that no search from q or elsewhere reaches; else None.
-
-    None also where the searches did not come to an end.
-    """
-    found = nearest_postures(task, position[None], rotation[None], q[None], limits=limits)
-    return float(found.missing[0]) if found.ended[0] and not found.reached[0] else None
-
-
 def surely_beyond(task: Task, position: Matrix, rotation: Array) -> Flags:
     """Which targets (k, 3), (k, 3, 3) no posture reaches, since they are further away than the links are long.
 
@@ -155,7 +144,7 @@ def surely_beyond(task: Task, position: Matrix, rotation: Array) -> Flags:
     """
     if not (isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) >= {0, 1, 2}):
         return np.zeros(len(position), dtype=bool)
-    return longest_span(task.robot, task.tip, turned=bool(task.rotations)).beyond(position, rotation)
+    return longest_span(task.robot, task.tip, turned=bool(task._rotations)).beyond(position, rotation)
 
 
 def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix, *, limits: bool) -> NearestPostures:
@@ -180,12 +169,12 @@ def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix
         some = shares[first : first + ROUND]
         begin = low[left, None] + some * (high - low)[left, None]
         rows = np.repeat(left, len(some))
-        found = _search(task, position[rows], rotation[rows], begin.reshape(-1, robot.n), lower, upper)
-        each = found.missing.reshape(len(left), -1)
+        nearest = _search(task, position[rows], rotation[rows], begin.reshape(-1, robot.n), lower, upper)
+        each = nearest.missing.reshape(len(left), -1)
         chosen = np.argmin(each, axis=1) + len(some) * np.arange(len(left))
-        better = found.missing[chosen] < missing[left]
+        better = nearest.missing[chosen] < missing[left]
         to, of = left[better], chosen[better]
-        q[to], missing[to], ended[to] = found.q[of], found.missing[of], found.ended[of]
+        q[to], missing[to], ended[to] = nearest.q[of], nearest.missing[of], nearest.ended[of]
         alike = (each <= ALIKE * missing[left, None]).sum(axis=1)
         sure[left] = ended[left] & (alike >= ROUND / 2)
     return NearestPostures(q, missing, ended)
@@ -199,36 +188,41 @@ def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vec
     k, m, n = len(q), task.m, task.n
     q = np.clip(q, lower, upper)
 
-    def look(at: Matrix, rows: Indices) -> tuple[Matrix, Array]:
-        error, slope = task.error_and_slope.batch(at, position[rows], rotation[rows])
+    def look(postures: Matrix, rows: Indices) -> tuple[Matrix, Array]:
+        error, slope = task._error_and_slope.batch(postures, position[rows], rotation[rows])
         return error.reshape(-1, m), slope.reshape(-1, m, n)
 
     error, D = look(q, np.arange(k))
     damping, before, ended = np.full(k, 1e-6), np.full(k, np.inf), np.zeros(k, dtype=bool)
     rows = np.flatnonzero(np.isfinite(error).all(axis=1) & np.isfinite(D).all(axis=(1, 2)))
     for looks in range(1, LOOKS):
-        e, S, at = error[rows], D[rows], q[rows]
+        e, S, postures = error[rows], D[rows], q[rows]
+        # A joint at its limit is not free while the error pushes it out; a posture with no free slope left is
+        # stationary.
         size = np.linalg.norm(e, axis=1)
         slope = np.einsum("kmn,km->kn", S, e)
-        free = ~(((at <= lower) & (slope >= 0)) | ((at >= upper) & (slope <= 0)))
+        free = ~(((postures <= lower) & (slope >= 0)) | ((postures >= upper) & (slope <= 0)))
         still = np.abs(slope) > STATIONARY * np.linalg.norm(S, axis=1) * size[:, None]
         stalled = np.zeros(len(rows), dtype=bool)
         if looks % AFTER == 0:
             stalled, before[rows] = size > STALLED * before[rows], size
         ended[rows] = ~(free & still).any(axis=1) | (stalled & (size > FAR))
+        # Only postures that are not there, may still get nearer, and are not damped for ever go on.
         go = ~ended[rows] & ~stalled & (np.abs(e).max(axis=1) > REACHED / 10) & (damping[rows] <= 1e12)
-        rows, e, A, at = rows[go], e[go], S[go] * free[go, None], at[go]
+        rows, e, A, postures = rows[go], e[go], S[go] * free[go, None], postures[go]
         if not rows.size:
             break
+        # Levenberg-Marquardt: (A A^T + damping) y = e, a motion by A^T y within the limits.
         normal = A @ np.swapaxes(A, 1, 2)
         scale = np.maximum(np.trace(normal, axis1=1, axis2=2), 1e-300)
         normal += (damping[rows] * scale)[:, None, None] * np.eye(m)
-        moved = at - np.einsum("kmn,km->kn", A, np.linalg.solve(normal, e[..., None])[..., 0])
+        moved = postures - np.einsum("kmn,km->kn", A, np.linalg.solve(normal, e[..., None])[..., 0])
         moved = np.clip(moved, lower, upper)
         there, derivative = look(moved, rows)
         sound = np.isfinite(there).all(axis=1) & np.isfinite(derivative).all(axis=(1, 2))
         with np.errstate(invalid="ignore", over="ignore"):
             better = sound & (np.sum(there**2, axis=1) < np.sum(e**2, axis=1))
+        # Keep motions that lessen the error, and trust the slopes more after them, less after others.
         to = rows[better]
         q[to], error[to], D[to] = moved[better], there[better], derivative[better]
         damping[rows] = np.where(better, np.maximum(damping[rows] / 10, 1e-12), damping[rows] * 10)
@@ -275,7 +269,9 @@ class PosePaths(Value):
         if (jump := self.jump(p, R, begin, q, status)) is not None:
             raise jump_problem(strategy, jump)
         if search and status in FAILED:
-            missing = _pose_out_of_reach(strategy.task, p, R, q, self.limits)
+            # Distance [m or rad] of a tool pose that no search from q or elsewhere reaches; else None.
+            nearest = nearest_postures(strategy.task, p[None], R[None], q[None], limits=self.limits)
+            missing = float(nearest.missing[0]) if nearest.ended[0] and not nearest.reached[0] else None
             if missing is not None:
                 fact = f"the pose is out of reach of {strategy.task.robot.name!r}: no search came closer than"
                 cure = doubtful_target(strategy.task, p) or "give a pose nearer to the base"
@@ -293,18 +289,18 @@ class PosePaths(Value):
     def go_all(self, p: Matrix, R: Array, threads: int | None) -> tuple[Matrix, Indices]:
         """The same from the start to many poses (k, 3F), (k, 3F, 3), none of which is bad."""
         if self.kernel is None:
-            found = [self._walk(*pose, self.q0) for pose in zip(p, R, strict=True)]
-            q = np.array([one for one, _ in found]).reshape(-1, len(self.q0))
-            return q, np.array([status for _, status in found], dtype=np.intp)
+            walks = [self._walk(*pose, self.q0) for pose in zip(p, R, strict=True)]
+            q = np.array([posture for posture, _ in walks]).reshape(-1, len(self.q0))
+            return q, np.array([status for _, status in walks], dtype=np.intp)
         q = np.tile(self.q0, (len(p), 1))
         return q, self.kernel(in_rows(p, R), self.context, q, not self._cold(self.q0), threads)
 
     def go_each(self, p: Matrix, R: Array, begin: Matrix, threads: int | None) -> tuple[Matrix, Flags]:
         """(postures (k, n), which are reached (k,)) of many poses, each by the path from its own posture (k, n)."""
         if self.kernel is None:
-            found = [self._walk(*one) for one in zip(p, R, begin, strict=True)]
-            q = np.array([one for one, _ in found]).reshape(-1, len(self.q0))
-            return q, np.array([status == InverseStatus.REACHED for _, status in found], dtype=bool)
+            walks = [self._walk(*walk) for walk in zip(p, R, begin, strict=True)]
+            q = np.array([walk for walk, _ in walks]).reshape(-1, len(self.q0))
+            return q, np.array([status == InverseStatus.REACHED for _, status in walks], dtype=bool)
         q = np.ascontiguousarray(begin).copy()
         return q, np.asarray(self.kernel(in_rows(p, R), self.context, q, True, threads) == InverseStatus.REACHED)
 
@@ -325,7 +321,7 @@ class PosePaths(Value):
         robot, slack = self.strategy.task.robot, TOLERANCES.limit
         beyond = np.full(robot.n, np.inf)
         low, high = (robot.lower - slack, robot.upper + slack) if self.limits else (-beyond, beyond)
-        p, R = self.strategy.task.place(self.q0)
+        p, R = self.strategy.task._place(self.q0)
         return frozen(np.concatenate([self.q0, p, R.ravel(), self.level, low, high, [self._side]]))
 
     def _cold(self, begin: Vector) -> bool:
@@ -339,14 +335,14 @@ class PosePaths(Value):
     @cached_property
     def _side(self) -> float:
         q0 = self.q0
-        return float(leaf_step(self.strategy)(q0, *self.strategy.task.place(q0), leaf_value(self.strategy, q0))[3])
+        return float(leaf_step(self.strategy)(q0, *self.strategy.task._place(q0), leaf_value(self.strategy, q0))[3])
 
     def _path(self, p: Vector, R: Matrix, begin: Vector) -> tuple[LeafPath, bool]:
         """(the straight path to a pose and to the leaf, whether it stays on the leaf)."""
         s = self.strategy
         level = self.level if self._cold(begin) else leaf_value(s, begin)
         goal = level + s.constraint.nearest(self.level - level) if len(level) else level
-        return straight_path(s.task, s.task.place(begin), (p, R), (level, goal)), np.array_equal(level, goal)
+        return straight_path(s.task, s.task._place(begin), (p, R), (level, goal)), np.array_equal(level, goal)
 
     def _walk(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """The same as `go` on the virtual machine."""

@@ -20,11 +20,6 @@ from ...strategies.radial_strategy import joint_gap, least_motion
 from ...strategies.tasks.task import Task, of_one_tool
 from .leaf import check_levels, leaf_step, with_leaves
 
-# --------------------------------------------------------------------------------------------------
-# Newton's method from many postures at once; on one leaf, from one posture: `newton_on_leaf` of
-# `leaf`.
-# --------------------------------------------------------------------------------------------------
-
 Correct = Callable[[Matrix, Indices], tuple[Matrix, Flags]]
 """(postures (k, n), which of the first ones they are (k,)) -> (corrections (k, n), which of these are sound (k,))."""
 
@@ -57,10 +52,7 @@ def newton(
     return q, arrived
 
 
-# --------------------------------------------------------------------------------------------------
-# Whole turns of hinges: which of them keep the tool pose and the leaf, and the turns nearest to a
-# posture.
-# --------------------------------------------------------------------------------------------------
+# --- Whole turns of hinges: which of them keep the tool pose and the leaf, and the turns nearest to a posture.
 
 SAME = 1e-8
 """Change of pose and of level, over 1 + its size, that counts as round-off: an answer is right to 1e-10 of a joint, and
@@ -83,7 +75,7 @@ def keeps(strategy: HolonomicStrategy, q: Matrix, moved: Matrix) -> Flags:
     c = level(q)
     same = _small(strategy.constraint.nearest(level(moved) - c), c)
     if same.any():
-        (p, R), (p2, R2) = task.poses(q[same] if len(q) == len(moved) else q), task.poses(moved[same])
+        (p, R), (p2, R2) = task._poses(q[same] if len(q) == len(moved) else q), task._poses(moved[same])
         same[same] = _small(p2 - p, p) & _small((R2 - R).reshape(len(R2), -1), np.ones(1))
     return same
 
@@ -270,11 +262,11 @@ def all_postures(
     classes = _distinct(task.robot, q[regular])
     chosen = [turned(strategy, members, free, aim, limits) for members in classes]
     inside = np.array([within for _, within in chosen], dtype=bool)
-    kept = np.array([one for one, _ in chosen]).reshape(-1, task.n)[inside]
-    found = np.array([len(members) for members in classes], dtype=float)[inside]
-    order = np.lexsort(np.round(kept, 6).T[::-1])
-    at = strategy.gain.batch(kept[order])[1].ravel() if len(kept) else np.zeros(0)
-    return Postures(kept[order], wanted, c.copy(), found[order], at, count, singular, int(np.sum(~inside)))
+    postures = np.array([one for one, _ in chosen]).reshape(-1, task.n)[inside]
+    counts = np.array([len(members) for members in classes], dtype=float)[inside]
+    order = np.lexsort(np.round(postures, 6).T[::-1])
+    rconds = strategy.gain.batch(postures[order])[1].ravel() if len(postures) else np.zeros(0)
+    return Postures(postures[order], wanted, c.copy(), counts[order], rconds, count, singular, int(np.sum(~inside)))
 
 
 def spread(robot: Robot, count: int, counted: Flags | None = None) -> Matrix:
@@ -298,7 +290,7 @@ def to_poses(task: Task, p: Matrix, R: Array) -> Correct:
     """The least joint motion that, to first order, takes the tool to p (k, 3), R (k, 3, 3): a step of `newton`."""
 
     def correct(q: Matrix, i: Indices) -> tuple[Matrix, Flags]:
-        e = task.error_function.batch(q, p[i], R[i]).reshape(len(q), task.m, 1)
+        e = task._error_function.batch(q, p[i], R[i]).reshape(len(q), task.m, 1)
         return least_motion(task.jacobian_batch(q)[0], e)[:, :, 0], np.ones(len(q), dtype=bool)
 
     return correct
@@ -326,13 +318,13 @@ def leaf_postures(
 def _distinct(robot: Robot, q: Matrix) -> list[Matrix]:
     """Postures (k, n), those that differ by whole turns of hinges together, as they were found."""
     classes: list[list[Vector]] = []
-    for one in q:
+    for posture in q:
         known = np.array([members[0] for members in classes]).reshape(-1, robot.n)
-        near = np.abs(joint_gap(robot, known, one)).max(axis=1) < APART
+        near = np.abs(joint_gap(robot, known, posture)).max(axis=1) < APART
         if near.any():
-            classes[int(np.argmax(near))].append(one)
+            classes[int(np.argmax(near))].append(posture)
         else:
-            classes.append([one])
+            classes.append([posture])
     return [np.array(members) for members in classes]
 
 

@@ -127,11 +127,6 @@ def beyond_limits(robot: Robot, q: Vector) -> bool:
     return False
 
 
-# --------------------------------------------------------------------------------------------------
-# Tool poses as users give them to inverse kinematics: a pose, a position alone, one for each frame.
-# --------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class GivenPoses(Value):
     """The readers of poses for a task. Of positions the rest is that of the start, `p` (3F,) and `R` (3F, 3)."""
@@ -154,7 +149,7 @@ class GivenPoses(Value):
 
         Raises: ShapeError.
         """
-        frames, point = self.task.frames, self.task.point
+        frames, point = self.task.frames, self.task._point
         shapes = ((4, 4), (3,), (2,)) if frames == 1 else ((frames, 4, 4), (frames, 3), (point,))
         if given.shape[1:] not in shapes:
             raise ShapeError(what, " or ".join(map(str, shapes)), given.shape[1:], pose_cure(given))

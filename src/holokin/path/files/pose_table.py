@@ -57,12 +57,12 @@ def read_waypoints(
     file = Path(path)
     read = pose_rows(file, "waypoint", Units(units, angles, order, False, tuple(ignore)))
     try:
-        poses, kept, notes = distinct(Poses(read.points, read.rotations), read.times)
+        poses, distinct_rows, notes = distinct(Poses(read.points, read.rotations), read.times)
     except ArgumentError:
         raise RecordingError(file, "has one waypoint", "give two at least that differ") from None
     if poses.rotations is not None:
-        _note_wide_turns(file, poses.rotations, read.lines[kept], read.notes)
-    times = None if read.times is None else _from_start(file, read.times[kept], read.lines[kept])
+        _note_wide_turns(file, poses.rotations, read.lines[distinct_rows], read.notes)
+    times = None if read.times is None else _from_start(file, read.times[distinct_rows], read.lines[distinct_rows])
     return Waypoints(poses.points, poses.rotations, times, str(file), (*read.notes, *notes))
 
 

@@ -109,15 +109,15 @@ def _outlines(file: FilePath, drawing: Any, to_metres: Matrix, svgelements: Any)
         if not isinstance(element, svgelements.Shape) or _inside_definition(element):
             continue
         try:
-            found = [
+            outlines = [
                 _pieces([s for s in outline if not isinstance(s, svgelements.Move)], to_metres, svgelements)
                 for outline in svgelements.Path(element).as_subpaths()
             ]
         except Exception as problem:  # noqa: BLE001  of a shape without a start, or of numbers beyond all bounds
-            said = str(problem) or type(problem).__name__
-            fact = f"has a <{shown(_tag(element))}> that cannot be drawn ({shown(said)})"
+            message = str(problem) or type(problem).__name__
+            fact = f"has a <{shown(_tag(element))}> that cannot be drawn ({shown(message)})"
             raise RecordingError(file, fact, "correct its numbers") from None
-        yield from found
+        yield from outlines
 
 
 def _tag(element: Any) -> str:
@@ -152,8 +152,8 @@ def _to_metres(file: FilePath, drawing: Any, pixel: float | None) -> Matrix:
     if pixel is None:
         unit = match[2].lower() if match else ""
         if match is None or unit not in LENGTHS:
-            said = f"gives its width as {shown(stated)!r}" if stated else "gives no width"
-            raise RecordingError(file, f"{said}, not in a unit of length", "say pixel=, the size of a pixel in metres")
+            fact = f"gives its width as {shown(stated)!r}" if stated else "gives no width"
+            raise RecordingError(file, f"{fact}, not in a unit of length", "say pixel=, the size of a pixel in metres")
         size, width = float(match[1]) * LENGTHS[unit], float(drawing.width or 0.0)
         if not (size > 0 and width > 0):
             raise RecordingError(file, f"gives its width as {shown(stated)!r}", "give it a width above 0")
@@ -168,8 +168,8 @@ def _inside_definition(element: Any) -> bool:
 
 def _pieces(drawn: list[Any], to_metres: Matrix, svgelements: Any) -> list[_Piece | None]:
     """The pieces, None where one is too short; an end of an outline where it began is no piece."""
-    found = [_piece(one, to_metres, svgelements) for one in drawn]
-    return found[:-1] if drawn and isinstance(drawn[-1], svgelements.Close) and found[-1] is None else found
+    pieces = [_piece(outline, to_metres, svgelements) for outline in drawn]
+    return pieces[:-1] if drawn and isinstance(drawn[-1], svgelements.Close) and pieces[-1] is None else pieces
 
 
 def _piece(drawn: Any, to_metres: Matrix, svgelements: Any) -> _Piece | None:
@@ -249,8 +249,8 @@ def _points(pieces: list[_Piece]) -> Callable[[Vector], Matrix]:
         out = np.empty((len(s), 3))
         index = np.clip(np.floor(s).astype(int), 0, len(pieces) - 1)
         for i in np.unique(index):
-            here = index == i
-            out[here] = pieces[i].points(s[here] - i)
+            on_piece = index == i
+            out[on_piece] = pieces[i].points(s[on_piece] - i)
         return out
 
     return curve

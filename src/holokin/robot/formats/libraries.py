@@ -14,9 +14,7 @@ from ..chains import robot_of
 from ..model import Robot
 from ..tree import Branch, Follow, Mass, Tree, checked
 
-# --------------------------------------------------------------------------------------------------
-# Robots from Pinocchio models.
-# --------------------------------------------------------------------------------------------------
+# --- Robots from Pinocchio models.
 
 
 @typed
@@ -99,12 +97,12 @@ def _is_joint(frame: Any) -> bool:
     return str(frame.type).endswith("JOINT") and not str(frame.type).endswith("FIXED_JOINT")
 
 
-def _between(one: Matrix, other: Matrix) -> Matrix:
+def _between(first: Matrix, second: Matrix) -> Matrix:
     """The pose of one frame in another; both in the same third one."""
-    if np.array_equal(one, np.eye(4)):
-        return other
-    T, R = np.eye(4), one[:3, :3].T
-    T[:3, :3], T[:3, 3] = R @ other[:3, :3], R @ (other[:3, 3] - one[:3, 3])
+    if np.array_equal(first, np.eye(4)):
+        return second
+    T, R = np.eye(4), first[:3, :3].T
+    T[:3, :3], T[:3, 3] = R @ second[:3, :3], R @ (second[:3, 3] - first[:3, 3])
     return T
 
 

@@ -37,10 +37,7 @@ from .mjcf import mjcf_tree
 from .urdf import Refuse, read_model, read_toml, urdf_text_tree, urdf_tree
 from .xacro import xacro_tree
 
-# --------------------------------------------------------------------------------------------------
-# Robots by the names of other packages: robot_descriptions, which fetches files, and
-# example-robot-data.
-# --------------------------------------------------------------------------------------------------
+# --- Robots by the names of other packages: robot_descriptions, which fetches files, and example-robot-data.
 
 PREFIX = "robot_descriptions:"
 """What its names begin with, as in "robot_descriptions:panda_description"."""
@@ -90,25 +87,22 @@ def _description_file(name: str) -> Path:
     package = importlib.import_module("robot_descriptions")
     word = name.removeprefix(PREFIX)
     known = sorted(m.name for m in iter_modules(package.__path__) if m.name.endswith("_description"))
-    found = next((full for full in (word, f"{word}_description") if full in known), None)
-    if found is None:
+    full_name = next((full for full in (word, f"{word}_description") if full in known), None)
+    if full_name is None:
         raise UnknownNameError("robot of robot_descriptions", word, known)
     try:
-        module = importlib.import_module(f"robot_descriptions.{found}")
+        module = importlib.import_module(f"robot_descriptions.{full_name}")
     except Exception as problem:
-        said = str(problem).strip() or type(problem).__name__
+        message = str(problem).strip() or type(problem).__name__
         cure = "check the network: robot_descriptions clones the files of a robot when it is asked for the first time"
-        raise RobotFileError(name, f"its files could not be fetched ({brief(said, 200)})", cure) from problem
+        raise RobotFileError(name, f"its files could not be fetched ({brief(message, 200)})", cure) from problem
     for kind in ("URDF_PATH", "MJCF_PATH", "XACRO_PATH"):
         if hasattr(module, kind):
             return Path(getattr(module, kind))
     raise RobotFileError(name, "has no URDF, xacro or MJCF file", "choose another description")
 
 
-# --------------------------------------------------------------------------------------------------
-# Models by name: URDF, xacro and MJCF files, told apart by their endings and contents; of other
-# packages.
-# --------------------------------------------------------------------------------------------------
+# --- Models by name: URDF, xacro and MJCF files, told apart by their endings and contents; of other packages.
 
 MODELS = (".urdf", ".xacro", ".xml", ".mjcf")
 """Endings of files that hold a tree of links and joints."""
@@ -157,10 +151,7 @@ def model_root(path: str | Path) -> str:
     return root_of(tree, above_of(tree))
 
 
-# --------------------------------------------------------------------------------------------------
-# From the TOML table of a robot to the robot: a DH table, joints as in a URDF, or parts put
-# together.
-# --------------------------------------------------------------------------------------------------
+# --- From the TOML table of a robot to the robot: a DH table, joints as in a URDF, or parts put together.
 
 Loader = Callable[[Mapping[str, Any]], Robot]
 """From the keys of a part, "name" and those of `load`, to its robot."""
@@ -275,15 +266,15 @@ def frame_of(path: Any, key: str, table: Mapping[str, Any]) -> tuple[Vector, Vec
     _known(path, key, table, _FRAME)
     if "rpy" in table and "rpy_deg" in table:
         raise RobotFileError(path, f"{key} has rpy and rpy_deg", "give one of them")
-    found = {part: _three(path, f"{key}.{part}", table.get(part, [0.0, 0.0, 0.0])) for part in _FRAME}
-    return found["xyz"], found["rpy"] + np.deg2rad(found["rpy_deg"])
+    frame = {part: _three(path, f"{key}.{part}", table.get(part, [0.0, 0.0, 0.0])) for part in _FRAME}
+    return frame["xyz"], frame["rpy"] + np.deg2rad(frame["rpy_deg"])
 
 
 def _robot(path: Any, table: Mapping[str, Any], load: Loader) -> Robot:
     name, source = str(table.get("name", Path(str(path)).stem)), table["source"]
     if "parts" in table:
-        kept = ("parts", "tool", "tools", "order", TRUST_UNITS)
-        given = {"name": name} | {key: table[key] for key in kept if key in table}
+        own_keys = ("parts", "tool", "tools", "order", TRUST_UNITS)
+        given = {"name": name} | {key: table[key] for key in own_keys if key in table}
         given |= {"base_pose": table["base"]} if "base" in table else {}
         return replace(assembled(path, given, load), source=source)
     frames = {key: frame_of(path, key, table[key]) for key in ("base", "tool") if key in table}
@@ -392,11 +383,11 @@ _KINDS = {
 @typed
 def catalogue() -> dict[str, str]:
     """Names of the robots that come with the library -> where their numbers are from."""
-    found = {}
+    sources = {}
     for entry in sorted(files("holokin.robot").joinpath("data").iterdir(), key=lambda e: e.name):
         if entry.name.endswith(".toml"):
-            found[entry.name.removesuffix(".toml")] = tomllib.loads(entry.read_text("utf-8"))["source"]
-    return found
+            sources[entry.name.removesuffix(".toml")] = tomllib.loads(entry.read_text("utf-8"))["source"]
+    return sources
 
 
 @typed

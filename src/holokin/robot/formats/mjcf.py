@@ -24,10 +24,7 @@ from ..shapes.visuals import geom_shapes, mjcf_visuals, slashed, transform
 from ..tree import MOVING, Branch, Follow, Loop, Mass, Tree, checked, motion
 from .urdf import LONGEST_URDF, read_model
 
-# --------------------------------------------------------------------------------------------------
-# How large a model an MJCF text makes, counted before MuJoCo builds it: a few words can ask for
-# millions of bodies.
-# --------------------------------------------------------------------------------------------------
+# --- How large a model an MJCF text makes, counted before MuJoCo builds it: a few words can ask for millions of bodies.
 
 MOST_BODIES = 3_000
 """Bodies of a model, replicas and points of flexible bodies included: some seconds. MuJoCo's time grows fast."""
@@ -158,10 +155,12 @@ class _Counter:
         sizes, stack = scope.sizes, [times]
 
         def start(tag: str, has: dict[str, str]) -> None:
+            # How many times the element counts, with all that replicates it.
             n = stack[-1]
             stack.append(n * _product(has.get("count", "1")) if tag == "replicate" else n)
             sizes.elements += n
             sizes.bodies += n * (tag == "body")
+            # Elements that make many, or lead to other files.
             if tag == "flexcomp":
                 points = n * _product(has.get("count", _GRID))
                 sizes.bodies, sizes.elements = sizes.bodies + points, sizes.elements + points
@@ -282,8 +281,8 @@ def from_mjcf(
         tree = mjcf_text_tree(str(model)) if str(model).lstrip().startswith("<") else mjcf_tree(model)
     else:
         raise ArgumentError("model", model, "give an MJCF file, a text of one, or a mujoco.MjModel")
-    found = robot_of(tree, tip, base, locked, trust_units)
-    return found if max_velocity is None else with_limits(found, max_velocity=max_velocity, trust_units=trust_units)
+    robot = robot_of(tree, tip, base, locked, trust_units)
+    return robot if max_velocity is None else with_limits(robot, max_velocity=max_velocity, trust_units=trust_units)
 
 
 def mjcf_tree(path: str | Path) -> Tree:
@@ -340,14 +339,14 @@ def _no_files(spec: Any) -> set[str]:
 
 def _all_files(spec: Any) -> set[str]:
     """The names of all meshes and height fields."""
-    return {_name(one) for one in (*spec.meshes, *spec.hfields)}
+    return {_name(asset) for asset in (*spec.meshes, *spec.hfields)}
 
 
 def _missing_files(spec: Any) -> set[str]:
     """The names of the meshes and height fields whose files are not there."""
     folder = Path(spec.modelfiledir) / slashed(spec.meshdir)
-    files = [(one, Path(slashed(one.file))) for one in (*spec.meshes, *spec.hfields) if one.file]
-    return {_name(one) for one, file in files if not (folder / (file.name if spec.strippath else file)).is_file()}
+    files = [(asset, Path(slashed(asset.file))) for asset in (*spec.meshes, *spec.hfields) if asset.file]
+    return {_name(asset) for asset, file in files if not (folder / (file.name if spec.strippath else file)).is_file()}
 
 
 def _files_of(geom: Any) -> set[str]:
@@ -381,7 +380,7 @@ def _without_shapes(spec: Any, geoms: Sequence[Sequence[Any]], lost: set[str]) -
     for kind in ("sensors", "actuators", "keys", "pairs", "skins", "flexes"):
         for element in list(getattr(spec, kind)):
             spec.delete(element)
-    gone = [one for one in (*spec.meshes, *spec.hfields) if _name(one) in lost]
+    gone = [asset for asset in (*spec.meshes, *spec.hfields) if _name(asset) in lost]
     for element in [*(geom for of in geoms for geom in of), *gone]:
         spec.delete(element)
     for element in [*spec.sites, *spec.tendons, *spec.geoms]:
@@ -517,12 +516,12 @@ class _Reader:
         return frozenset(ways[0] ^ ways[1])
 
     def _up(self, body: int) -> set[str]:
-        m, found = self.model, set()
+        m, ancestors = self.model, set()
         while body:
             first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
-            found |= set(self.joints[first : first + count]) if count else set()
+            ancestors |= set(self.joints[first : first + count]) if count else set()
             body = int(m.body_parentid[body])
-        return found
+        return ancestors
 
     def _names(self, kind: str, count: int) -> list[str]:
         """The names of all bodies, joints, ... ; one without a name is called by its number."""

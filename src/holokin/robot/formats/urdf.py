@@ -23,10 +23,7 @@ from ..model import Robot
 from ..shapes.visuals import Finder, collision_shapes, mesh_finder, slashed, urdf_visuals
 from ..tree import Branch, Follow, Mass, Tree, checked
 
-# --------------------------------------------------------------------------------------------------
-# Reading the files that people write: whole, of a bounded size, and TOML that the rest of the
-# library can take.
-# --------------------------------------------------------------------------------------------------
+# --- Reading the files that people write: whole, of a bounded size, and TOML that the rest of the library can take.
 
 Refuse = Callable[[str, str, str], HolokinError]
 """(key, fact, cure) -> the error of the sort of file that is read; the key is empty for the file as a whole."""
@@ -109,9 +106,7 @@ def parse_toml(text: str, refuse: Refuse) -> dict[str, Any]:
     return table
 
 
-# --------------------------------------------------------------------------------------------------
-# The elements of a URDF, read from its XML as frozen values.
-# --------------------------------------------------------------------------------------------------
+# --- The elements of a URDF, read from its XML as frozen values.
 
 LONGEST_URDF = 50_000_000
 """Bytes of a URDF: a hundred times those of a humanoid."""
@@ -154,6 +149,7 @@ def essentials(data: bytes, path: str | Path) -> ElementTree.Element:
 
     Blank lines and comments before <?xml ...?>, where XML has none, do no harm. Raises: RobotFileError.
     """
+    # What stands before <?xml ...?> goes behind it, where it does no harm.
     before, mark, rest = data.partition(b"<?xml")
     strange = re.sub(rb"<!--.*?-->", b"", before, flags=re.DOTALL).strip(b" \t\r\n" + BOM_UTF8)
     if mark and not strange:
@@ -161,7 +157,7 @@ def essentials(data: bytes, path: str | Path) -> ElementTree.Element:
         data = mark + declared + closed + before.replace(BOM_UTF8, b"") + rest  # so that lines keep their numbers
     root: ElementTree.Element | None = None
     tags: list[str] = []
-    kept: list[ElementTree.Element] = []
+    elements: list[ElementTree.Element] = []
     counts = {"link": 0, "joint": 0}
 
     def start(tag: str, attributes: dict[str, str]) -> None:
@@ -172,16 +168,17 @@ def essentials(data: bytes, path: str | Path) -> ElementTree.Element:
                 raise RobotFileError(path, f"has more than {MOST_LINKS:,} {tag}s", "give the URDF of a robot")
         if not tags:
             root = ElementTree.Element(tag, attributes)
-            kept.append(root)
-        elif len(kept) == len(tags) and "/".join([*tags[1:], tag]) in _WANTED:
-            kept.append(ElementTree.SubElement(kept[-1], tag, attributes))
+            elements.append(root)
+        elif len(elements) == len(tags) and "/".join([*tags[1:], tag]) in _WANTED:
+            elements.append(ElementTree.SubElement(elements[-1], tag, attributes))
         tags.append(tag)
 
     def end(_tag: str) -> None:
-        if len(kept) == len(tags):
-            kept.pop()
+        if len(elements) == len(tags):
+            elements.pop()
         tags.pop()
 
+    # Read the elements that are wanted; say what is wrong with the file where it is no XML.
     parser = expat.ParserCreate()
     parser.StartElementHandler, parser.EndElementHandler = start, end
     try:
@@ -199,8 +196,8 @@ def essentials(data: bytes, path: str | Path) -> ElementTree.Element:
     except (LookupError, ValueError) as problem:  # an encoding unknown to Python, or of several bytes a character
         raise RobotFileError(path, f"declares an encoding that is not read ({problem})", "save it as UTF-8") from None
     if root is None or root.tag != "robot":
-        found = root.tag if root is not None else "missing"
-        raise RobotFileError(path, f"is not a URDF, its root is <{brief(found, 60)}>", "give a URDF of a robot")
+        root_tag = root.tag if root is not None else "missing"
+        raise RobotFileError(path, f"is not a URDF, its root is <{brief(root_tag, 60)}>", "give a URDF of a robot")
     return root
 
 
@@ -454,10 +451,10 @@ def _values(owner: ElementTree.Element, element: ElementTree.Element, name: str,
 
 def _turned_joints(root: ElementTree.Element) -> dict[str, list[float]]:
     """Joints of a URDF -> the roll, pitch and yaw of their origins, where these have some."""
-    found = {
+    turned = {
         joint.get("name", ""): origin.get("rpy") for joint in root.iter("joint") for origin in joint.iter("origin")
     }
-    return {name: [float(word) for word in rpy.split()] for name, rpy in found.items() if rpy}
+    return {name: [float(word) for word in rpy.split()] for name, rpy in turned.items() if rpy}
 
 
 @typed

@@ -121,9 +121,10 @@ def to_mjcf(
             if follows is not None:
                 law = f'polycoef="{follows[1]!r} {follows[0]!r} 0 0 0"'
                 ties.append(f"    <joint joint1={_quoteattr(joint.name)} joint2={_quoteattr(c.name)} {law}/>")
-            at = _pose(_from_foot(joint, _zero(joint, follows)))
+            # A body with its joint, and all that hangs on it.
+            place = _pose(_from_foot(joint, _zero(joint, follows)))
             body = [
-                f"{pad}<body name={_quoteattr(names[k + 1])} {at}{carried}>",
+                f"{pad}<body name={_quoteattr(names[k + 1])} {place}{carried}>",
                 f"{pad}  {_mjcf_inertial(masses.get(k))}",
                 f'{pad}  <joint name={_quoteattr(joint.name)} type="{kind}" axis="{_numbers(joint.axis)}" {span}/>',
                 *inside(k, depth + 1),
@@ -225,21 +226,21 @@ def _efforts(robot: Robot, effort: ArrayLike) -> list[float]:
 
 def link_names(robot: Robot) -> list[str]:
     """Names of the base and of each joint's link, all of them unlike the tips'."""
-    taken = {tip.name for tip in robot.tips}
-    found = []
+    used = {tip.name for tip in robot.tips}
+    names = []
     for name in ("base", *(f"{joint.name}_link" for joint in robot.joints)):
-        while name in taken:
+        while name in used:
             name += "_"
-        taken.add(name)
-        found.append(name)
-    return found
+        used.add(name)
+        names.append(name)
+    return names
 
 
 def _urdf_inertial(body: Body) -> str:
     entries = zip(("xx", "xy", "xz", "yy", "yz", "zz"), body.inertia[np.triu_indices(3)], strict=True)
     inertia = " ".join(f'i{name}="{float(value)!r}"' for name, value in entries)
-    at = f'<origin xyz="{_numbers(body.center)}" rpy="0 0 0"/>'
-    return f'    <inertial>{at}<mass value="{float(body.mass)!r}"/><inertia {inertia}/></inertial>'
+    origin = f'<origin xyz="{_numbers(body.center)}" rpy="0 0 0"/>'
+    return f'    <inertial>{origin}<mass value="{float(body.mass)!r}"/><inertia {inertia}/></inertial>'
 
 
 def _urdf_visual(part: LinkShape) -> str:

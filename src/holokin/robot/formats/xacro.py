@@ -83,10 +83,10 @@ def _expanded(path: Path, args: Mapping[str, str]) -> dict[str, Any]:
 
 def _end(done: subprocess.CompletedProcess[bytes]) -> str:
     """Why a process ended without an answer."""
-    said = done.stderr.decode("utf-8", "replace").strip().splitlines()
+    lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
     if done.returncode < 0:
         return f"it takes more than {PATIENCE} s of processor time, or more memory than there is"
-    return f"its process failed: {brief(said[-1] if said else 'without a word', 200)}"
+    return f"its process failed: {brief(lines[-1] if lines else 'without a word', 200)}"
 
 
 def _word(value: str | float | bool) -> str:

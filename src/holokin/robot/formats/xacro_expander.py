@@ -178,9 +178,9 @@ class Interpreter:
     def _of_BinOp(self, node: ast.BinOp, names: Any) -> Any:
         if type(node.op) not in _BINARY:
             raise Refused("it holds the operator @")
-        one, other = self._value(node.left, names), self._value(node.right, names)
-        _refuse_large(node.op, one, other)
-        return _BINARY[type(node.op)](one, other)
+        left, right = self._value(node.left, names), self._value(node.right, names)
+        _refuse_large(node.op, left, right)
+        return _BINARY[type(node.op)](left, right)
 
     def _of_UnaryOp(self, node: ast.UnaryOp, names: Any) -> Any:
         return _UNARY[type(node.op)](self._value(node.operand, names))
@@ -194,13 +194,13 @@ class Interpreter:
         return value
 
     def _of_Compare(self, node: ast.Compare, names: Any) -> Any:
-        one, result = self._value(node.left, names), True
+        left, result = self._value(node.left, names), True
         for op, part in zip(node.ops, node.comparators, strict=True):
             other = self._value(part, names)
-            result = _COMPARISONS[type(op)](one, other)
+            result = _COMPARISONS[type(op)](left, other)
             if not result:
                 break
-            one = other
+            left = other
         return result
 
     def _of_IfExp(self, node: ast.IfExp, names: Any) -> Any:
@@ -244,21 +244,21 @@ def _refuse_hidden(name: str) -> None:
         raise Refused(f"it names {name}")
 
 
-def _refuse_large(op: ast.operator, one: Any, other: Any) -> None:
+def _refuse_large(op: ast.operator, left: Any, right: Any) -> None:
     """Whole numbers and lists that fill the memory before any limit is met."""
-    if isinstance(one, int) and isinstance(other, int):
-        bits = other * one.bit_length() if isinstance(op, ast.Pow) and abs(one) > 1 else 0
-        bits = one.bit_length() + other if isinstance(op, ast.LShift) else bits
+    if isinstance(left, int) and isinstance(right, int):
+        bits = right * left.bit_length() if isinstance(op, ast.Pow) and abs(left) > 1 else 0
+        bits = left.bit_length() + right if isinstance(op, ast.LShift) else bits
         if bits > BITS:
             raise Refused(f"it gives a whole number of {bits} bits" if bits < 2**64 else "it gives too long a number")
     if isinstance(op, ast.Mult):
-        for items, count in ((one, other), (other, one)):
+        for items, count in ((left, right), (right, left)):
             if isinstance(items, str | bytes | list | tuple) and isinstance(count, int):
                 _refuse_long(len(items) * count)
-    if isinstance(op, ast.Mod) and isinstance(one, str | bytes):
-        form = re.sub(r"\(\w*\)", "", str(one))  # plain names of a dictionary may hold digits; of others they count
-        sizes = form if isinstance(other, dict) else " ".join(re.findall(r"%%|%([-#0 +\d.*]*)", form))
-        values = other if isinstance(other, tuple) else (other,)
+    if isinstance(op, ast.Mod) and isinstance(left, str | bytes):
+        form = re.sub(r"\(\w*\)", "", str(left))  # plain names of a dictionary may hold digits; of others they count
+        sizes = form if isinstance(right, dict) else " ".join(re.findall(r"%%|%([-#0 +\d.*]*)", form))
+        values = right if isinstance(right, tuple) else (right,)
         _refuse_wide(sizes, [v for v in values if isinstance(v, int)] if "*" in sizes else [])
 
 
@@ -273,10 +273,10 @@ def _refuse_long(length: float) -> None:
 
 
 def _short_range(*args: int) -> range:
-    found = range(*args)
-    if found.start != found.stop and abs((found.stop - found.start) // found.step) > LENGTH:
+    values = range(*args)
+    if values.start != values.stop and abs((values.stop - values.start) // values.step) > LENGTH:
         raise Refused(f"it gives a range of more than {LENGTH} numbers")
-    return found
+    return values
 
 
 def xacro_interpreter(xacro: Any) -> Interpreter:
@@ -370,8 +370,8 @@ def answer(path: Path, args: Mapping[str, str]) -> dict[str, Any]:
             cause = inner
         if isinstance(cause, PackageNotFoundError):
             return {"fault": str(cause), "package": " ".join(map(str, cause.args))}
-        said = re.sub(r"<class '[\w.]+'>: ", "", str(problem)).strip()
-        return refused or {"fault": said or type(problem).__name__}
+        message = re.sub(r"<class '[\w.]+'>: ", "", str(problem)).strip()
+        return refused or {"fault": message or type(problem).__name__}
     if len(text) > LONGEST_TEXT:
         return {"fault": f"it gives more than {LONGEST_TEXT:,} characters"}
     return {"text": text, "macros": macros, "known": sorted(given.asked)}

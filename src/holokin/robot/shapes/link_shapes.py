@@ -269,8 +269,8 @@ class Mesh(Shape):
     def _like(self) -> str:
         """A file beside the missing one whose name differs in capital letters alone."""
         folder, name = self.file.parent, self.file.name.lower()
-        found = [one.name for one in folder.iterdir() if one.name.lower() == name] if folder.is_dir() else []
-        return f" (but one named {found[0]})" if found else ""
+        alike = [entry.name for entry in folder.iterdir() if entry.name.lower() == name] if folder.is_dir() else []
+        return f" (but one named {alike[0]})" if alike else ""
 
     def outward(self, faces: Indices) -> Indices:
         """Triangles (f, 3) of the file as they go round seen from outside: a mirrored mesh turns them round."""
@@ -288,10 +288,10 @@ class Mesh(Shape):
 
         points, faces = self.triangles
         hull = ConvexHull(self.hull.corners)
-        at = np.vstack([points, points[faces].mean(axis=1)])
+        samples = np.vstack([points, points[faces].mean(axis=1)])
         depth = [
             (part @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
-            for part in np.split(at, range(1024, len(at), 1024))
+            for part in np.split(samples, range(1024, len(samples), 1024))
         ]
         a, b, c = (points[faces[:, k]] for k in range(3))
         area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2

@@ -15,9 +15,7 @@ from ...base.poses import pose_from
 from ...base.types import Indices, Matrix, Value, Vector
 from .link_shapes import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Mesh, Shape, Unread
 
-# --------------------------------------------------------------------------------------------------
-# The shapes of the bodies of an MjModel: of those geoms that may touch anything.
-# --------------------------------------------------------------------------------------------------
+# --- The shapes of the bodies of an MjModel: of those geoms that may touch anything.
 
 
 def geom_shapes(
@@ -27,14 +25,14 @@ def geom_shapes(
 
     Those of the world are obstacles, with names of their own.
     """
-    found: dict[str, tuple[LinkShape, ...]] = {}
+    shapes: dict[str, tuple[LinkShape, ...]] = {}
     for geom in range(model.ngeom):
         if model.geom_contype[geom] or model.geom_conaffinity[geom]:
             body = int(model.geom_bodyid[geom])
             name = bodies[body] if body else geoms[geom]
             T, shape = transform(model.geom_pos[geom], model.geom_quat[geom]), _geom_shape(model, geom, enums, source)
-            found[bodies[body]] = (*found.get(bodies[body], ()), LinkShape(name, -1, T, shape, obstacle=body == 0))
-    return found
+            shapes[bodies[body]] = (*shapes.get(bodies[body], ()), LinkShape(name, -1, T, shape, obstacle=body == 0))
+    return shapes
 
 
 def _geom_shape(model: Any, geom: int, enums: Any, source: str = "") -> Shape:
@@ -46,10 +44,12 @@ def _geom_shape(model: Any, geom: int, enums: Any, source: str = "") -> Shape:
         first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
         return Hull(np.array(model.mesh_vert[first : first + count], dtype=float))
     makers = {
-        "box": lambda: Box(2 * size), "sphere": lambda: Capsule(float(size[0])), "ellipsoid": lambda: Ellipsoid(size),
+        "box": lambda: Box(2 * size),
+        "sphere": lambda: Capsule(float(size[0])),
+        "ellipsoid": lambda: Ellipsoid(size),
         "capsule": lambda: Capsule(float(size[0]), float(2 * size[1])),
         "cylinder": lambda: Cylinder(float(size[0]), float(2 * size[1])),
-    }  # fmt: skip
+    }
     if kind not in makers:
         cure = ", give its height as floor" if kind == "plane" else ""
         return Unread(source, f"shapes of type {kind!r} are not read{cure}", plane=kind == "plane")
@@ -67,10 +67,7 @@ def transform(position: Vector, quaternion: Vector) -> Matrix:
     return pose_from(position, rotation)
 
 
-# --------------------------------------------------------------------------------------------------
-# The shapes of links of a URDF, from its <collision> elements; meshes are found, and read later,
-# when needed.
-# --------------------------------------------------------------------------------------------------
+# --- The shapes of links of a URDF, from its <collision> elements; meshes are found, and read later, when needed.
 
 BROKEN = "its <collision> elements cannot be read"
 """Why nothing is known of a shape of a URDF."""
@@ -178,11 +175,11 @@ class Visual(Value):
 def urdf_visuals(model: Any, find: Finder) -> dict[str, tuple[Visual, ...]]:
     """Link -> what is drawn of it, of a URDF. What cannot be understood is left out."""
     shared = {material.name: material for material in getattr(model, "materials", None) or ()}
-    found = {}
+    visuals = {}
     for link in model.links:
         seen = [_urdf_visual(link.name, visual, shared, find) for visual in link.visuals if visual is not None]
-        found[link.name] = tuple(visual for visual in seen if visual is not None)
-    return found
+        visuals[link.name] = tuple(visual for visual in seen if visual is not None)
+    return visuals
 
 
 def _urdf_visual(link: str, visual: Any, shared: dict[str, Any], find: Finder) -> Visual | None:
@@ -207,17 +204,19 @@ def _urdf_color(material: Any, shared: dict[str, Any]) -> Vector | None:
 
 def mjcf_visuals(model: Any, enums: Any, bodies: Sequence[str]) -> dict[str, tuple[Visual, ...]]:
     """Body -> what is drawn of it, of an MjModel: its geoms in the groups 0, 1 and 2, those of the world left out."""
-    found: dict[str, tuple[Visual, ...]] = {}
+    visuals: dict[str, tuple[Visual, ...]] = {}
     for geom in range(model.ngeom):
         body = int(model.geom_bodyid[geom])
-        color = _mjcf_color(model, geom)
+        # That of its material, where it has one.
+        material = int(model.geom_matid[geom])
+        color = np.array(model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom], dtype=float)
         if not body or model.geom_group[geom] >= _DRAWN or color[3] == 0:
             continue
         shape = _mjcf_shape(model, geom, enums)
         if shape is not None:
             T = transform(model.geom_pos[geom], model.geom_quat[geom])
-            found[bodies[body]] = (*found.get(bodies[body], ()), Visual(bodies[body], -1, T, shape, color))
-    return found
+            visuals[bodies[body]] = (*visuals.get(bodies[body], ()), Visual(bodies[body], -1, T, shape, color))
+    return visuals
 
 
 def _mjcf_shape(model: Any, geom: int, enums: Any) -> Shape | Surface | None:
@@ -229,9 +228,3 @@ def _mjcf_shape(model: Any, geom: int, enums: Any) -> Shape | Surface | None:
     face, number = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
     points = np.array(model.mesh_vert[first : first + count], dtype=float)
     return Surface(points, np.array(model.mesh_face[face : face + number], dtype=np.int64))
-
-
-def _mjcf_color(model: Any, geom: int) -> Vector:
-    """That of its material, where it has one."""
-    material = int(model.geom_matid[geom])
-    return np.array(model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom], dtype=float)

@@ -19,9 +19,7 @@ from ..tasks.frame_task import Angles, three_angles
 from ..tasks.task import Task
 from .constraint import Constraint, as_gain, least, nothing_jumps
 
-# --------------------------------------------------------------------------------------------------
-# Shoulder, elbow and wrist of an arm: found by how the axes of its joints meet, or named.
-# --------------------------------------------------------------------------------------------------
+# --- Shoulder, elbow and wrist of an arm: found by how the axes of its joints meet, or named.
 
 MEET = 1e-4
 """Distance [m] up to which axes meet: URDF files round right angles to 1.5708, a hundredth of a millimetre on 2 m."""
@@ -48,7 +46,7 @@ class Point:
             raise ArgumentError("the robot of the task", task.robot.name, "give that on which the arm was found")
         if self.offset is None:
             return k.origins[name]
-        return task.robot.kinematics_at(q, self.joint, pose_from(self.offset)).position
+        return task.robot._kinematics_at(q, self.joint, pose_from(self.offset)).position
 
 
 @dataclass(frozen=True)
@@ -100,12 +98,12 @@ class _Axis:
         """The point of the axis next to another point."""
         return self.origin + ((point - self.origin) @ self.direction) * self.direction
 
-    def place(self, at: Vector, words: str) -> _Place:
+    def place(self, position: Vector, words: str) -> _Place:
         """A place in the base frame as one on this joint's moving side."""
-        if np.linalg.norm(at - self.origin) < MEET:
-            return _Place(at, Point(self.joint, None, words))
-        x, y, z = (self.frame[:3, :3].T @ (at - self.origin)).tolist()
-        return _Place(at, Point(self.joint, (x, y, z), words))
+        if np.linalg.norm(position - self.origin) < MEET:
+            return _Place(position, Point(self.joint, None, words))
+        x, y, z = (self.frame[:3, :3].T @ (position - self.origin)).tolist()
+        return _Place(position, Point(self.joint, (x, y, z), words))
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +140,7 @@ def find_arm(task: Task, joints: Sequence[Any] | None = None, tip: str | None = 
         if len(joints) != 3:
             raise ArgumentError("the points of an arm", joints, "name three: shoulder, elbow, wrist")
         return Arm(*(_named(task.robot, joint) for joint in joints))
-    task.robot.check_links()
+    task.robot._check_links()
     if tip is not None:
         task.robot.pose(np.zeros(task.n), tip)
     axes = _chain(task.robot, task.tip if tip is None else tip)
@@ -181,12 +179,12 @@ def _chain(robot: Robot, tip: str | None) -> list[_Axis]:
     for joint in robot.joints:
         frames.append((frames[joint.parent] if joint.parent >= 0 else np.eye(4)) @ joint.placement)
     end = next((t for t in robot.tips if t.name == tip), robot.tips[0])
-    found: list[_Axis] = []
+    axes: list[_Axis] = []
     for at in joints_above(robot.joints, end.joint):
         joint = robot.joints[at]
         direction = frames[at][:3, :3] @ joint.axis
-        found.append(_Axis(at, joint.name, frames[at], direction, joint.kind == "revolute"))
-    return found[::-1]
+        axes.append(_Axis(at, joint.name, frames[at], direction, joint.kind == "revolute"))
+    return axes[::-1]
 
 
 def _meeting(axes: Sequence[_Axis]) -> _Place | None:
@@ -363,7 +361,7 @@ def height(*joints: str | int) -> Constraint:
 
 def _origin(task: Task, k: Kinematics, joint: str | int) -> SX:
     """The origin (3,) of a joint's frame; a name may also be that of a joint that mimics another."""
-    task.robot.check_links()
+    task.robot._check_links()
     name = joint if joint in k.origins else task.robot.joint_names[task.robot.joint_index(joint)]
     return k.origins[str(name)]
 
@@ -380,11 +378,6 @@ def _pole(V: Vector) -> Vector:
     axis = np.array([-1.0, 0.0, 0.0]) if abs(V[0]) < 0.9 else np.array([0.0, -1.0, 0.0])
     R = axis - (axis @ V) * V
     return R / np.linalg.norm(R)
-
-
-# --------------------------------------------------------------------------------------------------
-# Orientation coupled to position, the paper's (27), (28).
-# --------------------------------------------------------------------------------------------------
 
 
 @made

@@ -16,10 +16,6 @@ from ...robot import Kinematics
 from ...symbolic import SX, Formula, Transport, as_expression, fmin, jacobian, symbol, vertcat, wrapped, written
 from ..tasks.task import Task
 
-# --------------------------------------------------------------------------------------------------
-# `Implicit`: a constraint by auxiliary unknowns, for those who need it smooth and simple: proofs.
-# --------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True, eq=False)
 class Implicit(Value):
@@ -266,10 +262,12 @@ def formulas_of(
     """The formulas of several constraints, and more of them: `Constraint.formulas` of what they make together."""
 
     def formulas(task: Task, k: Kinematics, q: SX) -> list[Formula]:
-        found = more(task, k, q)
+        more_formulas = more(task, k, q)
         for c in constraints:
-            found += [Formula(c.expand(task, k, q), q, q, c.angular)] if c.formulas is None else c.formulas(task, k, q)
-        return found
+            more_formulas += (
+                [Formula(c.expand(task, k, q), q, q, c.angular)] if c.formulas is None else c.formulas(task, k, q)
+            )
+        return more_formulas
 
     return formulas
 
@@ -278,10 +276,10 @@ def least(margins: Sequence[Callable[[Task, Kinematics, SX], SX]]) -> Callable[[
     """The least of several distances, as an expression."""
 
     def margin(task: Task, k: Kinematics, q: SX) -> SX:
-        found = SX(np.inf)
+        smallest = SX(np.inf)
         for one in margins:
-            found = fmin(found, one(task, k, q))
-        return found
+            smallest = fmin(smallest, one(task, k, q))
+        return smallest
 
     return margin
 
@@ -302,10 +300,10 @@ def joined(constraints: Sequence[Constraint], together: Callable[[Task, Kinemati
 
     def rows(task: Task, k: Kinematics, q: SX, z: SX) -> tuple[SX, SX]:
         ends = np.cumsum([0, *(part.size(task) for part in parts)]).tolist()
-        found = [part.rows(task, k, q, z[a:b]) for part, (a, b) in zip(parts, pairwise(ends), strict=True)]
-        values = iter(g for g, _ in found)
+        parts_rows = [part.rows(task, k, q, z[a:b]) for part, (a, b) in zip(parts, pairwise(ends), strict=True)]
+        values = iter(g for g, _ in parts_rows)
         g = [c.expand(task, k, q) if c.implicit is None else next(values) for c in constraints]
-        return together(task, k, g), vertcat(*(h for _, h in found))
+        return together(task, k, g), vertcat(*(h for _, h in parts_rows))
 
     return Implicit(
         lambda task: sum(part.size(task) for part in parts),

@@ -33,13 +33,11 @@ from ...symbolic.rotations import (
 )
 from .task import Frame, Task, TipFrame
 
-# --------------------------------------------------------------------------------------------------
-# The orientation rows of a task: coordinates of a rotation R, or its angular velocity; three rows,
-# or two of an axis.
+# --- The orientation rows of a task: coordinates of a rotation R, or its angular velocity; three rows, or two of an
+# axis.
 #
-# Coordinates w(R) have an exact Jacobian dw/dq and a place where they are singular, told by
-# `margin`; the geometric rows of `twist` have neither.
-# --------------------------------------------------------------------------------------------------
+# Coordinates w(R) have an exact Jacobian dw/dq and a place where they are singular, told by `margin`; the geometric
+# rows of `twist` have neither.
 
 Angles = Literal["zyz", "rpy", "rotation-vector"]
 """Coordinates of a rotation by three angles."""
@@ -83,32 +81,32 @@ class Representation(Value, ABC):
     def rotation(self, w: SX) -> SX:
         """R (3, 3) of coordinates: what `value` undoes."""
 
-    def completed(self, wanted: SX, rows: Sequence[int], here: SX) -> SX:
-        """The rotation (3, 3) that has some rows of a wanted one, and all else as it is in `here`.
+    def completed(self, wanted: SX, rows: Sequence[int], present: SX) -> SX:
+        """The rotation (3, 3) that has some rows of a wanted one, and all else as it is in `present`.
 
-        Where the rows tell a direction of the tool, or of the base seen by the tool, it is `here` turned to it by the
-        smallest angle; else the other coordinates are those of `here`.
+        Where the rows tell a direction of the tool, or of the base seen by the tool, it is `present` turned to it by
+        the smallest angle; else the other coordinates are those of `present`.
         """
         if len(rows) == 3:
             return wanted
         if not rows:
-            return here
+            return present
         direction = self.directions.get(tuple(rows))
         if direction is None:
-            return self._mixed(wanted, rows, here)
+            return self._mixed(wanted, rows, present)
         fixed, of_base = direction
         if of_base:
-            return here @ shortest_turn(wanted.T @ SX(fixed), here.T @ SX(fixed))
-        return shortest_turn(here @ SX(fixed), wanted @ SX(fixed)) @ here
+            return present @ shortest_turn(wanted.T @ SX(fixed), present.T @ SX(fixed))
+        return shortest_turn(present @ SX(fixed), wanted @ SX(fixed)) @ present
 
     @property
     def directions(self) -> dict[tuple[int, ...], tuple[ArrayLike, bool]]:
         """Rows that tell a direction (3,) and nothing else: one fixed in the tool, or, with True, in the base."""
         return {}
 
-    def _mixed(self, wanted: SX, rows: Sequence[int], here: SX) -> SX:
-        """The rotation with some coordinates of a wanted one and the others of `here`."""
-        w, there = self.value(here), self.value(wanted)
+    def _mixed(self, wanted: SX, rows: Sequence[int], present: SX) -> SX:
+        """The rotation with some coordinates of a wanted one and the others of `present`."""
+        w, there = self.value(present), self.value(wanted)
         for row in rows:
             w[row] = there[row]
         return self.rotation(w)
@@ -142,12 +140,12 @@ class Turn(Representation):
         """exp(w) reference."""
         return exp_so3(w) @ SX(self.reference)
 
-    def _mixed(self, wanted: SX, rows: Sequence[int], here: SX) -> SX:
+    def _mixed(self, wanted: SX, rows: Sequence[int], present: SX) -> SX:
         """exp of some rows of the error: of the tool of a plane, its turn in the plane."""
-        gap, w = self.error(wanted, here), SX.zeros(3)
+        gap, w = self.error(wanted, present), SX.zeros(3)
         for row in rows:
             w[row] = gap[row]
-        return exp_so3(w) @ here
+        return exp_so3(w) @ present
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,10 +213,10 @@ class RotationVector(Representation):
 
     def error(self, wanted: SX, R: SX) -> SX:
         """The difference to the nearer of the two rotation vectors of the wanted rotation."""
-        here, there = self.value(R), self.value(wanted)
+        present, there = self.value(R), self.value(wanted)
         angle = norm_2(there)
         other = there * (1 - 2 * np.pi / fmax(angle, 1e-3))  # a turn below 1e-3 rad has no near double
-        return if_else(sumsqr(other - here) < sumsqr(there - here), other, there) - here
+        return if_else(sumsqr(other - present) < sumsqr(there - present), other, there) - present
 
     def rotation(self, w: SX) -> SX:
         """exp(w) reference."""
@@ -258,9 +256,9 @@ class AxisDirection(Representation):
         """The axis."""
         return {(0, 1): (self.axis, False)}
 
-    def _mixed(self, wanted: SX, rows: Sequence[int], here: SX) -> SX:
-        """The direction of one row of the wanted one and of the other one of `here`."""
-        return super().completed(super()._mixed(wanted, rows, here), (0, 1), here)
+    def _mixed(self, wanted: SX, rows: Sequence[int], present: SX) -> SX:
+        """The direction of one row of the wanted one and of the other one of `present`."""
+        return super().completed(super()._mixed(wanted, rows, present), (0, 1), present)
 
 
 _KINDS: dict[str, Callable[[Matrix, Vector], Representation]] = {
@@ -323,12 +321,12 @@ class FrameTask(Task):
         super().__post_init__()
         if self.m > self.n:
             raise TaskTooLargeError(self.m, self.n, self.robot.name)
-        angular = sum(self.angular)
+        angular = sum(self._angular)
         if self.orientation == "twist" and angular in (1, 2) and not self.robot.planar:
             cure = "one or two angular velocities give no orientation to return to: keep all three, none, or take 'rpy'"
             raise ArgumentError("the number of angular rows of a twist task", angular, cure)
 
-    def with_rows(self, rows: tuple[int, ...]) -> FrameTask:
+    def _with_rows(self, rows: tuple[int, ...]) -> FrameTask:
         """The same task with other rows."""
         return replace(self, rows=rows)
 
@@ -360,23 +358,23 @@ class FrameTask(Task):
         return 1
 
     @property
-    def point(self) -> int:
+    def _point(self) -> int:
         """3."""
         return 3
 
     @property
-    def spatial(self) -> bool:
+    def _spatial(self) -> bool:
         """True of a frame of a tool."""
         return self.frame.spatial
 
     @property
-    def has_hessians(self) -> bool:
+    def _has_hessians(self) -> bool:
         """Whether its frame has."""
-        return self.frame.has_hessians
+        return self.frame._has_hessians
 
-    def hessians(self, q: SX) -> list[SX]:
+    def _hessians(self, q: SX) -> list[SX]:
         """Those of its frame."""
-        every = self.frame.hessians(self.robot, q)
+        every = self.frame._hessians(self.robot, q)
         return [every[row] for row in self.rows]
 
     @cached_property
@@ -385,35 +383,35 @@ class FrameTask(Task):
         return representation(self.orientation or "twist", self.reference, self.axis)
 
     @property
-    def geometric(self) -> bool:
+    def _geometric(self) -> bool:
         """True when J is of the geometric rows: no representation by angles has a part in it."""
         return self.orientation in (None, "twist")
 
     @property
-    def exact(self) -> bool:
+    def _exact(self) -> bool:
         """True when J = df/dq: all representations but angular rows of a twist (a plane's single one is exact)."""
-        return self.orientation != "twist" or not any(self.angular) or self.robot.planar
+        return self.orientation != "twist" or not any(self._angular) or self.robot.planar
 
     @property
-    def rotations(self) -> tuple[int, ...]:
+    def _rotations(self) -> tuple[int, ...]:
         """The first angular row, where all three belong to the task."""
-        return (self.angular.index(True),) if sum(self.angular) == 3 else ()
+        return (self._angular.index(True),) if sum(self._angular) == 3 else ()
 
     @property
-    def geometric_twin(self) -> FrameTask:
+    def _geometric_twin(self) -> FrameTask:
         """The same task with "twist" for a full orientation, which has no singular angles."""
-        return replace(self, orientation="twist") if self.rotations else self
+        return replace(self, orientation="twist") if self._rotations else self
 
-    def chart(self, rotations: Matrix) -> FrameTask:
+    def _chart(self, rotations: Matrix) -> FrameTask:
         """With "twist", counted from the rotation (3, 3), for a full orientation.
 
         Along such a line the twist (v, w) is constant, so the geometric Jacobian serves.
         """
-        if self.rotations or self.robot.planar:
+        if self._rotations or self.robot.planar:
             return replace(self, orientation="twist", reference=rotations)
         return self
 
-    def counted_from(self, rotations: Matrix) -> FrameTask:
+    def _counted_from(self, rotations: Matrix) -> FrameTask:
         """With another reference (3, 3), where there is such a one."""
         return replace(self, reference=rotations) if self.orientation in ("twist", "rotation-vector") else self
 
@@ -427,21 +425,21 @@ class FrameTask(Task):
 
     def jacobian_expression(self, k: Kinematics, q: SX) -> SX:
         """J as an expression (m, n): the geometric rows, or df/dq of a representation."""
-        if self.geometric:
+        if self._geometric:
             return self._select(k.jacobian)  # (2)
         return self._select(vertcat(k.jacobian[:3, :], jacobian(self.representation.value(k.rotation), q)))  # (2), (26)
 
-    def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
+    def _error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
         """`error` as an expression (m,)."""
         return self._select(vertcat(position - k.position, self.representation.error(rotation, k.rotation)))
 
-    def rates_expression(self, R: SX, v: SX, w: SX) -> SX:
+    def _rates_expression(self, R: SX, v: SX, w: SX) -> SX:
         """x' (m,) of a tool turned by R (3, 3) that moves with v (3,), w (3,)."""
         return self._select(vertcat(v, self.representation.rates(R, w)))
 
-    def margin_expression(self, rotation: SX) -> SX:
+    def _margin_expression(self, rotation: SX) -> SX:
         """Distance of the representation from its singularity; 1 where there is none."""
-        return self.representation.margin(rotation) if any(self.angular) else SX(1)
+        return self.representation.margin(rotation) if any(self._angular) else SX(1)
 
     def _select(self, six: SX) -> SX:
         return six[list(self.rows), :]
@@ -476,12 +474,12 @@ class StackedTask(Task):
         if self.m > self.n:
             raise TaskTooLargeError(self.m, self.n, self.robot.name)
         for f, part in enumerate(self.parts):
-            kept = sum(row // 6 == f and row % 6 > 2 for row in self.rows)
-            if part.orientation == "twist" and 0 < kept < sum(part.angular):
+            angular_rows = sum(row // 6 == f and row % 6 > 2 for row in self.rows)
+            if part.orientation == "twist" and 0 < angular_rows < sum(part._angular):
                 cure = "keep all three angular rows of a twist, none, or take 'rpy'"
-                raise ArgumentError("the number of angular rows of a twist task", kept, cure)
+                raise ArgumentError("the number of angular rows of a twist task", angular_rows, cure)
 
-    def with_rows(self, rows: tuple[int, ...]) -> StackedTask:
+    def _with_rows(self, rows: tuple[int, ...]) -> StackedTask:
         """The same task with other rows; its targets are of all frames still."""
         return replace(self, rows=rows)
 
@@ -511,59 +509,59 @@ class StackedTask(Task):
         return len(self.parts)
 
     @property
-    def point(self) -> int:
+    def _point(self) -> int:
         """The size that was given."""
         return self.size
 
     @property
-    def spatial(self) -> bool:
+    def _spatial(self) -> bool:
         """True when all parts are."""
-        return all(part.spatial for part in self.parts)
+        return all(part._spatial for part in self.parts)
 
     @property
-    def has_hessians(self) -> bool:
+    def _has_hessians(self) -> bool:
         """Whether all parts have."""
-        return all(part.has_hessians for part in self.parts)
+        return all(part._has_hessians for part in self.parts)
 
-    def hessians(self, q: SX) -> list[SX]:
+    def _hessians(self, q: SX) -> list[SX]:
         """Those of the parts."""
-        every = [H for part in self.parts for H in part.hessians(q)]
+        every = [H for part in self.parts for H in part._hessians(q)]
         return [every[i] for i in self._places]
 
     @property
-    def geometric(self) -> bool:
+    def _geometric(self) -> bool:
         """True when all parts are."""
-        return all(part.geometric for part in self.parts)
+        return all(part._geometric for part in self.parts)
 
     @property
-    def exact(self) -> bool:
+    def _exact(self) -> bool:
         """True when all parts are."""
-        return all(part.exact for part in self.parts)
+        return all(part._exact for part in self.parts)
 
     @property
-    def rotations(self) -> tuple[int, ...]:
+    def _rotations(self) -> tuple[int, ...]:
         """The first angular row of each part that has all three of them among the rows."""
-        found = []
+        firsts = []
         for f in range(self.frames):
             mine = [i for i, row in enumerate(self.rows) if row // 6 == f and row % 6 > 2]
             if len(mine) == 3:
-                found.append(mine[0])
-        return tuple(found)
+                firsts.append(mine[0])
+        return tuple(firsts)
 
     @property
-    def geometric_twin(self) -> StackedTask:
+    def _geometric_twin(self) -> StackedTask:
         """That of geometric parts."""
-        return replace(self, parts=tuple(part.geometric_twin for part in self.parts))
+        return replace(self, parts=tuple(part._geometric_twin for part in self.parts))
 
-    def chart(self, rotations: Matrix) -> StackedTask:
+    def _chart(self, rotations: Matrix) -> StackedTask:
         """Those of the parts."""
         each = finite("the rotations", rotations, (3 * self.frames, 3)).reshape(-1, 3, 3)
-        return replace(self, parts=tuple(part.chart(R) for part, R in zip(self.parts, each, strict=True)))
+        return replace(self, parts=tuple(part._chart(R) for part, R in zip(self.parts, each, strict=True)))
 
-    def counted_from(self, rotations: Matrix) -> StackedTask:
+    def _counted_from(self, rotations: Matrix) -> StackedTask:
         """Those of the parts."""
         each = finite("the rotations", rotations, (3 * self.frames, 3)).reshape(-1, 3, 3)
-        return replace(self, parts=tuple(part.counted_from(R) for part, R in zip(self.parts, each, strict=True)))
+        return replace(self, parts=tuple(part._counted_from(R) for part, R in zip(self.parts, each, strict=True)))
 
     def kinematics(self, q: SX) -> Kinematics:
         """Those of the parts, one below the other."""
@@ -579,22 +577,22 @@ class StackedTask(Task):
         """The Jacobians of the parts."""
         return self._stack(lambda part, f: part.jacobian_expression(_frame(k, f), q))
 
-    def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
+    def _error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
         """The errors of the parts."""
         return self._stack(
-            lambda part, f: part.error_expression(_frame(k, f), _three(position, f), _three(rotation, f))
+            lambda part, f: part._error_expression(_frame(k, f), _three(position, f), _three(rotation, f))
         )
 
-    def rates_expression(self, R: SX, v: SX, w: SX) -> SX:
+    def _rates_expression(self, R: SX, v: SX, w: SX) -> SX:
         """The rates of the parts."""
-        return self._stack(lambda part, f: part.rates_expression(_three(R, f), _three(v, f), _three(w, f)))
+        return self._stack(lambda part, f: part._rates_expression(_three(R, f), _three(v, f), _three(w, f)))
 
-    def margin_expression(self, rotation: SX) -> SX:
+    def _margin_expression(self, rotation: SX) -> SX:
         """The least of the parts."""
         margin = SX(1)
         for f, part in enumerate(self.parts):
             if any(row // 6 == f and row % 6 > 2 for row in self.rows):
-                margin = fmin(margin, part.margin_expression(_three(rotation, f)))
+                margin = fmin(margin, part._margin_expression(_three(rotation, f)))
         return margin
 
     def _stack(self, of: Callable[[FrameTask, int], SX]) -> SX:
@@ -664,14 +662,11 @@ def _of(task: Task) -> str:
     return f" of {task.tip}" if task.frames == 1 and task.tip and task.tip not in task.name else ""
 
 
-# --------------------------------------------------------------------------------------------------
-# What a task leaves free: motions of its frames that no row of it sees. They are no demand.
+# --- What a task leaves free: motions of its frames that no row of it sees. They are no demand.
 #
-# A pose that is asked for of such a task says more than is meant: a spin about a free axis, a
-# height where only x and y count. What is meant is `completed` from where the frames are: the pose
-# that the task cannot tell from the one asked for, whose free part is that of a pose at hand.
-# Straight paths lead to it, so that they hold no free motion.
-# --------------------------------------------------------------------------------------------------
+# A pose that is asked for of such a task says more than is meant: a spin about a free axis, a height where only x and y
+# count. What is meant is `completed` from where the frames are: the pose that the task cannot tell from the one asked
+# for, whose free part is that of a pose at hand. Straight paths lead to it, so that they hold no free motion.
 
 Place = tuple[Vector, Matrix]
 """Positions (3F,) and rotations (3F, 3) of F frames."""
@@ -683,19 +678,19 @@ def leaves_free(task: Task) -> bool:
     return not all({0, 1, 2} <= rows and len(rows) == 6 for _, rows in _rows(task))
 
 
-def completed(task: Task, place: Place, here: Place) -> Place:
-    """The place that a task cannot tell from the one that is given, and whose free part is that of another, `here`.
+def completed(task: Task, place: Place, present: Place) -> Place:
+    """The place that a task cannot tell from the one that is given, and whose free part is that of another, `present`.
 
-    Coordinates of positions that the task has no rows of are those of `here`; a rotation is that of `here`, turned no
-    farther than the task asks.
+    Coordinates of positions that the task has no rows of are those of `present`; a rotation is that of `present`,
+    turned no farther than the task asks.
     """
-    return completing(task)(*here, *place) if leaves_free(task) else place
+    return completing(task)(*present, *place) if leaves_free(task) else place
 
 
 @kept
 def completing(task: Task) -> Function:
     """(p0, R0, p, R) -> (p, R) `completed` from p0, R0: positions (3F,) and rotations (3F, 3)."""
-    (p0, R0), (p, R) = task.target_symbols(), task.target_symbols()
+    (p0, R0), (p, R) = task._target_symbols(), task._target_symbols()
     positions, rotations = [], []
     for f, (part, rows) in enumerate(_rows(task)):
         at = slice(3 * f, 3 * f + 3)
@@ -709,11 +704,11 @@ def completing(task: Task) -> Function:
 @kept
 def free_directions(task: Task) -> list[tuple[Vector, bool] | None]:
     """Of each frame the axis (3,) about which it may spin, fixed in it, or, with True, in the base; None where none."""
-    found: list[tuple[Vector, bool] | None] = []
+    directions: list[tuple[Vector, bool] | None] = []
     for part, rows in _rows(task):
-        one = part.representation.directions.get(tuple(sorted(row - 3 for row in rows if row > 2)))
-        found.append(None if one is None else (np.asarray(one[0], dtype=float), one[1]))
-    return found
+        direction = part.representation.directions.get(tuple(sorted(row - 3 for row in rows if row > 2)))
+        directions.append(None if direction is None else (np.asarray(direction[0], dtype=float), direction[1]))
+    return directions
 
 
 def _rows(task: Task) -> list[tuple[FrameTask, set[int]]]:

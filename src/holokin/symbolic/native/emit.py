@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache, reduce
 from importlib.resources import files
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -43,6 +43,53 @@ SCALAR, LANES = "scalar.h", "lanes.h"
 """The preludes: hk_t is one number, or a few side by side in a vector register."""
 
 
+OPERATION_NAMES: dict[int, str] = {
+    getattr(ca, key): key.removeprefix("OP_") for key in dir(ca) if key.startswith("OP_")
+}
+"""CasADi's names of its operations, as "SQRT"."""
+
+T = TypeVar("T")
+
+
+def walk(
+    function: ca.Function,
+    read: Callable[[int, int], T],
+    constant: Callable[[float], T],
+    apply: Callable[[int, list[T]], T],
+) -> dict[int, T]:
+    """What a function gives where values of any kind stand for its numbers: element of its outputs -> value.
+
+    Its instructions are gone through in order, so an operation is applied when its arguments are known.
+
+    Args:
+        read: (argument, element in column-major order) -> value. constant: number -> value. apply: (operation,
+            values of its arguments) -> value.
+    """
+    registers: dict[int, T] = {}
+    outputs: dict[int, T] = {}
+    for k in range(function.n_instructions()):
+        op, out, into = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
+        if op == ca.OP_OUTPUT:
+            outputs[out[1]] = registers[into[0]]
+        elif op == ca.OP_CONST:
+            registers[out[0]] = constant(function.instruction_constant(k))
+        elif op == ca.OP_INPUT:
+            registers[out[0]] = read(into[0], into[1])
+        else:
+            registers[out[0]] = apply(op, [registers[i] for i in into])
+    return outputs
+
+
+def operations(function: ca.Function) -> set[int]:
+    """The kinds of operations of a function, reading and writing among them."""
+    return {function.instruction_id(k) for k in range(function.n_instructions())}
+
+
+def applied(op: int, arguments: Sequence[ca.SX]) -> ca.SX:
+    """An operation of one argument or two, applied to expressions."""
+    return ca.SX.unary(op, *arguments) if len(arguments) == 1 else ca.SX.binary(op, *arguments)
+
+
 def emit(function: ca.Function, name: str, x: Callable[[int, int], str], y: Callable[[int, int], str]) -> str:
     """The body of a function, a C block: reads its inputs, writes its outputs, and nothing else.
 
@@ -71,8 +118,7 @@ def emit(function: ca.Function, name: str, x: Callable[[int, int], str], y: Call
         elif op in _UNARY:
             value = _UNARY[op].format(register[into[0]])
         else:
-            known = {getattr(ca, key): key for key in dir(ca) if key.startswith("OP_")}
-            raise NativeError(f"{name} uses CasADi's {known.get(op, op)}, which has no C here")
+            raise NativeError(f"{name} uses CasADi's OP_{OPERATION_NAMES.get(op, op)}, which has no C here")
         register[out[0]] = f"v{k}"
         lines.append(f"  const hk_t v{k} = {value};")
     return "\n".join(lines)
@@ -83,15 +129,11 @@ def prelude(name: str) -> str:
     return files("holokin.symbolic.native").joinpath("c", name).read_text("utf-8")
 
 
-# --------------------------------------------------------------------------------------------------
-# A transport amid a `Function`: a loop that straight-line code would make hundreds of thousands of
-# lines of.
+# --- A transport amid a `Function`: a loop that straight-line code would make hundreds of thousands of lines of.
 #
-# A posture q is carried to y(1) by y' = f(y, v), in Runge-Kutta steps of order 4 with a v of its
-# own; a label of y(1) and its gradient by q stand in expressions as symbols. The gradient is one
-# sweep back through the steps for each row of the label, from what each evaluation of f has left
-# behind, so it is that of the steps themselves, to round-off.
-# --------------------------------------------------------------------------------------------------
+# A posture q is carried to y(1) by y' = f(y, v), in Runge-Kutta steps of order 4 with a v of its own; a label of y(1)
+# and its gradient by q stand in expressions as symbols. The gradient is one sweep back through the steps for each row
+# of the label, from what each evaluation of f has left behind, so it is that of the steps themselves, to round-off.
 
 SHARES, WEIGHTS = (0.0, 0.5, 0.5, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 """Runge-Kutta of order 4: where its four rates are taken, and how they count."""
@@ -207,14 +249,14 @@ class Transport:
         for row in range(self.rows):
             by_y, by_v, gaps, ahead = slopes[:, row], none(v.shape[0]), none(2), None
             for step in reversed(range(self.steps)):
-                of_end, found = by_y, (0, 0)
+                of_end, position = by_y, (0, 0)
                 for stage in reversed(range(4)):
-                    into = SHARES[stage + 1] * found[0] if stage < 3 else 0
-                    found = p.pull(left[4 * step + stage], h * (WEIGHTS[stage] * of_end + into))
+                    into = SHARES[stage + 1] * position[0] if stage < 3 else 0
+                    position = p.pull(left[4 * step + stage], h * (WEIGHTS[stage] * of_end + into))
                     if stage == 3 and ahead is not None:
-                        gaps = gaps + _gaps(ahead, found)
-                    by_y, by_v = by_y + found[0], by_v + found[1]
-                ahead = found
+                        gaps = gaps + _gaps(ahead, position)
+                    by_y, by_v = by_y + position[0], by_v + position[1]
+                ahead = position
             first = p.pull(left[0], h * WEIGHTS[0] * by_y)
             gaps = gaps + _gaps(ahead, first)
             moved, doubt = p.back(q, y, v, by_y, by_v, first[1] / (h * WEIGHTS[0]), gaps, factor)
@@ -242,22 +284,19 @@ def _gaps(one: Any, other: Any) -> Any:
 def _piece(name: str, piece: ca.Function) -> str:
     """C of a piece: pointers to its inputs, then to its outputs, each in CasADi's order."""
     given = [f"const hk_t *restrict x{i}" for i in range(piece.n_in())]
-    found = [f"hk_t *restrict y{i}" for i in range(piece.n_out())]
+    pointers = [f"hk_t *restrict y{i}" for i in range(piece.n_out())]
     idle = "".join(f"  (void)x{i};\n" for i in range(piece.n_in()))
     code = emit(piece, name, lambda a, i: f"x{a}[{i}]", lambda a, i: f"y{a}[{i}]")
-    return f"static void hk_transport_{name}({', '.join([*given, *found])}) {{\n{idle}{code}\n}}\n"
+    return f"static void hk_transport_{name}({', '.join([*given, *pointers])}) {{\n{idle}{code}\n}}\n"
 
 
-# --------------------------------------------------------------------------------------------------
-# What a `Function` runs: straight-line code, or such code around a loop, and around a square
-# system, by numbers.
+# --- What a `Function` runs: straight-line code, or such code around a loop, and around a square system, by numbers.
 #
 #     t = transport(q);   before: (x, t) -> A, B, and the outputs that need no more;   X = A^-1 B by Householder;
 #     after: (x, t, X) -> the rest
 #
-# Written out, an n x n solve takes about 2 n^3 operations: the fastest code there is for an arm,
-# and, for sixty joints, half a million lines that no compiler can finish.
-# --------------------------------------------------------------------------------------------------
+# Written out, an n x n solve takes about 2 n^3 operations: the fastest code there is for an arm, and, for sixty joints,
+# half a million lines that no compiler can finish.
 
 Shapes = Sequence[tuple[int, ...]]
 
@@ -342,12 +381,12 @@ def program(
         )
     if system is None:
         return Program(_shared(name, symbols, values), None, tuple(range(len(values))), ())
-    found = [system.X, system.measures]
+    unknowns = [system.X, system.measures]
     unknown = ca.vertcat(ca.vec(system.X), system.measures)
     late = tuple(i for i, value in enumerate(values) if ca.depends_on(value, unknown))
     early = tuple(i for i in range(len(values)) if i not in late)
     before = _shared(name, symbols, [*(values[i] for i in early), ca.densify(system.A), ca.densify(system.B)])
-    after = _shared(f"{name}_after", [*symbols, *found], [values[i] for i in late])
+    after = _shared(f"{name}_after", [*symbols, *unknowns], [values[i] for i in late])
     return Program(before, after, early, late, *system.B.shape)
 
 
@@ -394,9 +433,11 @@ class Port(threading.local):
         early = [self.results[i] for i in made.early]
         given, carry = self.arguments, None
         if made.transport is not None:
-            found = _memory((made.transport.found.shape[0], *extra))
-            given = [*given, found]
-            self._carrying, carry = _bind([made.transport.function], [[self.arguments[made.carried]]], [[found]], count)
+            memory = _memory((made.transport.found.shape[0], *extra))
+            given = [*given, memory]
+            self._carrying, carry = _bind(
+                [made.transport.function], [[self.arguments[made.carried]]], [[memory]], count
+            )
         if made.after is None:
             self._buffers, first = _bind([made.before], [given], [early], count)
             self.trigger = first if carry is None else _both(carry, first)
@@ -406,10 +447,7 @@ class Port(threading.local):
         measures = _memory((2, *extra))
         late = [self.results[i] for i in made.late]
         self._buffers, first, last = _bind(
-            [made.before, made.after],
-            [given, [*given, X, measures]],
-            [[*early, A, B], late],
-            count,
+            [made.before, made.after], [given, [*given, X, measures]], [[*early, A, B], late], count
         )
         first = first if carry is None else _both(carry, first)
 
@@ -449,8 +487,8 @@ def solve_numbers(A: Array, B: Array, X: Array, measures: Array) -> None:
     measures[1] = -1.0 if turns % 2 else 1.0
     turned, _, _ = lapack.dormqr("L", "T", reflections, tau, B, 64 * B.shape[1])  # type: ignore[attr-defined]
     for k in range(B.shape[1]):  # one by one: from two on OpenBLAS starts threads, which takes milliseconds
-        found, info = lapack.dtrtrs(reflections, turned[:, k])  # type: ignore[attr-defined]
-        X[:, k] = found if info == 0 else np.nan
+        column, info = lapack.dtrtrs(reflections, turned[:, k])  # type: ignore[attr-defined]
+        X[:, k] = column if info == 0 else np.nan
 
 
 def _memory(shape: tuple[int, ...]) -> Array:
@@ -481,9 +519,7 @@ def _bind(
     return buffers, *triggers
 
 
-# --------------------------------------------------------------------------------------------------
-# The C of programs: flat arguments in rows as NumPy has them, and whole files around them.
-# --------------------------------------------------------------------------------------------------
+# --- The C of programs: flat arguments in rows as NumPy has them, and whole files around them.
 
 Place = Callable[[int, int], str]
 """(argument, element in column-major order) -> C."""
@@ -505,9 +541,10 @@ def body(made: Program, inputs: Shapes, outputs: Shapes, name: str) -> str:
     def given(a: int, i: int) -> str:
         return f"x[{x(a, i)}]" if a < len(inputs) else f"t[{i}]"
 
-    loop, more, carry, found = "", {}, "", ""
+    # The transport first, whose results t the stages read.
+    loop, more, carry, declared = "", {}, "", ""
     if made.transport is not None:
-        loop, more, found = made.transport.c, {"t": "const hk_t"}, ", t"
+        loop, more, declared = made.transport.c, {"t": "const hk_t"}, ", t"
         carry = (
             f"  hk_t t[{made.transport.found.shape[0]}];\n"
             f"  hk_transport(x + {x(made.carried, 0)}, t, {int(made.sloping)});\n"
@@ -518,6 +555,7 @@ def body(made: Program, inputs: Shapes, outputs: Shapes, name: str) -> str:
             return stage(made.before, "", {}, given, lambda a, i: f"y[{y(a, i)}]")
         before = stage(made.before, "_before", more, given, lambda a, i: f"y[{y(a, i)}]")
         return f"{loop}{before}{whole}  {name}_before(x, y, t);\n}}\n"
+    # With a system: the stage before it fills A and B in s, hk_solve leaves X there, the stage after reads it.
     n, k, early = made.order, made.columns, len(made.early)
     known = len(inputs) + (made.transport is not None)
     width = n + k
@@ -539,8 +577,8 @@ def body(made: Program, inputs: Shapes, outputs: Shapes, name: str) -> str:
     after = stage(made.after, "_after", {**more, "s": "const hk_t", "f": "const hk_t"}, after_reads, after_writes)
     return (
         f"{loop}{before}{after}{whole}"
-        f"  hk_t s[{n * width}], w[{width}], f[2];\n  {name}_before(x, y{found}, s);\n"
-        f"  hk_solve({n}, {k}, s, w, f);\n  {name}_after(x, y{found}, s, f);\n}}\n"
+        f"  hk_t s[{n * width}], w[{width}], f[2];\n  {name}_before(x, y{declared}, s);\n"
+        f"  hk_solve({n}, {k}, s, w, f);\n  {name}_after(x, y{declared}, s, f);\n}}\n"
     )
 
 

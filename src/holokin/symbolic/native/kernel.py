@@ -97,10 +97,7 @@ def follow_code(made: Program, inputs: Shapes, outputs: Shapes, method: str, mor
     """The C of hk_follow, see `FollowKernel`."""
     state = sum(int(np.prod(shape)) for shape in inputs)
     head = f"#define HK_N {inputs[0][0]}\n#define HK_FRAMES {inputs[1][0] // 3}\n#define HK_STATE {state}\n"
-    drivers = {
-        "leaf": ("hk_leaf_body", "branch.c", "newton.c", "follow.c"),
-        "velocity": ("hk_rate_body", "velocity.c"),
-    }
+    drivers = {"leaf": ("hk_leaf_body", "branch.c", "newton.c", "follow.c"), "velocity": ("hk_rate_body", "velocity.c")}
     name, *files = drivers[method]
     return source(SCALAR, head, body(made, inputs, outputs, name) + more, "line.c", "path.c", *files)
 
@@ -194,9 +191,9 @@ class StepKernel:
         glue = _glue()
         if glue is not None:
             address, (joints,), pose = ctypes.cast(self._run, ctypes.c_void_p).value, *self.shapes[:2]
-            kept, point = (self._library, parameters), pose[0] if len(pose) == 1 else 0
+            alive, point = (self._library, parameters), pose[0] if len(pose) == 1 else 0
             frames = -(-point // 3) if point else pose[0] // 4
-            return glue.bind(address, parameters.ctypes.data, joints, point, frames, memory, convert, kept)
+            return glue.bind(address, parameters.ctypes.data, joints, point, frames, memory, convert, alive)
         run, parameters_at, copies = self._run, parameters.ctypes.data, _Copies(self.shapes)
 
         def step(*arguments: Any) -> Array:
@@ -230,11 +227,6 @@ def _glue() -> Any:
         np.ndarray, np.ndarray.__basicsize__, sample.dtype, np.empty, sample, sample.T, odd, sample.ctypes.data
     )
     return module if known else None
-
-
-# --------------------------------------------------------------------------------------------------
-# The path down to the nearest pose at the edge of reach as native code.
-# --------------------------------------------------------------------------------------------------
 
 
 class EdgeKernel:
@@ -275,15 +267,11 @@ class EdgeKernel:
         return ended, (out[:n], out[n : k - 1], out[k - 1 : k], out[k : k + 12], out[k + 12 :])
 
 
-# --------------------------------------------------------------------------------------------------
-# A function called one sample at a time from Python: on the virtual machine at first, as native
-# code once it pays.
+# --- A function called one sample at a time from Python: on the virtual machine at first, as native code once it pays.
 #
-# The virtual machine serves every call until there are HEAVY of them; then a compiler is asked in
-# the background (see `later`), and native code takes over when it is ready. Both give the same
-# numbers but for round-off, and the same errors: native code hands to the virtual machine whatever
-# it does not take.
-# --------------------------------------------------------------------------------------------------
+# The virtual machine serves every call until there are HEAVY of them; then a compiler is asked in the background (see
+# `later`), and native code takes over when it is ready. Both give the same numbers but for round-off, and the same
+# errors: native code hands to the virtual machine whatever it does not take.
 
 HEAVY = 10_000
 """Calls from which on a compiler is asked: a tenth of a second of the virtual machine. Who calls so often calls on."""
@@ -370,6 +358,7 @@ class Evaluator:
                 left -= 1
                 if left <= 0 and (evaluator := myself()) is not None:
                     later(evaluator)
+            # Arguments that are arrays of the right shape go straight into memory; others are converted.
             trigger, slots, takes, numbers = memory.all
             given: Sequence[Any] = arguments
             if len(given) != len(slots) or named:
@@ -405,7 +394,7 @@ class _Memory(threading.local):
 
 
 def bound_call(
-    function: Any, inputs: Shapes, results: Shapes, other: Callable[..., Any], kept: Any, context: Array
+    function: Any, inputs: Shapes, results: Shapes, other: Callable[..., Any], alive: Any, context: Array
 ) -> Callable[..., Any] | None:
     """A callable around a C function (in, out, context) -> 1 or 0, as `hk_sample`; None without Python's headers.
 
@@ -416,20 +405,20 @@ def bound_call(
     except NativeError as problem:
         tell(problem)
         return None
-    return None if module is None else _bound(module, function, inputs, results, other, kept, context.ctypes.data)
+    return None if module is None else _bound(module, function, inputs, results, other, alive, context.ctypes.data)
 
 
 def _bound(
-    module: Any, function: Any, inputs: Shapes, results: Shapes, other: Any, kept: Any, context: int
+    module: Any, function: Any, inputs: Shapes, results: Shapes, other: Any, alive: Any, context: int
 ) -> Callable[..., Any]:
     place = ctypes.cast(function, ctypes.c_void_p).value
-    return module.Evaluator(place, tuple(inputs), tuple(results), other, kept, context)
+    return module.Evaluator(place, tuple(inputs), tuple(results), other, alive, context)
 
 
 def weak(method: Callable[..., Any]) -> Callable[..., Any]:
     """A bound method that does not keep its object, for the evaluators that the object itself keeps."""
-    found = weakref.WeakMethod(method)
-    return lambda *arguments, **named: found()(*arguments, **named)  # type: ignore[misc]
+    reference = weakref.WeakMethod(method)
+    return lambda *arguments, **named: reference()(*arguments, **named)  # type: ignore[misc]
 
 
 def _sample_source(
@@ -468,10 +457,6 @@ def _module() -> Any:
     except ImportError:
         return None
 
-
-# --------------------------------------------------------------------------------------------------
-# Inverse kinematics as native code: one pose called from Python, many in threads.
-# --------------------------------------------------------------------------------------------------
 
 LEAST = 64
 """Poses from which a second thread is worth its start, 50 us: as long as a handful of them takes."""

@@ -57,14 +57,14 @@ def compiler() -> Compiler | None:
     """The C compiler: CC of the environment, else cc, gcc, clang, else ziglang of Python; None without any."""
     given = os.environ.get("CC", "").strip()
     if given:
-        found, why = _chosen(given)
-        if found is not None:
-            return found
+        chosen, why = _chosen(given)
+        if chosen is not None:
+            return chosen
         logging.getLogger("holokin").warning("CC is %r, which is left out (%s)", given, why)
     commands: list[tuple[str, ...]] = [(name,) for name in ("cc", "gcc", "clang")]
     if importlib.util.find_spec("ziglang") is not None:
         commands.append((sys.executable, "-m", "ziglang", "cc"))
-    return next((found for found in map(_asked, commands) if found is not None), None)
+    return next((chosen for chosen in map(_asked, commands) if chosen is not None), None)
 
 
 def call(command: tuple[str, ...], patience: float, stream: str) -> tuple[int, str]:
@@ -130,8 +130,8 @@ def _chosen(given: str) -> tuple[Compiler | None, str]:
         words = tuple(shlex.split(given))
     except ValueError as problem:
         return None, str(problem).lower()
-    found = _asked(words) if words else None
-    return found, "it is no program that says its version"
+    candidate = _asked(words) if words else None
+    return candidate, "it is no program that says its version"
 
 
 def _asked(command: tuple[str, ...]) -> Compiler | None:
@@ -139,10 +139,10 @@ def _asked(command: tuple[str, ...]) -> Compiler | None:
     if shutil.which(command[0]) is None:
         return None
     try:
-        status, said = call((*command, "--version"), ASKING, "stdout")
+        status, output = call((*command, "--version"), ASKING, "stdout")
     except (OSError, subprocess.TimeoutExpired):
         return None
-    version = plain(said.strip().partition("\n")[0])
+    version = plain(output.strip().partition("\n")[0])
     return Compiler(command, version) if status == 0 and version else None
 
 
@@ -160,20 +160,15 @@ def _signal(child: subprocess.Popen[bytes]) -> None:
         child.kill()
 
 
-# --------------------------------------------------------------------------------------------------
-# The cache of built libraries: a folder that nobody else can write, read once, and loaded as read.
+# --- The cache of built libraries: a folder that nobody else can write, read once, and loaded as read.
 #
-# A file holds a library and, in its last 64 bytes, a checksum of its name and the library. The
-# checksum tells a whole file from a half-written, spoilt or renamed one. It is no secret: whoever
-# can write to the folder can make a file that passes. What keeps other people's code out is that
-# the folder and the file belong to this user or to root and that nobody else may write to them
-# (access lists beyond the mode bits are not looked at). A file is opened once, without following
-# links; what was checked and summed is what is loaded, from memory, so that nothing can be swapped
-# meanwhile.
+# A file holds a library and, in its last 64 bytes, a checksum of its name and the library. The checksum tells a whole
+# file from a half-written, spoilt or renamed one. It is no secret: whoever can write to the folder can make a file that
+# passes. What keeps other people's code out is that the folder and the file belong to this user or to root and that
+# nobody else may write to them (access lists beyond the mode bits are not looked at). A file is opened once, without
+# following links; what was checked and summed is what is loaded, from memory, so that nothing can be swapped meanwhile.
 #
-# Windows has no such modes: there the folder is trusted as the user's own, and a library is loaded
-# by its path.
-# --------------------------------------------------------------------------------------------------
+# Windows has no such modes: there the folder is trusted as the user's own, and a library is loaded by its path.
 
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 FORMAT = "a library and its checksum"
@@ -205,14 +200,14 @@ def cache_folder() -> Path:
     name = plain(str(folder))
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        found = folder.stat()
-        if not _is_ours(found):
+        status = folder.stat()
+        if not _is_ours(status):
             raise NativeError(f"the cache folder {name} belongs to somebody else; {_CURE}", "cache")
-        if os.name == "posix" and found.st_mode & _OTHERS_WRITE:
-            if given or found.st_uid != os.geteuid():
+        if os.name == "posix" and status.st_mode & _OTHERS_WRITE:
+            if given or status.st_uid != os.geteuid():
                 fact = f"others can write to the cache folder {name}, and put code there"
                 raise NativeError(f"{fact}; take that permission away (chmod go-w), or {_CURE}", "cache")
-            folder.chmod(stat.S_IMODE(found.st_mode) & ~_OTHERS_WRITE)
+            folder.chmod(stat.S_IMODE(status.st_mode) & ~_OTHERS_WRITE)
     except OSError as problem:
         raise NativeError(f"the cache folder {name} cannot be made ({problem.strerror}); {_CURE}", "cache") from problem
     return folder
@@ -224,10 +219,10 @@ _CURE = "set HOLOKIN_CACHE to a folder of your own"
 def kept(path: Path) -> bytes | None:
     """The library that is kept under a path, if the file is whole and nobody else could write it; else None."""
     try:
-        data, found = _read_regular(path)
+        data, status = _read_regular(path)
     except OSError:
         return None
-    if os.name == "posix" and found.st_mode & _OTHERS_WRITE:
+    if os.name == "posix" and status.st_mode & _OTHERS_WRITE:
         return None
     library, seal = data[:-_SEAL], data[-_SEAL:]
     return library if seal == _checksum(path, library) else None
@@ -266,8 +261,8 @@ def load(library: bytes, path: Path) -> ctypes.CDLL:
         OSError: they end before their headers say, or the loader refuses them.
     """
     key = hashlib.sha256(library).digest()
-    found = _loads.get(key)
-    return _loads.setdefault(key, _load(library, path)) if found is None else found
+    loaded = _loads.get(key)
+    return _loads.setdefault(key, _load(library, path)) if loaded is None else loaded
 
 
 def _load(library: bytes, path: Path) -> ctypes.CDLL:
@@ -293,11 +288,11 @@ def _read_regular(path: Path) -> tuple[bytes, os.stat_result]:
     careful = ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY")
     handle = os.open(path, os.O_RDONLY | sum(getattr(os, flag, 0) for flag in careful))
     try:
-        found = os.fstat(handle)
-        if not (stat.S_ISREG(found.st_mode) and found.st_size <= MOST and _is_ours(found)):
+        status = os.fstat(handle)
+        if not (stat.S_ISREG(status.st_mode) and status.st_size <= MOST and _is_ours(status)):
             raise OSError(f"{path} is no file of ours")
         with open(handle, "rb", closefd=False) as file:
-            return file.read(MOST), found
+            return file.read(MOST), status
     finally:
         os.close(handle)
 
@@ -314,8 +309,8 @@ def _default_folder() -> Path:
     return home.joinpath(*usual, "holokin")
 
 
-def _is_ours(found: os.stat_result) -> bool:
-    return os.name != "posix" or found.st_uid in (os.geteuid(), 0)
+def _is_ours(status: os.stat_result) -> bool:
+    return os.name != "posix" or status.st_uid in (os.geteuid(), 0)
 
 
 def _checksum(path: Path, library: bytes) -> bytes:
@@ -355,15 +350,11 @@ def _sweep(folder: Path) -> None:
                 aside.unlink()
 
 
-# --------------------------------------------------------------------------------------------------
-# C to shared library, and what runs. Without a compiler, or a cache to write, all runs on CasADi's
-# virtual machine.
+# --- C to shared library, and what runs. Without a compiler, or a cache to write, all runs on CasADi's virtual machine.
 #
-# A library is built once for its source, compiler, flags and processor, and kept in the user's
-# cache folder under the hash of all these (see `cache`). Whether that works here is tried once in a
-# process, with a library of one line; what fails is said once. `HOLOKIN_NATIVE=0` turns native code
-# off; `HOLOKIN_CACHE` moves the folder.
-# --------------------------------------------------------------------------------------------------
+# A library is built once for its source, compiler, flags and processor, and kept in the user's cache folder under the
+# hash of all these (see `cache`). Whether that works here is tried once in a process, with a library of one line; what
+# fails is said once. `HOLOKIN_NATIVE=0` turns native code off; `HOLOKIN_CACHE` moves the folder.
 
 PROBE = "double holokin_probe(double x) { return 2 * x; }"
 """What is built first: the smallest library that shows that all of it works."""
@@ -398,11 +389,11 @@ def engine() -> str:
     """One line that says what runs: native code and by which compiler, or the virtual machine and why."""
     if not allowed():
         return "CasADi's virtual machine (HOLOKIN_NATIVE=0)"
-    found = compiler()
-    if found is None:
+    chosen = compiler()
+    if chosen is None:
         return "CasADi's virtual machine (no C compiler found; pip install 'holokin[native]' brings one)"
     problem = trouble()
-    return f"native code ({found})" if problem is None else f"CasADi's virtual machine ({problem.fact})"
+    return f"native code ({chosen})" if problem is None else f"CasADi's virtual machine ({problem.fact})"
 
 
 def trouble() -> NativeError | None:
@@ -467,10 +458,10 @@ def library(
     flags, folder = _flags(chosen, fast, long, interleaved, includes), cache_folder()
     parts = [FORMAT, source, chosen.version, *chosen.command, *flags, _processor()]
     path = folder / f"{hashlib.sha256(os.fsencode(chr(0).join(parts))).hexdigest()[:40]}{SUFFIX}"
-    found = kept(path)
-    if found is not None:
+    data = kept(path)
+    if data is not None:
         with suppress(NativeError):  # such as a C library other than the one it was built for
-            return _loaded(found, path, chosen, needs)
+            return _loaded(data, path, chosen, needs)
     if not build:
         raise NativeError("the library was not built before", "absent")
     known = _troubles.get((chosen, folder))
@@ -502,9 +493,9 @@ def extension(built: ctypes.CDLL, name: str) -> Any:
     return start()
 
 
-def _loaded(found: bytes, path: Path, chosen: Compiler, needs: tuple[str, ...]) -> ctypes.CDLL:
+def _loaded(data: bytes, path: Path, chosen: Compiler, needs: tuple[str, ...]) -> ctypes.CDLL:
     try:
-        loaded = load(found, path)
+        loaded = load(data, path)
     except (OSError, ValueError) as problem:
         raise NativeError(f"what {chosen} built cannot be loaded ({plain(str(problem))})", "loading") from problem
     for name in needs:
@@ -558,7 +549,7 @@ def _built(chosen: Compiler, source: str, flags: tuple[str, ...], patience: floa
         file, made = private / "source.c", private / f"library{SUFFIX}"
         file.write_text(source, "utf-8")
         command = (*chosen.command, *flags, str(file), "-o", str(made), "-lm")
-        status, said = call(command, patience, "stderr")
+        status, output = call(command, patience, "stderr")
         if status == 0:
             return _read_regular(made)[0]
     except subprocess.TimeoutExpired:
@@ -569,7 +560,7 @@ def _built(chosen: Compiler, source: str, flags: tuple[str, ...], patience: floa
     finally:
         if private is not None:
             shutil.rmtree(private, ignore_errors=True)
-    lines = said.splitlines()
+    lines = output.splitlines()
     complaint = next((line for line in lines if "error" in line), lines[0] if lines else "no reason given")
     if status < 0:
         ends = {s.value: s.name for s in signal.Signals}
@@ -578,14 +569,10 @@ def _built(chosen: Compiler, source: str, flags: tuple[str, ...], patience: floa
     raise NativeError(f"{chosen} refused the generated code ({complaint})", "refused")
 
 
-# --------------------------------------------------------------------------------------------------
-# Work in the background: one thread does one piece after another, and no exit of the interpreter
-# waits for it.
+# --- Work in the background: one thread does one piece after another, and no exit of the interpreter waits for it.
 #
-# The thread ends when nothing is left to do. At exit, compilers that still run are stopped, and
-# their files removed. A process that forks leaves the thread behind: its child begins again what
-# was not done.
-# --------------------------------------------------------------------------------------------------
+# The thread ends when nothing is left to do. At exit, compilers that still run are stopped, and their files removed. A
+# process that forks leaves the thread behind: its child begins again what was not done.
 
 ENDING = 2.0
 """Seconds at exit that the thread may take to remove its files: it takes milliseconds."""
