@@ -190,7 +190,7 @@ def _csv(chance: Chance) -> Files:
     cells = among([*samples.CELLS, *samples.HEADERS])
     rows = [list(names), *([repr(float(v)) for v in row] for row in table)]
     for _ in range(chance.randrange(4)):
-        rows = [row if isinstance(row, list) else [str(row)] for row in mutated(rows, chance, cells)] or [[]]
+        rows = [row if isinstance(row, list) else [_cell(row)] for row in mutated(rows, chance, cells)] or [[]]
         if chance.random() < 0.2:
             column, factor = chance.randrange(4), 10.0 ** chance.randrange(-300, 300)
             rows = [rows[0], *(_scaled(row, column, factor) for row in rows[1:])]

@@ -162,7 +162,7 @@ class Plan:
         """x' by the share of a segment (s, looks, m) at even places of it; NaN where the representation is singular."""
         count = len(self.path.durations)
         samples = self.path.on(np.repeat(np.arange(count), looks), np.tile(np.linspace(0.0, 1.0, looks), count))
-        rates, margins = self.task.rates(
+        rates, margins = self.task._tool_rates(
             turned(samples.rotation, self.start_rotation), samples.velocity, samples.angular
         )
         rates[~(margins > TOLERANCES.representation)] = np.nan
@@ -193,7 +193,7 @@ class Plan:
             rotations = [turned(sample.rotation, self.start_rotation) for sample in samples]
             pairs = zip(samples, rotations, strict=True)
             rates, margins = zip(
-                *(self.task.rates(R, sample.velocity, sample.angular) for sample, R in pairs), strict=True
+                *(self.task._tool_rates(R, sample.velocity, sample.angular) for sample, R in pairs), strict=True
             )
             self._kept.clear()
             h = self.path.durations[segment] / self.counts[segment]
@@ -214,7 +214,7 @@ class Plan:
         )
 
     def _rates_at(self, samples: Samples) -> Matrix:
-        rates, margins = self.task.rates(
+        rates, margins = self.task._tool_rates(
             turned(samples.rotation, self.start_rotation), samples.velocity, samples.angular
         )
         self._check(margins.min(initial=np.inf))
