@@ -309,14 +309,14 @@ def made(function: F) -> F:
     @wraps(function)
     def called(*arguments: Any, **named: Any) -> Any:
         value = inner(*arguments, **named)
-        recipe_arguments = tuple(map(_kept, arguments)), {name: _kept(v) for name, v in named.items()}
+        recipe_arguments = tuple(map(_snapshot, arguments)), {name: _snapshot(v) for name, v in named.items()}
         vars(value)["_recipe"] = (called, *recipe_arguments)
         return value
 
     return called  # type: ignore[return-value]
 
 
-def _kept(value: Any) -> Any:
+def _snapshot(value: Any) -> Any:
     """An argument as it is now, whatever the caller makes of it later."""
     return frozen(value) if isinstance(value, np.ndarray) else deepcopy(value) if isinstance(value, list) else value
 

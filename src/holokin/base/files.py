@@ -158,7 +158,7 @@ def aside(folder: Path, repair: Callable[[Path], None] | None = None) -> Iterato
         repair: as in `clear`, of what is left over and, at the end, of this one.
     """
     clear(folder, repair)
-    place, lock = _made(folder)
+    place, lock = _hidden_folder(folder)
     try:
         yield place
     finally:
@@ -202,7 +202,7 @@ def _remove(place: Path, repair: Callable[[Path], None] | None) -> None:
     shutil.rmtree(place, ignore_errors=True)
 
 
-def _made(folder: Path) -> tuple[Path, int | None]:
+def _hidden_folder(folder: Path) -> tuple[Path, int | None]:
     """A new hidden folder, and the lock on it; None where there are no locks."""
     while True:
         place = folder / f".holokin-{secrets.token_hex(8)}"

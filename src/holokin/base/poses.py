@@ -87,7 +87,7 @@ def pose_of(
         worst = four.reshape(-1, 4)[np.argmax(off)]
         cure = f"its length is {np.linalg.norm(worst):.4g}: give one of length 1"
         raise ArgumentError("the quaternion", worst.tolist(), cure)
-    return pose_from(p, _turned((four / length)[..., ORDERS[order]]))
+    return pose_from(p, _rotations_of((four / length)[..., ORDERS[order]]))
 
 
 def pose_from(position: ArrayLike, rotation: ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1))) -> Array:
@@ -98,7 +98,7 @@ def pose_from(position: ArrayLike, rotation: ArrayLike = ((1, 0, 0), (0, 1, 0), 
     return T
 
 
-def _turned(quaternion: Array) -> Array:
+def _rotations_of(quaternion: Array) -> Array:
     """Rotations (..., 3, 3) of unit quaternions (..., 4), the scalar last: R = 2 v v^T + (2 w^2 - 1) 1 + 2 w [v]."""
     v, w = quaternion[..., :3], quaternion[..., 3, None, None]
     crossed = -np.cross(v[..., None, :], np.eye(3))

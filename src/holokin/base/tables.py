@@ -70,7 +70,7 @@ def read_table(
                 header, lines, done = headless([cell.strip() for cell in cells]), chain([first], lines), done - 1
             if delimiter != ",":
                 lines = _with_points(file, lines, done)
-            columns = _told_apart(file, header, wanted(header))
+            columns = _unambiguous(file, header, wanted(header))
             yield from _pieces(file, header, columns, lines, delimiter, done, bad, labels)
     except (OSError, UnicodeError, csv.Error) as problem:
         fact = f"cannot be read as text ({shown(str(problem), 200)})"
@@ -139,7 +139,7 @@ def number_in(text: str) -> float | None:
         return None
 
 
-def _told_apart(file: Path, header: Sequence[str], wanted: Sequence[int]) -> Sequence[int]:
+def _unambiguous(file: Path, header: Sequence[str], wanted: Sequence[int]) -> Sequence[int]:
     """The wanted columns, each of a name that no other has. Raises: RecordingError."""
     for c in wanted:
         if header.count(header[c]) > 1:

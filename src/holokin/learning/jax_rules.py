@@ -25,7 +25,7 @@ def solve(joints: JointMap, given: Any, p: Any, R: Any) -> tuple[Any, Any]:
         return q, status.astype(np.int32)
 
     shapes = (jax.ShapeDtypeStruct((*lead, n), p.dtype), jax.ShapeDtypeStruct(lead, np.int32))
-    return _called(found, shapes, given, R)
+    return _on_host(found, shapes, given, R)
 
 
 @solve.defjvp
@@ -43,7 +43,7 @@ def _(joints: JointMap, primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> 
 def gain(joints: JointMap, q: Any, R: Any) -> Any:
     """D (..., n, 6F), by `JointMap.gain`."""
     shape = jax.ShapeDtypeStruct((*q.shape, 6 * R.shape[-3]), q.dtype)
-    return _called(lambda q, R: (joints.gain(*_rows((q, 1), (R, 3))),), (shape,), q, R)[0]
+    return _on_host(lambda q, R: (joints.gain(*_rows((q, 1), (R, 3))),), (shape,), q, R)[0]
 
 
 @gain.defjvp
@@ -61,7 +61,7 @@ def slopes(joints: JointMap, q: Any, R: Any) -> tuple[Any, Any]:
     """The derivatives of D by the joints and by turns, by `JointMap.slopes`."""
     D = (*q.shape, 6 * R.shape[-3])
     shapes = tuple(jax.ShapeDtypeStruct((*D, by), q.dtype) for by in (q.shape[-1], 3 * R.shape[-3]))
-    return _called(lambda q, R: joints.slopes(*_rows((q, 1), (R, 3))), shapes, q, R)
+    return _on_host(lambda q, R: joints.slopes(*_rows((q, 1), (R, 3))), shapes, q, R)
 
 
 @slopes.defjvp
@@ -70,7 +70,7 @@ def _(joints: JointMap, primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> 
     raise third_derivative()
 
 
-def _called(function: Callable[..., tuple[Array, ...]], shapes: tuple[Any, ...], *tensors: Any) -> Any:
+def _on_host(function: Callable[..., tuple[Array, ...]], shapes: tuple[Any, ...], *tensors: Any) -> Any:
     """A function of arrays with any leading axes, called on the host; `vmap` gives it one more."""
 
     def host(*given: Any) -> tuple[Array, ...]:

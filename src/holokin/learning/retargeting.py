@@ -291,7 +291,7 @@ def retarget(
             )
         changes = [Change(new.source, new.file, _column(new.source), double) for new in joints]
         with writing(out):
-            rounded = write_changed(dataset, ik.strategy.task, changes, left, work / "new", _about(ik, tip))
+            rounded = write_changed(dataset, ik.strategy.task, changes, left, work / "new", _provenance(ik, tip))
             os.rename(work / "new", out)
         frames = dataset.frames - sum(dataset.episodes[i].length for i in left)
         rounded = max(rounded, facts["kept"])
@@ -319,7 +319,7 @@ def _bad_frames(dataset: Dataset, joints: Sequence[NewJoints]) -> list[BadFrames
     return sorted(out, key=lambda b: (b.episode, b.column))
 
 
-def _about(ik: InverseKinematics, tip: str | None) -> dict[str, Any]:
+def _provenance(ik: InverseKinematics, tip: str | None) -> dict[str, Any]:
     """What the new dataset says of how it was made."""
     robot = ik.strategy.task.robot
     return {

@@ -390,7 +390,7 @@ def approach(
         try:
             reached = np.array([*rows[:-1], *follow(strategy, entry, rows[-1], samples=count).q])
         except (PathError, SingularityError):
-            goal = _found(strategy, path.start, rotation, rows[-1]) if by == "joints" else None
+            goal = _nearest_posture(strategy, path.start, rotation, rows[-1]) if by == "joints" else None
             if goal is None:
                 raise
             reached = np.array([start, goal])
@@ -402,7 +402,7 @@ def approach(
     return _recorded(strategy, reached, speed)
 
 
-def _found(strategy: Strategy, p: Vector, R: Matrix, near: Vector) -> Vector | None:
+def _nearest_posture(strategy: Strategy, p: Vector, R: Matrix, near: Vector) -> Vector | None:
     """The posture nearest to another (n,) of those found at a pose, on the same leaf; None if there is none."""
     task = strategy.task
     if isinstance(strategy, HolonomicStrategy):

@@ -703,13 +703,13 @@ class _Plan:
         ends = np.cumsum([len(part) for part in times]) - 1
         when = np.concatenate(times)
         s, *rates = law.at(when)
-        shares = self._taken(stretch, law, when, rates[0])
+        shares = self._limit_shares(stretch, law, when, rates[0])
         rates[0][[0, -1]] = 0.0
         rows = stretch.motion(s, rates)
         rows[0][0], rows[0][ends] = stretch.q[0], stretch.q[-1]
         return _Part(rows, rates[0], shares, [int(i) for i in ends], factor * window)
 
-    def _taken(self, stretch: Stretch, law: TimeLaw, t: Vector, rate: Vector) -> Matrix:
+    def _limit_shares(self, stretch: Stretch, law: TimeLaw, t: Vector, rate: Vector) -> Matrix:
         """See `_Part`: looked at between the samples too, for a ramp may be shorter than a step."""
         greatest = np.zeros((len(t), 2))
         slow = np.flatnonzero(rate < (1.0 - SLOW) * self.speed) if np.isfinite(self.speed) else np.zeros(0, dtype=int)

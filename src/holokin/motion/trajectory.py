@@ -57,7 +57,7 @@ class Measures:
     residual: Callable[[int], Vector]
 
 
-def _known(values: Matrix, count: int) -> Matrix:
+def _first_rows(values: Matrix, count: int) -> Matrix:
     return values[:count]
 
 
@@ -104,7 +104,9 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
     def __getstate__(self) -> dict[str, Any]:
         """All metrics as plain data, measured now."""
         names = (field.name for field in fields(Measures))
-        return super().__getstate__() | {"measures": Measures(**{n: partial(_known, getattr(self, n)) for n in names})}
+        return super().__getstate__() | {
+            "measures": Measures(**{n: partial(_first_rows, getattr(self, n)) for n in names})
+        }
 
     @cached_property
     def dq(self) -> Matrix:

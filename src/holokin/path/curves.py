@@ -231,7 +231,7 @@ def within(curve: Curve, t: Vector, closed: bool, tolerance: float, speed: float
 
     def rough(samples: Samples, _begun: list[Samples], wanted: Poses) -> Flags:
         off = np.linalg.norm(samples.position - wanted.points, axis=1)
-        return (off > tolerance) | (_turned(samples, wanted) > tolerance)
+        return (off > tolerance) | (_angles_between(samples, wanted) > tolerance)
 
     segments, stuck, samples = _refined(curve, t, closed, speed, rough, np.full(len(t) - 1, MOST))
     if stuck.any():
@@ -306,7 +306,7 @@ def _evenly(
             if slow.any():
                 slow[slow] = slowest * inverse(x.t[slow], 1) < SLOW
             uneven |= (load > 1 + EVEN) | slow
-        off = (np.linalg.norm(gap, axis=1) > tolerance) | (_turned(samples, wanted) > TURNED)
+        off = (np.linalg.norm(gap, axis=1) > tolerance) | (_angles_between(samples, wanted) > TURNED)
         return off | uneven
 
     return _refined(timed, knots, closed, speed, rough, pieces // 4)
@@ -346,7 +346,7 @@ def _divided(breaks: Vector, counts: Indices) -> Vector:
     return np.append(within * np.repeat(np.diff(breaks) / counts, counts) + np.repeat(breaks[:-1], counts), breaks[-1])
 
 
-def _turned(samples: Samples, wanted: Poses) -> Vector:
+def _angles_between(samples: Samples, wanted: Poses) -> Vector:
     """Angles (k,) between rotations and those wanted."""
     if wanted.rotations is None:
         return np.zeros(len(wanted))

@@ -56,12 +56,12 @@ def _seen_from(robot: Robot, q: SX, chain: list[int], middle: int, end: Tip) -> 
     frames: Frames = {chain[middle]: (SX.zeros(3, 1), SX.eye(3))}
     for before, at in zip(chain[middle:], chain[middle + 1 :], strict=False):
         joint, (p, R) = robot.joints[at], frames[before]
-        shift, turn = _moved(joint, q, 1.0)
+        shift, turn = _joint_motion(joint, q, 1.0)
         R_placed = R @ SX(joint.placement[:3, :3])
         frames[at] = p + R @ SX(joint.placement[:3, 3]) + R_placed @ shift, R_placed @ turn
     for before, at in zip(chain[:middle][::-1], chain[1 : middle + 1][::-1], strict=True):
         joint, (p, R) = robot.joints[at], frames[at]
-        shift, turn = _moved(joint, q, -1.0)
+        shift, turn = _joint_motion(joint, q, -1.0)
         R_placed = R @ turn
         R_before = R_placed @ SX(joint.placement[:3, :3].T)
         frames[before] = p + R_placed @ shift - R_before @ SX(joint.placement[:3, 3]), R_before
@@ -70,7 +70,7 @@ def _seen_from(robot: Robot, q: SX, chain: list[int], middle: int, end: Tip) -> 
     return frames
 
 
-def _moved(joint: Joint, q: SX, way: float) -> tuple[SX, SX]:
+def _joint_motion(joint: Joint, q: SX, way: float) -> tuple[SX, SX]:
     """(shift (3,), turn (3, 3)) of a joint, or back again."""
     value = way * (joint.multiplier * q[joint.coordinate] + joint.offset)
     if joint.kind == "prismatic":

@@ -156,14 +156,14 @@ def places_in(
         raise ArgumentError("model", model, "give a mujoco.MjModel or a pinocchio.Model, not its data")
     cache = _known.setdefault(model, {}) if compiled else {}
     if wanted not in cache:
-        cache[wanted] = _found(model, wanted, names, prefix, joints, hinges)
+        cache[wanted] = _find_joints(model, wanted, names, prefix, joints, hinges)
     return cache[wanted]
 
 
 _known: WeakKeyDictionary[Any, dict[tuple[str, ...], ModelJoints]] = WeakKeyDictionary()
 
 
-def _found(
+def _find_joints(
     model: Any, wanted: tuple[str, ...], names: tuple[str, ...], prefix: str, joints: Sequence[str] | None,
     hinges: Flags,
 ) -> ModelJoints:  # fmt: skip
@@ -349,7 +349,9 @@ class Robot(ByValue):
     def _kinematics_at(self, q: SX, joint: int, placement: Matrix) -> Kinematics:
         """The same for any frame (4, 4) on a joint's moving side. Raises: ShapeError, NotFiniteError, ArgumentError."""
         check_length("q", q, self.n)
-        p, R, J, origins = _written(self, joint, tuple(finite("a placement", placement, (4, 4)).ravel().tolist()))(q)
+        p, R, J, origins = _frame_function(
+            self, joint, tuple(finite("a placement", placement, (4, 4)).ravel().tolist())
+        )(q)
         return Kinematics(p, R, J, dict(zip((joint.name for joint in self.joints), horzsplit(origins), strict=True)))
 
     @typed
@@ -590,7 +592,7 @@ class Robot(ByValue):
 
 
 @kept
-def _written(robot: Robot, joint: int, placement: tuple[float, ...]) -> Callable[[SX], tuple[SX, SX, SX, SX]]:
+def _frame_function(robot: Robot, joint: int, placement: tuple[float, ...]) -> Callable[[SX], tuple[SX, SX, SX, SX]]:
     """q -> (p, R, J, origins (3, joints)) of a frame on a joint: many tasks of a robot are written of the same."""
     q, J = symbol("q", robot.n), SX.zeros(6, robot.n)
     frames = robot._frames(q)

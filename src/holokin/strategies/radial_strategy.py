@@ -475,10 +475,13 @@ def radial(strategy: Strategy, q0: ArrayLike, *, steps: int = 4, name: str | Non
 def _constraint(title: str, r: int, lines: _Lines) -> Constraint:
     """g, written out; and with its transport left to a loop."""
     loop = lines.loop()
-    return replace(_of(title, r, lines, _kept(loop)), looped=_of(title, r, lines, lambda _q: loop.symbols, loop))
+    return replace(
+        _constraint_by_label(title, r, lines, _last_kept(loop)),
+        looped=_constraint_by_label(title, r, lines, lambda _q: loop.symbols, loop),
+    )
 
 
-def _of(
+def _constraint_by_label(
     title: str, r: int, lines: _Lines, label_at: Callable[[SX], Found], loop: Transport | None = None
 ) -> Constraint:
     """g by its label, gradient and margin at q. Where J is singular the gradient is 0: rcond 0 says so."""
@@ -572,7 +575,7 @@ def _lines(strategy: Strategy, q0: Vector, steps: int) -> _Lines:
     return _Lines(chart, q0, chart(q0), _label_of(task, q0), rcond, steps, along, pulled)
 
 
-def _kept(build: Callable[[SX], Found]) -> Callable[[SX], Found]:
+def _last_kept(build: Callable[[SX], Found]) -> Callable[[SX], Found]:
     """`build`, its last answer kept: the label, its gradient and the margin then share one transport."""
     last: list[tuple[SX, Found]] = []
 

@@ -303,7 +303,7 @@ def numeric(
     if not 0 < number("accuracy", accuracy) < 1:
         raise ArgumentError("accuracy", accuracy, "give a number between 0 and 1")
     strategy = NumericStrategy(name, task, G, float(accuracy))
-    postures = _check_postures(task) if q0 is None else _about(task.robot.checked(q0, "the posture q0"))
+    postures = _check_postures(task) if q0 is None else _postures_about(task.robot.checked(q0, "the posture q0"))
     first: dict[int, Matrix] = {}
     refused: HolokinError | None = None
     for i, q in enumerate(postures):
@@ -321,7 +321,7 @@ def numeric(
     return strategy
 
 
-def _about(q0: Vector) -> Matrix:
+def _postures_about(q0: Vector) -> Matrix:
     """q0, and seven random postures within 0.05 of it."""
     moves = np.random.default_rng(0).uniform(-0.05, 0.05, (8, len(q0)))
     moves[0] = 0.0

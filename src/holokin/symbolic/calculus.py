@@ -142,7 +142,7 @@ class TaylorModel:
         for k in range(self.instructions):
             op, out, into = made.instruction_id(k), made.instruction_output(k), made.instruction_input(k)
             if op == ca.OP_OUTPUT:
-                lines.append(_written(f"y + {out[1]}", into[0], constant))
+                lines.append(_output_code(f"y + {out[1]}", into[0], constant))
                 continue
             if op == ca.OP_CONST:
                 constant[out[0]] = made.instruction_constant(k)
@@ -184,7 +184,7 @@ def _operation(op: int, into: list[int], out: int, constant: Mapping[int, float]
     return made + (_BINARY if op in _BINARY else _UNARY)[op].format(*places, there)
 
 
-def _written(there: str, register: int, constant: Mapping[int, float]) -> str:
+def _output_code(there: str, register: int, constant: Mapping[int, float]) -> str:
     if register in constant:
         return f"  hk_model_constant(HK_C({constant[register]!r}), {there});"
     return f"  *({there}) = w[{register}];"

@@ -124,7 +124,9 @@ def parse(text: str | float, names: Mapping[str, ca.SX]) -> ca.SX:
         except ArithmeticError as problem:
             raise ExpressionError(formula, str(problem), _CURE) from None
         if not finite:
-            raise ExpressionError(formula, f"{_shown(node)} is no finite real number", "leave it out, or rewrite it")
+            raise ExpressionError(
+                formula, f"{_node_text(node)} is no finite real number", "leave it out, or rewrite it"
+            )
         values[node] = meaning
     return values[tree.body]
 
@@ -147,7 +149,7 @@ def _outside_in(root: ast.expr, formula: str) -> list[tuple[ast.expr, str, list[
             case ast.Call(func=ast.Name(id=name), args=parts, keywords=[]) if name in _FUNCTIONS:
                 pass
             case _:
-                raise ExpressionError(formula, f"{_shown(node)} is not arithmetic", _CURE)
+                raise ExpressionError(formula, f"{_node_text(node)} is not arithmetic", _CURE)
         ordered.append((node, name, parts))
         waiting += parts
     return ordered
@@ -176,7 +178,7 @@ def _apply(node: ast.expr, name: str, parts: list[ca.SX], names: Mapping[str, ca
         raise ExpressionError(formula, f"{name} takes another number of arguments", _CURE) from None
 
 
-def _shown(node: ast.expr) -> str:
+def _node_text(node: ast.expr) -> str:
     """A part of a formula as text; not of one so deep that Python does not write it."""
     try:
         return repr(brief(ast.unparse(node), 100))

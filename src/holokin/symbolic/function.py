@@ -78,12 +78,12 @@ class CheckedBatch:
             more = [np.empty((last - first, *shape)) for shape in self._others]
             self._batch(Q[first:last], threads=threads, out=[results[first:last], *more])
             measures = [one.reshape(-1) for one in more[len(more) - len(self._bounds) :]]
-            for i in np.flatnonzero(~self._sound(results[first:last], measures)).tolist():
+            for i in np.flatnonzero(~self._sound_rows(results[first:last], measures)).tolist():
                 q = self._convert(Q[first + i], f"posture {first + i}")
                 results[first + i] = self._doubt(q, results[first + i].copy(), *(float(one[i]) for one in measures))
         return results
 
-    def _sound(self, results: Array, measures: list[Array]) -> Flags:
+    def _sound_rows(self, results: Array, measures: list[Array]) -> Flags:
         """Which rows are finite, with measures above their bounds; a sum beyond all floats counts as not finite."""
         rows = results.reshape(len(results), int(np.prod(self._result)))
         with np.errstate(all="ignore"):
@@ -204,7 +204,7 @@ class Function:
         if out is None:
             out = [np.empty((count, *shape)) for shape in self.output_shapes.values()]
         wanted = [(count, *shape) for shape in self.output_shapes.values()]
-        results = [_given(self.name, array, shape) for array, shape in zip(out, wanted, strict=False)]
+        results = [_result_array(self.name, array, shape) for array, shape in zip(out, wanted, strict=False)]
         if len(out) != len(wanted):
             raise ShapeError(f"{self.name}.batch: out", f"{len(wanted)} arrays", len(out))
         kernel = self._native() if count >= (NATIVE_FROM if native_from is None else native_from) else None
@@ -339,7 +339,7 @@ class Function:
         return values
 
 
-def _given(name: str, array: Any, shape: tuple[int, ...]) -> Array:
+def _result_array(name: str, array: Any, shape: tuple[int, ...]) -> Array:
     """An array for results, as it must be. Raises: ShapeError."""
     fits = isinstance(array, np.ndarray) and array.dtype == np.float64 and array.flags.c_contiguous
     if not fits or array.size != int(np.prod(shape)) or array.shape[:1] != shape[:1]:

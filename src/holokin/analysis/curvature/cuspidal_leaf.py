@@ -36,7 +36,15 @@ from ...motion.drift_and_spread import NO_DRIFT
 from ...motion.follow_path import follow
 from ...motion.ik import InverseKinematics
 from ...motion.ik.leaf import leaf_step, leaf_value, with_leaves
-from ...motion.ik.posture_search import MOST_STARTS, SAMPLED, free_hinges, leaf_postures, newton, spread, turned
+from ...motion.ik.posture_search import (
+    MOST_STARTS,
+    SAMPLED,
+    free_hinges,
+    leaf_postures,
+    nearest_equivalent,
+    newton,
+    spread,
+)  # fmt: skip
 from ...motion.trajectory import Status, Trajectory, whole_turns
 from ...path import Path
 from ...path.curves import spline
@@ -502,8 +510,9 @@ def _at_turns(strategy: HolonomicStrategy, q: Matrix, near: Vector | None, limit
     """(postures (k, n) at those of their whole turns that are nearest to one, or to where they are; which of them are
     within the limits, if these count (k,))."""
     free = free_hinges(strategy, spread(strategy.task.robot, SAMPLED))
-    placed = [turned(strategy, one[None], free, one if near is None else near, limits) for one in q]
-    return np.array([one for one, _ in placed]).reshape(q.shape), np.array([inside for _, inside in placed], dtype=bool)
+    nearest = [nearest_equivalent(strategy, own[None], free, own if near is None else near, limits) for own in q]
+    postures = [own if posture is None else posture for own, posture in zip(q, nearest, strict=True)]
+    return np.array(postures).reshape(q.shape), np.array([posture is not None for posture in nearest], dtype=bool)
 
 
 def tool_away(task: Task, T: Array, others: Array) -> Vector:

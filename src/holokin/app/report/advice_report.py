@@ -82,7 +82,7 @@ def print_advice(advice: Advice, console: Any) -> None:
         rows.append(cells_of_law)
     print_table(console, brief(advice.subject, 600), columns, rows, lambda k, _: "" if k else GOOD)
     if advice.proposed:
-        print_line(console, f"Not given, so chosen here: {_chosen(advice)}.", WARNING)
+        print_line(console, f"Not given, so chosen here: {_chosen_words(advice)}.", WARNING)
     if advice.offers:
         task = "position" if advice.task.orientation is None else "axis"
         print_line(console, f"The task is '{task}': {advice.offers}.", WARNING)
@@ -106,7 +106,7 @@ def cells(law: Law) -> list[str]:
     ]
 
 
-def _chosen(advice: Advice) -> str:
+def _chosen_words(advice: Advice) -> str:
     """What was not given, with what it is."""
     known = {"tip": f"the tip ({advice.chain.tip})", "task": f"the task ({advice.work})"}
     known["q0"] = "the start posture"

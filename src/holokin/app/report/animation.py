@@ -194,7 +194,7 @@ def two_path_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -
         end = (
             paths_end(strategy.two_paths)
             if complete
-            else "; ".join(filter(None, map(_ended, strategy.two_paths, _DIRECTIONS)))
+            else "; ".join(filter(None, map(_ending, strategy.two_paths, _DIRECTIONS)))
         )
 
         def said(share: float, name: str = on_figure(strategy.name, 44), end: str = end) -> str:
@@ -207,7 +207,7 @@ def two_path_frames(result: JobResult, strategies: tuple[StrategyResult, ...]) -
 _DIRECTIONS = ("clockwise", "counter-clockwise")
 
 
-def _ended(walk: Trajectory, name: str) -> str:
+def _ending(walk: Trajectory, name: str) -> str:
     return f"{name} {stopped(walk) or 'followed to the end'}"
 
 

@@ -369,7 +369,7 @@ def drift_per_cycle(axes: Any, walks: dict[str, Trajectory], colors: Sequence[st
         if alone:
             named_lines.append((float(shown[-1]), name, color))
     if len(sizes) > LABELS:
-        named_lines += _together(sizes, {name for _, name, _ in named_lines})
+        named_lines += _grouped_labels(sizes, {name for _, name, _ in named_lines})
     axes.axhspan(1e-18, 1e-12, color="#f3f4f6", zorder=0)
     axes.text(0.01, 0.02, "below 1e-12: round-off", transform=axes.transAxes, ha="left", color="#6b7280", fontsize=9)
     axes.set_ylim(1e-17, 10)
@@ -382,7 +382,7 @@ def drift_per_cycle(axes: Any, walks: dict[str, Trajectory], colors: Sequence[st
     return axes
 
 
-def _together(sizes: dict[str, Vector], alone: set[str]) -> list[tuple[float, str, str]]:
+def _grouped_labels(sizes: dict[str, Vector], alone: set[str]) -> list[tuple[float, str, str]]:
     """Labels for the laws that have none of their own: how many, and how far they drift."""
     labels = []
     rest = {name: values for name, values in sizes.items() if name not in alone}

@@ -114,10 +114,10 @@ def _curves(certificate: Certificate) -> list[Curve]:
     if isinstance(space, Workspace):
         return []
     color = LOOP if certificate.whole or not certificate.covered else VERMILLION
-    return [curve for path in paths_of(space) for curve in _parts(certificate, path, color)]
+    return [curve for path in paths_of(space) for curve in _path_parts(certificate, path, color)]
 
 
-def _parts(certificate: Certificate, path: Path, color: str) -> list[Curve]:
+def _path_parts(certificate: Certificate, path: Path, color: str) -> list[Curve]:
     """The proven part of a path, and the rest."""
     end = proven_time(certificate, path)
     listed = []

@@ -349,7 +349,7 @@ def _box_facts(certificate: Certificate, space: Workspace) -> list[tuple[str, st
     spans = [f"{axis}: {a - b:.6g} to {a + b:.6g} m" for axis, a, b in zip("xyz", p, h, strict=True)]
     rows = [
         ("Tool positions", ", ".join(spans)),
-        ("Centre, half sides", f"{_short(p)} m, {_short(h)} m, along the axes of the base"),
+        ("Centre, half sides", f"{_point_text(p)} m, {_point_text(h)} m, along the axes of the base"),
     ]
     if task.orientation is None:
         rows.append(("Orientation", "free: the task is about positions alone"))
@@ -373,7 +373,7 @@ def _path_facts(certificate: Certificate, path: AnyPath) -> list[tuple[str, str]
     ]
     for k, part in enumerate(paths_of(path)):
         name = f", tool {k + 1}" if task.frames > 1 else ""
-        rows.append((f"Begins{name}", f"at {_short(part.start)} m"))
+        rows.append((f"Begins{name}", f"at {_point_text(part.start)} m"))
         if task.orientation is not None and task.frames == 1 and task._spatial:
             R = part.rotation if part.rotation is not None else task.pose(start_of(certificate))[:3, :3]
             turn = float(sum(segment.turn for segment in part.segments))
@@ -397,7 +397,7 @@ def _pieces(path: AnyPath) -> list[str]:
         begun = part.on(np.arange(len(shown)), np.zeros(len(shown))).position
         ended = part.on(np.arange(len(shown)), np.ones(len(shown))).position
         rows = [
-            [str(i + 1), _short(a), _short(b), f"{s.length:.6g}", _shape(s)]
+            [str(i + 1), _point_text(a), _point_text(b), f"{s.length:.6g}", _shape(s)]
             for i, (s, a, b) in enumerate(zip(shown, begun, ended, strict=True))
         ]
         more = len(part.segments) - len(shown)
@@ -417,17 +417,19 @@ def _shape(segment: Segment) -> str:
     axis = np.sign(segment.angle) * np.cross(segment.x, segment.y)
     radius, axis = np.linalg.norm(segment.x), axis / np.linalg.norm(axis)
     angle = abs(np.degrees(segment.angle))
-    return f"arc of {angle:.4g} deg, radius {radius:.6g} m, about {_short(segment.center)}, axis {_short(axis)}"
+    return (
+        f"arc of {angle:.4g} deg, radius {radius:.6g} m, about {_point_text(segment.center)}, axis {_point_text(axis)}"
+    )
 
 
 def _robot_facts(robot: Robot) -> list[tuple[str, str]]:
     rows = [("Model", _told(robot.name)), ("Source", _told(robot.source or "not named"))]
     roots = [joint for joint in robot.joints if joint.parent < 0]
     for joint in roots:
-        rows.append(("Mounting", f"joint {_told(joint.name)} in the frame of the base: {_placed(joint.placement)}"))
+        rows.append(("Mounting", f"joint {_told(joint.name)} in the frame of the base: {_pose_text(joint.placement)}"))
     for tip in robot.tips:
         on = f"joint {_told(robot.joints[tip.joint].name)}" if tip.joint >= 0 else "the base"
-        rows.append(("Tool", f"{_told(tip.name)}, in the frame of {on}: {_placed(tip.placement)}"))
+        rows.append(("Tool", f"{_told(tip.name)}, in the frame of {on}: {_pose_text(tip.placement)}"))
     return rows
 
 
@@ -525,20 +527,20 @@ def _file_facts(file: FilePath, sha256: str, now: datetime) -> list[tuple[str, s
     ]
 
 
-def _placed(T: Matrix) -> str:
-    return f"at {_short(T[:3, 3])} m, {_axes(T[:3, :3])}"
+def _pose_text(T: Matrix) -> str:
+    return f"at {_point_text(T[:3, 3])} m, {_axes(T[:3, :3])}"
 
 
 def _axes(R: Matrix) -> str:
     """An orientation by its axes, which needs no convention of angles."""
-    return f"x axis along {_short(R[:, 0])}, z axis along {_short(R[:, 2])}"
+    return f"x axis along {_point_text(R[:, 0])}, z axis along {_point_text(R[:, 2])}"
 
 
 def _vector(values: Vector | Array) -> str:
     return f"[{', '.join(map(_number, values))}]"
 
 
-def _short(values: Vector | Array) -> str:
+def _point_text(values: Vector | Array) -> str:
     """Places and directions, to a micrometre: the file has all digits."""
     return f"[{', '.join(f'{x:.6g}' for x in np.round(values, 6) + 0.0)}]"
 

@@ -269,7 +269,7 @@ def verdict(certificate: Certificate, word: CheckerWord) -> Verdict:
     known = "PROVEN" if verified else "PROVEN BUT NOT VERIFIED"
     limits = "" if certificate.limits is not None else " Joint limits are not part of the proof."
     return Verdict(
-        f"{known}: {_good(certificate, pose)}", _sentence(certificate) + _apart(certificate) + limits, verified
+        f"{known}: {_good_news(certificate, pose)}", _sentence(certificate) + _apart(certificate) + limits, verified
     )
 
 
@@ -317,7 +317,7 @@ def _drift_verified(word: CheckerWord) -> bool:
     return word.outcome is Outcome.VERIFIED and "the joints do NOT return" in word.text
 
 
-def _good(certificate: Certificate, pose: str) -> str:
+def _good_news(certificate: Certificate, pose: str) -> str:
     if isinstance(certificate.asked, Workspace):
         return f"while the tool stays in this box, the same {pose} has the same joints"
     if not certificate.asked.closed:
@@ -352,7 +352,7 @@ def claims(certificate: Certificate, word: CheckerWord) -> list[Claim]:
     """The statements of a certificate, one by one, with who says so."""
     says, place = word.outcome.value, place_words(certificate)
     if not len(certificate):
-        return [Claim(f"Anything about {_asked(certificate)}.", NOT_PROVEN, says)]
+        return [Claim(f"Anything about {_asked_words(certificate)}.", NOT_PROVEN, says)]
     derivative = certificate.equation.derivative
     proven = PROVEN if word.outcome is not Outcome.REJECTED else "claimed only"
     text = (
@@ -378,7 +378,7 @@ def claims(certificate: Certificate, word: CheckerWord) -> list[Claim]:
     return listed
 
 
-def _asked(certificate: Certificate) -> str:
+def _asked_words(certificate: Certificate) -> str:
     return "the box" if isinstance(certificate.asked, Workspace) else "the path"
 
 

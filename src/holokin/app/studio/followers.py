@@ -288,7 +288,7 @@ def _by_velocity(strategy: Strategy, limits: bool) -> Follower:
     error = task._error_function
 
     def follow(q: Vector, poses: Array, _wait: bool) -> Move:
-        path, steps = _way(task, q, poses)
+        path, steps = _straight_way(task, q, poses)
         seen, status = [q], StepStatus.OK
         for k in range(1, steps + CORRECTIONS + 1):
             target = path.at(k / steps) if k < steps else task.target(poses)
@@ -309,7 +309,7 @@ def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
     """A control law along the straight path, as `simulate` runs it."""
 
     def follow(q: Vector, poses: Array, _wait: bool) -> Move:
-        path, steps = _way(task, q, poses)
+        path, steps = _straight_way(task, q, poses)
         F = task.frames
         twist = np.hstack([path.move.reshape(F, 3), path.turn.reshape(F, 3)]) / (steps * PERIOD)
         posture = q
@@ -337,7 +337,7 @@ def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
     return follow
 
 
-def _way(task: Task, q: Vector, poses: Array) -> tuple[StraightPath, int]:
+def _straight_way(task: Task, q: Vector, poses: Array) -> tuple[StraightPath, int]:
     """The straight path of the tools from a posture to poses, and its number of steps."""
     place = task._place(q)
     path = straight(*place, *completed(task, task.target(poses), place))

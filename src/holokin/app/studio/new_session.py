@@ -169,7 +169,7 @@ def session_of_robot(
     chosen = _task_of(robot) if task is None else task
     redundant(chosen)
     tried = TRIED // chosen.frames
-    starts = _ready(chosen)[:tried] if q0 is None else robot.checked(q0, "the start posture")[None]
+    starts = _start_postures(chosen)[:tried] if q0 is None else robot.checked(q0, "the start posture")[None]
     if not len(starts):
         raise ArgumentError(f"the start of {robot.name!r}", None, "no posture within its limits was found: give one")
     job_origin = None if origin is None or task is not None else Origin(origin, _task_keys(chosen), FilePath.cwd())
@@ -196,7 +196,7 @@ def _moving(robot: Robot, joint: int) -> set[int]:
     return {robot.joints[above].coordinate for above in joints_above(robot.joints, joint)}
 
 
-def _ready(task: Task) -> Matrix:
+def _start_postures(task: Task) -> Matrix:
     """Regular postures (k, n); of arms in space first those above the floor, the tool down in front of the base."""
     starts = regular_starts(task)
     if task.robot.planar or not len(starts):

@@ -80,14 +80,14 @@ def looks_of(robot: Robot, most: int = SOLID) -> tuple[tuple[Look, ...], tuple[s
     Raises:
         MissingExtraError: trimesh is not installed.
     """
-    whole, sentences = _whole(robot)
+    whole, sentences = _meshes_by_joint(robot)
     count = sum(len(mesh.faces) for mesh in whole.values())
     share = min(1.0, most / count) if count else 1.0
     return tuple(_look(joint, mesh, share) for joint, mesh in whole.items()), sentences
 
 
 @lru_cache(maxsize=2)
-def _whole(robot: Robot) -> tuple[dict[int, Any], tuple[str, ...]]:
+def _meshes_by_joint(robot: Robot) -> tuple[dict[int, Any], tuple[str, ...]]:
     """Joint -> all that it carries as one mesh, as fine as it is; and what could not be read."""
     parts: dict[int, list[Any]] = {}
     sentences: list[str] = []

@@ -88,7 +88,7 @@ class PosturePanel:
 
     def draw(self, snap: Snapshot) -> None:
         """Bring texts, sliders and cloud to a snapshot."""
-        put(self.known, self._known(snap))
+        put(self.known, self._verdict_table(snap))
         still = snap.phase in (Phase.IDLE, Phase.DONE)
         self.self_motion.disabled = not still
         if still:
@@ -206,7 +206,7 @@ class PosturePanel:
         span = f"{scale * known.value:.4g}{unit}, from {low:.4g} ({known.why_low}) to {high:.4g} ({known.why_high})"
         put(self.level_text, f"**{_what(known)}** of {known.name}: {span}. The law keeps the new leaf.")
 
-    def _known(self, snap: Snapshot) -> str:
+    def _verdict_table(self, snap: Snapshot) -> str:
         rows = [("", *(plain(text, grey=True) for text in ("law", "verdict about the start", "rcond")))]
         for law, color in zip(snap.laws, self.page.colors, strict=False):
             judged = law.judgement

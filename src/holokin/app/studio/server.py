@@ -82,7 +82,7 @@ class Studio:
         if port and free != port:
             self.notes.append(f"port {port} is in use: the page is at port {free}")
         if not loopback(host):
-            self.notes.append(OPEN.format(host=host, url=f"{url_of(_known_as(host), free)}/{self.door.token}/"))
+            self.notes.append(OPEN.format(host=host, url=f"{url_of(_host_name(host), free)}/{self.door.token}/"))
         self.page = self._shown(session)
         atexit.register(self.close)  # native code of its threads must not run while Python goes down
         self.server.on_client_connect(lambda _client: self._forget_file())
@@ -221,7 +221,7 @@ def url_of(host: str, port: int) -> str:
     return f"http://{name}:{port}"
 
 
-def _known_as(host: str) -> str:
+def _host_name(host: str) -> str:
     """By which name other machines find a host."""
     return socket.gethostname() or host if wildcard(host) else host
 

@@ -608,15 +608,15 @@ def to_job(session: Session, title: str | None = None) -> str:
         path["cycles"] = max(1, min(cycles, MOST_STEPS // loop.samples))
     lines = [f"title = {toml(title or session.title)}\n"]
     lines += [f"# {law.name} is a control law of your own: a job cannot say it." for law in laws if law.keys is None]
-    lines.append(_part("robot", _placed(session.origin.robot, session.origin.folder)))
-    lines.append(_part("task", session.origin.task))
-    lines.append(f"# {', '.join(session.robot.joint_names)}\n{_part('start', {'q': home.tolist()})}")
-    lines.append(_part("path", _placed(path, session.origin.folder)))
+    lines.append(_toml_table("robot", _with_full_names(session.origin.robot, session.origin.folder)))
+    lines.append(_toml_table("task", session.origin.task))
+    lines.append(f"# {', '.join(session.robot.joint_names)}\n{_toml_table('start', {'q': home.tolist()})}")
+    lines.append(_toml_table("path", _with_full_names(path, session.origin.folder)))
     written: set[str] = set()
     for law in in_job:
         label = law.label or law.name
         if label not in written:
-            lines.append(_part(f"strategies.{toml(label)}", _keys(law)))
+            lines.append(_toml_table(f"strategies.{toml(label)}", _keys(law)))
         written.add(label)
     return "\n".join(lines)
 
@@ -629,16 +629,16 @@ def _keys(law: Law) -> dict[str, Any]:
     return keys
 
 
-def _part(name: str, keys: Mapping[str, Any]) -> str:
+def _toml_table(name: str, keys: Mapping[str, Any]) -> str:
     return table(name, {key: value for key, value in keys.items() if value is not None})
 
 
-def _placed(keys: Mapping[str, Any], source: FilePath) -> dict[str, Any]:
+def _with_full_names(keys: Mapping[str, Any], source: FilePath) -> dict[str, Any]:
     """The keys with the full names of files."""
     placed: dict[str, Any] = {}
     for key, value in keys.items():
         if isinstance(value, list) and value and all(isinstance(entry, Mapping) for entry in value):
-            value = [_placed(entry, source) for entry in value]
+            value = [_with_full_names(entry, source) for entry in value]
         elif key in FILES and isinstance(value, str) and FilePath(value).suffix:
             value = FilePath(os.path.normpath(source / value)).as_posix()
         placed[key] = value

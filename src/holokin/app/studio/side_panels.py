@@ -135,7 +135,7 @@ class LoopPanel:
             for handle, name in ((self.center, "Centre"), (self.radius, "Radius")):
                 handle.label = f"{name} [{units.length}]"
                 handle.step, handle.precision = handle.step * ratio, 1 if units.length == "mm" else 4
-                value, low, high = (_times(ratio, number) for number in (handle.value, handle.min, handle.max))
+                value, low, high = (_scaled(ratio, number) for number in (handle.value, handle.min, handle.max))
                 handle.min, handle.max, handle.value = low, high, value
 
     def _tool(self) -> Any:
@@ -192,10 +192,10 @@ class LoopPanel:
         time.sleep(SHOWN / 2)
 
 
-def _times(ratio: float, value: Any) -> Any:
+def _scaled(ratio: float, value: Any) -> Any:
     """A number, or each of several, times a ratio; to twelve digits, so that there and back is what it was."""
     if isinstance(value, tuple | list | np.ndarray):
-        return tuple(_times(ratio, number) for number in value)
+        return tuple(_scaled(ratio, number) for number in value)
     return float(f"{ratio * float(value):.12g}")
 
 
@@ -413,9 +413,9 @@ class SavePanel:
             @button.on_click
             def _(event: Any, make: Any = make) -> None:
                 if event.client is not None:
-                    page.alone(("save", event.client_id), lambda: self._out(event.client, make))
+                    page.alone(("save", event.client_id), lambda: self._download(event.client, make))
 
-    def _out(self, client: Any, make: Any) -> None:
+    def _download(self, client: Any, make: Any) -> None:
         try:
             name, content = make(client)
         except (TimeoutError, RuntimeError) as problem:

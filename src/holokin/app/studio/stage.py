@@ -421,7 +421,7 @@ class Charts:
         longest = max((law.t for law in laws), key=len, default=np.zeros(0))
         if len(longest) > 1:
             t = longest[thin(len(longest), KEPT)]
-            self.history.data = (t, *[scale * _at(t, law.t, law.history, joint) for law in laws])
+            self.history.data = (t, *[scale * _joint_at(t, law.t, law.history, joint) for law in laws])
         else:
             self.history.data = (_EMPTY, *[np.full(2, scale * law.q[joint]) for law in laws])
         self.bars.content = self._bars(snap)
@@ -488,7 +488,7 @@ def _share(value: float, low: float, high: float) -> float:
     return float(np.clip((value - low) / (high - low), 0.0, 1.0)) if high > low else 0.5
 
 
-def _at(t: Vector, known: Vector, history: Any, joint: int) -> Vector:
+def _joint_at(t: Vector, known: Vector, history: Any, joint: int) -> Vector:
     """A joint at instants t, where it is known; else NaN."""
     if len(known) < 2:
         return np.full(len(t), np.nan)

@@ -238,10 +238,10 @@ def _serve(pipe: Connection, board: Any, objects: Mapping[str, Any], environment
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # what goes wrong is said in rows
     with suppress(OSError, EOFError):
         while True:
-            pipe.send(_some(*pipe.recv()))
+            pipe.send(_rows_in_time(*pipe.recv()))
 
 
-def _some(table: str, folder: str, batch: Batch) -> list[Row] | str:
+def _rows_in_time(table: str, folder: str, batch: Batch) -> list[Row] | str:
     """The rows of the first cases of a batch, as many as take CHUNK seconds, and no more than ROWS; or why not."""
     try:
         return list(islice(_run_batch(table, folder, batch, CHUNK / LATE), ROWS))
@@ -288,8 +288,8 @@ class Guarded:
         return rows_so_far
 
     def _answer(self, table: str, folder: str, batch: Batch) -> list[Row] | str:
-        """As `_some`, of the process; it is killed if native code hangs. Raises: OSError, EOFError: it died."""
-        process, pipe = self._running or self._begun()
+        """As `_rows_in_time`, of the process; it is killed if native code hangs. Raises: OSError, EOFError: it died."""
+        process, pipe = self._running or self._start_process()
         pipe.send((table, folder, batch))
         while not (ready := wait((pipe, process.sentinel), LOOK)):
             number, since, allowed = self._board
@@ -299,7 +299,7 @@ class Guarded:
             raise EOFError
         return pipe.recv()
 
-    def _begun(self) -> tuple[BaseProcess, Connection]:
+    def _start_process(self) -> tuple[BaseProcess, Connection]:
         """A new process, and the path to it. Raises: OSError, EOFError: it did not begin, or is closed."""
         context: Any = multiprocessing.get_context(_start_method(self._objects))
         objects = self._objects if context.get_start_method() != "fork" else {}  # what is forked has them already
@@ -316,7 +316,7 @@ class Guarded:
 
     def _after_death(self, table: str, folder: str, left: list[int], deaths: Counter[int]) -> list[Row]:
         """The row of the case at which the process died, if it is a fault now. Raises: SurveyError."""
-        end, (number, since, allowed) = self._ended(), self._board
+        end, (number, since, allowed) = self._end_process(), self._board
         if self._closed:
             return []
         if number not in left:
@@ -335,7 +335,7 @@ class Guarded:
             return []
         return [fault(_cases_of(table, folder).case(int(number)), why, seconds)]
 
-    def _ended(self) -> str:
+    def _end_process(self) -> str:
         """How the process died, in a word; nothing of it is left."""
         running, self._running = self._running, None
         if running is None:

@@ -83,7 +83,7 @@ class Findings(Value):
         head, rows = self.table()
         widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
         lines = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)]
-        return "\n".join([*lines, *self._told_of_faults()])
+        return "\n".join([*lines, *self._fault_sentences()])
 
     def __repr__(self) -> str:
         return one_line(f"Findings({len(self):,} rows, laws {', '.join(map(str, self.laws))})")
@@ -92,9 +92,9 @@ class Findings(Value):
         """The table by law, as notebooks show it."""
         head, rows = self.table()
         table = html_table([escape(title) for title in head], [[escape(cell) for cell in row] for row in rows], True)
-        return table + "".join(f"<p>{escape(line)}</p>" for line in self._told_of_faults())
+        return table + "".join(f"<p>{escape(line)}</p>" for line in self._fault_sentences())
 
-    def _told_of_faults(self) -> list[str]:
+    def _fault_sentences(self) -> list[str]:
         """How many cases are faults, and the reason of the first."""
         failed = np.flatnonzero(self.columns["status"] == FAULT)
         if not failed.size or "reason" not in self.columns:
@@ -302,7 +302,7 @@ def _figure(height: float) -> tuple[Any, Any]:
     return figure, figure.add_subplot()
 
 
-def _looks(findings: Findings) -> dict[str, dict[str, Any]]:
+def _line_styles(findings: Findings) -> dict[str, dict[str, Any]]:
     """Law -> how its line is drawn: in a cool colour where half of its cases return, in a warm one else."""
     drift = [findings.of_law(law).known("drift_last") for law in findings.laws]
     return_ = [bool(d.size) and float(np.median(d)) < RETURNS for d in drift]
@@ -328,7 +328,7 @@ def _named(figure: Any, handles: Sequence[tuple[float, Any]]) -> None:
 def drift_figure(findings: Findings) -> Any:
     """Share of the cases of a law whose drift of their last cycle is below a value, over that value."""
     figure, axes = _figure(4.4)
-    looks, handles = _looks(findings), []
+    looks, handles = _line_styles(findings), []
     for law in findings.laws:
         drift = np.sort(np.maximum(findings.of_law(law).known("drift_last"), LEAST))
         if drift.size:
@@ -353,7 +353,7 @@ def drift_figure(findings: Findings) -> Any:
 def survival_figure(findings: Findings) -> Any:
     """Share of the arms that have met no limit after k cycles."""
     figure, axes = _figure(4.0)
-    looks, handles, lowest = _looks(findings), [], 1.0
+    looks, handles, lowest = _line_styles(findings), [], 1.0
     for law in findings.laws:
         cycles, share, count = findings.of_law(law).survival()
         if count:
@@ -443,7 +443,7 @@ def status_figure(findings: Findings) -> Any:
 @_styled
 def boxes_figure(findings: Findings) -> Any:
     """Cost and margin of each law: median, quartiles, 5 and 95 percent."""
-    laws, looks = findings.laws, _looks(findings)
+    laws, looks = findings.laws, _line_styles(findings)
     figure = _empty(1.5 + 0.34 * len(laws))
     axes = figure.subplots(1, 2, sharey=True)
     panels = (

@@ -89,7 +89,7 @@ class HolokinError(Exception):
 
     def __reduce__(self) -> Any:
         """Pickled as message and facts: the children are made from other arguments than their message."""
-        return _again, (type(self), self.args), vars(self)
+        return _unpickled, (type(self), self.args), vars(self)
 
 
 class FileError(HolokinError):
@@ -100,5 +100,5 @@ class FileError(HolokinError):
         super().__init__(f"{brief(path)}: {brief(fact)}; {brief(cure, LONGEST)}")
 
 
-def _again(kind: type[HolokinError], arguments: tuple[Any, ...]) -> HolokinError:
+def _unpickled(kind: type[HolokinError], arguments: tuple[Any, ...]) -> HolokinError:
     return kind.__new__(kind, *arguments)

@@ -99,7 +99,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     if only_precise and not precise:
         return None
     pose = _single(s.task.pose(there))
-    target, position, rotation = _wanted(task, pose)
+    target, position, rotation = _wanted_pose(task, pose)
     dx = _single(_task_rates(s.task, pose, twist))
     if not np.isfinite(dx).all():
         return None
@@ -159,7 +159,7 @@ def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generato
         posture = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, path)
     except HolokinError:
         return None
-    return np.ravel(_wanted(task, pose)[0]), posture
+    return np.ravel(_wanted_pose(task, pose)[0]), posture
 
 
 def _task_rates(task: Task, pose: Matrix, twist: Vector) -> Vector:
@@ -172,7 +172,7 @@ def _task_rates(task: Task, pose: Matrix, twist: Vector) -> Vector:
     return task._tool_rates(task.target(pose)[1][None], v[None], w[None])[0][0]
 
 
-def _wanted(task: Task, pose: Matrix) -> tuple[Matrix, Vector, Matrix]:
+def _wanted_pose(task: Task, pose: Matrix) -> tuple[Matrix, Vector, Matrix]:
     """(target as the step takes it, positions (3F,), rotations (3F, 3)) of wanted poses (4, 4) or (F, 4, 4)."""
     p, R = task.target(pose)
     if task.orientation is not None:
@@ -206,7 +206,7 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
     s, task = source.strategy, source.strategy.task
     q, G = values["q"], np.abs(values["gain"].reshape(s.task.n, -1))
     dt, gain, constraint_gain = source.parameters[-5:-2]
-    error = np.abs(task.error(q, *_wanted(task, pose)[1:]))
+    error = np.abs(task.error(q, *_wanted_pose(task, pose)[1:]))
     terms = {"step": G @ (np.abs(values["dx"]) * (1 + gain * dt) + gain * error)}
     if holonomic := source.holonomic:
         L, level_now = np.abs(extended_jacobian(holonomic)(q)[1][:, s.task.m :]), values["g"]
@@ -222,7 +222,7 @@ def _terms(source: Source, values: Mapping[str, Vector], pose: Matrix, rng: np.r
         near, to, parameters = _nudged(q, rng), pose.copy(), _moving(source, values.get("leaf_rate", np.zeros(0)))
         to[..., :3, 3], to[..., :3, :3] = _nudged(pose[..., :3, 3], rng, 0.0), _nudged(pose[..., :3, :3], rng)
         parameters[:-5] = _nudged(parameters[:-5], rng)
-        target, place, turned = _wanted(task, to)
+        target, place, turned = _wanted_pose(task, to)
         results = {"step": source.functions["step"](near, target, values["twist"], parameters)[0]}
         if holonomic:
             level = _nudged(values["c"], rng)

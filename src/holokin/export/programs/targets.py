@@ -86,7 +86,7 @@ def tool_moves(
     for end in _fixed_samples(timed, more)[1:]:
         while (first := moves[-1].b if moves else 0) < end:
             allowed = tried if first >= timed.begin else tried[-1:]  # an entry is the joints' own way
-            ends = {kind: _end(motion, tolerance, kind, first, end) for kind in allowed}
+            ends = {kind: _last_sample(motion, tolerance, kind, first, end) for kind in allowed}
             kind = max(allowed, key=ends.__getitem__)  # of equal ones the first
             kind = kind if ends[kind] > first + 1 else "joint"
             moves.append(_move(motion, kind, first, ends[kind]))
@@ -117,7 +117,7 @@ def _instants(a: int, b: int, looks: int | None) -> tuple[int, int, Indices]:
     return first, last, np.unique(np.linspace(first, last, looks or last - first + 1).astype(int))
 
 
-def _end(motion: ToolMotion, tolerance: ToolTolerance, kind: Kind, here: int, end: int) -> int:
+def _last_sample(motion: ToolMotion, tolerance: ToolTolerance, kind: Kind, here: int, end: int) -> int:
     """The last sample to which one move of a kind keeps the tolerance; the next one if none does."""
 
     def kept(b: int, looks: int | None = None) -> bool:

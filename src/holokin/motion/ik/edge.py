@@ -357,7 +357,7 @@ class Edge(Value):
         return "rcond", *2 * self.strategy.task.robot.joint_names
 
     @cached_property
-    def _given(self) -> Flags:
+    def _bounded(self) -> Flags:
         return np.concatenate([[True], np.isfinite(self.lower), np.isfinite(self.upper)])
 
     def tool(self, q: Vector) -> Goal:
@@ -371,7 +371,7 @@ class Edge(Value):
         A = np.vstack([square * np.reshape(slope, -1) @ S, S, -S])
         c = np.concatenate([[square - 1], q - self.lower, self.upper - q])
         if scaled is None:
-            sizes = np.where(self._given, np.linalg.norm(A, axis=1), 0.0)
+            sizes = np.where(self._bounded, np.linalg.norm(A, axis=1), 0.0)
             which = np.flatnonzero(sizes > UNMOVED * sizes.max(initial=0.0))
             sizes = sizes[which]
         else:

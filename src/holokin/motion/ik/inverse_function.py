@@ -187,7 +187,7 @@ def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, 
     tool goes straight on the leaf, if that brings the joints nearer, else they go straight: so they arrive, from any q.
     """
     begin = edge.onto(q, goal)
-    end, cut, belongs = _whither(edge, goal, q, begin, step)
+    end, cut, belongs = _destination(edge, goal, q, begin, step)
     if step is None or least_ratio(end.q, q, step) >= 1.0:
         return end, False
     if belongs and begin is not None:
@@ -203,7 +203,7 @@ def warm(edge: Edge, goal: Goal, q: Vector, step: Vector | None) -> tuple[Look, 
     return (along if gone >= LEAST else straight), True
 
 
-def _whither(
+def _destination(
     edge: Edge, goal: Goal, q: Vector, begin: Look | None, step: Vector | None
 ) -> tuple[Look, Look | None, bool]:
     """Where a posture q, or one of the leaf close to it, is to go: where the joints belong, which the start tells, then
@@ -319,7 +319,7 @@ class InverseKinematics(Value):
         """
         if level is None:
             return self._calls[0](pose)
-        return self._cold_at(*self._given.one(pose), self._at_level(level))
+        return self._cold_at(*self._given_poses.one(pose), self._at_level(level))
 
     def agrees(self, q: ArrayLike, level: ArrayLike | None = None) -> bool:
         """Whether a posture q (n,) is the one that `ik(pose, level)` gives for its tool pose, to 1e-6 [joint units].
@@ -365,9 +365,9 @@ class InverseKinematics(Value):
         """
         if threads is not None:
             whole("threads", threads)
-        given = self._given.shaped("each of the tool poses", pose_numbers("tool poses", poses))
-        p, R = self._given.places(given)
-        last, status = np.full((len(given), len(self.q0)), np.nan), self._given.refused(p, R)
+        given = self._given_poses.shaped("each of the tool poses", pose_numbers("tool poses", poses))
+        p, R = self._given_poses.places(given)
+        last, status = np.full((len(given), len(self.q0)), np.nan), self._given_poses.refused(p, R)
         paths, sound = self._paths_of(level, len(given)), np.flatnonzero(status == InverseStatus.REACHED)
         if self.region is not None:
             begin = self.region.near(p[sound], R[sound])[0]
@@ -430,12 +430,12 @@ class InverseKinematics(Value):
             SingularityError, BranchError: at the tool pose of the start the level is not reached. NotFiniteError: q.
             NotFiniteError, ArgumentError: only without q: a bad pose, as of `ik(pose)`.
         """
-        given = self._given.shaped("a tool pose", pose_numbers("a tool pose", pose)[None])[0]
+        given = self._given_poses.shaped("a tool pose", pose_numbers("a tool pose", pose)[None])[0]
         if self.strategy.task.frames > 1:
             raise ArgumentError("the frames of the task", self.strategy.task.frames, "the nearest pose is asked of one")
-        begin, (p, R) = None, self._given.places(given[None])
+        begin, (p, R) = None, self._given_poses.places(given[None])
         if q is None:
-            self._given.one(given)
+            self._given_poses.one(given)
         else:
             begin = np.ascontiguousarray(self.strategy.task.robot.checked(q, "the posture to begin from"))
         if step is not None and q is None:
@@ -446,7 +446,7 @@ class InverseKinematics(Value):
         if positive("rcond", rcond) > 1:
             raise ArgumentError("rcond", rcond, "give a number from 0 to 1")
         edge, goal = self._edge(level, positive("length", length), float(rcond), asked), (p[0], R[0])
-        return nearest(edge, goal, lambda: InverseStatus(int(self._given.refused(p, R)[0])), begin, most)
+        return nearest(edge, goal, lambda: InverseStatus(int(self._given_poses.refused(p, R)[0])), begin, most)
 
     @property
     def sentence(self) -> str:
@@ -472,7 +472,7 @@ class InverseKinematics(Value):
 
     def _cold(self, pose: PoseLike) -> Vector:
         """`ik(pose)` of any pose: the joints, or an error."""
-        return self._cold_at(*self._given.one(pose), self._paths)
+        return self._cold_at(*self._given_poses.one(pose), self._paths)
 
     def _cold_at(self, p: Vector, R: Matrix, paths: PosePaths) -> Vector:
         """The same of a position and a rotation."""
@@ -484,7 +484,7 @@ class InverseKinematics(Value):
 
     def _warm_at(self, pose: PoseLike, q: ArrayLike, paths: PosePaths) -> Vector:
         """The same on any leaf."""
-        p, R = self._given.one(pose)
+        p, R = self._given_poses.one(pose)
         begin = self.strategy.task.robot.checked(q, "the posture to begin from")
         there = None if self.region is None else self._inside(p, R)
         posture = paths.reach(p, R, begin)
@@ -520,7 +520,7 @@ class InverseKinematics(Value):
         return near[0], float(alone[0])
 
     @cached_property
-    def _given(self) -> GivenPoses:
+    def _given_poses(self) -> GivenPoses:
         return GivenPoses(self.strategy.task, *self._place)
 
     @cached_property
@@ -537,7 +537,7 @@ class InverseKinematics(Value):
 
     def _silent_near(self, pose: PoseLike, q: Vector) -> Vector | None:
         """`ik.near(pose, q)`, or None where there is none."""
-        p, R = self._given.one(pose)
+        p, R = self._given_poses.one(pose)
         posture, status = self._paths.go(p, R, q)
         reached = status is InverseStatus.REACHED and self._paths.jump(p, R, q, posture, status) is None
         return posture if reached else None
@@ -617,7 +617,7 @@ def how_far(ik: InverseKinematics, pose: PoseLike, q: ArrayLike) -> tuple[Vector
     Raises:
         ShapeError, NotFiniteError, ArgumentError: a bad pose or posture.
     """
-    p, R = ik._given.one(pose)
+    p, R = ik._given_poses.one(pose)
     return ik._paths.go(p, R, ik.strategy.task.robot.checked(q, "the posture to begin from"))
 
 
@@ -638,7 +638,7 @@ def answer(ik: InverseKinematics, pose: PoseLike, begin: Vector | None = None) -
 def answers(ik: InverseKinematics, poses: Array, begin: Matrix, threads: int | None = None) -> tuple[Matrix, Flags]:
     """(postures (k, n), which are reached (k,)): of tool poses (k, 4, 4), each as `ik.near(pose, begin)` from its
     posture (k, n). No region is looked at."""
-    p, R = ik._given.places(poses)
+    p, R = ik._given_poses.places(poses)
     q, reached = ik._paths.go_each(p, R, begin, threads)
     if may_jump(ik.strategy):
         for i in np.flatnonzero(reached):

@@ -369,11 +369,11 @@ def level_towards(strategy: HolonomicStrategy, q0: Vector, level: ArrayLike) -> 
         raise ShapeError("the level", level_now.shape, wanted.shape)
     goal = np.broadcast_to(wanted, level_now.shape)
     check_levels(strategy, goal)
-    _check_room(strategy, q0, goal - level_now)
+    _check_in_reach(strategy, q0, goal - level_now)
     return level_now + strategy.constraint.nearest(goal - level_now)
 
 
-def _check_room(strategy: HolonomicStrategy, q: Vector, change: Vector) -> None:
+def _check_in_reach(strategy: HolonomicStrategy, q: Vector, change: Vector) -> None:
     """Raises: ArgumentError: a sum of joints is to change by more than two turns beyond what their limits allow."""
     if np.abs(change).max(initial=0.0) <= 1.0:
         return  # no degrees

@@ -100,27 +100,32 @@ def free_hinges(strategy: HolonomicStrategy, Q: Matrix) -> Flags:
     return free
 
 
-def turned(
-    strategy: HolonomicStrategy, members: Matrix, free: Flags, near: Vector, limits: bool
-) -> tuple[Vector, bool]:
-    """(that of a posture's turns nearest to another one, near (n,), whether it is within the limits, if these count).
+def nearest_equivalent(
+    strategy: HolonomicStrategy, postures: Matrix, free: Flags, reference: Vector, limits: bool
+) -> Vector | None:
+    """The posture that differs by whole turns of hinges, keeps pose and level, and is nearest to a reference (n,).
 
-    members (k, n): one posture, as it was found, at some turns of its hinges: all at the pose and on the leaf. Where a
-    hinge is free it takes any turn; of the others those near to `near` are tried together.
+    None if none is within the limits, where these count.
+
+    Args:
+        postures: (k, n), one posture at some turns of its hinges: all with the pose and on the leaf.
+        free: (n,), hinges that may turn without a change of pose or level, by `free_hinges`.
     """
     robot = strategy.task.robot
     low, high = (robot.lower, robot.upper) if limits else (np.full(robot.n, -np.inf), np.full(robot.n, np.inf))
     low, high = low - TOLERANCES.limit, high + TOLERANCES.limit
-    for free_ones in (free, np.zeros_like(free)):  # a hinge that was free elsewhere need not be so here
-        tried = np.vstack([members, _choices(members[0], robot.hinges, free_ones, near, low, high)])
-        tried = np.where(free_ones, _turns(tried, near, low, high), tried)
-        inside = np.all((tried >= low) & (tried <= high), axis=1)
-        good = tried[inside][keeps(strategy, members[:1], tried[inside])] if inside.any() else tried[:0]
-        if len(good):
-            return good[np.argmin(np.square(good - near).sum(axis=1))], True
-        if not free_ones.any() or keeps(strategy, members[:1], tried[:1])[0]:
+    for turning in (free, np.zeros_like(free)):  # a hinge that was free elsewhere need not be so here
+        # Hinges that may turn freely take the turn nearest to the reference; the others are tried near it, together.
+        candidates = np.vstack([postures, _combinations(postures[0], robot.hinges, turning, reference, low, high)])
+        candidates = np.where(turning, _turns(candidates, reference, low, high), candidates)
+        # Keep what is within the limits and on the leaf, with the pose.
+        within = candidates[np.all((candidates >= low) & (candidates <= high), axis=1)]
+        on_leaf = within[keeps(strategy, postures[:1], within)] if len(within) else within
+        if len(on_leaf):
+            return on_leaf[np.argmin(np.square(on_leaf - reference).sum(axis=1))]
+        if not turning.any() or keeps(strategy, postures[:1], candidates[:1])[0]:
             break
-    return members[0], False
+    return None
 
 
 def _turns(q: Matrix, near: Vector, low: Vector, high: Vector) -> Matrix:
@@ -130,7 +135,7 @@ def _turns(q: Matrix, near: Vector, low: Vector, high: Vector) -> Matrix:
     return q + 2 * np.pi * np.minimum(np.maximum(k, first), last)
 
 
-def _choices(q: Vector, hinges: Flags, free: Flags, near: Vector, low: Vector, high: Vector) -> Matrix:
+def _combinations(q: Vector, hinges: Flags, free: Flags, near: Vector, low: Vector, high: Vector) -> Matrix:
     """The posture with its hinges that are not free at the turns within the limits nearest to `near`, all together."""
     options: list[list[float]] = []
     for j in np.flatnonzero(hinges & ~free):
@@ -138,13 +143,12 @@ def _choices(q: Vector, hinges: Flags, free: Flags, near: Vector, low: Vector, h
         first, last = np.ceil((low[j] - q[j]) / (2 * np.pi)), np.floor((high[j] - q[j]) / (2 * np.pi))
         around = sorted({0.0, *np.arange(wish - TURNS, wish + TURNS + 1), first, last}, key=lambda k: abs(k - wish))
         options.append([k for k in around if first <= k <= last][:TURNS])
-    while np.prod([len(one) for one in options], dtype=float) > AT_ONCE:
-        options = [one[:-1] if len(one) > 1 else one for one in options]
+    while np.prod([len(turns) for turns in options], dtype=float) > AT_ONCE:
+        options = [turns[:-1] if len(turns) > 1 else turns for turns in options]
     tuples = list(product(*options))
-    turns = np.array(tuples, dtype=float).reshape(len(tuples), len(options))
-    tried = np.tile(q, (len(turns), 1))
-    tried[:, hinges & ~free] += 2 * np.pi * turns
-    return tried
+    postures = np.tile(q, (len(tuples), 1))
+    postures[:, hinges & ~free] += 2 * np.pi * np.array(tuples, dtype=float).reshape(len(tuples), len(options))
+    return postures
 
 
 STEPS = 60
@@ -252,6 +256,7 @@ def all_postures(
         raise ShapeError("the leaf", (r,), given.shape)
     c = np.broadcast_to(given, (r,))
     check_levels(strategy, c)
+    # Newton's method from starts over the joint ranges; singular postures are counted apart.
     aim = _preferred(task.robot, limits) if near is None else task.robot.checked(near, "near")
     free = free_hinges(strategy, spread(task.robot, SAMPLED))
     begun = spread(task.robot, count, ~free & task.robot.hinges)
@@ -260,9 +265,10 @@ def all_postures(
     regular = arrived & (rcond > TOLERANCES.singular)
     singular = int(np.sum(arrived & ~regular))
     classes = _distinct(task.robot, q[regular])
-    chosen = [turned(strategy, members, free, aim, limits) for members in classes]
-    inside = np.array([within for _, within in chosen], dtype=bool)
-    postures = np.array([one for one, _ in chosen]).reshape(-1, task.n)[inside]
+    # Of each class of postures that differ by whole turns the one nearest to what is wanted.
+    nearest = [nearest_equivalent(strategy, members, free, aim, limits) for members in classes]
+    inside = np.array([posture is not None for posture in nearest], dtype=bool)
+    postures = np.array([posture for posture in nearest if posture is not None]).reshape(-1, task.n)
     counts = np.array([len(members) for members in classes], dtype=float)[inside]
     order = np.lexsort(np.round(postures, 6).T[::-1])
     rconds = strategy.gain.batch(postures[order])[1].ravel() if len(postures) else np.zeros(0)

@@ -250,7 +250,7 @@ class Mesh(Shape):
         """Points (k, 3) [m] and triangles (f, 3). Raises: RobotFileError: no such file, or one that cannot be read."""
         cure = "put it where the robot's file says, or check without it"
         if not self.file.is_file():
-            raise RobotFileError(self.file, f"there is no such mesh{self._like()}", cure)
+            raise RobotFileError(self.file, f"there is no such mesh{self._similar_name()}", cure)
         try:
             trimesh = extra_module("trimesh", "meshes")
         except MissingExtraError:
@@ -266,7 +266,7 @@ class Mesh(Shape):
             raise RobotFileError(self.file, "has no triangles", cure)
         return points, faces
 
-    def _like(self) -> str:
+    def _similar_name(self) -> str:
         """A file beside the missing one whose name differs in capital letters alone."""
         folder, name = self.file.parent, self.file.name.lower()
         alike = [entry.name for entry in folder.iterdir() if entry.name.lower() == name] if folder.is_dir() else []

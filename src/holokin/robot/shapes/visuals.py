@@ -82,7 +82,7 @@ Finder = Callable[[str], Path]
 def collision_shapes(links: Sequence[Any], source: str, find: Finder) -> Mapping[str, tuple[LinkShape, ...]]:
     """Link name -> its shapes, of the links of a URDF."""
     return {
-        link.name: tuple(_placed(link.name, c, source, find) for c in link.collisions)
+        link.name: tuple(_link_shape(link.name, c, source, find) for c in link.collisions)
         for link in links
         if link.collisions
     }
@@ -117,7 +117,7 @@ def _packaged(name: Path, file: Path) -> Iterator[Path]:
         yield from (Path(root) / name, Path(root) / "share" / name)
 
 
-def _placed(link: str, collision: Any, source: str, find: Finder) -> LinkShape:
+def _link_shape(link: str, collision: Any, source: str, find: Finder) -> LinkShape:
     T = np.eye(4) if collision is None or collision.origin is None else np.asarray(collision.origin, dtype=float)
     if collision is None or not np.isfinite(T).all():
         return LinkShape(link, -1, np.eye(4), Unread(source, BROKEN))

@@ -150,7 +150,7 @@ def find_arm(task: Task, joints: Sequence[Any] | None = None, tip: str | None = 
             wrist = _meeting(axes[first + 4 : first + 6])
         if shoulder is not None and wrist is not None and axes[first + 3].hinge:
             return Arm(shoulder.point, _next_to(axes[first + 3], shoulder).point, wrist.point)
-    if len(axes) == 7 and all(axis.hinge for axis in axes) and _turned(axes):
+    if len(axes) == 7 and all(axis.hinge for axis in axes) and _not_parallel(axes):
         shoulder = _meeting(axes[:3]) or _meeting(axes[:2]) or _beside(axes[0], axes[1])
         spherical, pairs = _meeting(axes[4:]), [axes[3:5], axes[2:4]]
         wrist = spherical or _meeting(axes[5:]) or _meeting(axes[4:6]) or _beside(axes[6], axes[5])
@@ -189,7 +189,7 @@ def _chain(robot: Robot, tip: str | None) -> list[_Axis]:
 
 def _meeting(axes: Sequence[_Axis]) -> _Place | None:
     """The point where two or three consecutive hinges meet, on the moving side of the second; or None."""
-    if not _turned(axes) or not all(axis.hinge for axis in axes):
+    if not _not_parallel(axes) or not all(axis.hinge for axis in axes):
         return None
     across = [np.eye(3) - np.outer(axis.direction, axis.direction) for axis in axes]
     feet = [P @ axis.origin for P, axis in zip(across, axes, strict=True)]
@@ -199,7 +199,7 @@ def _meeting(axes: Sequence[_Axis]) -> _Place | None:
     return axes[1].place(point, f"where the axes of {', '.join(axis.name for axis in axes)} meet")
 
 
-def _turned(axes: Sequence[_Axis]) -> bool:
+def _not_parallel(axes: Sequence[_Axis]) -> bool:
     """Whether no axis is parallel to the next."""
     return all(np.linalg.norm(np.cross(a.direction, b.direction)) > TURNED for a, b in pairwise(axes))
 

@@ -640,7 +640,7 @@ def stacked(*tasks: Task) -> Task:
     for task in tasks:
         rows += [6 * first + row for row in task.rows]
         first += task.frames
-    title = " and ".join(f"{task.name.removesuffix(f' of {task.robot.name}')}{_of(task)}" for task in tasks)
+    title = " and ".join(f"{task.name.removesuffix(f' of {task.robot.name}')}{_tip_suffix(task)}" for task in tasks)
     return stack(parts, tuple(rows), title, 3 * first)
 
 
@@ -658,7 +658,7 @@ def parts_of(task: Task) -> tuple[FrameTask, ...]:
     return (task,) if isinstance(task, FrameTask) else ()
 
 
-def _of(task: Task) -> str:
+def _tip_suffix(task: Task) -> str:
     return f" of {task.tip}" if task.frames == 1 and task.tip and task.tip not in task.name else ""
 
 

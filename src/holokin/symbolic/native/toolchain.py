@@ -57,14 +57,14 @@ def compiler() -> Compiler | None:
     """The C compiler: CC of the environment, else cc, gcc, clang, else ziglang of Python; None without any."""
     given = os.environ.get("CC", "").strip()
     if given:
-        chosen, why = _chosen(given)
+        chosen, why = _named_compiler(given)
         if chosen is not None:
             return chosen
         logging.getLogger("holokin").warning("CC is %r, which is left out (%s)", given, why)
     commands: list[tuple[str, ...]] = [(name,) for name in ("cc", "gcc", "clang")]
     if importlib.util.find_spec("ziglang") is not None:
         commands.append((sys.executable, "-m", "ziglang", "cc"))
-    return next((chosen for chosen in map(_asked, commands) if chosen is not None), None)
+    return next((chosen for chosen in map(_compiler_of, commands) if chosen is not None), None)
 
 
 def call(command: tuple[str, ...], patience: float, stream: str) -> tuple[int, str]:
@@ -124,17 +124,17 @@ def plain(text: str, most: int = 200) -> str:
     return " ".join(line.split()).encode("ascii", "backslashreplace").decode()[:most]
 
 
-def _chosen(given: str) -> tuple[Compiler | None, str]:
+def _named_compiler(given: str) -> tuple[Compiler | None, str]:
     """The compiler that CC names, or why there is none."""
     try:
         words = tuple(shlex.split(given))
     except ValueError as problem:
         return None, str(problem).lower()
-    candidate = _asked(words) if words else None
+    candidate = _compiler_of(words) if words else None
     return candidate, "it is no program that says its version"
 
 
-def _asked(command: tuple[str, ...]) -> Compiler | None:
+def _compiler_of(command: tuple[str, ...]) -> Compiler | None:
     """The compiler of a command, if it is there and says its version."""
     if shutil.which(command[0]) is None:
         return None
