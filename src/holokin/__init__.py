@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from .base.poses import pose_of
     from .export import export_c
     from .motion import TimedTrajectory, approach, controller, drift, follow, path_spread, retime, simulate
-    from .motion.checks import CheckReport, check
+    from .motion.checks import CheckReport, Scene, check
     from .motion.control import ControlLaw, mink_task, pink_task
     from .motion.ik import all_postures, ik, move_to_leaf
     from .motion.trajectory import Status, Trajectory
@@ -101,6 +101,7 @@ __all__ = [
     "Part",
     "Path",
     "Robot",
+    "Scene",
     "Sheets",
     "Status",
     "Strategy",
@@ -219,7 +220,7 @@ _HOMES = {
     "motion": "TimedTrajectory approach controller drift follow path_spread retime simulate",
     "motion.trajectory": "Status Trajectory",
     "analysis.curvature": "Verdict around curvature cusps involutivity obstruction",
-    "motion.checks": "CheckReport check",
+    "motion.checks": "CheckReport Scene check",
     "path": "Path Waypoints arc blended circle figure_eight join line passes path_of polyline raster"
     " read_svg read_waypoints read_workspace spiral spline with_leads",
     "path.editing": "synchronized through",

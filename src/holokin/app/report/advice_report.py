@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from textwrap import fill
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from ...analysis.design import Advice, Law
 from ...base.errors import brief
 from ...base.types import Vector
-from ...robot import Coordinate, LinkShape, Robot, Tip, knows_masses, reach
+from ...robot import Coordinate, Robot, Tip, knows_masses, reach
 from .job_report import Column
 from .plots import GOOD, GREY, HOLONOMIC, INK, PAGE, WARNING, on_figure
 from .robot_panels import Actor, draw_panel, stage_of
@@ -81,12 +80,12 @@ def print_advice(advice: Advice, console: Any) -> None:
     from rich.text import Text
 
     table = Table(title=Text(brief(advice.subject, 600)), title_justify="left", title_style="bold", header_style="dim")
-    columns = (*COLUMNS[:-1], CLEARANCE, COLUMNS[-1]) if advice.asked else COLUMNS
+    columns = (*COLUMNS[:-1], CLEARANCE, COLUMNS[-1]) if advice.scene else COLUMNS
     for heading, justify in columns:
         table.add_column(Text(heading), justify=justify, no_wrap=heading not in ("law", "joint"))
     for i, law in enumerate(advice.laws):
         said = cells(law)
-        said[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.asked else []
+        said[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.scene else []
         table.add_row(*(Text(cell, style=GOOD if i == 0 else "") for cell in said))
     console.print(table)
     if advice.proposed:
@@ -121,11 +120,10 @@ def _chosen(advice: Advice) -> str:
     return ", ".join(known.get(word, f"the {word}") for word in advice.proposed)
 
 
-def advice_figure(advice: Advice, obstacles: Sequence[LinkShape] = (), robot: Robot | None = None) -> Any:
+def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
     """The laws as bars of coverage and of joint speed, and below them the robot with what the best of them reaches.
 
     Args:
-        obstacles: what stands still round the robot.
         robot: the same with what it carries; by default the robot of the advice.
     """
     from matplotlib.figure import Figure
@@ -133,7 +131,8 @@ def advice_figure(advice: Advice, obstacles: Sequence[LinkShape] = (), robot: Ro
     laws, every = advice.laws[:MOST_LAWS], len(advice.laws)
     robot = advice.task.robot if robot is None else robot
     points = advice.coverage.poses[:, :3, 3]
-    stage = stage_of(robot, advice.q0[None], extra=points, obstacles=obstacles, ratio=(0.5, 0.8))
+    things = () if advice.scene is None else advice.scene.obstacles
+    stage = stage_of(robot, advice.q0[None], extra=points, obstacles=things, ratio=(0.5, 0.8))
     subject = fill(on_figure(f"{advice.work}; {advice.workspace}", 300), LETTERS)
     wide, tall = stage.scene.shape
     scene, bars = SCENE * tall / wide, bars_height(laws)
