@@ -19,7 +19,7 @@ from holokin.analysis.design.trials import PROVABLE, Poses, Trial, distinct, tri
 from holokin.app.job import open_job, run_job
 from holokin.app.job.advice_job import question, write_over
 from holokin.base.errors import ArgumentError, JobError
-from holokin.motion.checks import clear_postures
+from holokin.motion.checks import Clearances
 from holokin.robot import Capsule
 
 TORCH = """
@@ -219,7 +219,7 @@ def test_clear_postures_are_those_whose_links_keep_the_distance() -> None:
     """Referee: the distance of a point from three segments of a planar arm, less both radii."""
     arm = hk.with_capsules(hk.load("planar-3r"), 0.05)
     post = hk.obstacle("post", Capsule(0.1, 0.0), [1.2, 0.9, 0.0])
-    clear = clear_postures(arm, obstacles=[post], clearance=0.02, self_collision=False)
+    clear = Clearances.of(arm, hk.Scene([post], clearance=0.02, self_collision=False)).clear
     Q = np.random.default_rng(2).uniform(-2.0, 2.0, (300, 3))
     wanted = []
     for q in Q:
@@ -303,7 +303,7 @@ def test_a_pose_at_which_a_link_is_too_near_is_not_served() -> None:
     whole = hk.coverage(law, space, [0.3, 0.8, 0.5], samples=64)
     turn = float(np.median(whole.q[whole.reached][:, 0]))
     post = hk.obstacle("post", Capsule(0.1, 0.0), [0.6 * np.cos(turn), 0.6 * np.sin(turn), 0.0])
-    clear = clear_postures(arm, obstacles=[post], self_collision=False)
+    clear = Clearances.of(arm, hk.Scene([post], self_collision=False)).clear
     less = whole.blocked(clear)
     lost = whole.reached & ~less.reached
     assert less.share < whole.share

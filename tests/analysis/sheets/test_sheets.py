@@ -176,7 +176,7 @@ def test_a_map_of_another_robot_or_of_no_map_is_refused(planar: Sheets, tmp_path
         hk.read_sheets(file, planar.task)
     hk.write_sheets(replace(planar, sheets=tuple(keyed)), file)
     with pytest.raises(SheetsFileError, match="surroundings"):
-        hk.read_sheets(file, planar.task, clear_of=[])
+        hk.read_sheets(file, planar.task, scene=hk.Scene())
     with pytest.raises(SheetsFileError, match="it is of"):
         hk.read_sheets(file, hk.position(hk.load("ppr")))
     (tmp_path / "no.npz").write_bytes(b"PK\x03\x04 nothing")
