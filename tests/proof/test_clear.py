@@ -94,7 +94,7 @@ def test_distances_at_postures_are_those_of_coal(panda: hk.Robot) -> None:
         hk.obstacle("wedge", Hull(rng.normal(size=(9, 3)) * 0.05), (0.2, -0.6, 0.5)),
         hk.obstacle("stone", Hull(rng.normal(size=(300, 3)) * 0.03), (-0.4, -0.5, 0.8)),
     ]
-    clear = kept_apart(strategy, Q0, things, None, 0.0, True, ())
+    clear = kept_apart(strategy, Q0, hk.Scene(things, clearance=0.0))
     assert clear is not None
     Q = rng.uniform(panda.lower, panda.upper, (60, 7))
     close = np.full(len(clear.pairs), np.inf)

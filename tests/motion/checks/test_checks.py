@@ -281,7 +281,7 @@ def test_a_job_whose_motion_is_clear_passes(holokin: Command, tmp_path: Path, ou
     [
         ("[checks]\nflor = 0.0\n", ("checks.flor", "floor")),
         ('[checks]\nallowed = [["base"]]\n', ("checks.allowed.0", "at least 2")),
-        ('[checks]\nignore = [["base", "nose"]]\n', ("nose", "[checks]")),
+        ('[checks]\nallowed = [["base", "nose"]]\n', ("nose", "[checks]")),
         ("[checks]\nradius = { nose = 0.1 }\n", ("nose", "[checks]")),
         (BALL.replace("radius", "sides"), ("checks.obstacles.0",)),
         (BALL.replace("sphere", "spere"), ("checks.obstacles.0.kind", "sphere")),
