@@ -229,8 +229,8 @@ class Examined:
         near = replace(self.scene, things=[Part("the obstacle", 0, place, solid)]).obstacles
         try:
             proof = certify(
-                self.problem.strategy, self.motion.where, self.start, clear_of=near, clearance=clearance,
-                self_collision=False, shapes_of=self.scene.robot, budget=budget,
+                self.scene.strategy, self.motion.where, self.start, budget=budget,
+                scene=hk.Scene(near, clearance=clearance, self_collision=False),
             )  # fmt: skip
         except HolokinError as refused:
             self.counts[f"1 mm too near: refused, {type(refused).__name__}"] += 1
@@ -317,10 +317,7 @@ def tried(seed: int, count: int = ASKED) -> dict[str, Any]:
         counts["arms"] += 1
         budget = BUDGET[motion.kind]
         try:
-            proof = certify(
-                problem.strategy, motion.where, start, clear_of=scene.obstacles, floor=scene.floor,
-                clearance=clearance, ignore=scene.ignored, shapes_of=scene.robot, budget=budget,
-            )  # fmt: skip
+            proof = certify(scene.strategy, motion.where, start, scene=scene.at(clearance), budget=budget)
         except HolokinError as refused:
             counts[f"refused: {type(refused).__name__}"] += 1
             return {"seed": seed, "counts": counts, "faults": [], "seconds": time.process_time() - began}

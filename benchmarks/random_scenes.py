@@ -260,6 +260,17 @@ class Scene:
         """For holokin."""
         return [LinkShape(p.name, -1, p.place, p.solid.shape, obstacle=True) for p in self.things]
 
+    @cached_property
+    def strategy(self) -> hk.strategies.HolonomicStrategy:
+        """That of the problem, of the robot with its shapes."""
+        arm = replace(self.problem.arm)
+        vars(arm)["robot"] = self.robot
+        return replace(self.problem, arm=arm).strategy
+
+    def at(self, clearance: float) -> hk.Scene:
+        """For holokin, with a clearance [m]."""
+        return hk.Scene(self.obstacles, self.floor, clearance, allowed=self.ignored)
+
     def parts(self, name: str) -> list[Part]:
         """Those of a link or an obstacle."""
         return [part for part in (*self.links, *self.things) if part.name == name]

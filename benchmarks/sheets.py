@@ -317,9 +317,9 @@ def main(arguments: list[str] | None = None) -> int:
     area = len(grid.points) * grid.step**2
     print(f"| {HEAD} |\n|---|{'---:|' * HEAD.count('|')}")
     disc = hk.workspace(cylinder=([0, 0, 0], 3.0, 0.0))
-    around = {} if post is None else {"clear_of": [post.shape], "self_collision": False, "clearance": 0.0}
+    scene = None if post is None else hk.Scene([post.shape], clearance=0.0, self_collision=False)
     began = time.process_time()
-    s = hk.sheets(planar_task(limit), disc, samples=samples, seconds=5 if asked.quick else 280, **around)
+    s = hk.sheets(planar_task(limit), disc, samples=samples, seconds=5 if asked.quick else 280, scene=scene)
     print(line(sheets_answer(s, cells, time.process_time() - began, limit, free=free), area, paths), flush=True)
     if limit == LIMIT and post is None:
         began = time.process_time()  # the leaf through q0 alone, from both sides

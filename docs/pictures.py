@@ -485,7 +485,7 @@ def clear_of_a_ball() -> None:
     box = hk.workspace(box=(T[:3, 3], [0.05, 0.05, 0.05]), rotation=T[:3, :3])
     ball = hk.obstacle("ball", hk.robot.Capsule(0.05), T[:3, 3] + [0.13, 0.1, 0.05])
     table = hk.obstacle("table", hk.robot.Box([1.0, 1.0, 0.05]), (0.6, 0.0, -0.03))
-    found = hk.unique_region(law, PANDA, box, clear_of=[ball, table], clearance=0.01)
+    found = hk.unique_region(law, PANDA, box, scene=hk.Scene(obstacles=[ball, table], clearance=0.01))
     save(box_figure(found.certificate), "clear")
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import holokin as hk
 from holokin.analysis.sheets import PoseRest, Sheet, Sheets
 from holokin.analysis.sheets.sheet import known, turn_length
+from holokin.motion.checks import Clearances
 
 LIMIT = np.radians(150)
 
@@ -22,10 +23,12 @@ def disc(radius: float = 3.0) -> hk.Workspace:
     return hk.workspace(cylinder=([0, 0, 0], radius, 0.0))
 
 
-def map_of(task: hk.Task, space: hk.Workspace, sheets: Sequence[Sheet], samples: int, around: object = None) -> Sheets:
+def map_of(
+    task: hk.Task, space: hk.Workspace, sheets: Sequence[Sheet], samples: int, scene: hk.Scene | None = None
+) -> Sheets:
     """The map of some sheets: each pose has the first one that serves it."""
     T = space.poses(samples)
-    clear = None if around is None else around.clear(task.robot)
+    clear = None if scene is None else Clearances.of(task.robot, scene).clear
     q = np.array([sheet.postures(T, clear)[0] for sheet in sheets])
     served = known(q)
     labels = np.where(served.any(axis=0), np.argmax(served, axis=0), -1)
@@ -45,7 +48,7 @@ def map_of(task: hk.Task, space: hk.Workspace, sheets: Sequence[Sheet], samples:
         len(sheets),
         len(sheets),
         turn_length(task),
-        around,
+        scene,
     )
 
 

@@ -52,10 +52,10 @@ def calls() -> dict[str, Call]:
            "upper": 1.0, "max_velocity": 2.0}  # fmt: skip
     one = np.eye(3)
     following = {"samples": 4, "method": "velocity", "limits": True}
-    shapes = {
-        "clear_of": [hk.obstacle("ball", hk.robot.Capsule(0.1), [0.0, 0.0, 1.0])], "floor": None, "clearance": 0.01,
-        "self_collision": True, "ignore": [("ball", robot.joint_names[0])], "shapes_of": hk.robot.with_capsules(robot),
-    }  # fmt: skip
+    ball = hk.obstacle("ball", hk.robot.Capsule(0.1), [0.0, 0.0, 1.0])
+    around = {"obstacles": [ball], "floor": -1.0, "clearance": 0.01, "self_collision": True,
+              "allowed": [("ball", robot.joint_names[0])]}  # fmt: skip
+    shapes = {"scene": hk.Scene(**around)}
     t = np.arange(3.0)
     found: dict[str, Call] = {
         "load": (hk.load, ("planar-3r",), {"tip": None, "base": None, "locked": None}),
@@ -82,10 +82,9 @@ def calls() -> dict[str, Call]:
             robot, "pin", hk.robot.Capsule(0.1, 0.2), [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {"tip": None}),
         "obstacle": (hk.obstacle, ("ball", hk.robot.Capsule(0.1), [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {}),
         "chain_length": (hk.robot.chain_length, (robot,), {}),
+        "Scene": (lambda **named: hk.check(walk, robot, hk.Scene(**named)), (), around),
         "check": (hk.check, (walk, robot), {
-            "task": task, "floor": -1.0, "clearance": 0.01, "self_collision": True,
-            "obstacles": [hk.obstacle("ball", hk.robot.Capsule(0.1))], "ignore": [("ball", robot.joint_names[0])],
-            "limits": True, "margin": 0.1, "rcond": 0.01}),
+            "task": task, **shapes, "limits": True, "margin": 0.1, "rcond": 0.01}),
         "CheckReport.save": (hk.check(walk, robot).save, ("check.json",), {}),
         **{kind.__name__: (lambda *a, make=kind, **n: hk.obstacle("it", make(*a, **n)), sizes, {}) for kind, sizes in (
             (hk.robot.Box, ([0.1, 0.2, 0.3],)), (hk.robot.Capsule, (0.1, 0.2)), (hk.robot.Cylinder, (0.1, 0.2)),

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from .app.survey import survey
     from .base.poses import pose_of
     from .motion import Trajectory, controller, drift, follow, retime, simulate
-    from .motion.checks import check
+    from .motion.checks import Scene, check
     from .motion.ik import ik
     from .path import Path, Workspace, circle, line, polyline, spline, workspace
     from .proof import certify, unique_region
@@ -45,6 +45,7 @@ __all__ = [
     "HolokinError",
     "Path",
     "Robot",
+    "Scene",
     "Strategy",
     "Task",
     "Trajectory",
@@ -120,7 +121,7 @@ _HOMES = {
     "strategies": "Strategy holonomic moore_penrose null_basis radial weighted",
     "motion.ik": "ik",
     "motion": "Trajectory controller drift follow retime simulate",
-    "motion.checks": "check",
+    "motion.checks": "Scene check",
     "proof": "certify unique_region",
     "analysis.curvature": "around curvature cusps involutivity",
     "analysis.coverage": "coverage",

@@ -12,7 +12,6 @@ import pytest
 
 import holokin as hk
 from handmade_sheets import OVERLAPPING_START, overlapping_law, planar_map, planar_task
-from holokin.analysis.sheets.sheet_map import Surroundings
 from holokin.base.errors import ArgumentError, BranchError, ExportError
 from holokin.export import export_sheets
 
@@ -63,7 +62,7 @@ def test_what_c_does_not_look_at_is_refused(planar: hk.analysis.sheets.Sheets, t
     with pytest.raises(ArgumentError, match="C name"):
         export_sheets(planar, tmp_path, name="7 arms")
     rough = replace(planar, sheets=tuple(replace(one, rcond=0.01) for one in planar.sheets))
-    for other in (replace(planar, around=Surroundings()), rough):
+    for other in (replace(planar, scene=hk.Scene()), rough):
         with pytest.raises(ArgumentError, match="obstacles"):
             export_sheets(other, tmp_path)
 

@@ -75,7 +75,7 @@ def coal_distances(robot: hk.Robot, pairs: object, things: list[LinkShape], Q: n
 @sampled(1, "rule", RULES)
 def test_no_posture_inside_is_nearer_than_is_proven(panda: hk.Robot, rule: str) -> None:
     strategy, space = leaf(panda, rule), box(panda, 0.02, tilt=0.0)
-    found = hk.certify(strategy, space, Q0, clear_of=[TABLE, POST], clearance=0.02)
+    found = hk.certify(strategy, space, Q0, scene=hk.Scene(obstacles=[TABLE, POST], clearance=0.02))
     assert found.whole
     pairs = found.demands.clear.pairs
     seen = coal_distances(panda, pairs, [TABLE, POST], postures(strategy, space, 60))
@@ -94,7 +94,7 @@ def test_distances_at_postures_are_those_of_coal(panda: hk.Robot) -> None:
         hk.obstacle("wedge", Hull(rng.normal(size=(9, 3)) * 0.05), (0.2, -0.6, 0.5)),
         hk.obstacle("stone", Hull(rng.normal(size=(300, 3)) * 0.03), (-0.4, -0.5, 0.8)),
     ]
-    clear = kept_apart(strategy, Q0, things, None, 0.0, True, ())
+    clear = kept_apart(strategy, Q0, hk.Scene(things, clearance=0.0))
     assert clear is not None
     Q = rng.uniform(panda.lower, panda.upper, (60, 7))
     close = np.full(len(clear.pairs), np.inf)
@@ -109,15 +109,19 @@ def test_distances_at_postures_are_those_of_coal(panda: hk.Robot) -> None:
 
 def test_an_obstacle_that_is_one_millimetre_too_near_is_never_proven_away(panda: hk.Robot) -> None:
     strategy, space = leaf(panda), box(panda, 0.01)
-    found = hk.certify(strategy, space, Q0, clear_of=[POST], clearance=0.0, self_collision=False)
+    found = hk.certify(strategy, space, Q0, scene=hk.Scene(obstacles=[POST], clearance=0.0, self_collision=False))
     corners = np.array([np.ravel(c) for c in np.meshgrid(*[[-1.0, 1.0]] * 3)]).T
     T = np.tile(panda.pose(Q0), (8, 1, 1))
     T[:, :3, 3] += 0.01 * corners
     seen = coal_distances(panda, found.demands.clear.pairs, [POST], hk.ik(strategy, Q0).batch(T).q)
     nearest = float(seen.min())
-    asked = hk.certify(strategy, space, Q0, clear_of=[POST], clearance=nearest + 0.001, self_collision=False)
+    asked = hk.certify(
+        strategy, space, Q0, scene=hk.Scene(obstacles=[POST], clearance=nearest + 0.001, self_collision=False)
+    )
     assert not asked.whole and asked.extent is Extent.NEAR
-    assert hk.certify(strategy, space, Q0, clear_of=[POST], clearance=nearest - 0.01, self_collision=False).whole
+    assert hk.certify(
+        strategy, space, Q0, scene=hk.Scene(obstacles=[POST], clearance=nearest - 0.01, self_collision=False)
+    ).whole
 
 
 def test_a_corner_that_an_obstacle_takes_is_left_out_and_the_rest_is_proven(panda: hk.Robot) -> None:
@@ -125,7 +129,9 @@ def test_a_corner_that_an_obstacle_takes_is_left_out_and_the_rest_is_proven(pand
     T = panda.pose(Q0)
     corner = T[:3, 3] + 0.02
     ball = hk.obstacle("ball", Capsule(0.02), tuple(corner + [0.06, 0.06, 0.0]))
-    found = hk.unique_region(strategy, Q0, space, clear_of=[ball], clearance=0.0, self_collision=False, budget=4000)
+    found = hk.unique_region(
+        strategy, Q0, space, scene=hk.Scene(obstacles=[ball], clearance=0.0, self_collision=False), budget=4000
+    )
     poses = space.poses(300)
     inside = found.contains(poses)
     Q = hk.ik(strategy, Q0).batch(poses).q
@@ -137,15 +143,15 @@ def test_a_corner_that_an_obstacle_takes_is_left_out_and_the_rest_is_proven(pand
 def test_along_a_path_with_a_floor(panda: hk.Robot) -> None:
     T = panda.pose(Q0)
     circle = hk.circle(T[:3, 3], center=T[:3, 3] - [0.1, 0.0, 0.0])
-    found = hk.certify(leaf(panda), circle, Q0, clear_of=[], floor=-0.2)
+    found = hk.certify(leaf(panda), circle, Q0, scene=hk.Scene(floor=-0.2))
     assert found.whole and "floor" in {name for pair in found.demands.clear.pairs for name in pair.names}
     with pytest.raises(ArgumentError, match=r"panda_joint\d and floor overlap by 0\.\d+ m there"):
-        hk.certify(leaf(panda), circle, Q0, clear_of=[], floor=float(T[2, 3]) - 0.2, clearance=0.0)
+        hk.certify(leaf(panda), circle, Q0, scene=hk.Scene(floor=float(T[2, 3]) - 0.2, clearance=0.0))
 
 
 @pytest.fixture(scope="module")
 def certified(panda: hk.Robot) -> Certificate:
-    return hk.certify(leaf(panda), box(panda, 0.01), Q0, clear_of=[TABLE], clearance=0.05)
+    return hk.certify(leaf(panda), box(panda, 0.01), Q0, scene=hk.Scene(obstacles=[TABLE], clearance=0.05))
 
 
 @pytest.fixture(scope="module")
@@ -246,22 +252,19 @@ def test_of_two_tools_the_speed_is_that_of_the_fastest() -> None:
 @pytest.mark.parametrize(
     ("more", "word"),
     [
-        ({"clear_of": [hk.obstacle("ball", Capsule(0.3), (0.3, 0.0, 0.5))]}, "ball"),
-        ({"clear_of": [LinkShape("moving", 2, np.eye(4), Capsule(0.1), obstacle=True)]}, "still"),
-        ({"clear_of": [hk.obstacle("table", Box(np.array([1000.0, 1000.0, 50.0])), (600.0, 0.0, -100.0))]}, "metres"),
-        ({"clear_of": [], "clearance": -0.1}, "clearance"),
-        ({"clear_of": [], "floor": np.nan}, "floor"),
-        ({"clear_of": [], "floor": -800.0}, "metres"),
-        ({"clear_of": [], "clearance": 200.0}, "metres"),
-        ({"floor": 0.0}, "clear_of"),
-        ({"clear_of": [], "self_collision": False}, "obstacles"),
+        ({"obstacles": [hk.obstacle("ball", Capsule(0.3), (0.3, 0.0, 0.5))]}, "ball"),
+        ({"obstacles": [LinkShape("moving", 2, np.eye(4), Capsule(0.1), obstacle=True)]}, "still"),
+        ({"obstacles": [hk.obstacle("table", Box(np.array([1000.0, 1000.0, 50.0])), (600.0, 0.0, -100.0))]}, "metres"),
+        ({"floor": -800.0}, "metres"),
+        ({"clearance": 200.0}, "metres"),
+        ({"self_collision": False}, "obstacles"),
     ],
 )
 def test_what_cannot_be_asked_is_refused(panda: hk.Robot, more: dict, word: str) -> None:
     with pytest.raises(ArgumentError, match=word):
-        hk.certify(leaf(panda), box(panda, 0.01), Q0, **more)
+        hk.certify(leaf(panda), box(panda, 0.01), Q0, scene=hk.Scene(**more))
 
 
 def test_an_unknown_link_is_refused(panda: hk.Robot) -> None:
     with pytest.raises(UnknownNameError):
-        hk.certify(leaf(panda), box(panda, 0.01), Q0, clear_of=[TABLE], ignore=[("elbow", "table")])
+        hk.certify(leaf(panda), box(panda, 0.01), Q0, scene=hk.Scene(obstacles=[TABLE], allowed=[("elbow", "table")]))

@@ -56,7 +56,12 @@ def proof(
     space = hk.workspace(box=(T[:3, 3], [half] * 3), rotation=T[:3, :3])
     table = hk.obstacle("table", Box(np.array([1.0, 1.0, 0.05])), (0.6, 0.0, z))
     return hk.certify(
-        law(joint), space, Q0, clear_of=[table], clearance=clearance, self_collision=False, keep_in=file, **more
+        law(joint),
+        space,
+        Q0,
+        scene=hk.Scene(obstacles=[table], clearance=clearance, self_collision=False),
+        keep_in=file,
+        **more,
     )
 
 

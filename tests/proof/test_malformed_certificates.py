@@ -55,7 +55,7 @@ def honest(arm: hk.Robot) -> dict[str, Data]:
         "parabola": parabola(),
         "path": hk.certify(G, hk.polyline([x, x - [0.1, 0, 0], x - [0.1, 0.1, 0]]), Q0).data,
         "box": hk.certify(G, small, Q0).data,
-        "clear": hk.certify(G, small, Q0, clear_of=[wall], clearance=0.0, self_collision=False).data,
+        "clear": hk.certify(G, small, Q0, scene=hk.Scene(obstacles=[wall], clearance=0.0, self_collision=False)).data,
     }
 
 

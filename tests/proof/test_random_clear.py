@@ -70,10 +70,8 @@ def proven(seed: int, folder: Path) -> tuple[Scene, Any, np.ndarray, Certificate
     problem, start, motion = drawn(rng)
     clearance = float(rng.choice([0.0, 0.001, 0.01, 0.04]))
     scene = random_scene(problem, start, rng, folder, clearance)
-    proof = certify(
-        problem.strategy, motion.where, start, clear_of=scene.obstacles, floor=scene.floor, clearance=clearance,
-        ignore=scene.ignored, shapes_of=scene.robot, budget=random_clear.BUDGET[motion.kind],
-    )  # fmt: skip
+    budget = random_clear.BUDGET[motion.kind]
+    proof = certify(scene.strategy, motion.where, start, scene=scene.at(clearance), budget=budget)
     return scene, motion, start, proof
 
 

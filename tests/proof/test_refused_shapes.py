@@ -26,7 +26,7 @@ def leaf(panda: hk.Robot) -> hk.HolonomicStrategy:
 def asked(panda: hk.Robot, *things: LinkShape, **more: object) -> hk.proof.Certificate:
     T = panda.pose(Q0)
     space = hk.workspace(box=(T[:3, 3], [0.004] * 3), rotation=T[:3, :3])
-    return hk.certify(leaf(panda), space, Q0, clear_of=list(things), **more)
+    return hk.certify(leaf(panda), space, Q0, scene=hk.Scene(things, **more))
 
 
 def meshed(file: Path, mesh: trimesh.Trimesh) -> Mesh:

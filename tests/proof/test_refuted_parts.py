@@ -30,7 +30,7 @@ def region() -> hk.proof.UniqueRegion:
     ball = hk.obstacle("ball", Capsule(RADIUS), tuple(BALL))
     strategy = hk.holonomic(hk.pose(ARM), hk.lock(2))
     return hk.unique_region(
-        strategy, Q0, space, clear_of=[ball], clearance=WANTED, self_collision=False, budget=4000
+        strategy, Q0, space, scene=hk.Scene(obstacles=[ball], clearance=WANTED, self_collision=False), budget=4000
     )  # fmt: skip
 
 
@@ -86,8 +86,8 @@ def test_a_box_that_is_not_proven_whole_has_the_posture_that_refutes_it() -> Non
     """`certify` ends at the first place where it fails; what is too near is found all the same."""
     found = region()
     proof = hk.certify(
-        found.strategy, found.workspace, Q0, clear_of=[hk.obstacle("ball", Capsule(RADIUS), tuple(BALL))],
-        clearance=WANTED, self_collision=False,
+        found.strategy, found.workspace, Q0,
+        scene=hk.Scene([hk.obstacle("ball", Capsule(RADIUS), tuple(BALL))], clearance=WANTED, self_collision=False),
     )  # fmt: skip
     worst = region_of(proof).parts.worst
     assert not proof.whole and to_ball(worst.q)[0] < WANTED
@@ -96,7 +96,7 @@ def test_a_box_that_is_not_proven_whole_has_the_posture_that_refutes_it() -> Non
 def test_along_a_path_the_posture_is_found_that_is_nearest() -> None:
     ball, path = hk.obstacle("ball", Capsule(RADIUS), tuple(BALL)), hk.polyline([TOOL[:3, 3], CORNER])
     strategy = region().strategy
-    proof = hk.certify(strategy, path, Q0, clear_of=[ball], clearance=WANTED, self_collision=False)
+    proof = hk.certify(strategy, path, Q0, scene=hk.Scene(obstacles=[ball], clearance=WANTED, self_collision=False))
     one = too_near_along(proof)
     walk = to_ball(hk.follow(strategy, path, Q0, samples=200).q)
     assert not proof.whole and one.distance == pytest.approx(walk.min(), abs=1e-6) and one.distance < 0

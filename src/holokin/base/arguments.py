@@ -14,7 +14,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import numpy as np
 
-from .errors import ArgumentError, CallError, PickleError, UnknownNameError, brief
+from .errors import SYNONYMS, ArgumentError, CallError, PickleError, UnknownNameError, brief
 from .types import Array, Flags, Value, Vector, frozen, number
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -23,9 +23,12 @@ F = TypeVar("F", bound=Callable[..., Any])
 def typed(function: F) -> F:
     """A function whose arguments must be of the kinds that its signature names.
 
-    Arrays are left to the function, which knows their shapes. Raises (when called): ArgumentError; CallError: there are
-    too many, too few, or some of other names.
+    Arrays are left to the function, which knows their shapes. Of a class these are the arguments that make one. Raises
+    (when called): ArgumentError; CallError: there are too many, too few, or some of other names.
     """
+    if isinstance(function, type):
+        function.__init__ = typed(function.__init__)
+        return function  # type: ignore[return-value]
     known = list(signature(function).parameters.values())
     names = [p.name for p in known if p.kind in (Parameter.POSITIONAL_OR_KEYWORD, Parameter.POSITIONAL_ONLY)]
     rest = next((p.name for p in known if p.kind is Parameter.VAR_POSITIONAL), "")
@@ -58,7 +61,7 @@ def typed(function: F) -> F:
             if isinstance(problem, CallError) or _bound(function, arguments, named):
                 raise
             missing = {name: kind for name, kind in list(wanted.items())[len(arguments) :] if name not in named}
-            raise CallError(str(problem), _form(function) + _made_as(function, missing)) from None
+            raise CallError(str(problem), _form(function, wanted, named) + _made_as(function, missing)) from None
 
     return called  # type: ignore[return-value]
 
@@ -72,16 +75,30 @@ def _bound(function: Callable[..., Any], arguments: tuple[Any, ...], named: dict
     return True
 
 
-def _form(function: Callable[..., Any]) -> str:
-    """How a function is called: its name, its arguments, and what they are by default."""
+def _form(function: Callable[..., Any], kinds: Mapping[str, Any], named: Mapping[str, Any]) -> str:
+    """How a function is called: its name, its arguments, and what they are by default.
+
+    Where a noun among the arguments has what was given by name, as `hk.Scene` has obstacles, it is written out.
+    """
     marks, parts = {Parameter.VAR_POSITIONAL: "*", Parameter.VAR_KEYWORD: "**"}, []
-    for name, one in signature(function).parameters.items():
+    known = signature(function).parameters
+    given = {SYNONYMS.get(name, name): value for name, value in named.items() if name not in known}
+    for name, one in known.items():
         value = "..." if one.kind is Parameter.KEYWORD_ONLY else ""
         if one.default is not Parameter.empty:
             value = "..." if callable(one.default) else brief(repr(one.default), 40)
+        kind = kinds.get(name)
+        value = next((form for noun in (kind, *get_args(kind)) if (form := _noun(noun, given))), value)
         if name != "self":
             parts.append(f"{marks.get(one.kind, '')}{name}{'=' * bool(value)}{value}")
-    return f"{function.__qualname__}({', '.join(parts)})"
+    return f"{function.__qualname__.removesuffix('.__init__')}({', '.join(parts)})"
+
+
+def _noun(kind: Any, given: Mapping[str, Any]) -> str:
+    """How a noun is made with those of the arguments given that its class takes; empty where it takes none."""
+    takes = getattr(kind, "__dataclass_fields__", {}) if hasattr(getattr(kind, "__init__", None), "__wrapped__") else {}
+    fields = [f"{name}={'[...]' if _is_sequence(v) else '...'}" for name, v in given.items() if name in takes]
+    return f"hk.{kind.__name__}({', '.join(fields)})" if fields else ""
 
 
 def _made_as(function: Callable[..., Any], missing: Mapping[str, Any]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -16,9 +16,10 @@ from ..base.arguments import typed
 from ..base.errors import NoProofError
 from ..base.types import ArrayLike, Flags, Indices, Matrix, Value, Vector, joined, some, whole
 from ..base.units import at_least, share_text
+from ..motion.checks import Scene
 from ..path.editing import AnyPath
 from ..path.workspaces import Workspace
-from ..robot import LinkShape, Robot, start_posture
+from ..robot import start_posture
 from ..strategies import HolonomicStrategy, Strategy
 from ..symbolic.intervals import Interval
 from .binding import lowered
@@ -37,7 +38,7 @@ from .certificate import (
 )
 from .clear_cells import ClearCells
 from .equation import Equation
-from .kept_apart import CLEARANCE, kept_apart
+from .kept_apart import kept_apart
 from .path_proof import Pathway
 from .region_growth import grown
 from .tube import UP, Cells, centred, examined
@@ -370,12 +371,7 @@ def certify(
     q0: ArrayLike,
     *,
     limits: bool = True,
-    clear_of: Sequence[LinkShape] | None = None,
-    floor: float | None = None,
-    clearance: float = CLEARANCE,
-    self_collision: bool = True,
-    ignore: Sequence[tuple[str, str]] = (),
-    shapes_of: Robot | None = None,
+    scene: Scene | None = None,
     budget: int = 20_000,
     keep_in: str | FilePath | None = None,
     progress: Callable[[str], None] = lambda _text: None,
@@ -396,14 +392,9 @@ def certify(
             its tilt and spin: of turns a box is covered that holds them. What the task leaves free of the box, as a
             spin, is taken from q0.
         limits: prove, too, that the joints stay within their limits.
-        clear_of: prove, too, that no link comes nearer than `clearance` to these obstacles (`hk.obstacle`), to
-            the floor, or to another link; [] for the floor and the links alone. The pairs are those of `check`. Of
-            meshes it is said of their convex hulls, and of a robot without shapes of `with_capsules`.
-        floor: height of the floor z [m] in the frame of the base; None for no floor.
-        clearance: the distance to prove [m].
-        self_collision: whether links are held against each other.
-        ignore: pairs of names that may touch: of two links, of a link and an obstacle, or of a link and "floor".
-        shapes_of: the same robot with other shapes, as of `with_shape` or `with_capsules`; by default the strategy's.
+        scene: prove, too, that the links keep their clearance from what is in it, and from each other. The pairs are
+            those of `check`. Of meshes it is said of their convex hulls, and of a robot without shapes of
+            `with_capsules`.
         budget: cells that may be examined.
         keep_in: a file that keeps the cells as they are examined. Where it is there already, of the same question, the
             proof goes on with them, and ends with the same certificate; with another `budget`, as far as they serve.
@@ -428,7 +419,7 @@ def certify(
         postures, extent, stop = walked(strategy, where, start, SAMPLES)
         ended = extent, stop
         domain = Pathway.of(strategy, where, postures, SAMPLES)
-    clear = kept_apart(strategy, start, clear_of, floor, clearance, self_collision, ignore, shapes_of)
+    clear = kept_apart(strategy, start, scene)
     asked = demands(strategy, limits, clear)
     with KeptCells.opened(keep_in, lambda: question(domain, start, asked)) as kept_cells:
         return certificate(where, domain, start, asked, budget, progress, began, ended, kept_cells)

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..base.errors import ArgumentError
-from ..base.types import Matrix, Value, Vector, number
+from ..base.types import Matrix, Value, Vector
 from ..motion import follow
 from ..motion.checks.clearance import FLOOR
-from ..motion.checks.motion_checks import Clearances, posture_clearances
+from ..motion.checks.motion_checks import Clearances
+from ..motion.checks.scene import Scene
 from ..path import Path
 from ..robot import LinkShape, Mesh, Robot, chain_length, foot_of
-from ..robot.tree import joint_frames
 from ..strategies import HolonomicStrategy
 from .certificate import Certificate
-from .clear_cells import ClearCells, joints_of, shape_pairs
+from .clear_cells import ClearCells, shape_pairs
 
 # --------------------------------------------------------------------------------------------------
 # `TooNear`: a posture on a leaf at which two shapes are nearer than a proof was to show: there none
@@ -61,12 +61,8 @@ def _apart_words(names: tuple[str, str], distance: float) -> str:
 
 def gap_distances(clear: ClearCells, Q: Matrix) -> Matrix:
     """(k, gaps) how far apart things are at postures Q (k, n), as `check` has it: `clear.looked_at.gaps`."""
-    gaps, limits = clear.looked_at.gaps, clear.looked_at.limits
-    if not (len(Q) and gaps):
-        return np.zeros((len(Q), len(gaps)))
-    frames, every = joint_frames(clear.robot, Q), np.arange(len(Q))
-    found = [gap.distances(frames, every, limit + SURE) for gap, limit in zip(gaps, limits, strict=True)]
-    return np.column_stack(found)
+    found = Clearances(clear.robot, clear.looked_at)
+    return found.distances(Q, found.limits + SURE)
 
 
 def short_of(clear: ClearCells, distances: Matrix) -> Matrix:
@@ -98,9 +94,6 @@ def too_near_along(certificate: Certificate) -> TooNear | None:
     return _too_near_at(clear, strategy.task.pose(worst), worst)
 
 
-CLEARANCE = 0.02
-"""What is proven by default [m]: a model is off by millimetres, and so is the robot behind it."""
-
 LARGE, DOUBTFUL = 50.0, 5.0
 """Lengths of the arm's chain: a thing larger or farther than the first is not in metres, one larger than the second and
 too near at q0, may not be."""
@@ -109,11 +102,7 @@ EVEN = 1e-11
 """By how much a rotation may be none, and the square of an axis not 1; those of the catalogue are off by 4e-16."""
 
 
-def kept_apart(
-    strategy: HolonomicStrategy, q0: Vector, clear_of: Sequence[LinkShape] | None, floor: float | None,
-    clearance: float, self_collision: bool, ignore: Sequence[tuple[str, str]],
-    shapes_of: Robot | None = None,
-) -> ClearCells | None:  # fmt: skip
+def kept_apart(strategy: HolonomicStrategy, q0: Vector, scene: Scene | None) -> ClearCells | None:
     """What tells of the distances; None where nothing is asked about them.
 
     Raises:
@@ -121,42 +110,33 @@ def kept_apart(
             frame that is no rotation; shapes that are nearer at q0 than is asked; a robot without links; nothing to
             look at. UnknownNameError: no such link. RobotFileError: an unreadable mesh.
     """
-    asked = clearances_of(strategy.task.robot, clear_of, floor, clearance, self_collision, ignore, shapes_of)
-    if asked is None or clear_of is None:
+    asked = clearances_of(strategy.task.robot, scene)
+    if asked is None or scene is None:
         return None
-    _check_convex(clear_of)
-    _named_apart(asked.robot, [*(shape.link for shape in clear_of), *([] if floor is None else [FLOOR])])
-    _even(asked.robot, clear_of)
+    _check_convex(scene.obstacles)
+    names = [shape.link for shape in scene.obstacles]
+    _named_apart(asked.robot, names if scene.floor is None else [*names, FLOOR])
+    _even(asked.robot, scene.obstacles)
     found = ClearCells(asked.robot, shape_pairs(asked.pairs.gaps, asked.pairs.limits), asked.pairs)
     _check_start(found, strategy, q0)
     return found
 
 
-def clearances_of(
-    own: Robot, clear_of: Sequence[LinkShape] | None, floor: float | None, clearance: float, self_collision: bool,
-    ignore: Sequence[tuple[str, str]], shapes_of: Robot | None,
-) -> Clearances | None:  # fmt: skip
+def clearances_of(robot: Robot, scene: Scene | None) -> Clearances | None:
     """What tells of the distances at single postures; None where nothing is asked about them.
 
     Raises:
         ArgumentError, UnknownNameError, RobotFileError: as `kept_apart`, but for what is said of q0.
     """
-    if clear_of is None:
-        if floor is not None:
-            raise ArgumentError("floor", floor, "give clear_of, too: [] for the floor and the links alone")
+    if scene is None:
         return None
-    robot = shapes_of or own
     robot._check_links()
-    if joints_of(robot) != joints_of(own):
-        raise ArgumentError("shapes_of", robot.name, "give the same robot, with other shapes")
-    level = None if floor is None else number("floor", floor)
-    if level is not None and not np.isfinite(level):
-        raise ArgumentError("floor", level, "give its height in m, or None")
-    heights = {} if level is None else {"floor": level}
-    _checked(robot, clear_of, {**heights, "clearance": number("clearance", clearance)})
-    found = posture_clearances(robot, clear_of, level, clearance, self_collision, ignore)
-    if not found.pairs.gaps:
-        raise ArgumentError("clear_of", list(clear_of), "give obstacles or a floor, or let the links be looked at")
+    _checked(robot, scene)
+    found = Clearances.of(robot, scene)
+    if not found.names:
+        raise ArgumentError(
+            "scene", scene, "nothing in it can be touched: give obstacles, a floor or self_collision=True"
+        )
     return found
 
 
@@ -218,7 +198,9 @@ def _is_rotation(T: Matrix) -> bool:
     return bool(np.abs(T[:3, :3].T @ T[:3, :3] - np.eye(3)).max() < EVEN)
 
 
-def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str, float]) -> None:
+def _checked(robot: Robot, scene: Scene) -> None:
+    """Raises: ArgumentError: lengths that are not in metres; an obstacle that moves, or that cannot be read."""
+    lengths = {"clearance": scene.clearance} | ({} if scene.floor is None else {"floor": scene.floor})
     size, foot = max(chain_length(robot), 0.1), foot_of(robot.joints, robot._find_tip().joint)
     most = LARGE * size
     for name, length in lengths.items():
@@ -230,7 +212,7 @@ def _checked(robot: Robot, obstacles: Sequence[LinkShape], lengths: Mapping[str,
         if not (shape.obstacle or shape.shape.fault) and shape.shape.ball[1] > most:
             cure = f"it is {2 * shape.shape.ball[1]:.3g} m large, the arm {size:.3g} m long: give metres, or its scale"
             raise ArgumentError("a shape of the robot", shape.link, cure)
-    for one in obstacles:
+    for one in scene.obstacles:
         if one.joint >= 0:
             cure = "a proof is about obstacles that stand still: put what the tool carries on it by hk.robot.with_shape"
             raise ArgumentError("an obstacle that moves", one.link, cure)

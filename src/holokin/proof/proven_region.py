@@ -8,7 +8,7 @@ inside them leads to other joints. Theory 7.2, 7.3
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -23,10 +23,11 @@ from ..base.poses import PoseLike, pose_from, tool_poses
 from ..base.tolerances import TOLERANCES
 from ..base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, kept, some, whole
 from ..base.units import at_least, percentages
+from ..motion.checks import Scene
 from ..motion.ik import InverseKinematics, InverseStatus, ik
 from ..motion.ik.inverse_function import leads_to
 from ..path.workspaces import PoseRange, workspace
-from ..robot import LinkShape, Robot, reach
+from ..robot import reach
 from ..strategies import HolonomicStrategy, Strategy
 from ..strategies.tasks.task import of_one_tool
 from .box_proof import PoseRegion
@@ -34,7 +35,7 @@ from .cell_search import KeptCells
 from .certificate import Certificate, Demands, Extent, clear_cuts, left_open, partition
 from .certify_leaf import certificate, demands, provable, question, start_of
 from .clear_cells import ClearCells
-from .kept_apart import CLEARANCE, TooNear, gap_distances, kept_apart, short_of
+from .kept_apart import TooNear, gap_distances, kept_apart, short_of
 
 # --------------------------------------------------------------------------------------------------
 # A large box of tool poses about a start: grown where samples are regular, made smaller until it is
@@ -568,12 +569,7 @@ def unique_region(
     tilt: float = 0.0,
     spin: float = 0.0,
     limits: bool = True,
-    clear_of: Sequence[LinkShape] | None = None,
-    floor: float | None = None,
-    clearance: float = CLEARANCE,
-    self_collision: bool = True,
-    ignore: Sequence[tuple[str, str]] = (),
-    shapes_of: Robot | None = None,
+    scene: Scene | None = None,
     budget: int = 20_000,
     keep_in: str | FilePath | None = None,
     progress: Callable[[str], None] = lambda _text: None,
@@ -592,7 +588,7 @@ def unique_region(
         workspace: `workspace(box=...)`, with its tilt and spin.
         tilt, spin: of the box that is sought [rad], as of `workspace`; the tool's orientation at q0 is its middle.
         limits: prove, too, that the joints stay within their limits.
-        clear_of, floor, clearance, self_collision, ignore, shapes_of: prove, too, that shapes keep apart, as `certify`.
+        scene: prove, too, that the links keep clear of it, as `certify`.
         budget: cells that may be examined; more give a larger box, and never prove less of one.
         keep_in: of a workspace, a file that keeps the cells, as of `certify`.
         progress: hears how far it is.
@@ -605,9 +601,7 @@ def unique_region(
     of_one_tool(strategy.task, "a region of poses")
     strategy, start, budget = provable(strategy), start_of(strategy, q0, limits), whole("budget", budget)
     strategy(start)
-    asked = demands(
-        strategy, limits, kept_apart(strategy, start, clear_of, floor, clearance, self_collision, ignore, shapes_of)
-    )
+    asked = demands(strategy, limits, kept_apart(strategy, start, scene))
     if workspace is None:
         if keep_in is not None:
             cure = "it is of one box: give the workspace, too"

@@ -16,7 +16,7 @@ from holokin.robot import Box, Capsule
 
 PLANE = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
 BAR, BALL, PLACE = 0.05, 0.1, np.array([0.9, -0.5])
-ASKED: dict[str, Any] = {"clear_of": [hk.obstacle("post", Capsule(BALL), (*PLACE, 0.0))], "clearance": 0.05}
+SCENE = hk.Scene([hk.obstacle("post", Capsule(BALL), (*PLACE, 0.0))], clearance=0.05)
 
 
 def arm() -> hk.Robot:
@@ -41,7 +41,7 @@ def plain() -> Advice:
 
 @pytest.fixture(scope="module")
 def clear() -> Advice:
-    return hk.advise(hk.position(arm()), PLANE, **ASKED)
+    return hk.advise(hk.position(arm()), PLANE, scene=SCENE)
 
 
 @pytest.mark.campaign
@@ -68,7 +68,7 @@ def test_the_call_that_is_named_proves_it_and_refuses_the_law_without_the_post(p
     least = proof.findings.apart.min()
     assert 0.05 <= least <= clear.best.clearance + 1e-9
     with pytest.raises(ArgumentError, match=r"post are 0\.0.* m apart there"):
-        hk.certify(plain.best.strategy, PLANE, plain.q0, **ASKED)
+        hk.certify(plain.best.strategy, PLANE, plain.q0, scene=SCENE)
     said = str(plain).splitlines()[-1].removeprefix("Certify it by: ")
     assert eval(said, {"hk": hk, "advice": plain}).whole
 
@@ -83,17 +83,15 @@ def test_other_things_equal_a_law_that_is_well_clear_everywhere_comes_first() ->
 
 
 def test_what_cannot_be_kept_clear_of_is_refused() -> None:
-    with pytest.raises(ArgumentError, match="clear_of, too"):
-        hk.advise(hk.position(arm()), PLANE, floor=-1.0)
-    with pytest.raises(ArgumentError, match="clearance"):
-        hk.advise(hk.position(arm()), PLANE, clear_of=[], clearance=-0.1)
-    with pytest.raises(ArgumentError, match="let the links be looked at"):
-        hk.advise(hk.position(arm()), PLANE, clear_of=[], self_collision=False)
+    with pytest.raises(ArgumentError, match="nothing in it can be touched"):
+        hk.advise(hk.position(arm()), PLANE, scene=hk.Scene(self_collision=False))
 
 
 @pytest.mark.campaign
 def test_where_no_law_keeps_clear_the_advice_says_so_and_names_no_proof() -> None:
-    found = hk.advise(hk.position(arm()), PLANE, clear_of=[hk.obstacle("tank", Capsule(1.0), (0.5, 0.2, 0.0))])
+    found = hk.advise(
+        hk.position(arm()), PLANE, scene=hk.Scene(obstacles=[hk.obstacle("tank", Capsule(1.0), (0.5, 0.2, 0.0))])
+    )
     assert found.best.coverage == 0.0 and found.best.clearance < 0 and found.certify_by == ""
     assert found.reasons[0].startswith("No law that was tried serves any of the 256 poses. With ")
     assert "too near" in found.reasons[0] and found.to_dict()["floor"] is None
@@ -103,12 +101,9 @@ def test_where_no_law_keeps_clear_the_advice_says_so_and_names_no_proof() -> Non
 def test_on_a_panda_beside_a_post_the_advised_law_is_proven_and_the_one_without_the_post_is_not() -> None:
     """A cube of 6 cm above a table, a post behind the elbow; without the criterion the elbow is beside the post."""
     table = hk.obstacle("table", Box(np.array([1.0, 1.0, 0.05])), (0.6, 0.0, -0.05))
-    asked: dict[str, Any] = {
-        "clear_of": [table, hk.obstacle("post", Capsule(0.02, 1.0), (-0.19, 0.0, 0.5))],
-        "clearance": 0.02,
-    }
+    scene = hk.Scene([table, hk.obstacle("post", Capsule(0.02, 1.0), (-0.19, 0.0, 0.5))], clearance=0.02)
     panda, cube = hk.load("panda"), hk.workspace(box=([0.5, 0.05, 0.35], [0.03] * 3))
-    advice, plain = hk.advise(hk.pose(panda), cube, **asked), hk.advise(hk.pose(panda), cube)
+    advice, plain = hk.advise(hk.pose(panda), cube, scene=scene), hk.advise(hk.pose(panda), cube)
     proof = eval(advice.certify_by.removeprefix("Certify it by: "), {"hk": hk, "advice": advice})
     assert proof.whole and proof.findings.apart.min() > 0.08
-    assert not hk.certify(plain.best.strategy, cube, plain.q0, **asked).whole
+    assert not hk.certify(plain.best.strategy, cube, plain.q0, scene=scene).whole

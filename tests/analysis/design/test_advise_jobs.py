@@ -19,7 +19,7 @@ from holokin.analysis.design.trials import PROVABLE, Poses, Trial, distinct, tri
 from holokin.app.job import open_job, run_job
 from holokin.app.job.advice_job import question, write_over
 from holokin.base.errors import ArgumentError, JobError
-from holokin.motion.checks import clear_postures
+from holokin.motion.checks import Clearances
 from holokin.robot import Capsule
 
 TORCH = """
@@ -85,8 +85,8 @@ def test_the_tool_that_the_checks_give_a_robot_is_in_the_picture_of_advice(tmp_p
     given = '{ name = "gripper", on = "tool", kind = "box", sides = [0.1, 0.1, 0.2], xyz = [0, 0, 0.1] }'
     file.write_text(TORCH.replace('{ name = "post"', f'{given}, {{ name = "post"'))
     asked = question(str(file))
-    assert [part.link for part in asked.shown.shapes if part.carried] == ["gripper"]
-    assert not [part for part in asked.task.robot.shapes if part.carried]
+    assert [part.link for part in asked.shown.shapes] == ["gripper"], "the arm is drawn as before"
+    assert {"gripper", "elbow_joint"} < {part.link for part in asked.task.robot.shapes}
 
 
 def test_a_job_is_heard_with_its_torch_its_task_its_path_its_limits_and_its_degrees(torch: str) -> None:
@@ -106,18 +106,19 @@ def test_a_job_is_heard_with_its_torch_its_task_its_path_its_limits_and_its_degr
     on_edge = np.abs(away[:, :2, None] - [[0, 0.1], [0, 0.15]]).min(axis=(1, 2))
     assert on_edge.max() < 1e-12
     assert not asked.chosen
-    assert [one.link for one in asked.obstacles] == ["post"]
-    assert asked.apart is not None and not asked.apart.clear(asked.q0[None])[0]  # the post stands where the torch is
+    assert asked.scene is not None and [one.link for one in asked.scene.obstacles] == ["post"]
+    apart = Clearances.of(asked.task.robot, asked.scene)
+    assert not apart.clear(asked.q0[None])[0]  # the post stands where the torch is
 
 
 def test_checks_without_two_shapes_that_could_meet_ask_nothing_of_shapes(tmp_path: Path) -> None:
     file = tmp_path / "square.toml"
     file.write_text(PLANAR.replace("obstacles = [", "# obstacles = ["))
     asked = question(str(file))
-    assert asked.apart is None and not asked.proven and not asked.obstacles
+    assert asked.scene is None
     file.write_text(PLANAR.replace("obstacles = [", "floor = -0.5\nclearance = 0.03\n# obstacles = ["))
     asked = question(str(file))
-    assert asked.apart is not None and asked.apart.wanted == 0.03 and asked.proven["floor"] == -0.5
+    assert asked.scene is not None and asked.scene.clearance == 0.03 and asked.scene.floor == -0.5
     assert asked.keys["checks"]["clearance"] == 0.03
 
 
@@ -219,7 +220,7 @@ def test_clear_postures_are_those_whose_links_keep_the_distance() -> None:
     """Referee: the distance of a point from three segments of a planar arm, less both radii."""
     arm = hk.robot.with_capsules(hk.load("planar-3r"), 0.05)
     post = hk.obstacle("post", Capsule(0.1, 0.0), [1.2, 0.9, 0.0])
-    clear = clear_postures(arm, obstacles=[post], clearance=0.02, self_collision=False)
+    clear = Clearances.of(arm, hk.Scene([post], clearance=0.02, self_collision=False)).clear
     Q = np.random.default_rng(2).uniform(-2.0, 2.0, (300, 3))
     wanted = []
     for q in Q:
@@ -303,7 +304,7 @@ def test_a_pose_at_which_a_link_is_too_near_is_not_served() -> None:
     whole = hk.coverage(law, space, [0.3, 0.8, 0.5], samples=64)
     turn = float(np.median(whole.q[whole.reached][:, 0]))
     post = hk.obstacle("post", Capsule(0.1, 0.0), [0.6 * np.cos(turn), 0.6 * np.sin(turn), 0.0])
-    clear = clear_postures(arm, obstacles=[post], self_collision=False)
+    clear = Clearances.of(arm, hk.Scene([post], self_collision=False)).clear
     less = whole.blocked(clear)
     lost = whole.reached & ~less.reached
     assert less.share < whole.share

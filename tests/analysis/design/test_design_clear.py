@@ -12,7 +12,7 @@ from holokin.analysis.coverage.pose_postures import chart_of, coordinates_of
 from holokin.analysis.design.objectives import Objective, costs_of
 from holokin.analysis.design.section import Limits, Search, SectionSamples, TiltedLeaves
 from holokin.base.errors import ArgumentError
-from holokin.motion.checks.motion_checks import posture_clearances
+from holokin.motion.checks import Clearances
 from holokin.robot import Box, Capsule, with_capsules
 from holokin.strategies.right_inverses import monomials_up_to
 
@@ -38,7 +38,7 @@ def search_of(task: hk.Task, goal: Objective, wanted: float) -> Search:
     Q = hk.ik(law, center).batch(poses).q
     c = coordinates_of(chart_of(task, SPACE.center[:3, :3]), Q)
     near, apart = (
-        posture_clearances(task.robot, [TABLE, POST], -0.3, far, True, ()) for far in (goal.enough_clearance, wanted)
+        Clearances.of(task.robot, hk.Scene([TABLE, POST], -0.3, far)) for far in (goal.enough_clearance, wanted)
     )
     section = SectionSamples(TiltedLeaves(law, c), monomials_up_to(c.d, 2), poses[:, :3, 3], poses[:, :3, :3], c.at(Q))
     limits = Limits(np.full(7, np.inf), 0.0, apart)
@@ -89,7 +89,7 @@ def least_by_coal(found: hk.analysis.design.Design, poses: np.ndarray) -> float:
 def pair(task: hk.Task) -> tuple[hk.analysis.design.Design, hk.analysis.design.Design]:
     """Designed without the post, and to keep 0.06 m from it."""
     return hk.design(task, SPACE, READY, **WORDS), hk.design(
-        task, SPACE, READY, clear_of=[TABLE, POST], clearance=0.06, **WORDS
+        task, SPACE, READY, scene=hk.Scene(obstacles=[TABLE, POST], clearance=0.06), **WORDS
     )
 
 
@@ -114,16 +114,16 @@ def test_a_distance_that_binds_is_kept_at_other_poses(
 def test_what_was_designed_to_keep_clear_is_proven_to(
     pair: tuple[hk.analysis.design.Design, hk.analysis.design.Design],
 ) -> None:
-    asked: dict[str, Any] = {"clear_of": [TABLE, POST], "clearance": 0.05}
+    scene = hk.Scene([TABLE, POST], clearance=0.05)
     free, held = pair
-    proof = hk.certify(held.strategy, SPACE, held.q0, **asked)
+    proof = hk.certify(held.strategy, SPACE, held.q0, scene=scene)
     assert proof.whole and 0.05 <= proof.findings.apart.min() <= held.checked.clearance + 0.001
-    assert not hk.certify(free.strategy, SPACE, free.q0, **asked).whole
+    assert not hk.certify(free.strategy, SPACE, free.q0, scene=scene).whole
 
 
 @pytest.mark.campaign
 def test_clearance_as_a_cost_makes_the_least_distance_larger(task: hk.Task) -> None:
-    words: dict[str, Any] = {"clear_of": [TABLE, POST], "clearance": 0.0, "degree": 1, "samples": 12}
+    words: dict[str, Any] = {"scene": hk.Scene([TABLE, POST], clearance=0.0), "degree": 1, "samples": 12}
     plain = hk.design(task, SPACE, READY, **words)
     far = hk.design(task, SPACE, READY, objective=Objective(1.0, clearance=5.0), **words)
     assert far.after.clearance > plain.after.clearance + 0.005
@@ -133,13 +133,9 @@ def test_clearance_as_a_cost_makes_the_least_distance_larger(task: hk.Task) -> N
 
 
 def test_a_clearance_that_cannot_be_asked_is_refused(task: hk.Task) -> None:
-    with pytest.raises(ArgumentError, match=r"weight of clearance is 1.*clear_of"):
+    with pytest.raises(ArgumentError, match=r"weight of clearance is 1.*hk.Scene"):
         hk.design(task, SPACE, READY, objective="clearance")
-    with pytest.raises(ArgumentError, match="clear_of, too"):
-        hk.design(task, SPACE, READY, floor=0.0)
-    with pytest.raises(ArgumentError, match="clearance"):
-        hk.design(task, SPACE, READY, clear_of=[TABLE], clearance=-0.1)
     with pytest.raises(ArgumentError, match="enough_clearance"):
         Objective(1.0, enough_clearance=0.0)
     with pytest.raises(ArgumentError, match="metres"):
-        hk.design(task, SPACE, READY, clear_of=[hk.obstacle("far", Capsule(1.0), (900.0, 0.0, 0.0))])
+        hk.design(task, SPACE, READY, scene=hk.Scene(obstacles=[hk.obstacle("far", Capsule(1.0), (900.0, 0.0, 0.0))]))

@@ -10,7 +10,6 @@ import pytest
 import holokin as hk
 from handmade_sheets import map_of, panda_map, planar_map, planar_task
 from holokin.analysis.sheets import Hindrance, Sheet, Sheets, self_motion_between
-from holokin.analysis.sheets.sheet_map import surroundings
 from holokin.base.errors import ArgumentError, NoSeamError, NotFiniteError, ShapeError
 
 
@@ -56,7 +55,7 @@ def test_a_seam_of_a_panda_keeps_the_limits_of_speed_and_the_pose() -> None:
     walk = seam.trajectory
     assert walk.tracking_error("m") < 1e-9
     assert walk.tracking_error("rad") < 1e-9
-    assert hk.check(walk, task.robot, self_collision=False).passed
+    assert hk.check(walk, task.robot, scene=None).passed
     share = (np.abs(np.diff(q, axis=0)) / np.diff(seam.motion.t)[:, None] / task.robot.max_velocity).max()
     assert 0.98 < share <= 1 + 1e-9  # the fastest joint takes its limit
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(seams))[0].q, seam.q)
@@ -89,10 +88,10 @@ def test_pairs_without_a_seam_say_why() -> None:
     angles = np.cumsum(seam.q[len(seam.q) // 2])
     middle = [np.cos(angles[0]), np.sin(angles[0])]  # the first elbow, half way
     post = hk.obstacle("post", hk.robot.Box((0.3, 0.3, 1.0)), (*middle, 0.0))
-    around = surroundings([post], None, 0.01, False, (), None)
-    blocked = map_of(task, space, [up, down], 6, around)
+    scene = hk.Scene([post], self_collision=False)
+    blocked = map_of(task, space, [up, down], 6, scene)
     for one in blocked.seams():
-        report = hk.check(one.trajectory, task.robot, obstacles=[post], self_collision=False)
+        report = hk.check(one.trajectory, task.robot, scene=scene)
         assert report.passed, report
     none = free.seams(at=lambda _pose: False)
     assert none.missing[0].reason == Hindrance.NO_POSE.text

@@ -43,13 +43,15 @@ def test_an_obstacle_takes_poses_away_and_is_named() -> None:
     task = planar_task()
     wall = hk.obstacle("wall", hk.robot.Box((0.2, 4.0, 1.0)), (1.6, 0.0, 0.0))
     law = [hk.holonomic(task, hk.linear([0, 1, -1]))]
-    s = hk.sheets(task, disc(), law, samples=24, share=0.5, clear_of=[wall], self_collision=False, clearance=0.05)
+    s = hk.sheets(
+        task, disc(), law, samples=24, share=0.5, scene=hk.Scene(obstacles=[wall], clearance=0.05, self_collision=False)
+    )
     beyond = s.poses[:, 0, 3] > 2.2
     assert (s.rest[beyond] >= PoseRest.NOT_COVERED).all()
     assert PoseRest.BLOCKED in s.rest
     everywhere = hk.obstacle("block", hk.robot.Box((9.0, 9.0, 1.0)), (0, 0, 0))
-    with pytest.raises(OutOfReachError):
-        hk.sheets(task, disc(), law, samples=8, clear_of=[everywhere])
+    with pytest.raises(OutOfReachError, match="obstacle"):
+        hk.sheets(task, disc(), law, samples=8, scene=hk.Scene(obstacles=[everywhere]))
 
 
 def test_control_c_keeps_what_was_found() -> None:
@@ -164,7 +166,7 @@ def test_without_a_search_the_leaves_of_the_given_postures_alone_are_compared() 
     [
         ({"share": 0.0}, ArgumentError), ({"share": 1.5}, ArgumentError), ({"samples": 0}, ArgumentError),
         ({"search": False}, ArgumentError), ({"strategies": []}, ArgumentError), ({"rcond": 1.0}, ArgumentError),
-        ({"floor": 0.0}, ArgumentError),
+        ({"scene": 0.0}, ArgumentError),
         ({"strategies": [hk.holonomic(hk.position(hk.load("planar-3r")), hk.lock(0))]}, ArgumentError),
     ],
 )  # fmt: skip

@@ -175,8 +175,8 @@ def test_a_map_of_another_robot_or_of_no_map_is_refused(planar: Sheets, tmp_path
     with pytest.raises(SheetsFileError, match="another kind"):
         hk.read_sheets(file, planar.task)
     hk.analysis.sheets.write_sheets(replace(planar, sheets=tuple(keyed)), file)
-    with pytest.raises(SheetsFileError, match="surroundings"):
-        hk.read_sheets(file, planar.task, clear_of=[])
+    with pytest.raises(SheetsFileError, match="another scene"):
+        hk.read_sheets(file, planar.task, scene=hk.Scene())
     with pytest.raises(SheetsFileError, match="it is of"):
         hk.read_sheets(file, hk.position(hk.load("ppr")))
     (tmp_path / "no.npz").write_bytes(b"PK\x03\x04 nothing")

@@ -43,7 +43,8 @@ def proof(part: bool) -> Certificate:
     space = hk.workspace(box=(TOOL[:3, 3], [HALF] * 3), rotation=TOOL[:3, :3])
     things = [TABLE, hk.obstacle("a ball", Capsule(RADIUS), tuple(BALL))][: 1 + part]
     more = {"self_collision": False} if part else {"floor": -0.3}
-    return hk.unique_region(strategy, Q0, space, clear_of=things, clearance=WANTED, budget=4000, **more).certificate
+    scene = hk.Scene(things, clearance=WANTED, **more)
+    return hk.unique_region(strategy, Q0, space, scene=scene, budget=4000).certificate
 
 
 @pytest.fixture(scope="module")
@@ -244,7 +245,7 @@ def test_a_box_of_which_nothing_is_proven_has_a_page(tmp_path: Path) -> None:
     strategy = hk.holonomic(hk.position(arm), hk.linear([[0.3, 0, 1]]))
     ball = hk.obstacle("a ball", Capsule(0.1), (-1.5, 0.0, 0.0))
     space = hk.workspace(box=(arm.pose(q0)[:2, 3], [1.4, 1.4]))
-    none = hk.certify(strategy, space, q0, clear_of=[ball], self_collision=False, budget=1)
+    none = hk.certify(strategy, space, q0, scene=hk.Scene(obstacles=[ball], self_collision=False), budget=1)
     assert len(none) == 0 and region_of(none).share == 0
     assert sum(region_of(none).parts.shares.values()) == pytest.approx(1.0)
     assert "NOTHING IS PROVEN" in save_with_page(none, tmp_path / "none.json", 0).read_text("utf-8")

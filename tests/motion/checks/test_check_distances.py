@@ -181,7 +181,7 @@ def test_a_pair_is_as_near_as_pinocchio_finds_or_its_hulls_are_nearer(arm: tuple
     near = 0
     for _ in range(3):
         q = rng.uniform(np.maximum(robot.lower, -2.5), np.minimum(robot.upper, 2.5))
-        report = hk.check(q[None], robot, limits=False, clearance=0.05)
+        report = hk.check(q[None], robot, limits=False, scene=hk.Scene(clearance=0.05))
         wanted = pinocchio_least(file, q, robot.joint_names, [one.pair for one in report.pairs])
         for one, exact in zip(report.pairs, wanted, strict=True):
             assert one.least <= max(exact, 0.0) + 1e-6

@@ -37,21 +37,21 @@ def recorded(robot: hk.Robot, t: np.ndarray, q: np.ndarray) -> Recording:
 def test_a_joint_beyond_its_limit_is_told_with_its_time_and_value(arm: hk.Robot) -> None:
     """a = t - 2 from 0 to 5 s passes -1 at 1 s and 2 at 4 s; it is worst at the ends."""
     t = np.linspace(0, 5, 501)
-    report = hk.check(recorded(arm, t, np.column_stack([t - 2, 0.5 * np.sin(t)])), arm, self_collision=False)
+    report = hk.check(recorded(arm, t, np.column_stack([t - 2, 0.5 * np.sin(t)])), arm, scene=None)
     low, high = report.findings
     assert [low.kind, high.kind] == [FindingKind.POSITION] * 2 and low.what == high.what == ("a",)
     assert (low.start, low.time, low.value, low.limit) == (0.0, 0.0, -2.0, -1.0)
     assert low.stop == pytest.approx(0.99) and high.start == pytest.approx(4.01)
     assert (high.time, high.value, high.limit, high.index) == (5.0, 3.0, 2.0, 500)
     assert not report.passed
-    near = hk.check(recorded(arm, t, np.column_stack([0 * t, 0.5 * np.sin(t)])), arm, margin=1.2, self_collision=False)
+    near = hk.check(recorded(arm, t, np.column_stack([0 * t, 0.5 * np.sin(t)])), arm, margin=1.2, scene=None)
     assert [(f.what, f.limit) for f in near.findings] == [(("a",), pytest.approx(0.2))]  # -1 + 1.2 is above 0
 
 
 def test_a_joint_that_is_too_fast_is_told_with_its_time_and_speed(arm: hk.Robot) -> None:
     """b = sin(2 t) is faster than 1.5 where 2 |cos 2t| > 1.5: until 0.361 s, and around pi / 2."""
     t = np.linspace(0, 2, 2001)
-    report = hk.check(recorded(arm, t, np.column_stack([0 * t, np.sin(2 * t)])), arm, self_collision=False)
+    report = hk.check(recorded(arm, t, np.column_stack([0 * t, np.sin(2 * t)])), arm, scene=None)
     first, second = report.findings
     assert first.kind is FindingKind.VELOCITY and first.what == ("b",) and first.unit == "rad/s"
     edge = np.arccos(0.75) / 2
@@ -68,9 +68,9 @@ def test_a_timed_motion_keeps_its_own_limits_and_breaks_smaller_ones(planar_3r: 
     walk = hk.follow(hk.moore_penrose(task), hk.line(start, start + [0.1, 0, 0]), R3_START, samples=50)
     bounds = {"acceleration": 2.0, "jerk": 40.0, "velocity": 1.0}
     timed = hk.retime(walk, profile="trapezoidal", dt=0.01, **bounds)
-    assert hk.check(timed, planar_3r, task=task, self_collision=False).passed
+    assert hk.check(timed, planar_3r, task=task, scene=None).passed
     half = type(timed.limits)(*(getattr(timed.limits, key) / (2 if key in bounds else 1) for key in vars(timed.limits)))
-    report = hk.check(type(timed)(**vars(timed) | {"limits": half}), planar_3r, self_collision=False)
+    report = hk.check(type(timed)(**vars(timed) | {"limits": half}), planar_3r, scene=None)
     told = [f for f in report.findings if f.kind is FindingKind.ACCELERATION]
     assert told and max(f.value for f in told) == pytest.approx(np.abs(timed.ddq).max())
 
@@ -80,12 +80,12 @@ def test_a_stretched_arm_is_told_to_be_near_singular_when_it_is(arm: hk.Robot) -
     t = np.linspace(0, 2, 4001)
     task = hk.position(arm, rows=[0, 1])
     motion = recorded(arm, t, np.column_stack([0 * t, t - 1]))
-    (found,) = hk.check(motion, arm, task=task, self_collision=False).findings
+    (found,) = hk.check(motion, arm, task=task, scene=None).findings
     assert found.kind is FindingKind.SINGULARITY and found.time == pytest.approx(1.0, abs=1e-3)
     assert found.value < 1e-9 and found.limit == 0.01
     assert 0.5 * (found.stop - found.start) == pytest.approx(0.05, rel=2e-2)
-    assert hk.check(motion, arm, task=task, rcond=0.0, self_collision=False).passed
-    assert any("no task" in text for text in hk.check(motion, arm, self_collision=False).remarks)
+    assert hk.check(motion, arm, task=task, rcond=0.0, scene=None).passed
+    assert any("no task" in text for text in hk.check(motion, arm, scene=None).remarks)
 
 
 def test_a_capsule_meets_a_ball_when_geometry_says(arm: hk.Robot) -> None:
@@ -96,12 +96,19 @@ def test_a_capsule_meets_a_ball_when_geometry_says(arm: hk.Robot) -> None:
     t = np.linspace(0, 1.5, 151)
     ball = hk.obstacle("ball", Capsule(0.2), [0, 1.5, 0])
     robot = hk.robot.with_capsules(arm, 0.1)
-    report = hk.check(recorded(robot, t, np.column_stack([t, 0 * t])), robot, obstacles=[ball], limits=False)
+    report = hk.check(
+        recorded(robot, t, np.column_stack([t, 0 * t])), robot, scene=hk.Scene(obstacles=[ball]), limits=False
+    )
     (found,) = report.findings
     assert found.kind is FindingKind.COLLISION and found.what == ("b", "ball")
     assert found.start == pytest.approx(np.arccos(0.31 / 1.5), abs=0.011) and found.stop == 1.5
     assert found.value == pytest.approx(1.5 * np.cos(1.5) - 0.3, abs=1e-9) and found.limit == 0.01
-    brief = hk.check(recorded(robot, t[:130], np.column_stack([t, 0 * t])[:130]), robot, obstacles=[ball], limits=False)
+    brief = hk.check(
+        recorded(robot, t[:130], np.column_stack([t, 0 * t])[:130]),
+        robot,
+        scene=hk.Scene(obstacles=[ball]),
+        limits=False,
+    )
     assert brief.passed and brief.bound >= 0.01 and brief.clearance == pytest.approx(1.5 * np.cos(1.29) - 0.3, abs=1e-9)
 
 
@@ -110,24 +117,24 @@ def test_a_collision_between_two_samples_is_found(arm: hk.Robot) -> None:
     robot = hk.robot.with_capsules(arm, 0.05)
     ball = hk.obstacle("ball", Capsule(0.1), [1.8, 0, 0])
     motion = np.array([[-0.8, 0.0], [0.8, 0.0]])
-    report = hk.check(motion, robot, obstacles=[ball], limits=False)
+    report = hk.check(motion, robot, scene=hk.Scene(obstacles=[ball]), limits=False)
     (found,) = report.findings
     assert found.what == ("b", "ball") and found.kind is FindingKind.COLLISION
     assert found.start < found.time < found.stop and found.time == pytest.approx(0.5, abs=0.05)
     assert found.value <= -0.14
     for row in motion:
-        assert hk.check(row[None], robot, obstacles=[ball], limits=False).passed
+        assert hk.check(row[None], robot, scene=hk.Scene(obstacles=[ball]), limits=False).passed
 
 
 def test_a_tool_below_the_floor_is_told_with_its_depth() -> None:
     """A bar of 0.1 m radius goes down from 0.5 m to -0.5 m: its lowest point is 0.1 m below its middle line."""
     flat = hk.robot.with_capsules(hk.from_dh([{"joint": "s", "kind": "prismatic", "a": 0.5}]), 0.1)
     t = np.linspace(0, 1, 11)
-    report = hk.check(recorded(flat, t, 0.5 - t[:, None]), flat, floor=0.0)
+    report = hk.check(recorded(flat, t, 0.5 - t[:, None]), flat, scene=hk.Scene(floor=0.0))
     (found,) = report.findings
     assert found.what == ("s", "floor") and found.value == pytest.approx(-0.6) and found.time == 1.0
     assert found.start == pytest.approx(0.4)
-    assert hk.check(recorded(flat, t, 0.5 - 0.3 * t[:, None]), flat, floor=0.0).passed
+    assert hk.check(recorded(flat, t, 0.5 - 0.3 * t[:, None]), flat, scene=hk.Scene(floor=0.0)).passed
 
 
 def test_pairs_that_are_left_out_are_named_with_the_reason(panda: hk.Robot) -> None:
@@ -138,10 +145,10 @@ def test_pairs_that_are_left_out_are_named_with_the_reason(panda: hk.Robot) -> N
     assert any("0.071 m" in text for text in report.remarks)
     looked = {one.pair for one in report.pairs}
     assert ("base", "panda_joint7") in looked and not looked & set(reasons)
-    less = hk.check(PANDA_START[None], panda, ignore=[("panda_joint7", "base")])
+    less = hk.check(PANDA_START[None], panda, scene=hk.Scene(allowed=[("panda_joint7", "base")]))
     assert ("base", "panda_joint7") not in {one.pair for one in less.pairs}
     assert {one.reason for one in less.left_out if one.pair == ("base", "panda_joint7")} == {"allowed to touch"}
-    assert hk.check(PANDA_START[None], panda, self_collision=False).pairs == ()
+    assert hk.check(PANDA_START[None], panda, scene=None).pairs == ()
 
 
 def test_a_tool_is_looked_at_where_it_is_carried(arm: hk.Robot) -> None:
@@ -150,10 +157,13 @@ def test_a_tool_is_looked_at_where_it_is_carried(arm: hk.Robot) -> None:
     pin = hk.robot.with_shape(
         hk.robot.with_capsules(arm, 0.05), "pin", Capsule(0.01, 0.2), [0.1, 0, 0], [0, np.pi / 2, 0]
     )
-    report = hk.check(np.zeros((1, 2)), pin, obstacles=[ball])
+    report = hk.check(np.zeros((1, 2)), pin, scene=hk.Scene(obstacles=[ball]))
     assert report.passed and report.pairs[0].pair == ("pin", "ball")
     assert report.clearance == pytest.approx(2.3 - 2.2 - 0.01 - 0.05)
-    assert hk.check(np.zeros((1, 2)), hk.robot.with_shape(arm, "pin", Capsule(0.01)), floor=-1.0).unseen == ()
+    assert (
+        hk.check(np.zeros((1, 2)), hk.robot.with_shape(arm, "pin", Capsule(0.01)), scene=hk.Scene(floor=-1.0)).unseen
+        == ()
+    )
     with pytest.raises(UnknownNameError):
         hk.robot.with_shape(arm, "pin", Capsule(0.01), tip="nose")
 
@@ -187,7 +197,10 @@ def test_shapes_stay_on_their_links_when_robots_are_put_together() -> None:
     arm = hk.load(urdf("ur5_robot.urdf"), tip="ee_link")
     cell = hk.compose(hk.load("rail"), hk.robot.Part(arm, pose=[0, 0, 0.4], rpy=[0, 0, 1.0], prefix="r_"))
     q = np.array([0.3, -1.2, 1.4, -1.0, -1.5, 0.2])
-    alone, both = hk.check(q[None], arm, floor=-1.0), hk.check(np.array([[0.0, *q]]), cell, floor=-0.6)
+    alone, both = (
+        hk.check(q[None], arm, scene=hk.Scene(floor=-1.0)),
+        hk.check(np.array([[0.0, *q]]), cell, scene=hk.Scene(floor=-0.6)),
+    )
     wanted = {one.pair: one.least for one in alone.pairs}
     found = {tuple(name.removeprefix("r_") for name in one.pair): one.least for one in both.pairs}
     assert {pair: pytest.approx(found[pair], abs=1e-6) for pair in wanted} == wanted
@@ -195,7 +208,10 @@ def test_shapes_stay_on_their_links_when_robots_are_put_together() -> None:
 
 def test_bad_questions_are_refused(panda: hk.Robot, arm: hk.Robot) -> None:
     Q = PANDA_START[None]
-    for wrong in ({"clearance": -1.0}, {"floor": np.nan}, {"margin": np.inf}, {"rcond": -1.0}, {"task": "pose"}):
+    for wrong in ({"clearance": -1.0}, {"floor": np.nan}, {"allowed": [("base",)]}, {"obstacles": [panda]}):
+        with pytest.raises(ArgumentError):
+            hk.Scene(**wrong)
+    for wrong in ({"margin": np.inf}, {"rcond": -1.0}, {"task": "pose"}, {"scene": 0.1}):
         with pytest.raises(ArgumentError):
             hk.check(Q, panda, task=hk.pose(panda), **wrong) if "task" not in wrong else hk.check(Q, panda, **wrong)
     with pytest.raises(ShapeError):
@@ -203,7 +219,7 @@ def test_bad_questions_are_refused(panda: hk.Robot, arm: hk.Robot) -> None:
     with pytest.raises(ArgumentError, match="moves a, b"):
         hk.check(recorded(arm, np.zeros(1), np.zeros((1, 2))), panda)
     with pytest.raises(UnknownNameError, match="panda_joint9"):
-        hk.check(Q, panda, ignore=[("panda_joint9", "base")])
+        hk.check(Q, panda, scene=hk.Scene(allowed=[("panda_joint9", "base")]))
     with pytest.raises(ArgumentError, match="at least one"):
         hk.check(np.zeros((0, 7)), panda)
     with pytest.raises(UnknownNameError):
@@ -216,10 +232,10 @@ def test_without_coal_capsules_are_looked_at_and_boxes_ask_for_it(
     panda: hk.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "coal", None)
-    assert hk.check(PANDA_START[None], panda, floor=0.0).passed
+    assert hk.check(PANDA_START[None], panda, scene=hk.Scene(floor=0.0)).passed
     table = hk.obstacle("table", Box([1, 1, 0.1]), [0.5, 0, 0])
     with pytest.raises(MissingExtraError, match=r"holokin\[collision\]"):
-        hk.check(PANDA_START[None], panda, obstacles=[table])
+        hk.check(PANDA_START[None], panda, scene=hk.Scene(obstacles=[table]))
 
 
 # --- jobs and the command line ---
@@ -269,8 +285,8 @@ def test_a_job_whose_motion_is_clear_passes(holokin: Command, tmp_path: Path, ou
     ("checks", "words"),
     [
         ("[checks]\nflor = 0.0\n", ("checks.flor", "floor")),
-        ('[checks]\nignore = [["base"]]\n', ("checks.ignore.0", "at least 2")),
-        ('[checks]\nignore = [["base", "nose"]]\n', ("nose", "[checks]")),
+        ('[checks]\nallowed = [["base"]]\n', ("checks.allowed.0", "at least 2")),
+        ('[checks]\nallowed = [["base", "nose"]]\n', ("nose", "[checks]")),
         ("[checks]\nradius = { nose = 0.1 }\n", ("nose", "[checks]")),
         (BALL.replace("radius", "sides"), ("checks.obstacles.0",)),
         (BALL.replace("sphere", "spere"), ("checks.obstacles.0.kind", "sphere")),
@@ -296,9 +312,9 @@ def test_the_command_looks_at_a_log(holokin: Command, tmp_path: Path, panda: hk.
     assert found["time"] == pytest.approx(5.0) and found["value"] == pytest.approx(panda.upper[3] + 0.1)
     np.savetxt(log, np.column_stack([t, np.repeat(PANDA_START[None], 101, axis=0)]), delimiter=",", header=header,
                comments="")  # fmt: skip
-    quiet = holokin("check", log, "--robot", "panda", "--floor", "0", "--ignore", "base,panda_joint7")
+    quiet = holokin("check", log, "--robot", "panda", "--floor", "0", "--allowed", "base,panda_joint7")
     assert quiet.code == 0 and "nothing found" in quiet.out and "allowed to touch: base and panda_joint7" in quiet.out
-    assert_refused(holokin("check", log, "--robot", "panda", "--ignore", "base"), "--ignore", "comma")
+    assert_refused(holokin("check", log, "--robot", "panda", "--allowed", "base"), "--allowed", "comma")
     other = log.read_text("utf-8").replace("panda_joint", "actual_q_").replace("t,", "clock,", 1)
     log.write_text(other, "utf-8")
     named = holokin("check", log, "--robot", "panda", "--columns", "actual_q_%d", "--time", "clock")

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from holokin.motion.checks import clear_postures
-from holokin.motion.checks.motion_checks import Clearances, posture_clearances
+from holokin.motion.checks import Clearances
 from holokin.robot import Box, Capsule, Cylinder, Ellipsoid, Hull, LinkShape, Shape, with_capsules
 
 mujoco, pin = pytest.importorskip("mujoco"), pytest.importorskip("pinocchio")
@@ -72,7 +71,7 @@ class Referee:
 
 
 def made(robot: hk.Robot, things: Sequence[LinkShape]) -> Clearances:
-    return posture_clearances(robot, things, FLOOR, 0.02, True, ())
+    return Clearances.of(robot, hk.Scene(things, FLOOR, 0.02))
 
 
 @pytest.mark.parametrize(
@@ -104,7 +103,7 @@ def test_of_shapes_that_overlap_the_slope_says_how_they_come_apart() -> None:
     rows = [{"joint": "slide", "kind": "prismatic"}, {"joint": "turn", "a": 1.0}]
     robot = hk.robot.with_shape(hk.from_dh(rows), "ball", Capsule(0.2))
     ball = hk.obstacle("other", Capsule(0.2), (1.0, 0.3, 0.5))
-    clearances = posture_clearances(robot, [ball], None, 0.0, False, ())
+    clearances = Clearances.of(robot, hk.Scene([ball], clearance=0.0, self_collision=False))
     q = np.array([[0.4, 0.2]])
     step = np.array([np.cos(0.2), np.sin(0.2), 0.4]) - [1.0, 0.3, 0.5]
     size = float(np.linalg.norm(step))
@@ -116,7 +115,7 @@ def test_of_shapes_that_overlap_the_slope_says_how_they_come_apart() -> None:
 
 def test_a_pair_that_is_always_near_counts_only_where_it_touches(panda: hk.Robot) -> None:
     robot = with_capsules(panda)
-    clearances = posture_clearances(robot, [], None, 3.0, True, ())
+    clearances = Clearances.of(robot, hk.Scene(clearance=3.0))
     assert not clearances.limits.any(), "nothing of a Panda is three metres apart"
     Q = np.random.default_rng(0).uniform(robot.lower, robot.upper, (50, 7))
     distances, least = clearances.distances(Q), clearances.least(Q)
@@ -124,4 +123,4 @@ def test_a_pair_that_is_always_near_counts_only_where_it_touches(panda: hk.Robot
     assert touching.any() and not touching.all()
     assert np.isinf(least[~touching]).all() and least[touching] == pytest.approx(distances[touching].min(axis=1))
     assert not clearances.free.names
-    assert clear_postures(robot, clearance=3.0)(Q).tolist() == (~touching).tolist()
+    assert clearances.clear(Q).tolist() == (~touching).tolist()

@@ -11,8 +11,7 @@ from scipy.optimize import lsq_linear
 
 import holokin as hk
 from conftest import Command, write_job
-from holokin.motion.checks import CheckReport, clear_postures
-from holokin.motion.checks.motion_checks import posture_clearances
+from holokin.motion.checks import CheckReport, Clearances
 from holokin.robot import Capsule, LinkShape
 
 pin = pytest.importorskip("pinocchio")
@@ -82,13 +81,13 @@ def test_where_clearances_are_kept_the_least_distance_is_no_less_than_was_wanted
     rng, passed, closer = np.random.default_rng(3), 0, 0
     for _ in range(16):
         robot, around, Q, wanted = drawn(rng)
-        report = hk.check(Q, robot, obstacles=around, clearance=wanted, limits=False)
+        report = hk.check(Q, robot, scene=hk.Scene(obstacles=around, clearance=wanted), limits=False)
         least_of(report, Q, Referee(robot, around))
         passed += report.passed
         closer += report.passed and any(one.least < wanted for one in report.pairs)
         if report.passed:
-            apart = posture_clearances(robot, around, None, wanted, True, ())
-            assert clear_postures(robot, obstacles=around, clearance=wanted)(Q).all() and apart.least(Q).min() >= wanted
+            apart = Clearances.of(robot, hk.Scene(around, clearance=wanted))
+            assert apart.clear(Q).all() and apart.least(Q).min() >= wanted
     assert passed > 3 and closer > 1
 
 
@@ -98,7 +97,11 @@ def test_the_same_of_many_more_arms(seed: int) -> None:
     rng = np.random.default_rng([7, seed])
     for _ in range(40):
         robot, around, Q, wanted = drawn(rng)
-        least_of(hk.check(Q, robot, obstacles=around, clearance=wanted, limits=False), Q, Referee(robot, around))
+        least_of(
+            hk.check(Q, robot, scene=hk.Scene(obstacles=around, clearance=wanted), limits=False),
+            Q,
+            Referee(robot, around),
+        )
 
 
 LENGTHS, TWISTS = [0.41, 0, 0.49, 0, 0.42, 0, 0.18], [-90, 90, 90, -90, -90, 90, 0]
@@ -144,7 +147,10 @@ def test_meshes_that_go_through_each_other_collide_at_a_clearance_of_none(tmp_pa
     (tmp_path / "bars.urdf").write_text(text + "</robot>", "utf-8")
     robot, apart, through = hk.load(tmp_path / "bars.urdf"), [0.0, 2.0, 2.0], [0.0, 2.6, 2.6]
     for wanted in (0.0, 1e-6, 5.0):
-        report = hk.check(np.array([apart, through, apart]), robot, clearance=wanted, limits=False)
+        report = hk.check(np.array([apart, through, apart]), robot, scene=hk.Scene(clearance=wanted), limits=False)
         assert [(one.what, one.value) for one in report.findings] == [(("l0", "l2"), 0.0)] and not report.passed
-        assert clear_postures(robot, clearance=wanted)(np.array([apart, through])).tolist() == [True, False]
-    assert hk.check(np.array([apart]), robot, clearance=0.0).passed
+        assert Clearances.of(robot, hk.Scene(clearance=wanted)).clear(np.array([apart, through])).tolist() == [
+            True,
+            False,
+        ]
+    assert hk.check(np.array([apart]), robot, scene=hk.Scene(clearance=0.0)).passed

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -88,7 +88,7 @@ def test_every_pair_of_a_random_tree_is_looked_at_or_parent_and_child(seed: int,
     q = rng.uniform(-1, 1, robot.n)
     on_rail = rng.random() < 0.3
     whole = hk.compose(hk.load("rail"), hk.robot.Part(robot, prefix="on ")) if on_rail else robot
-    report = hk.check(np.r_[[0.5] * on_rail, q][None], whole, clearance=0.0)
+    report = hk.check(np.r_[[0.5] * on_rail, q][None], whole, scene=hk.Scene(clearance=0.0))
     # the referee: the tree as it was written, and Pinocchio's places of the balls
     model = pin.buildModelFromXML(tree.text)
     data, full = model.createData(), pin.neutral(model)
@@ -135,13 +135,12 @@ def test_a_parked_arm_is_looked_at(base: bool, kind: str, tmp_path: Path) -> Non
     """By `check` and by `certify`, with and without a shape of the base, hung on it by any joints."""
     (tmp_path / "two.urdf").write_text(two_arms(base, kind), "utf-8")
     arm = hk.load(tmp_path / "two.urdf", tip="A3")
-    report = hk.check(np.array([[0.0, 0.3, 0.3], [0.1, 0.3, 0.3]]), arm, clearance=0.01)
+    report = hk.check(np.array([[0.0, 0.3, 0.3], [0.1, 0.3, 0.3]]), arm, scene=hk.Scene(clearance=0.01))
     assert not report.passed and ("B2", "A1") in [found.what for found in report.findings]
     q0, task = np.array([0, 0.3, 0.3]), hk.position(arm)[[0, 2]]
     start = arm.pose(q0)[:3, 3]
-    asked = {"clear_of": [], "clearance": 0.01}
     with pytest.raises(ArgumentError, match="B2 and A1 overlap"):
-        hk.certify(hk.holonomic(task, hk.lock("a3")), hk.line(start, start + [0.02, 0, 0]), q0, **asked)
+        hk.certify(hk.holonomic(task, hk.lock("a3")), hk.line(start, start + [0.02, 0, 0]), q0, scene=hk.Scene())
     if kind == "revolute":
         mujoco = pytest.importorskip("mujoco")
         same = hk.robot.from_mjcf(mujoco.MjModel.from_xml_string(two_arms(base, kind)), tip="A3")
@@ -157,8 +156,8 @@ def test_a_certificate_names_each_pair_that_is_left_out_with_its_kind(tmp_path: 
     q0, task = np.array([0, 0.3, 0.3]), hk.position(arm)[[0, 2]]
     start = arm.pose(q0)[:3, 3]
     strategy, path = hk.holonomic(task, hk.lock("a3")), hk.line(start, start + [0.02, 0, 0])
-    proof = hk.certify(strategy, path, q0, clear_of=[], clearance=0.01, ignore=[("B1", "A2")])
-    report = hk.check(q0[None], arm, ignore=[("B1", "A2")])
+    proof = hk.certify(strategy, path, q0, scene=hk.Scene(clearance=0.01, allowed=[("B1", "A2")]))
+    report = hk.check(q0[None], arm, scene=hk.Scene(allowed=[("B1", "A2")]))
     assert proof.demands.clear.looked_at.left_out == report.left_out
     for text in (str(proof), report.table()):
         assert "parent and child: base and A1, A1 and A2, A2 and A3" in text
@@ -187,21 +186,22 @@ def test_the_floor_and_any_obstacle_may_be_allowed_for_one_link() -> None:
         np.array([[0.5, 0, -1.2, 1.3, -1.6, -1.5, 0]]),
         hk.obstacle("crate", Box([0.05, 0.05, 0.05]), [0.5, 0.07, 0.03]),
     )
-    asked = {"floor": 0.0, "obstacles": [crate]}
-    found = {found.what for found in hk.check(q, sledge, **asked).findings}
+    scene = hk.Scene([crate], floor=0.0)
+    found = {found.what for found in hk.check(q, sledge, scene).findings}
     assert found == {("rail_joint", "floor"), ("rail_joint", "crate")}
     may = [("rail_joint", "floor"), ("crate", "rail_joint")]
-    report = hk.check(q, sledge, **asked, ignore=may)
+    allowed = replace(scene, allowed=may)
+    report = hk.check(q, sledge, allowed)
     assert report.passed and [one.pair for one in report.left_out if one.reason == ASKED] == [
         ("rail_joint", "crate"), ("rail_joint", "floor"),
     ]  # fmt: skip
     assert ("elbow_joint", "floor") in [one.pair for one in report.pairs]
     for pair, names in ((("rail_joint", "flor"), "rail_joint.*crate, floor"), (("crat", "rail_joint"), "crate")):
         with pytest.raises(UnknownNameError, match=names):
-            hk.check(q, sledge, **asked, ignore=[pair])
+            hk.check(q, sledge, replace(scene, allowed=[pair]))
     with pytest.raises(UnknownNameError, match="floor"):
-        hk.check(q, sledge, ignore=may[:1])  # there is no floor
-    assert hk.motion.checks.clear_postures(sledge, **asked, ignore=may)(q).all()
+        hk.check(q, sledge, scene=hk.Scene(allowed=may[:1]))  # there is no floor
+    assert hk.motion.checks.Clearances.of(sledge, allowed).clear(q).all()
 
 
 def test_a_certificate_may_leave_the_floor_out_for_one_link() -> None:
@@ -209,11 +209,11 @@ def test_a_certificate_may_leave_the_floor_out_for_one_link() -> None:
     q0 = np.array([0.3, 0.9, 0.9])
     G = hk.holonomic(hk.position(bars), hk.linear([[0, 1, -1]]))
     space = hk.workspace(box=(bars.pose(q0)[:3, 3], [0.01, 0.01, 0.0]))
-    asked = {"clear_of": [], "floor": -0.05, "clearance": 0.01}
+    scene = hk.Scene(floor=-0.05)
     with pytest.raises(ArgumentError, match="floor"):
-        hk.certify(G, space, q0, **asked)
+        hk.certify(G, space, q0, scene=scene)
     may = [(name, "floor") for name in bars.joint_names]
-    proof = hk.certify(G, space, q0, **asked, ignore=may)
+    proof = hk.certify(G, space, q0, scene=replace(scene, allowed=may))
     assert proof.whole and all(f"{name} and floor" in str(proof) for name in bars.joint_names)
 
 
@@ -228,9 +228,9 @@ JOB = {
 @pytest.mark.usefixtures("sketched")
 def test_a_job_allows_the_floor_for_one_link(holokin: Command, tmp_path: Path, out: Path) -> None:
     checks = "[checks]\nfloor = 0.0\n"
-    may = write_job(tmp_path, "may.toml", **JOB, checks=checks + 'ignore = [["rail_joint", "floor"]]\n')
+    may = write_job(tmp_path, "may.toml", **JOB, checks=checks + 'allowed = [["rail_joint", "floor"]]\n')
     outcome = holokin("run", may, "--out", out)
     assert outcome.code == 0 and "allowed to touch: rail_joint and floor" in " ".join(outcome.out.split())
-    wrong = write_job(tmp_path, "wrong.toml", **JOB, checks=checks + 'ignore = [["rail_joint", "flor"]]\n')
+    wrong = write_job(tmp_path, "wrong.toml", **JOB, checks=checks + 'allowed = [["rail_joint", "flor"]]\n')
     outcome = holokin("run", wrong, "--out", out)
     assert outcome.code == 2 and "flor" in outcome.err and "floor" in outcome.err

@@ -10,7 +10,7 @@ import pytest
 
 import holokin as hk
 from conftest import sampled, urdf
-from holokin.motion.checks.motion_checks import posture_clearances
+from holokin.motion.checks import Clearances
 from holokin.robot import Box, Capsule, Robot, chain_length
 
 ARMS = ["ur5e", "mobile-ur5e", "yumi", "two on the ground", "DH table", "a leg beside three", "an arm with a torch"]
@@ -48,7 +48,7 @@ def mounted(robot: Robot, rng: np.random.Generator) -> Robot:
 
 def apart(robot: Robot, Q: np.ndarray) -> tuple[dict[tuple[str, str], np.ndarray], list[Any]]:
     """Pair -> its distances at postures; what is left out, and why."""
-    found = posture_clearances(robot, (), None, 0.01, True, ())
+    found = Clearances.of(robot, hk.Scene())
     left = [(one.pair, one.reason) for one in found.pairs.left_out]
     return dict(zip(found.names, found.distances(Q).T, strict=True)), left
 
@@ -68,7 +68,7 @@ def test_wherever_a_robot_is_mounted_its_links_are_as_far_apart(name: str, seed:
         assert moved[pair] == pytest.approx(distances, rel=1e-12, abs=1e-12 if exact else 1e-6)
     assert chain_length(there) == pytest.approx(chain_length(robot), rel=1e-12)
     if exact:
-        reports = [hk.check(Q[:1], one, clearance=0.01) for one in (robot, there)]
+        reports = [hk.check(Q[:1], one, scene=hk.Scene(clearance=0.01)) for one in (robot, there)]
         assert len({(r.passed, len(r.findings), r.remarks) for r in reports}) == 1
 
 
@@ -81,7 +81,7 @@ def test_the_base_of_a_hung_arm_is_as_long_as_on_the_floor_and_a_pedestal_is_an_
     assert base.placement[:3, 3] == pytest.approx([0, 0, 2.6 - 0.1625 / 2])
     q = np.array([[0, -1.2, 1.3, -1.6, -1.5, 0]])
     column = hk.obstacle("column", Box([0.2, 0.2, 2.6]), [0.0, 0.0, 1.3])
-    assert hk.check(q, hung).passed and "column" in str(hk.check(q, hung, obstacles=[column]).findings)
+    assert hk.check(q, hung).passed and "column" in str(hk.check(q, hung, scene=hk.Scene(obstacles=[column])).findings)
     assert hk.robot.reach(hung) == pytest.approx(hk.robot.reach(arm))
     assert hung.skeleton(q[0])[0][0] == pytest.approx([0, 0, 2.6])
 
@@ -94,7 +94,7 @@ def test_nothing_is_between_two_arms_that_stand_apart() -> None:
     )
     up = np.tile([0, -np.pi / 2, 0, -np.pi / 2, 0, 0], 2)
     ball = hk.obstacle("ball", Capsule(0.05), [0, 0.1, 0.05])
-    assert hk.check(up[None], both, obstacles=[ball]).passed
+    assert hk.check(up[None], both, scene=hk.Scene(obstacles=[ball])).passed
     low = up.copy()
     low[:6] = [-1.67, 0.71, -0.9, 1.36, 1.62, 0.1]  # the wrist of one arm is in the foot of the other
     found = [one.what for one in hk.check(low[None], both).findings]
@@ -150,7 +150,7 @@ def on_the_spot_and_away() -> list[tuple[Robot, hk.Task, Any, np.ndarray]]:
 
 def test_a_proof_does_not_depend_on_the_mounting() -> None:
     proofs = [
-        hk.certify(hk.holonomic(task, hk.linear([[0, 1, -1]])), space, q0, clear_of=[], clearance=0.01)
+        hk.certify(hk.holonomic(task, hk.linear([[0, 1, -1]])), space, q0, scene=hk.Scene(clearance=0.01))
         for _, task, space, q0 in on_the_spot_and_away()
     ]
     near, far = (proof.demands.clear for proof in proofs)
@@ -164,7 +164,7 @@ def test_a_proof_does_not_depend_on_the_mounting() -> None:
 def test_designs_and_advice_do_not_depend_on_the_mounting() -> None:
     said = []
     for _robot, task, space, q0 in on_the_spot_and_away():
-        made = hk.design(task, space, q0, clear_of=[], clearance=0.01, degree=1, samples=16)
-        advice = hk.advise(task, space, clear_of=[], clearance=0.01)
+        made = hk.design(task, space, q0, scene=hk.Scene(clearance=0.01), degree=1, samples=16)
+        advice = hk.advise(task, space, scene=hk.Scene(clearance=0.01))
         said.append((made.holds, made.checked.closest, made.checked.clearance, advice.best.coverage))
     assert said[0][:2] == said[1][:2] and said[0][2:] == pytest.approx(said[1][2:], abs=5e-3)

@@ -76,7 +76,7 @@ def jumps(report: CheckReport) -> list[Finding]:
 
 
 def looked(motion: object, robot: hk.Robot, task: hk.Task | None) -> CheckReport:
-    return hk.check(motion, robot, task=task, self_collision=False, limits=False)
+    return hk.check(motion, robot, task=task, scene=None, limits=False)
 
 
 def drawn(seed: int, count: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 import holokin as hk
 from conftest import Command, assert_refused
 from holokin.base.errors import HolokinError, RobotFileError
-from holokin.motion.checks import clear_postures
+from holokin.motion.checks import Clearances
 from holokin.robot import Box, Capsule
 
 pytest.importorskip("coal")
@@ -87,20 +88,18 @@ def test_links_whose_shapes_cannot_be_read_are_all_named_and_no_motion_passes(ce
     for i in lost:
         given[i] = FAULTS[faults[i]](cell, f"l{i}.stl")
     robot, names = hk.load(arm_of(cell, given)), [f"l{i}" for i in lost]
-    Q, more = (
-        rng.uniform(-0.2, 0.2, (3, 6)),
-        {"floor": -1.0, "obstacles": [hk.obstacle("ball", Capsule(0.1), (5, 0, 0))]},
-    )
-    report = hk.check(Q, robot, **more)
+    Q = rng.uniform(-0.2, 0.2, (3, 6))
+    scene = hk.Scene([hk.obstacle("ball", Capsule(0.1), (5, 0, 0))], floor=-1.0)
+    report = hk.check(Q, robot, scene)
     assert not report.passed and report.unread == f"cannot tell: the shapes of {', '.join(names)} could not be read"
     assert report.unread in report.table() and "nothing found" not in report.table()
     assert np.isnan(report.clearance) and np.isnan(report.bound) and report.to_dict()["clearance"] is None
     with pytest.raises(RobotFileError, match=f"cannot tell: the shapes of {', '.join(names)} could"):
-        clear_postures(robot)
+        Clearances.of(robot, hk.Scene())
     some = [(name, "*") for name in names[1:]]
-    assert hk.check(Q, robot, ignore=some, **more).unread.startswith(f"cannot tell: the shapes of {names[0]} could")
-    allowed = hk.check(Q, robot, ignore=[*some, ("*", names[0])], **more)
-    whole = hk.check(Q, hk.load(arm_of(cell, meshes(READ["slash"]))), **more)
+    assert hk.check(Q, robot, replace(scene, allowed=some)).unread.startswith(f"cannot tell: the shapes of {names[0]} ")
+    allowed = hk.check(Q, robot, replace(scene, allowed=[*some, ("*", names[0])]))
+    whole = hk.check(Q, hk.load(arm_of(cell, meshes(READ["slash"]))), scene)
     rest = {one.pair: one.least for one in whole.pairs if not set(one.pair) & set(names)}
     assert allowed.passed and {one.pair: one.least for one in allowed.pairs} == pytest.approx(rest)
     assert {one.link for one in allowed.unseen} >= set(names)
@@ -128,11 +127,11 @@ def test_a_capsule_of_a_radius_by_name_stands_for_a_link_that_cannot_be_read(cel
 
 def test_what_is_left_out_or_not_asked_about_may_be_unread(cell: Path) -> None:
     robot = hk.load(arm_of(cell, [FAULTS["missing"](cell, "l.stl")] * 6))
-    assert hk.check(np.zeros((1, 6)), robot, self_collision=False).passed
-    assert not hk.check(np.zeros((1, 6)), robot, self_collision=False, floor=-1.0).passed
+    assert hk.check(np.zeros((1, 6)), robot, scene=None).passed
+    assert not hk.check(np.zeros((1, 6)), robot, scene=hk.Scene(floor=-1.0, self_collision=False)).passed
     bad = hk.obstacle("table", hk.robot.Mesh(cell / "nowhere.stl"), (5, 0, 0))
     whole = hk.load(arm_of(cell, meshes(READ["slash"])))
-    assert hk.check(np.zeros((1, 6)), whole, obstacles=[bad]).unread == (
+    assert hk.check(np.zeros((1, 6)), whole, scene=hk.Scene(obstacles=[bad])).unread == (
         "cannot tell: the shapes of table could not be read"
     )
 
@@ -163,8 +162,8 @@ def test_every_door_that_keeps_clear_refuses_shapes_that_could_not_be_read(cell:
     robot = hk.load(
         arm_of(cell, [*meshes(READ["slash"])[:4], FAULTS["missing"](cell, "l4.stl"), *meshes(READ["slash"])[5:]])
     )
-    with pytest.raises(HolokinError, match=r"shapes of l4 .*there is no such mesh"):
-        doors(robot)[door](clear_of=[], clearance=0.005)
+    with pytest.raises(HolokinError, match=r"cannot tell: the shapes of l4 could not be read .*there is no such mesh"):
+        doors(robot)[door](scene=hk.Scene(clearance=0.005))
 
 
 def test_a_plane_of_mjcf_is_told_by_a_floor_that_is_as_high() -> None:
@@ -177,8 +176,11 @@ def test_a_plane_of_mjcf_is_told_by_a_floor_that_is_as_high() -> None:
     )
     robot, still = hk.robot.from_mjcf(text), np.zeros((1, 2))
     assert "give its height as floor" in hk.check(still, robot).table() and not hk.check(still, robot).passed
-    assert not hk.check(still, robot, floor=-0.6).passed and hk.check(still, robot, floor=-0.5).passed
-    assert hk.check(still, robot, ignore=[("ground", "*")]).passed
+    assert (
+        not hk.check(still, robot, scene=hk.Scene(floor=-0.6)).passed
+        and hk.check(still, robot, scene=hk.Scene(floor=-0.5)).passed
+    )
+    assert hk.check(still, robot, scene=hk.Scene(allowed=[("ground", "*")])).passed
 
 
 @pytest.mark.parametrize(("kind", "unread"), [("", "a"), ('contype="0" conaffinity="0"', "")])
@@ -253,10 +255,10 @@ def test_no_command_passes_a_motion_whose_shapes_could_not_be_read(holokin: Comm
     asked = ("check", log, "--robot", cell / "cell.urdf", "--position", "--clearance", "0.005")
     looked = holokin(*asked)
     assert looked.code == 1 and told in looked.out and "one named l4.stl" in looked.out
-    assert holokin(*asked, "--ignore", "l4,*").code == 0
-    job.write_text(JOB.format('ignore = [["l4", "*"]]').replace("line", "polyline"), "utf-8")
+    assert holokin(*asked, "--allowed", "l4,*").code == 0
+    job.write_text(JOB.format('allowed = [["l4", "*"]]').replace("line", "polyline"), "utf-8")
     assert holokin("run", job, "--out", out).code == 0
-    assert_refused(holokin(*asked, "--ignore", "l9,*"), "l9")
+    assert_refused(holokin(*asked, "--allowed", "l9,*"), "l9")
 
 
 def test_box_shapes_of_the_same_arm_pass(cell: Path) -> None:

@@ -119,7 +119,7 @@ def test_coordinates_have_no_pose_and_say_so(ship: Robot, force: hk.Task) -> Non
     for asked in (
         lambda: ship.pose(U0), lambda: ship.jacobian(U0), lambda: hk.pose(ship), lambda: hk.position(ship),
         lambda: to_urdf(ship), lambda: to_mjcf(ship), lambda: servo(ship, "position", U0), lambda: with_capsules(ship),
-        lambda: with_shape(ship, "ball", Capsule(0.1)), lambda: hk.check(U0[None], ship, floor=0.0),
+        lambda: with_shape(ship, "ball", Capsule(0.1)), lambda: hk.check(U0[None], ship, scene=hk.Scene(floor=0.0)),
     ):  # fmt: skip
         with pytest.raises(hk.HolokinError, match="no links"):
             asked()

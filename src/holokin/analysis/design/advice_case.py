@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,11 +12,11 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, HolokinError, OutOfReachError
 from ...base.types import Array, ArrayLike, Flags, Matrix, Vector
+from ...motion.checks import Scene
 from ...motion.checks.check_report import keeps
-from ...motion.checks.motion_checks import Clearances
 from ...path.workspaces import PoseRange, Workspace, pose_cloud
-from ...proof.kept_apart import CLEARANCE, clearances_of
-from ...robot import LinkShape, Robot, check_metres
+from ...proof.kept_apart import clearances_of
+from ...robot import check_metres
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.cover_workspace import Coverage, Reach, coverage, largest_part
 from ..coverage.pose_postures import Chain, chart_of, coordinates_of
@@ -94,10 +94,10 @@ class Case:
     """A task and a workspace, with what is found out of them on the way to an advice."""
 
     def __init__(
-        self, task: Task, workspace: Workspace, q0: Vector | None, apart: Clearances | None, proven: Mapping[str, Any],
-        progress: Callable[[str], None],
-    ) -> None:  # fmt: skip
-        self.task, self.workspace, self.apart, self.proven, self.progress = task, workspace, apart, proven, progress
+        self, task: Task, workspace: Workspace, q0: Vector | None, scene: Scene | None, progress: Callable[[str], None]
+    ) -> None:
+        self.task, self.workspace, self.scene, self.progress = task, workspace, scene, progress
+        self.apart = apart = clearances_of(task.robot, scene)
         T = workspace.poses(POSES)
         check_metres(task.robot, T, task.tip)
         progress("which poses can be reached")
@@ -213,8 +213,8 @@ class Case:
 
     def _design(self, trial: Trial, **goal: Any) -> Design:
         """A design over a law, for the poses that it serves; where these are few, for all that any posture reaches."""
-        if self.apart is not None:
-            goal |= dict(self.proven) | {"clearance": self.apart.wanted + PROVABLE}
+        if self.scene is not None:
+            goal["scene"] = replace(self.scene, clearance=self.scene.clearance + PROVABLE)
         base = None if trial.candidate.strategy is None else trial.candidate.strategy.constraint
         within = self.reach.within
         which = within if trial.coverage < within.mean() - EQUAL else trial.served
@@ -349,9 +349,6 @@ def _there(candidate: Candidate) -> Candidate:
 # `advise`: the law for a robot and its work, of all that fit, and why.
 # --------------------------------------------------------------------------------------------------
 
-ASKED = ("clear_of", "floor", "clearance", "self_collision", "ignore", "shapes_of")
-"""What `certify` is asked of shapes, by name."""
-
 
 @typed
 def advise(
@@ -359,12 +356,7 @@ def advise(
     workspace: Workspace | None = None,
     *,
     q0: ArrayLike | None = None,
-    clear_of: Sequence[LinkShape] | None = None,
-    floor: float | None = None,
-    clearance: float = CLEARANCE,
-    self_collision: bool = True,
-    ignore: Sequence[tuple[str, str]] = (),
-    shapes_of: Robot | None = None,
+    scene: Scene | None = None,
     levels: bool = False,
     progress: Callable[[str], None] = lambda _text: None,
 ) -> Advice:
@@ -382,10 +374,9 @@ def advise(
         task: what the tool does: `hk.pose(robot)`, `hk.pose(robot, "axis")` if it may spin, `hk.position(robot)`.
         workspace: by default a box round the tool at the start, with moderate turns.
         q0: the posture (n,) that the leaf is to go through; by default each law gets the best of several.
-        clear_of: a pose is served only where no link is nearer than `clearance` to these obstacles (`hk.obstacle`), to
-            the floor, or to another link; [] for the floor and the links alone. By default nothing is looked at. The
-            pairs are those of `certify`; meshes are their convex hulls, and where these are nearer, themselves.
-        floor, clearance, self_collision, ignore, shapes_of: as of `certify`.
+        scene: a pose is served only where the links keep their clearance from what is in it, and from each other; by
+            default nothing is looked at. The pairs are those of `certify`; meshes are their convex hulls, and where
+            these are nearer, themselves.
         levels: which levels of the best law serve the workspace, as `level_range` finds them; it takes seconds.
         progress: hears how far it is.
 
@@ -398,23 +389,17 @@ def advise(
     check_redundant(task)
     chain = Chain(task.robot, None, task.tip or task.robot.tips[0].name, (), False)
     chosen = tuple(word for word, value in {"q0": q0, "workspace": workspace}.items() if value is None)
-    asked = clear_of, floor, clearance, self_collision, ignore, shapes_of
-    apart = clearances_of(chain.robot, *asked)
-    proven: dict[str, Any] = {} if apart is None else dict(zip(ASKED, asked, strict=True))
-    return advise_chain(
-        chain, task, workspace, q0, chosen=chosen, apart=apart, proven=proven, levels=levels, progress=progress
-    )
+    return advise_chain(chain, task, workspace, q0, chosen=chosen, scene=scene, levels=levels, progress=progress)
 
 
 def advise_chain(
     chain: Chain, task: Task, workspace: Workspace | None, q0: ArrayLike | None, *, chosen: Sequence[str],
-    apart: Clearances | None, proven: Mapping[str, Any], progress: Callable[[str], None], levels: bool = False,
+    scene: Scene | None, progress: Callable[[str], None], levels: bool = False,
 ) -> Advice:  # fmt: skip
     """The advice for a chain and its task, as of `advise`.
 
     Args:
-        chosen: what nobody gave. apart: how far shapes are from each other, None where nothing is asked of that;
-            proven: the same as arguments of `certify`.
+        chosen: what nobody gave.
     """
     began = time.perf_counter()
     arm = chain.robot
@@ -427,7 +412,7 @@ def advise_chain(
     if workspace is None:
         at = first_start(task) if start is None else start
         workspace = proposed_workspace(task, at)
-    case = Case(task, workspace, start, apart, proven, progress)
+    case = Case(task, workspace, start, scene, progress)
     laws = case.ranked()
     progress("the reasons")
     part = case.part(laws) if not laws[0].served.all() else None
@@ -436,5 +421,5 @@ def advise_chain(
     return Advice(
         chain, task, workspace, tuple(chosen), laws, case.floor_of(laws[0]), found,
         (*reasons(laws, found, part, case.excess(laws)), *case.of_cusps(laws[0]), *said),
-        case.cusps[laws[0].name], part, time.perf_counter() - began, range_, proven,
+        case.cusps[laws[0].name], part, time.perf_counter() - began, range_, scene,
     )  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -12,13 +11,13 @@ from ...base.arguments import typed
 from ...base.errors import ArgumentError, OutOfReachError, PathError
 from ...base.tolerances import TOLERANCES
 from ...base.types import Array, ArrayLike, Flags, Matrix, NoTruthValue, Value, Vector, not_negative, whole
+from ...motion.checks import Clearances, Scene
 from ...motion.checks.check_report import counted
-from ...motion.checks.motion_checks import Clearances
 from ...motion.ik import ik
 from ...motion.ik.solutions import InverseStatus
 from ...path.workspaces import Workspace
-from ...proof.kept_apart import CLEARANCE, clearances_of
-from ...robot import LinkShape, Robot, check_metres, start_posture
+from ...proof.kept_apart import clearances_of
+from ...robot import check_metres, start_posture
 from ...strategies import HolonomicStrategy, holonomic
 from ...strategies.constraints import Constraint, linear, tilted
 from ...strategies.radial_strategy import least_motion
@@ -566,12 +565,7 @@ def design(
     limits: bool = True,
     margin: float = 0.0,
     rcond: float = 0.0,
-    clear_of: Sequence[LinkShape] | None = None,
-    floor: float | None = None,
-    clearance: float = CLEARANCE,
-    self_collision: bool = True,
-    ignore: Sequence[tuple[str, str]] = (),
-    shapes_of: Robot | None = None,
+    scene: Scene | None = None,
     samples: int = 256,
     seed: int = 0,
     avoid_cusps: bool = False,
@@ -591,10 +585,9 @@ def design(
         degree: of zeta, 0 to 4.
         limits: True makes joint limits hard. margin: distance kept from them [joint units].
         rcond: the least rcond of [J; J_g], a hard limit too; 0 for none.
-        clear_of: let no link come nearer than `clearance` to these obstacles (`hk.obstacle`), to the floor, or to
-            another link, a hard limit too; [] for the floor and the links alone. The pairs are those of `certify`, and
-            meshes count by their convex hulls. How far apart they are between the samples `certify` proves.
-        floor, clearance, self_collision, ignore, shapes_of: as of `certify`.
+        scene: let the links keep their clearance from what is in it, and from each other, a hard limit too. The pairs
+            are those of `certify`, and meshes count by their convex hulls. How far apart they are between the samples
+            `certify` proves.
         samples: tool poses of the workspace that the search looks at. Those that the base law does not reach from the
             middle of the workspace are left out, and counted.
         avoid_cusps: where a cusp of the leaf lies in the workspace or near it, a design of a lower degree without such
@@ -618,10 +611,9 @@ def design(
         raise ArgumentError("the least rcond", rcond, "give a number from 0 to 1")
     whole("seed", seed, 0)
 
-    shapes, pairs = (clear_of, floor), (self_collision, ignore, shapes_of)
-    apart = clearances_of(robot, *shapes, clearance, *pairs)
-    if goal.clearance and apart is None:
-        cure = "give clear_of, too: obstacles, or [] for the floor and the links alone"
+    apart, near = clearances_of(robot, scene), None
+    if goal.clearance and scene is None:
+        cure = "give what to keep clear of, too: scene=hk.Scene(obstacles=[...]), or hk.Scene() for the links alone"
         raise ArgumentError("the weight of clearance", goal.clearance, cure)
     poses, others = workspace.poses(whole("samples", samples), seed), workspace.poses(FINER * samples, seed + 1)
     check_metres(robot, poses, task.tip)
@@ -629,7 +621,8 @@ def design(
     Q, there = reached(law, center, poses)
     coordinates = coordinates_of(chart_of(task, workspace.center[:3, :3]), Q)
     goal = replace(goal, length=length_of(goal, coordinates.turns, coordinates.spread))
-    near = clearances_of(robot, *shapes, goal.enough_clearance, *pairs) if goal.clearance else None
+    if goal.clearance and scene is not None:
+        near = clearances_of(robot, replace(scene, clearance=goal.enough_clearance))
     costs = costs_of(robot, goal, coordinates.turns, coordinates.spread, near)
     hard = _hard_limits(costs, margin if limits else None, rcond, apart)
     problem = Problem(law, center, workspace, coordinates, costs, goal, hard, degree, poses, others)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from ...base.types import Array, Flags, Indices, Matrix, NoTruthValue, Value, Vector, number_or_none
+from ...motion.checks import Clearances, Scene
 from ...motion.checks.check_report import keeps
-from ...motion.checks.motion_checks import Clearances
 from ...path.workspaces import Box, PoseRange, Workspace
 from ...strategies import HolonomicStrategy, moore_penrose, radial
 from ...strategies.radial_strategy import SelfMotions
@@ -170,7 +170,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     [rad^2/m^2]. coverage: of the best. reasons: sentences on the best. cusps: those found on its leaf, and how near to
     the workspace they are. part: the largest part of the workspace that a law
     serves, where none serves the whole. levels: those of the best law that serve the workspace, where they were asked
-    for and it has one row. asked: what shapes are to keep clear of, as arguments of `certify`; empty where nothing is.
+    for and it has one row. scene: what the links are to keep clear of.
     """
 
     chain: Chain
@@ -185,7 +185,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
     part: Part | None
     seconds: float
     levels: LevelRange | None = None
-    asked: Mapping[str, Any] = field(default_factory=dict)
+    scene: Scene | None = None
 
     @property
     def best(self) -> Law:
@@ -207,7 +207,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
         """
         if self.best.strategy.constraint.looped is not None or not self.best.served.any():
             return ""
-        more, space = ", **advice.asked" if self.asked else "", self.workspace
+        more, space = ", scene=advice.scene" if self.scene else "", self.workspace
         if not isinstance(space, PoseRange) or not isinstance(space.solid, Box):
             return f"Certify it by: hk.unique_region(advice.best.strategy, advice.q0{more})"
         if not self.best.served.all():

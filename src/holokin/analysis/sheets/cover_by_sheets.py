@@ -11,9 +11,9 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, OutOfReachError
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, finite, not_negative, positive, whole
-from ...motion.checks import Clear
+from ...motion.checks import Clear, Clearances, Scene
 from ...path.workspaces import Workspace
-from ...robot import LinkShape, Robot, check_metres
+from ...robot import check_metres
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.starts import check_that_joints_move
@@ -21,7 +21,7 @@ from .candidate_sheets import CandidateSheets, fitting_laws
 from .set_cover import Cover, continued, fewest, labelled, same_postures
 from .sheet import known, neighbours, spread_out, turn_length
 from .sheet_growth import SearchedPoses
-from .sheet_map import CLEARANCE, PoseRest, Sheets, Surroundings, rests_of, surroundings
+from .sheet_map import PoseRest, Sheets, rests_of
 
 SHARE = 0.995
 """Share that is to be served of the poses that the arm reaches: the rest lies next to limits and the edge of reach."""
@@ -55,12 +55,7 @@ def sheets(
     share: float = SHARE,
     samples: int = SAMPLES,
     seed: int = 0,
-    clear_of: Sequence[LinkShape] | None = None,
-    floor: float | None = None,
-    clearance: float = CLEARANCE,
-    self_collision: bool = True,
-    ignore: Sequence[tuple[str, str]] = (),
-    shapes_of: Robot | None = None,
+    scene: Scene | None = None,
     rcond: float = 0.0,
     search: bool = True,
     seconds: float = SECONDS,
@@ -82,8 +77,8 @@ def sheets(
         q0: postures (s, n), or one (n,), whose leaves are candidates, too, such as taught ones.
         share: to be served, of the poses that some posture reaches, from 0 to 1.
         samples, seed: of the poses, see `Workspace.poses`.
-        clear_of, floor, clearance, self_collision, ignore, shapes_of: what postures are to keep clear of, as of
-            `hk.certify`; it is looked at at the poses; by default nothing is.
+        scene: what postures are to keep clear of, as of `hk.certify`; it is looked at at the poses; by default nothing
+            is.
         rcond: the least rcond of [J; J_g] at a posture, from 0 to 1.
         search: whether leaves are searched for; if not, those through q0 alone are compared.
         seconds: after which the search for leaves ends. Ctrl-C ends it, too: what was found is kept.
@@ -103,8 +98,7 @@ def sheets(
     if not search and q0 is None:
         raise ArgumentError("search", search, "give postures q0, whose leaves are compared, or let it search")
     count, limit = whole("samples", samples), positive("seconds", seconds)
-    around = surroundings(clear_of, floor, clearance, self_collision, ignore, shapes_of)
-    clear = None if around is None else around.clear(task.robot)
+    clear = None if scene is None else Clearances.of(task.robot, scene).clear
     T = workspace.poses(min(count, workspace.size or count), seed)
     check_metres(task.robot, T, task.tip)
     progress("which poses can be reached")
@@ -114,7 +108,7 @@ def sheets(
         raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest)}", "move or turn it")
     given = _given(task, q0)
     pool, cover, stopped = _search(task, T[within], strategies, given, share, rcond, clear, search, limit, progress)
-    return _mapped(task, workspace, T, rest, within, pool, cover, around, stopped)
+    return _mapped(task, workspace, T, rest, within, pool, cover, scene, stopped)
 
 
 def _check(task: Task, strategies: Sequence[HolonomicStrategy] | None, share: float, rcond: float) -> None:
@@ -260,7 +254,7 @@ def _cover(pool: CandidateSheets) -> Cover:
 
 def _mapped(
     task: Task, workspace: Workspace, T: Array, rest: Indices, within: Indices, pool: CandidateSheets, cover: Cover,
-    around: Surroundings | None, stopped: bool,
+    scene: Scene | None, stopped: bool,
 ) -> Sheets:  # fmt: skip
     """The sheets chosen, that of most poses first, with what each sampled pose gets."""
     chosen = [pool.found[i].sheet for i in cover.chosen]
@@ -276,5 +270,5 @@ def _mapped(
     rest = np.where(labels.of >= 0, int(PoseRest.SERVED), rest)
     return Sheets(
         task, workspace, tuple(chosen[s] for s in order), T, q[order], place[labels.of], rest, pairs, labels.cuts,
-        labels.least, cover.least, len(pool.found), turn_length(task), around, stopped,
+        labels.least, cover.least, len(pool.found), turn_length(task), scene, stopped,
     )  # fmt: skip

@@ -20,14 +20,13 @@ from ...base.errors import ArgumentError, BranchError, HolokinError, NoSheetErro
 from ...base.files import replacing
 from ...base.poses import PoseLike, given_pose, pose_from, pose_numbers, tool_poses
 from ...base.types import Array, ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector, finite
-from ...motion.checks import Clear, clear_postures
+from ...motion.checks import Clear, Clearances, Scene
 from ...motion.ik.inverse_function import leads_to
 from ...path import Path
 from ...path.workspaces import Box, Cylinder, PoseCloud, PoseRange, Solid, Sphere, Workspace, pose_cloud, workspace
 from ...proof import UniqueRegion, unique_region
 from ...proof.checker_file import need, numbers, parsed
-from ...proof.kept_apart import CLEARANCE
-from ...robot import LinkShape, Robot
+from ...robot import Robot
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task
 from ..coverage.starts import postures_at, reached
@@ -83,57 +82,6 @@ def rests_of(task: Task, T: Array, clear: Clear | None) -> Indices:
     return rest
 
 
-# --------------------------------------------------------------------------------------------------
-# `Surroundings`: what a robot is to keep clear of.
-# --------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Surroundings(Value):
-    """Obstacles and a floor, and by how much [m] the robot keeps clear of them and of itself, as of `check`."""
-
-    obstacles: tuple[LinkShape, ...] = ()
-    floor: float | None = None
-    clearance: float = CLEARANCE
-    self_collision: bool = True
-    ignore: tuple[tuple[str, str], ...] = ()
-    shapes_of: Robot | None = None
-
-    def clear(self, robot: Robot) -> Clear:
-        """Which of some postures (k, n) of the robot keep clear. Raises: UnknownNameError, ArgumentError."""
-        return clear_postures(
-            self.shapes_of or robot, obstacles=self.obstacles, floor=self.floor, clearance=self.clearance,
-            self_collision=self.self_collision, ignore=self.ignore,
-        )  # fmt: skip
-
-    @property
-    def digest(self) -> str:
-        """A short text that differs where what is to be kept clear of differs: SHA-256 of all numbers and names."""
-        shapes = [
-            [one.link, one.joint, one.placement.tolist(), repr(one.shape), *_size(one)]
-            for one in (*self.obstacles, *(() if self.shapes_of is None else self.shapes_of.shapes))
-        ]  # fmt: skip
-        rest = [self.floor, self.clearance, self.self_collision, sorted(map(list, self.ignore))]
-        return hashlib.sha256(json.dumps([shapes, rest]).encode()).hexdigest()[:16]
-
-
-def _size(one: LinkShape) -> list[float]:
-    """The ball that holds a shape; nothing of one that could not be read, and may touch what it likes."""
-    return [] if one.shape.fault else np.hstack(one.shape.ball).tolist()
-
-
-def surroundings(
-    clear_of: Sequence[LinkShape] | None, floor: float | None, clearance: float, self_collision: bool,
-    ignore: Sequence[tuple[str, str]], shapes_of: Robot | None,
-) -> Surroundings | None:  # fmt: skip
-    """Those that are named; None where nothing is to be looked at. Raises: ArgumentError: a floor alone."""
-    if clear_of is None:
-        if floor is not None:
-            raise ArgumentError("floor", floor, "give clear_of, too: [] for the floor and the links alone")
-        return None
-    return Surroundings(tuple(clear_of), floor, clearance, self_collision, tuple(ignore), shapes_of)
-
-
 ON_LEAF = 1e-6
 """Difference from the level of a sheet [units of g] below which a posture lies on its leaf."""
 
@@ -168,7 +116,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     sheet that is taken (k,), -1 for none. rest: a `PoseRest` for each (k,). pairs: neighbours among the poses (e, 2);
     cuts: those between which the joints do not continue (c, 2); least_cuts: no choice among these sheets has fewer.
     least: no fewer of the candidates serve as much, by the poses that the search looked at; candidates: how many there
-    were. length: what a turn of 1 rad counts where poses are compared [m]. around: what postures keep clear of, None
+    were. length: what a turn of 1 rad counts where poses are compared [m]. scene: what postures keep clear of, None
     for nothing. stopped: whether the search was stopped early.
     """
 
@@ -185,7 +133,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     least: int
     candidates: int
     length: float
-    around: Surroundings | None = None
+    scene: Scene | None = None
     stopped: bool = False
 
     def __len__(self) -> int:
@@ -366,17 +314,12 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             raise ArgumentError("workspace", str(space), "give a box: hk.workspace(box=...)")
         one = self.sheets[sheet]
         q = one.nearest_station(space.center)
-        a = self.around
-        kept: dict[str, Any] = {} if a is None else {
-            "clear_of": a.obstacles, "floor": a.floor, "clearance": a.clearance, "self_collision": a.self_collision,
-            "ignore": a.ignore, "shapes_of": a.shapes_of,
-        }  # fmt: skip
-        return unique_region(one.strategy, q, space, budget=budget, progress=progress, **kept)
+        return unique_region(one.strategy, q, space, scene=self.scene, budget=budget, progress=progress)
 
     @cached_property
     def clear(self) -> Clear | None:
         """Which postures (k, n) keep clear of what was named; None where nothing was."""
-        return None if self.around is None else self.around.clear(self.task.robot)
+        return None if self.scene is None else Clearances.of(self.task.robot, self.scene).clear
 
     @property
     def served(self) -> Flags:
@@ -484,7 +427,7 @@ def write_sheets(found: Sheets, path: str | FilePath) -> None:
         "leaves": [{"name": one.name, "keys": dict(one.keys), "rcond": one.rcond} for one in found.sheets],
         "workspace": _workspace_keys(found.workspace), "length": found.length, "stopped": found.stopped,
         "least": found.least, "least_cuts": found.least_cuts, "candidates": found.candidates,
-        "around": None if found.around is None else found.around.digest,
+        "around": _digest(found.task.robot, found.scene),
     }  # fmt: skip
     q0 = np.array([one.q0 for one in found.sheets]).reshape(-1, found.task.n)
     with replacing(path) as part, part.open("wb") as stream:
@@ -494,11 +437,24 @@ def write_sheets(found: Sheets, path: str | FilePath) -> None:
         )  # fmt: skip
 
 
-def sheets_of_file(path: str | FilePath, task: Task, around: Surroundings | None, build: Build) -> Sheets:
+def _digest(robot: Robot, scene: Scene | None) -> str | None:
+    """A short text that differs where shapes or a scene differ: SHA-256 of all numbers and names."""
+    if scene is None:
+        return None
+    shapes = [
+        [one.link, one.joint, one.placement.tolist(), repr(one.shape), *([] if fault else np.hstack(one.shape.ball))]
+        for one in (*scene.obstacles, *robot.shapes)
+        for fault in [one.shape.fault]
+    ]
+    rest = [scene.floor, scene.clearance, scene.self_collision, sorted(map(list, scene.allowed))]
+    return hashlib.sha256(json.dumps([shapes, rest]).encode()).hexdigest()[:16]
+
+
+def sheets_of_file(path: str | FilePath, task: Task, scene: Scene | None, build: Build) -> Sheets:
     """The map of a file, for the task that it was made for.
 
     Raises:
-        SheetsFileError: it cannot be read, or is of another robot, task or surroundings.
+        SheetsFileError: it cannot be read, or is of another robot, task or scene.
     """
     file = FilePath(path)
     try:
@@ -516,9 +472,8 @@ def sheets_of_file(path: str | FilePath, task: Task, around: Surroundings | None
     given = (about["robot"], about["joints"], about["task"])
     if given != wanted:
         raise SheetsFileError(file, f"it is of {given}", f"give that robot and task, not {wanted}")
-    if about["around"] != (None if around is None else around.digest):
-        cure = "give clear_of, floor, clearance, self_collision and ignore as they were given to hk.sheets"
-        raise SheetsFileError(file, "it is of other surroundings", cure)
+    if about["around"] != _digest(task.robot, scene):
+        raise SheetsFileError(file, "it is of another scene", "give the scene that was given to hk.sheets")
     try:
         sheets = tuple(
             _sheet(build(one["keys"], task, q0, one["name"]), q0, one, q, arrays["poses"])
@@ -528,7 +483,7 @@ def sheets_of_file(path: str | FilePath, task: Task, around: Surroundings | None
         found = Sheets(
             task, _workspace_of(about["workspace"], cloud), sheets, tool_poses("of the map", arrays["poses"]),
             arrays["q"], arrays["labels"], arrays["rest"], arrays["pairs"], arrays["cuts"], about["least_cuts"],
-            about["least"], about["candidates"], float(about["length"]), around, about["stopped"],
+            about["least"], about["candidates"], float(about["length"]), scene, about["stopped"],
         )  # fmt: skip
         bad = _fault(found)
     except (HolokinError, LookupError, TypeError, ValueError) as problem:

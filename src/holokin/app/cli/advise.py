@@ -45,7 +45,7 @@ def advise(
         job, remark = write()
         picture = job.with_suffix(".png")
         say("drawing")
-        write_figure(lambda: advice_figure(found, asked.obstacles, asked.shown), picture)
+        write_figure(lambda: advice_figure(found, asked.shown), picture)
     if remark:
         show(f"  Note: {remark}")
     show(f"wrote {job} and {picture} after {found.seconds:.0f} s; then: holokin run {job}")

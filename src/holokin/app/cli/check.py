@@ -29,10 +29,11 @@ def check(
         float | None, typer.Option(help="Of the capsules [m] that stand for links without shapes.")
     ] = None,
     margin: Annotated[float, typer.Option(help="How far joints keep from their limits [rad, m].")] = 0.0,
-    ignore: Annotated[
+    allowed: Annotated[
         list[str] | None,
         typer.Option(
-            help="Links, or a link and the floor, that may touch, like 'link5,hand' or 'hand,*'; may be given again."
+            "--allowed",
+            help="Links, or a link and the floor, that may touch, like 'link5,hand' or 'hand,*'; may be given again.",
         ),
     ] = None,
     position: Annotated[
@@ -59,20 +60,19 @@ def check(
     from ...strategies.tasks.task_kinds import pose
     from ...strategies.tasks.task_kinds import position as position_of
 
-    pairs = [tuple(part.strip() for part in text.split(",")) for text in ignore or []]
-    for pair, text in zip(pairs, ignore or [], strict=True):
+    pairs = [tuple(part.strip() for part in text.split(",")) for text in allowed or []]
+    for pair, text in zip(pairs, allowed or [], strict=True):
         if len(pair) != 2:
-            raise ArgumentError("--ignore", text, "give two names, of links or the floor, with a comma between")
+            raise ArgumentError("--allowed", text, "give two names, of links or the floor, with a comma between")
     arm = load(robot, tip=tip if is_model(robot) else None, trust_units=trust_units)
     motion = read_recording(
         log, arm, degrees=degrees, topic=topic, columns=columns, time=time, counts_turns=counts_turns,
         **counts_of_words(signs, offsets, scales),
     )  # fmt: skip
     free = position or arm.n < 6
-    found = checks.check(
-        motion, arm if radius is None else with_capsules(arm, radius), task=position_of(arm) if free else pose(arm),
-        floor=floor, clearance=clearance, ignore=[(a, b) for a, b in pairs], margin=margin,
-    )  # fmt: skip
+    scene = checks.Scene(floor=floor, clearance=clearance, allowed=[(a, b) for a, b in pairs])
+    shaped = arm if radius is None else with_capsules(arm, radius)
+    found = checks.check(motion, shaped, scene, task=position_of(arm) if free else pose(arm), margin=margin)
     if json is not None:
         found.save(json)
     for line in found.table().splitlines():

@@ -16,16 +16,15 @@ from ...analysis.design import Advice
 from ...analysis.design.advice_case import advise_chain
 from ...base.errors import ArgumentError, HolokinError
 from ...base.types import Value, Vector
-from ...motion.checks.motion_checks import Clearances
+from ...motion.checks import Scene
 from ...motion.ik import ik
 from ...path.workspaces import Box, PoseRange, Workspace, workspace
-from ...robot import LinkShape, Robot
+from ...robot import Robot
 from ...strategies.tasks.frame_task import FrameTask
 from ...strategies.tasks.task import Task
-from .job_parts import build_tasks
+from .job_parts import build_robot, build_tasks
 from .runner import is_job, open_one_job, run_job, workspace_of_job
 from .schema import LONGEST_TITLE, Job, job_table
-from .tables import ChecksTable
 from .templates import check_new, robot_name, table, toml, toml_key, write_new
 
 # --------------------------------------------------------------------------------------------------
@@ -73,7 +72,7 @@ def _numbers_of(text: str) -> list[float] | None:
 class Question(Value):
     """A chain, its task, and where it works among what.
 
-    apart: how far postures keep clear of that, None where nothing is asked; proven: the same as arguments of `certify`.
+    scene: what it is to keep clear of, None where nothing is asked. shown: the robot for pictures.
     chosen: what nobody gave. keys: the tables that say all this in a job; the whole job where there is one, which is
     in `file`.
     """
@@ -82,18 +81,11 @@ class Question(Value):
     task: Task
     workspace: Workspace | None
     q0: Vector | None
-    apart: Clearances | None
-    proven: Mapping[str, Any]
-    obstacles: tuple[LinkShape, ...]
+    scene: Scene | None
+    shown: Robot
     chosen: tuple[str, ...]
     keys: Mapping[str, Any]
     file: FilePath | None
-
-    @property
-    def shown(self) -> Robot:
-        """The robot for pictures, with the tools that the checks give it."""
-        checks = self.keys.get("checks")
-        return ChecksTable.model_validate(checks).drawn(self.task.robot) if checks else self.task.robot
 
 
 def question(
@@ -138,19 +130,21 @@ def _of_robot(
     space = None if box is None else _typed_box(box, tilt or 0.0, chain.robot.planar)
     given = {"tip": not chain.chosen, "task": kind, "q0": None, "workspace": space}
     chosen = tuple(word for word, value in given.items() if value is None or value is False)
-    return Question(chain, task, space, None, None, {}, (), chosen, {"robot": keys}, None)
+    return Question(chain, task, space, None, None, chain.robot, chosen, {"robot": keys}, None)
 
 
 def _of_job(name: str) -> Question:
     _, job, file = open_one_job(name)
-    robot, start, (task, *_) = build_tasks(job, file)
+    own = build_robot(job, file)
+    robot, start, (task, *_) = build_tasks(job, file, own)
     if task.n == task.m:
         cure = 'write orientation = "axis" into [task] if the tool may spin about its axis, or kind = "position"'
         raise ArgumentError(f"the number of redundant joints of {robot.name!r} for the job's task", 0, cure)
     space = workspace_of_job(job, task, start, file)
     chain = Chain(robot, None, task.tip or robot.tips[0].name, (), False)
     keys = job_table(file)
-    return Question(chain, task, space, start, *_among(job.checks, robot), (), keys, file)
+    scene, shown = (None, own) if job.checks is None else (job.checks.keeps_clear(robot), job.checks.drawn(own))
+    return Question(chain, task, space, start, scene, shown, (), keys, file)
 
 
 def _typed_box(text: str, tilt: float, planar: bool) -> Workspace:
@@ -162,17 +156,6 @@ def _typed_box(text: str, tilt: float, planar: bool) -> Workspace:
     half = len(numbers) // 2
     rotation = np.eye(3) if planar else None
     return workspace(box=(numbers[:half], numbers[half:]), rotation=rotation, tilt=np.deg2rad(tilt))
-
-
-def _among(table: ChecksTable | None, robot: Robot) -> tuple[Clearances | None, dict[str, Any], tuple[LinkShape, ...]]:
-    """(how far postures keep clear, the same as arguments of `certify`, the obstacles that stand still)."""
-    standing = () if table is None else table.standing()
-    apart = None if table is None else table.clearances(robot)
-    if table is None or apart is None or not apart.names:
-        return None, {}, standing
-    proven = table.proven(robot)
-    del proven["limits"]
-    return apart, proven, standing
 
 
 # --------------------------------------------------------------------------------------------------
@@ -313,8 +296,7 @@ def advise_command(
         asked.workspace,
         asked.q0,
         chosen=asked.chosen,
-        apart=asked.apart,
-        proven=asked.proven,
+        scene=asked.scene,
         progress=progress,
         levels=levels,
     )

@@ -101,13 +101,21 @@ def _build_start(job: Job, robot: Robot, file: FilePath) -> Vector:
     return q
 
 
-def build_tasks(job: Job, file: FilePath) -> tuple[Robot, Vector, list[Task]]:
+def build_tasks(job: Job, file: FilePath, robot: Robot | None = None) -> tuple[Robot, Vector, list[Task]]:
     """(robot, start posture (n,), a task, or one for each orientation of a list) of a job.
+
+    The robot has the shapes of [checks], and all that is made of the tasks has them, too.
+
+    Args:
+        robot: as `build_robot` makes it, where it was made before.
 
     Raises:
         JobError, JointLimitError, and what the tasks raise.
     """
-    robot = build_robot(job, file)
+    robot = build_robot(job, file) if robot is None else robot
+    if job.checks is not None:
+        with naming(file, "checks"):
+            robot = job.checks.shaped(robot)
     start = _build_start(job, robot, file)
     with naming(file, "task"):
         return robot, start, job.task.tasks(robot, start)

@@ -16,7 +16,7 @@ import numpy as np
 from ...analysis.coverage import Reach, coverage, coverage_slices, posture_reach
 from ...analysis.curvature import around, involutivity, why_elsewhere
 from ...analysis.sheets import SheetMotion, Sheets, sheets
-from ...analysis.sheets.sheet_map import CLEARANCE, sheets_of_file, surroundings
+from ...analysis.sheets.sheet_map import sheets_of_file
 from ...base.arguments import typed
 from ...base.errors import (
     ArgumentError,
@@ -33,12 +33,13 @@ from ...base.errors import (
 from ...base.errors.motion_errors import KEPT
 from ...base.types import Matrix, Value, Vector
 from ...motion import follow
+from ...motion.checks import Scene
 from ...motion.follow_path import Following, by_leaf
 from ...motion.trajectory import Status, Trajectory
 from ...path import Path, read_workspace
 from ...path.editing import AnyPath
 from ...path.workspaces import PoseRange, Workspace, pose_cloud, workspace
-from ...robot import LinkShape, Robot, load
+from ...robot import Robot, load
 from ...strategies import HolonomicStrategy, Strategy, holonomic
 from ...strategies.constraints import custom
 from ...strategies.tasks.task import Task
@@ -56,7 +57,7 @@ from .job_parts import (
 from .metrics import METRICS, Run, apart
 from .schema import ExpectTable, Job, SheetsTable, WorkspaceTable, job_table, read_job
 from .strategy_tables import KINDS, Fitted
-from .tables import ChecksTable, TimingTable, filled
+from .tables import TimingTable, filled
 
 # --------------------------------------------------------------------------------------------------
 # [workspace]: how many of its poses each strategy with leaves reaches.
@@ -149,13 +150,7 @@ def workspace_of_job(job: Job, task: Task, start: Vector, file: FilePath) -> Wor
 def read_sheets(
     path: str | FilePath,
     task: Task,
-    *,
-    clear_of: Sequence[LinkShape] | None = None,
-    floor: float | None = None,
-    clearance: float = CLEARANCE,
-    self_collision: bool = True,
-    ignore: Sequence[tuple[str, str]] = (),
-    shapes_of: Robot | None = None,
+    scene: Scene | None = None,
 ) -> Sheets:
     """The map of sheets that `Sheets.save` or `holokin sheets` wrote, for the task that it was made for.
 
@@ -165,17 +160,15 @@ def read_sheets(
     Args:
         path: the file.
         task: of the robot for which the map was made.
-        clear_of, floor, clearance, self_collision, ignore, shapes_of: as they were given to `hk.sheets`.
+        scene: as it was given to `hk.sheets`.
 
     Returns:
         The map, as it was saved.
 
     Raises:
-        SheetsFileError: it cannot be read, is of another robot, task or surroundings, or holds what makes no sense.
-        ArgumentError: a floor without clear_of.
+        SheetsFileError: it cannot be read, is of another robot, task or scene, or holds what makes no sense.
     """
-    around = surroundings(clear_of, floor, clearance, self_collision, ignore, shapes_of)
-    return sheets_of_file(path, task, around, _strategy)
+    return sheets_of_file(path, task, scene, _strategy)
 
 
 def _strategy(keys: Mapping[str, Any], task: Task, q0: Vector, name: str) -> HolonomicStrategy:
@@ -214,7 +207,7 @@ def saved_map(job: Job, task: Task, file: FilePath) -> Sheets | None:
         cure = f"write it with `holokin sheets {file.name}`, or leave it out: then the sheets are searched for"
         raise JobError(file, "sheets.file", f"names {table.file}, and there is no such file", cure)
     with naming(file, "sheets", "file"):
-        return read_sheets(place, task, **kept_clear(job.checks, task.robot))
+        return read_sheets(place, task, job.scene)
 
 
 def sheets_of_job(
@@ -230,8 +223,9 @@ def sheets_of_job(
         return saved
     with naming(file, "sheets"):
         space = workspace_of_job(job, task, start, file)
-        around = kept_clear(job.checks, task.robot)
-        return sheets(task, space, progress=lambda text: say(f"sheets: {text}"), **searched(job.sheets), **around)
+        return sheets(
+            task, space, scene=job.scene, progress=lambda text: say(f"sheets: {text}"), **searched(job.sheets)
+        )
 
 
 def _sheets_result(
@@ -268,13 +262,6 @@ def path_motion(found: Sheets, path: AnyPath, start: Vector) -> SheetMotion | No
 def searched(table: SheetsTable | None) -> dict[str, Any]:
     """[sheets] as arguments of `sheets`."""
     return (table or SheetsTable()).model_dump(exclude={"file"})
-
-
-def kept_clear(checks: ChecksTable | None, robot: Robot) -> dict[str, Any]:
-    """What [checks] ask to keep clear of, as arguments of `sheets` and `read_sheets`."""
-    if checks is None:
-        return {}
-    return {key: value for key, value in checks.proven(robot).items() if key != "limits"}
 
 
 PAPER = ("ppr-half-circle", "ppr-cycle", "irb140-half-square", "orientation")
@@ -360,7 +347,8 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
         HolokinError: bad input; or no strategy could be run, for the first one's reason.
     """
     began = time.perf_counter()
-    robot, start, tasks = build_tasks(job, file)
+    own = build_robot(job, file)
+    robot, start, tasks = build_tasks(job, file, own)
     if job.timing is not None:
         with naming(file, "timing", "velocity"):
             job.timing.check(robot)
@@ -419,12 +407,12 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
             NotRun("[sheets]", f"{problem.fact}; {problem.cure}" if isinstance(problem, JobError) else str(problem))
         )
     task_name = tasks[0].name if len(tasks) == 1 else f"pose of {robot.name}, {len(tasks)} orientation representations"
-    shown = job.checks.drawn(robot) if job.checks is not None else robot
+    shown = own if job.checks is None else job.checks.drawn(own)
     seconds = time.perf_counter() - began
     return JobResult(
         name, job.title, about.strip(), shown, task_name, start, path, job.path.cycles, tuple(results), seconds,
         tuple(failed), str(covering.workspace) if covering is not None else "",
-        job.checks.standing() if job.checks is not None else (), one_way(path),
+        () if job.scene is None else tuple(job.scene.obstacles), one_way(path),
         {key: metric.meaning for key, metric in METRICS.items()}, job.printed_units, over,
     )  # fmt: skip
 

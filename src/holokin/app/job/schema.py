@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BaseModel, Field, ValidationError, create_m
 
 from ...base.errors import HolokinError, JobError, brief, closest, shown
 from ...base.units import SI, PrintedUnits, printed_units
+from ...motion.checks import Scene
 from ...robot import FARTHEST
 from ...robot.formats.urdf import read_toml
 from .metrics import METRICS
@@ -211,6 +212,11 @@ class Job(Table):
     strategies: Annotated[dict[str, AnyStrategy], Field(min_length=1, max_length=MOST_STRATEGIES)]
     expect: dict[str, ExpectTable] = Field(default={})
     verdict: VerdictTable = VerdictTable()
+
+    @property
+    def scene(self) -> Scene | None:
+        """What the robot is to keep clear of, None where the job has no [checks]."""
+        return None if self.checks is None else self.checks.scene
 
     @property
     def printed_units(self) -> PrintedUnits:

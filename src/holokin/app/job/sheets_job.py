@@ -13,9 +13,9 @@ from ...base.errors import ArgumentError, JobError
 from ..report.job_result import SheetsResult
 from .advice_job import Question
 from .job_parts import build_paths
-from .runner import ONE_TOOL, kept_clear, path_motion, searched
+from .runner import ONE_TOOL, path_motion, searched
 from .schema import SheetsTable, job_of
-from .tables import ChecksTable, filled
+from .tables import filled
 
 
 def sheets_command(
@@ -44,10 +44,8 @@ def sheets_command(
     space = asked.workspace
     if space is None:
         space = proposed_workspace(asked.task, first_start(asked.task) if asked.q0 is None else asked.q0)
-    checks = asked.keys.get("checks")
-    around = kept_clear(filled(ChecksTable, "checks", checks), asked.task.robot) if checks else {}
     announce(f"{asked.chain}: {space}. This takes up to {table.seconds + 60:.0f} s.")
-    found = sheets(asked.task, space, progress=progress, **searched(table), **around)
+    found = sheets(asked.task, space, scene=asked.scene, progress=progress, **searched(table))
     write_sheets(found, file)
     if asked.file is None or asked.q0 is None:
         return SheetsResult(found, table.share), file

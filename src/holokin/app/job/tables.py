@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
@@ -15,8 +16,7 @@ from ...base.errors import ArgumentError, brief, closest
 from ...base.types import Matrix, Vector
 from ...export import ProcessLines, ToolTolerance, Wiring
 from ...motion import TimedTrajectory, retime
-from ...motion.checks import CheckReport, check
-from ...motion.checks.motion_checks import Clearances, posture_clearances
+from ...motion.checks import CheckReport, Clearances, Scene, check
 from ...motion.timing import GIVE_VELOCITY, joint_curve
 from ...motion.trajectory import Trajectory
 from ...path import frame_pose
@@ -289,7 +289,7 @@ def robot_of_job(table: RobotTable, file: Path) -> Robot:
 MOST_OBSTACLES = 100
 """Shapes round a robot; each is looked at with each link."""
 
-MOST_IGNORED = 1000
+MOST_ALLOWED = 1000
 """Pairs of links that may touch."""
 
 NotNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
@@ -325,37 +325,33 @@ class ChecksTable(Table):
     """[checks]: what every motion is looked at for, as of `check`."""
 
     floor: Length | None = None
-    clearance: NotNegative = 0.01
+    clearance: NotNegative = Scene.clearance
     self_collision: bool = True
     limits: bool = True
     margin: NotNegative = 0.0
     rcond: Annotated[float, Field(ge=0, lt=1)] = 0.01
     radius: Positive | dict[str, Positive] | None = None
-    ignore: Annotated[list[Pair], Field(max_length=MOST_IGNORED)] = Field(default=[])
+    allowed: Annotated[list[Pair], Field(max_length=MOST_ALLOWED)] = Field(default=[])
     obstacles: Annotated[list[ObstacleTable], Field(max_length=MOST_OBSTACLES)] = Field(default=[])
 
+    @cached_property
+    def scene(self) -> Scene:
+        """What the robot is to keep clear of."""
+        return Scene(
+            [table.standing() for table in self.obstacles if table.on is None], self.floor, self.clearance,
+            self.self_collision, [(a, b) for a, b in self.allowed],
+        )  # fmt: skip
+
     def checked(self, motion: Trajectory | TimedTrajectory, robot: Robot, task: Task) -> CheckReport:
-        """What is found of a motion. Raises: as `check` and `with_capsules`."""
-        shaped = self._shaped(robot)
-        own = self.model_dump(exclude={"radius", "ignore", "obstacles"})
-        ignore = [(a, b) for a, b in self.ignore]
-        return check(motion, shaped, task=task, obstacles=self.standing(), ignore=ignore, **own)
+        """What is found of a motion of a robot that is `shaped`. Raises: as `check`."""
+        return check(motion, robot, self.scene, task=task, limits=self.limits, margin=self.margin, rcond=self.rcond)
 
-    def clearances(self, robot: Robot) -> Clearances:
-        """How far postures keep clear of all this. Raises: as `clear_postures` and `with_capsules`."""
-        ignore = [(a, b) for a, b in self.ignore]
-        return posture_clearances(
-            self._shaped(robot), self.standing(), self.floor, self.clearance, self.self_collision, ignore
-        )
+    def keeps_clear(self, robot: Robot) -> Scene | None:
+        """The scene, for what refuses one of which a robot can touch nothing. Raises: as `Clearances.of`."""
+        return self.scene if robot.tips and Clearances.of(robot, self.scene).names else None
 
-    def proven(self, robot: Robot) -> dict[str, Any]:
-        """The same as arguments of `certify`. Raises: as `with_capsules`."""
-        own = self.model_dump(include={"floor", "clearance", "self_collision", "limits"})
-        ignore = [(a, b) for a, b in self.ignore]
-        return own | {"clear_of": self.standing(), "ignore": ignore, "shapes_of": self._shaped(robot)}
-
-    def _shaped(self, robot: Robot) -> Robot:
-        """The robot with its capsules, and with what it carries."""
+    def shaped(self, robot: Robot) -> Robot:
+        """The robot with its capsules, and with what it carries. Raises: as `with_capsules` and `with_shape`."""
         return self._loaded(robot if self.radius is None else with_capsules(robot, self.radius))
 
     def _loaded(self, robot: Robot) -> Robot:
@@ -367,10 +363,6 @@ class ChecksTable(Table):
         """The robot for pictures: with what it carries, and else as it was. Raises: UnknownNameError: no such tip."""
         count = sum(table.on is not None for table in self.obstacles)
         return replace(robot, shapes=(*robot.shapes, *self._loaded(robot).shapes[-count:])) if count else robot
-
-    def standing(self) -> tuple[LinkShape, ...]:
-        """The obstacles that stand still."""
-        return tuple(table.standing() for table in self.obstacles if table.on is None)
 
 
 # --------------------------------------------------------------------------------------------------

@@ -70,7 +70,7 @@ def certify_job(
     more: dict[str, Any] = {} if budget is None else {"budget": budget}
     if job.checks is not None:
         with naming(file, "checks"):
-            more |= job.checks.proven(robot)
+            more |= {"limits": job.checks.limits, "scene": job.checks.keeps_clear(robot)}
     for label, table in job.strategies.items():
         for task in tasks:
             title = label if len(tasks) == 1 else f"{label} ({task.orientation})"

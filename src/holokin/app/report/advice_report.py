@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from textwrap import fill
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from ...analysis.design import Advice, Law
 from ...base.errors import brief
 from ...base.types import Vector
-from ...robot import Coordinate, LinkShape, Robot, Tip, knows_masses, reach
+from ...robot import Coordinate, Robot, Tip, knows_masses, reach
 from .job_report import Column, print_line, print_table
 from .plots import GOOD, GREY, HOLONOMIC, INK, PAGE, WARNING, on_figure
 from .robot_panels import Actor, draw_panel, stage_of
@@ -75,10 +74,10 @@ CLEARANCE: Column = ("clearance\nmin [m]", "right")
 
 def print_advice(advice: Advice, console: Any) -> None:
     """Print the laws as a table, the best first, and the reasons below."""
-    columns, rows = (*COLUMNS[:-1], CLEARANCE, COLUMNS[-1]) if advice.asked else COLUMNS, []
+    columns, rows = (*COLUMNS[:-1], CLEARANCE, COLUMNS[-1]) if advice.scene else COLUMNS, []
     for law in advice.laws:
         cells_of_law = cells(law)
-        cells_of_law[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.asked else []
+        cells_of_law[-1:-1] = [f"{law.clearance:.3f}" if np.isfinite(law.clearance) else "-"] if advice.scene else []
         rows.append(cells_of_law)
     print_table(console, brief(advice.subject, 600), columns, rows, lambda k, _: "" if k else GOOD)
     if advice.proposed:
@@ -113,11 +112,10 @@ def _chosen_words(advice: Advice) -> str:
     return ", ".join(known.get(word, f"the {word}") for word in advice.proposed)
 
 
-def advice_figure(advice: Advice, obstacles: Sequence[LinkShape] = (), robot: Robot | None = None) -> Any:
+def advice_figure(advice: Advice, robot: Robot | None = None) -> Any:
     """The laws as bars of coverage and of joint speed, and below them the robot with what the best of them reaches.
 
     Args:
-        obstacles: what stands still round the robot.
         robot: the same with what it carries; by default the robot of the advice.
     """
     from matplotlib.figure import Figure
@@ -125,7 +123,8 @@ def advice_figure(advice: Advice, obstacles: Sequence[LinkShape] = (), robot: Ro
     laws, every = advice.laws[:MOST_LAWS], len(advice.laws)
     robot = advice.task.robot if robot is None else robot
     points = advice.coverage.poses[:, :3, 3]
-    stage = stage_of(robot, advice.q0[None], extra=points, obstacles=obstacles, ratio=(0.5, 0.8))
+    things = () if advice.scene is None else advice.scene.obstacles
+    stage = stage_of(robot, advice.q0[None], extra=points, obstacles=things, ratio=(0.5, 0.8))
     subject = fill(on_figure(f"{advice.work}; {advice.workspace}", 300), LETTERS)
     wide, tall = stage.scene.shape
     scene, bars = SCENE * tall / wide, bars_height(laws)

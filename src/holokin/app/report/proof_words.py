@@ -137,13 +137,16 @@ def least_of_pairs(certificate: Certificate) -> list[tuple[tuple[str, str], floa
 
 
 def assumed_words(certificate: Certificate) -> str:
-    """What is said of the links of a robot whose model has no shapes."""
-    if certificate.demands.clear is None or any(
-        not shape.obstacle for shape in certificate.equation.strategy.task.robot.shapes
-    ):
+    """What is said of the links of a robot for which the capsules of `with_capsules`, named after joints, stand."""
+    if certificate.demands.clear is None:
+        return ""
+    robot = certificate.demands.clear.robot
+    names = {"base", *(joint.name for joint in robot.joints)}
+    links = [shape for shape in robot.shapes if not (shape.obstacle or shape.carried)]
+    if any(not isinstance(s.shape, Capsule) or s.link.removeprefix("base of ") not in names for s in links):
         return ""
     return (
-        "The model of the robot has no shapes: capsules about the lines from joint to joint stand for its links. That "
+        "The links of the model have no shapes: capsules about the lines from joint to joint stand for its links. That "
         "they hold the real links is assumed, and not proven: compare their radius with the robot"
     )
 

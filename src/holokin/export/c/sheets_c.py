@@ -54,7 +54,7 @@ def export_sheets(
     positive("dt", dt)
     if not len(found):
         raise ArgumentError("the sheets", 0, "give a map that serves something")
-    if found.around is not None or any(sheet.rcond for sheet in found.sheets):
+    if found.scene is not None or any(sheet.rcond for sheet in found.sheets):
         cure = "C does not look at obstacles, nor at a least rcond: make the map without, and check its motions"
         raise ArgumentError("the map", "it has surroundings, or a least rcond", cure)
     if found.task.n == found.task.m:

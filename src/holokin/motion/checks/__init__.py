@@ -1,10 +1,13 @@
 """Checks of motions: limits, singularities, self-collision, the floor, obstacles.
 
-Uses `motion`. Read first: `motion_checks.py`, `clearance.py`.
+Uses `motion`. Read first: `scene.py`, `motion_checks.py`.
 """
 
 from .check_report import CheckReport, Clearance, Finding, FindingKind, LeftOut, Unseen
 from .motion_checks import Clear as Clear
-from .motion_checks import check, clear_postures
+from .motion_checks import Clearances, check
+from .scene import Scene
 
-__all__ = ["CheckReport", "Clearance", "Finding", "FindingKind", "LeftOut", "Unseen", "check", "clear_postures"]
+__all__ = [
+    "CheckReport", "Clearance", "Clearances", "Finding", "FindingKind", "LeftOut", "Scene", "Unseen", "check",
+]  # fmt: skip

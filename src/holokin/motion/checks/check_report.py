@@ -24,7 +24,7 @@ MOST_TOLD = 20
 
 UNREAD_CURE = (
     "put the files where the robot's file says, let a capsule stand for such a link (a radius for its joint, by name), "
-    'or ignore the link ("NAME, *")'
+    'or allow the link to touch all others ("NAME, *")'
 )
 """What helps where shapes could not be read."""
 

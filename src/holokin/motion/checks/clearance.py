@@ -16,6 +16,7 @@ from ...robot import Capsule, LinkShape, Robot, Shape, Unread, joints_above
 from ...robot.shapes.link_shapes import coal_package, lowest
 from ...robot.tree import Frames, joint_frames, placed
 from .check_report import LeftOut, Unseen, cannot_tell, keeps
+from .scene import Scene
 
 # --------------------------------------------------------------------------------------------------
 # `Gap`: the distance of a link from another one, from an obstacle or from the floor, at many
@@ -470,23 +471,19 @@ def _readable(shapes: Sequence[LinkShape]) -> tuple[list[LinkShape], list[tuple[
     return [s for s, fault in faults if not fault], [(s, fault) for s, fault in faults if fault]
 
 
-def pairs_of(
-    robot: Robot, obstacles: Sequence[LinkShape], q: Matrix, *, clearance: float, floor: float | None,
-    self_collision: bool, ignore: Sequence[tuple[str, str]],
-) -> Pairs:  # fmt: skip
-    """The pairs of a robot among obstacles, for a motion q (k, n). Raises: UnknownNameError: an unknown link.
+def pairs_of(robot: Robot, scene: Scene, q: Matrix) -> Pairs:
+    """The pairs of a robot in a scene, for a motion q (k, n). Raises: UnknownNameError: an unknown link.
 
     Links that do not move against each other are no pair, nor are such links and what stands still.
     """
-    good, faulty = _readable([*robot.shapes, *obstacles])
+    every, clearance, floor = [*robot.shapes, *scene.obstacles], scene.clearance, scene.floor
+    good, faulty = _readable(every)
     links = links_of([shape for shape in good if not shape.obstacle])
     things = links_of([shape for shape in good if shape.obstacle])
     names = [link.name for link in (*links, *things)] + [shape.link for shape, _ in faulty]
-    _known(ignore, names if floor is None else [*names, FLOOR])
-    allowed, every = _Allowed(ignore), [*robot.shapes, *obstacles]
-    unseen = [
-        Unseen(one.link, fault, _asked_about(one, every, allowed, floor, self_collision)) for one, fault in faulty
-    ]
+    _known(scene.allowed, names if floor is None else [*names, FLOOR])
+    allowed = _Allowed(scene.allowed)
+    unseen = [Unseen(one.link, fault, _asked_about(one, every, allowed, scene)) for one, fault in faulty]
     if not all(isinstance(shape.shape, Capsule) for shape in robot.shapes):  # a link without length has no capsule
         bare = sorted({*range(len(robot.joints))} - {shape.joint for shape in robot.shapes})
         unseen += [Unseen(robot.joints[j].name, "no shape moves with this joint") for j in bare]
@@ -499,7 +496,7 @@ def pairs_of(
                 left_out.append(LeftOut((one.name, thing.name), ASKED))
             else:
                 gaps.append(link_gap(robot, one, thing, travel))
-        for j, other in enumerate(links[:i] if self_collision else ()):
+        for j, other in enumerate(links[:i] if scene.self_collision else ()):
             pair = (other.name, one.name)
             if one.joint == other.joint:
                 continue  # they never move against each other
@@ -540,11 +537,9 @@ class _Allowed:
         return any(frozenset(pair) in self.pairs for pair in asked)
 
 
-def _asked_about(
-    one: LinkShape, every: Sequence[LinkShape], allowed: _Allowed, floor: float | None, self_collision: bool
-) -> bool:
+def _asked_about(one: LinkShape, every: Sequence[LinkShape], allowed: _Allowed, scene: Scene) -> bool:
     """Whether a shape may meet a thing that it may not touch."""
-    up, height = one.placement[2, 2:]
+    (up, height), floor = one.placement[2, 2:], scene.floor
     level = isinstance(one.shape, Unread) and one.shape.plane and up > 1 - LEVEL
     if level and floor is not None and floor >= height - LEVEL:
         return False  # the floor stands for it
@@ -553,13 +548,13 @@ def _asked_about(
         if one.obstacle or other.obstacle:
             meet = one.obstacle != other.obstacle and max(one.joint, other.joint) >= 0
         else:
-            meet = self_collision and one.joint != other.joint
+            meet = scene.self_collision and one.joint != other.joint
         rivals += [other.link] if meet else []
     return any((one.link, name) not in allowed for name in rivals)
 
 
-def _known(ignore: Sequence[tuple[str, str]], names: Sequence[str]) -> None:
-    for name in (name for pair in ignore for name in pair):
+def _known(pairs: Sequence[tuple[str, str]], names: Sequence[str]) -> None:
+    for name in (name for pair in pairs for name in pair):
         if name != ALL and name not in names:
             raise UnknownNameError("link or obstacle", name, tuple(dict.fromkeys(names)))
 

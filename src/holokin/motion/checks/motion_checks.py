@@ -12,8 +12,8 @@ import numpy as np
 from ...base.arguments import typed
 from ...base.errors import ArgumentError, RobotFileError
 from ...base.tolerances import TOLERANCES
-from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, not_negative, number
-from ...robot import LinkShape, Robot, chain_length, joints_above, with_capsules
+from ...base.types import Array, Flags, Indices, Matrix, Value, Vector, not_negative
+from ...robot import Robot, chain_length, joints_above, with_capsules
 from ...robot.links import SLENDER
 from ...robot.tree import Frames, joint_frames
 from ...strategies.tasks.task import Task
@@ -30,6 +30,7 @@ from .check_report import (
     motion_of,
 )
 from .clearance import Pairs, Swept, pairs_of, sweep
+from .scene import Scene
 
 # --------------------------------------------------------------------------------------------------
 # Findings at the samples of a motion: limits of the joints, and singularities of the task.
@@ -233,8 +234,8 @@ def _sizes(task: Task, rows: Matrix) -> tuple[Vector, Vector]:
     return far, turn
 
 
-CLEARANCE = 0.01
-"""What is wanted between links by default [m]: more than a robot's and its model's errors together, as a rule."""
+LINKS = Scene()
+"""What `check` looks at by default: links against links."""
 
 RCOND = 0.01
 """Smallest over largest singular value of J below which a posture is told: rates are 100 times those elsewhere."""
@@ -246,13 +247,9 @@ _CAPSULES = "{} has no shapes: capsules of radius {:.3f} m from joint to joint s
 def check(
     motion: Any,
     robot: Robot,
+    scene: Scene | None = LINKS,
     *,
     task: Task | None = None,
-    floor: float | None = None,
-    clearance: float = CLEARANCE,
-    self_collision: bool = True,
-    obstacles: Sequence[LinkShape] = (),
-    ignore: Sequence[tuple[str, str]] = (),
     limits: bool = True,
     margin: float = 0.0,
     rcond: float = RCOND,
@@ -262,8 +259,8 @@ def check(
     Distances are those of the robot's shapes: the <collision> elements of a URDF, the geoms of MJCF that collide, or
     capsules between the frames of the joints for a robot without any, see `with_capsules`. Meshes are their convex
     hulls, and where these are nearer than the clearance, themselves. Left out are parent and child in the robot's tree,
-    links without shapes between counted out, pairs that touch at each of 200 random postures, and those of `ignore`.
-    Links beside the chain stand where their joints are at zero, or at the `locked` value of `load`.
+    links without shapes between counted out, pairs that touch at each of 200 random postures, and those that the
+    scene allows. Links beside the chain stand where their joints are at zero, or at the `locked` value of `load`.
 
     What is found of distances holds for the whole motion, with the joints going straight from one sample to the next:
     between two postures with distances d and e, over which points move by S at most, the distance is at least
@@ -272,13 +269,8 @@ def check(
     Args:
         motion: a Trajectory, a TimedTrajectory, a Recording, or postures (k, n).
         robot: whose motion it is.
+        scene: what it is to keep clear of, by default its own links alone; None leaves distances aside.
         task: whose Jacobian must not be singular; None leaves singularities aside.
-        floor: height of the floor z [m] in the frame of the base; None for no floor. What does not move stands on it.
-        clearance: the least distance wanted [m].
-        self_collision: whether links are held against each other.
-        obstacles: shapes that stand still, see `obstacle`.
-        ignore: pairs of names that may touch: of two links, of a link and an obstacle, or of a link and "floor"; "*"
-            stands for all others.
         limits: whether limits of the joints are looked at: of position and speed, and of a TimedTrajectory those of
             acceleration and jerk.
         margin: how far joints must keep from limits of their positions [joint units].
@@ -295,10 +287,7 @@ def check(
     found = motion_of(motion, robot)
     if not len(found.t):
         raise ArgumentError("the samples of the motion", 0, "give at least one")
-    wanted, edge = not_negative("clearance", clearance), not_negative("margin", margin)
-    level = None if floor is None else number("floor", floor)
-    if level is not None and not np.isfinite(level):
-        raise ArgumentError("floor", level, "give its height in m, or None")
+    edge, scene = not_negative("margin", margin), scene or Scene(self_collision=False)
     remarks = list(found.remarks)
     findings: list[Finding] = []
     if limits:
@@ -317,18 +306,16 @@ def check(
         remarks.append("singularities were not looked at: no task was given")
     seen += _large_steps(robot, found, jumps)
     swept: list[Swept] = []
-    pairs = Pairs((), (), (), (), wanted)
-    if level is not None or obstacles:
+    pairs = Pairs((), (), (), (), scene.clearance)
+    if scene.floor is not None or scene.obstacles:
         robot._check_links()
     if not robot.tips:
         remarks.append(f"{robot.name} has no links: distances were not looked at")
-    elif self_collision or level is not None or obstacles:
+    elif not scene.empty:
         if all(shape.obstacle for shape in robot.shapes):
             robot = with_capsules(robot)
             remarks.append(_CAPSULES.format(robot.name, chain_length(robot) / SLENDER))
-        pairs = pairs_of(
-            robot, obstacles, found.q, clearance=wanted, floor=level, self_collision=self_collision, ignore=ignore
-        )
+        pairs = pairs_of(robot, scene, found.q)
         swept = sweep(robot, pairs.gaps, found.q, pairs.limits)
         findings += _distance_findings(found, swept, pairs)
     near = [
@@ -336,8 +323,8 @@ def check(
         for one, limit in sorted(zip(swept, pairs.limits, strict=True), key=lambda pair: pair[0].least)
     ]
     return CheckReport(
-        tuple(sorted(findings, key=lambda f: (f.start, f.time))), len(found.t), float(found.t[-1] - found.t[0]), wanted,
-        tuple(near), pairs.left_out, pairs.unseen, tuple(remarks), tuple(seen),
+        tuple(sorted(findings, key=lambda f: (f.start, f.time))), len(found.t), float(found.t[-1] - found.t[0]),
+        scene.clearance, tuple(near), pairs.left_out, pairs.unseen, tuple(remarks), tuple(seen),
     )  # fmt: skip
 
 
@@ -372,6 +359,21 @@ class Clearances(Value):
     robot: Robot
     pairs: Pairs
 
+    @classmethod
+    def of(cls, robot: Robot, scene: Scene) -> Clearances:
+        """Those of a robot in a scene; what happens between postures is not looked at.
+
+        Raises:
+            UnknownNameError: no such link. ArgumentError: a robot without links. RobotFileError: the shape of a link
+            could not be read, and no clearance can be told.
+        """
+        robot.check_links()
+        shaped = with_capsules(robot) if all(shape.obstacle for shape in robot.shapes) else robot
+        pairs = pairs_of(shaped, scene, np.zeros((1, robot.n)))
+        if pairs.unread:
+            raise RobotFileError(robot.name, pairs.unread, UNREAD_CURE)
+        return cls(shaped, pairs)
+
     @property
     def wanted(self) -> float:
         """The distance asked for [m]."""
@@ -394,14 +396,15 @@ class Clearances(Value):
         gaps, limits = tuple(gap for gap, _ in kept), tuple(float(limit) for _, limit in kept)
         return replace(self, pairs=replace(self.pairs, gaps=gaps, limits=limits))
 
-    def distances(self, Q: Matrix, near: float = -np.inf) -> Matrix:
+    def distances(self, Q: Matrix, near: float | Vector = -np.inf) -> Matrix:
         """Of each pair at postures (k, n) -> (k, P) [m]; negative where they overlap.
 
-        Of meshes those of their convex hulls, and where these are below `near`, their own.
+        Of meshes those of their convex hulls, and where these are below `near`, or that of each pair (P,), their own.
         """
-        frames, every = joint_frames(self.robot, Q), np.arange(len(Q))
-        found = [gap.distances(frames, every, near) for gap in self.pairs.gaps if len(Q)]
-        return np.column_stack(found) if found else np.zeros((len(Q), len(self.pairs.gaps)))
+        frames, every, gaps = joint_frames(self.robot, Q), np.arange(len(Q)), self.pairs.gaps
+        nears = np.broadcast_to(near, len(gaps)).tolist()
+        found = [gap.distances(frames, every, e) for gap, e in zip(gaps, nears, strict=True) if len(Q)]
+        return np.column_stack(found) if found else np.zeros((len(Q), len(gaps)))
 
     def least(self, Q: Matrix, near: float = -np.inf) -> Vector:
         """The least distance at postures (k, n) -> (k,) [m]; of pairs that are always near only where they touch."""
@@ -449,43 +452,3 @@ def _screws(robot: Robot, frames: Frames) -> tuple[Array, Array]:
         else:
             turn[:, i], shift[:, i] = axis, np.cross(p, axis)
     return turn, shift
-
-
-@typed
-def clear_postures(
-    robot: Robot,
-    *,
-    obstacles: Sequence[LinkShape] = (),
-    floor: float | None = None,
-    clearance: float = CLEARANCE,
-    self_collision: bool = True,
-    ignore: Sequence[tuple[str, str]] = (),
-) -> Clear:
-    """What tells of postures (k, n) whether every pair of links, obstacles and floor is at least `clearance` apart.
-
-    The pairs and shapes are those of `check`; what happens between the postures is not looked at.
-
-    Args:
-        obstacles, floor, clearance, self_collision, ignore: as of `check`.
-
-    Raises:
-        UnknownNameError: no such link. ArgumentError: a negative clearance; a robot without links. RobotFileError:
-        the shape of a link could not be read, and no clearance can be told.
-    """
-    return posture_clearances(robot, obstacles, floor, clearance, self_collision, ignore).clear
-
-
-def posture_clearances(
-    robot: Robot, obstacles: Sequence[LinkShape], floor: float | None, clearance: float, self_collision: bool,
-    ignore: Sequence[tuple[str, str]],
-) -> Clearances:  # fmt: skip
-    """What tells of postures how far apart they are. Raises: as `clear_postures`; RobotFileError: unread shapes."""
-    robot._check_links()
-    wanted, still = not_negative("clearance", clearance), np.zeros((1, robot.n))
-    shaped = with_capsules(robot) if all(shape.obstacle for shape in robot.shapes) else robot
-    pairs = pairs_of(
-        shaped, obstacles, still, clearance=wanted, floor=floor, self_collision=self_collision, ignore=ignore
-    )
-    if pairs.unread:
-        raise RobotFileError(robot.name, pairs.unread, UNREAD_CURE)
-    return Clearances(shaped, pairs)
