@@ -12,6 +12,8 @@ from importlib.metadata import files
 from pathlib import Path
 
 import holokin as hk
+from holokin.analysis.coverage.pose_postures import chain_to_tool
+from holokin.analysis.coverage.starts import fitting_task
 
 ARMS = {
     "panda": ("panda.urdf", {}),
@@ -37,7 +39,7 @@ def located(name: str) -> str:
 def row(name: str, file: str, more: dict[str, str]) -> str:
     """A line of the table."""
     wall, processor = time.perf_counter(), time.process_time()
-    advice = hk.advise(located(file), **more)  # type: ignore[arg-type]
+    advice = hk.advise(fitting_task(chain_to_tool(located(file), **more).robot))
     wall, processor = time.perf_counter() - wall, time.process_time() - processor
     best, task = advice.best, advice.task
     cells = [

@@ -51,7 +51,7 @@ class Question:
 
 def questions() -> Iterator[Question]:
     """All of them: with one joint to spare every lock, the arm angle, all sums and differences; else all locks."""
-    for arm in hk.catalogue():
+    for arm in hk.robot.catalogue():
         robot = hk.load(arm)
         if robot.n < 6 or robot.planar or robot.n > 10:  # two arms of seven are asked one by one
             continue

@@ -162,7 +162,7 @@ def paths(point: np.ndarray) -> dict[str, hk.Path]:
     square = point + 0.14 * np.array([[0, 0, 0], [-1, 0, 0], [-1, -1, 0], [0, -1, 0]])
     return {
         "circle": hk.circle(point, point - [0.1, 0, 0]),
-        "figure eight": hk.join(left, right),
+        "figure eight": hk.path.join(left, right),
         "square": hk.polyline(square, closed=True),
     }
 
@@ -282,8 +282,8 @@ def text(found: dict[str, list[Row]], round_off: dict[str, float], missing: list
         f"Every law is called once a step of {DT} s, q <- q + dt dq, on the same kinematics, from the same start, at",
         "constant orientation: a circle of 0.1 m radius, a figure eight of two circles of 0.07 m, a square of 0.14 m,",
         f"{cycles} cycles each at 0.1 m/s; then half the circle by both ways at {speeds} m/s.",
-        f"Where a law has feedback it has the gain {GAIN:g}/s, to the path and to the leaf alike. With a leaf pink and",
-        "mink have `hk.pink_task` or `hk.mink_task` as an equality constraint, gain 1, and no posture task.\n",
+        f"Where a law has feedback it has the gain {GAIN:g}/s, to the path and to the leaf alike. With a leaf pink",
+        "and mink have `pink_task` or `mink_task` as an equality constraint, gain 1, and no posture task.\n",
         "Numbers are the largest joint's [rad], worst of the paths: **first cycle** and **a later cycle** (the last):",
         "drift of that cycle; **two paths apart**: joints at the pose opposite the start, reached clockwise and",
         "counter-clockwise; **slow against fast**: the same pose reached at another speed; **tracking**: worst",

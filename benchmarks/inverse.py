@@ -59,7 +59,10 @@ def laws(robot: hk.Robot) -> dict[str, tuple[hk.strategies.HolonomicStrategy, np
     swivel = hk.holonomic(task, hk.arm_angle())
     return {
         "joint 3 locked": (hk.holonomic(task, hk.lock(2)), READY),
-        "arm angle, elbow 60 degrees aside": (swivel, hk.move_to_leaf(swivel, READY, swivel.g(READY) - np.pi / 3)),
+        "arm angle, elbow 60 degrees aside": (
+            swivel,
+            hk.motion.ik.move_to_leaf(swivel, READY, swivel.g(READY) - np.pi / 3),
+        ),
         "arm angle, elbow above": (swivel, READY),
         "stationary centring": (hk.holonomic(task, hk.stationary(hk.strategies.constraints.centring_cost())), READY),
         "radial": (hk.radial(hk.moore_penrose(task), READY), READY),

@@ -117,7 +117,7 @@ def run(setup: Setup, cycles: int, pull: float, rest: Array) -> Array | None:
         out[i] = q
         if (q < robot.lower).any() or (q > robot.upper).any() or np.abs(q - out[i - 1]).max() > 0.2:
             return None
-    ends, _ = task.poses(out[::STEPS])
+    ends, _ = task._poses(out[::STEPS])
     return out if np.abs(ends - place[0]).max() < 1e-3 else None
 
 

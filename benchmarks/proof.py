@@ -103,7 +103,7 @@ def where_the_tool_turns(task: hk.Task, x: np.ndarray) -> Iterator[Case]:
     turn = np.array([0.04, 0.06, -0.03])
     there = hk.line(x, x - [0.05, 0, 0], turn=turn)
     loop = there + hk.line(x - [0.05, 0, 0], x, turn=-turn)
-    chart = hk.pose(task.robot).counted_from(task.pose(PANDA)[:3, :3])
+    chart = hk.pose(task.robot)._counted_from(task.pose(PANDA)[:3, :3])
     tilt = C.tilted(hk.lock(2), lambda x: 0.3 * x[3] * x[4] + 0.2 * x[0] * x[5], chart=chart)
     what = "Panda, joint 3 a function of the tool's pose, line of 0.05 m with a turn of 0.08 rad, and back"
     yield what, hk.holonomic(task, tilt), loop, PANDA
@@ -116,7 +116,7 @@ def where_the_tool_turns(task: hk.Task, x: np.ndarray) -> Iterator[Case]:
 def two_hands() -> Iterator[Case]:
     """Both arms of a YuMi, 14 joints: one hand seen from the other, and each on a circle of its own."""
     robot, hands = hk.load("yumi"), ("left_flange", "right_flange")
-    task = hk.relative_pose(robot, *hands)
+    task = hk.strategies.tasks.relative_pose(robot, *hands)
     x = task.pose(YUMI)[:3, 3]
     rows = hk.linear(np.linalg.svd(task.jacobian(YUMI))[2][6:])
     yield (
@@ -125,7 +125,7 @@ def two_hands() -> Iterator[Case]:
     )  # fmt: skip
     both = hk.stacked(*(hk.pose(robot, tip=hand) for hand in hands))
     left, right = both.pose(YUMI)[:, :3, 3]
-    path = hk.synchronized(hk.circle(left, left - [0.04, 0, 0]), hk.circle(right, right - [0.04, 0, 0]))
+    path = hk.path.synchronized(hk.circle(left, left - [0.04, 0, 0]), hk.circle(right, right - [0.04, 0, 0]))
     yield "YuMi, both hands, joints 3 locked, circles of 0.04 m", hk.holonomic(both, hk.lock(2, 9)), path, YUMI
 
 

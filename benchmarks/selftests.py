@@ -62,7 +62,7 @@ def main() -> int:
             try:
                 strategy = law(arm(rng), rng)
                 start = rng.uniform(-1, 1, strategy.task.n)
-                check(hk.export_c(strategy, folder, q0=start, name="law", vectors_count=32))
+                check(hk.export.export_c(strategy, folder, q0=start, name="law", vectors_count=32))
                 passed += 1
             except ExportError as problem:
                 failed += 1

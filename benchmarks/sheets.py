@@ -154,7 +154,12 @@ def poses_of(points: np.ndarray) -> np.ndarray:
 
 
 def sheets_answer(
-    s: hk.Sheets, cells: int, seconds: float, limit: float = LIMIT, name: str = "hk.sheets", free: Free | None = None
+    s: hk.analysis.sheets.Sheets,
+    cells: int,
+    seconds: float,
+    limit: float = LIMIT,
+    name: str = "hk.sheets",
+    free: Free | None = None,
 ) -> Answer:
     """What the sheets give the positions of the referee's grid."""
     grid = planar_grid(LINKS, limits_of(limit), cells, free=free)
@@ -217,7 +222,7 @@ def line(answer: Answer, area: float, paths: np.ndarray) -> str:
     return f"| {' | '.join(map(str, cells))} |"
 
 
-def of_these_sheets(s: hk.Sheets, paths: np.ndarray) -> np.ndarray:
+def of_these_sheets(s: hk.analysis.sheets.Sheets, paths: np.ndarray) -> np.ndarray:
     """Changes (3, p) along each path that sheets serve wholly: of a loop that stays on its sheet while it serves, of
     `follow`, and the fewest of all choices."""
     found = []

@@ -247,7 +247,7 @@ def memory(count: int) -> None:
 
     with tempfile.TemporaryDirectory() as name:
         file = Path(name) / "s.sqlite"
-        run_survey(planar(count), Path(), file, workers=1, say=say)
+        run_survey(planar(count), Path(), file, workers=1, progress=say)
         own, _ = resident()
         run_survey(planar(count), Path(), file, workers=1, resume=True)
         print(f"{file.stat().st_size / MB:.1f} MB of results; looked through again: {resident()[0] - own:+.0f} MB")

@@ -37,7 +37,7 @@ def laws(task: hk.Task) -> list[tuple[str, HolonomicStrategy, np.ndarray]]:
     """(name, law, start) of all."""
     centring = hk.holonomic(task, hk.stationary(hk.strategies.constraints.centring_cost()))
     return [
-        ("stationary centring, on its leaf 0", centring, hk.move_to_leaf(centring, READY)),
+        ("stationary centring, on its leaf 0", centring, hk.motion.ik.move_to_leaf(centring, READY)),
         ("stationary centring, on the leaf of the start", centring, READY),
         ("q1 - q3 kept", hk.holonomic(task, hk.linear([1, 0, -1, 0, 0, 0, 0])), READY),
         ("joint 3 locked", hk.holonomic(task, hk.lock(2)), READY),
@@ -60,7 +60,7 @@ def wrists(count: int) -> None:
             for wrist, joints in (("found", None), ("origin of joint 7", (1, 3, 6))):
                 law, cells = hk.holonomic(task, hk.arm_angle(definition=kind, joints=joints)), []
                 for swing in np.radians(swings):
-                    start = hk.move_to_leaf(law, ready, law.g(ready) + swing) if swing else ready
+                    start = hk.motion.ik.move_to_leaf(law, ready, law.g(ready) + swing) if swing else ready
                     found = hk.coverage(law, BOX, start, samples=count, explain=False)
                     aside = int((found.status <= PoseStatus.LIMIT).sum())
                     cells.append(f"{int(found.reached.sum())} ({aside})")

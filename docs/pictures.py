@@ -201,7 +201,7 @@ def swivel() -> None:
     ):
         law = hk.holonomic(task, hk.arm_angle(definition=definition))
         start = on_sphere(law, level, (0.55, -0.62, 0.56))
-        found = hk.obstruction(law, hk.analysis.curvature.Directions(), start)
+        found = hk.analysis.curvature.obstruction(law, hk.analysis.curvature.Directions(), start)
         field = LeafField(law, start, sphere_of(task, start, arm), arm)
         states, *_ = spread(field, field.start, field.sphere.direction, 2)
         globe(axes, np.array(view))
@@ -236,7 +236,7 @@ def on_sphere(law: hk.Strategy, level: float, direction: tuple[float, float, flo
     """A posture of an iiwa 14 on a leaf, its wrist in a direction from the shoulder, its tool down."""
     T = np.diag([1.0, -1.0, -1.0, 1.0])
     T[:3, 3] = [0, 0, 0.36] + 0.6 * np.array(direction) / np.linalg.norm(direction) + 0.126 * T[:3, 2]
-    return hk.all_postures(law, T, level, limits=False, starts=64).q[0]
+    return hk.motion.ik.all_postures(law, T, level, limits=False, starts=64).q[0]
 
 
 def seen(u: np.ndarray, view: np.ndarray) -> np.ndarray:
@@ -398,7 +398,7 @@ def cusps_of_orthogonal_arms() -> None:
         lines = plt.figure().gca().contour(grid, grid, det, [0.0]).allsegs[0]
         plt.close()
         for line in lines:
-            p = task.poses(np.column_stack([np.zeros(len(line)), line]))[0]
+            p = task._poses(np.column_stack([np.zeros(len(line)), line]))[0]
             axes.plot(np.hypot(p[:, 0], p[:, 1]), p[:, 2], color="0.25", linewidth=1.1)
 
         found = hk.cusps(law, [0.1, 0.3, 0.6], starts=300)
@@ -471,7 +471,7 @@ def coverage_of_a_box() -> None:
 def sheets_of_a_panda() -> None:
     """The fewest leaves that serve a large box before a Panda: some minutes."""
     box = hk.workspace(box=([0.6, 0, 0.5], [0.6, 0.6, 0.5]), tilt=np.radians(30))
-    found = hk.sheets(hk.pose(hk.load("panda")), box, say=print)
+    found = hk.sheets(hk.pose(hk.load("panda")), box, progress=print)
     print(found)
     save(sheets_figure(found), "sheets")
 
@@ -483,10 +483,11 @@ def paths() -> None:
     corners = np.array([[0, 0], [0.2, 0], [0.2, 0.14], [0.08, 0.14], [0.08, 0.07], [0, 0.07]])
     flat = {
         "spline through waypoints": (hk.spline(waypoints, closed=True), waypoints),
-        "figure eight": (hk.figure_eight([0.11, 0.07], 0.22, 0.14), np.array([[0.11, 0.07]])),
-        "corners blended within 12 mm": (hk.blended(hk.polyline(corners, closed=True), 0.012), corners),
+        "figure eight": (hk.path.figure_eight([0.11, 0.07], 0.22, 0.14), np.array([[0.11, 0.07]])),
+        "corners blended within 12 mm": (hk.path.blended(hk.polyline(corners, closed=True), 0.012), corners),
         "leads and three passes": (
-            hk.with_leads(hk.passes(hk.arc([0, 0], [0.1, -0.1], -np.pi / 2), 3, offset=[0, 0.04, 0]), 0.03), None),
+            hk.path.with_leads(
+                hk.path.passes(hk.path.arc([0, 0], [0.1, -0.1], -np.pi / 2), 3, offset=[0, 0.04, 0]), 0.03), None),
     }  # fmt: skip
     for place, (title, (path, marks)) in zip((1, 2, 4, 5), flat.items(), strict=True):
         axes = figure.add_subplot(2, 3, place)
@@ -506,8 +507,13 @@ def paths() -> None:
         return 3 * (u * u + v * v)
 
     over = {
-        3: ("raster over a surface", hk.raster([0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], 0.025, surface=hill), hill, 0.0),
-        6: ("spiral over a surface", hk.spiral([0.1, 0.1, 0], 0.1, 0.025, surface=bowl), bowl, 0.1),
+        3: (
+            "raster over a surface",
+            hk.path.raster([0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], 0.025, surface=hill),
+            hill,
+            0.0,
+        ),
+        6: ("spiral over a surface", hk.path.spiral([0.1, 0.1, 0], 0.1, 0.025, surface=bowl), bowl, 0.1),
     }
     grid = np.linspace(0, 0.2, 30)
     for place, (title, path, surface, shift) in over.items():

@@ -24,7 +24,7 @@ from typing import Any
 HERE = Path(__file__).parent
 MADE = HERE.parent / "build" / "recordings"
 MAKERS = tuple(
-    f"src/holokin/{file}.py" for file in ("studios/playback", "studios/page_scene", "studios/meshes", "reports/bodies")
+    f"src/holokin/{file}.py" for file in ("app/studio/playback", "app/studio/page_scene", "app/report/robot_view")
 )
 """What a recording depends on, beside its page and its example."""
 

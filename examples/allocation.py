@@ -14,7 +14,7 @@ AT_X, AT_Y = [37.0, 35.0, -41.5, -41.5], [0.0, 0.0, 7.0, -7.0]  # [m]
 MOST, LENGTH = 1.5, 41.5  # largest azimuth angle [rad]; what a yaw moment is divided by [m]
 
 names = ["bow 1", "bow 2", "stern 1", "stern 2", "azimuth 1", "azimuth 2"]
-ship = hk.coordinates(
+ship = hk.robot.coordinates(
     names,
     lower=[-1, -1, -1, -1, -MOST, -MOST],
     upper=[1, 1, 1, 1, MOST, MOST],

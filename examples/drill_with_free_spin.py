@@ -10,7 +10,7 @@ import numpy as np
 
 import holokin as hk
 
-robot = hk.with_tool(hk.load("gen3"), xyz=[0, 0, 0.18])
+robot = hk.with_tool(hk.load("gen3"), [0, 0, 0.18])
 q0 = np.deg2rad([0, 35, 0, 80, 0, 65, 0])  # the drill points down
 task = hk.pose(robot, "axis")
 start = robot.pose(q0)

@@ -12,7 +12,7 @@ import numpy as np
 import holokin as hk
 
 urdf = next(file.locate() for file in files("example-robot-data") if file.name == "g1_29dof_rev_1_0.urdf")
-robot = hk.with_base_pose(hk.from_urdf(str(urdf), tip="left_rubber_hand", base="pelvis"), xyz=[0, 0, 0.79])
+robot = hk.with_base_pose(hk.from_urdf(str(urdf), tip="left_rubber_hand", base="pelvis"), [0, 0, 0.79])
 q0 = np.array([0, 0, 0.1, 0.2, 0.4, 0, -0.2, 0, 0, 0])
 task = hk.pose(robot)
 hand = robot.pose(q0)[:3, 3]

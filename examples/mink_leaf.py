@@ -1,6 +1,7 @@
 """mink with one constraint more, the leaf of a holonomic strategy: a Panda draws circles, and two half circles.
 
-Needs: pip install "holokin[mink]". New to a loop of mink are two lines: `hk.mink_task`, and `constraints=[leaf]`.
+Needs: pip install "holokin[mink]". New to a loop of mink are two lines:
+`hk.motion.control.mink_task`, and `constraints=[leaf]`.
 """
 
 import mujoco
@@ -14,7 +15,7 @@ Q0 = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 
 model = mujoco.MjModel.from_xml_string(hk.robot.to_mjcf(hk.load("panda")))  # or yours: from_xml_path("scene.xml")
 tool = model.site(0).name
-robot = hk.from_mjcf(model, tip=tool)
+robot = hk.robot.from_mjcf(model, tip=tool)
 pose = robot.pose(Q0)
 strategy = hk.holonomic(hk.pose(robot), hk.linear([1, 0, -1, 0, 0, 0, 0]))  # keeps g(q) = q1 - q3
 
@@ -35,7 +36,7 @@ def joints_after(turns: float, posture_cost: float, constraints: list) -> np.nda
     return configuration.q
 
 
-leaf = hk.mink_task(strategy, Q0)
+leaf = hk.motion.control.mink_task(strategy, Q0)
 for name, cost, constraints in (("no rule", 0.0, []), ("posture task", 1e-3, []), ("our leaf", 0.0, [leaf])):
     drift = np.abs(joints_after(2, cost, constraints) - Q0).max()
     ways = np.abs(joints_after(0.5, cost, constraints) - joints_after(-0.5, cost, constraints)).max()

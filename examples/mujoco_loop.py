@@ -16,7 +16,7 @@ task, start = hk.pose(robot), robot.pose(q0)
 circle = hk.circle(start[:3, 3], center=start[:3, 3] - [0.05, 0, 0])
 
 servo = hk.robot.servo(robot, "position", q0)
-model = mujoco.MjModel.from_xml_string(hk.to_mjcf(robot, servo=servo))
+model = mujoco.MjModel.from_xml_string(hk.robot.to_mjcf(robot, servo=servo))
 model.opt.timestep, model.opt.integrator = DT, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 drives = [model.actuator(joint).id for joint in robot.joint_names]
 elbow = model.body("panda_joint4_link").id

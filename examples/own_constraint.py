@@ -15,6 +15,6 @@ print(hk.involutivity(G, hk.around(q0, 0.2)))
 
 start = robot.pose(q0)[:3, 3]
 one, other = hk.polyline([start, start + [0, 0.1, 0], start + [0, 0.1, 0.1], start + [0, 0, 0.1]], closed=True).halves()
-spread = hk.path_spread(G, one, other, q0)
+spread = hk.motion.path_spread(G, one, other, q0)
 print(f"two paths, largest joint difference: {spread.largest:.1e} rad")
 spread.a.save("iiwa-one-way.csv")

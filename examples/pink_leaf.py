@@ -1,6 +1,7 @@
 """pink with one constraint more, the leaf of a holonomic strategy: a Panda draws circles, and two half circles.
 
-Needs: pip install "holokin[pink]". New to a loop of pink are two lines: `hk.pink_task`, and `constraints=[leaf]`.
+Needs: pip install "holokin[pink]". New to a loop of pink are two lines:
+`hk.motion.control.pink_task`, and `constraints=[leaf]`.
 """
 
 import numpy as np
@@ -14,7 +15,7 @@ DT, SPEED, RADIUS = 0.01, 0.1, 0.1  # step [s], speed of the tool [m/s], radius 
 Q0 = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
 
 model = pin.buildModelFromXML(hk.robot.to_urdf(hk.load("panda")))  # or yours: pin.buildModelFromUrdf("my.urdf")
-robot = hk.from_pinocchio(model)
+robot = hk.robot.from_pinocchio(model)
 tool, pose = robot.tips[0].name, robot.pose(Q0)
 strategy = hk.holonomic(hk.pose(robot), hk.linear([1, 0, -1, 0, 0, 0, 0]))  # keeps g(q) = q1 - q3
 
@@ -34,7 +35,7 @@ def joints_after(turns: float, posture_cost: float, constraints: list) -> np.nda
     return configuration.q
 
 
-leaf = hk.pink_task(strategy, Q0)
+leaf = hk.motion.control.pink_task(strategy, Q0)
 for name, cost, constraints in (("no rule", 0.0, []), ("posture task", 1e-3, []), ("our leaf", 0.0, [leaf])):
     drift = np.abs(joints_after(2, cost, constraints) - Q0).max()
     ways = np.abs(joints_after(0.5, cost, constraints) - joints_after(-0.5, cost, constraints)).max()

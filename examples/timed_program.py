@@ -20,7 +20,7 @@ for name, (law, degrees) in jobs.items():
     start = robot.pose(q0)[:3, 3]
     circle = hk.circle(start, start - [0.08, 0, 0], speed=0.25)
     timed = hk.retime(
-        hk.follow(law, circle, q0, samples=200), robot, acceleration=8.0, profile="trapezoidal", speed=1.0, dt=0.008
+        hk.follow(law, circle, q0, samples=200), acceleration=8.0, profile="trapezoidal", speed=1.0, dt=0.008
     )
     if name == "kuka":
         program = hk.export.to_krl(timed, name="circle", wiring=hk.export.Wiring(external=["joint_3"]))

@@ -22,7 +22,7 @@ cube.add_freejoint(name="cube")
 cube.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.05, 0.05, 0.05])
 scene.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[2, 2, 0.1])
 for side, y in (("left/", 0.5), ("right/", -0.5)):
-    arm = mujoco.MjSpec.from_string(hk.to_mjcf(panda, servo=hk.robot.servo(panda, "position", Q0)))
+    arm = mujoco.MjSpec.from_string(hk.robot.to_mjcf(panda, servo=hk.robot.servo(panda, "position", Q0)))
     scene.attach(arm, prefix=side, frame=scene.worldbody.add_frame(pos=[0, y, 0]))
 model = scene.compile()
 model.opt.timestep, model.opt.integrator = DT / 2, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -59,7 +59,7 @@ def mink_step(constraints):
     return step
 
 
-leaf = hk.mink_task(strategy, Q0, prefix=SIDE)
+leaf = hk.motion.control.mink_task(strategy, Q0, prefix=SIDE)
 for name, step in (("our step", our_step()), ("mink, leaf", mink_step([leaf])), ("mink alone", mink_step([]))):
     data = mujoco.MjData(model)
     for side in drives:

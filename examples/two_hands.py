@@ -20,12 +20,12 @@ middle = grips.mean(axis=0)
 def carried(grip: np.ndarray) -> hk.Path:
     """The way of one hand: it goes with the tray, and turns with it."""
     center = np.append(middle[:2], grip[2])  # about the upright line through the middle of the tray
-    there = hk.line(grip, grip + forward) + hk.arc(grip + forward, center + forward, turn, up, turn=turn * up)
+    there = hk.line(grip, grip + forward) + hk.path.arc(grip + forward, center + forward, turn, up, turn=turn * up)
     back = hk.line(there.end, there.end - forward)
-    return there + back + hk.arc(back.end, center, -turn, up, turn=-turn * up)
+    return there + back + hk.path.arc(back.end, center, -turn, up, turn=-turn * up)
 
 
-loop = hk.synchronized(*map(carried, grips))
+loop = hk.path.synchronized(*map(carried, grips))
 angles = hk.strategies.constraints.stack(*(hk.arm_angle(tip=hand) for hand in hands))
 laws = {"pseudo-inverse": hk.moore_penrose(task), "both arm angles held": hk.holonomic(task, angles)}
 motions = {}

@@ -9,8 +9,8 @@ import numpy as np
 import holokin as hk
 from holokin.robot import Box, Capsule, Cylinder
 
-robot = hk.with_shape(hk.load("rail-ur10e"), "spray gun", Cylinder(0.04, 0.12), xyz=[0, 0, 0.04])
-robot = hk.with_shape(robot, "nozzle", Capsule(0.016, 0.1), xyz=[0, -0.06, 0.07], rpy=[np.pi / 2, 0, 0])
+robot = hk.robot.with_shape(hk.load("rail-ur10e"), "spray gun", Cylinder(0.04, 0.12), xyz=[0, 0, 0.04])
+robot = hk.robot.with_shape(robot, "nozzle", Capsule(0.016, 0.1), xyz=[0, -0.06, 0.07], rpy=[np.pi / 2, 0, 0])
 q0 = np.array([0.4, *np.deg2rad([-90, -70, 100, -120, -90, 0])])
 task = hk.pose(robot)
 start = robot.pose(q0)[:3, 3]

@@ -19,16 +19,16 @@ robot = hk.load("panda")
 here = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])  # wherever the robot happens to stand
 law = hk.holonomic(hk.pose(robot), hk.linear([1, 0, -1, 0, 0, 0, 0]))  # joints 1 and 3 keep their difference
 
-waypoints = hk.read_waypoints("waypoints.csv")
+waypoints = hk.path.read_waypoints("waypoints.csv")
 print(f"{len(waypoints)} waypoints, notes: {waypoints.notes or 'none'}")
-contour = hk.blended(hk.polyline(waypoints), 0.004)  # 4 mm at most from each corner
-layers = hk.passes(contour, 3, offset=[0, 0, -0.002])  # 2 mm deeper each time, to and fro
-path = hk.with_leads(layers, 0.01, retract=0.05).in_frame([0.42, 0.1, 0.4, 0, 0, np.deg2rad(20)])
+contour = hk.path.blended(hk.polyline(waypoints), 0.004)  # 4 mm at most from each corner
+layers = hk.path.passes(contour, 3, offset=[0, 0, -0.002])  # 2 mm deeper each time, to and fro
+path = hk.path.with_leads(layers, 0.01, retract=0.05).in_frame([0.42, 0.1, 0.4, 0, 0, np.deg2rad(20)])
 
-entry = hk.approach(law, path, here)  # from any posture to the path's first one, joint by joint
+entry = hk.motion.approach(law, path, here)  # from any posture to the path's first one, joint by joint
 start = entry.q[-1]
 walk = hk.follow(law, path, start, samples=600)
-timed = hk.retime(walk, robot, acceleration=8.0, profile="trapezoidal", dt=0.01)
+timed = hk.retime(walk, acceleration=8.0, profile="trapezoidal", dt=0.01)
 wiring = hk.export.Wiring(external=("panda_joint3",))  # of seven axes a KUKA controller has one as external
 program = hk.export.to_krl(timed, name="contour", about="q1 - q3 is kept", wiring=wiring)
 program.save("program")

@@ -17,7 +17,7 @@ SEAMS, PASSES, PITCH, RADIUS, SWEEP = (
 )  # the plate is a part of a cylinder: each pass is 0.5 m long
 ALONG = np.array([1.0, 0.0, 0.0])  # its axis
 
-torch = {"xyz": [0.08, 0, 0.25], "rpy": [0, np.deg2rad(35), 0]}
+torch = {"pose": [0.08, 0, 0.25], "rpy": [0, np.deg2rad(35), 0]}
 cells = {
     "ur5e": (np.deg2rad([10, -100, 110, -95, -80, 20]), hk.lock("wrist_3_joint", name="wrist 3 held")),
     "irb140": (np.deg2rad([0, 40, -10, 20, -50, 10]), hk.linear([0, 0, 0, 1, 0, 1], name="joints 4 and 6 tied")),
@@ -32,7 +32,7 @@ def seam(top: np.ndarray) -> hk.Path:
         return axis + RADIUS * np.array([0, -np.sin(angle), np.cos(angle)])
 
     def across(start: float, sweep: float) -> hk.Path:
-        return hk.arc(edge(start), axis, sweep, ALONG, turn=sweep * ALONG)
+        return hk.path.arc(edge(start), axis, sweep, ALONG, turn=sweep * ALONG)
 
     side = -SWEEP / 2
     path = across(0.0, side)
@@ -47,8 +47,8 @@ def seam(top: np.ndarray) -> hk.Path:
 def with_torch(arm: hk.Robot) -> hk.Robot:
     """The arm with a torch that is drawn, too: its nozzle along the wire, its handle from there to the flange."""
     robot = hk.with_tool(arm, **torch)
-    robot = hk.with_shape(robot, "nozzle", Cylinder(0.011, 0.1), xyz=[0, 0, -0.062])
-    return hk.with_shape(robot, "handle", Capsule(0.022, 0.15), xyz=[0.039, 0, -0.176], rpy=[0, -0.574, 0])
+    robot = hk.robot.with_shape(robot, "nozzle", Cylinder(0.011, 0.1), xyz=[0, 0, -0.062])
+    return hk.robot.with_shape(robot, "handle", Capsule(0.022, 0.15), xyz=[0.039, 0, -0.176], rpy=[0, -0.574, 0])
 
 
 def plate(top: np.ndarray) -> list[LinkShape]:
@@ -62,7 +62,7 @@ def plate(top: np.ndarray) -> list[LinkShape]:
 
 
 for name, (q0, rule) in cells.items():
-    robot = hk.with_base_pose(with_torch(hk.load(name)), xyz=[0, 0, 0.5])
+    robot = hk.with_base_pose(with_torch(hk.load(name)), [0, 0, 0.5])
     task, start = hk.pose(robot, "axis"), robot.pose(q0)
     path, motions, obstacles = seam(start[:3, 3]), {}, plate(start[:3, 3])
     for law in (hk.moore_penrose(task, name="pseudo-inverse"), hk.holonomic(task, rule)):

@@ -129,4 +129,4 @@ def attempt(seed: int, folder: Path) -> None:
     for file, content in files.items():
         (bag / file).write_bytes(content)
     log = hk.read_recording(bag / storage if alone else bag, robot)
-    json.dumps([str(found := hk.audit_recording(log, robot)), found.summary()], allow_nan=False)
+    json.dumps([str(found := hk.audit_recording(log, robot)), found.to_dict()], allow_nan=False)

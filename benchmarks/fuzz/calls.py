@@ -62,24 +62,24 @@ def calls() -> dict[str, Call]:
         "studio": (_studio, ("no such job",), {"port": 0, "host": "127.0.0.1", "tell": str}),
         "from_urdf": (hk.from_urdf, ("no.urdf",), {"tip": None, "base": None, "locked": {"a": 0.0}}),
         "model_tips": (hk.robot.model_tips, ("no.urdf",), {}),
-        "from_mjcf": (hk.from_mjcf, ("<mujoco/>",), {"tip": "world", "base": None, "locked": {"a": 0.0}}),
+        "from_mjcf": (hk.robot.from_mjcf, ("<mujoco/>",), {"tip": "world", "base": None, "locked": {"a": 0.0}}),
         **{name: (getattr(hk, name), ("no model",), {"tip": None, "base": None, "locked": {"a": 0.0}})
             for name in ("from_pinocchio", "from_yourdfpy", "from_roboticstoolbox")},
         "pose_of": (hk.pose_of, ([0.1, 0.2, 0.3], [1.0, 0.0, 0.0, 0.0]), {"order": "wxyz"}),
         "compose": (hk.compose, (hk.load("rail"), robot), {"name": "n", "order": ["rail_joint", *robot.joint_names]}),
-        "Part": (lambda *a, **n: hk.compose(hk.Part(*a, **n)), (robot,), {
-            "on": "base", "xyz": [0.1, 0.0, 0.0], "rpy": [0.0, 0.0, 0.1], "prefix": "p_"}),
+        "Part": (lambda *a, **n: hk.compose(hk.robot.Part(*a, **n)), (robot,), {
+            "on": "base", "pose": [0.1, 0.0, 0.0], "rpy": [0.0, 0.0, 0.1], "prefix": "p_"}),
         "with_tool": (hk.with_tool, (robot, [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {"tip": None, "name": "t"}),
         "with_limits": (hk.with_limits, (robot,), {"lower": -1.0, "upper": 1.0, "max_velocity": 2.0}),
         "with_base_pose": (hk.with_base_pose, (robot, [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {}),
-        "to_urdf": (hk.to_urdf, (robot,), {"density": 1000.0, "effort": 100.0}),
-        "to_mjcf": (hk.to_mjcf, (robot,), {"servo": hk.robot.servo(robot, "position", q), "density": 1000.0,
+        "to_urdf": (hk.robot.to_urdf, (robot,), {"density": 1000.0, "effort": 100.0}),
+        "to_mjcf": (hk.robot.to_mjcf, (robot,), {"servo": hk.robot.servo(robot, "position", q), "density": 1000.0,
                                            "effort": [9.0, 9.0, 9.0]}),
         "servo": (hk.robot.servo, (robot, "position", q), {
             "frequency": 10.0, "damping_ratio": 1.0, "compensated": True}),
-        "with_capsules": (hk.with_capsules, (robot, {robot.joint_names[0]: 0.1}), {}),
-        "with_shape": (hk.with_shape, (robot, "pin", hk.robot.Capsule(0.1, 0.2), [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {
-            "tip": None}),
+        "with_capsules": (hk.robot.with_capsules, (robot, {robot.joint_names[0]: 0.1}), {}),
+        "with_shape": (hk.robot.with_shape, (
+            robot, "pin", hk.robot.Capsule(0.1, 0.2), [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {"tip": None}),
         "obstacle": (hk.obstacle, ("ball", hk.robot.Capsule(0.1), [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {}),
         "chain_length": (hk.robot.chain_length, (robot,), {}),
         "Scene": (lambda **named: hk.check(walk, robot, hk.Scene(**named)), (), around),
@@ -97,13 +97,14 @@ def calls() -> dict[str, Call]:
         "position": (hk.position, (robot,), {"tip": None, "rows": [0, 1]}),
         "pose": (hk.pose, (robot,), {
             "orientation": "twist", "reference": one, "axis": "z", "tip": None, "rows": [0, 1]}),
-        "relative_pose": (hk.relative_pose, (k["two"], k["two"].tips[0].name, "elbow"), {
+        "relative_pose": (hk.strategies.tasks.relative_pose, (k["two"], k["two"].tips[0].name, "elbow"), {
             "orientation": "twist", "reference": one, "axis": "z", "rows": [0, 1]}),
-        "line_of_sight": (hk.line_of_sight, (robot, [0.1, 0.2, 0.3]), {"tip": None, "axis": "x", "name": "sight"}),
+        "line_of_sight": (hk.strategies.tasks.line_of_sight, (robot, [0.1, 0.2, 0.3]), {
+            "tip": None, "axis": "x", "name": "sight"}),
         "custom_task": (hk.custom_task, (robot, lambda q: q[:2]), {
             "units": ("rad", "rad"), "names": ("a", "b"), "name": "mine"}),
         "stacked": (hk.stacked, (task, k["elbow"]), {}),
-        "coordinates": (hk.coordinates, (("a", "b"),), {
+        "coordinates": (hk.robot.coordinates, (("a", "b"),), {
             "lower": -1.0, "upper": [1.0, 2.0], "max_velocity": 1.0, "units": ("N", "rad"), "name": "u"}),
         "arm_angle": (lambda **named: hk.holonomic(task, hk.arm_angle(**named)), (), {
             "definition": "stereographic", "joints": tuple(robot.joint_names), "reference": [0, 0, 1],
@@ -142,15 +143,15 @@ def calls() -> dict[str, Call]:
         "fitted": (strategies.fitted, (held, Q), {"degree": 1, "rows": (0, 1), "name": "n"}),
         "self_motion": (strategies.self_motion, (task, q), {"step": 0.2, "length": 1.0, "limits": False}),
         "line": (hk.line, (start, start + 0.1), {"turn": [0, 0, 0.1], "speed": 0.1}),
-        "arc": (hk.arc, ([0, 1, 0], [0, 0, 0], 1.0, [0, 0, 1]), {"turn": [0, 0, 0.1], "speed": 0.1}),
+        "arc": (hk.path.arc, ([0, 1, 0], [0, 0, 0], 1.0, [0, 0, 1]), {"turn": [0, 0, 0.1], "speed": 0.1}),
         "circle": (hk.circle, ([0, 1, 0], [0, 0, 0], [0, 0, 1]), {"clockwise": False, "speed": 0.1}),
         "polyline": (hk.polyline, ([[0, 0], [1, 0], [1, 1]],), {
             "turns": [[0, 0, 0.1]] * 3, "closed": True, "speed": 0.1}),
-        "join": (hk.join, (line, line), {}),
-        "synchronized": (hk.synchronized, (line, line, [0, 1, 0]), {"duration": 2.0}),
-        "through": (hk.through, ([[0, 0, 0, 0], [1, 0, 0, 1]],), {"closed": True, "speed": None, "seconds": 1.0}),
+        "join": (hk.path.join, (line, line), {}),
+        "synchronized": (hk.path.synchronized, (line, line, [0, 1, 0]), {"duration": 2.0}),
+        "through": (hk.path.through, ([[0, 0, 0, 0], [1, 0, 0, 1]],), {"closed": True, "speed": None, "seconds": 1.0}),
         "follow": (hk.follow, (held, loop, q), {**following, "cycles": 1}),
-        "certify": (hk.certify, (held, loop, q), {"limits": True, "budget": 60, "say": str}),
+        "certify": (hk.certify, (held, loop, q), {"limits": True, "budget": 60, "progress": str}),
         "retime": (hk.retime, (walk, robot), {
             "acceleration": 1.0, "jerk": 100.0, "velocity": [1.0, 1.0, 1.0], "profile": "trapezoidal", "speed": 1.0,
             "cycles": 1, "endless": False, "dt": 0.01}),
@@ -189,16 +190,16 @@ def calls() -> dict[str, Call]:
         "to_ros": (hk.export.to_ros, (k["timed"],), {
             "about": "a", "tolerance": 0.01, "frame": "base", "format": "json"}),
         "drift": (hk.drift, (held, loop, q), {**following, "cycles": 1}),
-        "path_spread": (hk.path_spread, (held, loop, loop, q), following),
-        "all_postures": (hk.all_postures, (held, k["pose"]), {"level": 0.0, "limits": True, "starts": 16}),
-        "obstruction": (hk.obstruction, (held, loop, q), {"samples": 8}),
+        "path_spread": (hk.motion.path_spread, (held, loop, loop, q), following),
+        "all_postures": (hk.motion.ik.all_postures, (held, k["pose"]), {"level": 0.0, "limits": True, "starts": 16}),
+        "obstruction": (hk.analysis.curvature.obstruction, (held, loop, q), {"samples": 8}),
         "winding": (motion.winding, (held, loop, q), following),
         "ik": (hk.ik, (held, q), {}),
         "learning.torch.inverse": (hk.learning.torch.inverse, (k["ik"],), {}),
         "learning.jax.inverse": (hk.learning.jax.inverse, (k["ik"],), {}),
         "numeric": (strategies.numeric, (task, law), {"q0": q, "name": "n", "accuracy": 1e-6}),
         "measured_curvature": (curvature.measured_curvature, (strategies.numeric(task, law), q), {}),
-        "move_to_leaf": (hk.move_to_leaf, (held, q), {"level": [0.31]}),
+        "move_to_leaf": (hk.motion.ik.move_to_leaf, (held, q), {"level": [0.31]}),
         "controller": (hk.controller, (held,), {
             "dt": 0.01, "q0": q, "gain": 1.0, "constraint_gain": 1.0, "limits": True}),
         "closed_loop": (_begun(control.closed_loop), (law, 10.0), {}),
@@ -227,7 +228,7 @@ def calls() -> dict[str, Call]:
         "involutivity_of": (curvature.involutivity_of, (lambda x: [[1.0, 0.0], [0.0, 1.0], [x[1], 0.0]], 3), {
             "region": region, "samples": 4, "thorough": False, "tolerance": 1e-9, "seed": 0}),
         "curvature": (hk.curvature, (law, q), {"method": "auto"}),
-        "unique_region": (hk.unique_region, (held, q), {"limits": False, "budget": 40, "say": str}),
+        "unique_region": (hk.unique_region, (held, q), {"limits": False, "budget": 40, "progress": str}),
         "witness_between": (hk.analysis.curvature.witness_between, (held, q, q), {"via": 8, "limits": False}),
         "why_elsewhere": (hk.analysis.curvature.why_elsewhere, (held, hk.follow(held, loop, q)), {}),
         "cusps": (hk.cusps, (held, q), {"starts": 8, "limits": False}),
@@ -238,7 +239,7 @@ def calls() -> dict[str, Call]:
             "ours": held, "samples": 2, "seed": 0}),
         "leaf_function": (curvature.leaf_function, (held, q), {"radius": 0.01, "samples": 1, "seed": 0}),
         "general_form": (curvature.general_form, (law, q), {"reference": q}),
-        "export_c": (hk.export_c, (law, "out"), {
+        "export_c": (hk.export.export_c, (law, "out"), {
             "q0": q, "dt": 0.01, "name": "law", "limits": True, "vectors_count": 1, "origin": "fuzz"}),
         "export_moveit": (hk.export.export_moveit, (held, "out"), {
             "q0": q, "package": "law_plugin", "group": "arm", "name": "law", "limits": True, "vectors_count": 1,
@@ -260,17 +261,17 @@ def calls() -> dict[str, Call]:
         "workspace of a cylinder": (hk.workspace, (), {"cylinder": ([0.5, 0, 0.3], 0.1, 0.2)}),
         "workspace of a sphere": (hk.workspace, (), {"sphere": ([0.5, 0], 0.1)}),
         "read_workspace": (
-            hk.read_workspace, ("no.csv",), {"units": "mm", "angles": "deg", "order": "xyzw", "rotation": one},
+            hk.path.read_workspace, ("no.csv",), {"units": "mm", "angles": "deg", "order": "xyzw", "rotation": one},
         ),
         "coverage": (hk.coverage, (held, q, k["space"]), {
             "samples": 4, "seed": 0, "limits": True, "explain": True, "reach": None}),
         "design": (hk.design, (task, k["space"], q), {
-            "objective": hk.Objective(squared_speed=1.0), "base": k["g"], "degree": 1, "limits": True, "margin": 0.0,
-            "rcond": 0.0, "samples": 16, "seed": 0, **shapes}),
-        "closest_holonomic": (hk.closest_holonomic, (law, region), {
+            "objective": hk.analysis.design.Objective(squared_speed=1.0), "base": k["g"], "degree": 1, "limits": True,
+            "margin": 0.0, "rcond": 0.0, "samples": 16, "seed": 0, **shapes}),
+        "closest_holonomic": (hk.analysis.design.closest_holonomic, (law, region), {
             "base": k["g"], "degree": 1, "samples": 32, "seed": 0, "length": 0.5}),
         "advise": (hk.advise, (robot, k["space"]), {
-            "tip": None, "base": None, "task": "position", "q0": q, "say": lambda _: None, **shapes}),
+            "tip": None, "base": None, "task": "position", "q0": q, "progress": lambda _: None, **shapes}),
         "coverage_slices": (hk.analysis.coverage.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
         "posture_reach": (hk.analysis.coverage.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),
         "Workspace.poses": (k["space"].poses, (5,), {"seed": 0}),
@@ -339,7 +340,7 @@ def task_frame() -> np.ndarray:
     return np.asarray(kit()["law"](kit()["q"]))
 
 
-def _begun(make: Callable[..., hk.ControlLaw]) -> Callable[..., Any]:
+def _begun(make: Callable[..., hk.motion.control.ControlLaw]) -> Callable[..., Any]:
     """A control law, and one step of it."""
 
     def run(*arguments: Any, **named: Any) -> Any:

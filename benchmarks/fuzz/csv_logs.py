@@ -130,4 +130,4 @@ def attempt(seed: int, folder: Path) -> None:
     file.write_bytes(mutant(rng))
     degrees = [None, None, True, False][int(rng.integers(0, 4))]
     log = hk.read_recording(file, robot, degrees=degrees)
-    json.dumps([str(found := hk.audit_recording(log, robot)), found.summary()], allow_nan=False)
+    json.dumps([str(found := hk.audit_recording(log, robot)), found.to_dict()], allow_nan=False)

@@ -71,6 +71,6 @@ def attempt(seed: int, folder: Path) -> None:
         text = text.replace(b"<svg", b"<svg><g>" + b"<g>" * chance.choice((10, 300, 3000)), 1)
     file = folder / "drawing.svg"
     file.write_bytes(text)
-    for path in hk.read_svg(file, pixel=chance.choice((None, None, 1e-3))):
+    for path in hk.path.read_svg(file, pixel=chance.choice((None, None, 1e-3))):
         if not 0 < path.length < float("inf"):
             raise ValueError("a path without a length")

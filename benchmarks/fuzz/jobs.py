@@ -250,6 +250,6 @@ def attempt(seed: int, folder: Path) -> None:
         return
     result = run_job(name, short(job), file)
     print_result(result, Console(file=io.StringIO(), width=120))
-    json.dumps([strategy.summary() for strategy in result.strategies], allow_nan=False)
+    json.dumps([strategy.to_dict() for strategy in result.strategies], allow_nan=False)
     if any(len(stem.encode()) > 120 for stem in result.stems.values()):
         raise ValueError("a file name that is too long")

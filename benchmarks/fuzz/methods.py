@@ -77,7 +77,7 @@ def _good() -> dict[str, Any]:
         "free": 3.0, "s": 0.0, "clear": lambda Q: np.ones(len(Q), dtype=bool),
         "gap": SX(1), "k": robot.kinematics(symbol("q", 3)), "link": robot.joint_names[0],
         "configuration": np.zeros(3), "velocity": np.zeros(3), "rates": np.zeros(3), "prefix": "", "joints": None,
-        "near": q, "model": mujoco.MjModel.from_xml_string(hk.to_mjcf(robot)),
+        "near": q, "model": mujoco.MjModel.from_xml_string(hk.robot.to_mjcf(robot)),
     }  # fmt: skip
 
 
@@ -102,22 +102,18 @@ def _pseudo_inverse(q: SX) -> SX:
 def _special() -> dict[str, dict[str, Any]]:
     """Arguments of some functions, where their names do not tell what they are."""
     k, pair, cube = kit(), things()["stacked"], {"u": np.full((2, 3), 0.5), "points": np.zeros((2, 3))}
-    two = {"k": pair.kinematics(symbol("q", 3)), "rotations": np.tile(np.eye(3), (2, 1))}
-    wide = {name: SX.ones(6, 3 if name in "R rotation" else 1) for name in ("R", "rotation", "v", "w", "position")}
-    kinds = ["chart", "counted_from", "error_expression", "jacobian_expression", "rates_expression", "value_expression"]
-    both = dict.fromkeys(kinds, two | wide)
+    two = {"k": pair.kinematics(symbol("q", 3))}
     panda, q7 = hk.pose(hk.load("panda")), symbol("q", 7)
     arm = {"task": panda, "k": panda.kinematics(q7), "q": q7}
     return {
         "strategies.constraints.find_arm": {"task": panda}, "Arm.places": {"task": panda}, "Arm.expressions": arm,
         "strategies.inertia_weighted": {"task": panda}, "analysis.curvature.general_form": {"strategy": k["held"],
         "q": k["q"]},
-        **{f"StackedTask.{name}": own for name, own in both.items()}, "StackedTask.margin_expression": wide,
+        "StackedTask.jacobian_expression": two, "StackedTask.value_expression": two,
         "Solid.points": cube, "Solid.contains": cube,
         "Slice.grid": {"values": np.zeros(int(things()["slices"].inside.sum()))},
         "SynchronizedPaths.table": {"start_rotation": np.tile(np.eye(3), (2, 1))},
         "SynchronizedPaths.part": {"start": 0.1}, "Path.cut": {"start": 0.0, "stop": 1.0},
-        "Robot.kinematics_at": {"joint": 0},
         "lock": {"joints": (0,)}, "strategies.constraints.height": {"joints": ("q2",)},
         "strategies.constraints.stack": {"constraints": (k["g"],)},
         "strategies.constraints.total": {"constraints": (k["g"], k["g"]), "weights": (1.0, 2.0)},
@@ -175,30 +171,31 @@ def things() -> dict[str, Any]:
         "controller": lambda: hk.controller(held, dt=0.02, q0=q), "constraint": lambda: hk.lock(2),
         "check": lambda: hk.check(walk, robot),
         "drift": lambda: hk.drift(held, k["loop"], q, samples=4), "timed": lambda: k["timed"],
-        "postures": lambda: hk.all_postures(held, robot.pose(q), held.g(q), starts=8),
-        "watch": lambda: hk.motion.LoopWatch(0.1), "status": lambda: hk.Status.COMPLETE, "pose task": lambda: task,
+        "postures": lambda: hk.motion.ik.all_postures(held, robot.pose(q), held.g(q), starts=8),
+        "watch": lambda: hk.motion.LoopWatch(0.1), "status": lambda: hk.motion.Status.COMPLETE,
+        "pose task": lambda: task,
         "solutions": lambda: hk.ik(held, q).batch(np.array([robot.pose(q)])),
-        "stacked": lambda: pair, "synchronized": lambda: hk.synchronized(k["loop"], k["loop"]),
+        "stacked": lambda: pair, "synchronized": lambda: hk.path.synchronized(k["loop"], k["loop"]),
         "rows": lambda: strategies.pfaffian(task, lambda q: [[q[0], 1.0, 0.0]]), "radial": lambda: hk.radial(law, q),
         "null basis": lambda: hk.null_basis(task, lambda q: [[1, 0], [0, 1], [q[0], 0]]),
         "arm": lambda: hk.strategies.constraints.find_arm(hk.pose(hk.load("panda"))),
         "other solids": lambda: Cylinder(np.zeros(3), 0.1, 0.2), "sphere": lambda: Sphere(np.zeros(3), 0.1),
         "box": lambda: Box(np.zeros(3), np.ones(3)), "cloud": lambda: pose_cloud(np.array([k["pose"]])),
-        "audit": lambda: hk.audit(k["closed"], robot, task, [k["loop"]], q0=q, dt=0.5, cycles=3),
+        "audit": lambda: hk.audit(k["closed"], task, [k["loop"]], q0=q, dt=0.5, cycles=3),
         "log": lambda: log, "log audit": lambda: hk.audit_recording(log, robot),
         "certificate": lambda: hk.certify(held, k["loop"], q, budget=60),
         "nearest pose": lambda: k["ik"].nearest(k["pose"]),
-        "obstruction": lambda: hk.obstruction(held, k["loop"], q, samples=8),
+        "obstruction": lambda: hk.analysis.curvature.obstruction(held, k["loop"], q, samples=8),
         "program": lambda: hk.export.to_rapid(k["timed"], wiring=k["wiring"]),
         "self-motion": lambda: strategies.self_motion(task, q, step=0.2, length=1.0),
         "filtration": lambda: curvature.filtration(held, q),
         "deviation": lambda: curvature.deviation(law, held, k["Q"]),
         "predicted": lambda: curvature.predicted_drift(law, k["loop"], q),
-        "objective": lambda: hk.Objective(squared_speed=1.0),
-        "waypoints": lambda: hk.Waypoints(np.eye(3), None, None, "s", ()),
+        "objective": lambda: hk.analysis.design.Objective(squared_speed=1.0),
+        "waypoints": lambda: hk.path.Waypoints(np.eye(3), None, None, "s", ()),
         "slices": lambda: hk.analysis.coverage.coverage_slices(held, space, q, steps=3)[0],
         "hand": lambda: hk.motion.hand_follower(k["ik"], dt=0.01, max_acceleration=1.0),
-        "spread": lambda: hk.path_spread(held, k["line"], k["line"], q), "excess": lambda: k["timed"].limits,
+        "spread": lambda: hk.motion.path_spread(held, k["line"], k["line"], q), "excess": lambda: k["timed"].limits,
         "link shape": lambda: hk.obstacle("ball", hk.robot.Capsule(0.1)),
         **{kind.__name__: lambda kind=kind, sizes=sizes: kind(*sizes) for kind, sizes in SHAPES.items()},
     }  # fmt: skip

@@ -44,7 +44,7 @@ def kit() -> dict[str, Any]:
         "cost": constraints.posture_cost(q), "weight": np.diag([1.0, 2.0, 3.0]), "ik": hk.ik(held, q),
         "servo": hk.controller(held, dt=0.01, q0=q), "closed": control.closed_loop(law),
         "leaf": curvature.leaf_function(held, q, samples=1), "line": hk.line(start, start + [0.02, 0, 0]),
-        "timed": hk.retime(walk, robot, acceleration=1.0, velocity=1.0, profile="trapezoidal", dt=0.01),
+        "timed": hk.retime(walk, acceleration=1.0, velocity=1.0, profile="trapezoidal", dt=0.01),
         "wiring": hk.export.Wiring(axes=(*robot.joint_names, 0.0, 0.0, 0.0)),
         "space": space, "covered": hk.coverage(held, space, q, samples=4),
         "sheets": hk.sheets(task, space, q0=[q], samples=8, share=0.5, search=False),

@@ -30,7 +30,7 @@ def sound() -> tuple[hk.Task, dict[str, np.ndarray], bytes]:
     found = hk.sheets(task, hk.workspace(box=([1.0, 0.6], [0.5, 0.5])), samples=16)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "s.npz"
-        hk.write_sheets(found, file)
+        hk.analysis.sheets.write_sheets(found, file)
         with np.load(file) as arrays:
             return task, dict(arrays), file.read_bytes()
 
@@ -115,4 +115,4 @@ def attempt(seed: int, folder: Path) -> None:
     T, q = found.poses[answers.served], answers.q[answers.served]
     if len(q) and not np.abs(task.error(q, T[:, :3, 3], T[:, :3, :3])).max() < 1e-6:
         raise ValueError("the tool is not at the pose")
-    hk.write_sheets(found, file)
+    hk.analysis.sheets.write_sheets(found, file)

@@ -93,7 +93,7 @@ def write_course(
         (folder / f"{name}.xml").write_text(to_mjcf(robot), "utf-8")
         task, arrays = hk.pose(robot), {}
         for run, (path, rounds) in paths_of_league(robot, start, cycles).items():
-            plan = make_plan(task, path, int(np.ceil(path.duration / dt - 1e-9)), task.place(start)[1])
+            plan = make_plan(task, path, int(np.ceil(path.duration / dt - 1e-9)), task._place(start)[1])
             poses, twists = step_targets(plan)
             for what, values in (("poses", poses), ("twists", twists), ("h", plan.h)):
                 arrays[f"{run}/{what}"] = np.concatenate([values] * rounds)

@@ -19,116 +19,48 @@ from .base.errors import HolokinError, MissingExtraError, NoAttributeError
 from .version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from . import analysis, export, learning, motion, proof, robot, strategies
+    from . import analysis, export, learning, motion, path, proof, robot, strategies
     from .analysis.audit import audit, audit_recording
     from .analysis.audit.logs import read_recording
-    from .analysis.coverage import Coverage, coverage
-    from .analysis.curvature import Verdict, around, curvature, cusps, involutivity, obstruction
-    from .analysis.design import Advice, ClosestHolonomic, Design, Objective, advise, closest_holonomic, design
-    from .analysis.sheets import Sheets, sheets, write_sheets
+    from .analysis.coverage import coverage
+    from .analysis.curvature import around, curvature, cusps, involutivity
+    from .analysis.design import advise, design
+    from .analysis.sheets import sheets
     from .app.job.runner import read_sheets
     from .app.studio import studio
     from .app.survey import survey
     from .base.poses import pose_of
-    from .export import export_c
-    from .motion import TimedTrajectory, approach, controller, drift, follow, path_spread, retime, simulate
-    from .motion.checks import CheckReport, Scene, check
-    from .motion.control import ControlLaw, mink_task, pink_task
-    from .motion.ik import all_postures, ik, move_to_leaf
-    from .motion.trajectory import Status, Trajectory
-    from .path import (
-        Path,
-        Waypoints,
-        arc,
-        blended,
-        circle,
-        figure_eight,
-        join,
-        line,
-        passes,
-        path_of,
-        polyline,
-        raster,
-        read_svg,
-        read_waypoints,
-        read_workspace,
-        spiral,
-        spline,
-        with_leads,
-    )
-    from .path.editing import synchronized, through
-    from .path.workspaces import Workspace, workspace
-    from .proof import Certificate, certify, unique_region
-    from .robot import (
-        Part,
-        Robot,
-        catalogue,
-        compose,
-        coordinates,
-        from_dh,
-        from_mjcf,
-        from_pinocchio,
-        from_roboticstoolbox,
-        from_urdf,
-        from_yourdfpy,
-        load,
-        obstacle,
-        to_mjcf,
-        to_urdf,
-        with_base_pose,
-        with_capsules,
-        with_limits,
-        with_shape,
-        with_tool,
-    )
+    from .motion import Trajectory, controller, drift, follow, retime, simulate
+    from .motion.checks import Scene, check
+    from .motion.ik import ik
+    from .path import Path, Workspace, circle, line, polyline, spline, workspace
+    from .proof import certify, unique_region
+    from .robot import Robot, compose, from_dh, from_urdf, load, obstacle, with_base_pose, with_limits, with_tool
     from .strategies import Strategy, holonomic, moore_penrose, null_basis, radial, weighted
     from .strategies.constraints import Constraint, arm_angle, coupled, custom, linear, lock, stationary
-    from .strategies.tasks.frame_task import stacked
-    from .strategies.tasks.task import Task
-    from .strategies.tasks.task_kinds import custom_task, line_of_sight, pose, position, relative_pose
+    from .strategies.tasks import Task, custom_task, pose, position, stacked
 
 __all__ = [
-    "Advice",
-    "Certificate",
-    "CheckReport",
-    "ClosestHolonomic",
     "Constraint",
-    "ControlLaw",
-    "Coverage",
-    "Design",
     "HolokinError",
-    "Objective",
-    "Part",
     "Path",
     "Robot",
     "Scene",
-    "Sheets",
-    "Status",
     "Strategy",
     "Task",
-    "TimedTrajectory",
     "Trajectory",
-    "Verdict",
-    "Waypoints",
     "Workspace",
     "advise",
-    "all_postures",
     "analysis",
-    "approach",
-    "arc",
     "arm_angle",
     "around",
     "audit",
     "audit_recording",
-    "blended",
-    "catalogue",
     "certify",
     "check",
     "circle",
-    "closest_holonomic",
     "compose",
     "controller",
-    "coordinates",
     "coupled",
     "coverage",
     "curvature",
@@ -138,107 +70,77 @@ __all__ = [
     "design",
     "drift",
     "export",
-    "export_c",
-    "figure_eight",
     "follow",
     "from_dh",
-    "from_mjcf",
-    "from_pinocchio",
-    "from_roboticstoolbox",
     "from_urdf",
-    "from_yourdfpy",
     "holonomic",
     "ik",
     "involutivity",
-    "join",
     "learning",
     "line",
-    "line_of_sight",
     "linear",
     "load",
     "lock",
-    "mink_task",
     "moore_penrose",
     "motion",
-    "move_to_leaf",
     "null_basis",
     "obstacle",
-    "obstruction",
-    "passes",
-    "path_of",
-    "path_spread",
-    "pink_task",
+    "path",
     "polyline",
     "pose",
     "pose_of",
     "position",
     "proof",
     "radial",
-    "raster",
     "read_recording",
     "read_sheets",
-    "read_svg",
-    "read_waypoints",
-    "read_workspace",
-    "relative_pose",
     "retime",
     "robot",
     "sheets",
     "simulate",
-    "spiral",
     "spline",
     "stacked",
     "stationary",
     "strategies",
     "studio",
     "survey",
-    "synchronized",
-    "through",
-    "to_mjcf",
-    "to_urdf",
     "unique_region",
     "weighted",
     "with_base_pose",
-    "with_capsules",
-    "with_leads",
     "with_limits",
-    "with_shape",
     "with_tool",
     "workspace",
-    "write_sheets",
 ]
 
 _HOMES = {
-    "analysis.audit": "audit audit_recording",
     "base.poses": "pose_of",
+    "robot": "Robot compose from_dh from_urdf load obstacle with_base_pose with_limits with_tool",
+    "path": "Path Workspace circle line polyline spline workspace",
+    "strategies.tasks": "Task custom_task pose position stacked",
     "strategies.constraints": "Constraint arm_angle coupled custom linear lock stationary",
-    "motion.control": "ControlLaw mink_task pink_task",
-    "analysis.design": "Advice ClosestHolonomic Design Objective advise closest_holonomic design",
-    "export": "export_c",
-    "motion.ik": "all_postures ik move_to_leaf",
-    "app.job.runner": "read_sheets",
-    "motion": "TimedTrajectory approach controller drift follow path_spread retime simulate",
-    "motion.trajectory": "Status Trajectory",
-    "analysis.curvature": "Verdict around curvature cusps involutivity obstruction",
-    "motion.checks": "CheckReport Scene check",
-    "path": "Path Waypoints arc blended circle figure_eight join line passes path_of polyline raster"
-    " read_svg read_waypoints read_workspace spiral spline with_leads",
-    "path.editing": "synchronized through",
-    "path.workspaces": "Workspace workspace",
-    "proof": "Certificate certify unique_region",
-    "robot": "Part Robot catalogue compose coordinates from_dh from_mjcf from_pinocchio from_roboticstoolbox from_urdf"
-    " from_yourdfpy load obstacle to_mjcf to_urdf with_base_pose with_capsules with_limits with_shape with_tool",
-    "analysis.audit.logs": "read_recording",
-    "analysis.sheets": "Sheets sheets write_sheets",
     "strategies": "Strategy holonomic moore_penrose null_basis radial weighted",
-    "app.studio": "studio",
+    "motion.ik": "ik",
+    "motion": "Trajectory controller drift follow retime simulate",
+    "motion.checks": "Scene check",
+    "proof": "certify unique_region",
+    "analysis.curvature": "around curvature cusps involutivity",
+    "analysis.coverage": "coverage",
+    "analysis.design": "advise design",
+    "analysis.sheets": "sheets",
+    "analysis.audit": "audit audit_recording",
+    "analysis.audit.logs": "read_recording",
+    "app.job.runner": "read_sheets",
     "app.survey": "survey",
-    "strategies.tasks.frame_task": "stacked",
-    "strategies.tasks.task": "Task",
-    "strategies.tasks.task_kinds": "custom_task line_of_sight pose position relative_pose",
-    "analysis.coverage": "Coverage coverage",
+    "app.studio": "studio",
 }
-"""Module of the package -> the public names that it has: it is loaded when one of them is first asked for."""
+"""Folder of the package -> the names of it that are public here: it is loaded when one of them is first asked for."""
+
+_ROOMS = (
+    "robot", "path", "strategies.tasks", "strategies.constraints", "strategies", "motion.ik", "motion.control",
+    "motion", "motion.checks", "proof", "analysis.curvature", "analysis.coverage", "analysis.design", "analysis.sheets",
+    "analysis.audit", "analysis.audit.logs", "export",
+)  # fmt: skip
+"""Folders that have other public names, too."""
 
 _APP = {"app.studio": "studio", "app.survey": "survey"}
 """Folders of the applications whose packages an extra of their own installs; that of the others is `app`."""
@@ -265,6 +167,7 @@ if not TYPE_CHECKING:  # so that a misspelt name is an error of types
         if find_spec(f"{__name__}.{name}") is not None:
             return _loaded(name)
         form = f"hk.load({name.lower()!r})" if name.lower() in _loaded("robot").catalogue() else ""
+        form = next((f"hk.{room}.{name}" for room in _ROOMS if name in _loaded(room).__all__), form)
         raise NoAttributeError("holokin", name, __all__, form)
 
 

@@ -256,15 +256,11 @@ METHODS: dict[str, Callable[[hk.HolonomicStrategy, Any], object]] = {
     "path.on(index, u)": lambda _s, bad: LOOP.on(bad, np.zeros(2)),
     "path.on(index, u) again": lambda _s, bad: LOOP.on(np.zeros(2, dtype=int), bad),
     "path.table(rotation)": lambda _s, bad: LOOP.table(bad),
-    "synchronized.on(index, u)": lambda _s, bad: hk.synchronized(LOOP, LOOP).on(bad, np.zeros(2)),
-    "synchronized.table(rotations)": lambda _s, bad: hk.synchronized(LOOP, LOOP).table(bad),
+    "synchronized.on(index, u)": lambda _s, bad: hk.path.synchronized(LOOP, LOOP).on(bad, np.zeros(2)),
+    "synchronized.table(rotations)": lambda _s, bad: hk.path.synchronized(LOOP, LOOP).table(bad),
     "task.target(pose)": lambda s, bad: s.task.target(bad),
-    "task.hessians(q)": lambda s, bad: s.task.hessians(bad),
-    "task.rates_expression(R, v, w)": lambda s, bad: s.task.rates_expression(bad, bad, bad),
     "strategy.leaf_gap(c)": lambda s, bad: s.leaf_gap(bad),
     "robot.origins(q)": lambda s, bad: s.task.robot.origins(bad),
-    "robot.columns(q)": lambda s, bad: s.task.robot.columns(bad),
-    "robot.tip(name)": lambda s, bad: s.task.robot.tip(bad if bad is not None else "no such tip"),
     "workspace.at(positions)": lambda _s, bad: hk.workspace(box=([0, 0, 0], [1, 1, 1])).at(bad),
     "watch.see(q, dq)": lambda _s, bad: hk.motion.LoopWatch(0.1).see(np.zeros(3), bad),
     "watch.see(q, dq) again": lambda _s, bad: hk.motion.LoopWatch(0.1).see(bad, np.zeros(3)),
@@ -335,10 +331,10 @@ def test_numbers_that_no_float_or_no_thing_can_have_are_refused(planar_3r: hk.Ro
     task, points = strategy.task, [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.0]]
     calls: list[tuple[str, Callable[[], object]]] = [
         ("from 0 to 1", lambda: hk.ik(strategy, q).nearest(planar_3r.pose(q), rcond=2.0)),
-        ("kg/m", lambda: hk.to_mjcf(planar_3r, density=1e9)),
-        ("yourdfpy", lambda: hk.from_yourdfpy(task)),
+        ("kg/m", lambda: hk.robot.to_mjcf(planar_3r, density=1e9)),
+        ("yourdfpy", lambda: hk.robot.from_yourdfpy(task)),
         ("at most 1e", lambda: hk.spline(points, speed=1e308)),
-        ("at most 1e", lambda: hk.figure_eight([0.4, 0, 0.2], 0.2, 0.1, [0, 0, 1], speed=1e308)),
+        ("at most 1e", lambda: hk.path.figure_eight([0.4, 0, 0.2], 0.2, 0.1, [0, 0, 1], speed=1e308)),
         ("radius is -1", lambda: hk.analysis.curvature.leaf_function(strategy, q, radius=-1)),
         ("joints is", lambda: hk.strategies.constraints.height(10**5000)),
     ]
@@ -349,7 +345,7 @@ def test_numbers_that_no_float_or_no_thing_can_have_are_refused(planar_3r: hk.Ro
 
 def test_expressions_of_other_shapes_or_symbols_are_refused_in_holokins_words(planar_3r: hk.Robot) -> None:
     task, stranger, short = hk.position(planar_3r), SX.sym("stranger", 3), SX.sym("q", 1)
-    for call in (planar_3r.kinematics, planar_3r.origins, planar_3r.columns, task.kinematics, task.velocities):
+    for call in (planar_3r.kinematics, planar_3r.origins, task.kinematics):
         with pytest.raises(ShapeError):
             call(short)
     for strategy in (

@@ -53,7 +53,7 @@ def test_numbers_as_text_and_nothing_as_nan_are_no_numbers(planar_3r: hk.Robot) 
 def test_the_message_names_argument_and_kind(planar_3r: hk.Robot) -> None:
     task = hk.position(planar_3r)
     with pytest.raises(ArgumentError, match=r"strategy is Task\(.*; give a strategy with leaves"):
-        hk.move_to_leaf(task, [0.1, 0.2, 0.3])  # type: ignore[arg-type]
+        hk.motion.ik.move_to_leaf(task, [0.1, 0.2, 0.3])  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="limits is 'no'; give True or False"):
         hk.follow(hk.moore_penrose(task), hk.line([0, 0], [1, 0]), [0.1, 0.2, 0.3], limits="no")  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="joints is not given; give text or a whole number"):

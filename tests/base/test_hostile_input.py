@@ -190,7 +190,7 @@ def test_the_search_for_reach_takes_a_second_and_finds_what_can_be_reached(panda
     T = panda.pose(PANDA_START)
     circle = hk.circle(T[:3, 3], center=T[:3, 3] - [0.1, 0, 0])
     walk = hk.follow(hk.moore_penrose(task), circle, PANDA_START, samples=30)
-    assert walk.status is hk.Status.COMPLETE
+    assert walk.status is hk.motion.Status.COMPLETE
     begin = time.perf_counter()
     assert out_of_reach(make_plan(task, circle, 30, T[:3, :3]), PANDA_START, 0, True) is None
     assert time.perf_counter() - begin < 2

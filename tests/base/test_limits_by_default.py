@@ -23,12 +23,12 @@ FORMULAS = {"motion.control.repetitive_motion"}
 
 DOORS: dict[str, Callable[[HolonomicStrategy, np.ndarray], object]] = {
     "inverse": hk.ik,
-    "move_to_leaf": hk.move_to_leaf,
+    "move_to_leaf": hk.motion.ik.move_to_leaf,
     "follow": lambda law, q: hk.follow(law, around(law, q), q, samples=4),
     "drift": lambda law, q: hk.drift(law, around(law, q), q, samples=4),
-    "path_spread": lambda law, q: hk.path_spread(law, around(law, q), around(law, q), q, samples=4),
+    "path_spread": lambda law, q: hk.motion.path_spread(law, around(law, q), around(law, q), q, samples=4),
     "controller": lambda law, q: hk.controller(law, dt=0.01, q0=q),
-    "export_c": lambda law, q: hk.export_c(law, Path("nowhere"), q0=q),
+    "export_c": lambda law, q: hk.export.export_c(law, Path("nowhere"), q0=q),
     "coverage": lambda law, q: hk.coverage(law, SPACE, q, samples=4),
     "design": lambda law, q: hk.design(law.task, SPACE, q),
     "certify": lambda law, q: hk.certify(law, around(law, q), q),
@@ -97,8 +97,8 @@ def test_without_limits_such_a_start_is_one_to_begin_from() -> None:
     beyond = law.task.robot.upper + 0.05
     pose = law.task.robot.pose(beyond)[:2, 3]
     assert np.abs(hk.ik(law, beyond, limits=False)(pose) - beyond).max() < 1e-9
-    assert np.abs(hk.move_to_leaf(law, beyond, law.g(beyond), limits=False) - beyond).max() < 1e-9
-    assert hk.follow(law, around(law, beyond), beyond, samples=4, limits=False).status is hk.Status.COMPLETE
+    assert np.abs(hk.motion.ik.move_to_leaf(law, beyond, law.g(beyond), limits=False) - beyond).max() < 1e-9
+    assert hk.follow(law, around(law, beyond), beyond, samples=4, limits=False).status is hk.motion.Status.COMPLETE
     assert hk.controller(law, dt=0.01, q0=beyond, limits=False).leaf == pytest.approx(law.g(beyond))
 
 
@@ -117,10 +117,10 @@ def test_no_answer_is_beyond_the_limits(seed: int) -> None:
     for point in points[::9]:
         assert robot.beyond(ik.nearest(point, rcond=1e-3).q).max() < 1e-8
     for q, pose in ((q0, robot.pose(q0)), (postures[0], robot.pose(postures[0]))):
-        postures_there = hk.all_postures(law, pose, law.g(q), starts=32)
+        postures_there = hk.motion.ik.all_postures(law, pose, law.g(q), starts=32)
         assert robot.within(postures_there.q).all()
     level = law.g(q0) + rng.uniform(-0.5, 0.5)
     try:
-        assert robot.beyond(hk.move_to_leaf(law, q0, level)).max() < 1e-9
+        assert robot.beyond(hk.motion.ik.move_to_leaf(law, q0, level)).max() < 1e-9
     except HolokinError:
         return

@@ -35,7 +35,7 @@ def walk() -> hk.Trajectory:
 
 
 def timed() -> motion.TimedTrajectory:
-    return hk.retime(walk(), ROBOT, acceleration=4.0)
+    return hk.retime(walk(), acceleration=4.0)
 
 
 TYPOS: dict[str, Callable[[], object]] = {
@@ -45,12 +45,12 @@ TYPOS: dict[str, Callable[[], object]] = {
     "kind of a row": lambda: hk.from_dh([robots.DHRow(a=1.0, kind="hinge")]),  # pyright: ignore[reportArgumentType]
     "definition": lambda: hk.arm_angle(definition="usual"),  # pyright: ignore[reportArgumentType]
     "method of follow": lambda: hk.follow(LAW, LINE, Q0, method="leave"),  # pyright: ignore
-    "method of two paths": lambda: hk.path_spread(LAW, LINE, LINE, Q0, method="leafs"),  # pyright: ignore[reportArgumentType]
+    "method of two paths": lambda: hk.motion.path_spread(LAW, LINE, LINE, Q0, method="leafs"),  # pyright: ignore[reportArgumentType]
     "method of curvature": lambda: hk.curvature(LAW, Q0, method="hesian"),  # pyright: ignore[reportArgumentType]
     "objective": lambda: hk.design(TASK, SPACE, Q0, objective="worst_sped"),  # pyright: ignore[reportArgumentType]
-    "profile": lambda: hk.retime(walk(), ROBOT, profile="trapezoid"),  # pyright: ignore[reportArgumentType]
+    "profile": lambda: hk.retime(walk(), profile="trapezoid"),  # pyright: ignore[reportArgumentType]
     "by of excess": lambda: timed().excess("differences"),  # pyright: ignore[reportArgumentType]
-    "by of approach": lambda: hk.approach(LAW, LINE, Q0, by="hand"),  # pyright: ignore[reportArgumentType]
+    "by of approach": lambda: hk.motion.approach(LAW, LINE, Q0, by="hand"),  # pyright: ignore[reportArgumentType]
     "format": lambda: export.to_ros(timed(), format="yml"),  # pyright: ignore[reportArgumentType]
     "servo": lambda: robots.servo(ROBOT, "torques", Q0),  # pyright: ignore[reportArgumentType]
 }

@@ -57,7 +57,7 @@ def test_a_step_limits_the_motion_from_a_posture_and_without_one_it_is_refused(t
     "begin",
     [
         hk.ik,
-        hk.move_to_leaf,
+        hk.motion.ik.move_to_leaf,
         lambda G, q: hk.radial(G, q),
         lambda G, q: hk.controller(G, dt=0.001, q0=q),
     ],
@@ -138,16 +138,16 @@ def test_degrees_are_only_of_angles(tmp_path: Path) -> None:
     ):
         file.write_text(f"{header}\n{row}\n")
         with pytest.raises(RecordingError, match="has no angles; leave out angles="):
-            hk.read_workspace(file, angles="deg")
-        assert len(hk.read_workspace(file).given) == 1
+            hk.path.read_workspace(file, angles="deg")
+        assert len(hk.path.read_workspace(file).given) == 1
 
 
 def test_an_angle_beyond_a_turn_is_believed_where_somebody_says_radians(tmp_path: Path) -> None:
     file = tmp_path / "poses.csv"
     file.write_text("x,y,z,roll,pitch,yaw\n0.5,0,0.3,0,0,7\n")
     with pytest.raises(RecordingError, match="it looks like degrees"):
-        hk.read_workspace(file)
-    assert hk.read_workspace(file, angles="rad").given[0, 0, 0] == pytest.approx(np.cos(7))
+        hk.path.read_workspace(file)
+    assert hk.path.read_workspace(file, angles="rad").given[0, 0, 0] == pytest.approx(np.cos(7))
 
 
 def test_both_readers_of_poses_know_the_same_columns(tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_both_readers_of_poses_know_the_same_columns(tmp_path: Path) -> None:
     }
     for header, table in rows.items():
         file.write_text("\n".join([header, *(",".join(f"{v:.17g}" for v in row) for row in table)]))
-        cloud, waypoints = hk.read_workspace(file), hk.read_waypoints(file)
+        cloud, waypoints = hk.path.read_workspace(file), hk.path.read_waypoints(file)
         assert waypoints.rotations is not None
         assert np.abs(cloud.given[:, :3, 3] - [[0.5, 0, 0.3], [0.5, 0.1, 0.3]]).max() < 1e-15
         assert np.array_equal(cloud.given[:, :3, 3], waypoints.points)
@@ -262,7 +262,7 @@ def test_a_tool_in_millimetres_or_degrees_is_refused(name: str) -> None:
         with pytest.raises(ArgumentError, match=r"rpy of a .*looks like degrees: give radians"):
             turned([0, 90, 0])
     with pytest.raises(ArgumentError, match="looks like degrees"):
-        hk.Part(robot, rpy=[0, 0, 180])
+        hk.robot.Part(robot, rpy=[0, 0, 180])
 
 
 def test_a_wrist_of_no_reach_carries_a_tool() -> None:
@@ -275,7 +275,9 @@ def test_a_level_in_degrees_is_told(panda: hk.Robot) -> None:
     angle, joint = hk.holonomic(hk.pose(panda), hk.arm_angle()), hk.holonomic(hk.pose(panda), hk.lock(6))
     for law, level in ((angle, 30), (angle, -95.0), (joint, 30), (joint, -60.0)):
         with pytest.raises(ArgumentError, match="in rad"):
-            hk.move_to_leaf(law, q0, level)
+            hk.motion.ik.move_to_leaf(law, q0, level)
     with pytest.raises(ArgumentError, match=r"30 degrees are 0\.5236"):
-        hk.all_postures(angle, panda.pose(q0), 30)
-    assert angle.g(hk.move_to_leaf(angle, q0, angle.g(q0) + 0.1)) == pytest.approx(angle.g(q0) + 0.1, abs=1e-9)
+        hk.motion.ik.all_postures(angle, panda.pose(q0), 30)
+    assert angle.g(hk.motion.ik.move_to_leaf(angle, q0, angle.g(q0) + 0.1)) == pytest.approx(
+        angle.g(q0) + 0.1, abs=1e-9
+    )

@@ -138,13 +138,18 @@ def test_the_usual_slips_are_answered_with_the_right_form(panda: hk.Robot) -> No
         "write robot.pose(q)": lambda: panda.fk(PANDA_START),  # type: ignore[attr-defined]
         "write hk.load('panda')": lambda: hk.Panda,  # type: ignore[attr-defined]
         "write hk.follow(strategy, path, q0)": lambda: hk.run(law, circle, PANDA_START),  # type: ignore[attr-defined]
-        "give a Robot: its .robot is one": lambda: hk.audit(law, task),  # type: ignore[arg-type]
+        "task is not given; say what the tool must do, as hk.pose(robot)": lambda: hk.audit(lambda q, T, v, dt: q),
+        "control_law, task=None, path=None, q0=None, dt=": lambda: hk.audit(law, task, circle, PANDA_START, 0.01),  # type: ignore[call-arg]
         "give a Task, as hk.pose(robot) makes it": lambda: hk.moore_penrose(panda),  # type: ignore[arg-type]
+        "hk.retime(trajectory, acceleration=5.0)": lambda: hk.retime(hk.follow(law, circle, PANDA_START, samples=9)),
         "call the function, arm_angle(...)": lambda: hk.holonomic(task, hk.arm_angle),  # type: ignore[arg-type]
         "call it as arm_angle(definition=": lambda: hk.arm_angle(panda),  # type: ignore[call-arg]
         "call it as check(motion, robot, ": lambda: hk.check(circle, obstacles=[]),  # type: ignore[call-arg]
         "call it as workspace(box=None, ": lambda: hk.workspace([0.5, 0, 0.4]),  # type: ignore[call-arg]
-        "call it as certify(strategy, where, q0, ": lambda: hk.certify(law, box=(start, 0.1)),  # type: ignore[call-arg]
+        "where as hk.circle(start, center) or hk.workspace(box=(center, half)) makes it": lambda: hk.certify(
+            law,
+            box=(start, 0.1),  # type: ignore[call-arg]
+        ),
     }
     for words, slip in slips.items():
         with pytest.raises((ArgumentError, CallError, NoAttributeError), match=re.escape(words)):

@@ -28,8 +28,8 @@ def test_no_name_of_a_users_breaks_the_strictest_build(tmp_path: Path) -> None:
     strategy = hk.moore_penrose(hk.position(robot), name="".join(NASTY))
     for k, title in enumerate(("??/", "\\", strategy.name)):
         law = hk.moore_penrose(strategy.task, name=title)
-        found = hk.export_c(law, tmp_path / str(k), q0=0.1 + 0.2 * np.arange(robot.n), name="law", vectors_count=1,
-                            origin=title, limits=False)  # fmt: skip
+        found = hk.export.export_c(law, tmp_path / str(k), q0=0.1 + 0.2 * np.arange(robot.n), name="law",
+                            vectors_count=1, origin=title, limits=False)  # fmt: skip
         for file in found.files:
             text = (found.folder / file).read_text("utf-8")
             assert not re.search(r"[\u202a-\u202e\u2066-\u2069\u200e\u200f\x00-\x08\x0b-\x1f\x7f]", text), file
@@ -45,5 +45,5 @@ def test_no_name_of_a_users_breaks_the_strictest_build(tmp_path: Path) -> None:
 def test_a_header_that_would_hide_one_of_the_c_library_is_refused(ppr: hk.Robot, tmp_path: Path, name: str) -> None:
     strategy = hk.moore_penrose(hk.position(ppr))
     with pytest.raises(ArgumentError, match="no word or header of C"):
-        hk.export_c(strategy, tmp_path, q0=[0.9, -0.3, 0.8], name=name)
+        hk.export.export_c(strategy, tmp_path, q0=[0.9, -0.3, 0.8], name=name)
     assert list(tmp_path.iterdir()) == []

@@ -45,7 +45,7 @@ def move(irb140: hk.Robot) -> TimedTrajectory:
     at = irb140.pose(IRB_START)[:3, 3]
     corner = at + [0.05, 0, 0]
     walk = hk.follow(hk.holonomic(hk.position(irb140), hk.lock(3, 4, 5)), hk.line(at, corner), IRB_START, samples=60)
-    return hk.retime(walk, irb140, velocity=1.0, acceleration=5.0, dt=0.008)
+    return hk.retime(walk, velocity=1.0, acceleration=5.0, dt=0.008)
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_names_of_a_file_are_words_of_comments_in_every_language(seed: int, irb1
         at = arm.pose(IRB_START)[:3, 3]
         law = hk.holonomic(hk.position(arm), hk.lock(3, 4, 5))
         walk = hk.follow(law, hk.line(at, at + [0.05, 0, 0]), IRB_START, samples=20)
-        timed = hk.retime(walk, arm, velocity=1.0, acceleration=5.0, dt=0.008)
+        timed = hk.retime(walk, velocity=1.0, acceleration=5.0, dt=0.008)
         for language, write in WRITERS.items():
             files = write(timed, about=said, name="PROG").files
             lines = [line for text in files.values() for line in text.split("\n")]

@@ -50,7 +50,7 @@ def welder(irb140: hk.Robot) -> hk.Task:
 
 def seam(task: hk.Task, path: hk.Path, speed: float, dt: float = 0.008) -> TimedTrajectory:
     walk = hk.follow(hk.holonomic(task, hk.lock(3)), path.at_speed(speed), Q0, samples=300)
-    return hk.retime(walk, task.robot, acceleration=5.0, speed=1.0, dt=dt)
+    return hk.retime(walk, acceleration=5.0, speed=1.0, dt=dt)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def corner(welder: hk.Task) -> TimedTrajectory:
 def bow(welder: hk.Task) -> TimedTrajectory:
     """A third of a turn, radius 60 mm, at 50 mm/s."""
     at = welder.robot.pose(Q0)[:3, 3]
-    return seam(welder, hk.arc(at, at - [0.06, 0, 0], 2.0), 0.05)
+    return seam(welder, hk.path.arc(at, at - [0.06, 0, 0], 2.0), 0.05)
 
 
 def read(program: Program, language: str) -> grammars.Parsed:
@@ -173,7 +173,7 @@ def test_no_linear_move_leads_along_a_singular_posture(irb140: hk.Robot) -> None
     at = irb140.pose(q0)[:3, 3]
     task = hk.position(irb140)
     walk = hk.follow(hk.holonomic(task, hk.lock(3, 4, 5)), hk.polyline(at + np.array([[0, 0, 0], [0, 0.05, 0]])), q0)
-    timed = hk.retime(walk, irb140, acceleration=5.0, dt=0.02)
+    timed = hk.retime(walk, acceleration=5.0, dt=0.02)
     found = read(to_rapid(timed, tolerance=ToolTolerance(task, 1e-3, 0.05, 0.05, 0.05, True)), "rapid")
     assert set(found.kinds) == {"joint"}
     assert "or the arm is nearly singular" in " ".join(found.comments)
@@ -186,7 +186,7 @@ def test_linear_moves_of_a_seven_axis_arm_are_refused(panda: hk.Robot) -> None:
     at = panda.pose(q0)[:3, 3]
     line = hk.polyline(at + np.array([[0, 0, 0], [0.05, 0, 0]]))
     walk = hk.follow(hk.holonomic(task, hk.lock(2)), line, q0, samples=50)
-    timed = hk.retime(walk, panda, acceleration=5.0, dt=0.01)
+    timed = hk.retime(walk, acceleration=5.0, dt=0.01)
     wiring = hk.export.Wiring(external=("panda_joint3",))
     assert to_rapid(timed, wiring=wiring, tolerance=ToolTolerance(task)).tool is not None
     with pytest.raises(ExportError, match="leave out linear"):
@@ -215,7 +215,7 @@ def test_a_tool_that_only_turns_has_no_speed_and_few_targets(welder: hk.Task) ->
 
 def test_a_tolerance_that_the_samples_cannot_keep_is_said_to_be_missed(welder: hk.Task) -> None:
     at = welder.robot.pose(Q0)[:3, 3]
-    timed = seam(welder, hk.arc(at, at - [0.06, 0, 0], 2.0), 0.2, dt=0.1)
+    timed = seam(welder, hk.path.arc(at, at - [0.06, 0, 0], 2.0), 0.2, dt=0.1)
     program = to_rapid(timed, tolerance=ToolTolerance(welder, 1e-6, 0.02, 1e-6, 0.02))
     assert not program.tool.kept and "NOT within what was asked for" in " ".join(read(program, "rapid").comments)
 
@@ -223,7 +223,7 @@ def test_a_tolerance_that_the_samples_cannot_keep_is_said_to_be_missed(welder: h
 def test_the_tool_is_as_near_between_the_steps_as_the_header_says(welder: hk.Task) -> None:
     """Of a motion at 1 kHz a program gets every 64th sample: the others are the referee."""
     at, every = welder.robot.pose(Q0)[:3, 3], 64
-    whole = seam(welder, hk.arc(at, at - [0.06, 0, 0], 2.0), 0.2, dt=0.001)
+    whole = seam(welder, hk.path.arc(at, at - [0.06, 0, 0], 2.0), 0.2, dt=0.001)
     rows = np.minimum(np.arange(0, len(whole) + every - 1, every), len(whole) - 1)  # it rests at its end
     parts = {what: getattr(whole, what)[rows] for what in ("q", "dq", "ddq", "dddq", "path_speed")}
     t = every * whole.dt * np.arange(len(rows))

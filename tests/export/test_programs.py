@@ -39,7 +39,7 @@ def timed(robot: hk.Robot, task: hk.Task, law: hk.Constraint, start: np.ndarray,
     at = robot.pose(start)[:3, 3]
     corners = at + np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 0.05, 0]])
     walk = hk.follow(hk.holonomic(task, law), hk.polyline(corners, closed=True), start, samples=60)
-    return hk.retime(walk, robot, velocity=3.0, acceleration=10.0, profile="trapezoidal", dt=dt)
+    return hk.retime(walk, velocity=3.0, acceleration=10.0, profile="trapezoidal", dt=dt)
 
 
 @pytest.fixture(scope="module")

@@ -59,13 +59,13 @@ def random_motion(rng: np.random.Generator) -> tuple[hk.Task, hk.motion.TimedTra
     path = {
         "line": lambda: hk.polyline(at + size * np.array([np.zeros(3), turn[0]])),
         "corner": lambda: hk.polyline(at + size * np.array([np.zeros(3), turn[0], turn[0] + turn[1]])),
-        "arc": lambda: hk.arc(at, at + size * turn[0], rng.uniform(0.5, 4.0), turn[2]),
+        "arc": lambda: hk.path.arc(at, at + size * turn[0], rng.uniform(0.5, 4.0), turn[2]),
         "spline": lambda: hk.spline(at + size * np.array([np.zeros(3), turn[0], turn[0] + turn[1], 2 * turn[0]])),
     }[rng.choice(["line", "corner", "arc", "spline"])]()
     speed = float(rng.choice([0.005, 0.008, 0.02, 0.1]))
     walk = hk.follow(hk.holonomic(task, law), path.at_speed(speed), q0, samples=300)
     dt = 0.008 if speed > 0.05 else 0.04
-    return task, hk.retime(walk, robot, acceleration=8.0, speed=1.0, dt=dt), speed
+    return task, hk.retime(walk, acceleration=8.0, speed=1.0, dt=dt), speed
 
 
 def written(language: str, timed: hk.motion.TimedTrajectory, robot: hk.Robot, tolerance: ToolTolerance) -> tuple:
@@ -95,7 +95,7 @@ def written(language: str, timed: hk.motion.TimedTrajectory, robot: hk.Robot, to
 
 def pinocchio_pose(robot: hk.Robot) -> controllers.Pose:
     """Pinocchio's pose of the tool, of axes with the rail last."""
-    model = pin.buildModelFromXML(hk.to_urdf(robot))
+    model = pin.buildModelFromXML(hk.robot.to_urdf(robot))
     data, frame = model.createData(), model.getFrameId(robot.tips[0].name)
     order = [model.joints[model.getJointId(name)].idx_q for name in robot.joint_names]
 

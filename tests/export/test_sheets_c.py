@@ -17,12 +17,12 @@ from holokin.export import export_sheets
 
 
 @pytest.fixture(scope="module")
-def planar() -> hk.Sheets:
+def planar() -> hk.analysis.sheets.Sheets:
     return planar_map(64)
 
 
 @pytest.mark.skipif(subprocess.run(["sh", "-c", "command -v cc"], check=False).returncode != 0, reason="no C compiler")
-def test_c_gives_the_sheet_and_the_joints_of_the_map(planar: hk.Sheets, tmp_path: Path) -> None:
+def test_c_gives_the_sheet_and_the_joints_of_the_map(planar: hk.analysis.sheets.Sheets, tmp_path: Path) -> None:
     """At random poses and at those that nothing serves; and a loop keeps its sheet as `near` does."""
     made = export_sheets(planar, tmp_path / "c", name="arm")
     assert made.name == "arm_sheets"
@@ -58,7 +58,7 @@ def test_c_gives_the_sheet_and_the_joints_of_the_map(planar: hk.Sheets, tmp_path
     assert 60 < served < 150
 
 
-def test_what_c_does_not_look_at_is_refused(planar: hk.Sheets, tmp_path: Path) -> None:
+def test_what_c_does_not_look_at_is_refused(planar: hk.analysis.sheets.Sheets, tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="C name"):
         export_sheets(planar, tmp_path, name="7 arms")
     rough = replace(planar, sheets=tuple(replace(one, rcond=0.01) for one in planar.sheets))
@@ -78,7 +78,7 @@ def test_branches_of_an_arm_that_is_not_redundant_are_refused(tmp_path: Path) ->
 
 @pytest.mark.campaign
 @pytest.mark.skipif(subprocess.run(["sh", "-c", "command -v cc"], check=False).returncode != 0, reason="no C compiler")
-def test_more_sheets_than_a_char_counts_keep_their_numbers(planar: hk.Sheets, tmp_path: Path) -> None:
+def test_more_sheets_than_a_char_counts_keep_their_numbers(planar: hk.analysis.sheets.Sheets, tmp_path: Path) -> None:
     count = 130
     q = np.concatenate([planar.q] * count)[:count]
     last = np.array([max((s for s in range(count) if np.isfinite(q[s, i]).all()), default=-1) for i in range(64)])

@@ -84,7 +84,9 @@ def test_a_jump_is_faster_than_a_joint_can_be(
     runs: dict[str, dict[str, np.ndarray]], tied: dict[str, np.ndarray]
 ) -> None:
     """Another leaf from the middle of the circle on: the tool is on its path, the joints are not there in time."""
-    other = hk.ik(TIED.strategy, hk.move_to_leaf(TIED.strategy, START, TIED.strategy.constraint_value(START) + 0.5))
+    other = hk.ik(
+        TIED.strategy, hk.motion.ik.move_to_leaf(TIED.strategy, START, TIED.strategy.constraint_value(START) + 0.5)
+    )
     half = len(tied["circle"]) // 2
     jumped = tied["circle"].copy()
     jumped[half:] = [other(pose) for pose in runs["circle"]["poses"][half - 1 :]]

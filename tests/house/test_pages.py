@@ -48,8 +48,8 @@ SLOW = tuple(
 SHOWN = {name for name in hk.__all__ if not isinstance(getattr(hk, name), ModuleType)}
 ROOMS = (
     "analysis.audit", "analysis.audit.logs", "analysis.coverage", "analysis.curvature", "analysis.design",
-    "analysis.sheets", "export", "learning", "motion", "motion.checks", "motion.control", "motion.ik", "proof",
-    "robot", "strategies", "strategies.constraints",
+    "analysis.sheets", "export", "learning", "motion", "motion.checks", "motion.control", "motion.ik", "path",
+    "proof", "robot", "strategies", "strategies.constraints", "strategies.tasks",
 )  # fmt: skip
 """Folders whose names are on pages of their own."""
 

@@ -15,7 +15,7 @@ READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 
 ROBOT = hk.load("panda")
 READY_Z = float(ROBOT.pose(READY)[2, 3])
 LOCKED = hk.ik(hk.holonomic(hk.pose(ROBOT), hk.lock(2)), READY)
-OTHER = hk.ik(hk.holonomic(hk.pose(ROBOT), hk.lock(2)), hk.move_to_leaf(LOCKED.strategy, READY, 0.6))
+OTHER = hk.ik(hk.holonomic(hk.pose(ROBOT), hk.lock(2)), hk.motion.ik.move_to_leaf(LOCKED.strategy, READY, 0.6))
 
 
 def moved(**by: float) -> np.ndarray:

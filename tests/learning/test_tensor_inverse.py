@@ -24,7 +24,9 @@ jnp = jax.numpy
 
 def _two_arms() -> hk.strategies.HolonomicStrategy:
     robot = hk.load("planar-3r")
-    pair = hk.compose(hk.Part(robot, prefix="a_"), hk.Part(robot, on="base", xyz=[1.0, 0.0, 0.0], prefix="b_"))
+    pair = hk.compose(
+        hk.robot.Part(robot, prefix="a_"), hk.robot.Part(robot, on="base", pose=[1.0, 0.0, 0.0], prefix="b_")
+    )
     first, second = (hk.position(pair, tip=tip.name) for tip in pair.tips)
     return hk.holonomic(hk.stacked(first, second), hk.strategies.constraints.stack(hk.lock(2), hk.lock(5)))
 

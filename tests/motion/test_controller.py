@@ -56,14 +56,14 @@ def wanted(robot: hk.Robot, q: np.ndarray, seed: int) -> tuple[np.ndarray, np.nd
 def test_a_controller_is_simulated_and_audited_as_it_is(planar: hk.Strategy, planar_3r: hk.Robot) -> None:
     """No lambda, no copies: the tool follows the path, and the joints close with it."""
     c = hk.controller(planar, dt=DT, q0=START)
-    assert isinstance(c, hk.ControlLaw)
+    assert isinstance(c, hk.motion.control.ControlLaw)
     walk = hk.simulate(c, planar.task, circle(planar_3r, START), START, dt=DT, cycles=2)
     assert walk.tracking_error() < 5e-6
     assert np.abs(walk.drift()[1]).max() < 1e-9  # the first cycle begins without the loop's own error
-    found = hk.audit(c, planar_3r, planar.task, [circle(planar_3r, START)], q0=START, dt=0.01, cycles=3)
+    found = hk.audit(c, planar.task, [circle(planar_3r, START)], q0=START, dt=0.01, cycles=3)
     assert found.verdict is Repeatability.REPEATS
     free = hk.controller(hk.moore_penrose(planar.task), dt=DT)
-    found = hk.audit(free, planar_3r, planar.task, [circle(planar_3r, START)], q0=START, dt=0.01, cycles=3)
+    found = hk.audit(free, planar.task, [circle(planar_3r, START)], q0=START, dt=0.01, cycles=3)
     assert found.verdict is Repeatability.DRIFTS
 
 

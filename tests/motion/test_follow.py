@@ -47,7 +47,7 @@ def test_a_path_out_of_reach_keeps_what_was_computed(constraint: hk.Constraint |
     with pytest.raises(OutOfReachError, match="out of reach") as caught:
         hk.follow(strategy, away, R3_START, samples=200, limits=False)
     walk = caught.value.trajectory
-    assert walk.status is hk.Status.OUT_OF_REACH
+    assert walk.status is hk.motion.Status.OUT_OF_REACH
     assert 20 < len(walk) < 200
     assert walk.tracking_error() < 1e-3
     assert np.linalg.norm(tool(strategy, walk.q[-1])) < 3.0 + 1e-9
@@ -64,10 +64,10 @@ def test_a_joint_that_meets_its_limit_stops_the_walk_and_is_named() -> None:
     with pytest.raises(LimitReachedError, match=r"q2.*outside its limits") as caught:
         hk.follow(strategy, hk.line(start, start * 0.4), R3_START)
     walk = caught.value.trajectory
-    assert walk.status is hk.Status.LIMIT
+    assert walk.status is hk.motion.Status.LIMIT
     assert (walk.q <= tight.upper + 1e-9).all()
     free = hk.follow(strategy, hk.line(start, start * 0.4), R3_START, limits=False)
-    assert free.status is hk.Status.COMPLETE
+    assert free.status is hk.motion.Status.COMPLETE
     assert free.q[:, 1].max() > 1.0
 
 
@@ -88,7 +88,7 @@ def test_a_leaf_that_folds_is_an_error_of_its_own_and_never_a_jump() -> None:
     with pytest.raises(BranchError) as caught:
         hk.follow(strategy, hk.line(start, end), R3_START, samples=150)
     walk = caught.value.trajectory
-    assert walk.status is hk.Status.BRANCH
+    assert walk.status is hk.motion.Status.BRANCH
     targets = start + np.linspace(0, 1, 151)[:, None] * (end - start)
     elbow = np.array([np.cos(R3_START[0]), np.sin(R3_START[0]), 0.0])
     within = np.linalg.norm(targets - elbow, axis=1) < 2.0  # the two free links are 2 m long
@@ -150,7 +150,7 @@ def test_velocity_that_runs_into_a_singularity_keeps_what_was_computed_and_says_
     with pytest.raises((PathSingularityError, TrackingError), match="singular") as caught:
         hk.follow(strategy, hk.line(out, 1.2 * out), start, samples=300, limits=False)
     walk = caught.value.trajectory
-    assert walk.status in (hk.Status.SINGULAR, hk.Status.LOST)
+    assert walk.status in (hk.motion.Status.SINGULAR, hk.motion.Status.LOST)
     assert walk.q[-1, 1] == pytest.approx(-walk.q[-1, 2] / 2, abs=0.2)
     assert walk.tracking_error() < 1e-3
 
@@ -200,7 +200,7 @@ def test_singular_postures_of_a_region_are_counted_and_left_out(planar_3r: hk.Ro
         (lambda s, p: hk.follow(s, p, PPR_START, method="leaf"), ArgumentError),
         (lambda s, p: hk.follow(s, p.part(0, 0.5), PPR_START, cycles=2), OpenPathError),
         (lambda s, p: hk.drift(s, p.part(0, 0.5), PPR_START), OpenPathError),
-        (lambda s, p: hk.path_spread(s, p.part(0, 0.5), p.part(0, 0.4), PPR_START), ArgumentError),
+        (lambda s, p: hk.motion.path_spread(s, p.part(0, 0.5), p.part(0, 0.4), PPR_START), ArgumentError),
     ],
 )
 def test_calls_that_make_no_sense_are_refused(ppr: hk.Robot, call, error: type[Exception]) -> None:

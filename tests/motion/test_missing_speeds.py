@@ -68,12 +68,12 @@ def mirrored(task: hk.Task) -> np.ndarray:
 
 
 DOORS = {
-    "its fastest": lambda task: hk.retime(walk_of(task), task.robot, profile="quintic", acceleration=5.0),
-    "the path's speed": lambda task: hk.retime(walk_of(task), task.robot, profile="quintic", speed=1.0),
+    "its fastest": lambda task: hk.retime(walk_of(task), profile="quintic", acceleration=5.0),
+    "the path's speed": lambda task: hk.retime(walk_of(task), profile="quintic", speed=1.0),
     "a hand": lambda task: hand_follower(hk.ik(hk.holonomic(task, hk.lock(2)), Q0), dt=0.01, max_acceleration=5.0),
     "a self-motion": lambda task: self_motion_between(task, Q0, mirrored(task)),
     "the least worst speed": lambda task: hk.design(
-        task, BOX, Q0, degree=1, objective=hk.Objective(worst_speed=1.0), samples=8
+        task, BOX, Q0, degree=1, objective=hk.analysis.design.Objective(worst_speed=1.0), samples=8
     ),
 }
 BOX = hk.workspace(box=([1.7, 1.3, 0.0], [0.1, 0.1, 0.0]))
@@ -95,7 +95,7 @@ def test_what_judges_a_speed_says_whose_it_cannot_tell(missing: np.ndarray) -> N
     names = ", ".join(name for name, gone in zip(task.robot.joint_names, missing, strict=True) if gone)
     walk = walk_of(task)
     assert f"cannot tell whether {names} can be so fast" in hk.check(walk, task.robot).table()
-    timed = hk.retime(walk, task.robot, profile="quintic", acceleration=5.0, velocity=np.inf)
+    timed = hk.retime(walk, profile="quintic", acceleration=5.0, velocity=np.inf)
     assert np.isinf(timed.limits.velocity).all()
     assert "cannot tell" in hk.check(timed, task.robot).table()
     assert "cannot tell" not in hk.check(walk, task.robot, limits=False).table()
@@ -111,7 +111,9 @@ def test_what_judges_a_speed_says_whose_it_cannot_tell(missing: np.ndarray) -> N
 def test_a_job_times_nothing_without_speed_limits_unless_it_is_told_to(tmp_path: Path) -> None:
     (tmp_path / "app.job.toml").write_text(JOB)
     kept = run_job(*open_job(str(tmp_path / "app.job.toml")))
-    (tmp_path / "arm.urdf").write_text(hk.to_urdf(hk.with_limits(hk.load("planar-3r"), max_velocity={"q2": np.inf})))
+    (tmp_path / "arm.urdf").write_text(
+        hk.robot.to_urdf(hk.with_limits(hk.load("planar-3r"), max_velocity={"q2": np.inf}))
+    )
     assert kept.strategies[0].metrics["peak_speed"] < 1.0
     text = JOB.replace('"planar-3r"\nmax_velocity = 1.5', '"arm.urdf"')
     (tmp_path / "app.job.toml").write_text(text)

@@ -52,7 +52,7 @@ def test_the_pseudo_inverse_on_ppr_is_the_prytz_planimeter_T6(angle: float, q3: 
     strategy = hk.moore_penrose(hk.position(robot))
     start, point = on_circle(angle, q3)
     path = hk.circle(point, PPR_CENTER)
-    spread = hk.path_spread(strategy, *path.halves(), start, samples=400)
+    spread = hk.motion.path_spread(strategy, *path.halves(), start, samples=400)
     for walk, turn in ((spread.a, np.pi), (spread.b, -np.pi)):
         expected = prytz(q3 - angle, turn) + angle + turn
         end = PPR_CENTER - (point - PPR_CENTER)
@@ -139,7 +139,7 @@ def square() -> hk.Path:
 def test_irb140_ends_alike_by_both_halves_of_the_square(method: str) -> None:
     robot = hk.load("irb140")
     strategy = hk.holonomic(hk.position(robot), hk.coupled(1.0))
-    spread = hk.path_spread(strategy, *square().halves(), IRB_START, samples=500, method=method)
+    spread = hk.motion.path_spread(strategy, *square().halves(), IRB_START, samples=500, method=method)
     assert spread.largest < 1e-9
     zyz = hk.pose(robot, "zyz")
     for walk in (spread.a, spread.b):

@@ -34,18 +34,18 @@ def loops(robot: hk.Robot) -> dict[str, hk.Path]:
         pose[:3, :3] = Rotation.from_rotvec([0.2 * np.sin(t), 0, 0.1 * np.sin(2 * t)]).as_matrix() @ R
         return pose
 
-    zigzag = hk.raster(tool, [0.08, 0, 0], [0, 0.04, 0], 0.02, surface=lambda u, v: u * u - v * v, tool="start")
+    zigzag = hk.path.raster(tool, [0.08, 0, 0], [0, 0.04, 0], 0.02, surface=lambda u, v: u * u - v * v, tool="start")
     return {
         "poses": hk.spline(poses, closed=True),
         "timed": hk.spline(back, times=[0, 1, 1.5, 3, 4, 6], closed=True),
-        "function": hk.path_of(sway, [0, 2 * np.pi]),
+        "function": hk.path.path_of(sway, [0, 2 * np.pi]),
         "lines": hk.polyline(poses, closed=True),
-        "eight": hk.figure_eight(tool, 0.12, normal=[0, 0.3, 1]),
-        "raster": hk.passes(zigzag, 2),
-        "spiral": hk.passes(hk.spiral(tool, 0.05, 0.025), 2),
-        "blend": hk.blended(hk.polyline(poses, closed=True), 0.01, keep_start=True),
-        "leads": hk.passes(
-            hk.blended(hk.with_leads(hk.line(tool, tool + [0.06, 0, 0]), 0, 0.02, retract=0.0), 0.01), 2
+        "eight": hk.path.figure_eight(tool, 0.12, normal=[0, 0.3, 1]),
+        "raster": hk.path.passes(zigzag, 2),
+        "spiral": hk.path.passes(hk.path.spiral(tool, 0.05, 0.025), 2),
+        "blend": hk.path.blended(hk.polyline(poses, closed=True), 0.01, keep_start=True),
+        "leads": hk.path.passes(
+            hk.path.blended(hk.path.with_leads(hk.line(tool, tool + [0.06, 0, 0]), 0, 0.02, retract=0.0), 0.01), 2
         ),
     }
 
@@ -94,7 +94,7 @@ def test_a_controller_follows_a_spline_and_a_timed_one_ends_where_it_should(pand
     path = loops(panda)["poses"]
     walk = hk.follow(tied, path, Q0, samples=200)
     assert walk.corners == ()
-    timed = hk.retime(walk, panda, acceleration=10.0, profile="trapezoidal", dt=0.01)
+    timed = hk.retime(walk, acceleration=10.0, profile="trapezoidal", dt=0.01)
     assert timed.q[-1] == pytest.approx(walk.q[-1], abs=0)
     assert max(timed.excess().values()) < 1e-9
     run = hk.simulate(hk.controller(tied, dt=0.01, q0=Q0), tied.task, path, Q0, dt=0.01)
@@ -106,9 +106,9 @@ def test_a_controller_follows_a_spline_and_a_timed_one_ends_where_it_should(pand
 def test_an_approach_leads_from_anywhere_to_the_start_of_a_path(panda: hk.Robot, laws, by: str, leaf) -> None:
     tied, _ = laws
     path = loops(panda)["poses"].in_frame([0.05, 0.1, 0.02, 0, 0, 0.2])
-    with pytest.raises(StartError, match=r"hk\.approach"):
+    with pytest.raises(StartError, match=r"hk\.motion\.approach"):
         hk.follow(tied, path, Q0)
-    way = hk.approach(tied, path, Q0, by=by, level=leaf, samples=30)
+    way = hk.motion.approach(tied, path, Q0, by=by, level=leaf, samples=30)
     assert way.q[0] == pytest.approx(Q0, abs=0)
     begin = panda.pose(way.q[-1])
     assert np.abs(begin[:3, 3] - path.start).max() < 1e-9
@@ -200,7 +200,7 @@ def test_a_job_follows_every_kind_of_path(tmp_path: Path, path: str, length: flo
     (tmp_path / "app.job.toml").write_text(HEAD + path)
     result = run_job(*open_job(str(tmp_path / "app.job.toml")))
     (tied,) = result.strategies
-    assert tied.status is hk.Status.COMPLETE
+    assert tied.status is hk.motion.Status.COMPLETE
     assert tied.metrics["tracking"] < 1e-10
     assert result.path.length == pytest.approx(length, rel=0.02)
     assert ("enters the path" in result.about) == ("entry" in path)
@@ -231,4 +231,4 @@ def test_an_entry_that_leads_nowhere_is_told(panda: hk.Robot, laws) -> None:
     far = hk.line([2.0, 0, 0.3], [2.1, 0, 0.3])
     for by in ("tool", "joints"):
         with pytest.raises((OutOfReachError, BranchError)):
-            hk.approach(laws[0], far, Q0, by=by, samples=10)
+            hk.motion.approach(laws[0], far, Q0, by=by, samples=10)

@@ -25,7 +25,7 @@ def drawn_arm(rng: np.random.Generator) -> hk.Robot:
         {"a": rng.uniform(0.1, 0.5), "d": rng.uniform(-0.2, 0.2), "alpha": rng.choice([-1, 1]) * rng.uniform(0.5, 1.6)}
         for _ in range(4)
     ]
-    return hk.from_mjcf(hk.to_mjcf(hk.from_dh(rows, name="drawn")))
+    return hk.robot.from_mjcf(hk.robot.to_mjcf(hk.from_dh(rows, name="drawn")))
 
 
 def run_outwards(c: Controller, robot: hk.Robot, q0: np.ndarray, speed: float) -> list[tuple[StepStatus, float, float]]:
@@ -138,7 +138,7 @@ def test_exported_c_stops_with_the_statuses_of_python(tmp_path: Path) -> None:
     q0 = np.array([0.4, 1.1, -0.7, 0.9])
     strategy = hk.holonomic(hk.position(robot), hk.lock(1))
     c = hk.controller(strategy, dt=DT, q0=q0)
-    hk.export_c(strategy, tmp_path, q0=q0, dt=DT, name="arm")
+    hk.export.export_c(strategy, tmp_path, q0=q0, dt=DT, name="arm")
     library = tmp_path / "arm.so"
     command = [
         "cc",
@@ -183,12 +183,12 @@ def test_exported_c_stops_with_the_statuses_of_python(tmp_path: Path) -> None:
 
 
 def test_limits_that_a_model_lacks_are_given_by_number_by_row_or_by_name(panda: hk.Robot, tmp_path: Path) -> None:
-    text = hk.to_mjcf(panda)
-    bare = hk.from_mjcf(text)
+    text = hk.robot.to_mjcf(panda)
+    bare = hk.robot.from_mjcf(text)
     assert np.isinf(bare.max_velocity).all()
     names, rows = bare.joint_names, np.linspace(1.0, 2.0, 7)
-    assert hk.from_mjcf(text, max_velocity=2.0).max_velocity == pytest.approx(2.0)
-    assert hk.from_mjcf(text, max_velocity=rows).max_velocity == pytest.approx(rows)
+    assert hk.robot.from_mjcf(text, max_velocity=2.0).max_velocity == pytest.approx(2.0)
+    assert hk.robot.from_mjcf(text, max_velocity=rows).max_velocity == pytest.approx(rows)
     some = hk.with_limits(bare, max_velocity={names[3]: 1.5}, lower={names[0]: -1.0}, upper={names[0]: 1.0})
     assert some.max_velocity[3] == 1.5
     assert np.isinf(some.max_velocity[[0, 1, 2, 4, 5, 6]]).all()

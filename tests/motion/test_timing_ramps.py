@@ -38,14 +38,12 @@ def test_a_ramp_on_a_straight_curve_takes_the_time_of_the_closed_form(ppr: hk.Ro
     speed, acceleration, jerk = 10.0 ** draw.uniform([-3, -1, 1], [0, 2, 4])
     walk = slide(ppr, 0.5, int(draw.integers(5, 200)))
     dt = 5e-5 * 0.5 / speed  # steps so short that rounding up to a whole one counts for nothing
-    bare = hk.retime(walk, ppr, velocity=10.0, acceleration=acceleration, speed=speed, profile=profile, dt=dt)
+    bare = hk.retime(walk, velocity=10.0, acceleration=acceleration, speed=speed, profile=profile, dt=dt)
     assert max(bare.excess().values()) < 1e-9
     if speed**2 / acceleration > 0.4:  # no phase at the set speed is left
         return
     assert seconds_below(bare, speed) == pytest.approx(speed / acceleration, rel=0.02, abs=2 * dt)
-    soft = hk.retime(
-        walk, ppr, velocity=10.0, acceleration=acceleration, jerk=jerk, speed=speed, profile=profile, dt=dt
-    )
+    soft = hk.retime(walk, velocity=10.0, acceleration=acceleration, jerk=jerk, speed=speed, profile=profile, dt=dt)
     assert max(soft.excess().values()) < 1e-9
     reached = speed > acceleration**2 / jerk
     wanted = speed / acceleration + acceleration / jerk if reached else 2 * np.sqrt(speed / jerk)
@@ -69,7 +67,7 @@ def test_ramps_do_not_depend_on_the_samples_and_a_limit_binds_in_each(seed: int,
     extra = []
     for samples in (15, 60, 400):
         walk = hk.follow(G, path, q0, samples=samples)
-        timed = hk.retime(walk, robot, acceleration=acceleration, speed=1.0, profile=profile, dt=1e-4)
+        timed = hk.retime(walk, acceleration=acceleration, speed=1.0, profile=profile, dt=1e-4)
         assert max(timed.excess().values()) < 1e-9
         assert timed.excess("difference")["acceleration"] < 1e-9
         extra.append(seconds_below(timed, 1.0))
@@ -87,13 +85,13 @@ def test_ramps_do_not_depend_on_the_samples_and_a_limit_binds_in_each(seed: int,
 
 
 def test_where_the_shape_of_a_profile_takes_the_time_no_limit_is_blamed(ppr: hk.Robot) -> None:
-    timed = hk.retime(slide(ppr, 0.5, 20), ppr, velocity=10.0, acceleration=1e4, speed=1.0, profile="quintic")
+    timed = hk.retime(slide(ppr, 0.5, 20), velocity=10.0, acceleration=1e4, speed=1.0, profile="quintic")
     assert [(s.joint, s.limit) for s in timed.slowdowns] == [("", "quintic profile")] * 2
     assert "the reason is the shape of the quintic profile" in timed.table()
 
 
 def test_ramps_and_the_even_part_between_have_their_own_reasons(ppr: hk.Robot) -> None:
-    timed = hk.retime(slide(ppr, 2.0, 20), ppr, velocity=0.5, acceleration=1.0, speed=1.0, profile="trapezoidal")
+    timed = hk.retime(slide(ppr, 2.0, 20), velocity=0.5, acceleration=1.0, speed=1.0, profile="trapezoidal")
     assert [s.limit for s in timed.slowdowns] == ["acceleration", "velocity", "acceleration"]
     assert timed.slowdowns[1].least == pytest.approx(0.5, rel=1e-3)
     said = [str(s).split("slower than wanted, ")[1] for s in timed.slowdowns]

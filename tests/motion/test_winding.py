@@ -106,7 +106,7 @@ def test_a_tool_that_turns_round_once_cannot_be_drawn_together(panda: hk.Robot) 
     found = hk.motion.winding(strategy, round_once, PANDA_START, limits=False)
     assert found.cause is Cause.TOOL_TURNS
     there_and_back = hk.polyline([point] * 5, turns=[third, third, [0, 0, -4 * np.pi / 3], [0.2, 0, 0]])
-    home = hk.join(there_and_back, hk.polyline([point] * 2, turns=[[-0.2, 0, 0]]))
+    home = hk.path.join(there_and_back, hk.polyline([point] * 2, turns=[[-0.2, 0, 0]]))
     assert hk.motion.winding(strategy, home, PANDA_START, limits=False).cause is not Cause.TOOL_TURNS
 
 
@@ -123,9 +123,9 @@ def test_an_audit_round_the_base_tells_turns_from_curvature(planar_3r: hk.Robot)
     task = hk.position(planar_3r)
     law = hk.motion.control.closed_loop(hk.holonomic(task, hk.lock(2)))
     loop = hk.circle(planar_3r.pose(R3_START)[:3, 3], [0, 0, 0], speed=4.0)
-    found = hk.audit(law, planar_3r, task, [loop], q0=R3_START, dt=0.01, cycles=3)
+    found = hk.audit(law, task, [loop], q0=R3_START, dt=0.01, cycles=3)
     assert found.verdict is hk.analysis.audit.Repeatability.DRIFTS
     assert "whole turns in the first cycle: q1 by +1" in found["cycles"].sentence
     assert "small loops at the start do not drift" in found.sentence
-    curved = hk.audit(hk.moore_penrose(task), planar_3r, task, q0=R3_START, dt=0.02, cycles=3)
+    curved = hk.audit(hk.moore_penrose(task), task, q0=R3_START, dt=0.02, cycles=3)
     assert "small loops at the start" not in curved.sentence

@@ -26,10 +26,10 @@ def posed(points: np.ndarray) -> np.ndarray:
     return out
 
 
-def filed(points: np.ndarray, folder: Path) -> hk.Waypoints:
+def filed(points: np.ndarray, folder: Path) -> hk.path.Waypoints:
     file = folder / "w.csv"
     file.write_text("x_m,y_m,z_m\n" + "\n".join(",".join(map(repr, row)) for row in points.tolist()))
-    return hk.read_waypoints(file)
+    return hk.path.read_waypoints(file)
 
 
 def drawing(points: np.ndarray, folder: Path) -> hk.Path:
@@ -37,7 +37,7 @@ def drawing(points: np.ndarray, folder: Path) -> hk.Path:
     at = " ".join(f"{1e3 * x:.17g},{1e3 * y:.17g}" for x, y, _ in points)
     size = 'width="500mm" height="500mm" viewBox="0 0 500 500"'
     (folder / "a.svg").write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {size}><path d="M {at} Z"/></svg>')
-    return hk.read_svg(folder / "a.svg")[0]
+    return hk.path.read_svg(folder / "a.svg")[0]
 
 
 def job(kind: str, points: np.ndarray) -> AnyPath:
@@ -54,7 +54,7 @@ DOORS: dict[str, Door] = {
     "spline": lambda points, _: hk.spline(points, closed=True),
     "spline of poses": lambda points, _: hk.spline(posed(points), closed=True),
     "outline given whole": lambda points, _: hk.polyline(np.vstack([points, points[:1] + 1e-9])),
-    "through": lambda points, _: hk.through(points, closed=True, speed=0.1),
+    "through": lambda points, _: hk.path.through(points, closed=True, speed=0.1),
     "file": lambda points, folder: hk.spline(filed(points, folder), closed=True),
     "file of lines": lambda points, folder: hk.polyline(filed(points, folder), closed=True),
     "drawing": drawing,
@@ -124,7 +124,7 @@ def test_a_motion_along_it_takes_the_time_of_the_clean_one(seed: int) -> None:
     for name, paths in ways.items():
         for profile in ("time-optimal", "quintic"):
             want, found = (
-                hk.retime(hk.follow(law, path, q0, samples=60), panda, profile=profile, acceleration=10.0)  # type: ignore[arg-type]
+                hk.retime(hk.follow(law, path, q0, samples=60), profile=profile, acceleration=10.0)  # type: ignore[arg-type]
                 for path in paths
             )
             assert abs(found.duration - want.duration) <= 2e-3 * want.duration + 2e-3, (name, profile)

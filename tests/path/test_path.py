@@ -19,12 +19,14 @@ SPIN = np.array([[0.3, 0, 0], [0, 0.2, 0.4], [0, 0, 0.0]])
 def paths() -> dict[str, hk.Path]:
     return {
         "line": hk.line([0, 0, 0], [0.1, 0.2, 0.3], turn=[0.1, 0, 0.5]),
-        "arc": hk.arc([0.1, 0, 0], [0, 0, 0], 1.3, speed=0.2),
-        "tilted arc": hk.arc([0, 0.1, 0.1], [0, 0, 0.1], -2.0, normal=[1, 0, 2], turn=[0, 0.4, 0]),
+        "arc": hk.path.arc([0.1, 0, 0], [0, 0, 0], 1.3, speed=0.2),
+        "tilted arc": hk.path.arc([0, 0.1, 0.1], [0, 0, 0.1], -2.0, normal=[1, 0, 2], turn=[0, 0.4, 0]),
         "circle": hk.circle([0.5, 0.1], [0.4, 0.1]),
         "polyline": hk.polyline(POINTS, turns=SPIN),
         "loop": hk.polyline(POINTS, closed=True),
-        "joined": hk.join(hk.line([0, 0], [0.1, 0]), hk.arc([0.1, 0], [0.1, 0.1], np.pi), hk.line([3, 3], [3.1, 3])),
+        "joined": hk.path.join(
+            hk.line([0, 0], [0.1, 0]), hk.path.arc([0.1, 0], [0.1, 0.1], np.pi), hk.line([3, 3], [3.1, 3])
+        ),
     }
 
 
@@ -119,7 +121,7 @@ def test_area_vector_of_loops_in_closed_form() -> None:
     assert not paths()["circle"].reversed().counter_clockwise
     square = hk.polyline([[1, 1, 1], [1, 1.1, 1], [1, 1.1, 0.9], [1, 1, 0.9]], closed=True)
     assert square.area == pytest.approx([-0.01, 0, 0])
-    half_moon = hk.arc([0.1, 0], [0, 0], np.pi) + hk.line([0, 0], [0.2, 0])
+    half_moon = hk.path.arc([0.1, 0], [0, 0], np.pi) + hk.line([0, 0], [0.2, 0])
     assert half_moon.closed
     assert half_moon.area == pytest.approx([0, 0, np.pi * 0.005])
 
@@ -152,12 +154,12 @@ def test_turning_on_the_spot_takes_its_time() -> None:
         (lambda: hk.polyline([[0, 0, 0, 0], [0, 1, 0, 0]]), ShapeError),
         (lambda: hk.polyline(POINTS, turns=[[0, 0, 0]]), ShapeError),
         (lambda: hk.line([0, 0], [1, 1], speed=-1), ArgumentError),
-        (lambda: hk.arc([0.1, 0], [0.1, 0], 1.0), ArgumentError),
-        (lambda: hk.arc([0.1, 0], [0, 0], 1.0, normal=[1, 0, 0]), ArgumentError),
-        (lambda: hk.arc([0.1, 0], [0, 0], np.inf), ArgumentError),
+        (lambda: hk.path.arc([0.1, 0], [0.1, 0], 1.0), ArgumentError),
+        (lambda: hk.path.arc([0.1, 0], [0, 0], 1.0, normal=[1, 0, 0]), ArgumentError),
+        (lambda: hk.path.arc([0.1, 0], [0, 0], np.inf), ArgumentError),
         (lambda: paths()["line"].part(0.5, 0.2), ArgumentError),
         (lambda: paths()["line"].steps(0), ArgumentError),
-        (lambda: hk.join(), ArgumentError),
+        (lambda: hk.path.join(), ArgumentError),
     ],
 )
 def test_paths_that_make_no_sense_are_refused(make, error: type[Exception]) -> None:

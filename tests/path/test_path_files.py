@@ -43,13 +43,13 @@ def test_the_angles_of_kuka_turn_about_z_then_the_new_y_then_the_new_x(tmp_path:
         ("X_mm,Y_mm,Z_mm,A_deg,B_deg,C_deg", {}),
         ("x,y,z,a,b,c", {"units": "mm", "angles": "deg"}),
     ):
-        read = hk.read_waypoints(table(tmp_path / "w.csv", header, ROWS, abc), **said)  # type: ignore[arg-type]
+        read = hk.path.read_waypoints(table(tmp_path / "w.csv", header, ROWS, abc), **said)  # type: ignore[arg-type]
         assert read.rotations is not None
         assert np.abs(read.rotations - Rz @ Ry @ Rx).max() < 1e-14
         assert "KUKA's angles: a about z" in read.notes[0]
     same = table(tmp_path / "v.csv", "x_mm,y_mm,z_mm,roll_deg,pitch_deg,yaw_deg", ROWS, abc[:, ::-1])
-    assert np.abs(hk.read_waypoints(same).rotations - Rz @ Ry @ Rx).max() < 1e-14
-    poses = hk.read_workspace(table(tmp_path / "w.csv", "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg", ROWS, abc)).poses(3)
+    assert np.abs(hk.path.read_waypoints(same).rotations - Rz @ Ry @ Rx).max() < 1e-14
+    poses = hk.path.read_workspace(table(tmp_path / "w.csv", "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg", ROWS, abc)).poses(3)
     assert np.abs(poses[:, :3, :3] - Rz @ Ry @ Rx).max() < 1e-14
 
 
@@ -77,28 +77,28 @@ def test_a_column_that_is_not_understood_is_refused_by_name(tmp_path: Path, name
     header, words = STRANGE[name]
     many = header.count(",") - 2
     file = table(tmp_path / "w.csv", header, ROWS, np.arange(1.0, 1 + 3 * many).reshape(3, -1))
-    for read in (hk.read_waypoints, hk.read_workspace):
+    for read in (hk.path.read_waypoints, hk.path.read_workspace):
         with pytest.raises(RecordingError, match=words):
             read(file)
     named = header.split(",")[3:]
-    assert hk.read_waypoints(file, ignore=named).rotations is None
-    assert hk.read_workspace(file, ignore=[name.upper() for name in named]).size == 3
+    assert hk.path.read_waypoints(file, ignore=named).rotations is None
+    assert hk.path.read_workspace(file, ignore=[name.upper() for name in named]).size == 3
 
 
 def test_remarks_are_passed_over_and_what_is_left_out_must_be_there(tmp_path: Path) -> None:
     file = tmp_path / "w.csv"
     file.write_text(",Name,x_mm,y_mm,z_mm,tool_a,tool_b\n0,first,1,2,3,4,5\n1,second,4,5,6,7,8\n")
-    assert hk.read_waypoints(file, ignore=["tool_*"]).points[1] == pytest.approx([0.004, 0.005, 0.006])
+    assert hk.path.read_waypoints(file, ignore=["tool_*"]).points[1] == pytest.approx([0.004, 0.005, 0.006])
     with pytest.raises(ArgumentError, match=r"ignore .*there is no such column"):
-        hk.read_waypoints(file, ignore=["tool_*", "sped"])
+        hk.path.read_waypoints(file, ignore=["tool_*", "sped"])
     with pytest.raises(RecordingError, match="no column x"):
-        hk.read_waypoints(file, ignore=["x_mm", "tool_*"])
+        hk.path.read_waypoints(file, ignore=["x_mm", "tool_*"])
 
 
 @pytest.mark.parametrize("form", forms())
 def test_all_forms_of_a_pose_are_one_path(tmp_path: Path, form: str) -> None:
     header, columns, said = forms()[form]
-    read = hk.read_waypoints(table(tmp_path / "w.csv", header, *columns), **said)  # type: ignore[arg-type]
+    read = hk.path.read_waypoints(table(tmp_path / "w.csv", header, *columns), **said)  # type: ignore[arg-type]
     assert np.abs(read.points - ROWS / 1e3).max() < 1e-15
     assert read.rotations is not None
     assert np.abs(read.rotations - TURNS.as_matrix()).max() < 1e-14
@@ -109,16 +109,16 @@ def test_all_forms_of_a_pose_are_one_path(tmp_path: Path, form: str) -> None:
 
 
 def test_times_make_a_timed_path(tmp_path: Path) -> None:
-    read = hk.read_waypoints(table(tmp_path / "w.csv", "t_ms,x_mm,y_mm,z_mm", np.array([5000, 5500, 7000]), ROWS))
+    read = hk.path.read_waypoints(table(tmp_path / "w.csv", "t_ms,x_mm,y_mm,z_mm", np.array([5000, 5500, 7000]), ROWS))
     path = hk.spline(read)
     assert path.duration == pytest.approx(2.0)
     assert path.at([0.5]).position[0] == pytest.approx(ROWS[1] / 1e3, abs=1e-15)
-    assert hk.path_of(read).duration == pytest.approx(2.0)
+    assert hk.path.path_of(read).duration == pytest.approx(2.0)
 
 
 def test_a_quaternion_that_flips_sign_is_repaired_and_said(tmp_path: Path) -> None:
     q = TURNS.as_quat() * [[1], [-1], [-1]]
-    read = hk.read_waypoints(table(tmp_path / "w.csv", "x_mm,y_mm,z_mm,qx,qy,qz,qw", ROWS, q))
+    read = hk.path.read_waypoints(table(tmp_path / "w.csv", "x_mm,y_mm,z_mm,qx,qy,qz,qw", ROWS, q))
     (note,) = read.notes
     assert "1 quaternion changes sign (line 3)" in note
     at = hk.spline(read)
@@ -146,7 +146,7 @@ def test_half_a_turn_between_two_waypoints_is_refused_for_its_direction_is_by_ch
     doors = (
         hk.polyline,
         hk.spline,
-        hk.path_of,
+        hk.path.path_of,
         lambda T: hk.spline(T, times=np.arange(k)),
         lambda T: hk.polyline(T, closed=True),
         lambda T: hk.polyline(np.roll(T, -1 - i, axis=0), closed=True),
@@ -162,7 +162,7 @@ def test_half_a_turn_between_two_waypoints_is_refused_for_its_direction_is_by_ch
     with pytest.raises(
         RecordingError, match=f"from line {i + 2} to line {i + 3} the tool turns by 180 degrees; .* between"
     ):
-        hk.read_waypoints(file)
+        hk.path.read_waypoints(file)
     turned = hk.polyline(poses(np.pi - 2e-3)).segments[i].turning[1]
     assert turned == pytest.approx((np.pi - 2e-3) * axis, abs=1e-9)
 
@@ -194,7 +194,7 @@ def test_a_file_with_a_fault_is_refused_with_line_and_cure(tmp_path: Path, fault
     file = tmp_path / "w.csv"
     file.write_text(text)
     with pytest.raises(RecordingError) as caught:
-        hk.read_waypoints(file)
+        hk.path.read_waypoints(file)
     assert words in str(caught.value)
     assert str(caught.value).startswith(f"{file}: ") and "; " in str(caught.value)
 
@@ -202,9 +202,9 @@ def test_a_file_with_a_fault_is_refused_with_line_and_cure(tmp_path: Path, fault
 def test_what_you_say_and_what_the_header_says_must_agree(tmp_path: Path) -> None:
     file = table(tmp_path / "w.csv", "x_mm,y_mm,z_mm", ROWS)
     with pytest.raises(RecordingError, match="header says mm for 'x', and you m"):
-        hk.read_waypoints(file, units="m")
+        hk.path.read_waypoints(file, units="m")
     small = table(tmp_path / "s.csv", "x,y,z", ROWS / 1e3)
-    assert "are they metres?" in hk.read_waypoints(small, units="mm").notes[0]
+    assert "are they metres?" in hk.path.read_waypoints(small, units="mm").notes[0]
 
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" {}>{}</svg>'
@@ -215,7 +215,7 @@ def drawn(tmp_path: Path, body: str, size: str = SIZE, **said: float) -> list[hk
     pytest.importorskip("svgelements")
     file = tmp_path / "a.svg"
     file.write_text(SVG.format(size, body))
-    return hk.read_svg(file, **said)
+    return hk.path.read_svg(file, **said)
 
 
 def test_outlines_have_the_lengths_of_their_formulas(tmp_path: Path) -> None:
@@ -287,7 +287,7 @@ def test_a_drawing_that_the_library_cannot_draw_is_refused(tmp_path: Path, text:
     pytest.importorskip("svgelements")
     (tmp_path / "d.svg").write_text(text.replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"'))
     with pytest.raises(RecordingError, match=words):
-        hk.read_svg(tmp_path / "d.svg")
+        hk.path.read_svg(tmp_path / "d.svg")
 
 
 def test_a_drawing_in_pixels_has_the_size_that_you_say(tmp_path: Path) -> None:

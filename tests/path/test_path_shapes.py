@@ -39,14 +39,18 @@ SHAPES = {
     "round poses": lambda: hk.spline(poses(), closed=True),
     "timed": lambda: hk.spline(poses(), times=TIMES),
     "lines through poses": lambda: hk.polyline(poses()),
-    "function": lambda: hk.path_of(lambda t: [np.cos(t), np.sin(t), 0.1 * np.sin(2 * t)], [0, 2 * np.pi]),
-    "eight": lambda: hk.figure_eight([0.4, 0, 0.3], 0.2, 0.1, [0, 1, 1]),
-    "raster": lambda: hk.raster([0.4, 0, 0.3], [0.1, 0, 0], [0, 0.05, 0], 0.03, surface=lambda u, v: 2 * u * u - v * v),
-    "spiral": lambda: hk.spiral([0.4, 0, 0.3], 0.05, 0.02, surface=dome, inward=True),
-    "blend": lambda: hk.blended(hk.polyline(poses()), 0.005),
+    "function": lambda: hk.path.path_of(lambda t: [np.cos(t), np.sin(t), 0.1 * np.sin(2 * t)], [0, 2 * np.pi]),
+    "eight": lambda: hk.path.figure_eight([0.4, 0, 0.3], 0.2, 0.1, [0, 1, 1]),
+    "raster": lambda: hk.path.raster(
+        [0.4, 0, 0.3], [0.1, 0, 0], [0, 0.05, 0], 0.03, surface=lambda u, v: 2 * u * u - v * v
+    ),
+    "spiral": lambda: hk.path.spiral([0.4, 0, 0.3], 0.05, 0.02, surface=dome, inward=True),
+    "blend": lambda: hk.path.blended(hk.polyline(poses()), 0.005),
     "frame": lambda: hk.spline(poses()).in_frame([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
-    "leads": lambda: hk.with_leads(hk.spline(POINTS), 0.02, 0.03, retract=0.05),
-    "passes": lambda: hk.passes(hk.polyline(poses()), 3, offset=[0, 0, 0.01], back_and_forth=False, lift=[0, 0, 0.03]),
+    "leads": lambda: hk.path.with_leads(hk.spline(POINTS), 0.02, 0.03, retract=0.05),
+    "passes": lambda: hk.path.passes(
+        hk.polyline(poses()), 3, offset=[0, 0, 0.01], back_and_forth=False, lift=[0, 0, 0.03]
+    ),
 }
 every = pytest.mark.parametrize("path", SHAPES, indirect=True)
 
@@ -184,34 +188,34 @@ def test_a_function_of_time_is_kept_to_its_tolerance_and_its_time() -> None:
         )
         return T
 
-    path = hk.path_of(wave, [1.0, 6.0], tolerance=1e-5)
+    path = hk.path.path_of(wave, [1.0, 6.0], tolerance=1e-5)
     t = np.linspace(0, 5, 777)
     at, wanted = path.at(t), np.array([wave(1.0 + x) for x in t])
     assert path.duration == pytest.approx(5.0, abs=1e-12)
     assert np.abs(at.position - wanted[:, :3, 3]).max() < 2e-5
     assert np.abs(at.rotation @ path.rotation - wanted[:, :3, :3]).max() < 2e-5
     with pytest.raises(ArgumentError, match="corner or jump"):
-        hk.path_of(lambda t: [0.0 if t < 0.3 else 1.0, 0, 0], [0, 1])
+        hk.path.path_of(lambda t: [0.0 if t < 0.3 else 1.0, 0, 0], [0, 1])
 
 
 def test_shapes_have_the_lengths_of_their_formulas() -> None:
-    assert hk.figure_eight([0, 0], 0.3).length == pytest.approx(2.62205755429212 * 0.3, rel=2e-5)
+    assert hk.path.figure_eight([0, 0], 0.3).length == pytest.approx(2.62205755429212 * 0.3, rel=2e-5)
     b, turns = 0.02 / (2 * np.pi), 2 * np.pi * 5
     exact = b / 2 * (turns * np.sqrt(1 + turns**2) + np.arcsinh(turns))
-    assert hk.spiral([0, 0], 0.1, 0.02).length == pytest.approx(exact, rel=1e-5)
-    assert hk.raster([0, 0], [0.2, 0, 0], [0, 0.1, 0], 0.03).length == pytest.approx(5 * 0.2 + 0.1)
+    assert hk.path.spiral([0, 0], 0.1, 0.02).length == pytest.approx(exact, rel=1e-5)
+    assert hk.path.raster([0, 0], [0.2, 0, 0], [0, 0.1, 0], 0.03).length == pytest.approx(5 * 0.2 + 0.1)
     parabola = hk.spline([[-1, 1], [0, 0], [1, 1]], times=[0, 1, 2])  # a cubic through three points of one is it
     assert parabola.length == pytest.approx(np.sqrt(5) + np.arcsinh(2) / 2, rel=1e-9)
 
 
 @pytest.mark.campaign
 def test_over_a_sphere_the_tool_looks_along_the_radius() -> None:
-    path = hk.spiral([0.4, 0, 0.3], 0.1, 0.02, surface=dome)
+    path = hk.path.spiral([0.4, 0, 0.3], 0.1, 0.02, surface=dome)
     at, middle = path.at(np.linspace(0, path.duration, 400)), np.array([0.4, 0, 0.8])
     out = at.position - middle
     assert np.abs(np.linalg.norm(out, axis=1) - 0.5).max() < 2e-6
     assert np.abs((at.rotation @ path.rotation)[:, :, 2] - out / 0.5).max() < 2e-4
-    rows = hk.raster([0.4, 0, 0.3], [0.1, 0, 0], [0, 0.05, 0], 0.025, surface=dome)
+    rows = hk.path.raster([0.4, 0, 0.3], [0.1, 0, 0], [0, 0.05, 0], 0.025, surface=dome)
     assert len(rows.corners) == 4  # three lines, two steps across
 
 
@@ -219,7 +223,7 @@ def test_over_a_sphere_the_tool_looks_along_the_radius() -> None:
 @pytest.mark.parametrize("closed", [False, True])
 def test_a_blended_corner_stays_within_its_tolerance(tolerance: float, closed: bool) -> None:
     path = hk.polyline(SQUARE, closed=closed)
-    smooth = hk.blended(path, tolerance)
+    smooth = hk.path.blended(path, tolerance)
     at = smooth.at(np.linspace(0, smooth.duration, 8001))
     corners = np.array(SQUARE) if closed else np.array(SQUARE)[1:3]
     for corner in corners:
@@ -233,34 +237,34 @@ def test_a_blended_corner_stays_within_its_tolerance(tolerance: float, closed: b
 
 
 def test_a_blend_never_goes_beyond_the_middle_of_a_line_and_may_keep_the_start() -> None:
-    wide = hk.blended(hk.polyline(SQUARE, closed=True), 1.0)
+    wide = hk.path.blended(hk.polyline(SQUARE, closed=True), 1.0)
     assert np.linalg.norm(wide.at([0.0]).position - [0, 0, 0]) < 0.025
     assert wide.corners == ()
-    kept = hk.blended(hk.polyline(SQUARE, closed=True), 0.005, keep_start=True)
+    kept = hk.path.blended(hk.polyline(SQUARE, closed=True), 0.005, keep_start=True)
     assert kept.corners == (0,)
     assert np.abs(kept.start).max() == 0
     back = hk.polyline([[0, 0], [0.1, 0], [0.02, 0]])
-    assert hk.blended(back, 0.01).corners == (1,)  # it turns back on itself
+    assert hk.path.blended(back, 0.01).corners == (1,)  # it turns back on itself
 
 
 def test_leads_are_tangential_and_passes_end_where_they_should() -> None:
     path = hk.spline(POINTS)
-    led = hk.with_leads(path, 0.02, 0.03)
+    led = hk.path.with_leads(path, 0.02, 0.03)
     assert led.corners == ()
     assert led.length == pytest.approx(path.length + 0.05)
     tangent = path.at([0.0]).velocity[0]
     assert led.start == pytest.approx(path.start - 0.02 * tangent / np.linalg.norm(tangent))
-    drilled = hk.with_leads(path, 0.02, along=[0, 0, 2], retract=0.1)
+    drilled = hk.path.with_leads(path, 0.02, along=[0, 0, 2], retract=0.1)
     assert drilled.start - path.start == pytest.approx([0, 0, 0.12])
     assert drilled.end - path.end == pytest.approx([0, 0, 0.12])
     step = np.array([0, 0, 0.01])
-    assert hk.passes(path, 3, offset=step).end == pytest.approx(path.end + 2 * step)
-    assert hk.passes(path, 2, offset=step).end == pytest.approx(path.start + step)
+    assert hk.path.passes(path, 3, offset=step).end == pytest.approx(path.end + 2 * step)
+    assert hk.path.passes(path, 2, offset=step).end == pytest.approx(path.start + step)
     turning = hk.polyline(poses())
-    same = hk.passes(turning, 4, offset=step, back_and_forth=False, lift=[0, 0, 0.1])
+    same = hk.path.passes(turning, 4, offset=step, back_and_forth=False, lift=[0, 0, 0.1])
     assert same.end == pytest.approx(path.end + 3 * step)
     assert same.turned == pytest.approx(turning.turned, abs=1e-14)
-    assert hk.passes(hk.circle([0.1, 0], [0, 0]), 3).closed
+    assert hk.path.passes(hk.circle([0.1, 0], [0, 0]), 3).closed
 
 
 def test_a_frame_moves_points_and_turns_alike() -> None:
@@ -276,10 +280,10 @@ def test_a_frame_moves_points_and_turns_alike() -> None:
 
 def test_joined_paths_must_meet_in_one_orientation() -> None:
     path = hk.spline(poses())
-    whole = hk.join(hk.line(POINTS[0] - [0.1, 0, 0], POINTS[0]), path)
+    whole = hk.path.join(hk.line(POINTS[0] - [0.1, 0, 0], POINTS[0]), path)
     assert whole.rotation == pytest.approx(path.rotation)
     with pytest.raises(ArgumentError, match="rotations where two paths meet"):
-        hk.join(path, path)
+        hk.path.join(path, path)
 
 
 @pytest.mark.parametrize(
@@ -291,14 +295,14 @@ def test_joined_paths_must_meet_in_one_orientation() -> None:
         (lambda: hk.spline([[0, 0], [1, 0]], times=[0, 1, 2]), ShapeError, "one for each waypoint"),
         (lambda: hk.spline([[0, 0], [1, 0], [1, 1]], times=[0, 1, 2], closed=True), ArgumentError, "point again"),
         (lambda: hk.spline(2 * np.tile(np.eye(4), (3, 1, 1))), ArgumentError, "0, 0, 0, 1"),
-        (lambda: hk.path_of(lambda t: [t, 0, 0]), ArgumentError, "start and the end"),
-        (lambda: hk.raster([0, 0], [1, 0, 0], [1, 1, 0], 0.1), ArgumentError, "perpendicular"),
-        (lambda: hk.raster([0, 0], [1, 0, 0], [0, 1, 0], 1e-6), ArgumentError, "larger spacing"),
-        (lambda: hk.figure_eight([0, 0], 0.1, along=[0, 0, 1]), ArgumentError, "not the normal's"),
-        (lambda: hk.blended(hk.polyline(SQUARE), 0), ArgumentError, "in metres"),
+        (lambda: hk.path.path_of(lambda t: [t, 0, 0]), ArgumentError, "start and the end"),
+        (lambda: hk.path.raster([0, 0], [1, 0, 0], [1, 1, 0], 0.1), ArgumentError, "perpendicular"),
+        (lambda: hk.path.raster([0, 0], [1, 0, 0], [0, 1, 0], 1e-6), ArgumentError, "larger spacing"),
+        (lambda: hk.path.figure_eight([0, 0], 0.1, along=[0, 0, 1]), ArgumentError, "not the normal's"),
+        (lambda: hk.path.blended(hk.polyline(SQUARE), 0), ArgumentError, "in metres"),
         (lambda: hk.polyline(poses(), turns=TURNS[:4]), ArgumentError, "the poses say"),
-        (lambda: hk.passes(hk.polyline(SQUARE), 0), ArgumentError, "whole number"),
-        (lambda: hk.raster([0, 0], [1, 0, 0], [0, 1, 0], 0.5, surface=lambda u, v: np.nan), NotFiniteError, "NaN"),
+        (lambda: hk.path.passes(hk.polyline(SQUARE), 0), ArgumentError, "whole number"),
+        (lambda: hk.path.raster([0, 0], [1, 0, 0], [0, 1, 0], 0.5, surface=lambda u, v: np.nan), NotFiniteError, "NaN"),
     ],
 )  # fmt: skip
 def test_a_bad_shape_is_refused_with_a_cure(call, error: type[Exception], words: str) -> None:

@@ -139,16 +139,16 @@ def test_poses_read_from_a_csv_file_are_those_that_were_written(tmp_path: Path, 
     }
     files["matrix"].write_text(files["matrix"].read_text("utf-8").replace(",", ";"), "utf-8")
     for name, file in files.items():
-        cloud = hk.read_workspace(file)
+        cloud = hk.path.read_workspace(file)
         assert np.allclose(cloud.poses(1000), some_poses, atol=1e-14), name
     degrees = table(tmp_path / "d.csv", "yaw,pitch,roll,x,y,z", np.hstack([turned.as_euler("xyz", True)[:, ::-1], p]))
-    assert np.allclose(hk.read_workspace(degrees, angles="deg").poses(20), some_poses, atol=1e-14)
+    assert np.allclose(hk.path.read_workspace(degrees, angles="deg").poses(20), some_poses, atol=1e-14)
     with pytest.raises(RecordingError, match="say angles='deg'"):
-        hk.read_workspace(degrees)
+        hk.path.read_workspace(degrees)
 
 
 def test_roll_pitch_and_yaw_turn_about_the_axes_of_the_base_in_this_order(tmp_path: Path) -> None:
-    R = hk.read_workspace(table(tmp_path / "a.csv", "x,y,z,roll,pitch,yaw", np.array([[0, 0, 0, 0.3, 0.2, 0.1]])))
+    R = hk.path.read_workspace(table(tmp_path / "a.csv", "x,y,z,roll,pitch,yaw", np.array([[0, 0, 0, 0.3, 0.2, 0.1]])))
     one, two, three = (Rotation.from_rotvec(a * np.eye(3)[i]) for i, a in enumerate([0.3, 0.2, 0.1]))
     assert np.allclose(R.center[:3, :3], (three * two * one).as_matrix(), atol=1e-15)
 
@@ -173,9 +173,9 @@ def test_a_table_that_holds_no_poses_is_refused_with_the_line(tmp_path: Path, te
     file = tmp_path / "poses.csv"
     file.write_text(text, "utf-8")
     with pytest.raises(RecordingError, match=fact):
-        hk.read_workspace(file)
+        hk.path.read_workspace(file)
     with pytest.raises(RecordingError, match="no such file"):
-        hk.read_workspace(tmp_path / "none.csv")
+        hk.path.read_workspace(tmp_path / "none.csv")
 
 
 def test_a_cloud_gives_its_own_poses_and_of_many_some(some_poses: np.ndarray) -> None:

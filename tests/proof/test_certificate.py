@@ -115,7 +115,7 @@ def test_a_spent_budget_leaves_what_is_proven(lock: Any, panda: hk.Robot, tmp_pa
 @pytest.mark.campaign
 def test_a_path_into_a_joint_limit_is_proven_up_to_there(lock: Any, panda: hk.Robot) -> None:
     tool = panda.pose(START)[:3, 3]
-    path = hk.arc(tool, tool - [0.3, 0, 0], np.pi, (0, 0, 1))
+    path = hk.path.arc(tool, tool - [0.3, 0, 0], np.pi, (0, 0, 1))
     proof = hk.certify(lock, path, START)
     assert proof.extent is Extent.LIMIT and len(proof)
     assert proof.to_limit.min() >= 0

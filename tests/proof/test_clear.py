@@ -51,7 +51,7 @@ def _distance(*of: object) -> float:
 
 def coal_distances(robot: hk.Robot, pairs: object, things: list[LinkShape], Q: np.ndarray) -> np.ndarray:
     """(k, P) by coal, the frames of the joints by Pinocchio."""
-    model = pin.buildModelFromXML(hk.to_urdf(robot))
+    model = pin.buildModelFromXML(hk.robot.to_urdf(robot))
     data, shapes = model.createData(), {}
     for s in (*with_capsules(robot).shapes, *things):
         shapes.setdefault((s.link, s.joint), []).append(s)
@@ -236,12 +236,12 @@ def test_along_a_path_no_joint_is_faster_than_is_proven(panda: hk.Robot) -> None
 def test_of_two_tools_the_speed_is_that_of_the_fastest() -> None:
     """Both at the same speed: no joint is faster, over the speed of one, than is proven."""
     arm = hk.load("planar-3r")
-    both = hk.compose(hk.Part(arm, prefix="a_"), hk.Part(arm, prefix="b_", on="base", xyz=(0.0, 5.0, 0.0)))
+    both = hk.compose(hk.robot.Part(arm, prefix="a_"), hk.robot.Part(arm, prefix="b_", on="base", pose=(0.0, 5.0, 0.0)))
     task = hk.stacked(*(hk.position(both, tip=tip.name) for tip in both.tips))
     G = hk.holonomic(task, hk.linear([[0, 1, -1, 0, 0, 0], [0, 0, 0, 0, 1, -1]]))
     q0 = np.array([0.3, 0.9, 0.9] * 2)
     x = [both.pose(q0, tip.name)[:3, 3] for tip in both.tips]
-    paths = hk.synchronized(*(hk.line(p, p + [0.05, 0.0, 0.0]) for p in x))
+    paths = hk.path.synchronized(*(hk.line(p, p + [0.05, 0.0, 0.0]) for p in x))
     rates = hk.proof.joint_rates(hk.certify(G, paths, q0))
     t = hk.follow(G, paths, q0, samples=100)
     one = np.linalg.norm(np.diff([both.pose(q, both.tips[0].name)[:3, 3] for q in t.q], axis=0), axis=1)

@@ -40,7 +40,7 @@ def arm() -> hk.Robot:
 
 @pytest.fixture(scope="module")
 def proof(arm: hk.Robot) -> hk.proof.Certificate:
-    held = hk.with_shape(arm, "gripper", Box(np.array([0.05, 0.05, 0.05])))
+    held = hk.robot.with_shape(arm, "gripper", Box(np.array([0.05, 0.05, 0.05])))
     G = hk.holonomic(hk.position(held), hk.linear([[0, 1, -1]]))
     space = hk.workspace(box=(arm.pose(START)[:3, 3], [0.01, 0.01, 0.0]))
     found = hk.certify(G, space, START, scene=hk.Scene([WALL, POST], floor=-0.3))

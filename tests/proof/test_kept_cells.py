@@ -82,13 +82,13 @@ def stopped(file: Path, **more: object) -> int:
             raise Stop
 
     with pytest.raises(Stop):
-        proof(file, say=say, **more)
+        proof(file, progress=say, **more)
     return count_kept(file)
 
 
 def test_a_proof_that_was_stopped_ends_with_the_same_certificate(tmp_path: Path) -> None:
     kept, said = stopped(tmp_path / "box.cells"), []
-    found = proof(tmp_path / "box.cells", say=said.append)
+    found = proof(tmp_path / "box.cells", progress=said.append)
     assert found.whole and digest(found.data) == at_once()
     assert 0 < kept < count_kept(tmp_path / "box.cells") and any(f"{kept:,} of them before" in text for text in said)
 
@@ -105,7 +105,7 @@ KILLED = """
 import os, signal, sys
 sys.path.insert(0, {folder!r})
 import test_kept_cells as here
-here.proof({file!r}, say=lambda text: "examined" in text and os.kill(os.getpid(), signal.SIGKILL))
+here.proof({file!r}, progress=lambda text: "examined" in text and os.kill(os.getpid(), signal.SIGKILL))
 """
 
 
@@ -127,7 +127,7 @@ def test_a_region_is_kept_too(tmp_path: Path) -> None:
         raise Stop
 
     with pytest.raises(Stop):
-        hk.unique_region(strategy, Q0, space, keep_in=tmp_path / "part.cells", say=say)
+        hk.unique_region(strategy, Q0, space, keep_in=tmp_path / "part.cells", progress=say)
     found = hk.unique_region(strategy, Q0, space, keep_in=tmp_path / "part.cells")
     assert digest(found.certificate.data) == digest(hk.unique_region(strategy, Q0, space).certificate.data)
     with pytest.raises(ArgumentError, match="give the workspace"):
@@ -162,7 +162,7 @@ def test_a_batch_that_was_damaged_is_examined_again(tmp_path: Path) -> None:
         db.execute("UPDATE batches SET data = ? WHERE key = ?", (data[:-9000] + b"\1" + data[-8999:], key))
     db.close()
     said: list[str] = []
-    assert digest(proof(file, say=said.append).data) == at_once()
+    assert digest(proof(file, progress=said.append).data) == at_once()
     assert not any("before" in text for text in said)
 
 

@@ -240,7 +240,7 @@ def test_a_wrist_through_its_singularity_is_proven_up_to_there() -> None:
     center = robot.pose(straight)[:3, 3] + np.cross(axis, J[:3, 4])
     center += axis * (axis @ (x - center))
     G = hk.holonomic(hk.pose(robot), hk.custom(lambda _q: [], rows=0))
-    proof = certify(G, hk.arc(x, center, -0.6, normal=axis, turn=-0.6 * axis), q, limits=False)
+    proof = certify(G, hk.path.arc(x, center, -0.6, normal=axis, turn=-0.6 * axis), q, limits=False)
     refused(proof, Extent.END, Extent.SINGULAR)
     assert 0.45 < proof.proven.boxes.high[-1, 0] < 0.5
 

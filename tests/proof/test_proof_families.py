@@ -57,7 +57,7 @@ def test_a_stationary_constraint_that_is_tilted_is_certified() -> None:
 @pytest.mark.campaign
 def test_one_hand_in_the_frame_of_the_other_is_certified_with_all_fourteen_joints(yumi: hk.Robot) -> None:
     """A closed path of the left hand as the right one sees it; the least-motion rows of the start are held."""
-    task = hk.relative_pose(yumi, *HANDS)
+    task = hk.strategies.tasks.relative_pose(yumi, *HANDS)
     held = np.linalg.svd(task.jacobian(YUMI))[2][6:]
     G = hk.holonomic(task, hk.linear(held))
     x = task.pose(YUMI)[:3, 3]
@@ -80,7 +80,7 @@ def test_two_hands_each_on_a_path_of_its_own_are_certified(yumi: hk.Robot) -> No
     left, right = task.pose(YUMI)[:, :3, 3]
     away = hk.line(right, right + [0.02, 0, 0], turn=(0, 0, 0.1))
     back = hk.line(away.end, right, turn=(0, 0, -0.1))
-    paths = hk.synchronized(hk.circle(left, left - [0.02, 0, 0]), away + back)
+    paths = hk.path.synchronized(hk.circle(left, left - [0.02, 0, 0]), away + back)
     walk = hk.follow(G, paths, YUMI, samples=20, limits=False)
     proof = hk.certify(G, paths, YUMI, limits=False)
     assert proof.whole and proof.gap < 1e-11 and proof.equation.positive == 2

@@ -187,7 +187,7 @@ def test_a_joint_that_is_held_at_its_limit_is_refused_as_that_and_not_as_singula
     for where in (box, path):
         proof = hk.certify(law, where, q)
         assert proof.extent is Extent.LIMIT and "a joint is at its limit" in str(proof) and len(proof) == 0
-    assert hk.follow(law, path, q, samples=5).status is hk.Status.COMPLETE
+    assert hk.follow(law, path, q, samples=5).status is hk.motion.Status.COMPLETE
     assert hk.ik(law, q, limits=True).nearest(T[:3, 3] + [0.005, 0.005, 0.0]).status == 0
     control = hk.controller(law, dt=0.01, q0=q)
     control.step(q, T[:3, 3] + 1e-5, np.full(3, 1e-3))

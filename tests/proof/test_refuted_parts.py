@@ -36,7 +36,7 @@ def region() -> hk.proof.UniqueRegion:
 
 def to_ball(Q: np.ndarray) -> np.ndarray:
     """(k,) the distance of the arm from the ball: frames by Pinocchio, a point and segments in closed form."""
-    model = pin.buildModelFromXML(hk.to_urdf(ARM))
+    model = pin.buildModelFromXML(hk.robot.to_urdf(ARM))
     data, out = model.createData(), []
     capsules = [s for s in with_capsules(ARM).shapes if s.joint >= 0]
     for q in np.atleast_2d(Q):

@@ -119,7 +119,7 @@ def test_from_python_the_axes_are_counted_too() -> None:
     q = [1.0, 0.1, 0.6, 0.0, -1.4, 0.0, 1.1, 0.0]
     point = robot.pose(q)[:3, 3]
     walk = hk.follow(hk.moore_penrose(hk.pose(robot)), hk.line(point, point + [0.05, 0, 0]), q, samples=20)
-    timed = hk.retime(walk, robot, acceleration=5.0)
+    timed = hk.retime(walk, acceleration=5.0)
     with pytest.raises(ExportError, match="KRL holds 6 axes"):
         hk.export.to_krl(timed)
     assert issubclass(ExportError, HolokinError)
@@ -132,7 +132,7 @@ def test_a_joint_that_cannot_move_is_named_by_all_that_look_for_a_start(holokin:
     file.write_text(f'{before}name="j2"{still}')
     words = "the range of joint 'j2' is [0.0, 0.0]", "or hold it: locked={'j2': 0}"
     assert_refused(holokin("new", tmp_path / "app.job.toml", "--robot", file), *words)
-    for ask in (lambda: studio.open_session(str(file)), lambda: hk.advise(str(file))):
+    for ask in (lambda: studio.open_session(str(file)), lambda: hk.advise(hk.position(hk.load(str(file)), rows=[0]))):
         with pytest.raises(ArgumentError) as caught:
             ask()
         assert all(word in str(caught.value) for word in words)

@@ -25,14 +25,14 @@ def test_the_pose_is_the_referees(referee: Referee) -> None:
 
 
 def test_every_robot_of_the_catalogue_has_a_referee() -> None:
-    assert {r.robot for r in referees()} == set(hk.catalogue())
+    assert {r.robot for r in referees()} == set(hk.robot.catalogue())
 
 
 @pytest.mark.campaign
 def test_the_page_says_reach_referee_and_difference_of_every_robot() -> None:
     """Rewritten on request only: HOLOKIN_GOLDEN=write pytest tests/robot/test_catalogue.py"""
     rows = ["| Robot | n | Reach [m] | Compared with | Largest difference [m] |", "|---|---|---|---|---|"]
-    for name in hk.catalogue():
+    for name in hk.robot.catalogue():
         robot, mine = hk.load(name), [r for r in referees() if r.robot == name]
         apart = max(r.differences()[0] for r in mine)
         shown = f"{apart:.0e}" if apart > 1e-10 else "below 1e-12" if apart < 1e-12 else "below 1e-11"
@@ -67,7 +67,7 @@ def test_every_arm_that_a_maker_sells_has_published_limits() -> None:
         "ppr",
         "planar-3r",
     }  # parts; chosen
-    assert {e["robot"] for e in PUBLISHED["limits"]} | elsewhere | made_of == set(hk.catalogue())
+    assert {e["robot"] for e in PUBLISHED["limits"]} | elsewhere | made_of == set(hk.robot.catalogue())
 
 
 def test_the_xarm7_is_the_urdf_of_example_robot_data() -> None:
@@ -124,7 +124,7 @@ def test_the_reach_is_never_exceeded_and_is_the_known_one_of_straight_arms() -> 
 @pytest.mark.campaign
 def test_the_list_of_robots_has_joints_reach_and_source(holokin: Command) -> None:
     lines = holokin("robots").out.splitlines()
-    assert [line.split()[0] for line in lines] == list(hk.catalogue())
+    assert [line.split()[0] for line in lines] == list(hk.robot.catalogue())
     (ur5e,) = [line for line in lines if line.startswith("ur5e")]
     assert ur5e.split()[1:6] == ["6", "joints", "reach", "1.130", "m"]
     assert "Universal Robots" in ur5e

@@ -13,7 +13,7 @@ import holokin as hk
 from conftest import Command, assert_refused, urdf, write_job
 from holokin.app.job import open_job
 from holokin.app.job.job_parts import build_robot
-from holokin.base.errors import ArgumentError, RobotFileError, UnknownNameError
+from holokin.base.errors import ArgumentError, RobotFileError, ShapeError, UnknownNameError
 from holokin.robot import Capsule, with_capsules
 
 
@@ -38,7 +38,7 @@ def test_the_pose_of_an_arm_on_a_rail_is_the_product_of_both() -> None:
 
 def test_a_part_stands_where_it_is_mounted_and_a_base_where_it_is_put() -> None:
     base, arm = hk.load("planar-base"), hk.load("ur5e")
-    whole = hk.compose(base, hk.Part(arm, xyz=[0.1, 0.2, 0.3], rpy=[0.4, 0.5, 0.6]))
+    whole = hk.compose(base, hk.robot.Part(arm, pose=[0.1, 0.2, 0.3], rpy=[0.4, 0.5, 0.6]))
     q = np.random.default_rng(0).uniform(-1, 1, 9)
     expected = base.pose(q[:3]) @ pose([0.1, 0.2, 0.3], [0.4, 0.5, 0.6]) @ arm.pose(q[3:])
     assert np.abs(whole.pose(q) - expected).max() < 1e-15
@@ -85,7 +85,7 @@ def test_joints_stand_in_the_order_asked_for() -> None:
 
 def test_masses_go_with_the_part_that_has_them() -> None:
     arm = hk.from_urdf(urdf("panda.urdf"), tip="panda_link8")
-    whole = hk.compose(hk.load("rail"), hk.Part(arm, xyz=[0, 0, 0.5], rpy=[0, 0, 0.3]))
+    whole = hk.compose(hk.load("rail"), hk.robot.Part(arm, pose=[0, 0, 0.5], rpy=[0, 0, 0.3]))
     q = hk.symbolic.symbol("q", 8)
     M = hk.symbolic.Function("M", {"q": q}, {"M": hk.robot.mass_matrix_expression(whole, q)})(np.full(8, 0.2))
     moving = sum(body.mass for body in arm.bodies)  # the rail carries all of the arm, its base included
@@ -101,7 +101,7 @@ def test_the_inertia_of_a_base_turns_with_its_mounting(tmp_path: Path) -> None:
     arm = hk.load(tmp_path / "a.urdf")
     q = hk.symbolic.symbol("q", 4)
     for rpy, about_z in (([0, 0, 0], 3 + 5 * 0.01), ([np.pi / 2, 0, 0], 2 + 5 * 0.01), ([0, np.pi / 2, 0], 1.0)):
-        whole = hk.compose(hk.load("planar-base"), hk.Part(arm, rpy=rpy))
+        whole = hk.compose(hk.load("planar-base"), hk.robot.Part(arm, rpy=rpy))
         M = hk.symbolic.Function("M", {"q": q}, {"M": hk.robot.mass_matrix_expression(whole, q)})(np.zeros(4))
         assert M[2, 2] == pytest.approx(about_z)
 
@@ -109,13 +109,15 @@ def test_the_inertia_of_a_base_turns_with_its_mounting(tmp_path: Path) -> None:
 def test_names_that_clash_are_named_and_a_prefix_parts_them() -> None:
     arm = hk.load("ur5e")
     with pytest.raises(ArgumentError, match=r"name of two joints is 'shoulder_pan_joint'; give a part a prefix"):
-        hk.compose(arm, hk.Part(arm, on="base", xyz=[0, 1, 0]))
-    both = hk.compose(hk.Part(arm, prefix="left_"), hk.Part(arm, on="base", xyz=[0, 1, 0], prefix="right_"))
+        hk.compose(arm, hk.robot.Part(arm, on="base", pose=[0, 1, 0]))
+    both = hk.compose(
+        hk.robot.Part(arm, prefix="left_"), hk.robot.Part(arm, on="base", pose=[0, 1, 0], prefix="right_")
+    )
     assert [tip.name for tip in both.tips] == ["left_tool0", "right_tool0"]
     q = np.zeros(12)
     assert both.pose(q, "right_tool0")[:3, 3] - both.pose(q, "left_tool0")[:3, 3] == pytest.approx([0, 1, 0])
     with pytest.raises(UnknownNameError, match="tip to mount a part on 'hand'"):
-        hk.compose(arm, hk.Part(arm, on="hand", prefix="b_"))
+        hk.compose(arm, hk.robot.Part(arm, on="hand", prefix="b_"))
     with pytest.raises(ArgumentError, match="parts of a robot"):
         hk.compose()
 
@@ -156,7 +158,7 @@ def test_a_job_and_a_robot_file_put_together_what_python_does(tmp_path: Path) ->
     of_job = build_robot(open_job(str(file))[1], file)
     (tmp_path / "cell.toml").write_text(FILE.format(order=list(of_job.joint_names)))
     whole = hk.compose(
-        hk.load("rail"), hk.Part(hk.load("ur10e"), rpy=[0, 0, np.pi / 6]), order=list(of_job.joint_names)
+        hk.load("rail"), hk.robot.Part(hk.load("ur10e"), rpy=[0, 0, np.pi / 6]), order=list(of_job.joint_names)
     )
     of_python = hk.with_base_pose(hk.with_tool(whole, [0, 0, 0.1], [0, 0.2, 0]), [1, 0, 0], [0, 0, np.pi / 2])
     q = np.random.default_rng(8).uniform(0, 1, 7)
@@ -256,3 +258,26 @@ def test_joints_as_in_a_urdf_are_a_file_too(tmp_path: Path) -> None:
     placed = pose([0, 0, 1], [0, 0, 0]) @ pose([1, 2, 3], [0.1, 0.2, 0.3])
     expected = placed @ turn @ pose([0, 0.5, 0.4], [0, 0, 0])
     assert np.abs(robot.pose([0.7, 0.4]) - expected @ pose([0.1, 0, 0], [0, 0, 0])).max() < 1e-15
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_tool_and_a_mounting_are_given_as_a_pose_or_as_position_and_turn(panda: hk.Robot, seed: int) -> None:
+    """Referee: the product of the poses, T_base f(q) T_tool; the turn as SciPy writes roll, pitch, yaw."""
+    rng = np.random.default_rng(seed)
+    (at, to), (turn, lean) = rng.uniform(-0.3, 0.3, (2, 3)), rng.uniform(-3, 3, (2, 3))
+    tool, base = (hk.pose_of(p, Rotation.from_euler("xyz", rpy)) for p, rpy in ((at, turn), (to, lean)))
+    q = rng.uniform(panda.lower, panda.upper)
+    wanted = base @ panda.pose(q) @ tool
+    for robot in (
+        hk.with_base_pose(hk.with_tool(panda, tool), base),
+        hk.with_base_pose(hk.with_tool(panda, at, turn), to, lean),
+        hk.with_tool(hk.compose(hk.robot.Part(panda, pose=base)), tool),
+    ):
+        assert robot.tip == "tool" and f"tip={robot.tip!r}" in repr(robot)
+        assert np.abs(robot.pose(q) - wanted).max() < 1e-12
+    for bad in (2 * tool, tool.T, tool[:3], at[:2]):
+        with pytest.raises((ArgumentError, ShapeError), match="a tool"):
+            hk.with_tool(panda, bad)
+    with pytest.raises(ArgumentError, match="has its turn"):
+        hk.with_tool(panda, tool, turn)
+    assert hk.robot.coordinates(["a", "b"]).tip is None

@@ -114,7 +114,9 @@ def read(form: str, joints: list[Drawn], folder: Path) -> tuple[list[Drawn], hk.
     inner = {j.parent for j in joints}
     tips = [f"{j.name}_link" for j in joints if f"{j.name}_link" not in inner]
     if form == "mjcf":
-        return [replace(j, speed=np.inf) for j in joints], hk.from_mjcf(mjcf_of(joints), tip=tips[:1], base="ground")
+        return [replace(j, speed=np.inf) for j in joints], hk.robot.from_mjcf(
+            mjcf_of(joints), tip=tips[:1], base="ground"
+        )
     file = folder / "tree.urdf"
     file.write_text(urdf_of(joints))
     return known(joints), hk.from_urdf(file, tip=tips[:1], base="ground")
@@ -164,12 +166,14 @@ def test_what_is_written_keeps_the_limits_of_leaders_and_of_followers(form: str,
     for seed in range(20):
         try:
             joints, robot = read(form, draw(seed), tmp_path)
-            text = hk.to_urdf(robot) if form == "urdf" else hk.to_mjcf(robot)
+            text = hk.robot.to_urdf(robot) if form == "urdf" else hk.robot.to_mjcf(robot)
         except (RobotFileError, ArgumentError):
             continue  # limits that exclude each other, or a leader that the chain does not have
         (tmp_path / "written.urdf").write_text(text)
         tip = robot.tips[0].name
-        again = hk.from_urdf(tmp_path / "written.urdf", tip=tip) if form == "urdf" else hk.from_mjcf(text, tip=tip)
+        again = (
+            hk.from_urdf(tmp_path / "written.urdf", tip=tip) if form == "urdf" else hk.robot.from_mjcf(text, tip=tip)
+        )
         assert [replace(c, max_velocity=1) for c in again.coordinates] == [
             replace(c, max_velocity=1) for c in robot.coordinates
         ]

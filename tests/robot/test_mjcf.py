@@ -20,7 +20,7 @@ mujoco = pytest.importorskip("mujoco")
 
 def test_the_pose_is_mujocos() -> None:
     model = mujoco.MjModel.from_xml_string(ARM)
-    robot = hk.from_mjcf(ARM, tip="pen")
+    robot = hk.robot.from_mjcf(ARM, tip="pen")
     numbers = {model.joint(i).name or f"joint {i}": i for i in range(model.njnt)}
     assert robot.joint_names == ("lift", "turn", "bend", "joint 4")
     for q in np.random.default_rng(3).uniform(-2, 2, (20, robot.n)):
@@ -35,11 +35,11 @@ def test_the_pose_is_mujocos() -> None:
 def test_file_text_and_live_model_are_one_robot(tmp_path: Path) -> None:
     (tmp_path / "bench.xml").write_text(ARM)
     q = [0.4, -0.3, 1.1, 0.7]
-    pose = hk.from_mjcf(ARM, tip="pen").pose(q)
+    pose = hk.robot.from_mjcf(ARM, tip="pen").pose(q)
     for robot in (
         hk.load(tmp_path / "bench.xml", tip="pen"),
-        hk.from_mjcf(tmp_path / "bench.xml", tip="pen"),
-        hk.from_mjcf(mujoco.MjModel.from_xml_string(ARM), tip="pen"),
+        hk.robot.from_mjcf(tmp_path / "bench.xml", tip="pen"),
+        hk.robot.from_mjcf(mujoco.MjModel.from_xml_string(ARM), tip="pen"),
     ):
         assert np.array_equal(robot.pose(q), pose)
     assert hk.robot.model_tips(tmp_path / "bench.xml") == {
@@ -63,7 +63,7 @@ def test_a_urdf_read_by_mujoco_is_the_urdf_read_here(file: str, tip: str) -> Non
     )
     head = '<mujoco><compiler fusestatic="false" boundmass="1e-3" boundinertia="1e-6" balanceinertia="true"/></mujoco>'
     model = mujoco.MjModel.from_xml_string(text.replace("</robot>", f"{head}</robot>"))
-    ours, theirs = hk.from_urdf(urdf(file), tip=tip), hk.from_mjcf(model, tip=tip)
+    ours, theirs = hk.from_urdf(urdf(file), tip=tip), hk.robot.from_mjcf(model, tip=tip)
     assert ours.joint_names == theirs.joint_names
     soft = {joint.get("name"): joint.find("safety_controller") for joint in ET.fromstring(text).iter("joint")}
     limits = [-np.inf if (s := soft[n]) is None else float(s.get("soft_lower_limit", "-inf")) for n in ours.joint_names]
@@ -74,7 +74,7 @@ def test_a_urdf_read_by_mujoco_is_the_urdf_read_here(file: str, tip: str) -> Non
 
 
 def test_what_is_written_is_read_back(panda: hk.Robot) -> None:
-    again = hk.from_mjcf(hk.robot.to_mjcf(panda))
+    again = hk.robot.from_mjcf(hk.robot.to_mjcf(panda))
     assert (again.joint_names, again.tips[0].name) == (panda.joint_names, "panda_hand_tcp")
     assert np.abs(again.pose(PANDA_START) - panda.pose(PANDA_START)).max() < 1e-14
 
@@ -91,16 +91,19 @@ MESHED = """
 
 
 def test_missing_meshes_do_no_harm_to_the_kinematics() -> None:
-    robot = hk.from_mjcf(MESHED.format(inertial=""))
+    robot = hk.robot.from_mjcf(MESHED.format(inertial=""))
     assert robot.pose([0.3, 0.0])[:3, 3] == pytest.approx([2 * np.cos(0.3), 2 * np.sin(0.3), 0])
     with pytest.raises(MassError, match="no masses"):  # they would come from the meshes
         hk.robot.mass_matrix_expression(robot, hk.symbolic.symbol("q", 2))
     given = MESHED.format(inertial='<inertial pos="0.5 0 0" mass="3" diaginertia="1 2 3"/>')
-    assert [body.mass for body in hk.from_mjcf(given).bodies] == [3.0, 3.0]
+    assert [body.mass for body in hk.robot.from_mjcf(given).bodies] == [3.0, 3.0]
     stand = given.replace('<body name="a">', '<body name="stand"><geom type="mesh" mesh="m"/></body><body name="a">')
-    assert [body.mass for body in hk.from_mjcf(stand, tip="s").bodies] == [3.0, 3.0]  # what stands still may lack one
+    assert [body.mass for body in hk.robot.from_mjcf(stand, tip="s").bodies] == [
+        3.0,
+        3.0,
+    ]  # what stands still may lack one
     camera = given.replace('<body name="b"', '<body name="camera"><geom type="mesh" mesh="m"/></body><body name="b"')
-    assert hk.from_mjcf(camera, tip="s").bodies == ()  # what is carried may not
+    assert hk.robot.from_mjcf(camera, tip="s").bodies == ()  # what is carried may not
 
 
 FOUR_BAR = """
@@ -124,16 +127,16 @@ def test_a_chain_through_a_closed_loop_is_refused_and_one_beside_it_is_not() -> 
         '<connect site1="left_tip" site2="right_tip"/>',
     ):
         with pytest.raises(RobotFileError, match=r"joint 'l' is part of a closed loop.*'left'.*'right'.*lock"):
-            hk.from_mjcf(FOUR_BAR.format(loop), tip="left_tip")
-        assert hk.from_mjcf(FOUR_BAR.format(loop), tip="flange").joint_names == ("arm",)
-        assert hk.from_mjcf(FOUR_BAR.format(loop), tip="left_tip", locked={"l": 0.0}).joint_names == ("arm",)
+            hk.robot.from_mjcf(FOUR_BAR.format(loop), tip="left_tip")
+        assert hk.robot.from_mjcf(FOUR_BAR.format(loop), tip="flange").joint_names == ("arm",)
+        assert hk.robot.from_mjcf(FOUR_BAR.format(loop), tip="left_tip", locked={"l": 0.0}).joint_names == ("arm",)
     for no_loop in (
         '<connect body1="left" body2="right" anchor="0 0 0.3" active="false"/>',
         '<weld body1="left" body2="target"/>',  # dragged by a mouse or a hand
     ):
-        assert hk.from_mjcf(FOUR_BAR.format(no_loop), tip="left_tip").joint_names == ("arm", "l")
+        assert hk.robot.from_mjcf(FOUR_BAR.format(no_loop), tip="left_tip").joint_names == ("arm", "l")
     with pytest.raises(RobotFileError, match=r"joint 'arm' is part of a closed loop.*'world'"):
-        hk.from_mjcf(FOUR_BAR.format('<weld body1="left" body2="world"/>'), tip="left_tip")
+        hk.robot.from_mjcf(FOUR_BAR.format('<weld body1="left" body2="world"/>'), tip="left_tip")
 
 
 def test_a_tendon_that_ties_joints_is_a_loop() -> None:
@@ -142,19 +145,19 @@ def test_a_tendon_that_ties_joints_is_a_loop() -> None:
         '<tendon><fixed name="split"><joint joint="l" coef="1"/><joint joint="r" coef="1"/></fixed></tendon><equality>',
     )
     with pytest.raises(RobotFileError, match="equality of tendon 'split'"):
-        hk.from_mjcf(text, tip="left_tip")
-    assert hk.from_mjcf(text, tip="flange").n == 1
+        hk.robot.from_mjcf(text, tip="left_tip")
+    assert hk.robot.from_mjcf(text, tip="flange").n == 1
 
 
 def test_couplings_of_joints() -> None:
-    held = hk.from_mjcf(FOUR_BAR.format('<joint joint1="l" polycoef="0.4 0 0 0 0"/>'), tip="left_tip")
+    held = hk.robot.from_mjcf(FOUR_BAR.format('<joint joint1="l" polycoef="0.4 0 0 0 0"/>'), tip="left_tip")
     assert held.joint_names == ("arm",)
     assert held.pose([0.0])[:3, 3] == pytest.approx([0.3 * np.sin(0.4), 0, 0.2 + 0.3 * np.cos(0.4)])
     bent = FOUR_BAR.format('<joint joint1="l" joint2="r" polycoef="0 1 2 0 0"/>')
     with pytest.raises(
         RobotFileError, match="'l' is of type \"revolute that follows 'r' by a polynomial of degree 2\""
     ):
-        hk.from_mjcf(bent, tip="left_tip")
+        hk.robot.from_mjcf(bent, tip="left_tip")
 
 
 @pytest.mark.parametrize(
@@ -166,8 +169,8 @@ def test_free_and_ball_joints_are_refused_on_the_chain_alone(joint: str, kind: s
         "<geom size='0.1'/></body></body></worldbody></mujoco>"
     )
     with pytest.raises(RobotFileError, match=f"joint 'f' is of type '{kind}'; choose base= below it"):
-        hk.from_mjcf(text)
-    assert hk.from_mjcf(text, base="torso").joint_names == ("hip",)
+        hk.robot.from_mjcf(text)
+    assert hk.robot.from_mjcf(text, base="torso").joint_names == ("hip",)
 
 
 @pytest.mark.parametrize(
@@ -185,20 +188,20 @@ def test_free_and_ball_joints_are_refused_on_the_chain_alone(joint: str, kind: s
 )
 def test_what_is_no_mjcf_is_named(model: object, error: type[Exception], said: str) -> None:
     with pytest.raises(error, match=said) as caught:
-        hk.from_mjcf(model)
+        hk.robot.from_mjcf(model)
     assert "\n" not in str(caught.value)
     with pytest.raises(UnknownNameError, match="unknown body or site"):
-        hk.from_mjcf(ARM, tip="pan")
+        hk.robot.from_mjcf(ARM, tip="pan")
 
 
 def test_without_mujoco_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingExtraError, match=r"holokin\[mujoco\]"):
-        hk.from_mjcf(ARM)
+        hk.robot.from_mjcf(ARM)
 
 
 @pytest.mark.parametrize("before", ["\n", " \n\t"])
 def test_what_mujoco_takes_before_the_declaration_is_taken(before: str, tmp_path: Path) -> None:
-    text = hk.to_mjcf(hk.load("planar-3r"))
+    text = hk.robot.to_mjcf(hk.load("planar-3r"))
     (tmp_path / "arm.xml").write_text(f'{before}<?xml version="1.0"?>\n{text[text.index("<mujoco") :]}')
     assert mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml")).nq == hk.load(tmp_path / "arm.xml").n == 3

@@ -28,7 +28,7 @@ def two_pandas() -> mujoco.MjModel:
     lamp.add_joint(type=mujoco.mjtJoint.mjJNT_BALL, name="lamp")
     lamp.add_geom(size=[0.1, 0.1, 0.1])
     for side, y in zip(SIDES, (0.5, -0.5), strict=True):
-        arm = mujoco.MjSpec.from_string(hk.to_mjcf(hk.load("panda")))
+        arm = mujoco.MjSpec.from_string(hk.robot.to_mjcf(hk.load("panda")))
         scene.attach(arm, prefix=side, frame=scene.worldbody.add_frame(pos=[0, y, 0]))
         finger = scene.worldbody.add_body(name=f"{side}finger")
         finger.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, name=f"{side}finger")
@@ -65,7 +65,7 @@ def test_joints_put_into_qpos_take_the_site_where_the_robot_says(
 def test_a_robot_of_the_model_itself_needs_no_prefix_and_has_mujocos_poses() -> None:
     """With references, a joint without a name, and a joint that follows another."""
     model = mujoco.MjModel.from_xml_string(ARM)
-    robot, rng = hk.from_mjcf(model, tip="pen"), np.random.default_rng(0)
+    robot, rng = hk.robot.from_mjcf(model, tip="pen"), np.random.default_rng(0)
     names = [model.joint(i).name for i in range(model.njnt)]
     for _ in range(5):
         q, qpos = rng.uniform(-1, 1, robot.n), rng.uniform(-1, 1, model.nq)
@@ -116,7 +116,7 @@ def test_another_order_of_joints_and_other_names_are_the_same_posture(model: muj
 def test_a_pinocchio_model_with_joints_kept_as_cosine_and_sine_is_read_to_the_nearest_turn() -> None:
     pin = pytest.importorskip("pinocchio")
     model = pin.buildModelFromUrdf(str(urdf("kinova.urdf")))
-    robot = hk.from_pinocchio(model, tip=model.frames[-1].name)
+    robot = hk.robot.from_pinocchio(model, tip=model.frames[-1].name)
     assert model.nq > robot.n  # some joints have no limits
     q, data = np.random.default_rng(2).uniform(-3, 3, robot.n), model.createData()
     configuration = robot.put(model, pin.neutral(model), q)

@@ -52,7 +52,7 @@ def test_a_short_text_that_makes_a_giant_is_refused_at_once(name: str, tmp_path:
     with pytest.raises(RobotFileError, match=words):
         hk.load(tmp_path / "giant.xml", tip="arm")
     with pytest.raises(RobotFileError, match=words):
-        hk.from_mjcf(text[text.index("<mujoco") :], tip="arm")
+        hk.robot.from_mjcf(text[text.index("<mujoco") :], tip="arm")
     assert time.process_time() - begun < 2  # what is refused by hand takes minutes
 
 

@@ -47,7 +47,7 @@ CHAINS = [
 def test_a_pinocchio_model_is_the_urdf_it_was_built_from(file: str, tips: list[str], base: str) -> None:
     pin = pytest.importorskip("pinocchio")
     model = pin.buildModelFromUrdf(str(urdf(file)), mimic=True)
-    one, other = hk.from_pinocchio(model, tips, base=base), hk.from_urdf(urdf(file), tips, base=base)
+    one, other = hk.robot.from_pinocchio(model, tips, base=base), hk.from_urdf(urdf(file), tips, base=base)
     assert_same(one, other)
     q = np.full(one.n, 0.3)
     symbol, evaluated = hk.symbolic.symbol("q", one.n), []
@@ -71,7 +71,7 @@ def test_a_pinocchio_model_made_by_hand_moves_as_pinocchio_says() -> None:
     for i, kind in enumerate(kinds):
         parent = model.addJoint(parent, kind, pin.SE3.Random(), f"j{i}")
     model.addFrame(pin.Frame("tip", parent, 0, pin.SE3.Random(), pin.OP_FRAME))
-    robot, data = hk.from_pinocchio(model, tip="tip"), model.createData()
+    robot, data = hk.robot.from_pinocchio(model, tip="tip"), model.createData()
     assert (robot.hinges.tolist(), np.isinf(robot.max_velocity).all()) == ([True, False, True, True, False], True)
     for q in rng.uniform(-2, 2, (5, 5)):
         pin.framesForwardKinematics(model, data, np.array([q[0], q[1], np.cos(q[2]), np.sin(q[2]), q[3], q[4]]))
@@ -82,12 +82,12 @@ def test_floating_and_spherical_joints_of_pinocchio_are_refused() -> None:
     pin = pytest.importorskip("pinocchio")
     model = pin.buildModelFromUrdf(str(urdf("talos_left_arm.urdf")), pin.JointModelFreeFlyer())
     with pytest.raises(RobotFileError, match="'root_joint' is of type 'JointModelFreeFlyer'; choose base= below it"):
-        hk.from_pinocchio(model, tip="arm_left_7_link")
-    assert hk.from_pinocchio(model, tip="arm_left_7_link", base="arm_left_1_link").n == 6
+        hk.robot.from_pinocchio(model, tip="arm_left_7_link")
+    assert hk.robot.from_pinocchio(model, tip="arm_left_7_link", base="arm_left_1_link").n == 6
     with pytest.raises(UnknownNameError, match="unknown frame"):
-        hk.from_pinocchio(model, tip="arm")
+        hk.robot.from_pinocchio(model, tip="arm")
     with pytest.raises(ArgumentError, match=r"give a pinocchio\.Model"):
-        hk.from_pinocchio("panda.urdf")
+        hk.robot.from_pinocchio("panda.urdf")
 
 
 # --- yourdfpy ---
@@ -98,11 +98,11 @@ def test_a_yourdfpy_model_is_the_urdf() -> None:
 
     path = urdf("panda.urdf")
     model = yourdfpy.URDF.load(path, load_meshes=False, build_scene_graph=False)
-    one, other = hk.from_yourdfpy(model, tip="panda_hand_tcp"), hk.from_urdf(path, tip="panda_hand_tcp")
+    one, other = hk.robot.from_yourdfpy(model, tip="panda_hand_tcp"), hk.from_urdf(path, tip="panda_hand_tcp")
     assert_same(one, other)
     assert [body.mass for body in one.bodies] == [body.mass for body in other.bodies]
     with pytest.raises(ArgumentError, match=r"give a yourdfpy\.URDF"):
-        hk.from_yourdfpy(path)
+        hk.robot.from_yourdfpy(path)
 
 
 def assert_read_alike(mine: Any, yours: Any, where: str) -> None:
@@ -318,13 +318,16 @@ def test_robots_of_the_toolbox_are_at_its_own_poses() -> None:
     ]
     tree = Robot(links, base=SE3(1, 0, 0))
     for given in (rtb.models.DH.Panda(), rtb.models.DH.Puma560(), rtb.models.ETS.Panda(), scara, tree):
-        robot = hk.from_roboticstoolbox(given)
+        robot = hk.robot.from_roboticstoolbox(given)
         for q in np.random.default_rng(2).uniform(-1, 1, (5, robot.n)):
             assert np.abs(robot.pose(q) - given.fkine(q).A).max() < TOLERANCE, given.name
-    assert hk.from_roboticstoolbox(scara).lower.tolist() == [-1, -np.inf, 0]
-    assert (hk.from_roboticstoolbox(tree).joint_names, hk.from_roboticstoolbox(tree).upper[2]) == (("a", "b", "c"), 3)
+    assert hk.robot.from_roboticstoolbox(scara).lower.tolist() == [-1, -np.inf, 0]
+    assert (hk.robot.from_roboticstoolbox(tree).joint_names, hk.robot.from_roboticstoolbox(tree).upper[2]) == (
+        ("a", "b", "c"),
+        3,
+    )
     with pytest.raises(ArgumentError, match="give a robot of roboticstoolbox"):
-        hk.from_roboticstoolbox(PANDA_START)
+        hk.robot.from_roboticstoolbox(PANDA_START)
 
 
 def test_a_panda_by_five_roads_is_one_robot() -> None:
@@ -338,9 +341,9 @@ def test_a_panda_by_five_roads_is_one_robot() -> None:
     roads = [
         hk.load("panda"),
         hk.from_urdf(path, tip),
-        hk.from_yourdfpy(yourdfpy.URDF.load(path, load_meshes=False, build_scene_graph=False), tip),
-        hk.from_pinocchio(pin.buildModelFromUrdf(str(path)), tip),
-        hk.from_mjcf(mujoco.MjModel.from_xml_string(text.replace("</robot>", compiler)), tip),
+        hk.robot.from_yourdfpy(yourdfpy.URDF.load(path, load_meshes=False, build_scene_graph=False), tip),
+        hk.robot.from_pinocchio(pin.buildModelFromUrdf(str(path)), tip),
+        hk.robot.from_mjcf(mujoco.MjModel.from_xml_string(text.replace("</robot>", compiler)), tip),
     ]
     for one in roads:
         for other in roads:

@@ -22,7 +22,7 @@ from holokin.base.errors import (
     UnknownNameError,
 )
 
-NAMES = tuple(hk.catalogue())
+NAMES = tuple(hk.robot.catalogue())
 
 
 def Rz(a: float) -> np.ndarray:

@@ -36,7 +36,7 @@ def from_toml(rows: list[Row], folder: Path, trust: bool) -> hk.Robot:
 
 
 def from_urdf(rows: list[Row], folder: Path, trust: bool) -> hk.Robot:
-    text = hk.to_urdf(hk.from_dh(rows, trust_units=True))
+    text = hk.robot.to_urdf(hk.from_dh(rows, trust_units=True))
     ball = '<collision><origin xyz="0.1 0.2 0.3"/><geometry><sphere radius="0.01"/></geometry></collision>'
     (folder / "arm.urdf").write_text(text.replace("</link>", f"{ball}</link>"))
     return hk.load(folder / "arm.urdf", trust_units=trust)
@@ -44,7 +44,7 @@ def from_urdf(rows: list[Row], folder: Path, trust: bool) -> hk.Robot:
 
 def from_parts(rows: list[Row], folder: Path, trust: bool) -> hk.Robot:
     """Two of them: the second stands beside the first."""
-    (folder / "arm.urdf").write_text(hk.to_urdf(hk.from_dh(rows, trust_units=True)))
+    (folder / "arm.urdf").write_text(hk.robot.to_urdf(hk.from_dh(rows, trust_units=True)))
     parts = '[[parts]]\nname = "arm.urdf"\n[[parts]]\nname = "arm.urdf"\nprefix = "r_"\non = "base"\nxyz = [0, 1, 0]\n'
     (folder / "two.toml").write_text(f'source = "a test"\n{parts}')
     return hk.load(folder / "two.toml", trust_units=trust)
@@ -52,13 +52,13 @@ def from_parts(rows: list[Row], folder: Path, trust: bool) -> hk.Robot:
 
 def from_mjcf(rows: list[Row], _folder: Path, trust: bool) -> hk.Robot:
     pytest.importorskip("mujoco")
-    return hk.from_mjcf(hk.to_mjcf(hk.from_dh(rows, trust_units=True)), trust_units=trust)
+    return hk.robot.from_mjcf(hk.robot.to_mjcf(hk.from_dh(rows, trust_units=True)), trust_units=trust)
 
 
 def from_pinocchio(rows: list[Row], _folder: Path, trust: bool) -> hk.Robot:
     pinocchio = pytest.importorskip("pinocchio")
-    model = pinocchio.buildModelFromXML(hk.to_urdf(hk.from_dh(rows, trust_units=True)))
-    return hk.from_pinocchio(model, tip="tool", base="base", trust_units=trust)
+    model = pinocchio.buildModelFromXML(hk.robot.to_urdf(hk.from_dh(rows, trust_units=True)))
+    return hk.robot.from_pinocchio(model, tip="tool", base="base", trust_units=trust)
 
 
 READERS: list[Reader] = [from_table, from_toml, from_urdf, from_parts, from_mjcf, from_pinocchio]
@@ -176,7 +176,7 @@ def test_most_hinges_of_many_turns_are_doubted_and_one_or_a_few_are_not(planar_3
 
 def test_the_command_line_and_a_job_ask_and_are_overruled(holokin: Command, tmp_path: Path) -> None:
     rows = [{"a": 1000.0, "lower": -3.0, "upper": 3.0} for _ in range(3)]
-    (tmp_path / "mm.urdf").write_text(hk.to_urdf(hk.from_dh(rows, trust_units=True)))
+    (tmp_path / "mm.urdf").write_text(hk.robot.to_urdf(hk.from_dh(rows, trust_units=True)))
     asked = ("robots", tmp_path / "mm.urdf", "--tip", "tool")
     assert_refused(holokin(*asked), "mm.urdf", "looks like millimetres: give metres", "--trust-units")
     assert holokin(*asked, "--trust-units").code == 0

@@ -37,13 +37,13 @@ def again(robot: hk.Robot, form: str, folder: Path) -> hk.Robot:
     """The robot, written and read."""
     tips = [tip.name for tip in robot.tips]
     if form == "mjcf":
-        return hk.from_mjcf(hk.to_mjcf(robot), tip=tips)
-    (folder / "robot.urdf").write_text(hk.to_urdf(robot))
+        return hk.robot.from_mjcf(hk.robot.to_mjcf(robot), tip=tips)
+    (folder / "robot.urdf").write_text(hk.robot.to_urdf(robot))
     return hk.from_urdf(folder / "robot.urdf", tip=tips)
 
 
 @pytest.mark.parametrize("form", ["urdf", "mjcf"])
-@sampled(4, "name", hk.catalogue())
+@sampled(4, "name", hk.robot.catalogue())
 def test_a_robot_of_the_catalogue_is_itself_after_it_was_written(name: str, form: str, tmp_path: Path) -> None:
     robot = hk.load(name)
     back = again(robot, form, tmp_path)
@@ -86,8 +86,8 @@ def test_pinocchio_and_mujoco_find_the_source_s_mass_matrix_and_gravity_torque(t
     fingers = [i for i, name in enumerate(source.names) if "finger" in name]
     source = pin.buildReducedModel(source, fingers, pin.neutral(source))
     robot = hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp")
-    written = pin.buildModelFromXML(hk.to_urdf(robot))
-    model = mujoco.MjModel.from_xml_string(hk.to_mjcf(robot))
+    written = pin.buildModelFromXML(hk.robot.to_urdf(robot))
+    model = mujoco.MjModel.from_xml_string(hk.robot.to_mjcf(robot))
     data, extra = mujoco.MjData(model), written.createData()
     for q in (PANDA_START, np.zeros(7), -PANDA_START):
         M, g = pin.crba(source, source.createData(), q), pin.computeGeneralizedGravity(source, source.createData(), q)
@@ -114,13 +114,13 @@ def test_mujoco_takes_a_mass_at_a_point(tmp_path: Path) -> None:
     joint = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>'
     (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="a"/><link name="b">{iner}</link>{joint}</robot>')
     robot = hk.load(tmp_path / "r.urdf")
-    model = mujoco.MjModel.from_xml_string(hk.to_mjcf(robot))
+    model = mujoco.MjModel.from_xml_string(hk.robot.to_mjcf(robot))
     assert model.body_mass[-1] == 0.1 and 0 < model.body_inertia[-1].max() < 1e-9
 
 
 def test_a_follower_follows_in_mujoco() -> None:
     robot = hk.from_urdf(urdf("panda.urdf"), tip=["panda_leftfinger", "panda_rightfinger"])
-    model = mujoco.MjModel.from_xml_string(hk.to_mjcf(robot))
+    model = mujoco.MjModel.from_xml_string(hk.robot.to_mjcf(robot))
     data = mujoco.MjData(model)
     model.opt.gravity[:] = 0
     data.joint("panda_finger_joint1").qpos[0] = 0.03  # the other one is at 0
@@ -130,14 +130,14 @@ def test_a_follower_follows_in_mujoco() -> None:
 
 
 def test_placeholders_are_said_and_weigh_what_their_density_says(panda: hk.Robot) -> None:
-    for write in (hk.to_urdf, hk.to_mjcf):
+    for write in (hk.robot.to_urdf, hk.robot.to_mjcf):
         assert "Placeholders: this robot's description has no masses" in write(panda)
         assert "1000 kg/m^3" in write(panda)
         assert "500 kg/m^3" in write(panda, density=500.0)
     whole, half = (sum(b.mass for b in weighed(panda, density).bodies) for density in (1000.0, 500.0))
     assert whole == pytest.approx(2 * half)
     arm = hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp")
-    assert "Placeholders" not in hk.to_urdf(arm)
+    assert "Placeholders" not in hk.robot.to_urdf(arm)
     assert weighed(arm) is arm
 
 
@@ -161,7 +161,7 @@ def test_the_arm_is_drawn_from_joint_to_joint(panda: hk.Robot) -> None:
     drawn = [link.shape for link in drawn_links(panda) if link.shape.length]
     line = panda.skeleton(PANDA_START)[0]
     assert sum(shape.length for shape in drawn) == pytest.approx(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    assert hk.to_mjcf(panda).count('type="capsule"') == len(drawn) == hk.to_urdf(panda).count("<cylinder")
+    assert hk.robot.to_mjcf(panda).count('type="capsule"') == len(drawn) == hk.robot.to_urdf(panda).count("<cylinder")
 
 
 def test_a_servo_alone_settles_as_a_critically_damped_oscillator() -> None:
@@ -169,13 +169,15 @@ def test_a_servo_alone_settles_as_a_critically_damped_oscillator() -> None:
     upright = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
     robot = hk.from_dh([{"a": 0.6, "joint": "q"}], base=upright)
     drive = servo(robot, "position", [0.0], frequency=2.0, compensated=True)
-    model = mujoco.MjModel.from_xml_string(hk.to_mjcf(robot, servo=drive))
+    model = mujoco.MjModel.from_xml_string(hk.robot.to_mjcf(robot, servo=drive))
     model.opt.timestep, data = 1e-4, mujoco.MjData(model)
     data.qpos[0], w = 0.4, 2 * np.pi * 2.0
     for t in np.arange(1, 5001) * 1e-4:
         mujoco.mj_step(model, data)
         assert abs(data.qpos[0] - 0.4 * (1 + w * t) * np.exp(-w * t)) < 2e-3
-    loose = mujoco.MjModel.from_xml_string(hk.to_mjcf(robot, servo=servo(robot, "position", [0.0], frequency=2.0)))
+    loose = mujoco.MjModel.from_xml_string(
+        hk.robot.to_mjcf(robot, servo=servo(robot, "position", [0.0], frequency=2.0))
+    )
     data = mujoco.MjData(loose)
     mujoco.mj_step(loose, data, 3000)
     body = weighed(robot).bodies[0]
@@ -186,13 +188,15 @@ def test_a_servo_alone_settles_as_a_critically_damped_oscillator() -> None:
 @pytest.mark.campaign
 def test_servos_and_efforts_are_written(panda: hk.Robot) -> None:
     for kind, tag in (("position", "position"), ("velocity", "velocity"), ("torque", "motor")):
-        model = mujoco.MjModel.from_xml_string(hk.to_mjcf(panda, servo=servo(panda, kind, PANDA_START), effort=87.0))
+        model = mujoco.MjModel.from_xml_string(
+            hk.robot.to_mjcf(panda, servo=servo(panda, kind, PANDA_START), effort=87.0)
+        )
         assert model.nu == 7
         assert [model.actuator(i).name for i in range(7)] == list(panda.joint_names)
         assert model.actuator_forcerange.tolist() == [[-87.0, 87.0]] * 7
-        assert hk.to_mjcf(panda, servo=servo(panda, kind, PANDA_START)).count(f"<{tag} ") == 7
+        assert hk.robot.to_mjcf(panda, servo=servo(panda, kind, PANDA_START)).count(f"<{tag} ") == 7
     efforts = [87.0] * 4 + [12.0] * 3
-    assert [float(x) for x in re.findall('effort="(.*?)"', hk.to_urdf(panda, effort=efforts))] == efforts
+    assert [float(x) for x in re.findall('effort="(.*?)"', hk.robot.to_urdf(panda, effort=efforts))] == efforts
 
 
 def test_names_that_xml_does_not_hold_are_escaped(tmp_path: Path) -> None:
@@ -205,12 +209,12 @@ def test_names_that_xml_does_not_hold_are_escaped(tmp_path: Path) -> None:
 
 def test_what_makes_no_sense_is_refused(panda: hk.Robot) -> None:
     with pytest.raises(ArgumentError, match="density"):
-        hk.to_mjcf(panda, density=0.0)
+        hk.robot.to_mjcf(panda, density=0.0)
     with pytest.raises(ArgumentError, match="effort"):
-        hk.to_urdf(panda, effort=-1.0)
+        hk.robot.to_urdf(panda, effort=-1.0)
     with pytest.raises(ShapeError, match="effort"):
-        hk.to_urdf(panda, effort=[1.0, 2.0])
+        hk.robot.to_urdf(panda, effort=[1.0, 2.0])
     with pytest.raises(ArgumentError, match="use one of position, velocity, torque"):
         servo(panda, "hydraulic", PANDA_START)
     with pytest.raises(ArgumentError, match="servo"):
-        hk.to_mjcf(panda, servo=servo(hk.load("ppr"), "position", [1, 1, 1]))
+        hk.robot.to_mjcf(panda, servo=servo(hk.load("ppr"), "position", [1, 1, 1]))

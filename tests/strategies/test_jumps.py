@@ -65,7 +65,7 @@ def test_a_jump_of_g_is_told_by_the_verdict_and_ends_follow_and_inverse(name: st
             except JumpError as problem:
                 met += 1
                 walk = problem.trajectory
-                assert walk.status is hk.Status.JUMP
+                assert walk.status is hk.motion.Status.JUMP
                 assert problem.level > 0.05 and problem.what and "its g jumps" in str(problem)
                 with pytest.raises(JumpError):
                     ik(goal)

@@ -22,7 +22,7 @@ from holokin.strategies import FrameStrategy, HolonomicStrategy, KernelStrategy,
 
 LINE = hk.line([0.0, 0.0], [0.1, 0.0])
 ASKS_FOR_A_LEAF: dict[str, Callable[[hk.Strategy], object]] = {
-    "move_to_leaf": lambda s: hk.move_to_leaf(s, PPR_START),  # type: ignore[arg-type]
+    "move_to_leaf": lambda s: hk.motion.ik.move_to_leaf(s, PPR_START),  # type: ignore[arg-type]
     "inverse": lambda s: hk.ik(s, PPR_START),  # type: ignore[arg-type]
     "fitted": lambda s: fitted(s, PPR_START[None]),  # type: ignore[arg-type]
     "follow by leaf": lambda s: hk.follow(s, LINE, PPR_START, method="leaf"),

@@ -282,7 +282,7 @@ def test_two_paths_to_one_pose_end_alike_exactly_when_holonomic(case: Case) -> N
     strategy = case.strategy
     start = strategy.task.robot.pose(case.start)[:3, 3]
     circle = hk.circle(start, start - [0.08, 0, 0])
-    spread = hk.path_spread(strategy, *circle.halves(), case.start, samples=60)
+    spread = hk.motion.path_spread(strategy, *circle.halves(), case.start, samples=60)
     assert spread.largest < 1e-9 if case.holonomic else spread.largest > 1e-5
 
 

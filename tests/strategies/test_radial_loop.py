@@ -63,7 +63,7 @@ def written_out(twin: hk.HolonomicStrategy) -> ca.Function:
     e = twin.expressions
     found, g = e.rate(ca.SX.eye(twin.task.m), written_out=True), twin.constraint_expression
     return ca.Function(
-        "written_out", [e.q], [found.X, found.rcond, twin.margin_expression, g, ca.densify(ca.jacobian(g, e.q))]
+        "written_out", [e.q], [found.X, found.rcond, twin._margin_expression, g, ca.densify(ca.jacobian(g, e.q))]
     )
 
 
@@ -249,7 +249,7 @@ def test_rays_are_those_of_laws_whose_label_is_arc_length_in_coordinates_of_stra
 @pytest.mark.parametrize("name", ["a plane", "four redundant joints"])
 def test_exported_c_equals_python_in_both_precisions(name: str, tmp_path: Path) -> None:
     given, start, _ = LAWS[name]()
-    made = hk.export_c(hk.radial(given, start, steps=2), tmp_path, q0=start, name="law", vectors_count=8)
+    made = hk.export.export_c(hk.radial(given, start, steps=2), tmp_path, q0=start, name="law", vectors_count=8)
     code = (tmp_path / "law.c").read_text()
     assert code.count("static void hk_transport(") == 1
     double, single = check(made)
@@ -262,7 +262,7 @@ def test_exported_c_equals_python_in_both_precisions(name: str, tmp_path: Path) 
 @pytest.mark.parametrize("flags", [(), ("-DLAW_FLOAT",)])
 def test_sanitizers_find_nothing_in_a_loop_whatever_comes(flags: tuple[str, ...], tmp_path: Path) -> None:
     given, start, _ = LAWS["a plane"]()
-    made = hk.export_c(hk.radial(given, start, steps=1), tmp_path, q0=start, name="law", vectors_count=2)
+    made = hk.export.export_c(hk.radial(given, start, steps=1), tmp_path, q0=start, name="law", vectors_count=2)
     run = subprocess.run(
         [str(program(made, ON_ANYTHING, tmp_path, *STRICT, *SANITIZE, *flags, "-DCALLS=400", leaf=LEAF))],
         capture_output=True, text=True, timeout=100, check=False,

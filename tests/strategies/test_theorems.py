@@ -159,7 +159,9 @@ def test_a_representation_changes_the_geometric_jacobian_by_a_square_matrix_15_t
     task = hk.pose(panda, orientation, reference=panda.pose(start)[:3, :3])
     for q in start + np.random.default_rng(3).uniform(-0.1, 0.1, (5, 7)):
         geometric, J, R = panda.jacobian(q), task.jacobian(q), panda.pose(q)[:3, :3]
-        inverse = task.rates(np.broadcast_to(R, (6, 3, 3)), np.eye(6)[:, :3], np.eye(6)[:, 3:])[0].T  # T^-1 (6, 6)
+        inverse = task._tool_rates(np.broadcast_to(R, (6, 3, 3)), np.eye(6)[:, :3], np.eye(6)[:, 3:])[
+            0
+        ].T  # T^-1 (6, 6)
         assert np.abs(inverse @ geometric - J).max() < 1e-13  # (15), (17)
         T = np.linalg.inv(inverse)
         assert np.abs(geometric.T @ np.linalg.inv(T.T) - J.T).max() < 1e-12  # (16)

@@ -4,3 +4,16 @@ any control law or log drifts.
 
 Uses `motion` and `proof`. Read first: `curvature/`, then `audit/`.
 """
+
+from typing import TYPE_CHECKING
+
+from ..base.extra_module import loads
+
+if TYPE_CHECKING:
+    from . import audit as audit
+    from . import coverage as coverage
+    from . import curvature as curvature
+    from . import design as design
+    from . import sheets as sheets
+else:
+    __getattr__ = loads(__name__, "audit", "coverage", "curvature", "design", "sheets")

@@ -60,7 +60,8 @@ def typed(function: F) -> F:
         except TypeError as problem:
             if isinstance(problem, CallError) or _bound(function, arguments, named):
                 raise
-            raise CallError(str(problem), _form(function, wanted, named)) from None
+            missing = {name: kind for name, kind in list(wanted.items())[len(arguments) :] if name not in named}
+            raise CallError(str(problem), _form(function, wanted, named) + _made_as(function, missing)) from None
 
     return called  # type: ignore[return-value]
 
@@ -100,6 +101,16 @@ def _noun(kind: Any, given: Mapping[str, Any]) -> str:
     return f"hk.{kind.__name__}({', '.join(fields)})" if fields else ""
 
 
+def _made_as(function: Callable[..., Any], missing: Mapping[str, Any]) -> str:
+    """What makes the arguments that a call lacks and must have, as far as that is known."""
+    said = ""
+    for name, kind in missing.items():
+        makers = [MAKERS[k.__name__] for k in (kind, *get_args(kind)) if getattr(k, "__name__", "") in MAKERS]
+        if makers and signature(function).parameters[name].default is Parameter.empty:
+            said += f", {name} as {' or '.join(makers)} makes it"
+    return said
+
+
 def type_methods(kind: type) -> None:
     """Makes all public methods that a class defines `typed`: for the parents of families, in `__init_subclass__`."""
     for name, method in list(vars(kind).items()):
@@ -125,7 +136,7 @@ MAKERS = {
     "Region": "hk.around(q, 0.2)",
     "Workspace": "hk.workspace(box=(center, half))",
     "Trajectory": "hk.follow(strategy, path, q0)",
-    "TimedTrajectory": "hk.retime(trajectory, robot)",
+    "TimedTrajectory": "hk.retime(trajectory, acceleration=5.0)",
     "InverseKinematics": "hk.ik(strategy, q0)",
 }
 """The kinds that callers mix up -> a call that makes one."""

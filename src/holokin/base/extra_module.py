@@ -1,11 +1,13 @@
-"""Packages that an extra of holokin installs, loaded when they are needed."""
+"""Packages that an extra of holokin installs, and folders of holokin itself, loaded when they are needed."""
 
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
+from types import ModuleType
 from typing import Any
 
-from .errors import MissingExtraError
+from .errors import MissingExtraError, NoAttributeError
 
 
 def extra_module(module: str, extra: str, package: str = "") -> Any:
@@ -14,3 +16,17 @@ def extra_module(module: str, extra: str, package: str = "") -> Any:
         return importlib.import_module(module)
     except ImportError:
         raise MissingExtraError(package or module, extra) from None
+
+
+def loads(package: str, *parts: str) -> Callable[[str], ModuleType]:
+    """The `__getattr__` of a folder: a folder in it is loaded when it is first asked for.
+
+    Raises (when called): NoAttributeError: another name.
+    """
+
+    def part(name: str) -> ModuleType:
+        if name not in parts:
+            raise NoAttributeError(package, name, parts)
+        return importlib.import_module(f"{package}.{name}")
+
+    return part

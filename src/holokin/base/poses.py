@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -45,7 +45,9 @@ PoseLike = ArrayLike | MatrixPose | HomogeneousPose
 
 
 @typed
-def pose_of(position: ArrayLike, quaternion: ArrayLike | MatrixPose, *, order: str = "") -> Array:
+def pose_of(
+    position: ArrayLike, quaternion: ArrayLike | MatrixPose, *, order: Literal["wxyz", "xyzw", ""] = ""
+) -> Array:
     """The pose of a position and a quaternion or rotation, or of many: T = [R p; 0 1].
 
     No number of a quaternion tells whether the scalar w stands first or last: both orders are rotations. So the order

@@ -443,6 +443,39 @@ class NoTruthValue(Shown):
     def __bool__(self) -> NoReturn:
         raise AmbiguousTruthError(type(self).__name__, self.ask)
 
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data, ready for JSON: arrays are lists, statuses and nouns their names, NaN is null."""
+        return _plain_fields(self)
+
+
+def _plain_fields(value: Any) -> dict[str, Any]:
+    """The fields of a dataclass as plain data, without functions."""
+    parts = {f.name: getattr(value, f.name) for f in fields(value)} if is_dataclass(value) else {}
+    return {
+        name: _plain_data(part)
+        for name, part in parts.items()
+        if not name.startswith("_") and (not callable(part) or isinstance(part, Shown))
+    }
+
+
+def _plain_data(value: Any) -> Any:
+    """A value as JSON has it."""
+    if isinstance(value, Enum):
+        return value.name.lower()
+    if isinstance(value, float | np.floating):
+        return number_or_none(float(value))
+    if isinstance(value, bool | int | str | np.generic | type(None)):
+        return value.item() if isinstance(value, np.generic) else value
+    if isinstance(value, np.ndarray):
+        return _plain_data(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): _plain_data(part) for key, part in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [_plain_data(part) for part in value]
+    if isinstance(name := getattr(value, "name", None), str):  # a robot, a task, a strategy
+        return name
+    return _plain_fields(value) if is_dataclass(value) else str(value)
+
 
 def some(part: Any, chosen: Any) -> Any:
     """Some of the rows of a value whose fields are arrays of a row each."""
@@ -468,7 +501,7 @@ class ByValue(Value):
     when two values are first compared or one is first a key; 32 bytes of them are kept.
     """
 
-    aside: ClassVar[tuple[str, ...]] = ()
+    _aside: ClassVar[tuple[str, ...]] = ()
     """Fields that do not count."""
 
     def __eq__(self, other: object) -> bool:
@@ -476,26 +509,26 @@ class ByValue(Value):
             return True
         if type(self) is not type(other):
             return NotImplemented
-        return self.digest == other.digest  # type: ignore[attr-defined]
+        return self._digest == other._digest  # type: ignore[attr-defined]
 
     def __hash__(self) -> int:
         return self._number
 
     @cached_property
-    def digest(self) -> bytes:
+    def _digest(self) -> bytes:
         """32 bytes that stand for the parts, in this process."""
         return blake2b(b"".join(_parts(self)), digest_size=32).digest()
 
     @cached_property
     def _number(self) -> int:
-        return int.from_bytes(self.digest[:7], "big")
+        return int.from_bytes(self._digest[:7], "big")
 
 
 def _parts(value: ByValue) -> list[bytes]:
     recipe = vars(value).get("_recipe")
     if recipe is not None:
         return [_written(type(value)), _call(*recipe)]
-    return [_written(type(value)), *_fields(value, value.aside)]
+    return [_written(type(value)), *_fields(value, value._aside)]
 
 
 def _call(function: Callable[..., Any], arguments: tuple[Any, ...], named: Mapping[str, Any]) -> bytes:
@@ -517,7 +550,7 @@ def _written(value: Any) -> bytes:
 
 def _body(value: Any) -> tuple[str, bytes]:
     if isinstance(value, ByValue):
-        return "value", value.digest
+        return "value", value._digest
     if value is None or isinstance(value, bool | np.bool_ | str | bytes | Enum | PurePath):
         return type(value).__name__, repr(value).encode(errors="surrogatepass")
     if isinstance(value, Real | np.ndarray | list | tuple) and (numbers := _numbers(value)) is not None:

@@ -448,7 +448,7 @@ class _Writer:
                     written = source.joints(robot, source.values(robot, mine).astype(kind).astype(float))
                 else:
                     written = mine.astype(kind).astype(float)
-                self.rounded = max(self.rounded, float(np.abs(self.task.error(written, *self.task.poses(mine))).max()))
+                self.rounded = max(self.rounded, float(np.abs(self.task.error(written, *self.task._poses(mine))).max()))
 
     def _renumbered(self, table: Any, here: Sequence[Episode]) -> Any:
         """Rows of the episodes that stay, with their new numbers."""

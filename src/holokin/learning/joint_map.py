@@ -46,14 +46,14 @@ class JointMap(Value):
     @property
     def start(self) -> tuple[Vector, Array]:
         """Positions (3F,) and rotations (F, 3, 3) of the tools at the start."""
-        p, R = self.task.place(self.ik.q0)
+        p, R = self.task._place(self.ik.q0)
         return p, R.reshape(-1, 3, 3)
 
     @property
     def shapes(self) -> tuple[tuple[int, ...], ...]:
         """The shapes of one pose: a pose, positions, fewer positions."""
         frames = self.task.frames
-        return ((4, 4), (3,), (2,)) if frames == 1 else ((frames, 4, 4), (frames, 3), (self.task.point,))
+        return ((4, 4), (3,), (2,)) if frames == 1 else ((frames, 4, 4), (frames, 3), (self.task._point,))
 
     def solve(self, given: Array, R: Array) -> tuple[Matrix, Indices]:
         """Joints (k, n), NaN where a pose is not reached, and an `InverseStatus` (k,) for each.
@@ -144,9 +144,9 @@ def _slope(M: SX, variable: SX) -> SX:
 
 def _rates_of(task: Task) -> tuple[SX, SX]:
     """(R (3F, 3), E (m, 6F)): the rates of the task's rows by the twist of the tools."""
-    _, R = task.target_symbols()
+    _, R = task._target_symbols()
     v, w = symbol("v", 3 * task.frames), symbol("w", 3 * task.frames)
-    return R, jacobian(task.rates_expression(R, v, w), vertcat(v, w))
+    return R, jacobian(task._rates_expression(R, v, w), vertcat(v, w))
 
 
 def _stacked(R: Array) -> Array:

@@ -3,6 +3,9 @@
 Uses `strategies` and `path`. Read first: `follow_path.py`, `control_step.py`.
 """
 
+from typing import TYPE_CHECKING
+
+from ..base.extra_module import loads
 from .control_step import Controller, LoopWatch, StepStatus, controller, has_leaf
 from .control_step import step_function as step_function
 from .drift_and_spread import Cause, Drift, Spread, Winding, drift, path_spread, winding
@@ -11,6 +14,12 @@ from .hand_motion import Followed, HandFollower, hand_follower
 from .simulation import simulate
 from .timed_trajectory import JointLoad, Limits, Slowdown, TimedTrajectory
 from .timing import retime
+from .trajectory import Status, Trajectory
+
+if TYPE_CHECKING:
+    from . import checks as checks
+else:
+    __getattr__ = loads(__name__, "checks")
 
 __all__ = [
     "Cause",
@@ -23,8 +32,10 @@ __all__ = [
     "LoopWatch",
     "Slowdown",
     "Spread",
+    "Status",
     "StepStatus",
     "TimedTrajectory",
+    "Trajectory",
     "Winding",
     "approach",
     "controller",

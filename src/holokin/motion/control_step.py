@@ -134,7 +134,7 @@ def step_function(strategy: Strategy, limits: bool) -> Function:
         "dq": scale * dq,
         "scale": scale,
         "rcond": found.rcond,
-        "margin": fmin(strategy.margin_expression, task.margin_expression(R)),
+        "margin": fmin(strategy._margin_expression, task._margin_expression(R)),
         "room": room,
         "off": largest,
         "given": given,

@@ -232,7 +232,7 @@ def winding(
     known = {1.0: full, 0.0: np.zeros(len(full))}
     if np.abs(full).max() <= NO_DRIFT:
         return found(Cause.NONE, known)
-    turning = any(task.angular) and any(s.turn > 0 for s in path.segments)
+    turning = any(task._angular) and any(s.turn > 0 for s in path.segments)
     lifts = _lifts(path) if turning else None
     if lifts is not None and np.linalg.norm(lifts[-1]) > np.pi:
         return found(Cause.TOOL_TURNS, known)

@@ -56,12 +56,12 @@ def path_rate(strategy: Strategy) -> Function:
     """
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
-    (p, R), v, w = task.target_symbols(), symbol("v", 3 * task.frames), symbol("w", 3 * task.frames)
-    found = e.rate(task.rates_expression(R, v, w))
-    error, off = task.error_expression(e.kinematics, p, R), SX(0)
+    (p, R), v, w = task._target_symbols(), symbol("v", 3 * task.frames), symbol("w", 3 * task.frames)
+    found = e.rate(task._rates_expression(R, v, w))
+    error, off = task._error_expression(e.kinematics, p, R), SX(0)
     for i in range(task.m):
         off = fmax(off, fabs(error[i]))
-    margin = fmin(strategy.margin_expression, task.margin_expression(R))
+    margin = fmin(strategy._margin_expression, task._margin_expression(R))
     outputs = {"dq": found.X, "rcond": found.rcond, "margin": margin, "off": off}
     return Function("path_rate", {"q": e.q, "p": p, "R": R, "v": v, "w": w}, outputs, found.system, strategy.transport)
 
@@ -72,7 +72,7 @@ def velocity_stepper(strategy: Strategy, plan: Plan) -> Callable[[Vector, int], 
     Raises:
         SingularityError (when called): G is not defined there. TrackingError: the tool lost the path.
     """
-    rate, error = checked_rate(strategy), strategy.task.error_function
+    rate, error = checked_rate(strategy), strategy.task._error_function
 
     def step(q: Vector, i: int) -> Vector:
         new = runge_kutta(rate, q, *plan.step_rates(i))
@@ -163,7 +163,7 @@ def follow(
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"following {cycles} cycles", path.gap)
     strategy(start)
-    plan = make_plan(task, path, whole("samples", samples), task.place(start)[1])
+    plan = make_plan(task, path, whole("samples", samples), task._place(start)[1])
     check_start(task, start, *plan.first)
     once = partial(_walk, strategy, leaf, plan, start, int(cycles), limits, native)
     return _to_jump(strategy, plan, int(cycles), once)
@@ -410,7 +410,7 @@ def _recorded(strategy: Strategy, q: Matrix, speed: float) -> Trajectory:
         error=lambda samples: np.zeros((samples, task.m)), sigma=sigma, residual=np.zeros,
     )  # fmt: skip
     return Trajectory(
-        joint_names=task.robot.joint_names, joint_units=tuple(c.unit for c in task.robot.coordinates),
+        robot=task.robot, joint_units=tuple(c.unit for c in task.robot.coordinates),
         row_names=task.row_names, row_units=task.units, t=t, q=q, marks=(0, len(q) - 1) if len(q) > 1 else (0,),
         status=Status.COMPLETE, measures=measures,
     )  # fmt: skip

@@ -24,7 +24,7 @@ from .trajectory import Status, Trajectory, record
 
 @typed
 def simulate(
-    law: object,
+    control_law: object,
     task: Task,
     path: AnyPath,
     q0: ArrayLike,
@@ -39,7 +39,7 @@ def simulate(
     limits stop nothing: a law must know them itself.
 
     Args:
-        law: a `ControlLaw`, such as a compiled `controller`; a `Strategy`, which is run without feedback; or a
+        control_law: a `ControlLaw`, such as a compiled `controller`; a `Strategy`, which is run without feedback; or a
             function (q, pose, twist, dt) -> dq. `Step` says what these are.
         task: what the tool must do; the record's error and singular values are of it.
         path: of the tool.
@@ -57,14 +57,14 @@ def simulate(
         ControllerError: the law threw, blocked, or returned something that is not n finite numbers; `.trajectory`
             holds what was computed.
     """
-    chosen = as_control_law(law)
+    chosen = as_control_law(control_law)
     start = task.robot.checked(q0, "the start posture")
     positive("dt", dt, "give a positive step in seconds")
     if patience is not None:
         positive("patience", patience, "give positive seconds, or None")
     if whole("cycles", cycles) > 1 and not path.closed:
         raise OpenPathError(f"simulating {cycles} cycles", path.gap)
-    tool = task.place(start)
+    tool = task._place(start)
     steps = np.ceil(path.duration / dt - 1e-9)
     if not steps * cycles <= MOST:
         raise ArgumentError("the number of steps", float(steps * cycles), f"give a larger dt, for at most {MOST:g}")

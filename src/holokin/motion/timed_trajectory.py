@@ -188,6 +188,9 @@ class TimedTrajectory(Value):
         fastest = f"never faster than {own}" if times == "1" else f"at most {times} times {own}"
         return f"{self.profile}, {self.duration:.3f} s, {len(self)} samples of {1e3 * self.dt:g} ms, {fastest}"
 
+    def __str__(self) -> str:
+        return self.table()
+
     @typed
     def table(self, units: PrintedUnits = SI) -> str:
         """Lines of text: a joint each with its peaks, shares of limits, and least distance to a position limit."""
@@ -206,7 +209,7 @@ class TimedTrajectory(Value):
         lines += [str(slow) for slow in self.slowdowns]
         return "\n".join(lines)
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
         loads = [
             {

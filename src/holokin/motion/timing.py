@@ -12,7 +12,7 @@ from ..base.arguments import typed
 from ..base.errors import ArgumentError
 from ..base.types import HUGE, ArrayLike, Flags, Indices, Matrix, Value, Vector, numbers, positive, whole
 from ..path.path import Poses, distinct
-from ..robot import GIVE_SPEEDS, Robot, speed_limits
+from ..robot import GIVE_SPEEDS, speed_limits
 from .timed_trajectory import RATES, Limits, Slowdown, TimedTrajectory
 from .trajectory import Status, Trajectory
 
@@ -530,7 +530,6 @@ GIVE_VELOCITY = f"{GIVE_SPEEDS}, or give the motion its own: velocity= here or i
 @typed
 def retime(
     trajectory: Trajectory,
-    robot: Robot,
     *,
     acceleration: ArrayLike | None = None,
     jerk: ArrayLike | None = None,
@@ -559,9 +558,9 @@ def retime(
     time along it is smoothed. That is not the least time under a limit of jerk.
 
     Args:
-        robot: whose limits of position, and of speed, hold.
-        acceleration: largest accelerations [rad/s^2 or m/s^2], one for all joints or (n,); needed for "time-optimal"
-            and "trapezoidal".
+        trajectory: whose robot's limits of position, and of speed, hold.
+        acceleration: largest accelerations [rad/s^2 or m/s^2], one for all joints or (n,), which no model of a robot
+            has; needed for "time-optimal" and "trapezoidal".
         jerk: the same of the jerks; None for no limit.
         velocity: the same of the speeds; by default the robot's `max_velocity`, of which no joint may lack one.
             `math.inf` is no limit.
@@ -580,9 +579,7 @@ def retime(
         one that does not repeat.
         ShapeError: limits that are not n numbers.
     """
-    n = trajectory.q.shape[1]
-    if trajectory.joint_names != robot.joint_names:
-        raise ArgumentError("the robot", robot.name, "give the one that the trajectory is of")
+    robot, n = trajectory.robot, trajectory.robot.n
     if profile not in get_args(Profile):
         raise ArgumentError("profile", profile, f"use one of {', '.join(get_args(Profile))}")
     speeds = speed_limits(robot, GIVE_VELOCITY) if velocity is None else velocity
@@ -591,7 +588,10 @@ def retime(
         _limit("acceleration", acceleration, n), _limit("jerk", jerk, n),
     )  # fmt: skip
     if profile != "quintic" and not np.isfinite(limits.acceleration).all():
-        raise ArgumentError("acceleration", acceleration, f"a {profile} profile needs that of every joint")
+        cure = (
+            f"a {profile} profile needs that of every joint: hk.retime(trajectory, acceleration=5.0) [rad/s^2 or m/s^2]"
+        )
+        raise ArgumentError("acceleration", acceleration, f'{cure}, or profile="quintic", which does without')
     if not any(np.isfinite(getattr(limits, rate)).any() for rate in RATES) and speed is None:
         raise ArgumentError("the limits", None, "give at least one of velocity, acceleration, jerk and speed")
     most = np.inf if speed is None else positive("speed", speed)

@@ -16,6 +16,7 @@ from ..base.errors import ArgumentError, NotFiniteError, ShapeError
 from ..base.files import write_csv
 from ..base.types import Indices, Matrix, NoTruthValue, Value, Vector, frozen, numbers
 from ..base.units import SI, PrintedUnits
+from ..robot import Robot
 from ..strategies.tasks.task import Task
 from .ik.plan import BLOCK, Plan
 
@@ -62,13 +63,13 @@ def _known(values: Matrix, count: int) -> Matrix:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory(NoTruthValue, Value, ask="`.status`"):
-    """Joint motion at k instants.
+    """Joint motion of a robot at k instants.
 
     t (k,) [s]; q (k, n) [joint units]; marks: indices at which cycles begin, and the last one ends; corners: indices at
     which the tool's direction jumps, the marks among them where a closed path ends in another direction than it starts.
     """
 
-    joint_names: tuple[str, ...]
+    robot: Robot
     joint_units: tuple[str, ...]
     row_names: tuple[str, ...]
     row_units: tuple[str, ...]
@@ -83,6 +84,11 @@ class Trajectory(NoTruthValue, Value, ask="`.status`"):
         return (
             f"Trajectory({len(self)} samples, {self.cycles} cycles, {self.status.name}, {', '.join(self.joint_names)})"
         )
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of q."""
+        return self.robot.joint_names
 
     def _shown_rows(self) -> list[Sequence[str]]:
         """How it ended, and from where to where each joint went."""
@@ -217,7 +223,6 @@ def record(
     residual: Callable[[int], Vector] | None = None,
 ) -> Trajectory:
     """The trajectory of postures q (k + 1, n) at the start and the plan's samples; the rest is measured when asked."""
-    robot = task.robot
     count, steps = len(q) - 1, plan.steps
     t = np.empty(count + 1)
     t[0] = 0.0
@@ -246,8 +251,8 @@ def record(
         residual=residual or np.zeros,
     )
     return Trajectory(
-        joint_names=robot.joint_names,
-        joint_units=tuple(c.unit for c in robot.coordinates),
+        robot=task.robot,
+        joint_units=tuple(c.unit for c in task.robot.coordinates),
         row_names=task.row_names,
         row_units=task.units,
         t=t,

@@ -257,7 +257,7 @@ class SynchronizedPaths(Value):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.paths or any(not np.array_equal(path.durations, self.durations) for path in self.paths):
-            raise ArgumentError("the paths to run through together", len(self.paths), "make them by hk.synchronized")
+            raise ArgumentError("the paths to run through together", len(self.paths), "hk.path.synchronized makes them")
 
     def __repr__(self) -> str:
         return f"SynchronizedPaths({', '.join(map(repr, self.paths))})"

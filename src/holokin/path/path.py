@@ -23,6 +23,7 @@ from ..base.types import (
     ArrayLike,
     Indices,
     Matrix,
+    Shown,
     Value,
     Vector,
     check_rotation,
@@ -360,7 +361,7 @@ ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(Shown):
     """A path at k instants: t [s], position (k, 3), rotation (k, 3, 3), velocity [m/s] and angular [rad/s] (k, 3)."""
 
     t: Vector

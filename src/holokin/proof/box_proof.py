@@ -43,7 +43,7 @@ def walked(strategy: HolonomicStrategy, path: AnyPath, q0: Vector, samples: int)
     """
     task = strategy.task
     strategy(q0)
-    plan = make_plan(task, path, samples, task.place(q0)[1])
+    plan = make_plan(task, path, samples, task._place(q0)[1])
     check_start(task, q0, *plan.first)
     go, c = leaf_follower(strategy, q0, PIECES), leaf_value(strategy, q0)
     correct = leaf_step(strategy)
@@ -178,9 +178,9 @@ class PoseRegion(Value, Domain):
         if not isinstance(space, PoseRange) or not isinstance(space.solid, Box):
             raise ArgumentError("the workspace to certify", str(space), "give a box: hk.workspace(box=(center, half))")
         if strategy.task.frames > 1:
-            cure = "certify it along paths of its frames, hk.synchronized(...): a box of poses is of one tool"
+            cure = "certify it along paths of its frames, hk.path.synchronized(...): a box of poses is of one tool"
             raise ArgumentError("the task to certify over a box", strategy.task.name, cure)
-        p0, R = completed(strategy.task, (space.solid.center, space.rotation), strategy.task.place(q0))
+        p0, R = completed(strategy.task, (space.solid.center, space.rotation), strategy.task._place(q0))
         tilt, spin = (space.tilt, space.spin) if _turns(strategy.task) else (0.0, 0.0)
         if spins_freely(strategy.task, R):
             spin = 0.0
@@ -329,7 +329,7 @@ class PoseRegion(Value, Domain):
         task, leaf = strategy.task, self.c
         correct, go = leaf_step(strategy), leaf_follower(strategy, self.q, PIECES)
         middles, T = (boxes.low + boxes.high) / 2, self.poses(boxes)
-        side = float(correct(self.q, *task.place(self.q), leaf)[3])
+        side = float(correct(self.q, *task._place(self.q), leaf)[3])
         before = KDTree(np.array([u for u, _ in self._known])).query(middles[missing])[1]
         known, postures = (list(column) for column in zip(*(self._known[i] for i in np.unique(before)), strict=True))
         for i in missing[np.argsort(np.linalg.norm(middles[missing] - self.u0, axis=1), kind="stable")].tolist():
@@ -337,7 +337,7 @@ class PoseRegion(Value, Domain):
             q, pose = postures[nearest], (T[i, :3, 3], T[i, :3, :3])
             near = newton_on_leaf(correct, q, *pose, leaf, side)
             try:
-                q = go(q, straight_path(task, task.place(q), pose, (leaf, leaf))) if near is None else near[0]
+                q = go(q, straight_path(task, task._place(q), pose, (leaf, leaf))) if near is None else near[0]
                 known.append(middles[i])
                 postures.append(q)
                 self._known.append((middles[i], q))
@@ -351,7 +351,7 @@ class PoseRegion(Value, Domain):
         the leaf ends on the way."""
         strategy, leaf = self.equation.strategy, self.c
         correct, go, task = leaf_step(strategy), leaf_follower(strategy, self.q, PIECES), strategy.task
-        side, out = float(correct(self.q, *task.place(self.q), leaf)[3]), np.full(postures.shape, np.nan)
+        side, out = float(correct(self.q, *task._place(self.q), leaf)[3]), np.full(postures.shape, np.nan)
         begun, sought = self.poses_at(places), self.poses(boxes)
         for i, q in enumerate(postures[:, : task.n]):
             (start, end) = ((T[i, :3, 3], T[i, :3, :3]) for T in (begun, sought))
@@ -457,7 +457,7 @@ def one_root(off: Vector, r: Vector, alone: Vector, other_r: Vector, other_alone
 
 def _turns(task: Task) -> bool:
     """Whether a task looks at the tool's orientation."""
-    return any(task.angular)
+    return any(task._angular)
 
 
 def _not_whole(found: Covered) -> Extent:

@@ -286,12 +286,12 @@ class Domain(ABC):
 
 
 def covered(
-    domain: Domain, boxes: Boxes, demands: Demands, budget: int, say: Callable[[int, int, float], None],
+    domain: Domain, boxes: Boxes, demands: Demands, budget: int, progress: Callable[[int, int, float], None],
     kept_cells: KeptCells = NOWHERE,
 ) -> Covered:  # fmt: skip
     """The boxes, halved where they must be, that are proven of some boxes, and why no more of them are.
 
-    say: hears how many are proven, how many were examined, and which share of the boxes is proven, 0 to 1.
+    progress: hears how many are proven, how many were examined, and which share of the boxes is proven, 0 to 1.
     """
     done: list[tuple[Boxes, Cells, Findings]] = []
     stopped: list[tuple[int, tuple[float, ...]]] = []
@@ -318,7 +318,7 @@ def covered(
         proven_so_far += int(kept.sum())
         filled += float(domain.shares(here.low[kept], here.high[kept]).sum())
         batch = min(BATCH, FEW + 8 * int(kept.sum()))
-        say(proven_so_far, spent, filled / all_of_it)
+        progress(proven_so_far, spent, filled / all_of_it)
         final = ~kept & (too_small(here, cells) | found.final)
         stopped += _places(some(here, final))
         reasons += reasons_of(found, final)

@@ -374,7 +374,7 @@ def certify(
     scene: Scene | None = None,
     budget: int = 20_000,
     keep_in: str | FilePath | None = None,
-    say: Callable[[str], None] = lambda _text: None,
+    progress: Callable[[str], None] = lambda _text: None,
 ) -> Certificate:
     """Prove that on the leaf through q0 the joints are one function of the tool pose in a box, or the place on a path.
 
@@ -398,7 +398,7 @@ def certify(
         budget: cells that may be examined.
         keep_in: a file that keeps the cells as they are examined. Where it is there already, of the same question, the
             proof goes on with them, and ends with the same certificate; with another `budget`, as far as they serve.
-        say: hears of the progress.
+        progress: hears how far it is.
 
     Returns:
         A certificate; where something could not be proven its `extent` says why, `where` the place, and what it holds
@@ -422,7 +422,7 @@ def certify(
     clear = kept_apart(strategy, start, scene)
     asked = demands(strategy, limits, clear)
     with KeptCells.opened(keep_in, lambda: question(domain, start, asked)) as kept_cells:
-        return certificate(where, domain, start, asked, budget, say, began, ended, kept_cells)
+        return certificate(where, domain, start, asked, budget, progress, began, ended, kept_cells)
 
 
 def question(domain: Domain, start: Vector, asked: Demands) -> dict[str, Any]:
@@ -462,15 +462,16 @@ def demands(strategy: HolonomicStrategy, limits: bool, clear: ClearCells | None)
 
 
 def certificate(
-    where: AnyPath | Workspace, domain: Domain, start: Vector, asked: Demands, budget: int, say: Callable[[str], None],
-    began: float, ended: tuple[Extent, str] = (Extent.WHOLE, ""), kept_cells: KeptCells = NOWHERE,
+    where: AnyPath | Workspace, domain: Domain, start: Vector, asked: Demands, budget: int,
+    progress: Callable[[str], None], began: float, ended: tuple[Extent, str] = (Extent.WHOLE, ""),
+    kept_cells: KeptCells = NOWHERE,
 ) -> Certificate:  # fmt: skip
     """What can be proven over a domain. ended: why and where the postures of a path ended early."""
     strategy = domain.equation.strategy
     robot = strategy.task.robot
-    found = _glued(domain, asked, budget, say, kept_cells)
+    found = _glued(domain, asked, budget, progress, kept_cells)
     if asked.clear is not None:
-        say(f"{len(found):,} cells proven, the least distances")
+        progress(f"{len(found):,} cells proven, the least distances")
         found = replace(found, findings=asked.clear.sharpened(found.cells, found.findings))
     extent, place = found.extent, domain.place(found)
     if extent is Extent.WHOLE and ended[0] is not Extent.WHOLE:
@@ -562,19 +563,19 @@ def _hull(found: Covered, q0: Vector) -> tuple[Vector, Vector]:
     return found.findings.low.min(axis=0), found.findings.high.max(axis=0)
 
 
-def _glued(domain: Domain, asked: Demands, budget: int, say: Callable[[str], None], kept: KeptCells) -> Covered:
+def _glued(domain: Domain, asked: Demands, budget: int, progress: Callable[[str], None], kept: KeptCells) -> Covered:
     """Cells over all of a domain, halved until neighbours share roots; or those that hang together."""
     before = ""
 
     def told(count: int, spent: int, share: float) -> None:
         again = f", {kept.resumed:,} of them before" if kept.resumed else ""
-        say(f"{before}{share:.0%} proven by {count:,} cells, {spent:,} of at most {budget:,} examined{again}")
+        progress(f"{before}{share:.0%} proven by {count:,} cells, {spent:,} of at most {budget:,} examined{again}")
 
     if isinstance(domain, PoseRegion) and domain.partial:
         return grown(domain, asked, budget, told, kept)
     found = domain.arranged(covered(domain, domain.first(), asked, budget, told, kept))
     for i in range(ROUNDS):
-        say(f"{len(found):,} cells proven, joining them")
+        progress(f"{len(found):,} cells proven, joining them")
         apart = domain.unglued(found)
         if not (domain.goes_on(found.extent) and apart.any()):
             break

@@ -247,7 +247,7 @@ def rows_of(task: Task, position: SX, rotation: SX, p: SX, R: SX) -> tuple[SX, S
 
 def turned(task: FrameTask) -> bool:
     """Whether its angular rows are those of a twist: of a full orientation, or the one of a plane."""
-    return task.turns or (task.geometric and any(task.angular))
+    return task._turns or (task._geometric and any(task._angular))
 
 
 def _part(task: FrameTask, position: SX, rotation: SX, p: SX, R: SX) -> tuple[SX, SX]:

@@ -130,7 +130,7 @@ def clearances_of(robot: Robot, scene: Scene | None) -> Clearances | None:
     """
     if scene is None:
         return None
-    robot.check_links()
+    robot._check_links()
     _checked(robot, scene)
     found = Clearances.of(robot, scene)
     if not found.names:
@@ -201,7 +201,7 @@ def _is_rotation(T: Matrix) -> bool:
 def _checked(robot: Robot, scene: Scene) -> None:
     """Raises: ArgumentError: lengths that are not in metres; an obstacle that moves, or that cannot be read."""
     lengths = {"clearance": scene.clearance} | ({} if scene.floor is None else {"floor": scene.floor})
-    size, foot = max(chain_length(robot), 0.1), foot_of(robot.joints, robot.tip().joint)
+    size, foot = max(chain_length(robot), 0.1), foot_of(robot.joints, robot._find_tip().joint)
     most = LARGE * size
     for name, length in lengths.items():
         if abs(length - (foot[2] if name == "floor" else 0.0)) > most:
@@ -214,7 +214,7 @@ def _checked(robot: Robot, scene: Scene) -> None:
             raise ArgumentError("a shape of the robot", shape.link, cure)
     for one in scene.obstacles:
         if one.joint >= 0:
-            cure = "a proof is about obstacles that stand still: put what the tool carries on it by hk.with_shape"
+            cure = "a proof is about obstacles that stand still: put what the tool carries on it by hk.robot.with_shape"
             raise ArgumentError("an obstacle that moves", one.link, cure)
         if one.shape.fault:
             raise ArgumentError(f"the obstacle {one.link!r}", one.shape.fault, "give a shape that can be read")

@@ -68,7 +68,7 @@ class Pathway(Value, Domain):
         from scipy.interpolate import make_interp_spline
 
         start, task = postures[0], strategy.task
-        plan = make_plan(task, path, samples, task.place(start)[1])
+        plan = make_plan(task, path, samples, task._place(start)[1])
         rows = path.table(plan.start_rotation).reshape(task.frames, len(path.durations), -1)
         splines, ends, first = [], [], 0
         for count in path.counts(samples).tolist():
@@ -180,7 +180,7 @@ class Pathway(Value, Domain):
 def _free_turns(plan: Plan, ends: Vector) -> Matrix:
     """How far the frames turn freely in the parts of each piece up to its end (pieces, `FINE`) [rad]."""
     spins, task = np.zeros((len(ends), FINE)), plan.task
-    turning = sorted({row // 6 for row, angular in zip(task.rows, task.angular, strict=True) if angular})
+    turning = sorted({row // 6 for row, angular in zip(task.rows, task._angular, strict=True) if angular})
     if not leaves_free(task) or not turning:
         return spins
     for i, end in enumerate(ends.tolist()):

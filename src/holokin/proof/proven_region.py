@@ -101,7 +101,12 @@ def _largest_box(strategy: HolonomicStrategy, q0: Vector, tilt: float, spin: flo
 
 
 def _proven_box(
-    strategy: HolonomicStrategy, q0: Vector, box: PoseRange, asked: Demands, budget: int, say: Callable[[str], None]
+    strategy: HolonomicStrategy,
+    q0: Vector,
+    box: PoseRange,
+    asked: Demands,
+    budget: int,
+    progress: Callable[[str], None],
 ) -> tuple[Certificate, PoseRegion, PoseRange]:
     """The certificate of a box, or of a smaller one about the start, the first that is proven whole; or the last."""
     tool, began = strategy.task.pose(q0)[:3, 3], time.perf_counter()
@@ -113,10 +118,10 @@ def _proven_box(
         if count > FILLED * budget and left:
             box = _about(box, tool, max(0.5, (FILLED * budget / count) ** (1 / 3)))
             continue
-        found = certificate(box, cells, q0, asked, budget, say, began)
+        found = certificate(box, cells, q0, asked, budget, progress, began)
         if found.whole or not left:
             return found, cells, box
-        say(f"{box}: {found.extent.cause}")
+        progress(f"{box}: {found.extent.cause}")
         box = _about(box, tool, 0.8) if found.extent is Extent.BUDGET else _cut(box, tool, cells.stop(found.proven))
 
 
@@ -363,7 +368,7 @@ class UniqueRegion(NoTruthValue, Value, ask="`.whole`"):
     @property
     def holds_start(self) -> bool:
         """True where the pose of q0 belongs to it, with the posture q0."""
-        p, R = self.strategy.task.place(self.q0)
+        p, R = self.strategy.task._place(self.q0)
         near, alone = self.near(p[None], R[None])
         return bool(np.linalg.norm(near[0] - self.q0) <= alone[0])
 
@@ -567,7 +572,7 @@ def unique_region(
     scene: Scene | None = None,
     budget: int = 20_000,
     keep_in: str | FilePath | None = None,
-    say: Callable[[str], None] = lambda _text: None,
+    progress: Callable[[str], None] = lambda _text: None,
 ) -> UniqueRegion:
     """Tool poses about q0 over which the joints on its leaf are proven to be one function of the pose.
 
@@ -586,7 +591,7 @@ def unique_region(
         scene: prove, too, that the links keep clear of it, as `certify`.
         budget: cells that may be examined; more give a larger box, and never prove less of one.
         keep_in: of a workspace, a file that keeps the cells, as of `certify`.
-        say: hears of the progress.
+        progress: hears how far it is.
 
     Raises:
         NoProofError: a strategy without leaves, or whose leaves a differential equation carries. ArgumentError: no box,
@@ -602,12 +607,12 @@ def unique_region(
             cure = "it is of one box: give the workspace, too"
             raise ArgumentError("keep_in", str(keep_in), cure)
         box = _largest_box(strategy, start, tilt, spin, asked)
-        found, cells, box = _proven_box(strategy, start, box, asked, budget, say)
+        found, cells, box = _proven_box(strategy, start, box, asked, budget, progress)
         return UniqueRegion(strategy, start, box, found, cells)
     if tilt or spin:
         raise ArgumentError("tilt and spin", (tilt, spin), "a workspace has its own: hk.workspace(..., tilt=, spin=)")
     began = time.perf_counter()
     cells = PoseRegion.of(strategy, workspace, start, partial=True)
     with KeptCells.opened(keep_in, lambda: question(cells, start, asked)) as kept_cells:
-        found = certificate(workspace, cells, start, asked, budget, say, began, kept_cells=kept_cells)
+        found = certificate(workspace, cells, start, asked, budget, progress, began, kept_cells=kept_cells)
     return UniqueRegion(strategy, start, workspace, found, cells)

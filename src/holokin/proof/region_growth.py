@@ -30,13 +30,13 @@ SAME = 1e-6
 
 
 def grown(
-    domain: PoseRegion, demands: Demands, budget: int, say: Callable[[int, int, float], None], kept: KeptCells
+    domain: PoseRegion, demands: Demands, budget: int, progress: Callable[[int, int, float], None], kept: KeptCells
 ) -> Covered:
     """The proven cells that are joined to the one at `domain.u0`, and why no more are.
 
     Where that one cannot be proven they are those that are joined to the nearest one that is.
 
-    say: hears how many are joined, how many were examined, and which share of the box they fill, 0 to 1.
+    progress: hears how many are joined, how many were examined, and which share of the box they fill, 0 to 1.
     """
     search, spent, freely, lost = _Search(domain), 0, FEW, False
     count, share = 0, 0.0
@@ -48,7 +48,7 @@ def grown(
         freely = 0 if lost else min(BATCH, FEW + 8 * int(found.kept.sum()))
         new = some(search.boxes, search.join(None))
         count, share = count + len(new), share + float(domain.shares(new.low, new.high).sum())
-        say(count, spent, share)
+        progress(count, spent, share)
     search.join(search.nearest(PROVEN))
     return search.covered(spent < budget)
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..base.arguments import check, typed
 from ..base.errors import ArgumentError, RobotFileError, ShapeError, UnknownNameError, shown
-from ..base.poses import pose_from
+from ..base.poses import PoseLike, given_pose, pose_from, pose_numbers
 from ..base.tolerances import TOLERANCES
-from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, numbers, one_or_each
+from ..base.types import Array, ArrayLike, Flags, Matrix, Value, Vector, finite, numbers, one_or_each, tool_pose
 from ..symbolic.rotations import rotation_from_rpy
 from .joints import WOUND, Body, Coordinate, Joint, Tip, foot_of, joints_above
 from .model import Robot
@@ -60,7 +60,7 @@ def longest_span(robot: Robot, tip: str | None = None, *, turned: bool) -> Span:
     Args:
         turned: whether the tool's rotation is known: then the span ends on the last hinge's axis; else at the tip.
     """
-    links = _Links.of(robot, robot.tip(tip), turned)
+    links = _Links.of(robot, robot._find_tip(tip), turned)
     at = links.drawn_in()
     return Span(links.first(at), links.last(at), links.length(at)[0] + links.slides)
 
@@ -222,7 +222,7 @@ def start_posture(robot: Robot, q: ArrayLike, limits: bool, what: str = "the sta
 
 def doubtful_unit(robot: Robot, places: Matrix, tip: str | None = None) -> str:
     """What to say of places (k, 3) that are all too far from the base to be in metres; empty of others."""
-    away = places - foot_of(robot.joints, robot.tip(tip).joint)
+    away = places - foot_of(robot.joints, robot._find_tip(tip).joint)
     least, reach = float(np.linalg.norm(away, axis=-1).min()), longest_reach(robot, tip)
     if not FAR * reach < least < np.inf:
         return ""
@@ -648,7 +648,9 @@ BASE = "base"
 
 @dataclass(frozen=True, eq=False)
 class Part(Value):
-    """A robot and where it is mounted: its base at xyz (3,) [m], rpy (3,) [rad] in the frame of a tip, or of the base.
+    """A robot and where it is mounted: the pose (4, 4) of its base in the frame of a tip, or of the base.
+
+    Instead of the pose a position (3,) [m] may be given, with rpy (3,) [rad] as of `with_tool`; they become the pose.
 
     `on` names a tip of the parts before it, or "base" for the ground. By default it is the first tip of the part before
     it; the first part stands on the ground. `prefix` goes before the names of its joints and tips.
@@ -656,7 +658,7 @@ class Part(Value):
 
     robot: Robot
     on: str | None = None
-    xyz: Vector = field(default_factory=lambda: np.zeros(3))
+    pose: Matrix = field(default_factory=lambda: np.zeros(3))
     rpy: Vector = field(default_factory=lambda: np.zeros(3))
     prefix: str = ""
 
@@ -665,9 +667,8 @@ class Part(Value):
             raise ArgumentError("the robot of a part", self.robot, "give a Robot, as hk.load makes it")
         check("on of a part", str | None, self.on)
         check("prefix of a part", str, self.prefix)
-        object.__setattr__(self, "xyz", finite("xyz of a part", self.xyz, (3,)))
-        object.__setattr__(self, "rpy", finite("rpy of a part", self.rpy, (3,)))
-        check_radians("rpy of a part", self.rpy)
+        object.__setattr__(self, "pose", _placed("a part", self.pose, self.rpy, ""))
+        object.__setattr__(self, "rpy", np.zeros(3))
         super().__post_init__()
 
 
@@ -698,11 +699,11 @@ def compose(*parts: Robot | Part, name: str = "", order: Sequence[str] | None = 
     carrying: set[str] = set()
     on = BASE
     for part in given:
-        part.robot.check_links()
+        part.robot._check_links()
         on = on if part.on is None else part.on
         mount = _mount(on, tips)
         carrying.add(mount.name)
-        origin = mount.placement @ pose_matrix(part.xyz, part.rpy)
+        origin = mount.placement @ part.pose
         first, number = len(joints), len(coordinates)
 
         def placed(
@@ -769,14 +770,14 @@ def ordered(robot: Robot, order: Sequence[str]) -> Robot:
 
 @typed
 def with_tool(
-    robot: Robot, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0), *, tip: str | None = None, name: str = "tool",
-    trust_units: bool = False,
+    robot: Robot, pose: PoseLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0), *, tip: str | None = None,
+    name: str = "tool", trust_units: bool = False,
 ) -> Robot:  # fmt: skip
-    """The robot with a tool: a tip at xyz (3,) [m], rpy (3,) [rad] in the frame of one of its tips, which it replaces.
-
-    R = Rz(yaw) Ry(pitch) Rx(roll), as in a URDF.
+    """The robot with a tool: a tip at a pose in the frame of one of its tips, which it replaces.
 
     Args:
+        pose: (4, 4), as `pose_of` makes it or a pose of another library; or a position (3,) [m].
+        rpy: of a position, the turn (3,) [rad]: R = Rz(yaw) Ry(pitch) Rx(roll), as in a URDF.
         tip: the tip that carries the tool, by default the first.
         name: of the new tip.
         trust_units: take the numbers for rad and m, whatever they look like.
@@ -785,25 +786,42 @@ def with_tool(
         UnknownNameError: no such tip. ArgumentError: another tip has that name; angles over a turn, which look like
         degrees, or a tool ten times as long as the arm, which looks like millimetres. ShapeError, NotFiniteError.
     """
-    place, turn = finite("xyz of a tool", xyz, (3,)), finite("rpy of a tool", rpy, (3,))
-    carrier = robot.tip(tip)
+    T = _placed("a tool", pose, rpy, None if trust_units else TRUST)
+    carrier = robot._find_tip(tip)
     if not trust_units:
-        check_radians("rpy of a tool", turn, TRUST)
-        _check_tool(robot, place, carrier.name)
-    T = pose_matrix(place, turn)
+        _check_tool(robot, T[:3, 3], carrier.name)
     tips = [Tip(name, t.joint, t.placement @ T, t.arm_end) if t is carrier else t for t in robot.tips]
     _unlike("tip", tips)
     return replace(robot, tips=tuple(tips))
 
 
 @typed
-def with_base_pose(robot: Robot, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0)) -> Robot:
-    """The robot mounted at xyz (3,) [m], rpy (3,) [rad]: poses then count from the frame in which these are given.
+def with_base_pose(robot: Robot, pose: PoseLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0)) -> Robot:
+    """The robot mounted at a pose (4, 4), or at a position (3,) [m] with rpy (3,) [rad], as of `with_tool`.
+
+    Poses then count from the frame in which this one is given.
 
     Raises:
         ShapeError, NotFiniteError, ArgumentError.
     """
-    return compose(Part(robot, xyz=finite("xyz", xyz, (3,)), rpy=finite("rpy", rpy, (3,))), name=robot.name)
+    return compose(Part(robot, pose=_placed("a robot", pose, rpy, "")), name=robot.name)
+
+
+def _placed(what: str, pose: PoseLike, rpy: ArrayLike, overruled: str | None) -> Matrix:
+    """The pose (4, 4) of one, or of a position (3,) and rpy (3,); overruled None: angles are in rad, however large.
+
+    Raises:
+        ShapeError, NotFiniteError, ArgumentError.
+    """
+    given, turn = pose_numbers(f"the pose of {what}", pose), finite(f"rpy of {what}", rpy, (3,))
+    if overruled is not None:
+        check_radians(f"rpy of {what}", turn, overruled)
+    if given.shape == (3,):
+        return pose_matrix(finite(f"the position of {what}", given), turn)
+    if turn.any():
+        raise ArgumentError(f"rpy of {what}", turn.tolist(), "give it with a position (3,): a pose (4, 4) has its turn")
+    cure = "give a pose (4, 4), or a position (3,)"
+    return tool_pose(f"the pose of {what}", given_pose(f"the pose of {what}", given, cure=cure))
 
 
 def _mount(on: str, tips: Sequence[Tip]) -> Tip:
@@ -820,7 +838,7 @@ def _unlike(kind: str, named: Sequence[Joint | Tip]) -> None:
     names = [thing.name for thing in named]
     for name in names:
         if names.count(name) > 1:
-            cure = f"give a part a prefix, as in hk.Part(arm, prefix='left_'), or the {kind} another name"
+            cure = f"give a part a prefix, as in hk.robot.Part(arm, prefix='left_'), or the {kind} another name"
             raise ArgumentError(f"the name of two {kind}s", name, cure)
 
 

@@ -42,7 +42,7 @@ def link_jacobian(robot: Robot, q: SX, tip: str | None = None, *, turned: bool =
     Args:
         turned: all six rows are to count. Else the linear ones (3, n) of the tool's own point.
     """
-    end = robot.tip(tip)
+    end = robot._find_tip(tip)
     chain = [end.joint]
     while robot.joints[chain[-1]].parent >= 0:
         chain.append(robot.joints[chain[-1]].parent)
@@ -157,7 +157,7 @@ def reach(robot: Robot, tip: str | None = None) -> float:
     """
     from scipy.optimize import minimize
 
-    end = robot.tip(tip)
+    end = robot._find_tip(tip)
     if not (np.isfinite(robot.upper - robot.lower) | robot.hinges).all():
         return float("inf")
     lower, upper = robot.ranges(np.pi)
@@ -220,7 +220,7 @@ def with_capsules(robot: Robot, radius: float | Mapping[str, float] | None = Non
     Raises:
         UnknownNameError: a name that no link has. ArgumentError: a bad radius, or a robot without links.
     """
-    robot.check_links()
+    robot._check_links()
     lines = link_lines(robot)
     names = tuple(dict.fromkeys([BASE, *(joint.name for joint in robot.joints), *(line.link for line in lines)]))
     given = dict(radius) if isinstance(radius, Mapping) else {}
@@ -268,7 +268,7 @@ def chain_length(robot: Robot) -> float:
     Raises:
         ArgumentError: a robot without links.
     """
-    tip = robot.tip()
+    tip = robot._find_tip()
     total = float(np.linalg.norm(tip.arm_end))
     for index in joints_above(robot.joints, tip.joint):
         total += float(np.linalg.norm(robot.joints[index].step))
@@ -342,7 +342,7 @@ def with_shape(
     Raises:
         UnknownNameError: no such tip. ArgumentError, ShapeError, NotFiniteError.
     """
-    end = robot.tip(tip)
+    end = robot._find_tip(tip)
     placed = end.placement @ pose_matrix(finite("xyz of a shape", xyz, (3,)), finite("rpy of a shape", rpy, (3,)))
     clad = with_capsules(robot) if all(known.obstacle for known in robot.shapes) else robot
     return replace(clad, shapes=(*clad.shapes, LinkShape(name, end.joint, placed, shape, carried=True)))
@@ -458,7 +458,7 @@ def mass_matrix_expression(robot: Robot, q: SX) -> SX:
     """
     total = SX.zeros(robot.n, robot.n)
     for body in _bodies(robot):
-        k = robot.kinematics_at(q, body.joint, pose_from(body.center))
+        k = robot._kinematics_at(q, body.joint, pose_from(body.center))
         v, w = k.jacobian[:3, :], k.rotation.T @ k.jacobian[3:, :]
         total = total + body.mass * (v.T @ v) + w.T @ SX(body.inertia) @ w
     return total
@@ -469,7 +469,7 @@ def potential_expression(robot: Robot, q: SX, gravity: Vector) -> SX:
     total = SX(0)
     for body in _bodies(robot):
         total = total - body.mass * dot(
-            SX(gravity), robot.kinematics_at(q, body.joint, pose_from(body.center)).position
+            SX(gravity), robot._kinematics_at(q, body.joint, pose_from(body.center)).position
         )
     return total
 

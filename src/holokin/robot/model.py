@@ -246,7 +246,7 @@ class Robot(ByValue):
     `visuals` what its links look like. Robots are equal, and one key, when all this is; `source` does not count.
     """
 
-    aside = ("source",)
+    _aside = ("source",)
 
     name: str
     coordinates: tuple[Coordinate, ...]
@@ -279,7 +279,7 @@ class Robot(ByValue):
                 raise ArgumentError(f"the name of a joint of {self.name!r}", name, "leave out its control characters")
 
     def __repr__(self) -> str:
-        tip = f", tip={self.tips[0].name!r}" if self.tips else ""
+        tip = f", tip={self.tip!r}" if self.tips else ""
         return f"Robot({self.name!r}, n={self.n}{tip})"
 
     def _shown_rows(self) -> list[Sequence[str]]:
@@ -343,11 +343,11 @@ class Robot(ByValue):
     @typed
     def kinematics(self, q: SX, tip: str | None = None) -> Kinematics:
         """Expressions of a tip's pose and geometric Jacobian (columns: v = a x (p - o), w = a, or v = a)."""
-        chosen = self.tip(tip)
-        return self.kinematics_at(q, chosen.joint, chosen.placement)
+        chosen = self._find_tip(tip)
+        return self._kinematics_at(q, chosen.joint, chosen.placement)
 
     @typed
-    def kinematics_at(self, q: SX, joint: int, placement: Matrix) -> Kinematics:
+    def _kinematics_at(self, q: SX, joint: int, placement: Matrix) -> Kinematics:
         """The same for any frame (4, 4) on a joint's moving side. Raises: ShapeError, NotFiniteError, ArgumentError."""
         check_length("q", q, self.n)
         p, R, J, origins = _written(self, joint, tuple(finite("a placement", placement, (4, 4)).ravel().tolist()))(q)
@@ -359,9 +359,9 @@ class Robot(ByValue):
         return {joint.name: origin for joint, (origin, _) in zip(self.joints, self._frames(q), strict=True)}
 
     @typed
-    def columns(self, q: SX, tip: str | None = None) -> list[tuple[int, float, SX, SX]]:
+    def _joint_columns(self, q: SX, tip: str | None = None) -> list[tuple[int, float, SX, SX]]:
         """(coordinate, multiplier, v (3,), w (3,)) of each joint from the base to a tip: what it does to the tool."""
-        chosen, frames = self.tip(tip), self._frames(q)
+        chosen, frames = self._find_tip(tip), self._frames(q)
         return self._columns(frames, chosen.joint, _compose(frames, chosen.joint, chosen.placement)[0])
 
     def _columns(self, frames: list[tuple[SX, SX]], joint: int, p: SX) -> list[tuple[int, float, SX, SX]]:
@@ -508,15 +508,20 @@ class Robot(ByValue):
     def _places(self, model: Any, prefix: str, joints: Sequence[str] | None) -> ModelJoints:
         return places_in(model, self.joint_names, self.hinges, prefix, joints)
 
-    def check_links(self) -> None:
+    def _check_links(self) -> None:
         """Raises: ArgumentError: these are `coordinates`, without links."""
         if not self.tips:
             raise ArgumentError("the robot", self, "it has coordinates and no links: give their task by hk.custom_task")
 
+    @property
+    def tip(self) -> str | None:
+        """Name of the tool, of several the first; None of `coordinates`, which have none."""
+        return self.tips[0].name if self.tips else None
+
     @typed
-    def tip(self, name: str | None = None) -> Tip:
+    def _find_tip(self, name: str | None = None) -> Tip:
         """A tip by name, by default the first. Raises: UnknownNameError, ArgumentError: these are `coordinates`."""
-        self.check_links()
+        self._check_links()
         for tip in self.tips:
             if name in (None, tip.name):
                 return tip
@@ -541,7 +546,7 @@ class Robot(ByValue):
         return {}
 
     def _numeric(self, tip: str | None) -> Function:
-        name = self.tip(tip).name
+        name = self._find_tip(tip).name
         if name not in self._functions:
             q = symbol("q", self.n)
             k = self.kinematics(q, name)
@@ -562,7 +567,7 @@ class Robot(ByValue):
             return known[tip]
         except (KeyError, TypeError):  # a new one, or no name at all
             check("tip", str | None, tip)
-        name = self.tip(tip).name
+        name = self._find_tip(tip).name
         if name not in known:
             q = symbol("q", self.n)
             k = self.kinematics(q, name)
@@ -614,7 +619,7 @@ def hessian_expression(robot: Robot, q: SX, tip: str | None = None) -> list[SX]:
 
     A joint b at or before a turns a's column, w_b x (v_a, w_a); one behind it moves the tool's point, w_a x v_b.
     """
-    moving = robot.columns(q, tip)
+    moving = robot._joint_columns(q, tip)
     out = [SX.zeros(robot.n, robot.n) for _ in range(6)]
     for i, (a, gain_a, v_a, w_a) in enumerate(moving):
         for j, (b, gain_b, v_b, w_b) in enumerate(moving):

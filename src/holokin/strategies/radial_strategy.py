@@ -112,7 +112,7 @@ class SelfMotion(Value):
     @cached_property
     def _target(self) -> tuple[Vector, Matrix]:
         """Where the tool is at the given posture: position (3,), rotation (3, 3)."""
-        p, R = self.task.place(self.q[int(np.argmin(np.abs(self.s)))])
+        p, R = self.task._place(self.q[int(np.argmin(np.abs(self.s)))])
         return frozen(p), frozen(R)
 
 
@@ -152,7 +152,7 @@ class SelfMotions(Value):
     @classmethod
     def through(cls, task: Task, Q: Matrix) -> SelfMotions:
         """Those through postures (S, n)."""
-        return cls(task, *task.poses(Q))
+        return cls(task, *task._poses(Q))
 
     def traced(
         self, Q: Matrix, *, step: float, length: float, limits: bool, directions: Matrix | None = None
@@ -210,7 +210,7 @@ class SelfMotions(Value):
         q = q + length[:, None] * along
         for _ in range(CORRECTIONS):
             J = self.task.jacobian_batch(q)[0]
-            e = self.task.error_function.batch(q, self.p[i], self.R[i]).reshape(len(q), -1)
+            e = self.task._error_function.batch(q, self.p[i], self.R[i]).reshape(len(q), -1)
             found = least_motion(J, np.stack([e, np.einsum("kmn,kn->km", J, along)], axis=2))
             q, along = q + found[:, :, 0], _unit(along - found[:, :, 1])
             size = np.abs(found[:, :, 0]).max(axis=1)
@@ -273,7 +273,7 @@ def least_motion(J: Array, wanted: Array, weights: Array | float = 1.0) -> Array
 
 def correction(task: Task, q: Vector, p: Vector, R: Matrix) -> Vector:
     """The least joint motion (n,) that, to first order, takes the tool to a pose: position (3,), rotation (3, 3)."""
-    least = np.linalg.lstsq(task.jacobian(q), task.error_function(q, p, R), rcond=None)[0]
+    least = np.linalg.lstsq(task.jacobian(q), task._error_function(q, p, R), rcond=None)[0]
     return np.asarray(least, dtype=float)
 
 
@@ -566,7 +566,7 @@ class _Lines:
 def _lines(strategy: Strategy, q0: Vector, steps: int) -> _Lines:
     """The lines to the tool pose at q0."""
     task = strategy.task
-    chart = task.chart(task.place(q0)[1])
+    chart = task._chart(task._place(q0)[1])
     charted = replace(strategy, task=chart)
     e, dx, w = charted.expressions, symbol("dx", task.m), symbol("w", task.n)
     moved = e.rate(dx, written_out=True)

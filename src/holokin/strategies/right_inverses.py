@@ -413,7 +413,7 @@ def geometric_stiffness(task: Task, k: Kinematics, q: SX) -> Callable[..., SX]:
 
 def check_exact(task: Task) -> None:
     """Raises: ArgumentError: J of the task is not df/dq."""
-    if not task.exact:
+    if not task._exact:
         raise ArgumentError(
             "the task of an impedance",
             task.name,
@@ -468,7 +468,7 @@ def fitted(
         raise ArgumentError("the number of postures", 0, "give a few hundred")
     q0 = postures[np.argmin(np.linalg.norm(postures - postures.mean(axis=0), axis=1))]
     Z = null_space(task.jacobian(q0))
-    chart = task.counted_from(task.place(q0)[1])  # rotation vectors jump half a turn from their reference
+    chart = task._counted_from(task._place(q0)[1])  # rotation vectors jump half a turn from their reference
     x = chart.value_batch(postures)[:, chosen]
     u = np.hstack([x, (postures - q0) @ Z])
     middle, spread = u.mean(axis=0), np.maximum(np.abs(u - u.mean(axis=0)).max(axis=0), 1e-6)

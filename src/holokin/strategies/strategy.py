@@ -265,16 +265,16 @@ class Strategy(Made, ByValue, ABC):
         return None
 
     @property
-    def margin_expression(self) -> SX:
+    def _margin_expression(self) -> SX:
         """How far the posture is from where a representation, the task's or the constraint's, is singular."""
-        return self.task.margin_expression(self.expressions.kinematics.rotation)
+        return self.task._margin_expression(self.expressions.kinematics.rotation)
 
     @cached_property
     def gain(self) -> Function:
         """q -> (G, rcond, representation margin), unchecked."""
         s = self.looped
         found = s.expressions.rate(SX.eye(s.task.m))
-        outputs = {"G": found.X, "rcond": found.rcond, "margin": s.margin_expression}
+        outputs = {"G": found.X, "rcond": found.rcond, "margin": s._margin_expression}
         return Function("gain", {"q": s.expressions.q}, outputs, found.system, s.transport)
 
     @cached_property
@@ -282,7 +282,7 @@ class Strategy(Made, ByValue, ABC):
         """(q, dx) -> (dq = G dx, rcond, margin), unchecked: one solve instead of m. [ZR11, (3)]"""
         s, dx = self.looped, symbol("dx", self.task.m)
         found = s.expressions.rate(dx)  # (3)
-        outputs = {"dq": found.X, "rcond": found.rcond, "margin": s.margin_expression}
+        outputs = {"dq": found.X, "rcond": found.rcond, "margin": s._margin_expression}
         return Function("rate", {"q": s.expressions.q, "dx": dx}, outputs, found.system, s.transport)
 
     def _written(self, what: str, planes: Field, shape: tuple[int, int]) -> tuple[SX, Kinematics, SX, SX]:
@@ -473,9 +473,9 @@ class HolonomicStrategy(KernelStrategy):
         return self._constraint_at.call(q)
 
     @property
-    def margin_expression(self) -> SX:
+    def _margin_expression(self) -> SX:
         """How far the posture is from where a representation, the task's or the constraint's, is singular."""
-        e, margin = self.expressions, super().margin_expression
+        e, margin = self.expressions, super()._margin_expression
         if self.constraint.margin is not None:
             margin = fmin(margin, self.constraint.margin(self.task, e.kinematics, e.q))
         return margin

@@ -47,7 +47,7 @@ def sluggish(robot: hk.Robot):
 
 
 def test_a_pseudo_inverse_drifts_and_is_seen_to_be_a_local_strategy(panda: hk.Robot) -> None:
-    found = hk.audit(pseudo_inverse(panda), panda, **COARSE)
+    found = hk.audit(pseudo_inverse(panda), hk.pose(panda), **COARSE)
     assert found.verdict is hk.analysis.audit.Repeatability.DRIFTS
     assert found.exit_code == 1
     assert found["cycles, loop 1"].metrics["first"] == pytest.approx(0.1635, abs=2e-3)
@@ -63,7 +63,7 @@ def test_a_pseudo_inverse_drifts_and_is_seen_to_be_a_local_strategy(panda: hk.Ro
 
 
 def test_a_posture_task_settles_but_its_joints_depend_on_way_and_speed(panda: hk.Robot) -> None:
-    found = hk.audit(posture_task(panda, PANDA_START + 0.1, 1.0), panda, **COARSE)
+    found = hk.audit(posture_task(panda, PANDA_START + 0.1, 1.0), hk.pose(panda), **COARSE)
     assert found.verdict is hk.analysis.audit.Repeatability.CONVERGES
     assert "the joints depend on the speed" in found["speed"].sentence
     assert "forgets" in found["start"].sentence
@@ -73,7 +73,7 @@ def test_a_posture_task_settles_but_its_joints_depend_on_way_and_speed(panda: hk
 
 @pytest.mark.campaign
 def test_a_locked_joint_comes_home(panda: hk.Robot) -> None:
-    found = hk.audit(locked(panda, 2), panda, **FINER)
+    found = hk.audit(locked(panda, 2), hk.pose(panda), **FINER)
     assert found.verdict is hk.analysis.audit.Repeatability.REPEATS
     assert found.exit_code == 0
     assert "none drifts" in found["small loops"].sentence
@@ -82,7 +82,7 @@ def test_a_locked_joint_comes_home(panda: hk.Robot) -> None:
 
 @pytest.mark.campaign
 def test_a_law_with_a_state_is_seen_to_remember(panda: hk.Robot) -> None:
-    found = hk.audit(sluggish(panda), panda, **COARSE)
+    found = hk.audit(sluggish(panda), hk.pose(panda), **COARSE)
     assert "remembers" in found["history"].sentence
     assert found.verdict is not hk.analysis.audit.Repeatability.REPEATS
 
@@ -90,10 +90,10 @@ def test_a_law_with_a_state_is_seen_to_remember(panda: hk.Robot) -> None:
 @pytest.mark.campaign
 def test_a_holonomic_law_in_coarse_steps_is_told_from_one_that_drifts(panda: hk.Robot) -> None:
     law = hk.motion.control.closed_loop(hk.holonomic(hk.pose(panda), hk.arm_angle()))
-    coarse = hk.audit(law, panda, **FINER)
+    coarse = hk.audit(law, hk.pose(panda), **FINER)
     assert coarse.verdict is hk.analysis.audit.Repeatability.BUT_FOR_THE_STEP
     assert coarse.exit_code == 1
-    fine = hk.audit(law, panda, q0=PANDA_START, dt=0.002, cycles=3)
+    fine = hk.audit(law, hk.pose(panda), q0=PANDA_START, dt=0.002, cycles=3)
     assert fine.verdict is hk.analysis.audit.Repeatability.REPEATS
 
 
@@ -102,10 +102,10 @@ def test_a_position_task_of_many_redundant_joints_can_be_audited(planar_3r: hk.R
     task = hk.position(planar_3r)
     point = planar_3r.pose(R3_START)[:3, 3]
     loop = hk.circle(point, point - [0.1, 0, 0])
-    found = hk.audit(hk.motion.control.closed_loop(hk.moore_penrose(task)), planar_3r, task, [loop], q0=R3_START)
+    found = hk.audit(hk.motion.control.closed_loop(hk.moore_penrose(task)), task, [loop], q0=R3_START)
     assert found["cycles"].metrics["first"] > 1e-4
     free = hk.audit(
-        hk.motion.control.closed_loop(hk.moore_penrose(hk.position(panda))), panda, hk.position(panda), q0=PANDA_START
+        hk.motion.control.closed_loop(hk.moore_penrose(hk.position(panda))), hk.position(panda), q0=PANDA_START
     )
     assert "not asked" in free["start"].sentence
     assert free.verdict is hk.analysis.audit.Repeatability.DRIFTS
@@ -126,7 +126,7 @@ def test_a_law_that_fails_is_reported_and_the_rest_goes_on(panda: hk.Robot, kind
         return sound(q, pose, twist, dt)
 
     began = time.monotonic()
-    found = hk.audit(law, panda, q0=PANDA_START, patience=0.3, cycles=3, dt=0.06)
+    found = hk.audit(law, hk.pose(panda), q0=PANDA_START, patience=0.3, cycles=3, dt=0.06)
     assert time.monotonic() - began < 60
     assert found.verdict is hk.analysis.audit.Repeatability.UNKNOWN
     assert found.exit_code == 2
@@ -145,24 +145,24 @@ def test_a_law_that_fails_is_reported_and_the_rest_goes_on(panda: hk.Robot, kind
 def test_an_audit_can_be_written_down(panda: hk.Robot) -> None:
     import json
 
-    found = hk.audit(locked(panda, 2), panda, q0=PANDA_START, cycles=3, dt=0.08)
-    told = json.loads(json.dumps(found.summary()))
+    found = hk.audit(locked(panda, 2), hk.pose(panda), q0=PANDA_START, cycles=3, dt=0.08)
+    told = json.loads(json.dumps(found.to_dict()))
     assert told["verdict"] == "repeats"
     assert [f["question"] for f in told["findings"]][:2] == ["cycles, loop 1", "cycles, loop 2"]
     with pytest.raises(ArgumentError, match="asked"):
         found["weather"]
 
 
-def test_bad_questions_are_refused(panda: hk.Robot, ppr: hk.Robot) -> None:
+def test_bad_questions_are_refused(panda: hk.Robot) -> None:
     law = locked(panda, 2)
     point = panda.pose(PANDA_START)[:3, 3]
     with pytest.raises(OpenPathError):
-        hk.audit(law, panda, loops=[hk.line(point, point + 0.1)], q0=PANDA_START)
+        hk.audit(law, hk.pose(panda), path=[hk.line(point, point + 0.1)], q0=PANDA_START)
     with pytest.raises(StartError):
-        hk.audit(law, panda, loops=[hk.circle(point + 0.1, point + [0.1, 0, 0.1])], q0=PANDA_START)
-    for arguments in ({"cycles": 1}, {"tolerance": 0.0}, {"patience": -1.0}, {"task": hk.position(ppr)}, {"dt": 0.0}):
+        hk.audit(law, hk.pose(panda), path=[hk.circle(point + 0.1, point + [0.1, 0, 0.1])], q0=PANDA_START)
+    for arguments in ({"cycles": 1}, {"tolerance": 0.0}, {"patience": -1.0}, {"dt": 0.0}):
         with pytest.raises(ArgumentError):
-            hk.audit(law, panda, q0=PANDA_START, **arguments)
+            hk.audit(law, hk.pose(panda), q0=PANDA_START, **arguments)
 
 
 @sampled(1, "seed", range(3))
@@ -177,7 +177,7 @@ def test_a_law_that_answers_otherwise_when_asked_again_does_not_pass(panda: hk.R
 
     point = panda.pose(PANDA_START)[:3, 3]
     loops = [hk.circle(point, point - [0.05, 0, 0])]
-    found = hk.audit(law, panda, loops=loops, q0=PANDA_START, dt=0.04, cycles=3, tolerance=0.05)
+    found = hk.audit(law, hk.pose(panda), path=loops, q0=PANDA_START, dt=0.04, cycles=3, tolerance=0.05)
     assert max(found["cycles"].metrics["first"], found["paths"].metrics["apart"]) < 0.05
     assert found["history"].metrics["otherwise"] > 0
     assert found.exit_code == 1
@@ -187,10 +187,9 @@ def test_a_law_that_answers_otherwise_when_asked_again_does_not_pass(panda: hk.R
 def test_noise_below_the_tolerance_is_told_and_passes(panda: hk.Robot) -> None:
     rng, sound = np.random.default_rng(0), locked(panda, 2)
     point = panda.pose(PANDA_START)[:3, 3]
-    found = hk.audit(
-        lambda *call: sound(*call) * (1 + 1e-5 * rng.normal()), panda,
-        loops=[hk.circle(point, point - [0.05, 0, 0])], q0=PANDA_START, dt=0.04, cycles=3,
-    )  # fmt: skip
+    circle = hk.circle(point, point - [0.05, 0, 0])
+    noisy = hk.motion.control.as_control_law(lambda *call: sound(*call) * (1 + 1e-5 * rng.normal()))
+    found = hk.audit(noisy, hk.pose(panda), circle, PANDA_START, dt=0.04, cycles=3)
     assert found.exit_code == 0
     assert "asked the same again it answered otherwise" in found.sentence
 
@@ -201,8 +200,22 @@ def test_a_strategy_of_another_robot_is_refused(panda: hk.Robot, iiwa14: hk.Robo
     longer = hk.moore_penrose(hk.pose(tool))
     for other in (law, hk.controller(law, dt=0.01, q0=np.full(7, 0.3)), longer):
         with pytest.raises(ArgumentError, match="it is of another robot"):
-            hk.audit(other, panda, **COARSE)
+            hk.audit(other, hk.pose(panda), **COARSE)
     same = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))  # made anew, yet the same arm
     point = panda.pose(PANDA_START)[:3, 3]
     loops = [hk.circle(point, point - [0.05, 0, 0])]
-    assert isinstance(hk.audit(same, panda, loops=loops, q0=PANDA_START, dt=0.08, cycles=3), hk.analysis.audit.Audit)
+    assert isinstance(
+        hk.audit(same, hk.pose(panda), path=loops, q0=PANDA_START, dt=0.08, cycles=3), hk.analysis.audit.Audit
+    )
+
+
+@sampled(1, "name", ["planar-3r", "gen3", "irb140"])
+def test_a_strategy_is_audited_from_a_start_of_its_own_where_none_is_given(name: str) -> None:
+    """The strategy has its task; the start is within the joint limits, and the loops return there or do not."""
+    robot = hk.load(name)
+    task = hk.position(robot)
+    drifts = hk.audit(hk.moore_penrose(task), dt=0.05, cycles=3)
+    assert drifts.verdict is hk.analysis.audit.Repeatability.DRIFTS
+    locks = hk.lock(*robot.joint_names[task.m :])
+    repeats = hk.audit(hk.holonomic(task, locks), dt=0.02, cycles=3, tolerance=0.02)
+    assert repeats.exit_code == 0 or repeats.verdict is hk.analysis.audit.Repeatability.BUT_FOR_THE_STEP

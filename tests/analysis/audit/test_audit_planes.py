@@ -35,7 +35,7 @@ def curved(robot: hk.Robot, i: int, j: int, kappa: float):
 @pytest.mark.campaign
 def test_a_law_curved_in_the_yz_plane_is_found(panda: hk.Robot) -> None:
     """A circle of 0.1 m there turns joint 3 by 1.5 times its area, 0.047 rad; no other plane turns it."""
-    found = hk.audit(curved(panda, 1, 2, 1.5), panda, **QUICK)
+    found = hk.audit(curved(panda, 1, 2, 1.5), hk.pose(panda), **QUICK)
     assert found.verdict is hk.analysis.audit.Repeatability.DRIFTS
     assert found.exit_code == 1
     assert "in y-z" in found["planes"].sentence
@@ -62,7 +62,7 @@ def test_curvature_in_any_one_plane_is_found_and_named(panda: hk.Robot, i: int, 
 
 
 def test_a_law_without_curvature_comes_home_and_the_planes_are_counted(panda: hk.Robot) -> None:
-    found = hk.audit(locked(panda, 2), panda, **QUICK)
+    found = hk.audit(locked(panda, 2), hk.pose(panda), **QUICK)
     assert found.verdict is hk.analysis.audit.Repeatability.REPEATS
     assert found.untested == ()
     assert [p.name for p in found.planes] == [f"{a}-{b}" for a, b in combinations(ROWS, 2)]
@@ -75,17 +75,17 @@ def test_of_loops_that_are_given_the_planes_without_area_are_named(panda: hk.Rob
     """A circle in x-y that also nods about y in quadrature: x-y, x-wy and y-wy, with x-wy in phase, so without area."""
     point = panda.pose(PANDA_START)[:3, 3]
     law = curved(panda, 1, 2, 1.5)
-    flat = hk.audit(law, panda, loops=[hk.circle(point, point - [0.1, 0, 0])], **QUICK)
+    flat = hk.audit(law, hk.pose(panda), path=[hk.circle(point, point - [0.1, 0, 0])], **QUICK)
     assert flat.verdict is hk.analysis.audit.Repeatability.REPEATS
     assert len(flat.untested) == 14
     assert "y-z" in flat.sentence
-    assert flat.summary()["untested"] == list(flat.untested)
+    assert flat.to_dict()["untested"] == list(flat.untested)
     around = hk.circle(point, point - [0, 0.1, 0], normal=[1, 0, 0])
-    both = hk.audit(law, panda, loops=[hk.circle(point, point - [0.1, 0, 0]), around], **QUICK)
+    both = hk.audit(law, hk.pose(panda), path=[hk.circle(point, point - [0.1, 0, 0]), around], **QUICK)
     assert both.verdict is hk.analysis.audit.Repeatability.DRIFTS
     assert "y-z" not in both.untested and "x-z" in both.untested
-    eight = hk.join(hk.circle(point, point - [0.07, 0, 0]), hk.circle(point, point + [0.07, 0, 0], clockwise=True))
-    nothing = hk.audit(law, panda, loops=[eight], **QUICK)
+    eight = hk.path.join(hk.circle(point, point - [0.07, 0, 0]), hk.circle(point, point + [0.07, 0, 0], clockwise=True))
+    nothing = hk.audit(law, hk.pose(panda), path=[eight], **QUICK)
     assert len(nothing.untested) == 15, "the two halves of an eight undo each other"
 
 
@@ -96,13 +96,13 @@ def test_a_plane_that_the_tool_does_not_follow_is_not_tested(panda: hk.Robot) ->
         J, v = panda.jacobian(q)[:3], pull(panda, q, pose, dt)[:3]
         return np.linalg.solve(np.vstack([J, np.eye(7)[[2, 4, 5, 6]]]), np.append(v, np.zeros(4)))
 
-    found = hk.audit(law, panda, **QUICK)
+    found = hk.audit(law, hk.pose(panda), **QUICK)
     assert {"wx-wy", "wx-wz", "wy-wz", "x-wx"} <= set(found.untested)
     assert "did not follow" in found["planes"].sentence
 
 
 def test_a_law_that_stands_still_is_not_said_to_come_home(panda: hk.Robot) -> None:
-    found = hk.audit(lambda q, pose, twist, dt: np.zeros(7), panda, **QUICK)
+    found = hk.audit(lambda q, pose, twist, dt: np.zeros(7), hk.pose(panda), **QUICK)
     assert found.verdict is hk.analysis.audit.Repeatability.UNKNOWN
     assert found.exit_code == 2
     assert "did not follow" in found["cycles, loop 1"].fault
@@ -137,7 +137,7 @@ def test_every_plane_of_every_task_is_gone_round(robot: str, make, start) -> Non
         assert areas.max() < 0.4
     pseudo_inverse = hk.moore_penrose(task)
     law = hk.motion.control.closed_loop(pseudo_inverse)
-    found = hk.audit(law, task.robot, task, q0=start, dt=0.06, cycles=3)
+    found = hk.audit(law, task, q0=start, dt=0.06, cycles=3)
     assert found.untested == ()
     assert len(found.planes) == task.m * (task.m - 1) // 2
     if task.m == 1:
@@ -154,7 +154,7 @@ def test_every_plane_of_every_task_is_gone_round(robot: str, make, start) -> Non
             assert p.drift == pytest.approx(followed, rel=0.05, abs=1e-4), p.name
 
 
-def between_runs(robot: hk.Robot, every: int) -> hk.ControlLaw:
+def between_runs(robot: hk.Robot, every: int) -> hk.motion.control.ControlLaw:
     """Joint 3 stands in so many runs, and joint 1 in the next."""
     begun = 0
 
@@ -163,10 +163,10 @@ def between_runs(robot: hk.Robot, every: int) -> hk.ControlLaw:
         begun += 1
         return locked(robot, 0 if begun // every % 2 else 2)
 
-    return hk.ControlLaw("alternates between runs", begin)
+    return hk.motion.control.ControlLaw("alternates between runs", begin)
 
 
-def between_calls(robot: hk.Robot, every: int) -> hk.ControlLaw:
+def between_calls(robot: hk.Robot, every: int) -> hk.motion.control.ControlLaw:
     """The joint that stands changes every so many calls, and runs do not matter."""
     calls = 0
     laws = (locked(robot, 2), locked(robot, 0))
@@ -176,7 +176,7 @@ def between_calls(robot: hk.Robot, every: int) -> hk.ControlLaw:
         calls += 1
         return laws[calls // every % 2](q, pose, twist, dt)
 
-    return hk.ControlLaw("alternates between calls", lambda q0: law)
+    return hk.motion.control.ControlLaw("alternates between calls", lambda q0: law)
 
 
 @pytest.mark.campaign
@@ -187,7 +187,7 @@ def between_calls(robot: hk.Robot, every: int) -> hk.ControlLaw:
 )
 def test_a_law_that_alternates_between_leaves_is_seen_to(panda: hk.Robot, make, every: int) -> None:
     """A period longer than what is asked again cannot be told from memory, but is seen."""
-    found = hk.audit(make(panda, every), panda, **QUICK)
+    found = hk.audit(make(panda, every), hk.pose(panda), **QUICK)
     said = found["history"].sentence
     assert said.startswith("alternates") or (every == 400 and said.startswith("remembers"))
     assert found["history"].metrics["otherwise"] > 0
@@ -195,7 +195,7 @@ def test_a_law_that_alternates_between_leaves_is_seen_to(panda: hk.Robot, make, 
 
 
 def test_a_law_tied_to_the_start_of_its_run_is_told_from_one_that_remembers(panda: hk.Robot) -> None:
-    found = hk.audit(hk.motion.control.repetitive_motion(hk.pose(panda), 4.0), panda, **QUICK)
+    found = hk.audit(hk.motion.control.repetitive_motion(hk.pose(panda), 4.0), hk.pose(panda), **QUICK)
     assert found["history"].sentence.startswith("remembers where its run began")
     assert found["history"].metrics["apart"] == 0
 
@@ -207,7 +207,7 @@ def test_a_start_at_which_the_angles_are_singular_is_told(irb140: hk.Robot, give
     task = hk.pose(irb140, "zyz")
     point = irb140.pose(q0)[:3, 3]
     loops = [hk.circle(point, point - [0.1, 0, 0])] if given else None
-    found = hk.audit(hk.moore_penrose(task), irb140, task, loops, q0=q0, cycles=3, dt=0.04)
+    found = hk.audit(hk.moore_penrose(task), task, loops, q0=q0, cycles=3, dt=0.04)
     assert found.verdict is hk.analysis.audit.Repeatability.UNKNOWN
     assert "representation" in found["planes"].fault
     assert len(found.untested) == 15
@@ -222,7 +222,9 @@ def test_no_memory_is_said_of_the_calls_that_were_asked(panda: hk.Robot) -> None
         return locked(panda, 2)(q, pose, twist, dt)
 
     point = panda.pose(PANDA_START)[:3, 3]
-    found = hk.audit(law, panda, loops=[hk.circle(point, point - [0.05, 0, 0])], q0=PANDA_START, dt=0.05, cycles=3)
+    found = hk.audit(
+        law, hk.pose(panda), path=[hk.circle(point, point - [0.05, 0, 0])], q0=PANDA_START, dt=0.05, cycles=3
+    )
     asked = found["history"].metrics["calls"]
     assert found["history"].sentence.startswith(f"no memory found: {asked:.0f} calls were repeated")
     assert 100 < asked < calls

@@ -109,7 +109,7 @@ def test_cycles_are_found_through_way_in_pauses_speeds_and_way_out(noise: float)
 
 def test_crossing_ones_own_path_is_no_cycle() -> None:
     """A figure eight passes its middle twice a round, in two directions."""
-    eight = hk.join(hk.circle(START, START - [0.08, 0, 0]), hk.circle(START, START + [0.08, 0, 0], clockwise=True))
+    eight = hk.path.join(hk.circle(START, START - [0.08, 0, 0]), hk.circle(START, START + [0.08, 0, 0], clockwise=True))
     cycles = find_cycles(recorded(walk(HOME, [eight] * 3), ENCODER), PANDA)
     assert len(cycles) == 3
     assert cycles.length == pytest.approx(eight.length, rel=5e-3)

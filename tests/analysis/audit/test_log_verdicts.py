@@ -206,13 +206,13 @@ def test_a_line_to_and_fro_at_one_speed_does_not_claim_other_speeds() -> None:
     audit = hk.audit_recording(logged(q, 1e-4), PANDA)
     assert audit.verdict is LogVerdict.REPEATS and audit.by_way is not None
     assert "other speeds" in audit.sentence() and "the path back" not in audit.sentence()
-    assert any("other speeds" in words for words in audit.summary()["not_tested"])
+    assert any("other speeds" in words for words in audit.to_dict()["not_tested"])
 
 
 def test_confidence_and_the_detectable_drift_are_stated() -> None:
     audit = hk.audit_recording(logged(motion(still, 12, 0.0), 1e-4), PANDA)
     assert "99 % confidence" in dict(audit.rows())["smallest detectable drift"]
-    facts = audit.summary()
+    facts = audit.to_dict()
     assert facts["confidence"] == 0.99
     assert facts["detectable_drift_per_cycle"] == pytest.approx(audit.detectable)
     assert 1e-5 < audit.detectable < 1e-3
@@ -361,7 +361,7 @@ def test_a_posture_task_logged_one_way_at_one_speed_is_cleared_of_nothing_else()
         "the path back", "other speeds", "other paths to a pose within a cycle", "paths that are not in the log",
     ]  # fmt: skip
     loop = CIRCLE.starting_at(PANDA.pose(q[0])[:3, 3])
-    asked = hk.audit(law, PANDA, POSE, [loop], q0=q[0], dt=0.02, cycles=3)
+    asked = hk.audit(law, POSE, [loop], q0=q[0], dt=0.02, cycles=3)
     assert asked.verdict is Repeatability.CONVERGES
     assert asked["paths"].metrics["apart"] > 0.02
     assert asked["speed"].metrics["apart"] > 1e-3

@@ -165,7 +165,7 @@ def test_the_place_where_a_turn_is_not_known_is_said_and_the_user_may_say_it() -
     joints = ", ".join(np.delete(robot.joint_names, [0, 5]))
     assert f"from 10 to 20 s (samples 300 and 301) {joints} may have made a whole turn" in found.sentence()
     assert "--counts-turns" in found.sentence()
-    assert found.summary()["unknown_turns"][0] == {"sample": 300, "time_s": 10.0, "joint": "shoulder_lift_joint"}
+    assert found.to_dict()["unknown_turns"][0] == {"sample": 300, "time_s": 10.0, "joint": "shoulder_lift_joint"}
     assert hk.audit_recording(motion.counted(), robot).verdict is LogVerdict.REPEATS
 
 

@@ -66,8 +66,8 @@ def test_round_a_cusp_the_joints_of_a_panda_do_not_come_back(name: str, steps: i
         assert one.path.gap < 1e-12
         assert np.abs(strategy.task.pose(one.first) - strategy.task.pose(one.second)).max() < 1e-9
         assert np.abs(strategy.g(one.first) - strategy.g(one.second)).max() < 1e-9
-        model = pin.buildModelFromXML(hk.to_urdf(robot))
-        end, signs = continued(model, model.getFrameId(robot.tip().name), strategy, one, steps)
+        model = pin.buildModelFromXML(hk.robot.to_urdf(robot))
+        end, signs = continued(model, model.getFrameId(robot.tip), strategy, one, steps)
         assert np.abs(end - one.second).max() < 1e-7
         assert len(signs) == 1
 
@@ -131,7 +131,7 @@ def test_wengers_arm_is_cuspidal_and_one_whose_first_axes_meet_is_not() -> None:
     pose[:3, 3] = 2.5, 0.0, 0.6
     cusps = hk.cusps(strategy, [0.1, 0.3, 0.6], starts=80)
     assert cusps.cuspidal
-    postures = hk.all_postures(cusps.strategy, pose)
+    postures = hk.motion.ik.all_postures(cusps.strategy, pose)
     signs = [np.sign(np.linalg.det(strategy.task.jacobian(q))) for q in postures.q]
     assert sorted(signs) == [-1, -1, 1, 1]
     assert not hk.cusps(three_joints(0.0), [0.1, 0.3, 0.6], starts=80).cuspidal
@@ -226,7 +226,7 @@ def test_two_postures_far_apart_are_joined_by_a_closed_tool_path() -> None:
     strategy = law("panda", LAWS["q1 - q3"])
     first = np.array([2.778185, 1.133355, 2.251297, -1.304203, 1.262484, 1.838727, 2.005767])
     pose, level = strategy.task.pose(first), strategy.constraint_value(first)
-    found = hk.all_postures(strategy, pose, level, limits=True, near=first).q
+    found = hk.motion.ik.all_postures(strategy, pose, level, limits=True, near=first).q
     apart = np.abs(found - first).max(axis=1)
     (second,) = found[np.abs(apart - 2.705) < 1e-3]
     one = witness_between(strategy, first, second)

@@ -40,7 +40,7 @@ def test_the_leaf_of_a_held_joint_has_many_postures_of_one_tool_pose_and_small_l
     q0 = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
     G = hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2))
     T = G.task.robot.pose(q0)
-    Q = hk.all_postures(G, T, G.constraint_value(q0), limits=False).q
+    Q = hk.motion.ik.all_postures(G, T, G.constraint_value(q0), limits=False).q
     assert len(Q) >= 10 and np.abs(Q[:, 2] - q0[2]).max() < 1e-9
     gap = np.abs((Q[:, None] - Q + np.pi) % (2 * np.pi) - np.pi).max(axis=-1)
     assert (gap + 9 * np.eye(len(Q)) > 0.1).all()
@@ -51,8 +51,8 @@ def test_the_leaf_of_a_held_joint_has_many_postures_of_one_tool_pose_and_small_l
 
 def poses_by_pinocchio(robot: hk.Robot, Q: np.ndarray) -> np.ndarray:
     """Tool poses (k, 4, 4) of postures (k, n)."""
-    model = pin.buildModelFromXML(hk.to_urdf(robot))
-    data, frame, poses = model.createData(), model.getFrameId(robot.tip().name), []
+    model = pin.buildModelFromXML(hk.robot.to_urdf(robot))
+    data, frame, poses = model.createData(), model.getFrameId(robot.tip), []
     for q in Q:
         pin.framesForwardKinematics(model, data, q)
         poses.append(data.oMf[frame].homogeneous.copy())

@@ -153,13 +153,13 @@ def test_follow_drift_and_audit_take_a_function_and_find_what_they_find_of_its_f
     for verb in (
         lambda G: hk.drift(G, loop, PLANAR_START, cycles=2, samples=60).since_start,
         lambda G: hk.follow(G, loop, PLANAR_START, samples=60).dq,
-        lambda G: hk.path_spread(G, *loop.halves(), PLANAR_START, samples=40).difference,
+        lambda G: hk.motion.path_spread(G, *loop.halves(), PLANAR_START, samples=40).difference,
         lambda G: hk.simulate(G, task, loop, PLANAR_START, dt=0.05).q,
         lambda G: hk.analysis.curvature.predicted_drift(G, loop, PLANAR_START).drift,
         lambda G: G.batch(np.array([PLANAR_START, PLANAR_START + 0.1])),
     ):
         np.testing.assert_allclose(verb(given), verb(by_formula), atol=1e-9)
-    known, found = (hk.audit(G, robot, task, q0=PLANAR_START, dt=0.1, cycles=3) for G in (by_formula, given))
+    known, found = (hk.audit(G, task, q0=PLANAR_START, dt=0.1, cycles=3) for G in (by_formula, given))
     assert found.verdict is known.verdict
     assert found["cycles, loop 1"].metrics == pytest.approx(known["cycles, loop 1"].metrics, abs=1e-6)
 
@@ -242,7 +242,7 @@ def test_what_needs_a_formula_says_so() -> None:
         lambda: hk.controller(given, dt=0.01, q0=PLANAR_START), lambda: hk.radial(given, PLANAR_START),
         lambda: hk.curvature(given, PLANAR_START, method="ad"), lambda: given.expressions,
         lambda: hk.analysis.curvature.filtration(given, PLANAR_START),
-        lambda: hk.export_c(given, "folder", q0=PLANAR_START),
+        lambda: hk.export.export_c(given, "folder", q0=PLANAR_START),
     ):  # fmt: skip
         with pytest.raises(ArgumentError, match="a Python function"):
             asked()

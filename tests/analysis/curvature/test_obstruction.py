@@ -149,7 +149,7 @@ def test_a_locked_joint_leaves_two_caps_out_of_reach_and_they_hold_the_indices(i
 @pytest.mark.campaign
 def test_a_law_that_nobody_wrote_down_has_total_index_2_as_well(iiwa14: hk.Robot) -> None:
     law = hk.holonomic(hk.pose(iiwa14), hk.strategies.constraints.stationary(hk.strategies.constraints.centring_cost()))
-    found = obstruction(law, Directions(fineness=0), hk.move_to_leaf(law, IIWA, 0.0))
+    found = obstruction(law, Directions(fineness=0), hk.motion.ik.move_to_leaf(law, IIWA, 0.0))
     assert found.total == sum(w.index for w in found.witnesses) == 2
     assert all(w.hole for w in found.witnesses)
 
@@ -205,7 +205,7 @@ def loop(robot: hk.Robot, axis: np.ndarray, size: float, pole: np.ndarray) -> tu
     T[:3, :3] = np.diag([1.0, -1.0, -1.0])
     T[:3, 3] = SHOULDER + 0.6 * w + 0.126 * T[:3, 2]
     leaf = hk.holonomic(hk.pose(robot), hk.arm_angle(pole=pole, reference=np.cross(pole, [0.3, 0.5, 0.7])))
-    start = hk.all_postures(leaf, T, 0.4, starts=64).q[0]
+    start = hk.motion.ik.all_postures(leaf, T, 0.4, starts=64).q[0]
     center = SHOULDER + 0.6 * np.cos(size) * axis + 0.126 * T[:3, 2]
     return start, hk.circle(T[:3, 3], center, axis)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
@@ -87,7 +88,7 @@ def from_a_stranger() -> list[Any]:
     return [
         robot, task, law, hk.lock(2, name=EVIL), loop, walk, ik, ik.batch(space.poses(5)), ik.nearest(robot.pose(q0)),
         hk.involutivity(hk.moore_penrose(task), hk.around(q0, 0.1), samples=4), hk.check(walk, robot),
-        hk.coverage(law, space, q0, samples=4), hk.audit(law, robot, task, q0=q0, dt=0.1, cycles=3),
+        hk.coverage(law, space, q0, samples=4), hk.audit(law, task, q0=q0, dt=0.1, cycles=3),
         hk.drift(law, loop, q0, samples=20), hk.certify(law, loop, q0), OwnCost(EVIL, function=len),
         hk.design(task, space, q0, degree=0, samples=4),
     ]  # fmt: skip
@@ -106,6 +107,17 @@ class Tags(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         self.words += data
+
+
+def test_every_result_is_plain_data_of_its_own_fields() -> None:
+    """As JSON writes and reads it, without NaN; a number and a status are what the result has."""
+    results = [one for one in from_a_stranger() if hasattr(one, "to_dict")]
+    assert len(results) > 6
+    for one in results:
+        assert json.loads(json.dumps(one.to_dict(), allow_nan=False)), type(one)
+    report, verdict = (next(r for r in results if type(r).__name__ == name) for name in ("CheckReport", "Verdict"))
+    assert report.to_dict()["samples"] == report.samples and str(report) == report.table()
+    assert verdict.to_dict()["holonomic"] == verdict.holonomic
 
 
 def test_no_text_of_a_stranger_is_html_or_breaks_a_line() -> None:
@@ -134,7 +146,7 @@ def test_a_table_says_what_was_found() -> None:
     assert "not finite" in solutions._repr_html_()
 
 
-@pytest.mark.parametrize("value", [1.0, 3, None, True, "x", np.eye(3), [1, 2], {"a": 1}, hk.Status.COMPLETE])
+@pytest.mark.parametrize("value", [1.0, 3, None, True, "x", np.eye(3), [1, 2], {"a": 1}, hk.motion.Status.COMPLETE])
 def test_a_part_of_any_kind_is_shown(value: Any) -> None:
     cost = OwnCost("mine", function=len)
     object.__setattr__(cost, "weight", value)

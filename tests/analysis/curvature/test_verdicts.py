@@ -211,7 +211,7 @@ def test_thorough_leaves_a_holonomic_law_holonomic(panda: hk.Robot, planar_3r: h
 def test_a_verdict_says_on_which_grounds_it_reaches_beyond_its_postures(ppr: hk.Robot) -> None:
     task, region = hk.position(ppr), hk.around(PPR_START, 0.2)
 
-    def judged(entry) -> hk.Verdict:
+    def judged(entry) -> hk.analysis.curvature.Verdict:
         return hk.involutivity(hk.strategies.pfaffian(task, lambda q: [[0, 0, entry(q[2])]]), region)
 
     assert hk.involutivity(hk.holonomic(task, hk.lock(2)), region).evidence is Evidence.CONSTRAINT

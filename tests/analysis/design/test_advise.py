@@ -65,7 +65,7 @@ def advice(request: pytest.FixtureRequest) -> Advice:
     with pytest.MonkeyPatch.context() as patch:
         for module, name in ((advice_case, "POSES"), (advice_case, "DESIGNED"), (nearby_cusps, "STARTS")):
             patch.setattr(module, name, getattr(module, name) // request.param)
-        return hk.advise(arm(), PLANE)
+        return hk.advise(hk.position(arm()), PLANE)
 
 
 def test_the_best_law_serves_the_workspace_near_the_least_speed(advice: Advice) -> None:
@@ -94,17 +94,17 @@ def test_every_law_that_fits_is_in_the_table_and_the_order_is_the_ranking(advice
 
 @pytest.mark.campaign
 def test_the_same_advice_is_given_twice() -> None:
-    advice, again = (hk.advise(arm(), PLANE) for _ in range(2))
+    advice, again = (hk.advise(hk.position(arm()), PLANE) for _ in range(2))
     assert [law.name for law in again.laws] == [law.name for law in advice.laws]
     assert np.array_equal(again.q0, advice.q0)
-    assert again.summary() == advice.summary()
+    assert again.to_dict() == advice.to_dict()
 
 
 @pytest.mark.campaign
 def test_a_narrow_limit_is_avoided_and_named() -> None:
     """Joint 3 may turn by 0.2 rad alone: a law that turns it more loses poses, and the advice does not take it."""
     far = hk.workspace(box=([1.9, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
-    narrow = hk.advise(arm({2: 0.2}), far)
+    narrow = hk.advise(hk.position(arm({2: 0.2})), far)
     at = {law.name: law.coverage for law in narrow.laws}
     assert at[narrow.best.name] == at["lock q3"] == 1.0
     assert at["lock q2"] < 0.9
@@ -139,7 +139,7 @@ def test_the_least_nearby_is_that_of_a_piece_of_the_self_motion() -> None:
             values.append(np.min(np.sum(np.linalg.pinv(task.jacobian_batch(near)[0]) ** 2, axis=(1, 2))))
         Q.append(motion[at])
     coordinates = coordinates_of(chart_of(task, np.eye(3)), np.array(Q))
-    costs = costs_of(task.robot, hk.Objective(squared_speed=1.0), coordinates.turns, coordinates.spread)
+    costs = costs_of(task.robot, hk.analysis.design.Objective(squared_speed=1.0), coordinates.turns, coordinates.spread)
     found = least_near(coordinates, costs, np.array(Q), T[reached, :3, 3], T[reached, :3, :3])
     assert len(found) > 4
     assert (found <= np.array(least) * 1.003).all() and (found >= np.array(farther) * 0.997).all()
@@ -183,7 +183,7 @@ def test_no_start_has_a_whole_turn_too_many() -> None:
 @pytest.mark.campaign
 def test_where_no_law_serves_the_whole_the_part_is_told_and_served() -> None:
     wide = hk.workspace(box=([2.2, 0.0, 0.0], [1.2, 0.8, 0.0]), rotation=np.eye(3))
-    found = hk.advise(arm(), wide)
+    found = hk.advise(hk.position(arm()), wide)
     assert 0.3 < found.best.coverage < 1.0
     assert any("out of reach" in sentence for sentence in found.reasons)
     part = found.part
@@ -254,7 +254,7 @@ def test_the_answer_begins_with_the_arm_that_was_taken_and_the_tips_that_were_no
     first = str(advice).splitlines()[0]
     assert first.startswith("planar: 3 joints, q1 to q3, tip tool. Task: position of planar. Workspace: box")
     with pytest.raises(ArgumentError, match="only files of models"):
-        hk.advise(arm(), PLANE, base="world")
+        chain_to_tool(arm(), base="world")
 
 
 def test_starts_hold_the_pose_within_the_limits_and_lie_apart(panda: hk.Robot) -> None:
@@ -286,31 +286,33 @@ def test_two_redundant_joints_get_sets_of_locks_and_the_trunk_below_a_law() -> N
 def test_an_arm_of_five_joints_is_advised_on_positions_and_on_directions() -> None:
     """An SO-101: two joints too many for the tool's position, none for its position and axis."""
     space = hk.workspace(box=([0.22, 0, 0.15], [0.04, 0.06, 0.03]))
-    found = hk.advise("so101", space, task="position")
+    found = hk.advise(hk.position(hk.load("so101")), space)
     assert found.best.strategy.task.n - found.best.strategy.task.m == 2
     assert found.best.coverage > 0.95
     with pytest.raises(TaskTooLargeError, match="n = 5 joints"):
-        hk.advise("so101", space, task="pose")
+        hk.advise(hk.pose(hk.load("so101")), space)
 
 
 def test_bad_input_is_refused_with_a_cure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(advice_case, "POSES", 16)
     with pytest.raises(OutOfReachError, match="nearer to the base"):
-        hk.advise(arm(), hk.workspace(box=([9.0, 0, 0], [0.1, 0.1, 0])))
+        hk.advise(hk.position(arm()), hk.workspace(box=([9.0, 0, 0], [0.1, 0.1, 0])))
     with pytest.raises(ArgumentError, match=r"hk\.ik"):
-        hk.advise("irb140", task="pose")
+        hk.advise(hk.pose(hk.load("irb140")))
     with pytest.raises(NotFiniteError):
-        hk.advise(arm(), PLANE, q0=[0.1, np.nan, 0.2])
+        hk.advise(hk.position(arm()), PLANE, q0=[0.1, np.nan, 0.2])
     with pytest.raises(JointLimitError, match="q2"):
-        hk.advise(arm(), PLANE, q0=[0.1, 3.0, 0.2])
+        hk.advise(hk.position(arm()), PLANE, q0=[0.1, 3.0, 0.2])
     with pytest.raises(UnknownNameError, match="panda_hand_tcp"):
-        hk.advise(urdf("panda.urdf"), tip="panda_hand_tpc")
+        chain_to_tool(urdf("panda.urdf"), tip="panda_hand_tpc")
     with pytest.raises(ArgumentError, match="two, to be redundant"):
-        hk.advise(hk.from_dh([{"a": 1.0}]), PLANE)
+        fitting_task(hk.from_dh([{"a": 1.0}]))
+    with pytest.raises(ArgumentError, match=r"give a Task, as hk\.pose\(robot\) makes it"):
+        hk.advise(arm(), PLANE)  # type: ignore[arg-type]
     with pytest.raises(ArgumentError):
-        hk.advise(arm(), pose_cloud([arm().pose(R3_START)]))
+        hk.advise(hk.position(arm()), pose_cloud([arm().pose(R3_START)]))
     with pytest.raises(RobotFileError, match=r"range of joint 'joint1' is from 0 to 0, at speed 0; fill in"):
-        hk.advise(urdf("double_pendulum.urdf"))  # its exporter left all limits at 0
+        hk.advise(fitting_task(hk.load(urdf("double_pendulum.urdf"))))  # its exporter left all limits at 0
 
 
 @pytest.mark.campaign

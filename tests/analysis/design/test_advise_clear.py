@@ -22,7 +22,7 @@ SCENE = hk.Scene([hk.obstacle("post", Capsule(BALL), (*PLACE, 0.0))], clearance=
 def arm() -> hk.Robot:
     """A planar arm of three bars of a metre, 0.1 m thick."""
     row = {"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0}
-    return hk.with_capsules(hk.from_dh([dict(row) for _ in range(3)], name="planar"), BAR)
+    return hk.robot.with_capsules(hk.from_dh([dict(row) for _ in range(3)], name="planar"), BAR)
 
 
 def from_post(Q: np.ndarray) -> np.ndarray:
@@ -36,12 +36,12 @@ def from_post(Q: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def plain() -> Advice:
-    return hk.advise(arm(), PLANE)
+    return hk.advise(hk.position(arm()), PLANE)
 
 
 @pytest.fixture(scope="module")
 def clear() -> Advice:
-    return hk.advise(arm(), PLANE, scene=SCENE)
+    return hk.advise(hk.position(arm()), PLANE, scene=SCENE)
 
 
 @pytest.mark.campaign
@@ -56,7 +56,7 @@ def test_what_is_advised_keeps_clear_where_the_law_without_the_post_does_not(pla
     assert 0.05 <= clear.best.clearance <= from_post(found.q).min() + 1e-9
     assert np.isinf(plain.best.clearance) and plain.best.clear == 1.0
     assert f"come to {clear.best.clearance:.3f} m of each other" in str(clear)
-    assert clear.summary()["laws"][0]["clearance"] == clear.best.clearance
+    assert clear.to_dict()["laws"][0]["clearance"] == clear.best.clearance
 
 
 @pytest.mark.campaign
@@ -84,15 +84,17 @@ def test_other_things_equal_a_law_that_is_well_clear_everywhere_comes_first() ->
 
 def test_what_cannot_be_kept_clear_of_is_refused() -> None:
     with pytest.raises(ArgumentError, match="nothing in it can be touched"):
-        hk.advise(arm(), PLANE, scene=hk.Scene(self_collision=False))
+        hk.advise(hk.position(arm()), PLANE, scene=hk.Scene(self_collision=False))
 
 
 @pytest.mark.campaign
 def test_where_no_law_keeps_clear_the_advice_says_so_and_names_no_proof() -> None:
-    found = hk.advise(arm(), PLANE, scene=hk.Scene(obstacles=[hk.obstacle("tank", Capsule(1.0), (0.5, 0.2, 0.0))]))
+    found = hk.advise(
+        hk.position(arm()), PLANE, scene=hk.Scene(obstacles=[hk.obstacle("tank", Capsule(1.0), (0.5, 0.2, 0.0))])
+    )
     assert found.best.coverage == 0.0 and found.best.clearance < 0 and found.certify_by == ""
     assert found.reasons[0].startswith("No law that was tried serves any of the 256 poses. With ")
-    assert "too near" in found.reasons[0] and found.summary()["floor"] is None
+    assert "too near" in found.reasons[0] and found.to_dict()["floor"] is None
 
 
 @pytest.mark.campaign
@@ -101,7 +103,7 @@ def test_on_a_panda_beside_a_post_the_advised_law_is_proven_and_the_one_without_
     table = hk.obstacle("table", Box(np.array([1.0, 1.0, 0.05])), (0.6, 0.0, -0.05))
     scene = hk.Scene([table, hk.obstacle("post", Capsule(0.02, 1.0), (-0.19, 0.0, 0.5))], clearance=0.02)
     panda, cube = hk.load("panda"), hk.workspace(box=([0.5, 0.05, 0.35], [0.03] * 3))
-    advice, plain = hk.advise(panda, cube, scene=scene), hk.advise(panda, cube)
+    advice, plain = hk.advise(hk.pose(panda), cube, scene=scene), hk.advise(hk.pose(panda), cube)
     proof = eval(advice.certify_by.removeprefix("Certify it by: "), {"hk": hk, "advice": advice})
     assert proof.whole and proof.findings.apart.min() > 0.08
     assert not hk.certify(plain.best.strategy, cube, plain.q0, scene=scene).whole

@@ -92,7 +92,7 @@ def test_the_tool_that_the_checks_give_a_robot_is_in_the_picture_of_advice(tmp_p
 def test_a_job_is_heard_with_its_torch_its_task_its_path_its_limits_and_its_degrees(torch: str) -> None:
     """Referee: the robot put together by hand, and the corners of the path about its tool."""
     asked = question(torch)
-    arm = hk.with_tool(hk.load("ur5e"), xyz=[0.08, 0, 0.25], rpy=[0, np.deg2rad(35), 0])
+    arm = hk.with_tool(hk.load("ur5e"), [0.08, 0, 0.25], rpy=[0, np.deg2rad(35), 0])
     assert asked.task.orientation == "axis" and asked.task.m == 5
     assert asked.q0 is not None and asked.workspace is not None
     assert np.abs(asked.q0 - UR5E).max() < 1e-15
@@ -192,7 +192,7 @@ def test_laws_with_the_same_joint_rates_everywhere_are_one_and_others_are_not() 
     fixes it at all is "lock wrist_3_joint". With a bent torch the same two laws differ.
     """
     names = {"lock wrist_3_joint", "stationary centring", "wrist_1_joint - wrist_3_joint"}
-    straight = _trials(hk.with_tool(hk.load("ur5e"), xyz=[0, 0, 0.2]), names)
+    straight = _trials(hk.with_tool(hk.load("ur5e"), [0, 0, 0.2]), names)
     found = distinct(straight)
     assert [trial.candidate.name for trial in straight] == [
         "lock wrist_3_joint", "wrist_1_joint - wrist_3_joint", "stationary centring"
@@ -200,7 +200,7 @@ def test_laws_with_the_same_joint_rates_everywhere_are_one_and_others_are_not() 
     assert {trial.candidate.name: trial.same for trial in found} == {
         "lock wrist_3_joint": ("stationary centring",), "wrist_1_joint - wrist_3_joint": (),
     }  # fmt: skip
-    bent = _trials(hk.with_tool(hk.load("ur5e"), xyz=[0.08, 0, 0.25], rpy=[0, 0.6, 0]), names)
+    bent = _trials(hk.with_tool(hk.load("ur5e"), [0.08, 0, 0.25], rpy=[0, 0.6, 0]), names)
     assert len(distinct(bent)) == len(bent) >= 2
     other = replace(bent[1], speed=bent[0].speed, served=bent[0].served)  # as fast by chance
     assert len(distinct([bent[0], other])) == 2
@@ -218,7 +218,7 @@ def test_the_direction_of_a_designed_law_counts_from_the_middle_of_the_workspace
 
 def test_clear_postures_are_those_whose_links_keep_the_distance() -> None:
     """Referee: the distance of a point from three segments of a planar arm, less both radii."""
-    arm = hk.with_capsules(hk.load("planar-3r"), 0.05)
+    arm = hk.robot.with_capsules(hk.load("planar-3r"), 0.05)
     post = hk.obstacle("post", Capsule(0.1, 0.0), [1.2, 0.9, 0.0])
     clear = Clearances.of(arm, hk.Scene([post], clearance=0.02, self_collision=False)).clear
     Q = np.random.default_rng(2).uniform(-2.0, 2.0, (300, 3))
@@ -298,7 +298,7 @@ def test_a_law_on_trial_serves_only_where_its_postures_are_clear() -> None:
 
 def test_a_pose_at_which_a_link_is_too_near_is_not_served() -> None:
     """The least that can fail: a post on the way of the arm. The coverage names it, and its share falls."""
-    arm = hk.with_capsules(hk.load("planar-3r"), 0.05)
+    arm = hk.robot.with_capsules(hk.load("planar-3r"), 0.05)
     space = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
     law = hk.holonomic(hk.position(arm), hk.lock(2))
     whole = hk.coverage(law, space, [0.3, 0.8, 0.5], samples=64)

@@ -43,12 +43,12 @@ def oracle() -> PoseCloud:
 
 
 @pytest.fixture(scope="module")
-def found(task: hk.Task, oracle: PoseCloud) -> hk.Design:
+def found(task: hk.Task, oracle: PoseCloud) -> hk.analysis.design.Design:
     return hk.design(task, oracle, READY, base=hk.lock("panda_joint3"), degree=3)
 
 
 @pytest.fixture(scope="module")
-def swift(task: hk.Task) -> hk.Design:
+def swift(task: hk.Task) -> hk.analysis.design.Design:
     """One at few poses."""
     return hk.design(task, SMALL, READY, objective="worst_speed", degree=1, samples=16)
 
@@ -58,7 +58,9 @@ def squared_speed(law: HolonomicStrategy, start: np.ndarray, cloud: PoseCloud) -
     return np.sum(law.batch(hk.ik(law, start).batch(cloud.given).q)[:, :, :3] ** 2, axis=(1, 2))
 
 
-def test_a_panda_over_a_box_has_the_known_least_squared_speeds(found: hk.Design, oracle: PoseCloud) -> None:
+def test_a_panda_over_a_box_has_the_known_least_squared_speeds(
+    found: hk.analysis.design.Design, oracle: PoseCloud
+) -> None:
     """Theory 7.1: 49.20 with joint 3 held, 47.83, 47.585, 47.578 with degree 1, 2, 3; radial has 55.5."""
     assert found.costs == pytest.approx((49.200, 49.200, 47.833, 47.585, 47.578), abs=1e-3)
     energies = squared_speed(found.strategy, found.q0, oracle)
@@ -69,7 +71,7 @@ def test_a_panda_over_a_box_has_the_known_least_squared_speeds(found: hk.Design,
 
 @pytest.mark.campaign
 def test_the_bound_is_the_mean_of_the_least_along_whole_self_motions(
-    found: hk.Design, oracle: PoseCloud, task: hk.Task
+    found: hk.analysis.design.Design, oracle: PoseCloud, task: hk.Task
 ) -> None:
     """At some poses |J^+|^2 is compared with that along a self-motion traced one by one in steps of 0.02."""
     assert found.bound_traced
@@ -102,7 +104,7 @@ def test_a_design_says_how_many_metres_a_turn_counted_as(task: hk.Task) -> None:
     assert again.objective.length == 0.5
 
 
-def test_a_designed_law_is_holonomic_and_as_regular_as_its_base(found: hk.Design) -> None:
+def test_a_designed_law_is_holonomic_and_as_regular_as_its_base(found: hk.analysis.design.Design) -> None:
     """det [J; J_g] = det [J; J_phi]: zeta adds no singularity (theory 2e)."""
     assert hk.involutivity(found.strategy, hk.around(found.q0, 0.2)).holonomic
     for q in hk.around(found.q0, 0.3).sample(5):
@@ -113,24 +115,26 @@ def test_a_designed_law_is_holonomic_and_as_regular_as_its_base(found: hk.Design
 
 
 @pytest.mark.campaign
-def test_a_design_survives_pickling(swift: hk.Design) -> None:
+def test_a_design_survives_pickling(swift: hk.analysis.design.Design) -> None:
     again = pickle.loads(pickle.dumps(swift))
     assert np.array_equal(again.strategy(swift.q0), swift.strategy(swift.q0))
     assert again.costs == swift.costs and again.bound == swift.bound
 
 
 @pytest.mark.campaign
-def test_a_design_says_the_same_after_pickling(swift: hk.Design) -> None:
+def test_a_design_says_the_same_after_pickling(swift: hk.analysis.design.Design) -> None:
     """Each text looks for the least of other postures anew."""
     assert str(pickle.loads(pickle.dumps(swift))) == str(swift)
     assert swift.broken == 0 and "beyond hard limits" not in str(swift)
 
 
 @pytest.mark.campaign
-def test_exported_c_of_a_designed_law_is_python(found: hk.Design, tmp_path: Path) -> None:
+def test_exported_c_of_a_designed_law_is_python(found: hk.analysis.design.Design, tmp_path: Path) -> None:
     Q = hk.around(found.q0, 0.2).sample(20)
     dx = np.random.default_rng(1).normal(size=(20, 6))
-    dq, _ = rates(hk.export_c(found.strategy, tmp_path / "c", q0=found.q0, name="designed"), tmp_path, Q, dx, "-O0")
+    dq, _ = rates(
+        hk.export.export_c(found.strategy, tmp_path / "c", q0=found.q0, name="designed"), tmp_path, Q, dx, "-O0"
+    )
     assert dq == pytest.approx(np.einsum("kij,kj->ki", found.strategy.batch(Q), dx), abs=1e-12)
 
 
@@ -174,7 +178,9 @@ def test_derivatives_are_those_of_differences(panda: hk.Robot, name: str, case: 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("goal", ["one", "all"])
-def test_no_objective_is_below_its_bound_and_each_is_made_less(task: hk.Task, swift: hk.Design, goal: str) -> None:
+def test_no_objective_is_below_its_bound_and_each_is_made_less(
+    task: hk.Task, swift: hk.analysis.design.Design, goal: str
+) -> None:
     every = Objective(1.0, 1.0, 1.0, 1.0, 1.0)
     found = swift if goal == "one" else hk.design(task, SMALL, READY, objective=every, degree=1, samples=16)
     assert 0 < found.bound <= found.costs[-1] < found.costs[0]
@@ -197,7 +203,7 @@ def test_limits_that_bind_are_kept_at_other_poses(arm: str, monkeypatch: pytest.
     free = hk.design(task, space, q0, **words)
     held = hk.design(task, space, q0, **words, margin=margin, rcond=rcond)
 
-    def least_margin(d: hk.Design, poses: np.ndarray) -> float:
+    def least_margin(d: hk.analysis.design.Design, poses: np.ndarray) -> float:
         q = hk.ik(d.strategy, d.q0).batch(poses).q
         return float(np.minimum(q - task.robot.lower, task.robot.upper - q).min())
 

@@ -64,10 +64,10 @@ def test_derivatives_of_clearance_are_those_of_differences(task: hk.Task, wanted
     assert here[1] @ way == pytest.approx((ahead[0] - behind[0]) / (2 * h), rel=1e-5)
 
 
-def least_by_coal(found: hk.Design, poses: np.ndarray) -> float:
+def least_by_coal(found: hk.analysis.design.Design, poses: np.ndarray) -> float:
     """The least distance of any link from the table and the post: coal at Pinocchio's frames."""
     robot = with_capsules(found.strategy.task.robot)
-    model = pin.buildModelFromXML(hk.to_urdf(robot))
+    model = pin.buildModelFromXML(hk.robot.to_urdf(robot))
     data, least = model.createData(), np.inf
     solved = hk.ik(found.strategy, found.q0).batch(poses)
     assert solved.reached.all()
@@ -86,7 +86,7 @@ def least_by_coal(found: hk.Design, poses: np.ndarray) -> float:
 
 
 @pytest.fixture(scope="module")
-def pair(task: hk.Task) -> tuple[hk.Design, hk.Design]:
+def pair(task: hk.Task) -> tuple[hk.analysis.design.Design, hk.analysis.design.Design]:
     """Designed without the post, and to keep 0.06 m from it."""
     return hk.design(task, SPACE, READY, **WORDS), hk.design(
         task, SPACE, READY, scene=hk.Scene(obstacles=[TABLE, POST], clearance=0.06), **WORDS
@@ -94,7 +94,9 @@ def pair(task: hk.Task) -> tuple[hk.Design, hk.Design]:
 
 
 @pytest.mark.campaign
-def test_a_distance_that_binds_is_kept_at_other_poses(pair: tuple[hk.Design, hk.Design]) -> None:
+def test_a_distance_that_binds_is_kept_at_other_poses(
+    pair: tuple[hk.analysis.design.Design, hk.analysis.design.Design],
+) -> None:
     free, held = pair
     poses = SPACE.poses(96, seed=1)  # those of the check
     assert least_by_coal(free, poses) < 0.055
@@ -109,7 +111,9 @@ def test_a_distance_that_binds_is_kept_at_other_poses(pair: tuple[hk.Design, hk.
 
 
 @pytest.mark.campaign
-def test_what_was_designed_to_keep_clear_is_proven_to(pair: tuple[hk.Design, hk.Design]) -> None:
+def test_what_was_designed_to_keep_clear_is_proven_to(
+    pair: tuple[hk.analysis.design.Design, hk.analysis.design.Design],
+) -> None:
     scene = hk.Scene([TABLE, POST], clearance=0.05)
     free, held = pair
     proof = hk.certify(held.strategy, SPACE, held.q0, scene=scene)

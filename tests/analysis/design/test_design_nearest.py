@@ -26,7 +26,9 @@ def slope(relative: float) -> float:
 def test_the_nearest_law_of_the_planimeter_is_the_known_optimum_from_any_start(
     ppr: hk.Robot, start: tuple[float, ...]
 ) -> None:
-    found = hk.closest_holonomic(hk.moore_penrose(hk.position(ppr)), ball(start, PPR_RADIUS, along=10.0))
+    found = hk.analysis.design.closest_holonomic(
+        hk.moore_penrose(hk.position(ppr)), ball(start, PPR_RADIUS, along=10.0)
+    )
     assert found.terms == 70
     assert slope(found.steps[1]) == pytest.approx(OPTIMUM, rel=0.01)
     assert slope(found.ours.rms) == pytest.approx(OPTIMUM, rel=0.02)
@@ -42,7 +44,9 @@ def test_the_nearest_law_of_the_planimeter_is_the_known_optimum_from_any_start(
 def test_the_deviation_is_that_of_the_strategy_itself(ppr: hk.Robot) -> None:
     """And one full turn of joint 3 leads to the same planes: the series has its period."""
     mp = hk.moore_penrose(hk.position(ppr))
-    found = hk.closest_holonomic(mp, ball((0.9, -0.3, 0.8), PPR_RADIUS, along=10.0), degree=2, samples=512)
+    found = hk.analysis.design.closest_holonomic(
+        mp, ball((0.9, -0.3, 0.8), PPR_RADIUS, along=10.0), degree=2, samples=512
+    )
     rho, angle, q3 = np.random.default_rng(0).uniform([[0], [0], [-np.pi]], [[1], [2 * np.pi], [np.pi]], (3, 2000))
     x = PPR_RADIUS * np.sqrt(rho)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     center = hk.position(ppr)([0.9, -0.3, 0.8])
@@ -56,7 +60,7 @@ def test_over_a_joint_box_it_is_nearer_than_radial(panda: hk.Robot) -> None:
     """A Panda, positions and turns; and its position task with four redundant joints."""
     for task, degree in ((hk.pose(panda), 2), (hk.position(panda), 2)):
         mp = hk.moore_penrose(task)
-        found = hk.closest_holonomic(mp, hk.around(PANDA_START, 0.15), degree=degree, samples=1024)
+        found = hk.analysis.design.closest_holonomic(mp, hk.around(PANDA_START, 0.15), degree=degree, samples=1024)
         assert found.radial is not None
         assert found.ours.rms < 0.97 * found.radial.rms
         assert found.ours.extra_speed > 0  # the pseudo-inverse is the slowest
@@ -68,7 +72,7 @@ def test_over_a_joint_box_it_is_nearer_than_radial(panda: hk.Robot) -> None:
 def test_the_nearest_law_of_a_repeatable_one_is_this_law(panda: hk.Robot) -> None:
     """Its own constraint where it has one; where it has rows alone, which nobody integrated, radial of it."""
     task, region = hk.pose(panda), hk.around(PANDA_START, 0.15)
-    held = hk.closest_holonomic(hk.holonomic(task, hk.arm_angle()), region, degree=2, samples=256)
+    held = hk.analysis.design.closest_holonomic(hk.holonomic(task, hk.arm_angle()), region, degree=2, samples=256)
     assert held.ours.largest < 1e-12
     assert held.least_slope == pytest.approx(1.0)
 
@@ -76,7 +80,7 @@ def test_the_nearest_law_of_a_repeatable_one_is_this_law(panda: hk.Robot) -> Non
         return SX([[1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0]]) + 3 * sin(q[2]) * SX([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]])
 
     law = hk.strategies.pfaffian(task, rows)
-    found = hk.closest_holonomic(law, region, degree=2, samples=256)
+    found = hk.analysis.design.closest_holonomic(law, region, degree=2, samples=256)
     assert found.terms == 0
     assert found.ours.rms < 1e-5 < found.steps[1]
     Q = region.sample(5, 3)
@@ -101,10 +105,10 @@ def test_its_derivatives_are_those_of_differences(panda: hk.Robot, rows: tuple[i
 def test_bad_regions_are_told_with_their_cure(ppr: hk.Robot, irb140: hk.Robot) -> None:
     mp = hk.moore_penrose(hk.position(ppr))
     with pytest.raises(ArgumentError, match=r"`along` of the ball is 0.0; give hk.analysis.curvature.ball"):
-        hk.closest_holonomic(mp, ball((0.9, -0.3, 0.8), 0.1))
+        hk.analysis.design.closest_holonomic(mp, ball((0.9, -0.3, 0.8), 0.1))
     with pytest.raises(ArgumentError, match="redundant joints is 0"):
-        hk.closest_holonomic(hk.moore_penrose(hk.pose(irb140)), hk.around(np.full(6, 0.3), 0.1))
+        hk.analysis.design.closest_holonomic(hk.moore_penrose(hk.pose(irb140)), hk.around(np.full(6, 0.3), 0.1))
     with pytest.raises(ArgumentError, match="give another base, or a smaller region"):
-        hk.closest_holonomic(mp, box([-1, -1, -2], [1, 1, 2]), base=hk.custom(lambda q: q[2] ** 2))
+        hk.analysis.design.closest_holonomic(mp, box([-1, -1, -2], [1, 1, 2]), base=hk.custom(lambda q: q[2] ** 2))
     with pytest.raises(ArgumentError, match="the degree is 0"):
-        hk.closest_holonomic(mp, hk.around((0.9, -0.3, 0.8), 0.1), degree=0)
+        hk.analysis.design.closest_holonomic(mp, hk.around((0.9, -0.3, 0.8), 0.1), degree=0)

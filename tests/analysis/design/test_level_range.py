@@ -36,7 +36,7 @@ def test_a_panda_s_elbow_may_go_so_far_while_its_tool_works_in_a_box() -> None:
     ((low, high),) = found.intervals
     assert low < found.level < high and found.cusps is not None
     for level, all_of_it in ((low + 0.02, True), (found.best, True), (high - 0.02, True), (high + 0.1, False)):
-        moved = hk.move_to_leaf(law, q0, level)
+        moved = hk.motion.ik.move_to_leaf(law, q0, level)
         reached = hk.ik(law, moved, limits=True).batch(space.poses(256)).reached
         assert reached.all() == all_of_it
 
@@ -46,13 +46,13 @@ def test_an_advice_tells_the_levels_of_its_best_law_if_it_is_asked() -> None:
     """Referee: inverse kinematics of that law, within the limits, begun on leaves inside and outside the interval."""
     bars = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
     space = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
-    advice = hk.advise(hk.from_dh(bars, name="planar"), space, levels=True)
+    advice = hk.advise(hk.position(hk.from_dh(bars, name="planar")), space, levels=True)
     found, law = advice.levels, advice.best
     assert found is not None and f"{found.served}." in advice.reasons[-1]
-    assert advice.summary()["levels"] == [list(ends) for ends in found.intervals]
+    assert advice.to_dict()["levels"] == [list(ends) for ends in found.intervals]
     low, high = next(ends for ends in found.intervals if ends[0] <= found.best <= ends[1])
     for level, all_of_it in ((low + 0.02, True), (found.best, True), (high - 0.02, True), (high + 0.05, False)):
-        moved = hk.move_to_leaf(law.strategy, law.q0, level)
+        moved = hk.motion.ik.move_to_leaf(law.strategy, law.q0, level)
         assert hk.ik(law.strategy, moved, limits=True).batch(space.poses(256)).reached.all() == all_of_it
 
 

@@ -85,7 +85,7 @@ def test_of_laws_that_serve_alike_one_without_a_cusp_nearby_is_taken(
     monkeypatch.setattr(advice_case, "MORE_SPEED", 2.0)
     bars = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
     space = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
-    advice = hk.advise(hk.from_dh(bars, name="planar"), space)
+    advice = hk.advise(hk.position(hk.from_dh(bars, name="planar")), space)
     order = [law.name for law in ranked(advice.laws)]
     assert len(seen) == min(len(near) + 1, advice_case.MOST)
     assert advice.best.strategy is seen[0 if len(near) == advice_case.MOST else len(near)]
@@ -95,7 +95,7 @@ def test_of_laws_that_serve_alike_one_without_a_cusp_nearby_is_taken(
         assert f"so has {order[1]!r}, {order[2]!r}" in said
     else:
         assert f"{order[0]!r}, which needs" in said and "0.4 m from the workspace" not in said.split("which needs")[0]
-    assert advice.summary()["reasons"] == list(advice.reasons)
+    assert advice.to_dict()["reasons"] == list(advice.reasons)
 
 
 @pytest.mark.campaign

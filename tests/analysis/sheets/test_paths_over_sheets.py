@@ -120,7 +120,7 @@ def test_a_panda_changes_its_elbow_where_it_is_allowed_and_a_controller_can_play
     assert found.changes == 1
     assert [(one.sheet, round(one.start, 9), round(one.stop, 9)) for one in found.pieces] == [(0, 0, 0.4), (1, 0.4, 1)]
     walk = found.trajectory
-    timed = hk.retime(walk, task.robot, acceleration=10.0, profile="trapezoidal", dt=0.001)
+    timed = hk.retime(walk, acceleration=10.0, profile="trapezoidal", dt=0.001)
     for motion in (walk, timed):
         report = hk.check(motion, task.robot, task=task, scene=None)
         assert report.passed and [text[:13] for text in report.observations] == ["a self-motion"]
@@ -128,7 +128,7 @@ def test_a_panda_changes_its_elbow_where_it_is_allowed_and_a_controller_can_play
     begin, end = walk.q[first], walk.q[first + len(found.seams[0].q) - 1]
     a, b = (int(np.argmin(np.abs(timed.q - q).max(axis=1))) for q in (begin, end))
     assert {a, b} <= set(timed.stops)
-    model = pin.buildModelFromXML(hk.to_urdf(task.robot))
+    model = pin.buildModelFromXML(hk.robot.to_urdf(task.robot))
     data, poses = model.createData(), []
     for q in timed.q[a : b + 1]:
         pin.framesForwardKinematics(model, data, q)

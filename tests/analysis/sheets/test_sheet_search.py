@@ -62,7 +62,7 @@ def test_control_c_keeps_what_was_found() -> None:
         if "leaves serve" in words:
             raise KeyboardInterrupt
 
-    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=60, say=say)
+    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=60, progress=say)
     assert s.stopped
     assert len(s) > 0
     assert "stopped early" in s.sentence
@@ -75,7 +75,7 @@ def test_control_c_while_the_sheets_are_asked_keeps_what_was_found() -> None:
         if words == "asking the sheets":
             raise KeyboardInterrupt
 
-    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=40, share=0.3, say=say)
+    s = hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=40, share=0.3, progress=say)
     assert s.stopped
     assert s.served.any()
     assert s.batch(s.poses[s.served]).served.all()
@@ -195,7 +195,7 @@ def test_control_c_before_anything_was_found_ends_it() -> None:
 
     task = planar_task()
     with pytest.raises(KeyboardInterrupt):
-        hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=20, say=say)
+        hk.sheets(task, disc(), [hk.holonomic(task, hk.lock(0))], samples=20, progress=say)
 
 
 @pytest.mark.parametrize("share", [0.6, campaign("share", 0.98)])

@@ -142,7 +142,7 @@ def test_bad_poses_are_refused(planar: Sheets) -> None:
 def test_a_saved_map_answers_the_same_to_the_last_bit(planar: Sheets, tmp_path: Path) -> None:
     keys = {"kind": "linear", "matrix": [[0.0, 1.0, -1.0]]}
     s = replace(planar, sheets=tuple(replace(one, keys=keys) for one in planar.sheets))
-    hk.write_sheets(s, tmp_path / "map.npz")
+    hk.analysis.sheets.write_sheets(s, tmp_path / "map.npz")
     again = hk.read_sheets(tmp_path / "map.npz", planar_task())
     assert str(again) == str(s)
     for i in np.flatnonzero(s.served)[::5]:
@@ -157,7 +157,7 @@ def test_a_saved_map_of_given_poses_has_their_workspace(tmp_path: Path) -> None:
     given = hk.workspace(box=([0.4, 0.1, 0.3], [0.1, 0.2, 0.1]), tilt=0.2).poses(16, 3)
     for samples in (6, 16):
         s = hk.sheets(task, pose_cloud(given, "taught points"), samples=samples)
-        hk.write_sheets(s, tmp_path / "map.npz")
+        hk.analysis.sheets.write_sheets(s, tmp_path / "map.npz")
         again = hk.read_sheets(tmp_path / "map.npz", task)
         assert str(again.workspace) == str(s.workspace)
         np.testing.assert_array_equal(again.workspace.center, s.workspace.center)
@@ -166,15 +166,15 @@ def test_a_saved_map_of_given_poses_has_their_workspace(tmp_path: Path) -> None:
 def test_a_map_of_another_robot_or_of_no_map_is_refused(planar: Sheets, tmp_path: Path) -> None:
     file = tmp_path / "map.npz"
     with pytest.raises(ArgumentError, match="pickle"):  # its strategies were given as values
-        hk.write_sheets(planar, file)
+        hk.analysis.sheets.write_sheets(planar, file)
     keyed = [replace(one, keys={"kind": "lock", "joints": [1]}) for one in planar.sheets]
-    hk.write_sheets(replace(planar, sheets=tuple(keyed)), file)
+    hk.analysis.sheets.write_sheets(replace(planar, sheets=tuple(keyed)), file)
     with pytest.raises(SheetsFileError, match="leaf"):  # another strategy than that of the postures
         hk.read_sheets(file, planar.task)
-    hk.write_sheets(replace(planar, sheets=tuple(keyed), labels=planar.labels + 0.5), file)
+    hk.analysis.sheets.write_sheets(replace(planar, sheets=tuple(keyed), labels=planar.labels + 0.5), file)
     with pytest.raises(SheetsFileError, match="another kind"):
         hk.read_sheets(file, planar.task)
-    hk.write_sheets(replace(planar, sheets=tuple(keyed)), file)
+    hk.analysis.sheets.write_sheets(replace(planar, sheets=tuple(keyed)), file)
     with pytest.raises(SheetsFileError, match="another scene"):
         hk.read_sheets(file, planar.task, scene=hk.Scene())
     with pytest.raises(SheetsFileError, match="it is of"):

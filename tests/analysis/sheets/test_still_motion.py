@@ -26,7 +26,7 @@ GRID = 2001
 def at_each_millisecond(task: hk.Task, motion: hk.analysis.sheets.StillMotion) -> np.ndarray:
     """The joints (k, n) of the motion, timed from rest to rest at 1 kHz."""
     pose = task.robot.pose(motion.q[0])
-    timed = hk.retime(still_trajectory(task, pose, motion), task.robot, profile="quintic", dt=0.001)
+    timed = hk.retime(still_trajectory(task, pose, motion), profile="quintic", dt=0.001)
     assert (np.abs(timed.dq) <= task.robot.max_velocity * (1 + 1e-9)).all()
     assert ((timed.q >= task.robot.lower - 1e-9) & (timed.q <= task.robot.upper + 1e-9)).all()
     return timed.q
@@ -49,7 +49,7 @@ def two_links(tool: np.ndarray, q1: np.ndarray, sign: float) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(3))
 def test_the_tool_of_a_panda_is_still_at_each_millisecond_and_the_joints_keep_their_limits(seed: int) -> None:
     task = hk.pose(hk.load("panda"))
-    model = pin.buildModelFromXML(hk.to_urdf(task.robot))
+    model = pin.buildModelFromXML(hk.robot.to_urdf(task.robot))
     data, rng = model.createData(), np.random.default_rng(seed)
     q0 = PANDA_START + 0.2 * rng.standard_normal(7)
     curve = hk.strategies.self_motion(task, q0)
@@ -182,11 +182,11 @@ def test_an_arm_without_a_redundant_joint_has_none() -> None:
 def test_several_redundant_joints_go_straight_where_they_can() -> None:
     """A Panda that holds a point has four: Pinocchio sees the point still; where all is blocked none is found."""
     task = hk.position(hk.load("panda"))
-    model = pin.buildModelFromXML(hk.to_urdf(task.robot))
+    model = pin.buildModelFromXML(hk.robot.to_urdf(task.robot))
     data, rng = model.createData(), np.random.default_rng(1)
     other = (PANDA_START + 0.4 * rng.standard_normal(7))[None]
     for _ in range(3):
-        other = held(task, other, *task.place(PANDA_START))
+        other = held(task, other, *task._place(PANDA_START))
     other = other[0]
     motion = self_motion_between(task, PANDA_START, other)
     points = []

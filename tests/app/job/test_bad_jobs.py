@@ -213,7 +213,7 @@ def test_out_of_reach_keeps_what_was_computed(planar_3r: hk.Robot) -> None:
     with pytest.raises(OutOfReachError) as caught:
         hk.follow(strategy, hk.line(tool, tool / np.linalg.norm(tool) * 3.5), q, samples=100)
     walk = caught.value.trajectory
-    assert walk.status is hk.Status.OUT_OF_REACH
+    assert walk.status is hk.motion.Status.OUT_OF_REACH
     assert 10 < len(walk) < 101
     assert np.linalg.norm(walk.x[-1]) < 3.0
 

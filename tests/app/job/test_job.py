@@ -167,7 +167,7 @@ def test_a_strategy_that_hits_a_limit_is_a_result_and_fails_unless_expected() ->
     strategies = {"moore-penrose": job.strategies["moore-penrose"]}
     long = job.model_copy(update={"path": path, "strategies": strategies, "expect": {}})
     result = run_job(name, long, file)
-    assert result.strategies[0].status is hk.Status.LIMIT
+    assert result.strategies[0].status is hk.motion.Status.LIMIT
     assert "outside its limits" in result.strategies[0].trouble
     assert not result.passed
     table = job.expect["moore-penrose"].model_copy(update={"completes": False, "drift": None, "drift_total": None})

@@ -55,7 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, mapped: Sheets) -> Path:
     place = tmp_path_factory.mktemp("job")
     keys = {"kind": "linear", "matrix": [[0, 1, -1]]}
     named = replace(mapped, sheets=tuple(replace(one, keys=keys) for one in mapped.sheets))
-    hk.write_sheets(named, place / "map.npz")
+    hk.analysis.sheets.write_sheets(named, place / "map.npz")
     write_job(place, **PARTS)
     return place
 
@@ -131,7 +131,7 @@ def test_a_share_of_sheets_that_is_not_reached_fails_the_job(folder: Path, out: 
     assert less.sum() > 0.1 * len(less)
     rest = np.where(less, int(PoseRest.NOT_COVERED), whole.rest)
     half = replace(whole, sheets=whole.sheets[:1], q=whole.q[:1], labels=np.where(less, -1, whole.labels), rest=rest)
-    hk.write_sheets(half, folder / "half.npz")
+    hk.analysis.sheets.write_sheets(half, folder / "half.npz")
     file = write_job(folder, "half.toml", **(PARTS | {"sheets": PARTS["sheets"].replace("map", "half")}))
     run = holokin("run", file, "--out", out)
     assert run.code == 1 and "is not reached" in run.out and "the job's path:" in run.out

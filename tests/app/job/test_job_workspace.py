@@ -70,7 +70,7 @@ def test_the_report_shows_shares_causes_and_pictures_and_keeps_every_pose(
     facts = json.loads((out / "job" / "result.json").read_text("utf-8"))
     (lock,) = [s for s in facts["strategies"] if s["name"] == "lock"]
     assert sum(lock["coverage"]["causes"].values()) == lock["coverage"]["poses"] == 200
-    again = hk.read_workspace(out / "job" / "lock-workspace.csv")
+    again = hk.path.read_workspace(out / "job" / "lock-workspace.csv")
     assert len(again.poses(1000)) == 200
 
 

@@ -28,7 +28,7 @@ def assert_fits(result: JobResult, robot: hk.Robot) -> None:
         "moore-penrose": False, "lock": True, "radial": True,
     }  # fmt: skip
     assert all(not s.checks for s in laws.values())  # nothing is expected that nobody measured
-    assert all(s.status is hk.Status.COMPLETE for s in laws.values())
+    assert all(s.status is hk.motion.Status.COMPLETE for s in laws.values())
     assert laws["lock"].metrics["drift_total"] < 1e-9 < laws["moore-penrose"].metrics["drift_total"]
     walls = np.minimum(result.q0 - robot.lower, robot.upper - result.q0)
     ranges = robot.upper - robot.lower

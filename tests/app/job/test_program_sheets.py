@@ -31,7 +31,9 @@ def job(folder: Path, starts: Sequence[Sequence[float]], **changed: str) -> Path
     task = planar_task()
     law, keys = hk.holonomic(task, hk.lock(2)), {"kind": "lock", "joints": [2]}
     sheets = [Sheet(law, np.array(q), keys=keys) for q in starts]
-    hk.write_sheets(map_of(task, hk.workspace(cylinder=([0, 0, 0], 3.0, 0.0)), sheets, 40), folder / "map.npz")
+    hk.analysis.sheets.write_sheets(
+        map_of(task, hk.workspace(cylinder=([0, 0, 0], 3.0, 0.0)), sheets, 40), folder / "map.npz"
+    )
     return write_job(folder, **(PARTS | changed))
 
 

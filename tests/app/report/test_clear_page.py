@@ -76,7 +76,7 @@ def row(rows: list[list[str]], beginning: str) -> list[str]:
 @cache
 def pinocchio_arm() -> tuple[Any, Any, tuple[Any, ...]]:
     """The model, its data, and the capsules of its links."""
-    model = pin.buildModelFromXML(hk.to_urdf(ARM))
+    model = pin.buildModelFromXML(hk.robot.to_urdf(ARM))
     return model, model.createData(), tuple(with_capsules(ARM).shapes)
 
 

@@ -193,6 +193,6 @@ def test_what_cannot_be_written_is_said_in_the_page_and_nothing_is_downloaded(wo
 def test_advice_in_the_page_is_that_of_advise(worked: Any) -> None:
     panel = worked.page.panels.work
     panel._work(Browser(), panel._advice)
-    found = hk.advise(worked.session.robot, task="pose", q0=worked.session.home)
+    found = hk.advise(hk.pose(worked.session.robot), q0=worked.session.home)
     assert f"The best is {escape(found.best.name)}." in panel.answer.content
     assert all(escape(reason) in panel.answer.content for reason in found.reasons)

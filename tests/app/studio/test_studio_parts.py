@@ -98,7 +98,7 @@ def test_two_paths_to_one_pose_spread_as_path_spread_says() -> None:
     found = session.two_paths(goal, samples=100)
     assert found.points.shape == (2, 100, 3)
     for law, ways in zip(session.laws, found.by_law, strict=True):
-        referee = hk.path_spread(law.strategy, *found.paths, PANDA_START, samples=100)  # type: ignore[arg-type]
+        referee = hk.motion.path_spread(law.strategy, *found.paths, PANDA_START, samples=100)  # type: ignore[arg-type]
         assert ways.spread == referee.largest and ways.sentence == ""
         np.testing.assert_allclose(PANDA.pose(ways.a[-1]), goal, atol=1e-6)
         np.testing.assert_allclose(PANDA.pose(ways.b[-1]), goal, atol=1e-6)

@@ -106,7 +106,7 @@ def test_a_geom_of_mjcf_is_drawn_where_mujoco_puts_it() -> None:
     <geom type="box" size="0.1 0.2 0.3" group="3"/>
     <body name="b" pos="0 0 0.5" euler="0 30 0"><joint name="j2" axis="0 1 0"/><geom type="capsule" size="0.05 0.2"/>
     <site name="tip" pos="0 0 0.3"/></body></body></worldbody></mujoco>"""
-    robot = hk.from_mjcf(text, tip="tip")
+    robot = hk.robot.from_mjcf(text, tip="tip")
     model = mujoco.MjModel.from_xml_string(text)
     data, q = mujoco.MjData(model), np.array([0.4, -0.7])
     data.qpos[:] = q
@@ -152,10 +152,10 @@ def test_a_robot_without_meshes_has_the_body_in_the_studio_that_it_has_in_pictur
 
 def test_a_tool_is_drawn_as_it_is_and_the_arm_keeps_its_links() -> None:
     """A torch of 0.2 m before the tip of an arm without meshes: the link before it ends in the torch."""
-    bare = hk.with_tool(hk.load("irb140"), xyz=[0, 0, 0.3])
-    torch = hk.with_shape(bare, "torch", Cylinder(0.01, 0.2), xyz=[0, 0, -0.1])
+    bare = hk.with_tool(hk.load("irb140"), [0, 0, 0.3])
+    torch = hk.robot.with_shape(bare, "torch", Cylinder(0.01, 0.2), xyz=[0, 0, -0.1])
     before, after = ({look.joint: look.points for look in looks_of(robot)[0]} for robot in (bare, torch))
-    last, tip = bare.tip().joint, bare.tip().placement
+    last, tip = bare.tips[0].joint, bare.tips[0].placement
     for joint in set(before) - {last}:
         assert after[joint] == pytest.approx(before[joint])
     local = (after[last] - tip[:3, 3]) @ tip[:3, :3]
@@ -198,7 +198,7 @@ def test_visuals_go_where_the_robot_is_mounted(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(ARM.format('<sphere radius="0.1"/>'))
     arm = hk.load(file)
-    cell = hk.compose(hk.load("rail"), hk.Part(arm, xyz=[0, 0, 0.5], prefix="left_"))
+    cell = hk.compose(hk.load("rail"), hk.robot.Part(arm, pose=[0, 0, 0.5], prefix="left_"))
     assert [visual.link for visual in cell.visuals] == ["left_a", "left_b"]
     q = np.array([0.3, 0.2, -0.4])
     alone, mounted = frames_of(arm, q[None, 1:])[0], frames_of(cell, q[None])[0]

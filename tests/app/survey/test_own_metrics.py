@@ -98,12 +98,12 @@ def test_a_column_has_a_plain_name_that_no_other_has(name: str) -> None:
 def test_an_audit_has_a_finding_for_each_metric_apart_from_its_verdict() -> None:
     task, q0 = hk.position(ROBOT), [0.3, 0.6, 0.5]
     law = hk.holonomic(task, hk.lock(2))
-    plain = hk.audit(law, ROBOT, task, q0=q0, dt=0.05, cycles=3)
+    plain = hk.audit(law, task, q0=q0, dt=0.05, cycles=3)
     metrics = {"highest": highest, "nothing": nothing} | {name: f for name, (f, _) in BROKEN.items()}
-    found = hk.audit(law, ROBOT, task, q0=q0, dt=0.05, cycles=3, metrics=metrics)
+    found = hk.audit(law, task, q0=q0, dt=0.05, cycles=3, metrics=metrics)
     assert found.verdict is plain.verdict
     assert 0.5 < found["metric highest"].metrics["value"] < 1.5
     assert found["metric nothing"].metrics == {}
     for name, (_, words) in BROKEN.items():
         assert words in found[f"metric {name}"].fault
-        assert words in json.dumps(found.summary())
+        assert words in json.dumps(found.to_dict())

@@ -116,7 +116,7 @@ MJCF = """<mujoco><worldbody><geom name="post" type="box" size=".1 .1 .3" pos=".
 
 def test_links_of_mjcf_are_as_far_apart_as_mujoco_finds() -> None:
     mujoco = pytest.importorskip("mujoco")
-    robot = hk.from_mjcf(MJCF, tip="c")
+    robot = hk.robot.from_mjcf(MJCF, tip="c")
     model = mujoco.MjModel.from_xml_string(MJCF)
     data = mujoco.MjData(model)
     links = {link.name: link for link in links_of(robot.shapes)}
@@ -207,7 +207,7 @@ def test_a_folded_panda_touches_itself_where_pinocchio_says_so() -> None:
 @pytest.mark.parametrize("name", ["panda", "irb140", "rail-ur10e", "yumi", "ppr"])
 def test_a_distance_changes_no_faster_than_its_weights_say(name: str) -> None:
     """|d(q) - d(q')| <= weights . |q - q'|, of links from each other, of two arms, from a ball and from the floor."""
-    robot = hk.with_capsules(hk.load(name), 0.05)
+    robot = hk.robot.with_capsules(hk.load(name), 0.05)
     rng = np.random.default_rng(1)
     lower, upper = np.maximum(robot.lower, -3), np.minimum(robot.upper, 3)
     Q = rng.uniform(lower, upper, (400, robot.n))
@@ -231,7 +231,7 @@ def test_a_distance_changes_no_faster_than_its_weights_say(name: str) -> None:
 @given(seed=st.integers(0, 10**6), few=st.integers(2, 9))
 def test_nowhere_on_a_motion_are_links_nearer_than_the_bound(seed: int, few: int) -> None:
     """Coarse samples, looked at 400 times as closely: never below the bound; the least found is nearly the least."""
-    robot = hk.with_capsules(hk.load("panda"))
+    robot = hk.robot.with_capsules(hk.load("panda"))
     rng = np.random.default_rng(seed)
     q = rng.uniform(robot.lower, robot.upper, (few, robot.n))
     links = links_of(robot.shapes)

@@ -67,7 +67,7 @@ def test_a_timed_motion_keeps_its_own_limits_and_breaks_smaller_ones(planar_3r: 
     start = planar_3r.pose(R3_START)[:3, 3]
     walk = hk.follow(hk.moore_penrose(task), hk.line(start, start + [0.1, 0, 0]), R3_START, samples=50)
     bounds = {"acceleration": 2.0, "jerk": 40.0, "velocity": 1.0}
-    timed = hk.retime(walk, planar_3r, profile="trapezoidal", dt=0.01, **bounds)
+    timed = hk.retime(walk, profile="trapezoidal", dt=0.01, **bounds)
     assert hk.check(timed, planar_3r, task=task, scene=None).passed
     half = type(timed.limits)(*(getattr(timed.limits, key) / (2 if key in bounds else 1) for key in vars(timed.limits)))
     report = hk.check(type(timed)(**vars(timed) | {"limits": half}), planar_3r, scene=None)
@@ -95,7 +95,7 @@ def test_a_capsule_meets_a_ball_when_geometry_says(arm: hk.Robot) -> None:
     """
     t = np.linspace(0, 1.5, 151)
     ball = hk.obstacle("ball", Capsule(0.2), [0, 1.5, 0])
-    robot = hk.with_capsules(arm, 0.1)
+    robot = hk.robot.with_capsules(arm, 0.1)
     report = hk.check(
         recorded(robot, t, np.column_stack([t, 0 * t])), robot, scene=hk.Scene(obstacles=[ball]), limits=False
     )
@@ -114,7 +114,7 @@ def test_a_capsule_meets_a_ball_when_geometry_says(arm: hk.Robot) -> None:
 
 def test_a_collision_between_two_samples_is_found(arm: hk.Robot) -> None:
     """Two samples, on either side of a ball: neither touches it, the straight motion between them does."""
-    robot = hk.with_capsules(arm, 0.05)
+    robot = hk.robot.with_capsules(arm, 0.05)
     ball = hk.obstacle("ball", Capsule(0.1), [1.8, 0, 0])
     motion = np.array([[-0.8, 0.0], [0.8, 0.0]])
     report = hk.check(motion, robot, scene=hk.Scene(obstacles=[ball]), limits=False)
@@ -128,7 +128,7 @@ def test_a_collision_between_two_samples_is_found(arm: hk.Robot) -> None:
 
 def test_a_tool_below_the_floor_is_told_with_its_depth() -> None:
     """A bar of 0.1 m radius goes down from 0.5 m to -0.5 m: its lowest point is 0.1 m below its middle line."""
-    flat = hk.with_capsules(hk.from_dh([{"joint": "s", "kind": "prismatic", "a": 0.5}]), 0.1)
+    flat = hk.robot.with_capsules(hk.from_dh([{"joint": "s", "kind": "prismatic", "a": 0.5}]), 0.1)
     t = np.linspace(0, 1, 11)
     report = hk.check(recorded(flat, t, 0.5 - t[:, None]), flat, scene=hk.Scene(floor=0.0))
     (found,) = report.findings
@@ -154,13 +154,18 @@ def test_pairs_that_are_left_out_are_named_with_the_reason(panda: hk.Robot) -> N
 def test_a_tool_is_looked_at_where_it_is_carried(arm: hk.Robot) -> None:
     """A pin of 0.2 m beyond the tip of a stretched arm of 2 m meets a ball at 2.3 m, which the arm does not."""
     ball = hk.obstacle("ball", Capsule(0.05), [2.3, 0, 0])
-    pin = hk.with_shape(hk.with_capsules(arm, 0.05), "pin", Capsule(0.01, 0.2), [0.1, 0, 0], [0, np.pi / 2, 0])
+    pin = hk.robot.with_shape(
+        hk.robot.with_capsules(arm, 0.05), "pin", Capsule(0.01, 0.2), [0.1, 0, 0], [0, np.pi / 2, 0]
+    )
     report = hk.check(np.zeros((1, 2)), pin, scene=hk.Scene(obstacles=[ball]))
     assert report.passed and report.pairs[0].pair == ("pin", "ball")
     assert report.clearance == pytest.approx(2.3 - 2.2 - 0.01 - 0.05)
-    assert hk.check(np.zeros((1, 2)), hk.with_shape(arm, "pin", Capsule(0.01)), scene=hk.Scene(floor=-1.0)).unseen == ()
+    assert (
+        hk.check(np.zeros((1, 2)), hk.robot.with_shape(arm, "pin", Capsule(0.01)), scene=hk.Scene(floor=-1.0)).unseen
+        == ()
+    )
     with pytest.raises(UnknownNameError):
-        hk.with_shape(arm, "pin", Capsule(0.01), tip="nose")
+        hk.robot.with_shape(arm, "pin", Capsule(0.01), tip="nose")
 
 
 def test_a_missing_mesh_costs_its_link_and_nothing_else(tmp_path: Path) -> None:
@@ -190,7 +195,7 @@ def test_a_broken_collision_element_does_not_hinder_the_kinematics(tmp_path: Pat
 def test_shapes_stay_on_their_links_when_robots_are_put_together() -> None:
     """The same arm turned round on a rail: distances between its links stay, its floor moves with it."""
     arm = hk.load(urdf("ur5_robot.urdf"), tip="ee_link")
-    cell = hk.compose(hk.load("rail"), hk.Part(arm, xyz=[0, 0, 0.4], rpy=[0, 0, 1.0], prefix="r_"))
+    cell = hk.compose(hk.load("rail"), hk.robot.Part(arm, pose=[0, 0, 0.4], rpy=[0, 0, 1.0], prefix="r_"))
     q = np.array([0.3, -1.2, 1.4, -1.0, -1.5, 0.2])
     alone, both = (
         hk.check(q[None], arm, scene=hk.Scene(floor=-1.0)),
@@ -218,7 +223,7 @@ def test_bad_questions_are_refused(panda: hk.Robot, arm: hk.Robot) -> None:
     with pytest.raises(ArgumentError, match="at least one"):
         hk.check(np.zeros((0, 7)), panda)
     with pytest.raises(UnknownNameError):
-        hk.with_capsules(panda, {"no link": 0.1})
+        hk.robot.with_capsules(panda, {"no link": 0.1})
     with pytest.raises(ArgumentError):
         Box([0.1, -0.1, 0.1])
 

@@ -52,7 +52,7 @@ class Referee:
         text = f"<mujoco><asset>{assets}</asset><worldbody>{bodies}</worldbody></mujoco>"
         self.model = mujoco.MjModel.from_xml_string(text)
         self.data = mujoco.MjData(self.model)
-        self.arm = pin.buildModelFromXML(hk.to_urdf(robot))
+        self.arm = pin.buildModelFromXML(hk.robot.to_urdf(robot))
         self.frames = self.arm.createData()
 
     def __call__(self, names: Sequence[tuple[str, str]], q: np.ndarray) -> np.ndarray:
@@ -101,7 +101,7 @@ def test_distances_and_their_slopes_are_those_of_mujoco(panda: hk.Robot, things:
 def test_of_shapes_that_overlap_the_slope_says_how_they_come_apart() -> None:
     """Two balls on a slider and a hinge, one deep in the other; in closed form."""
     rows = [{"joint": "slide", "kind": "prismatic"}, {"joint": "turn", "a": 1.0}]
-    robot = hk.with_shape(hk.from_dh(rows), "ball", Capsule(0.2))
+    robot = hk.robot.with_shape(hk.from_dh(rows), "ball", Capsule(0.2))
     ball = hk.obstacle("other", Capsule(0.2), (1.0, 0.3, 0.5))
     clearances = Clearances.of(robot, hk.Scene([ball], clearance=0.0, self_collision=False))
     q = np.array([[0.4, 0.2]])

@@ -26,7 +26,7 @@ def drawn(rng: np.random.Generator) -> tuple[hk.Robot, list[LinkShape], np.ndarr
         | bounds
         for i in range(n)
     ]
-    robot = hk.with_capsules(hk.from_dh(rows, name="drawn"), rng.uniform(0.01, 0.08))
+    robot = hk.robot.with_capsules(hk.from_dh(rows, name="drawn"), rng.uniform(0.01, 0.08))
     around = []
     for i in range(int(rng.integers(0, 3))):
         thing = Capsule(rng.uniform(0.02, 0.2), rng.uniform(0, 0.5))
@@ -41,7 +41,7 @@ class Referee:
 
     def __init__(self, robot: hk.Robot, around: list[LinkShape]) -> None:
         self.robot, self.shapes = robot, {s.link: s for s in (*robot.shapes, *around)}
-        self.model = pin.buildModelFromXML(hk.to_urdf(robot))
+        self.model = pin.buildModelFromXML(hk.robot.to_urdf(robot))
         self.data = self.model.createData()
 
     def __call__(self, pair: tuple[str, str], q: np.ndarray) -> float:

@@ -87,7 +87,7 @@ def test_every_pair_of_a_random_tree_is_looked_at_or_parent_and_child(seed: int,
     robot = hk.load(tmp_path / "tree.urdf", tip=tip, locked=declared)
     q = rng.uniform(-1, 1, robot.n)
     on_rail = rng.random() < 0.3
-    whole = hk.compose(hk.load("rail"), hk.Part(robot, prefix="on ")) if on_rail else robot
+    whole = hk.compose(hk.load("rail"), hk.robot.Part(robot, prefix="on ")) if on_rail else robot
     report = hk.check(np.r_[[0.5] * on_rail, q][None], whole, scene=hk.Scene(clearance=0.0))
     # the referee: the tree as it was written, and Pinocchio's places of the balls
     model = pin.buildModelFromXML(tree.text)
@@ -143,7 +143,7 @@ def test_a_parked_arm_is_looked_at(base: bool, kind: str, tmp_path: Path) -> Non
         hk.certify(hk.holonomic(task, hk.lock("a3")), hk.line(start, start + [0.02, 0, 0]), q0, scene=hk.Scene())
     if kind == "revolute":
         mujoco = pytest.importorskip("mujoco")
-        same = hk.from_mjcf(mujoco.MjModel.from_xml_string(two_arms(base, kind)), tip="A3")
+        same = hk.robot.from_mjcf(mujoco.MjModel.from_xml_string(two_arms(base, kind)), tip="A3")
         assert ("B2", "A1") in [found.what for found in hk.check(np.array([[0.0, 0.3, 0.3]]), same).findings]
         # put up by its declared posture
         away = hk.load(tmp_path / "two.urdf", tip="A3", locked={"b2": 1.5})
@@ -167,12 +167,12 @@ def test_a_certificate_names_each_pair_that_is_left_out_with_its_kind(tmp_path: 
 def test_a_tool_is_no_neighbour_of_the_link_before_the_one_that_carries_it() -> None:
     """A pin that stands back from the last joint is in the first bar; a wrist without a shape is counted out."""
     row = {"a": 0.5, "lower": -2.9, "upper": 2.9}
-    arm = hk.with_capsules(hk.from_dh([row, row], name="two bars"), 0.03)
-    pin_back = hk.with_shape(arm, "pin", Capsule(0.01, 0.1), [-0.62, 0, 0], [0, np.pi / 2, 0])
+    arm = hk.robot.with_capsules(hk.from_dh([row, row], name="two bars"), 0.03)
+    pin_back = hk.robot.with_shape(arm, "pin", Capsule(0.01, 0.1), [-0.62, 0, 0], [0, np.pi / 2, 0])
     (found,) = hk.check(np.array([[0.0, 0.3]]), pin_back).findings
     assert found.what == ("q1", "pin")
     wrist = hk.from_dh([row, {**row, "a": 0.0}], name="a wrist")
-    held = hk.with_shape(wrist, "tool", Capsule(0.05), [0.02, 0, 0])
+    held = hk.robot.with_shape(wrist, "tool", Capsule(0.05), [0.02, 0, 0])
     assert [(one.pair, one.reason) for one in hk.check(np.zeros((1, 2)), held).left_out] == [(("q1", "tool"), ADJACENT)]
 
 
@@ -181,7 +181,7 @@ def test_a_tool_is_no_neighbour_of_the_link_before_the_one_that_carries_it() -> 
 
 def test_the_floor_and_any_obstacle_may_be_allowed_for_one_link() -> None:
     """A sledge on the floor pushes a box; an arm on it touches neither: each pair alone, misspelt ones are refused."""
-    sledge = hk.compose(hk.load("rail"), hk.Part(hk.load("ur5e"), xyz=[0, 0, 0.02]))
+    sledge = hk.compose(hk.load("rail"), hk.robot.Part(hk.load("ur5e"), pose=[0, 0, 0.02]))
     q, crate = (
         np.array([[0.5, 0, -1.2, 1.3, -1.6, -1.5, 0]]),
         hk.obstacle("crate", Box([0.05, 0.05, 0.05]), [0.5, 0.07, 0.03]),
@@ -205,7 +205,7 @@ def test_the_floor_and_any_obstacle_may_be_allowed_for_one_link() -> None:
 
 
 def test_a_certificate_may_leave_the_floor_out_for_one_link() -> None:
-    bars = hk.with_capsules(hk.load("planar-3r"), 0.05)
+    bars = hk.robot.with_capsules(hk.load("planar-3r"), 0.05)
     q0 = np.array([0.3, 0.9, 0.9])
     G = hk.holonomic(hk.position(bars), hk.linear([[0, 1, -1]]))
     space = hk.workspace(box=(bars.pose(q0)[:3, 3], [0.01, 0.01, 0.0]))

@@ -19,7 +19,9 @@ ARMS = ["ur5e", "mobile-ur5e", "yumi", "two on the ground", "DH table", "a leg b
 def arm_of(name: str, rng: np.random.Generator) -> Robot:
     if name == "two on the ground":
         ur = hk.load("ur5e")
-        return hk.compose(hk.Part(ur, xyz=[0, -0.5, 0], prefix="a_"), hk.Part(ur, on="base", xyz=[0, 0.6, 0.1]))
+        return hk.compose(
+            hk.robot.Part(ur, pose=[0, -0.5, 0], prefix="a_"), hk.robot.Part(ur, on="base", pose=[0, 0.6, 0.1])
+        )
     if name == "DH table":
         rows = [
             dict(zip(("a", "d", "alpha"), [*rng.uniform(0.1, 0.4, 2), rng.choice([0, 1.5, -1.5])], strict=True))
@@ -29,7 +31,9 @@ def arm_of(name: str, rng: np.random.Generator) -> Robot:
     if name == "a leg beside three":
         return hk.load(urdf("a1.urdf"), tip="FR_foot")
     if name == "an arm with a torch":
-        return hk.with_shape(hk.with_tool(hk.load("ur5e"), [0.1, 0, 0.2]), "torch", Capsule(0.02, 0.2), [0, 0, -0.1])
+        return hk.robot.with_shape(
+            hk.with_tool(hk.load("ur5e"), [0.1, 0, 0.2]), "torch", Capsule(0.02, 0.2), [0, 0, -0.1]
+        )
     return hk.load(name)
 
 
@@ -71,7 +75,7 @@ def test_wherever_a_robot_is_mounted_its_links_are_as_far_apart(name: str, seed:
 def test_the_base_of_a_hung_arm_is_as_long_as_on_the_floor_and_a_pedestal_is_an_obstacle() -> None:
     """The UR5e's base is 0.1625 m high: so a ball halfway up to the ceiling is free, and a named column is hit."""
     arm = hk.load("ur5e")
-    hung = hk.with_capsules(hk.with_base_pose(arm, [0, 0, 2.6], [np.pi, 0, 0]))
+    hung = hk.robot.with_capsules(hk.with_base_pose(arm, [0, 0, 2.6], [np.pi, 0, 0]))
     (base,) = [shape for shape in hung.shapes if shape.link == "base"]
     assert isinstance(base.shape, Capsule) and base.shape.length == pytest.approx(0.1625)
     assert base.placement[:3, 3] == pytest.approx([0, 0, 2.6 - 0.1625 / 2])
@@ -86,7 +90,7 @@ def test_nothing_is_between_two_arms_that_stand_apart() -> None:
     """A ball on the ground between them is free; each has a base of its own, which the other one may hit."""
     ur = hk.load("ur5e")
     both = hk.compose(
-        hk.Part(ur, xyz=[0, -0.35, 0], prefix="a_"), hk.Part(ur, on="base", xyz=[0, 0.35, 0], prefix="b_")
+        hk.robot.Part(ur, pose=[0, -0.35, 0], prefix="a_"), hk.robot.Part(ur, on="base", pose=[0, 0.35, 0], prefix="b_")
     )
     up = np.tile([0, -np.pi / 2, 0, -np.pi / 2, 0, 0], 2)
     ball = hk.obstacle("ball", Capsule(0.05), [0, 0.1, 0.05])
@@ -101,11 +105,11 @@ def test_a_world_that_carries_a_robot_by_a_fixed_joint_is_a_mounting(tmp_path: P
     """As it is written by `to_urdf` and `to_mjcf`, and in a URDF whose root is "world"."""
     arm = hk.load("ur5e")
     there = hk.with_base_pose(arm, [1, 2, 3], [0.3, 0.2, 0.1])
-    (tmp_path / "arm.urdf").write_text(hk.to_urdf(there), "utf-8")
+    (tmp_path / "arm.urdf").write_text(hk.robot.to_urdf(there), "utf-8")
     pytest.importorskip("mujoco")
     Q = np.random.default_rng(0).uniform(-2, 2, (4, 6))
     here = apart(arm, Q)[0]
-    for back in (hk.load(tmp_path / "arm.urdf"), hk.from_mjcf(hk.to_mjcf(there), tip="tool0")):
+    for back in (hk.load(tmp_path / "arm.urdf"), hk.robot.from_mjcf(hk.robot.to_mjcf(there), tip="tool0")):
         assert back.pose(Q) == pytest.approx(there.pose(Q), abs=1e-12)
         again = apart(back, Q)[0]
         assert all(again[pair] == pytest.approx(of, rel=1e-12, abs=1e-12) for pair, of in here.items())
@@ -120,14 +124,14 @@ def test_a_tool_leaves_the_links_before_it_as_they_are(seed: int) -> None:
     torch = hk.with_tool(torch, rng.uniform(-0.3, 0.3, 3), name="tip of the torch")
     Q = rng.uniform(*arm.ranges(1.0), (20, arm.n))
     before, after = apart(arm, Q)[0], apart(torch, Q)[0]
-    last = arm.joints[arm.tip().joint].name
+    last = arm.joints[arm.tips[0].joint].name
     for pair in before.keys() & after.keys():
         same = last not in pair
         assert np.all(np.abs(after[pair] - before[pair]) < 1e-12 if same else after[pair] < before[pair] + 1e-12)
     assert {pair for pair in before if last not in pair} == {pair for pair in after if last not in pair}
     assert chain_length(torch) == pytest.approx(chain_length(arm), rel=1e-12)
-    assert sum(b.mass for b in hk.robot.weighed(arm).bodies if b.joint < torch.tip().joint) == pytest.approx(
-        sum(b.mass for b in hk.robot.weighed(torch).bodies if b.joint < torch.tip().joint)
+    assert sum(b.mass for b in hk.robot.weighed(arm).bodies if b.joint < torch.tips[0].joint) == pytest.approx(
+        sum(b.mass for b in hk.robot.weighed(torch).bodies if b.joint < torch.tips[0].joint)
     )
 
 
@@ -159,8 +163,8 @@ def test_a_proof_does_not_depend_on_the_mounting() -> None:
 @pytest.mark.campaign
 def test_designs_and_advice_do_not_depend_on_the_mounting() -> None:
     said = []
-    for robot, task, space, q0 in on_the_spot_and_away():
+    for _robot, task, space, q0 in on_the_spot_and_away():
         made = hk.design(task, space, q0, scene=hk.Scene(clearance=0.01), degree=1, samples=16)
-        advice = hk.advise(robot, space, scene=hk.Scene(clearance=0.01))
+        advice = hk.advise(task, space, scene=hk.Scene(clearance=0.01))
         said.append((made.holds, made.checked.closest, made.checked.clearance, advice.best.coverage))
     assert said[0][:2] == said[1][:2] and said[0][2:] == pytest.approx(said[1][2:], abs=5e-3)

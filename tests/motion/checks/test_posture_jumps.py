@@ -23,7 +23,7 @@ class Referee:
     """Tool poses by Pinocchio, and how far off its straight way the tool is in the middle of a joint step."""
 
     def __init__(self, robot: hk.Robot) -> None:
-        self.model = pin.buildModelFromXML(hk.to_urdf(robot))
+        self.model = pin.buildModelFromXML(hk.robot.to_urdf(robot))
         self.data, self.tip = self.model.createData(), self.model.getFrameId(robot.tips[0].name)
 
     def pose(self, q: np.ndarray) -> pin.SE3:
@@ -44,7 +44,7 @@ class Referee:
 
 def self_motion(task: hk.Task, q: np.ndarray, size: float) -> np.ndarray:
     """Postures (k, n) of one tool pose, 0.01 rad apart, until a joint has moved by a size."""
-    p, R = task.place(q)
+    p, R = task._place(q)
     found = [q]
     while np.abs(found[-1] - q).max() < size and len(found) < 500:
         N = np.linalg.svd(task.jacobian(found[-1]))[2][-1]
@@ -137,7 +137,7 @@ def test_a_jump_is_found_in_postures_trajectories_logs_and_slow_timed_motions(
     """All speeds are within their limits, so that nothing else tells it."""
     task, q = hk.pose(panda), jumped.q
     log = Recording(panda.joint_names, 2.0 * np.arange(len(q)), q, "made here")
-    timed = hk.retime(jumped, panda, acceleration=1.0, profile="trapezoidal", dt=0.02, speed=0.5)
+    timed = hk.retime(jumped, acceleration=1.0, profile="trapezoidal", dt=0.02, speed=0.5)
     for motion in (q, jumped, log, timed):
         report = hk.check(motion, panda, task=task)
         (found,) = report.findings
@@ -145,7 +145,7 @@ def test_a_jump_is_found_in_postures_trajectories_logs_and_slow_timed_motions(
         assert found.start <= found.time <= found.stop
     inside = np.abs(timed.t - jumps(hk.check(timed, panda, task=task))[0].time).argmin()
     assert np.abs(timed.q[inside] - (q[49] + q[50]) / 2).max() < 0.2
-    clean = hk.retime(circle(panda, PANDA_START), panda, acceleration=1.0, profile="trapezoidal", dt=0.02)
+    clean = hk.retime(circle(panda, PANDA_START), acceleration=1.0, profile="trapezoidal", dt=0.02)
     assert hk.check(clean, panda, task=task).passed
 
 
@@ -156,7 +156,7 @@ def test_without_a_task_a_jump_is_a_note(panda: hk.Robot, walk: Trajectory, jump
     assert (
         report.passed and f"{step:.3g} rad" in told and "cannot be told without the task" in told and "49.000 s" in told
     )
-    assert told in report.table() and report.summary()["observations"] == [told]
+    assert told in report.table() and report.to_dict()["observations"] == [told]
     assert not hk.check(walk.q, panda).observations
     assert not hk.check(np.array([walk.q[0], walk.q[0] + 1.0]), panda).observations, "a single step has no others"
 
@@ -211,7 +211,7 @@ def test_a_joint_that_moves_no_tool_may_jump_and_is_noted(panda: hk.Robot, walk:
 def test_a_table_that_turns_beside_an_arm_is_part_of_the_way() -> None:
     """Of a relative pose the way counts from one tool to the other: both arms may go far, as long as they go along."""
     robot = hk.load("yumi")
-    task = hk.relative_pose(robot, robot.tips[0].name, robot.tips[1].name)
+    task = hk.strategies.tasks.relative_pose(robot, robot.tips[0].name, robot.tips[1].name)
     middle = robot.ranges(1.0)[0] * 0.4 + robot.ranges(1.0)[1] * 0.6
     steps = middle + 0.005 * np.arange(30)[:, None] * np.linspace(-1, 1, robot.n)
     assert not jumps(looked(steps, robot, task))

@@ -93,7 +93,7 @@ def test_links_whose_shapes_cannot_be_read_are_all_named_and_no_motion_passes(ce
     report = hk.check(Q, robot, scene)
     assert not report.passed and report.unread == f"cannot tell: the shapes of {', '.join(names)} could not be read"
     assert report.unread in report.table() and "nothing found" not in report.table()
-    assert np.isnan(report.clearance) and np.isnan(report.bound) and report.summary()["clearance"] is None
+    assert np.isnan(report.clearance) and np.isnan(report.bound) and report.to_dict()["clearance"] is None
     with pytest.raises(RobotFileError, match=f"cannot tell: the shapes of {', '.join(names)} could"):
         Clearances.of(robot, hk.Scene())
     some = [(name, "*") for name in names[1:]]
@@ -119,9 +119,9 @@ def test_a_mesh_that_is_only_drawn_may_be_missing(cell: Path) -> None:
 
 def test_a_capsule_of_a_radius_by_name_stands_for_a_link_that_cannot_be_read(cell: Path) -> None:
     robot = hk.load(arm_of(cell, [*meshes(READ["slash"])[:5], FAULTS["missing"](cell, "l5.stl")]))
-    assert not hk.check(np.zeros((1, 6)), hk.with_capsules(robot)).passed, "asked for by name alone"
+    assert not hk.check(np.zeros((1, 6)), hk.robot.with_capsules(robot)).passed, "asked for by name alone"
     inner = hk.load(arm_of(cell, [FAULTS["missing"](cell, "l0.stl"), *meshes(READ["slash"])[1:]]))
-    report = hk.check(np.zeros((1, 6)), hk.with_capsules(inner, {"j0": 0.05}))
+    report = hk.check(np.zeros((1, 6)), hk.robot.with_capsules(inner, {"j0": 0.05}))
     assert report.passed and ("l2", "j0") in {one.pair for one in report.pairs}
 
 
@@ -152,7 +152,7 @@ def doors(robot: hk.Robot) -> dict[str, Callable[..., Any]]:
         "certify a path": lambda **a: hk.certify(strategy, hk.line(at, at + [0, 0, 1e-3]), q0, **a),
         "unique_region": lambda **a: hk.unique_region(strategy, q0, space, budget=200, **a),
         "design": lambda **a: hk.design(task, space, q0, degree=1, **few, **a),
-        "advise": lambda **a: hk.advise(robot, space, task=task, q0=q0, **a),
+        "advise": lambda **a: hk.advise(task, space, q0=q0, **a),
         "sheets": lambda **a: hk.sheets(task, space, **a),
     }
 
@@ -174,7 +174,7 @@ def test_a_plane_of_mjcf_is_told_by_a_floor_that_is_as_high() -> None:
         f'<body name="a"><joint name="j" axis="0 0 1"/>{geom}'
         f'<body name="b" pos="1 0 0"><joint name="k" axis="0 1 0"/>{geom}</body></body></worldbody></mujoco>'
     )
-    robot, still = hk.from_mjcf(text), np.zeros((1, 2))
+    robot, still = hk.robot.from_mjcf(text), np.zeros((1, 2))
     assert "give its height as floor" in hk.check(still, robot).table() and not hk.check(still, robot).passed
     assert (
         not hk.check(still, robot, scene=hk.Scene(floor=-0.6)).passed

@@ -18,7 +18,7 @@ from holokin.robot import to_mjcf, to_urdf
 every = pytest.mark.parametrize("library", LIBRARIES)
 
 
-def maker(library: str) -> Callable[..., hk.ControlLaw]:
+def maker(library: str) -> Callable[..., hk.motion.control.ControlLaw]:
     """Skips where placo is not installed: alone of the three it is no part of the test extra."""
     if library == "placo":
         pytest.importorskip(library)

@@ -19,7 +19,7 @@ from holokin.base.errors import ArgumentError, MissingExtraError, NotFiniteError
 from holokin.motion.control import PostureTask, mink_law, pink_law
 from holokin.robot import to_mjcf, to_urdf
 
-TASKS = {"pink": hk.pink_task, "mink": hk.mink_task}
+TASKS = {"pink": hk.motion.control.pink_task, "mink": hk.motion.control.mink_task}
 LAWS = {"pink": pink_law, "mink": mink_law}
 every = pytest.mark.parametrize("library", TASKS)
 
@@ -92,7 +92,7 @@ def test_the_height_of_a_joint_is_that_of_pinocchio_whatever_else_the_model_has(
     robot, theirs = MODELS[model]()
     start = np.linspace(0.3, -0.9, robot.n)
     joint = robot.joint_names[3]
-    leaf = hk.pink_task(hk.holonomic(hk.pose(robot), hk.strategies.constraints.height(joint)), start)
+    leaf = hk.motion.control.pink_task(hk.holonomic(hk.pose(robot), hk.strategies.constraints.height(joint)), start)
     assert isinstance(leaf, pink.tasks.Task)
     for seed in range(3):
         q = pin.integrate(theirs, pin.neutral(theirs), np.random.default_rng(seed).uniform(-1, 1, theirs.nv))
@@ -114,7 +114,7 @@ def robot_height(robot: hk.Robot, q: np.ndarray, joint: str) -> float:
 def test_a_floating_base_and_a_change_of_models_do_not_matter(panda: hk.Robot) -> None:
     """g counts in the frame of the robot's base, wherever that is."""
     strategy = hk.holonomic(hk.pose(panda), hk.strategies.constraints.height("panda_joint4"))
-    leaf, q = hk.pink_task(strategy, PANDA_START), PANDA_START + 0.2
+    leaf, q = hk.motion.control.pink_task(strategy, PANDA_START), PANDA_START + 0.2
     standing = configuration("pink", panda, q)
     model = pin.buildModelFromXML(to_urdf(panda), pin.JointModelFreeFlyer())
     base = pin.SE3ToXYZQUAT(pin.exp6(np.array([1.0, -2.0, 0.5, 0.3, 0.4, -0.9])))
@@ -134,8 +134,8 @@ def test_the_height_of_a_joint_is_that_of_mujoco_beside_a_free_body_and_with_oth
     model = mujoco.MjModel.from_xml_string(text.replace("<worldbody>", loose, 1))
     assert model.joint("left/panda_joint1").qposadr[0] == 7
     strategy = hk.holonomic(hk.pose(arm), hk.strategies.constraints.height("panda_joint4"))
-    leaf = hk.mink_task(strategy, PANDA_START, prefix="left/")
-    named = hk.mink_task(strategy, PANDA_START, joints=[f"left/{name}" for name in arm.joint_names])
+    leaf = hk.motion.control.mink_task(strategy, PANDA_START, prefix="left/")
+    named = hk.motion.control.mink_task(strategy, PANDA_START, joints=[f"left/{name}" for name in arm.joint_names])
     assert isinstance(leaf, mink.Task)
     data, J = mujoco.MjData(model), np.zeros((3, model.nv))
     number = model.joint("left/panda_joint4").id
@@ -150,7 +150,7 @@ def test_the_height_of_a_joint_is_that_of_mujoco_beside_a_free_body_and_with_oth
         assert np.abs(leaf.compute_jacobian(at) - J[2]).max() < 1e-12
         assert np.array_equal(leaf.compute_error(at), named.compute_error(at))
     with pytest.raises(ArgumentError, match="begin with 'left/'"):
-        hk.mink_task(strategy, PANDA_START).compute_error(at)
+        hk.motion.control.mink_task(strategy, PANDA_START).compute_error(at)
 
 
 @every
@@ -177,7 +177,7 @@ def test_the_joints_are_led_to_another_leaf_by_the_self_motion(library: str, har
     for _ in range(60):
         roles = {"constraints": [leaf]} if hard else {}
         at.integrate_inplace(solved(library, at, [tool, *([] if hard else [leaf])], **roles), 1.0)
-    assert np.abs(at.q - hk.move_to_leaf(strategy, PANDA_START, leaf.level)).max() < 1e-6
+    assert np.abs(at.q - hk.motion.ik.move_to_leaf(strategy, PANDA_START, leaf.level)).max() < 1e-6
     leaf.set_target_from_configuration(configuration(library, panda, PANDA_START))
     assert leaf.compute_error(at) == pytest.approx(-0.02, abs=1e-6)
 
@@ -243,7 +243,7 @@ def test_a_joint_without_limits_turns_on_beyond_half_a_turn() -> None:
     robot = hk.load("gen3")
     strategy = hk.holonomic(hk.pose(robot), hk.linear([1 / 3, 0, 0, 0, 0, 0, 0]))
     at = configuration("pink", robot, np.full(7, 0.4))
-    leaf = hk.pink_task(strategy, np.full(7, 0.4))
+    leaf = hk.motion.control.pink_task(strategy, np.full(7, 0.4))
     for i in range(1, 9):
         at.integrate_inplace(np.eye(7)[0], 1.0)
         assert leaf.compute_error(at) == pytest.approx(i / 3, abs=1e-12)
@@ -252,7 +252,7 @@ def test_a_joint_without_limits_turns_on_beyond_half_a_turn() -> None:
 def test_an_angle_is_led_back_by_its_shorter_way() -> None:
     robot = hk.load("panda")
     strategy = hk.holonomic(hk.pose(robot), hk.arm_angle())
-    leaf = hk.mink_task(strategy, PANDA_START)
+    leaf = hk.motion.control.mink_task(strategy, PANDA_START)
     leaf.level = leaf.level + 2 * np.pi - 0.1
     assert leaf.compute_error(configuration("mink", robot, PANDA_START)) == pytest.approx(0.1, abs=1e-12)
 
@@ -272,7 +272,7 @@ def test_a_joint_of_several_degrees_of_freedom_is_refused(panda: hk.Robot) -> No
     number = 0
     for i, kind in enumerate([pin.JointModelSpherical(), *[pin.JointModelRZ()] * 6]):
         number = model.addJoint(number, kind, pin.SE3.Identity(), f"panda_joint{i + 1}")
-    leaf = hk.pink_task(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START)
+    leaf = hk.motion.control.pink_task(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START)
     with pytest.raises(ArgumentError, match="panda_joint1"):
         leaf.compute_error(pink.Configuration(model, model.createData(), pin.neutral(model)))
 

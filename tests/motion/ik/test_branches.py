@@ -78,7 +78,7 @@ def test_inverse_settle_and_few_samples_answer_what_the_closed_form_does() -> No
     assert reached > 60
     with pytest.raises(BranchError):
         ik([-2.2058, -0.617])  # the line passes 0.873 m from the base, the hole's radius is 0.938 m
-    inside = hk.move_to_leaf(strategy, R3_START, 0.9)
+    inside = hk.motion.ik.move_to_leaf(strategy, R3_START, 0.9)
     assert two_link_answer(inside, start[:2]) == pytest.approx(inside, abs=1e-12)
 
 
@@ -92,10 +92,10 @@ def test_moving_to_a_level_that_the_self_motion_does_not_reach_is_refused() -> N
         if abs(level - farthest) < 1e-6:
             continue
         if level < farthest:
-            assert hk.move_to_leaf(strategy, R3_START, level)[1] == pytest.approx(level, abs=1e-12)
+            assert hk.motion.ik.move_to_leaf(strategy, R3_START, level)[1] == pytest.approx(level, abs=1e-12)
         else:
             with pytest.raises(HolokinError):
-                hk.move_to_leaf(strategy, R3_START, level)
+                hk.motion.ik.move_to_leaf(strategy, R3_START, level)
 
 
 def ppr_leaf(h: Callable[[ca.SX], ca.SX]) -> Strategy:
@@ -168,7 +168,7 @@ def test_a_bend_that_is_no_fold_is_passed(kind: str) -> None:
 def test_a_start_next_to_a_fold_may_go_the_way_that_is_open(samples: int) -> None:
     strategy = ppr_leaf(lambda s: s**3 - 3 * 0.0316**2 * s)
     for off in (1e-3, 1e-5, 1e-6):
-        assert walk(strategy, 0.0316 + off, -0.1, samples).status is hk.Status.COMPLETE
+        assert walk(strategy, 0.0316 + off, -0.1, samples).status is hk.motion.Status.COMPLETE
         with pytest.raises(BranchError):
             walk(strategy, 0.0316 + off, 0.1, samples)
 
@@ -209,7 +209,9 @@ def test_an_angle_is_settled_by_its_shorter_way() -> None:
     strategy = hk.holonomic(hk.position(hk.load("ppr")), hk.custom(lambda q: 8 * q[2], angular=True))
     for level in (8.0, 5.0, -6.0, 12.5):
         away = (level - 1.6 + np.pi) % (2 * np.pi) - np.pi
-        assert hk.move_to_leaf(strategy, [0.3, 0.2, 0.2], level)[2] == pytest.approx(0.2 + away / 8, abs=1e-12)
+        assert hk.motion.ik.move_to_leaf(strategy, [0.3, 0.2, 0.2], level)[2] == pytest.approx(
+            0.2 + away / 8, abs=1e-12
+        )
 
 
 @pytest.mark.campaign

@@ -23,7 +23,7 @@ def panda_pose(panda: hk.Robot) -> hk.Task:
 def test_settling_finds_the_least_cost_that_the_self_motion_offers(panda: hk.Robot, panda_pose: hk.Task) -> None:
     preferred = PANDA_START + [0.2, -0.1, 0.3, 0.1, -0.2, 0.1, 0.0]
     strategy = hk.holonomic(panda_pose, hk.stationary(hk.strategies.constraints.posture_cost(preferred)))
-    q = hk.move_to_leaf(strategy, PANDA_START)
+    q = hk.motion.ik.move_to_leaf(strategy, PANDA_START)
     assert abs(strategy.constraint_value(q)) < 1e-13
     assert np.abs(panda.pose(q) - panda.pose(PANDA_START)).max() < 1e-13
     target = panda.pose(PANDA_START)
@@ -37,7 +37,7 @@ def test_settling_finds_the_least_cost_that_the_self_motion_offers(panda: hk.Rob
 def test_settling_sets_an_arm_angle_and_following_keeps_it(panda: hk.Robot, panda_pose: hk.Task) -> None:
     strategy = hk.holonomic(panda_pose, hk.arm_angle())
     now = strategy.constraint_value(PANDA_START)
-    q = hk.move_to_leaf(strategy, PANDA_START, now + 0.4)
+    q = hk.motion.ik.move_to_leaf(strategy, PANDA_START, now + 0.4)
     assert strategy.constraint_value(q) == pytest.approx(now + 0.4, abs=1e-13)
     point = panda.pose(PANDA_START)[:3, 3]
     walk = hk.follow(strategy, hk.circle(point, point - [0.05, 0, 0]), q, samples=60)
@@ -46,10 +46,12 @@ def test_settling_sets_an_arm_angle_and_following_keeps_it(panda: hk.Robot, pand
 
 def test_settling_beyond_the_elbows_reach_ends_where_the_self_motion_turns(panda_pose: hk.Task) -> None:
     with pytest.raises(BranchError, match="ends at"):
-        hk.move_to_leaf(hk.holonomic(panda_pose, hk.strategies.constraints.height("panda_joint4")), PANDA_START, 5.0)
+        hk.motion.ik.move_to_leaf(
+            hk.holonomic(panda_pose, hk.strategies.constraints.height("panda_joint4")), PANDA_START, 5.0
+        )
     for leaf, error in (([0.0, 1.0], ShapeError), (np.nan, NotFiniteError)):
         with pytest.raises(error):
-            hk.move_to_leaf(hk.holonomic(panda_pose, hk.lock(2)), PANDA_START, leaf)
+            hk.motion.ik.move_to_leaf(hk.holonomic(panda_pose, hk.lock(2)), PANDA_START, leaf)
 
 
 def test_inverse_kinematics_is_a_function_of_the_pose_to_the_last_bit(panda: hk.Robot, panda_pose: hk.Task) -> None:
@@ -121,7 +123,7 @@ def test_a_planar_tool_may_be_tilted() -> None:
     tool = np.eye(4)
     tool[:3, :3] = Rotation.from_euler("x", 90, degrees=True).as_matrix()
     task = hk.pose(hk.from_dh([{"a": 1.0}] * 3, tool=tool))
-    assert task.exact
+    assert task._exact
     assert task(R3_START)[2] == pytest.approx(R3_START.sum())
 
 

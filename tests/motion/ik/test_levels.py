@@ -53,7 +53,7 @@ def test_the_joints_are_those_of_the_pose_and_of_the_level_whatever_was_asked_be
         pin.framesForwardKinematics(model, data, np.concatenate([q, fingers]))
         assert np.abs(data.oMf[hand].homogeneous @ tip - pose).max() < 1e-9
         assert np.abs(strategy.constraint_value(q) - c).max() < 1e-12
-        moved = hk.move_to_leaf(strategy, PANDA, c)
+        moved = hk.motion.ik.move_to_leaf(strategy, PANDA, c)
         assert np.abs(hk.ik(strategy, moved)(pose) - q).max() < 1e-10
         assert ik.agrees(q, level=c) and not ik.agrees(q)
     again = [ik(pose, level=c) for pose, c in zip(poses[::-1], levels[::-1], strict=True)][::-1]
@@ -91,7 +91,7 @@ def test_the_nearest_pose_on_another_level_is_that_of_the_leaf_there(name: str) 
         assert found.status is InverseStatus.REACHED and np.abs(found.q - ik(pose, level=c)).max() < 1e-8
         far = pose.copy()
         far[:3, 3] += [0.5, 0.1, 0.1]
-        found, moved = ik.nearest(far, level=c), hk.move_to_leaf(strategy, PANDA, c)
+        found, moved = ik.nearest(far, level=c), hk.motion.ik.move_to_leaf(strategy, PANDA, c)
         theirs = hk.ik(strategy, moved, limits=False).nearest(far)
         assert found.status is InverseStatus.CLAMPED and np.abs(found.q - theirs.q).max() < 1e-6
         assert np.abs(strategy.constraint_value(found.q) - c).max() < 1e-9

@@ -38,7 +38,7 @@ class Case:
         pose = self.robot.pose(self.ik.q0)
         pose[:3, 3] += shift
         pose[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec(turn).as_matrix()
-        return pose if self.ik.strategy.task.turns else pose[:2, 3]
+        return pose if self.ik.strategy.task._turns else pose[:2, 3]
 
     def tours(self, seed: int, legs: int, samples: int = 60):
         """Ways of a hand, each along straight legs between random poses: lists of poses, the last where it rests."""

@@ -54,10 +54,10 @@ def test_every_posture_that_is_found_is_on_the_leaf_and_at_the_pose_and_q_is_amo
         except HolokinError:
             continue
         for limits, near in ((False, None), (True, None), (True, q), (False, q)):
-            found = hk.all_postures(law, robot.pose(q), c, limits=limits, near=near, starts=256)
+            found = hk.motion.ik.all_postures(law, robot.pose(q), c, limits=limits, near=near, starts=256)
             for i, one in enumerate(found.q):
                 assert np.abs(law.constraint.nearest(law.g(one) - c)).max() < 1e-8 * (1 + np.abs(c).max()), law.name
-                assert np.abs(task.error(one, *task.place(q))).max() < 1e-8
+                assert np.abs(task.error(one, *task._place(q))).max() < 1e-8
                 others = np.where(robot.hinges, wrapped(found.q[:i] - one), found.q[:i] - one)
                 assert not len(others) or np.abs(others).max(axis=1).min() > 1e-6
                 if limits:
@@ -75,7 +75,7 @@ def test_a_locked_joint_of_more_than_a_turn_stays_where_it_is_locked() -> None:
     law = hk.holonomic(hk.pose(robot), hk.lock(4))
     for level in (2.8803, -3.4, 4.5, -5.0):
         q = np.array([0.3, -0.8, 0.4, 0.2, level, 0.5, 1.0])
-        found = hk.all_postures(law, robot.pose(q), level, limits=True)
+        found = hk.motion.ik.all_postures(law, robot.pose(q), level, limits=True)
         assert found.q[:, 4] == pytest.approx(np.full(len(found), level), abs=1e-9)
         assert np.abs(found.q - q).max(axis=1).min() < 1e-9
 
@@ -87,7 +87,7 @@ def test_of_several_turns_the_nearest_to_a_posture_is_given() -> None:
     for seed in range(3):
         q = np.random.default_rng(seed).uniform(-6.2, 6.2, 6)
         q[2] = wrapped(q[2])
-        found = hk.all_postures(law, robot.pose(q), np.zeros(0), limits=True, near=q)
+        found = hk.motion.ik.all_postures(law, robot.pose(q), np.zeros(0), limits=True, near=q)
         assert np.abs(found.q - q).max(axis=1).min() < 1e-8
         assert len(found) <= 8
 
@@ -100,8 +100,8 @@ def test_an_arm_without_redundancy_needs_no_constraint(name: str) -> None:
     for _ in range(4):
         q = rng.uniform(np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi))
         pose = robot.pose(q)
-        found = hk.all_postures(law, pose, limits=False, starts=512)
-        within = hk.all_postures(law, pose, near=q, starts=512)
+        found = hk.motion.ik.all_postures(law, pose, limits=False, starts=512)
+        within = hk.motion.ik.all_postures(law, pose, near=q, starts=512)
         assert np.abs(wrapped(found.q - q)).max(axis=1).min() < 1e-8 and np.abs(within.q - q).max(axis=1).min() < 1e-8
         assert robot.within(within.q).all() and "leaf" not in found.sentence
         assert max(np.abs(robot.pose(one) - pose).max() for one in found.q) < 1e-8
@@ -115,4 +115,4 @@ def test_an_arm_without_redundancy_needs_no_constraint(name: str) -> None:
 
 def test_a_redundant_arm_needs_one(panda: hk.Robot) -> None:
     with pytest.raises(ArgumentError, match="holonomic"):
-        hk.all_postures(hk.moore_penrose(hk.pose(panda)), np.eye(4))
+        hk.motion.ik.all_postures(hk.moore_penrose(hk.pose(panda)), np.eye(4))

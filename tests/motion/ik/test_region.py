@@ -49,7 +49,7 @@ def test_a_closed_loop_of_the_tool_on_the_readmes_leaf_that_does_not_bring_the_j
 @pytest.mark.parametrize("size", PAIRS)
 def test_pinocchio_finds_one_tool_pose_for_both_postures(size: str) -> None:
     pin = pytest.importorskip("pinocchio")
-    model = pin.buildModelFromXML(hk.to_urdf(hk.load("panda")))
+    model = pin.buildModelFromXML(hk.robot.to_urdf(hk.load("panda")))
     data = model.createData()
     poses = []
     for q in PAIRS[size]:

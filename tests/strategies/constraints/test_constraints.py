@@ -309,7 +309,7 @@ def test_settled_against_gravity_the_self_motion_carries_no_weight() -> None:
 
     robot = hk.from_urdf(urdf("panda.urdf"), tip="panda_hand_tcp")
     strategy = hk.holonomic(hk.pose(robot), hk.stationary(hk.strategies.constraints.gravity_cost()))
-    q = hk.move_to_leaf(strategy, PANDA_START + np.array([0, 0, 0.5, 0, 0, 0, 0]))
+    q = hk.motion.ik.move_to_leaf(strategy, PANDA_START + np.array([0, 0, 0.5, 0, 0, 0, 0]))
     model = pin.buildModelFromUrdf(str(urdf("panda.urdf")))
     data = model.createData()
     N = hk.pose(robot).null_space(q)[:, 0]

@@ -70,7 +70,7 @@ def test_an_iiwa_has_eight_postures_at_the_pose_and_angle_of_stereo_sews_tutoria
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = rot(X, np.pi / 4), [0.2, 0.3, 0.4]
     strategy = hk.holonomic(hk.pose(iiwa14), hk.arm_angle(pole=-Z, reference=Y))
-    found = hk.all_postures(strategy, T, np.pi / 6, limits=False)
+    found = hk.motion.ik.all_postures(strategy, T, np.pi / 6, limits=False)
     assert len(found) == 8
     closed = iiwa_postures(T, np.pi / 6, -Z, Y)
     for q in found.q:
@@ -82,10 +82,10 @@ def test_an_iiwa_has_eight_postures_at_the_pose_and_angle_of_stereo_sews_tutoria
     assert found.unseen == 0.0
     assert found.found.sum() + found.singular <= found.starts
     assert "no proof" in found.sentence and "one more start" not in found.sentence
-    few = hk.all_postures(strategy, T, np.pi / 6, limits=False, starts=8)
+    few = hk.motion.ik.all_postures(strategy, T, np.pi / 6, limits=False, starts=8)
     assert few.unseen == (few.found == 1).sum() / 8 > 0
     assert f"one more start would find another with a chance of {few.unseen:.1g}; a search" in few.sentence
-    assert np.array_equal(hk.all_postures(strategy, T, np.pi / 6, limits=False).q, found.q)
+    assert np.array_equal(hk.motion.ik.all_postures(strategy, T, np.pi / 6, limits=False).q, found.q)
 
 
 @sampled(1, "seed", range(3))
@@ -95,7 +95,7 @@ def test_the_postures_of_an_iiwa_at_other_poses_are_those_of_the_closed_form(iiw
     strategy = hk.holonomic(hk.pose(iiwa14), hk.arm_angle(pole=-Z, reference=Y))
     psi = stereo_sew(*points, -Z, Y)
     assert strategy.g(q0) == pytest.approx([psi], abs=1e-12)
-    found = hk.all_postures(strategy, T, psi, limits=False)
+    found = hk.motion.ik.all_postures(strategy, T, psi, limits=False)
     closed = iiwa_postures(T, psi, -Z, Y)
     assert len(found) == len(closed) == 8
     for p in closed:
@@ -107,7 +107,7 @@ def test_within_the_limits_the_postures_are_those_of_the_closed_form_that_the_ro
     T, points = iiwa_pose(IIWA_START + [0, 0, 0.3, 0, 0.3, 0, 0])
     psi = stereo_sew(*points, -Z, Y)
     inside = [q for q in iiwa_postures(T, psi, -Z, Y) if (np.abs(q) <= iiwa14.upper).all()]
-    found = hk.all_postures(strategy, T, psi)
+    found = hk.motion.ik.all_postures(strategy, T, psi)
     assert 0 < len(inside) < 8
     assert (len(found), found.outside) == (len(inside), 8 - len(inside))
     for q in found.q:
@@ -117,13 +117,13 @@ def test_within_the_limits_the_postures_are_those_of_the_closed_form_that_the_ro
 @pytest.mark.parametrize("starts", [2048, campaign("starts", 4096)])
 def test_all_postures_of_a_pandas_locked_joint_reach_the_pose_and_are_different(panda: hk.Robot, starts: int) -> None:
     strategy, T = hk.holonomic(hk.pose(panda), hk.lock(2)), panda.pose(PANDA_START)
-    found = hk.all_postures(strategy, T, PANDA_START[2], limits=False)
+    found = hk.motion.ik.all_postures(strategy, T, PANDA_START[2], limits=False)
     assert min(np.abs(found.q - PANDA_START).max(axis=1)) < 1e-9
     for i, q in enumerate(found.q):
         assert panda.pose(q) == pytest.approx(T, abs=1e-9)
         assert q[2] == pytest.approx(PANDA_START[2], abs=1e-9)
         assert all(np.abs(q - other).max() > 0.01 for other in found.q[:i])
-    more = hk.all_postures(strategy, T, PANDA_START[2], limits=False, starts=starts)
+    more = hk.motion.ik.all_postures(strategy, T, PANDA_START[2], limits=False, starts=starts)
     assert len(more) == len(found) == 10
 
 
@@ -131,11 +131,11 @@ def test_a_pose_out_of_reach_has_no_posture_and_a_bad_one_is_refused(panda: hk.R
     strategy = hk.holonomic(hk.pose(panda), hk.arm_angle())
     T = panda.pose(PANDA_START).copy()
     T[0, 3] = 5.0
-    assert len(hk.all_postures(strategy, T, 0.0, starts=64)) == 0
+    assert len(hk.motion.ik.all_postures(strategy, T, 0.0, starts=64)) == 0
     with pytest.raises(ArgumentError, match="right-handed"):
-        hk.all_postures(strategy, np.diag([2.0, 2.0, 2.0, 1.0]), 0.0)
+        hk.motion.ik.all_postures(strategy, np.diag([2.0, 2.0, 2.0, 1.0]), 0.0)
     with pytest.raises(ShapeError):
-        hk.all_postures(strategy, T, [0.0, 1.0])
+        hk.motion.ik.all_postures(strategy, T, [0.0, 1.0])
 
 
 # --- the angle itself, its slopes and its singular directions ---
@@ -302,7 +302,7 @@ def test_where_the_elbow_stands_at_the_start_counts_for_more_than_the_wrist(pand
     shares = {}
     for wrist, joints in (("found", None), ("last", (1, 3, 6))):
         law = hk.holonomic(hk.pose(panda), hk.arm_angle(definition="conventional", joints=joints))
-        aside = hk.move_to_leaf(law, READY, law.g(READY) - np.pi / 3)
+        aside = hk.motion.ik.move_to_leaf(law, READY, law.g(READY) - np.pi / 3)
         for name, start in (("above", READY), ("aside", aside)):
             shares[wrist, name] = hk.coverage(law, BOX, start, samples=64, explain=False).share
     for name in ("above", "aside"):

@@ -25,7 +25,7 @@ Q0 = IIWA_START + [0, 0, 0.2, 0, 0.3, 0, 0.1]
 
 @pytest.fixture(scope="module")
 def ship() -> Robot:
-    return hk.coordinates(
+    return hk.robot.coordinates(
         ("bow1", "bow2", "stern1", "stern2", "a1", "a2"), lower=[-1, -1, -1, -1, -1.5, -1.5], upper=1.5,
         max_velocity=0.2, units=["1", "1", "1", "1", "rad", "rad"], name="ship",
     )  # fmt: skip
@@ -126,13 +126,13 @@ def test_coordinates_have_no_pose_and_say_so(ship: Robot, force: hk.Task) -> Non
     assert ship.skeleton(U0) == []
     assert repr(ship) == "Robot('ship', n=6)"
     with pytest.raises(hk.HolokinError, match="lower of the coordinates"):
-        hk.coordinates(("a", "b"), lower=[0.0])
+        hk.robot.coordinates(("a", "b"), lower=[0.0])
     with pytest.raises(hk.HolokinError, match="at least one"):
-        hk.coordinates(())
+        hk.robot.coordinates(())
     with pytest.raises(hk.HolokinError, match="units of the coordinates"):
-        hk.coordinates(("a", "b"), units=["N"])
+        hk.robot.coordinates(("a", "b"), units=["N"])
     with pytest.raises(hk.HolokinError, match="two joints"):
-        hk.coordinates(("a", "a"))
+        hk.robot.coordinates(("a", "a"))
     with pytest.raises(hk.HolokinError, match="limits"):
         hk.follow(hk.moore_penrose(force), hk.line(force(U0), [0, 0, 0]), U0 + 2)
 
@@ -157,7 +157,7 @@ def test_paths_lead_through_points_of_five_coordinates(six: hk.Task, monkeypatch
     monkeypatch.setenv("HOLOKIN_NATIVE", "0")
     law, x = hk.holonomic(six, hk.lock(0, 6)), six(Q0)
     points = np.array([x, x + [0.05, 0, 0, 0, 0.02], x + [0.05, 0.05, 0.02, 0.03, 0]])
-    loop = hk.through(points, closed=True, seconds=[1.0, 2.0, 1.5])
+    loop = hk.path.through(points, closed=True, seconds=[1.0, 2.0, 1.5])
     assert loop.duration == 4.5
     assert np.abs(loop.at(2.0).position[0, :5] - points[1:].mean(axis=0)).max() < 1e-12
     walk = hk.follow(law, loop, Q0, samples=60)
@@ -166,12 +166,12 @@ def test_paths_lead_through_points_of_five_coordinates(six: hk.Task, monkeypatch
     assert hk.drift(hk.moore_penrose(six), loop, Q0, samples=100).largest[0] > 1e-5
     ik = hk.ik(law, Q0)
     assert np.abs(six(ik(points[2])) - points[2]).max() < 1e-9
-    assert hk.through(points, speed=0.1).duration == pytest.approx(
+    assert hk.path.through(points, speed=0.1).duration == pytest.approx(
         np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / 0.1
     )
     for bad, fault in (([points[0]], "at least two"), (points[[0, 0]], "points that differ")):
         with pytest.raises(hk.HolokinError, match=fault):
-            hk.through(bad)
+            hk.path.through(bad)
     with pytest.raises(hk.HolokinError, match=r"\(5,\)"):
         ik(points[2][:4])
     c = hk.controller(law, dt=0.01, q0=Q0)
@@ -206,7 +206,7 @@ def test_exported_c_of_an_allocation_and_of_five_rows_does_what_python_does(
     pairs: hk.Strategy, six: hk.Task, tmp_path: Path
 ) -> None:
     for name, law, start in (("ship", pairs, U0), ("five", hk.moore_penrose(six), Q0)):
-        written = hk.export_c(law, tmp_path / name, q0=start, name=name, vectors_count=4)
+        written = hk.export.export_c(law, tmp_path / name, q0=start, name=name, vectors_count=4)
         assert all(line.endswith("passed") for line in hk.export.check(written))
     assert "a point of the task's coordinates, 5 numbers" in (tmp_path / "five" / "five.hpp").read_text("utf-8")
 

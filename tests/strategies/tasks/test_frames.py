@@ -95,7 +95,7 @@ def test_a_welder_by_the_pseudo_inverse_drifts_and_one_on_a_leaf_returns() -> No
     assert drift.largest[0] > 1e-3
     for law in (hk.holonomic(task, hk.lock(3)), hk.holonomic(task, hk.lock(5))):
         found = hk.follow(law, seam, IRB_START, samples=200, cycles=2)
-        assert found.status is hk.Status.COMPLETE
+        assert found.status is hk.motion.Status.COMPLETE
         assert np.abs(found.drift()).max() < 1e-12
         wanted, got = robot.pose(IRB_START)[:3, 2], robot.pose(found.q[70])[:3, 2]
         assert np.abs(wanted - got).max() < 1e-12
@@ -118,7 +118,7 @@ def test_inverse_kinematics_of_an_axis_is_that_of_following(panda: Robot, monkey
 
 
 def test_one_tool_in_the_frame_of_another_moves_as_their_poses_say(both_hands: Robot) -> None:
-    task = hk.relative_pose(both_hands, "left", "right")
+    task = hk.strategies.tasks.relative_pose(both_hands, "left", "right")
     rng = np.random.default_rng(2)
     for q in np.tile(PANDA_START, 2) + rng.uniform(-0.5, 0.5, (5, 14)):
         left, right = both_hands.pose(q, "left"), both_hands.pose(q, "right")
@@ -133,7 +133,7 @@ def test_one_tool_in_the_frame_of_another_moves_as_their_poses_say(both_hands: R
 @pytest.mark.campaign
 def test_two_arms_repeat_what_one_does_on_the_other(both_hands: Robot) -> None:
     """r = 8: the right arm and the left one's third joint are held by rules."""
-    task = hk.relative_pose(both_hands, "left", "right")
+    task = hk.strategies.tasks.relative_pose(both_hands, "left", "right")
     q0 = np.tile(PANDA_START, 2)
     p = task.pose(q0)[:3, 3]
     loop = hk.circle(p, p + [0.0, 0.06, 0.0])
@@ -141,7 +141,7 @@ def test_two_arms_repeat_what_one_does_on_the_other(both_hands: Robot) -> None:
     apart = np.delete(np.eye(7), 2, axis=0)
     rules = hk.strategies.constraints.stack(hk.lock(2, 9), hk.linear(np.hstack([apart, apart])))
     found = hk.follow(hk.holonomic(task, rules), loop, q0, samples=100)
-    assert found.status is hk.Status.COMPLETE
+    assert found.status is hk.motion.Status.COMPLETE
     assert np.abs(found.drift()).max() < 1e-12
     assert np.ptp(found.q[:, 7:]) > 0.01
 
@@ -149,7 +149,7 @@ def test_two_arms_repeat_what_one_does_on_the_other(both_hands: Robot) -> None:
 @pytest.mark.campaign
 def test_a_camera_looks_at_a_point_where_its_line_of_sight_is_zero(panda: Robot) -> None:
     point = np.array([0.7, 0.2, 0.1])
-    task = hk.line_of_sight(panda, point)
+    task = hk.strategies.tasks.line_of_sight(panda, point)
     assert task.m == 2
     assert task.units == ("rad", "rad")
     rates = np.random.default_rng(3).uniform(-1, 1, (3, 7))
@@ -192,7 +192,7 @@ def test_bad_frames_are_refused_with_their_cure(panda: Robot, both_hands: Robot)
     with pytest.raises(hk.HolokinError, match="must not vanish"):
         hk.pose(panda, "axis", axis=(0, 0, 0))
     with pytest.raises(hk.HolokinError, match="relative to"):
-        hk.relative_pose(both_hands, "left", "left")
+        hk.strategies.tasks.relative_pose(both_hands, "left", "left")
     with pytest.raises(hk.HolokinError, match="a unit of each row"):
         hk.custom_task(panda, lambda q: q[:4], units=())
     with pytest.raises(hk.HolokinError, match="8"):
@@ -211,7 +211,7 @@ def test_exported_c_does_what_python_does(kind: str, both_hands: Robot, tmp_path
     if kind == "axis":
         law, start = hk.holonomic(hk.pose(torch(), "axis"), hk.lock(3)), IRB_START
     else:
-        task = hk.relative_pose(both_hands, "left", "right")
+        task = hk.strategies.tasks.relative_pose(both_hands, "left", "right")
         law, start = hk.holonomic(task, hk.lock(*range(7, 14), 2)), np.tile(PANDA_START, 2)
-    written = hk.export_c(law, tmp_path, q0=start, name="law", vectors_count=8)
+    written = hk.export.export_c(law, tmp_path, q0=start, name="law", vectors_count=8)
     assert all(line.endswith("passed") for line in hk.export.check(written))

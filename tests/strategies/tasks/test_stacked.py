@@ -46,7 +46,7 @@ def held(hands: hk.Task) -> hk.Strategy:
 def circles(task: hk.Task, radius: float = 0.04) -> SynchronizedPaths:
     left, right = task.pose(Q0)[:, :3, 3]
     away = hk.circle(left, left - [radius, 0, 0])
-    return hk.synchronized(away, hk.circle(right, right - [radius, 0, 0], clockwise=True, speed=0.07))
+    return hk.path.synchronized(away, hk.circle(right, right - [radius, 0, 0], clockwise=True, speed=0.07))
 
 
 def test_the_jacobian_of_both_hands_is_that_of_pinocchio(yumi: Robot, hands: hk.Task, tmp_path: Path) -> None:
@@ -84,10 +84,10 @@ def test_value_error_and_jacobian_of_any_two_tasks_belong_together(yumi: Robot, 
         assert np.abs(J - np.vstack([part.jacobian(q) for part in parts])).max() < 1e-12
         assert np.abs(task(q) - np.concatenate([part(q) for part in parts])).max() < 1e-12
         dq = rng.uniform(-1, 1, 14)  # the error to a pose a little on is what J says of the path there
-        moved = task.error(q - h * dq, *task.place(q + h * dq)) / (2 * h)
+        moved = task.error(q - h * dq, *task._place(q + h * dq)) / (2 * h)
         assert np.abs(moved - J @ dq).max() < 1e-6
-    several = task.error(Q0 + np.zeros((3, 14)), *task.place(Q0 + 0.1))
-    assert np.abs(several - task.error(Q0, *task.place(Q0 + 0.1))).max() == 0.0
+    several = task.error(Q0 + np.zeros((3, 14)), *task._place(Q0 + 0.1))
+    assert np.abs(several - task.error(Q0, *task._place(Q0 + 0.1))).max() == 0.0
 
 
 def test_rows_of_a_stacked_task_are_those_of_its_parts(hands: hk.Task) -> None:
@@ -126,7 +126,9 @@ def test_the_verdict_and_the_curvature_are_of_all_rows_together(hands: hk.Task, 
 def plane_hands() -> hk.Task:
     """The poses of two plane arms of four joints, side by side: short code for a compiler."""
     arm = hk.from_dh([{"a": 0.3}] * 4, name="arm")
-    both = hk.compose(hk.Part(arm, prefix="left_"), hk.Part(arm, on="base", xyz=[0, -0.5, 0], prefix="right_"))
+    both = hk.compose(
+        hk.robot.Part(arm, prefix="left_"), hk.robot.Part(arm, on="base", pose=[0, -0.5, 0], prefix="right_")
+    )
     return hk.stacked(*(hk.pose(both, tip=tip.name) for tip in both.tips))
 
 
@@ -165,7 +167,7 @@ def test_native_steps_along_paths_are_those_of_the_virtual_machine(
 ) -> None:
     loop = circles(hands, 0.02)
     points = hands.pose(Q0)[:, :3, 3]
-    turned = hk.synchronized(*(hk.line(p, p + [0.01, 0.01, 0.0], turn=[0.1, 0.0, 0.2]) for p in points))
+    turned = hk.path.synchronized(*(hk.line(p, p + [0.01, 0.01, 0.0], turn=[0.1, 0.0, 0.2]) for p in points))
     for path in (loop, turned):
         ends = []
         for native in ("0", "1"):
@@ -210,9 +212,9 @@ def test_a_tray_between_two_hands_does_not_bend(yumi: Robot, hands: hk.Task, hel
     """Both hands turn about the middle of the tray; the pose of one in the other stays what it is."""
     points, up = hands.pose(Q0)[:, :3, 3], np.array([0.0, 0.0, 1.0])
     middle = points.mean(axis=0)
-    ways = [hk.arc(p, [*middle[:2], p[2]], 0.15, up, turn=0.15 * up) for p in points]
-    walk = hk.follow(held, hk.synchronized(*ways), Q0, samples=40)
-    between = hk.relative_pose(yumi, LEFT, RIGHT)
+    ways = [hk.path.arc(p, [*middle[:2], p[2]], 0.15, up, turn=0.15 * up) for p in points]
+    walk = hk.follow(held, hk.path.synchronized(*ways), Q0, samples=40)
+    between = hk.strategies.tasks.relative_pose(yumi, LEFT, RIGHT)
     start = between.pose(Q0)
     assert max(np.abs(between.pose(q) - start).max() for q in walk.q) < 1e-9
     turned = hands.pose(walk.q[-1])[0, :3, :3] @ hands.pose(Q0)[0, :3, :3].T
@@ -238,7 +240,7 @@ def test_synchronized_paths_are_the_paths_at_equal_shares_of_their_times(
     rng = np.random.default_rng(corners)
     a = hk.polyline(rng.uniform(-1, 1, (corners, 3)), turns=rng.uniform(-1, 1, (corners - 1, 3)), speed=speeds[0])
     b = hk.circle([1.0, 0, 0], [0.5, 0, 0], speed=speeds[1])
-    both = hk.synchronized(a, b, [0.1, 0.2, 0.3])
+    both = hk.path.synchronized(a, b, [0.1, 0.2, 0.3])
     assert both.duration == pytest.approx(max(a.duration, b.duration), rel=1e-12)
     shares = rng.uniform(0, 1, 30)
     at = both.at(shares * both.duration)
@@ -263,8 +265,8 @@ def test_the_two_paths_of_synchronized_loops_meet_half_way(hands: hk.Task, held:
     assert loop.closed
     there, back = loop.halves()
     assert np.abs(there.end - back.end).max() < 1e-12
-    assert hk.path_spread(held, there, back, Q0, samples=40).largest < 1e-9
-    assert hk.path_spread(hk.moore_penrose(hands), there, back, Q0, samples=40).largest > 1e-4
+    assert hk.motion.path_spread(held, there, back, Q0, samples=40).largest < 1e-9
+    assert hk.motion.path_spread(hk.moore_penrose(hands), there, back, Q0, samples=40).largest > 1e-4
 
 
 def test_bad_stacks_and_paths_are_refused_with_their_cure(yumi: Robot, hands: hk.Task, held: hk.Strategy) -> None:
@@ -275,12 +277,12 @@ def test_bad_stacks_and_paths_are_refused_with_their_cure(yumi: Robot, hands: hk
         hk.stacked(hands, hk.pose(yumi))
     with pytest.raises(hk.HolokinError, match="at least one"):
         hk.stacked()
-    with pytest.raises(hk.HolokinError, match=r"give 2 of them, one a frame .* hk\.synchronized"):
+    with pytest.raises(hk.HolokinError, match=r"give 2 of them, one a frame .* hk\.path\.synchronized"):
         hk.follow(held, hk.line([0, 0, 0], [0.1, 0, 0]), Q0)
     with pytest.raises(hk.HolokinError, match="at least one path"):
-        hk.synchronized([0, 0, 0], [1, 0, 0])
+        hk.path.synchronized([0, 0, 0], [1, 0, 0])
     with pytest.raises(hk.HolokinError, match="start of the path"):
-        hk.follow(held, hk.synchronized(hk.line([0, 0, 0], [0.1, 0, 0]), [0, 0, 0]), Q0)
+        hk.follow(held, hk.path.synchronized(hk.line([0, 0, 0], [0.1, 0, 0]), [0, 0, 0]), Q0)
     assert hk.stacked(hands) is hands
 
 
@@ -289,7 +291,9 @@ def test_bad_stacks_and_paths_are_refused_with_their_cure(yumi: Robot, hands: hk
 def test_exported_c_of_two_arms_does_what_python_does(tmp_path: Path) -> None:
     """Two plane arms side by side: a pose of one and a point of the other, and two points."""
     arm = hk.load("planar-3r")
-    both = hk.compose(hk.Part(arm, prefix="left_"), hk.Part(arm, on="base", xyz=[0, -0.5, 0], prefix="right_"))
+    both = hk.compose(
+        hk.robot.Part(arm, prefix="left_"), hk.robot.Part(arm, on="base", pose=[0, -0.5, 0], prefix="right_")
+    )
     (left, right), q0 = (tip.name for tip in both.tips), np.array([0.3, 0.9, 0.7, -0.3, 0.9, 0.7])
     points = hk.stacked(hk.position(both, left), hk.position(both, right))
     laws = {
@@ -297,7 +301,7 @@ def test_exported_c_of_two_arms_does_what_python_does(tmp_path: Path) -> None:
         "points": hk.holonomic(points, hk.lock(1, 4)),
     }
     for name, law in laws.items():
-        written = hk.export_c(law, tmp_path / name, q0=q0, name="arms", vectors_count=4)
+        written = hk.export.export_c(law, tmp_path / name, q0=q0, name="arms", vectors_count=4)
         if name == "poses":  # the other one's numbers are those of an allocation, which is looked at as well
             assert all(line.endswith("passed") for line in hk.export.check(written))
         size = {"poses": (32, 12), "points": (6, 6)}[name]

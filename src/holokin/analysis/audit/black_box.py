@@ -22,7 +22,7 @@ from ...path import Path, circle, polyline
 from ...robot import Robot
 from ...strategies import Strategy
 from ...strategies.tasks.task import Task, of_one_tool
-from ...strategies.tasks.task_kinds import pose
+from ..coverage.starts import first_start
 from ..curvature.curvature_of_planes import pairs
 from .questions import (
     ALIKE,
@@ -282,7 +282,7 @@ class Audit(NoTruthValue, ask="`.verdict`"):
         lines += [f"  {f.question}: {'; '.join(filter(None, (f.sentence, f.fault)))}" for f in self.findings]
         return "\n".join(lines)
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
         findings = [
             {"question": f.question, "sentence": f.sentence, "fault": f.fault} | f.metrics for f in self.findings
@@ -295,12 +295,11 @@ class Audit(NoTruthValue, ask="`.verdict`"):
 
 @typed
 def audit(
-    law: object,
-    robot: Robot,
+    control_law: object,
     task: Task | None = None,
-    loops: Sequence[Path] | None = None,
+    path: Path | Sequence[Path] | None = None,
+    q0: ArrayLike | None = None,
     *,
-    q0: ArrayLike,
     dt: float = 0.01,
     cycles: int = 6,
     tolerance: float = TOLERANCE,
@@ -313,12 +312,13 @@ def audit(
     loop in every plane of two task rows, of 0.1 m or 0.2 rad a side; the worst of them, if it drifts, for all cycles.
 
     Args:
-        law: a function (q, pose, twist, dt) -> dq, see `control_laws.Step`; a `ControlLaw`, such as
+        control_law: a function (q, pose, twist, dt) -> dq, see `motion.control.Step`; a `ControlLaw`, such as
             a compiled `controller`; or a `Strategy`.
-        task: what the tool must do; its full pose by default.
-        loops: closed paths that begin at the tool pose of `q0`; a circle and a square of 0.1 m, and a loop in every
-            plane, by default. Of your own loops the verdict names the planes in which none of them encloses area.
-        q0: posture (n,). dt: the loop's step [s]. cycles: how often to go round.
+        task: what the tool must do; of a strategy by default its own.
+        path: a closed path that begins at the tool pose of `q0`, or several; by default a circle and a square of 0.1 m,
+            and a loop in every plane. Of your own paths the verdict names the planes in which none encloses area.
+        q0: posture (n,); by default one in the middle of the joint limits that is far from singular.
+        dt: the loop's step [s]. cycles: how often to go round.
         tolerance: joint difference that counts as one [joint units].
         patience: seconds after which a call that does not return is given up.
         metrics: name -> a function of your own of the trajectory of all cycles round the first loop, which gives a
@@ -326,30 +326,33 @@ def audit(
 
     Raises:
         ArgumentError, ShapeError, NotFiniteError: bad arguments, as a strategy of another robot; not a bad law.
-        OpenPathError: a loop is not closed.
-        StartError: a loop does not begin at the tool. SingularityError: the task has orientation rows alone, and their
+        OpenPathError: a path is not closed.
+        StartError: a path does not begin at the tool. SingularityError: the task has orientation rows alone, and their
             representation is singular at the start.
     """
-    chosen = task if task is not None else pose(robot)
-    of_one_tool(chosen, "an audit")
-    _of_this_robot(law, robot)
-    if chosen.robot != robot:
-        raise ArgumentError("the task", chosen.name, f"it must be one of the robot audited, {robot.name!r}")
-    q0 = robot.checked(q0, "the start posture")
+    strategy = getattr(control_law, "strategy", control_law)
+    if task is None:
+        if not isinstance(strategy, Strategy):
+            raise ArgumentError("task", task, "say what the tool must do, as hk.pose(robot)")
+        task = strategy.task
+    of_one_tool(task, "an audit")
+    if isinstance(strategy, Strategy):
+        _check_robot(strategy, task.robot)
+    q0 = first_start(task) if q0 is None else task.robot.checked(q0, "the start posture")
     if cycles < 3 or not tolerance > 0 or not patience > 0:
         raise ArgumentError("the (cycles, tolerance, patience)", (cycles, tolerance, patience), "3 or more, positive")
-    setup = AuditSetup(as_control_law(law), chosen, q0, dt, cycles, patience, tolerance)
-    paths = list(loops) if loops is not None else _default_loops(setup)
+    setup = AuditSetup(as_control_law(control_law), task, q0, dt, cycles, patience, tolerance)
+    paths = _default_loops(setup) if path is None else [path] if isinstance(path, Path) else list(path)
     if not paths:
-        raise ArgumentError("the loops", loops, "give at least one, or None for the usual ones")
-    for path in paths:
-        if not path.closed:
-            raise OpenPathError("an audit", path.gap)
+        raise ArgumentError("path", path, "give at least one, or None for the usual loops")
+    for loop in paths:
+        if not loop.closed:
+            raise OpenPathError("an audit", loop.gap)
     of = [f", loop {i + 1}" if len(paths) > 1 else "" for i in range(len(paths))]
     findings = [
-        _asked(f"cycles{word}", lambda path=path: ask_cycles(setup, path)) for word, path in zip(of, paths, strict=True)
+        _asked(f"cycles{word}", lambda loop=loop: ask_cycles(setup, loop)) for word, loop in zip(of, paths, strict=True)
     ]
-    planes = _planes(setup, paths, given=loops is not None)
+    planes = _planes(setup, paths, given=path is not None)
     findings += _of_planes(setup, paths[0], planes, findings)
     findings += [_asked("paths", lambda: ask_two_paths(setup, paths[0]))]
     findings += [_asked("speed", lambda: ask_speed(setup, paths[0]))]
@@ -364,10 +367,9 @@ def audit(
     return Audit(setup.law.name, verdict, tuple(findings), tolerance, tuple(planes))
 
 
-def _of_this_robot(law: object, robot: Robot) -> None:
-    """Raises: ArgumentError: the law is a strategy, or a controller of one, for a robot with other kinematics."""
-    strategy = getattr(law, "strategy", law)
-    if not isinstance(strategy, Strategy) or strategy.task.robot == robot:
+def _check_robot(strategy: Strategy, robot: Robot) -> None:
+    """Raises: ArgumentError: the strategy is for a robot with other kinematics."""
+    if strategy.task.robot == robot:
         return
     theirs, Q = strategy.task.robot, spread(robot, 3)
     alike = theirs.n == robot.n and robot.tips and robot.tips[0].name in (tip.name for tip in theirs.tips)
@@ -376,7 +378,7 @@ def _of_this_robot(law: object, robot: Robot) -> None:
         for a, b in zip(theirs.pose_batch(Q, robot.tips[0].name), robot.pose_batch(Q), strict=True)
     ):
         cure = f"it is of another robot, {theirs.name!r}, than the one audited, {robot.name!r}: give its own"
-        raise ArgumentError("the law", strategy.name, cure)
+        raise ArgumentError("the control law", strategy.name, cure)
 
 
 def _default_loops(setup: AuditSetup) -> list[Path]:

@@ -14,6 +14,7 @@ from ...base.errors import ArgumentError
 from ...base.types import ArrayLike, Flags, Indices, Matrix, NoTruthValue, Value, Vector
 from ...robot import Robot
 from ...strategies.tasks.task import Task
+from ...strategies.tasks.task_kinds import Axis
 from .arcs import WHOLE, ToolMotion, tool_points
 from .cycles import LENGTH_SCALE
 from .log_audit import task_of_tool
@@ -37,7 +38,7 @@ Whole = NDArray[np.integer[Any]]
 """Rows, cells and joints; 32 bits take half the memory."""
 
 MOST_ROWS = 8
-"""Episodes that are named, the worst first; `summary` has all."""
+"""Episodes that are named, the worst first; `to_dict` has all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,7 @@ class EqualPoses(Value):
 
 @dataclass(frozen=True, eq=False)
 class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
-    """Findings of `audit_dataset`; `str` prints them, `summary` gives them as plain data.
+    """Findings of `audit_dataset`; `str` prints them, `to_dict` gives them as plain data.
 
     episodes (e,): those that were looked at; begins (e + 1,): where each begins among the rows of `q` (k, n), joints
     [rad or m] in single precision as they are stored; tool: `tool.at(rows)` are their tool poses, as `tool_points`;
@@ -205,7 +206,7 @@ class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
             found.append((f"episode {e['episode']}", said))
         return found + [("note", note) for note in self.notes]
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """All findings as plain data."""
         worst, pairs = self.worst(), self.pairs
         return {
@@ -315,7 +316,7 @@ def audit_dataset(
     episodes: list[int] | None = None,
     tip: str | None = None,
     orientation: bool | None = None,
-    axis: str | ArrayLike | None = None,
+    axis: Axis | ArrayLike | None = None,
     near: float = NEAR,
     tolerance: float = TOLERANCE,
     length_scale: float = LENGTH_SCALE,
@@ -548,7 +549,7 @@ def _compared(task: Task, q: Numbers, first: Whole, second: Whole, less: Flags) 
     less: joints (p, n) whose whole turns do not count.
     """
     here, there = q[first].astype(float), q[second].astype(float)
-    met, moved = to_pose(task, there, *task.poses(here))
+    met, moved = to_pose(task, there, *task._poses(here))
     gap = np.abs(less_turns(met - here, less))
     joint = np.argmax(gap, axis=1)
     return gap[np.arange(len(gap)), joint], moved, joint

@@ -14,7 +14,7 @@ from ...base.types import Array, ArrayLike, Indices, Matrix, NoTruthValue, Value
 from ...robot import Robot
 from ...strategies.tasks.frame_task import parts_of
 from ...strategies.tasks.task import Task
-from ...strategies.tasks.task_kinds import pose, position
+from ...strategies.tasks.task_kinds import Axis, pose, position
 from .arcs import FREE, WHOLE, encoder_levels, rounding_of
 from .cycles import LENGTH_SCALE, Cycles, crossings, find_cycles
 from .logs import Recording, joined_turns
@@ -120,7 +120,7 @@ _GRAVITY = (Trend.NONE, Trend.FADES, Trend.ALTERNATES, Trend.CANNOT_TELL, Trend.
 
 @dataclass(frozen=True, eq=False)
 class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
-    """Findings of `audit_recording`; `str` prints them, `summary` gives them as plain data.
+    """Findings of `audit_recording`; `str` prints them, `to_dict` gives them as plain data.
 
     verdict: whether the joints repeated in this log; `trend`: how their change goes on. visits (c, P + 1, n): postures
     at equal tool poses, moved there through the pseudo-inverse from where the tool was; floor (P + 1,): joint move that
@@ -274,7 +274,7 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
         ]
         return rows + [("note", note) for note in self.recording.notes]
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Everything found, as plain data for JSON (no NaN, no infinity)."""
         c, names, limit = self.cycles, list(self.robot.joint_names), self.limit
         return {
@@ -485,7 +485,7 @@ def audit_recording(
     *,
     tip: str | None = None,
     orientation: bool | None = None,
-    axis: str | ArrayLike | None = None,
+    axis: Axis | ArrayLike | None = None,
     tolerance: float = TOLERANCE,
     length_scale: float = LENGTH_SCALE,
 ) -> LogAudit:
@@ -632,7 +632,7 @@ def _unknown_turns(recording: Recording, cycles: Cycles) -> tuple[Indices, bool]
 
 
 def task_of_tool(
-    robot: Robot, tip: str | None, orientation: bool | None, axis: str | ArrayLike | None, q: Vector
+    robot: Robot, tip: str | None, orientation: bool | None, axis: Axis | ArrayLike | None, q: Vector
 ) -> tuple[Task, Matrix]:  # fmt: skip
     """(what the tool of a log does, the axes (3, a) whose directions belong to it), as `audit_recording` says them.
 
@@ -646,7 +646,7 @@ def task_of_tool(
     return (pose(robot, tip=tip), WHOLE) if whole else (position(robot, tip), FREE)
 
 
-def _about(robot: Robot, tip: str | None, axis: str | ArrayLike, q: Vector) -> tuple[Task, Matrix]:
+def _about(robot: Robot, tip: str | None, axis: Axis | ArrayLike, q: Vector) -> tuple[Task, Matrix]:
     """(the task of a tool that may spin about an axis, the axis (3, 1)); its direction counts from that at q."""
     task = pose(robot, "axis", reference=robot.pose(q, tip)[:3, :3], axis=axis, tip=tip)
     return task, parts_of(task)[0].axis[:, None]

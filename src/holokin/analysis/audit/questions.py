@@ -200,7 +200,7 @@ def _signed(task: Task, k: int, position: Vector) -> float:
 def _rates(task: Task, rotation: Matrix) -> Array:
     """The map (m, 6) from the twist of a tool turned by R (3, 3) to the rates of the task rows."""
     unit = np.eye(6)
-    rates, margins = task.rates(np.tile(rotation, (6, 1, 1)), unit[:, :3], unit[:, 3:])
+    rates, margins = task._tool_rates(np.tile(rotation, (6, 1, 1)), unit[:, :3], unit[:, 3:])
     check_representation(task, np.full(task.n, np.nan), margins[0])
     return rates.T
 

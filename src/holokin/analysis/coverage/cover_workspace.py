@@ -228,7 +228,7 @@ class Coverage(NoTruthValue, Value, ask="`.share` or `.reached`"):
         header = [*POSE_COLUMNS, "status", *self.joint_names, "rcond", "margin"]
         write_csv(path, header, ([*row[:7], word, *row[7:]] for row, word in zip(rows, words, strict=True)))
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
         r = self.reached
         return {

@@ -99,7 +99,7 @@ def postures_at_poses(task: Task, Q: Matrix, p: Matrix, R: Array, *, starts: int
     """The postures at tool poses p (S, 3), R (S, 3, 3), on the self-motions of Q (S, n) and of those that Newton's
     method finds from so many starts at each pose.
     """
-    task = task.geometric_twin  # which has no singular angles on the way
+    task = task._geometric_twin  # which has no singular angles on the way
     S = len(Q)
     pose = np.repeat(np.arange(S), starts)
     found, arrived = postures_from(task, spread(task.robot, starts * S), p[pose], R[pose])
@@ -254,7 +254,7 @@ def chart_of(task: Task, rotation: Matrix) -> FrameTask:
     one = parts_of(task)[0]
     if one.orientation == "axis":
         return replace(one, reference=rotation)
-    if one.turns:
+    if one._turns:
         return replace(one, orientation="rotation-vector", reference=rotation)
     return replace(one, reference=rotation) if one.robot.planar else one
 
@@ -266,7 +266,7 @@ def coordinates_of(chart: FrameTask, Q: Matrix) -> Coordinates:
         ArgumentError: poses that all are one, or that turn by more than FAR from the middle orientation.
     """
     x, angular = chart.value_batch(Q), np.array([unit == "rad" for unit in chart.units])
-    if chart.turns and (turn := float(np.linalg.norm(x[:, angular], axis=1).max())) > FAR:
+    if chart._turns and (turn := float(np.linalg.norm(x[:, angular], axis=1).max())) > FAR:
         what = "the largest turn of the workspace from its middle orientation [rad]"
         raise ArgumentError(what, turn, f"keep it below {FAR:g}, or design two laws")
     P = np.hstack([_directions(x, np.flatnonzero(rows)) for rows in (~angular, angular)])
@@ -545,7 +545,7 @@ def along_radial(task: Task, starts: Matrix, poses: Array) -> LineEnds:
 
         def rate(at: Matrix, s: float, live: Indices = live) -> Matrix:
             R = lines.at(live, np.full(len(live), s))[1]
-            dx, _ = task.rates(R, velocity[live], angular[live])
+            dx, _ = task._tool_rates(R, velocity[live], angular[live])
             return _least_rate(task, at, dx)
 
         there = runge_kutta(rate, q[live], h, i * h, (i + 0.5) * h, (i + 1) * h)
@@ -573,12 +573,12 @@ class _Lines:
 
     def __init__(self, task: Task, starts: Matrix, poses: Array) -> None:
         self.q = starts
-        p0, R0 = task.poses(np.asarray(starts))
+        p0, R0 = task._poses(np.asarray(starts))
         p, R = poses[:, :3, 3], poses[:, :3, :3]
         if leaves_free(task):
             p, R = completing(task).batch(p0, R0, p, R)
         self.path = straight(p0, R0, p, R)
-        if not any(task.angular):
+        if not any(task._angular):
             self.path = replace(self.path, turn=np.zeros_like(self.path.turn))
 
     @classmethod

@@ -83,13 +83,15 @@ def task_of_kind(robot: Robot, tip: str | None, kind: str | None) -> Task:
         found = position(robot, tip)
     else:
         found = pose(robot, "axis", tip=tip) if kind == "axis" else pose(robot, tip=tip)
-    if found.n == found.m:
-        cure = (
-            "the robot is not redundant for this task: hk.inverse finds the joints of a pose; take the task 'axis' if "
-            "the tool may spin, or 'position'; or leave the task out"
-        )
-        raise ArgumentError(f"the number of redundant joints of {robot.name!r} for its {kind}", 0, cure)
+    check_redundant(found)
     return found
+
+
+def check_redundant(task: Task) -> None:
+    """Raises: ArgumentError: each tool pose has finitely many postures, among which no rule can choose."""
+    if task.n == task.m:
+        cure = "hk.ik finds the joints of a pose; take the task 'axis', if the tool may spin, or 'position'"
+        raise ArgumentError(f"the number of redundant joints of {task.robot.name!r} for its {task.name}", 0, cure)
 
 
 def kinds_that_fit(robot: Robot) -> tuple[str, ...]:

@@ -227,7 +227,7 @@ def _by_hessians(strategy: Strategy, method: Method) -> bool:
 
 def _constant_inverse_weight(strategy: Strategy) -> Matrix | None:
     """W (n, n) where the planes are spanned by W J^T, W constant, J geometric: the Hessians then give the brackets."""
-    if not (isinstance(strategy, FrameStrategy) and strategy.task.geometric and strategy.task.has_hessians):
+    if not (isinstance(strategy, FrameStrategy) and strategy.task._geometric and strategy.task._has_hessians):
         return None
     return strategy.constant_inverse_weight
 
@@ -280,12 +280,12 @@ def _written(strategy: Strategy, by_hessians: bool) -> tuple[SX, dict[str, SX]]:
     # (4): what of [G_i, G_j] lies outside range G
     columns = [N @ along.solve(vertcat(*(K[i, j] for K in brackets))) for i, j in pairs(m)]
     packed = horzcat(*columns) if columns and brackets else SX.zeros(task.n, max(1, len(columns)))
-    return e.q, {"F": packed, "G": found.X, "rcond": found.rcond, "margin": strategy.margin_expression}
+    return e.q, {"F": packed, "G": found.X, "rcond": found.rcond, "margin": strategy._margin_expression}
 
 
 def _hessian_brackets(task: Task, e: Expressions, weight: Matrix | None) -> Brackets:
     """[W J_a^T, W J_b^T] = W (H_b W J_a^T - H_a W J_b^T), with the Hessians in closed form (theory 2a)."""
-    H, W = task.hessians(e.q), as_expression(weight)
+    H, W = task._hessians(e.q), as_expression(weight)
     return {(a, b): W @ (H[b] @ e.planes[:, a] - H[a] @ e.planes[:, b]) for a, b in pairs(task.m)}
 
 

@@ -171,7 +171,7 @@ def sides(strategy: HolonomicStrategy, q: Matrix) -> tuple[Vector, Vector]:
     """(sign of det E (k,), rcond of E (k,)) at postures; the sign is 0 where E or a representation is singular."""
     if not len(q):
         return np.zeros(0), np.zeros(0)
-    p, R = strategy.task.poses(q)
+    p, R = strategy.task._poses(q)
     step = leaf_step(strategy)
     level = strategy.constraint_value.batch(q).reshape(len(q), -1)
     shapes = step.input_shapes
@@ -190,7 +190,7 @@ def candidates(strategy: HolonomicStrategy, level: Vector, found: CuspPoints, li
     first, good = on_leaf(strategy, level, (q + a * down + t * along).reshape(-1, n))
     second = (q + a * down - t * along).reshape(-1, n)
     which = np.flatnonzero(good)
-    p, R = strategy.task.poses(first[which])
+    p, R = strategy.task._poses(first[which])
     other, _, arrived = leaf_postures(strategy, second[which], p, R, level)
     apart = _apart(strategy, first[which], other) > APART
     which, other = which[arrived & apart], other[arrived & apart]
@@ -219,10 +219,10 @@ def _seen(strategy: HolonomicStrategy, level: Vector, motions: Motions, limits: 
     ok = good.reshape(k, -1).all(axis=1) & (side == side[:, :1]).all(axis=1) & (side[:, 0] != 0)
     if limits:
         ok &= strategy.task.robot.within(flat).reshape(k, -1).all(axis=1)
-    p, R = strategy.task.poses(flat)
+    p, R = strategy.task._poses(flat)
     p, R = p.reshape(k, -1, 3), R.reshape(k, -1, 3, 3)
     length = np.linalg.norm(np.diff(p, axis=1), axis=2).sum(axis=1)
-    turn, least = _turned(R) if strategy.task.rotations else np.zeros(k), rcond.reshape(k, -1).min(axis=1)
+    turn, least = _turned(R) if strategy.task._rotations else np.zeros(k), rcond.reshape(k, -1).min(axis=1)
     ok &= least > LEAST
     return motions.at(ok), np.column_stack([length, turn, least])[ok]
 
@@ -255,7 +255,7 @@ def witness_between(
     leafed, robot = with_leaves(strategy), strategy.task.robot
     a, b = start_posture(robot, first, limits), start_posture(robot, second, limits)
     level = leaf_value(leafed, a)
-    off = np.abs(leafed.task.error(b, *leafed.task.place(a))).max()
+    off = np.abs(leafed.task.error(b, *leafed.task._place(a))).max()
     gap = np.abs(leafed.constraint.nearest(leaf_value(leafed, b) - level)).max(initial=0.0)
     apart = _apart(leafed, a, b)
     if max(off, gap) > SAME or apart <= APART:
@@ -285,10 +285,10 @@ def _witness(strategy: HolonomicStrategy, level: Vector, motion: Motions, limits
     Q, good = on_leaf(strategy, level, motion.lines(LEGS)[0])
     if not good.all():
         return None
-    p, R = strategy.task.poses(Q)
+    p, R = strategy.task._poses(Q)
     poses = pose_from(p, R)
     poses[-1] = poses[0]
-    turns = bool(strategy.task.rotations)
+    turns = bool(strategy.task._rotations)
     try:
         path = spline(poses if turns else p)
         walk = follow(strategy, path, first, samples=SAMPLES, limits=limits)
@@ -511,7 +511,7 @@ def tool_away(task: Task, T: Array, others: Array) -> Vector:
     from scipy.spatial import KDTree
 
     def placed(T: Array) -> Matrix:  # |R - R'| is sqrt(2) times the angle, where that is small
-        turns = TURN / np.sqrt(2.0) * T[:, :3, :3].reshape(-1, 9) * bool(task.rotations)
+        turns = TURN / np.sqrt(2.0) * T[:, :3, :3].reshape(-1, 9) * bool(task._rotations)
         return np.hstack([T[:, :3, 3], turns])
 
     return KDTree(placed(others)).query(placed(T))[0] if len(T) else np.zeros(0)

@@ -47,7 +47,7 @@ class LeafFunction(Value):
         """
         q = self.strategy.task.robot.checked(q)
         v, task, n = self._back(q), self.strategy.task, len(q)
-        V = np.reshape(task.error_and_slope(q, *task.target(self._pose))[1], (task.m, n))
+        V = np.reshape(task._error_and_slope(q, *task.target(self._pose))[1], (task.m, n))
 
         def slope(y: Matrix, v: Vector) -> Matrix:
             dq, dD, rcond, margin = self._flow(y[:, 0], v, y[:, 1:], V)
@@ -64,7 +64,7 @@ class LeafFunction(Value):
         robot, task = self.strategy.task.robot, self.strategy.task
         q, corner = robot.checked(q), robot.checked(by)
         direct = transport(self.strategy, q, self._back(q))
-        there = transport(self.strategy, q, task.error(q, *task.place(corner)))
+        there = transport(self.strategy, q, task.error(q, *task._place(corner)))
         return float(np.abs(transport(self.strategy, there, self._back(there)) - direct).max())
 
     def _back(self, q: Vector) -> Vector:
@@ -91,7 +91,7 @@ class LeafFunction(Value):
             "dq": found.X,
             "dD": dD,
             "rcond": found.rcond,
-            "margin": self.strategy.margin_expression,
+            "margin": self.strategy._margin_expression,
         }
         return Function("flow", {"q": e.q, "v": v, "D": D, "V": V}, outputs)
 

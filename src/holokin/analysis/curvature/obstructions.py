@@ -80,7 +80,7 @@ def turns(task: Task, Q: Matrix) -> Turns:
     Args:
         task: leaves one joint redundant.
     """
-    p, R = task.poses(Q)
+    p, R = task._poses(Q)
     middle, reference = _references(task, Q[0], p, R)
     if reference is None or middle is None:
         return Turns(np.zeros(0), "a straight path from its start to one of its points meets a singular posture")
@@ -189,7 +189,7 @@ def sphere_of(task: Task, q0: Vector, arm: Arm) -> ToolSphere:
     points = places.batch(some).reshape(-1, 3, 3)
     if np.ptp(points[:, 0], axis=0).max() > FIXED:
         raise ArgumentError("the shoulder", arm.shoulder.place, "name joints=(...) with one that no joint moves")
-    p, R = task.poses(some)
+    p, R = task._poses(some)
     held = np.einsum("kji,kj->ki", R, points[:, 2] - p)
     pose, (S, _, W) = task.pose(q0), places(q0)
     radius = float(np.linalg.norm(W - S))
@@ -359,24 +359,24 @@ class Obstruction(NoTruthValue, Value, ask="`.total`, which is None where it cou
 
 @typed
 def obstruction(
-    law: HolonomicStrategy | Task, over: Directions | Path, q0: ArrayLike, *, samples: int = 60
+    strategy: HolonomicStrategy | Task, over: Directions | Path, q0: ArrayLike, *, samples: int = 60
 ) -> Obstruction:
-    """Whether a law can go on without a jump over a sphere of directions, or over a disc of which it knows the rim.
+    """Whether a strategy can go on without a jump over a sphere of directions, or over a disc whose rim it knows.
 
     Over `Directions` of an arm with shoulder, elbow and wrist: the elbow's direction, seen from the line from shoulder
     to wrist, is a field of tangent directions on a sphere. By Poincare and Hopf the indices of its poles add up to 2:
-    it has some, whatever the law (theory 5.8). Found are those of the leaf of a strategy through q0, by how far the
-    elbow turns round triangles of directions, joined where the leaf cannot be followed. For a `Task` it is tested that
-    every law of the arm makes such a field: the elbow stays off the line on the self-motions at the sampled directions
-    and goes round it once on each.
+    it has some, whatever the strategy (theory 5.8). Found are those of the leaf of a strategy through q0, by how far
+    the elbow turns round triangles of directions, joined where the leaf cannot be followed. For a `Task` it is tested
+    that every strategy of the arm makes such a field: the elbow stays off the line on the self-motions at the sampled
+    directions and goes round it once on each.
 
     Over a closed `Path` of a task that leaves one joint redundant: by how many turns of the self-motion the leaf
     through q0 is ahead of a section over the disc of straight paths from the path's start to its points, after one
-    round; positive on the side of det [J; N^T] > 0. If it is not 0, no law that is this one on the path goes on over
-    the disc.
+    round; positive on the side of det [J; N^T] > 0. If it is not 0, no strategy that is this one on the path goes on
+    over the disc.
 
     Args:
-        law: a strategy, or, over directions, a task, for any law.
+        strategy: a strategy, or, over directions, a task, for any strategy.
         samples: of a path; more are taken while the redundant joint turns too far from one to the next.
 
     Raises:
@@ -384,19 +384,19 @@ def obstruction(
             strategy; several redundant joints. OpenPathError; on a path, what `follow` raises.
     """
     if isinstance(over, Directions):
-        task = law if isinstance(law, Task) else law.task
+        task = strategy if isinstance(strategy, Task) else strategy.task
         of_one_tool(task, "obstruction")
-        if not task.turns:
+        if not task._turns:
             raise ArgumentError("the task", task.name, "give one with the tool's orientation, hk.pose(robot)")
         start, arm = task.robot.checked(q0, "the start posture"), find_arm(task, over.joints)
         sphere = sphere_of(task, start, arm)
-        if isinstance(law, Task):
+        if isinstance(strategy, Task):
             return _of_any_law(FreeField(task, start, sphere, arm), over)
-        law(start)
-        return _of_leaf(law, LeafField(law, start, sphere, arm), over)
-    if isinstance(law, Task):
-        raise ArgumentError("the law on a path", law.name, HolonomicStrategy.cure)
-    return _round(law, over, q0, whole("samples", samples, 8))
+        strategy(start)
+        return _of_leaf(strategy, LeafField(strategy, start, sphere, arm), over)
+    if isinstance(strategy, Task):
+        raise ArgumentError("the strategy on a path", strategy.name, HolonomicStrategy.cure)
+    return _round(strategy, over, q0, whole("samples", samples, 8))
 
 
 def _of_leaf(strategy: HolonomicStrategy, field: ElbowField, over: Directions) -> Obstruction:

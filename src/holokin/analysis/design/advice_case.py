@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -17,19 +16,19 @@ from ...motion.checks import Scene
 from ...motion.checks.check_report import keeps
 from ...path.workspaces import PoseRange, Workspace, pose_cloud
 from ...proof.kept_apart import clearances_of
-from ...robot import Robot, check_metres
+from ...robot import check_metres
 from ...strategies.tasks.task import Task, of_one_tool
 from ..coverage.cover_workspace import Coverage, Reach, coverage, largest_part
-from ..coverage.pose_postures import Chain, chain_to_tool, chart_of, coordinates_of
+from ..coverage.pose_postures import Chain, chart_of, coordinates_of
 from ..coverage.starts import (
     Candidate,
     candidates,
+    check_redundant,
     check_that_joints_move,
     first_start,
     postures_at,
     proposed_workspace,
     reached,
-    task_of_kind,
 )
 from .designed_law import Design, design, least_costs
 from .nearby_cusps import MORE_SPEED, LevelRange, NearbyCusps, cusps_near, level_range, said_of
@@ -95,13 +94,13 @@ class Case:
     """A task and a workspace, with what is found out of them on the way to an advice."""
 
     def __init__(
-        self, task: Task, workspace: Workspace, q0: Vector | None, scene: Scene | None, say: Callable[[str], None]
+        self, task: Task, workspace: Workspace, q0: Vector | None, scene: Scene | None, progress: Callable[[str], None]
     ) -> None:
-        self.task, self.workspace, self.scene, self.say = task, workspace, scene, say
+        self.task, self.workspace, self.scene, self.progress = task, workspace, scene, progress
         self.apart = apart = clearances_of(task.robot, scene)
         T = workspace.poses(POSES)
         check_metres(task.robot, T, task.tip)
-        say("which poses can be reached")
+        progress("which poses can be reached")
         self.Q, self.reach = reached(task, T, q0)
         if not self.reach.within.any():
             raise _nothing(task, workspace, self.reach)
@@ -131,7 +130,7 @@ class Case:
         rough = self.poses.some(slice(None, None, SCREENED))
         trials: list[Trial] = []
         for candidate in candidates(self.task, self.starts):
-            self.say(candidate.name)
+            self.progress(candidate.name)
             found = tried(candidate, self.starts, rough)
             if found:
                 best = ranked(found)[0]
@@ -144,7 +143,7 @@ class Case:
         self.floor = self._floor(trials)
         laws = ranked(self._law(trial) for trial in trials)
         while laws[0].name not in self.checked:
-            self.say(f"{laws[0].name}, pose by pose")
+            self.progress(f"{laws[0].name}, pose by pose")
             laws[0] = self._looked_at(laws[0])
             laws = ranked(laws)
         return tuple(self._without_cusps(laws))
@@ -155,7 +154,7 @@ class Case:
         most = MORE_SPEED * best.squared_speed
         equal = [one for one in laws[1:] if alike(one, best) and one.squared_speed <= most]
         for law in [best, *equal][:MOST]:
-            self.say(f"{law.name}, its cusps")
+            self.progress(f"{law.name}, its cusps")
             self.cusps[law.name] = found = cusps_near(law.strategy, law.q0, self.workspace)
             if found.clear:
                 law = law if law.name in self.checked else self._looked_at(law)
@@ -166,9 +165,9 @@ class Case:
 
     def levels(self, law: Law) -> tuple[LevelRange | None, Sequence[str]]:
         """The levels of a law that serve the workspace; and what is said of them."""
-        self.say(f"{law.name}, its levels")
+        self.progress(f"{law.name}, its levels")
         try:
-            found = level_range(law.strategy, self.workspace, law.q0, say=self.say)
+            found = level_range(law.strategy, self.workspace, law.q0, progress=self.progress)
         except HolokinError as problem:  # of several rows
             return None, [f"Levels were not looked for: {problem}."]
         blind = "" if self.apart is None else " Collisions were not looked at for them."
@@ -198,7 +197,7 @@ class Case:
         law, found = trial.candidate, []
         for words, goal in GOALS.items():
             name = f"designed from {law.name}{words}"
-            self.say(name)
+            self.progress(name)
             try:
                 made = self._design(trial, margin=self._room if goal["limits"] else 0.0, **goal)
             except HolokinError:  # no law where there is none: the others stay
@@ -286,7 +285,7 @@ class Case:
         made = self.made.get(law.name)
         if made is not None and law.margin > FAR * ROOM:
             return None
-        self.say(f"{law.name}, joint limits aside")
+        self.progress(f"{law.name}, joint limits aside")
         trial = self.trials[law.name]
         if made is not None:
             trial = replace(trial, candidate=replace(trial.candidate, strategy=made.base))
@@ -306,7 +305,7 @@ class Case:
             return None
         best: Part | None = None
         for law in laws[:PARTS]:
-            self.say(f"the part of the workspace that {law.name} serves")
+            self.progress(f"the part of the workspace that {law.name} serves")
             candidate = Candidate(law.name, law.keys, self.task, None if law.keys["kind"] == "radial" else law.strategy)
 
             def serves(T: Array, law: Law = law, candidate: Candidate = candidate) -> bool:
@@ -351,18 +350,15 @@ def _there(candidate: Candidate) -> Candidate:
 
 @typed
 def advise(
-    robot: Robot | str | Path,
+    task: Task,
     workspace: Workspace | None = None,
     *,
-    tip: str | None = None,
-    base: str | None = None,
-    task: Literal["pose", "axis", "position"] | Task | None = None,
     q0: ArrayLike | None = None,
     scene: Scene | None = None,
     levels: bool = False,
-    say: Callable[[str], None] = lambda _text: None,
+    progress: Callable[[str], None] = lambda _text: None,
 ) -> Advice:
-    """The laws that fit a robot, each on its best leaf, compared on a workspace, and a sentence on why the best is.
+    """The strategies that fit a task, each on its best leaf, compared on a workspace, and why the best is the best.
 
     Locked joints, differences of parallel joints, arm angles, the elbow's height, stationary costs, `radial` of the
     pseudo-inverse, and laws designed from the best of these: each from several postures at the workspace's centre.
@@ -373,40 +369,30 @@ def advise(
     looked at pose by pose; `certify_by` of the advice is the call that proves it.
 
     Args:
-        robot: a robot, a name of the catalogue, or a file.
+        task: what the tool does: `hk.pose(robot)`, `hk.pose(robot, "axis")` if it may spin, `hk.position(robot)`.
         workspace: by default a box round the tool at the start, with moderate turns.
-        tip: the link that is the tool; for a URDF by default the palm at the end of its longest arm. base: the link
-            that stands still.
-        task: "pose", "axis" (the tool may spin about its z axis) or "position", or a task of this robot; by default the
-            pose, for arms of up to six joints the position.
         q0: the posture (n,) that the leaf is to go through; by default each law gets the best of several.
         scene: a pose is served only where the links keep their clearance from what is in it, and from each other; by
             default nothing is looked at. The pairs are those of `certify`; meshes are their convex hulls, and where
             these are nearer, themselves.
         levels: which levels of the best law serve the workspace, as `level_range` finds them; it takes seconds.
-        say: hears what is going on.
+        progress: hears how far it is.
 
     Raises:
         ArgumentError: the robot is not redundant for the task; a workspace of one pose. OutOfReachError: no pose of
-        the workspace is reached within the joint limits. JointLimitError: the start is beyond them. RobotFileError,
-        UnknownNameError, ShapeError, NotFiniteError.
+        the workspace is reached within the joint limits. JointLimitError: the start is beyond them. ShapeError,
+        NotFiniteError.
     """
-    say("the robot")
-    chain = chain_to_tool(robot, tip, base)
-    if isinstance(task, Task):
-        work = task
-        if task.robot != chain.robot:
-            raise ArgumentError("the task", task, "give a task of the same robot: load the robot first")
-    else:
-        work = task_of_kind(chain.robot, tip if isinstance(robot, Robot) else None, task)
-    words = {"tip": not chain.chosen, "task": task, "q0": q0, "workspace": workspace}
-    chosen = tuple(word for word, value in words.items() if value is None or value is False)
-    return advise_chain(chain, work, workspace, q0, chosen=chosen, scene=scene, levels=levels, say=say)
+    of_one_tool(task, "advice")
+    check_redundant(task)
+    chain = Chain(task.robot, None, task.tip or task.robot.tips[0].name, (), False)
+    chosen = tuple(word for word, value in {"q0": q0, "workspace": workspace}.items() if value is None)
+    return advise_chain(chain, task, workspace, q0, chosen=chosen, scene=scene, levels=levels, progress=progress)
 
 
 def advise_chain(
     chain: Chain, task: Task, workspace: Workspace | None, q0: ArrayLike | None, *, chosen: Sequence[str],
-    scene: Scene | None, say: Callable[[str], None], levels: bool = False,
+    scene: Scene | None, progress: Callable[[str], None], levels: bool = False,
 ) -> Advice:  # fmt: skip
     """The advice for a chain and its task, as of `advise`.
 
@@ -424,9 +410,9 @@ def advise_chain(
     if workspace is None:
         at = first_start(task) if start is None else start
         workspace = proposed_workspace(task, at)
-    case = Case(task, workspace, start, scene, say)
+    case = Case(task, workspace, start, scene, progress)
     laws = case.ranked()
-    say("the reasons")
+    progress("the reasons")
     part = case.part(laws) if not laws[0].served.all() else None
     found = case.checked[laws[0].name]
     range_, said = case.levels(laws[0]) if levels else (None, ())

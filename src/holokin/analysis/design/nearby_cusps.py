@@ -213,7 +213,7 @@ def level_range(
     *,
     step: float = STEP,
     limits: bool = True,
-    say: Callable[[str], None] = lambda _text: None,
+    progress: Callable[[str], None] = lambda _text: None,
 ) -> LevelRange:
     """The levels c of a constraint of one row whose leaves serve a whole workspace.
 
@@ -225,7 +225,7 @@ def level_range(
         q0: posture (n,) that the straight paths to the poses begin at.
         step: between the levels that are tried.
         limits: within the joint limits.
-        say: hears of the progress.
+        progress: hears how far it is.
 
     Raises:
         ArgumentError: a constraint of several rows, a task of several frames. SingularityError: it is singular at q0.
@@ -252,7 +252,7 @@ def level_range(
     for sign in (-1.0, 1.0):
         for k in range(1, min(far, MOST) + 1):
             c = at + sign * k * step
-            say(f"level {c:.3g}")
+            progress(f"level {c:.3g}")
             known[c] = share(c)
             if known[c] == 0.0:
                 break

@@ -244,7 +244,7 @@ class Advice(NoTruthValue, Value, ask="`.best.coverage`"):
         few = f"{self.task.n} joints leave none free for a whole pose ('pose')"
         return f"{few}; of the other tasks {', '.join(said[kind] for kind in kinds)}"
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
         return {
             "robot": self.task.robot.name, "base": self.chain.base, "tip": self.chain.tip,

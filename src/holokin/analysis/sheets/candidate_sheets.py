@@ -155,7 +155,7 @@ class CandidateSheets:
         """Lines from which on native code runs; None for as many as is usual."""
         return NATIVE if len(self.T) >= MANY else None
 
-    def grow(self, at: Matrix, wanted: Indices, end: float, say: Callable[[str], None]) -> None:
+    def grow(self, at: Matrix, wanted: Indices, end: float, progress: Callable[[str], None]) -> None:
         """Adds leaves of all laws through postures at a tool pose (4, 4): of each law those that serve most.
 
         Args:
@@ -173,7 +173,7 @@ class CandidateSheets:
         for law in self.laws:
             if time.monotonic() > end and self.found:
                 return
-            say(f"{law.name}, {self.tried} leaves so far")
+            progress(f"{law.name}, {self.tried} leaves so far")
             some_served, _ = lines_served(law, starts, self.T[some], self.clear, self.rcond, self._native)
             known_already = np.array([(one <= self.sets[:, some]).all(axis=1).any() for one in some_served])
             found: Vector = np.where(known_already, 0.0, some_served.astype(float) @ weights)
@@ -297,7 +297,7 @@ class CandidateSheets:
 
     def _on_other_levels(self, sheet: Sheet, rng: np.random.Generator, round_: int) -> Matrix:
         """Postures at the pose of a sheet's start, on levels about its own."""
-        at, spread, found = pose_from(*self.task.poses(sheet.q0[None]))[0], self._spread(sheet), []
+        at, spread, found = pose_from(*self.task._poses(sheet.q0[None]))[0], self._spread(sheet), []
         if spread is None:
             return np.zeros((0, self.task.n))
         for _ in range(LEVELS):
@@ -309,7 +309,7 @@ class CandidateSheets:
 
     def _spread(self, sheet: Sheet) -> Vector | None:
         """How far the levels (r,) of postures at the pose of a sheet's start are off its own; None where none is."""
-        others = postures_at(self.task, pose_from(*self.task.poses(sheet.q0[None]))[0], STARTS)
+        others = postures_at(self.task, pose_from(*self.task._poses(sheet.q0[None]))[0], STARTS)
         if not len(others):
             return None
         levels = sheet.strategy.constraint_value.batch(others).reshape(len(others), -1)

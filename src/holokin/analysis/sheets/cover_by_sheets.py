@@ -59,7 +59,7 @@ def sheets(
     rcond: float = 0.0,
     search: bool = True,
     seconds: float = SECONDS,
-    say: Callable[[str], None] = lambda _text: None,
+    progress: Callable[[str], None] = lambda _text: None,
 ) -> Sheets:
     """The fewest leaves that together serve a workspace, and for each pose the one to take.
 
@@ -82,7 +82,7 @@ def sheets(
         rcond: the least rcond of [J; J_g] at a posture, from 0 to 1.
         search: whether leaves are searched for; if not, those through q0 alone are compared.
         seconds: after which the search for leaves ends. Ctrl-C ends it, too: what was found is kept.
-        say: hears what is going on.
+        progress: hears how far it is.
 
     Returns:
         The sheets; `print` says what they serve, and why the other poses are not served.
@@ -101,13 +101,13 @@ def sheets(
     clear = None if scene is None else Clearances.of(task.robot, scene).clear
     T = workspace.poses(min(count, workspace.size or count), seed)
     check_metres(task.robot, T, task.tip)
-    say("which poses can be reached")
+    progress("which poses can be reached")
     rest = rests_of(task, T, clear)
     within = np.flatnonzero(rest <= PoseRest.NOT_COVERED)
     if not len(within):
         raise OutOfReachError(f"of the workspace {workspace} no pose is served: {_why(rest)}", "move or turn it")
     given = _given(task, q0)
-    pool, cover, stopped = _search(task, T[within], strategies, given, share, rcond, clear, search, limit, say)
+    pool, cover, stopped = _search(task, T[within], strategies, given, share, rcond, clear, search, limit, progress)
     return _mapped(task, workspace, T, rest, within, pool, cover, scene, stopped)
 
 
@@ -141,7 +141,7 @@ def _why(rest: Indices) -> str:
 
 def _search(
     task: Task, T: Array, strategies: Sequence[HolonomicStrategy] | None, q0: Matrix, share: float, rcond: float,
-    clear: Clear | None, search: bool, seconds: float, say: Callable[[str], None],
+    clear: Clear | None, search: bool, seconds: float, progress: Callable[[str], None],
 ) -> tuple[CandidateSheets, Cover, bool]:  # fmt: skip
     """Leaves through postures at poses all over, until the fewest that serve the share get no fewer.
 
@@ -150,15 +150,15 @@ def _search(
     """
     end, poses = time.monotonic() + seconds, SearchedPoses.of(T, turn_length(task), FIRST)
     center = T[spread_out(T, np.arange(len(T)), 1, turn_length(task))[0]]
-    say("which laws fit")
+    progress("which laws fit")
     laws, own = fitting_laws(task, poses.T, center, strategies, clear), strategies is None
     pool = CandidateSheets(task, poses if search else poses.all, laws, clear, rcond, own, share)
     try:
         for law in laws:
             pool.add(law, q0)
         if search:
-            pool.grow(center, np.arange(0), end, say)
-            _try_rounds(pool, end, say)
+            pool.grow(center, np.arange(0), end, progress)
+            _try_rounds(pool, end, progress)
         stopped = time.monotonic() > end
     except KeyboardInterrupt:
         if not pool.found:
@@ -168,14 +168,14 @@ def _search(
         cure = "give other strategies, a smaller rcond, or a workspace nearer to the arm's middle"
         raise ArgumentError("the strategies", [law.name for law in pool.laws], f"no leaf of them serves a pose: {cure}")
     try:
-        say("asking the sheets")
+        progress("asking the sheets")
         cover = _asked(pool)
     except KeyboardInterrupt:  # sheets that were not asked serve what is straight from their q0
         cover, stopped = _cover(pool), True
     return pool, cover, stopped
 
 
-def _try_rounds(pool: CandidateSheets, end: float, say: Callable[[str], None]) -> None:
+def _try_rounds(pool: CandidateSheets, end: float, progress: Callable[[str], None]) -> None:
     """Adds leaves, round after round, as long as the choice gets better."""
     rng, still, cover = np.random.default_rng(0), 0, _asked(pool)
     if not pool.poses.complete:
@@ -194,11 +194,11 @@ def _try_rounds(pool: CandidateSheets, end: float, say: Callable[[str], None]) -
         if time.monotonic() > end:
             return
         count = len(pool.poses.reach)
-        say(f"{len(cover.chosen)} of {pool.tried} leaves serve {cover.covered / count:.1%} of {count} poses")
+        progress(f"{len(cover.chosen)} of {pool.tried} leaves serve {cover.covered / count:.1%} of {count} poses")
         left = _left(pool, cover)
         pool.vary(cover.chosen, rng, round_, end)
         for i in _targets(left, len(pool.T), rng):
-            pool.grow(pool.T[i], left, end, say)
+            pool.grow(pool.T[i], left, end, progress)
         before, cover = cover, _asked(pool)
         fewer = before.covered >= pool.wanted.least and len(cover.chosen) < len(before.chosen)
         wider = before.covered < min(pool.wanted.preferred, cover.covered - 0.5)

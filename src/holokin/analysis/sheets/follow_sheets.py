@@ -77,7 +77,7 @@ class _Along(Value):
         shares = np.zeros(0) if stops is None or callable(stops) else _shares(stops)
         t = _instants(path, samples, shares)
         at = path.at(t)
-        begun = middle[:3, :3] if q0 is None else task.place(task.robot.checked(q0, "the start posture"))[1]
+        begun = middle[:3, :3] if q0 is None else task._place(task.robot.checked(q0, "the start posture"))[1]
         poses = np.repeat(np.eye(4)[None], len(t), axis=0)
         poses[:, :3, 3] = at.position
         poses[:, :3, :3] = at.rotation @ (begun if path.rotation is None else path.rotation)
@@ -248,7 +248,7 @@ def _stage(along: _Along, labels: Indices, a: int, b: int) -> Stage:
     on = np.append(labels[a:b], labels[b - 1])
     t, q = along.t[rows], along.q[on, np.arange(a, b + 1)]
     at = path.at(t)
-    x, _ = task.rates(along.poses[rows, :3, :3], at.velocity, at.angular)
+    x, _ = task._tool_rates(along.poses[rows, :3, :3], at.velocity, at.angular)
     dq, residual = np.zeros_like(q), np.zeros(len(q))
     for s in np.unique(on).tolist():
         here, sheet = on == s, along.sheets[s]

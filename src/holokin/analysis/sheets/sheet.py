@@ -35,7 +35,7 @@ PIECE = 4096
 
 def turn_length(task: Task) -> float:
     """What a turn of 1 rad counts for a task [m]: nothing where only positions matter."""
-    return TURN_LENGTH if any(task.angular) else 0.0
+    return TURN_LENGTH if any(task._angular) else 0.0
 
 
 def features(T: Array, length: float) -> Matrix:
@@ -222,7 +222,7 @@ class Sheet(Value):
     @cached_property
     def begin_at(self) -> Array:
         """The tool poses (h, 4, 4) of these."""
-        return self.places if len(self.stations) else frozen(pose_from(*self.strategy.task.poses(self.q0[None])))
+        return self.places if len(self.stations) else frozen(pose_from(*self.strategy.task._poses(self.q0[None])))
 
     @cached_property
     def _places(self) -> PosePoints:

@@ -448,7 +448,7 @@ def level_table(
         step: between levels [units of c]. near: of each pose its neighbours (k, m). go: straight along the leaf, to
             what is allowed.
     """
-    at = pose_from(*law.task.poses(q0[None]))
+    at = pose_from(*law.task._poses(q0[None]))
     levels, starts = _along_self_motion(strategy, q0, at, step)
     count, k = len(levels), len(T)
     q = along_leaf(strategy, starts, T, native_from=native)

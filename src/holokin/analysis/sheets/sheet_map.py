@@ -194,7 +194,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         Raises: ShapeError, NotFiniteError.
         """
         begin = self.task.robot.checked(q, "the posture")
-        at = pose_from(*self.task.place(begin))
+        at = pose_from(*self.task._place(begin))
         return tuple(
             s for s, sheet in enumerate(self.sheets)
             if sheet.off(begin) < ON_LEAF and leads_to(sheet.ik, at, begin, begin)
@@ -288,7 +288,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
     @typed
     def certified(
         self, sheet: int, workspace: PoseRange | None = None, *, budget: int = CELLS,
-        say: Callable[[str], None] = lambda _text: None,
+        progress: Callable[[str], None] = lambda _text: None,
     ) -> UniqueRegion:  # fmt: skip
         """The part of a box of tool poses over which a sheet is proven to be one function, as of `hk.unique_region`.
 
@@ -299,7 +299,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             sheet: its index.
             workspace: `workspace(box=...)`; by default that of the map.
             budget: cells that may be examined; more prove more.
-            say: hears of the progress.
+            progress: hears how far it is.
 
         Returns:
             The region: its share, its certificate, and what is not proven and why.
@@ -314,7 +314,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
             raise ArgumentError("workspace", str(space), "give a box: hk.workspace(box=...)")
         one = self.sheets[sheet]
         q = one.nearest_station(space.center)
-        return unique_region(one.strategy, q, space, scene=self.scene, budget=budget, say=say)
+        return unique_region(one.strategy, q, space, scene=self.scene, budget=budget, progress=progress)
 
     @cached_property
     def clear(self) -> Clear | None:

@@ -140,7 +140,7 @@ def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear |
     a, b = (task.robot.checked(q, what) for q, what in ((qa, "the first posture"), (qb, "the second posture")))
     task.robot.check_limits(a)
     task.robot.check_limits(b)
-    gap = np.abs(task.error(b, *task.place(a))).max()
+    gap = np.abs(task.error(b, *task._place(a))).max()
     if not gap < SAME:
         raise ArgumentError(
             "the second posture", b.tolist(), f"its tool pose is {gap:.3g} off: give two postures of one pose"
@@ -179,7 +179,7 @@ def _rest(q: Vector) -> StillMotion:
 def _projected(task: Task, a: Vector, b: Vector, clear: Clear | None) -> StillMotion:
     """The fastest of some motions between two postures (n,): a line, and arcs beside it, held at the pose."""
     rng, gap = np.random.default_rng(0), float(np.linalg.norm(b - a))
-    place, motions = task.place(a), []
+    place, motions = task._place(a), []
     for k in range(ARCS):
         c = (a + b) / 2 + rng.standard_normal(task.n) * gap * k / ARCS
         u = np.linspace(0.0, 1.0, 1 + max(LEAST, int(np.ceil(2 * gap / STEP))))[1:-1, None]
@@ -247,7 +247,7 @@ class _Line(Value):
         inside = s - laps * self.length
         q = np.column_stack([np.interp(inside, self.s, joint) for joint in self.q.T])
         begin = self.q[int(np.argmin(np.abs(self.s)))]
-        return held(self.task, q, *self.task.place(begin)) + 2 * np.pi * laps[:, None] * self.wind
+        return held(self.task, q, *self.task._place(begin)) + 2 * np.pi * laps[:, None] * self.wind
 
     def places(self, b: Vector) -> list[float]:
         """Arc lengths, within one round, at which it passes a posture (n,), whole turns of hinges taken off."""
@@ -302,7 +302,7 @@ def _checked_motion(task: Task, q: Matrix, clear: Clear | None) -> StillMotion:
 
     Splines through them keep the tool still to `STILL`, and within the limits; postures are clear at every one of them.
     """
-    robot, (p, R) = task.robot, task.place(q[0])
+    robot, (p, R) = task.robot, task._place(q[0])
     speeds = speed_limits(robot)
     if not np.isfinite(q).all():
         return _hindered(task.n, Hindrance.SINGULAR)
@@ -336,7 +336,7 @@ def held(task: Task, q: Matrix, p: Vector, R: Matrix) -> Matrix:
 
 def _off(task: Task, q: Matrix, p: Vector, R: Matrix) -> Matrix:
     k = len(q)
-    e = task.error_function.batch(q, np.broadcast_to(p, (k, *p.shape)), np.broadcast_to(R, (k, *R.shape)))
+    e = task._error_function.batch(q, np.broadcast_to(p, (k, *p.shape)), np.broadcast_to(R, (k, *R.shape)))
     return np.asarray(e).reshape(k, -1)
 
 
@@ -427,7 +427,7 @@ def joined(task: Task, stages: Sequence[Stage]) -> Trajectory:
         residual=lambda k: off[:k],
     )
     return Trajectory(
-        robot.joint_names, tuple(c.unit for c in robot.coordinates), task.row_names, task.units,
+        robot, tuple(c.unit for c in robot.coordinates), task.row_names, task.units,
         put([one + start for one, start in zip(t, starts, strict=False)]), joints, (0, len(joints) - 1),
         Status.COMPLETE, measures, tuple(sorted(corners)),
     )  # fmt: skip

@@ -180,7 +180,7 @@ def audit_of_dataset(
     given = {name: value for name, value in more.items() if value is not None}
     found = audit_dataset(dataset, arm, joints, poses=poses, episodes=chosen, **tool, **given)
     if json is not None:
-        write_json(json, found.summary())
+        write_json(json, found.to_dict())
     if plot is not None:
         from ..report.plots import write_figure
 

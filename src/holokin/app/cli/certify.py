@@ -81,7 +81,7 @@ def certify(
             say = each_minute(say_it)
             more = {} if cells is None else {"cells_file": cells.of}
             for title, one in certify_job(
-                opened, file, workspace=workspace, part=part, budget=budget, say=say, **more
+                opened, file, workspace=workspace, part=part, budget=budget, progress=say, **more
             ):  # fmt: skip
                 found[title] = one
                 if not isinstance(one, str):

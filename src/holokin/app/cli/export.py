@@ -190,7 +190,7 @@ def _export_motion(language: str) -> Callable[..., None]:
         units = opened[1].printed_units
         if sheets:
             with ending().telling() as say:
-                program, timed, found = program_of_sheets(*opened, language, short=name, changes=changes, say=say)
+                program, timed, found = program_of_sheets(*opened, language, short=name, changes=changes, progress=say)
         else:
             program, timed, found = program_of_job(*opened, language, strategy, short=name, changes=changes)
         if found is not None:

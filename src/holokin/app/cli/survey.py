@@ -76,7 +76,7 @@ def run_one(
                     print(found, file=sys.stderr, flush=True)
 
             found = run_survey(
-                survey, file.parent, out, workers=workers, scheduler=scheduler, resume=resume, again=again, say=say
+                survey, file.parent, out, workers=workers, scheduler=scheduler, resume=resume, again=again, progress=say
             )
     except KeyboardInterrupt:
         if known is not None:

@@ -274,14 +274,14 @@ def advise_command(
     name: str,
     asked: Question,
     out: FilePath | None,
-    say: Callable[[str], None],
+    progress: Callable[[str], None],
     announce: Callable[[str], None],
     levels: bool = False,
 ) -> tuple[Advice, Callable[[], tuple[FilePath, str]]]:
     """What `holokin advise` does: (advice, what writes its job and returns the file and a remark).
 
     Args:
-        name: of a robot or a job. asked: about it. say: hears what is going on. announce: hears, before the work
+        name: of a robot or a job. asked: about it. progress: hears what is going on. announce: hears, before the work
             begins, what is looked at and how long that takes. levels: as of `advise`.
 
     Raises:
@@ -297,7 +297,7 @@ def advise_command(
         asked.q0,
         chosen=asked.chosen,
         scene=asked.scene,
-        say=say,
+        progress=progress,
         levels=levels,
     )
 

@@ -336,15 +336,15 @@ class Entry(Value):
     q0: Vector
     walk: Trajectory | None = None
 
-    def timed(self, timing: TimingTable, robot: Robot) -> TimedTrajectory | None:
+    def timed(self, timing: TimingTable) -> TimedTrajectory | None:
         """The entry with the limits and the profile of a job, at most as fast as `approach` goes."""
         if self.walk is None:
             return None
-        return retime(self.walk, robot, **timing.model_dump() | {"speed": 1.0, "endless": False})
+        return retime(self.walk, **timing.model_dump() | {"speed": 1.0, "endless": False})
 
-    def before(self, motion: TimedTrajectory, timing: TimingTable, robot: Robot) -> TimedTrajectory:
+    def before(self, motion: TimedTrajectory, timing: TimingTable) -> TimedTrajectory:
         """A timed motion of the path with the entry before it."""
-        entry = self.timed(timing, robot)
+        entry = self.timed(timing)
         return motion if entry is None else with_entry(entry, motion)
 
 
@@ -372,7 +372,7 @@ def entry_report(job: Job, file: FilePath, strategy: Strategy, entry: Entry) -> 
     walk, robot = entry.walk, strategy.task.robot
     if walk is None:
         return "", None
-    motion = walk if job.timing is None else entry.timed(job.timing, robot) or walk
+    motion = walk if job.timing is None else entry.timed(job.timing) or walk
     turned = np.ptp(walk.q, axis=0)
     most = int(np.argmax(turned))
     name, units, printed = robot.joint_names[most], [c.unit for c in robot.coordinates], job.printed_units

@@ -223,7 +223,9 @@ def sheets_of_job(
         return saved
     with naming(file, "sheets"):
         space = workspace_of_job(job, task, start, file)
-        return sheets(task, space, scene=job.scene, say=lambda text: say(f"sheets: {text}"), **searched(job.sheets))
+        return sheets(
+            task, space, scene=job.scene, progress=lambda text: say(f"sheets: {text}"), **searched(job.sheets)
+        )
 
 
 def _sheets_result(
@@ -376,7 +378,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                     if entered is not None and not entered.passed:
                         found = replace(found, trouble=found.trouble or f"the entry: {entered.trouble}")
                     if job.timing is not None and found.cycles.status is Status.COMPLETE:
-                        found = _timed(found, job.timing, robot)
+                        found = _timed(found, job.timing)
                     if job.checks is not None:
                         with naming(file, "checks"):
                             report = job.checks.checked(found.timed or found.cycles, robot, task)
@@ -469,9 +471,9 @@ def one_way(path: AnyPath) -> str:
     return f"the path runs back on itself, {same}; {cure}"
 
 
-def _timed(found: StrategyResult, table: TimingTable, robot: Robot) -> StrategyResult:
+def _timed(found: StrategyResult, table: TimingTable) -> StrategyResult:
     """With its cycles timed. Raises: as `retime`."""
-    timed = table.timed(found.cycles, robot)
+    timed = table.timed(found.cycles)
     trouble = found.trouble
     if table.endless and timed.loop is None:
         trouble = trouble or "its cycles do not end where they started: they are timed one after the other, not endless"

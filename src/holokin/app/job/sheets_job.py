@@ -23,7 +23,7 @@ def sheets_command(
     asked: Question,
     out: FilePath | None,
     options: Mapping[str, Any],
-    say: Callable[[str], None],
+    progress: Callable[[str], None],
     announce: Callable[[str], None],
 ) -> tuple[SheetsResult, FilePath]:
     """(the sheets of a robot or a job with the motion along the job's path, the file to which they were written).
@@ -45,7 +45,7 @@ def sheets_command(
     if space is None:
         space = proposed_workspace(asked.task, first_start(asked.task) if asked.q0 is None else asked.q0)
     announce(f"{asked.chain}: {space}. This takes up to {table.seconds + 60:.0f} s.")
-    found = sheets(asked.task, space, scene=asked.scene, say=say, **searched(table))
+    found = sheets(asked.task, space, scene=asked.scene, progress=progress, **searched(table))
     write_sheets(found, file)
     if asked.file is None or asked.q0 is None:
         return SheetsResult(found, table.share), file

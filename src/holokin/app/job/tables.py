@@ -594,11 +594,11 @@ class TimingTable(Table):
         if self.velocity is None:
             speed_limits(robot, GIVE_VELOCITY)
 
-    def timed(self, trajectory: Trajectory, robot: Robot) -> TimedTrajectory:
+    def timed(self, trajectory: Trajectory) -> TimedTrajectory:
         """A trajectory, timed as the table says; one that does not repeat is never endless. Raises: as `retime`."""
         speed = None if self.speed == "fastest" else self.speed
         endless = self.endless and joint_curve(trajectory).repeats
-        return retime(trajectory, robot, **self.model_dump() | {"speed": speed, "endless": endless})
+        return retime(trajectory, **self.model_dump() | {"speed": speed, "endless": endless})
 
 
 class ToolToleranceTable(Table):

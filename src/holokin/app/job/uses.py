@@ -41,7 +41,7 @@ from .tables import HELD_IN, ProgramTable, TimingTable, filled
 def certify_job(
     job: Job, file: FilePath, *, workspace: bool = False, part: bool = False, budget: int | None = None,
     cells_file: Callable[[str], FilePath | None] = lambda _title: None,
-    say: Callable[[str], None] = lambda _text: None,
+    progress: Callable[[str], None] = lambda _text: None,
 ) -> Iterator[tuple[str, Certificate | str]]:  # fmt: skip
     """(name, certificate, or why there is none) of each strategy of a job, one after the other.
 
@@ -52,7 +52,7 @@ def certify_job(
         part: of a workspace, as much as can be proven, as of `unique_region`.
         budget: cells that may be examined for each; by default as `certify`.
         cells_file: name of a strategy -> the file that keeps its cells, as `keep_in` of `certify`, or None.
-        say: hears what is going on.
+        progress: hears how far it is.
 
     Raises:
         HolokinError: bad input.
@@ -74,7 +74,7 @@ def certify_job(
     for label, table in job.strategies.items():
         for task in tasks:
             title = label if len(tasks) == 1 else f"{label} ({task.orientation})"
-            say(title)
+            progress(title)
             try:
                 with naming(file, "strategies", label):
                     strategy = build_strategy(job, label, task, start, title)
@@ -83,7 +83,10 @@ def certify_job(
                     begin, _ = build_begin(table, strategy, start)
                     if isinstance(where, Path):
                         begin = build_entry(job, strategy, where, begin).q0
-                    told = {"say": lambda text, title=title: say(f"{title}: {text}"), "keep_in": cells_file(title)}
+                    told = {
+                        "progress": lambda text, title=title: progress(f"{title}: {text}"),
+                        "keep_in": cells_file(title),
+                    }
                     if part and isinstance(where, PoseRange):
                         found = unique_region(strategy, begin, where, **told, **more).certificate
                     else:
@@ -174,9 +177,8 @@ def program_of_job(
     with naming(file, "path"):
         path = build_paths(job.path, strategy.task, start, file)
         entry = build_entry(job, strategy, path, start)
-    robot = strategy.task.robot
     walk = follow(strategy, path, entry.q0, samples=job.path.samples, cycles=job.path.cycles)
-    timed = entry.before(timing.timed(walk, robot), timing, robot)
+    timed = entry.before(timing.timed(walk), timing)
     found = checked(job, file, timed, strategy.task)
     told = label, strategy.name
     return written(name, job, file, language, told, strategy.task, window(job, path), timed, short), timed, found
@@ -255,12 +257,12 @@ SAME_TIME = 1e-9
 
 def program_of_sheets(
     name: str, job: Job, file: FilePath, language: str, *, short: str | None = None,
-    changes: Mapping[str, Any] | None = None, say: Callable[[str], None] = lambda _text: None,
+    changes: Mapping[str, Any] | None = None, progress: Callable[[str], None] = lambda _text: None,
 ) -> tuple[Program, TimedTrajectory, CheckReport | None]:  # fmt: skip
     """(program, the timed motion, what the job's [checks] find of it) of a job's path over its sheets, once along it.
 
     Args:
-        language, short, changes: as of `program_of_job`. say: hears what is going on, as of `sheets`.
+        language, short, changes: as of `program_of_job`. progress: hears what is going on, as of `sheets`.
 
     Raises:
         ArgumentError: the job has no [sheets], or several tools. DividedPathError: the path is divided, or
@@ -272,8 +274,8 @@ def program_of_sheets(
     _, start, tasks = build_tasks(job, file)
     with naming(file, "path"):
         path = build_paths(job.path, tasks[0], start, file)
-    found = sheets_of_job(job, tasks[0], start, file, say)
-    say("sheets: the path")
+    found = sheets_of_job(job, tasks[0], start, file, progress)
+    progress("sheets: the path")
     motion = path_motion(found, path, start)
     if motion is None:
         raise ArgumentError("the path of the job", file.name, f"{ONE_TOOL}: give --strategy in place of --sheets")
@@ -281,7 +283,7 @@ def program_of_sheets(
     if way is not None and abs(float(walk.t[-1]) - path.duration) > SAME_TIME * path.duration:
         cure = "the motion over sheets has times of its own: leave lead_in, lead_out and retract out"
         raise ArgumentError("the leads of [path]", job.path.lead_in or job.path.lead_out, cure)
-    timed = timing.timed(walk, tasks[0].robot)
+    timed = timing.timed(walk)
     report = checked(job, file, timed, tasks[0])
     many = f"{motion.changes} change{'' if motion.changes == 1 else 's'}"
     told = ("sheets", f"{len({one.sheet for one in motion.pieces})} of {len(found)} sheets with {many}")

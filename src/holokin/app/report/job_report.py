@@ -453,10 +453,10 @@ def _facts(result: JobResult, version: str) -> dict[str, Any]:
         "robot_source": result.robot.source, "task": result.task, "start": result.q0.tolist(),
         "joint_names": list(result.robot.joint_names), "workspace": result.workspace or None,
         "path_length_m": result.path.length,
-        "sheets": result.sheets.summary() if result.sheets is not None else None,
+        "sheets": result.sheets.to_dict() if result.sheets is not None else None,
         "two_paths": paths_words(result) or "compared",
         "path_duration_s": result.path.duration, "cycles": result.cycles, "seconds": result.seconds,
-        "holokin": version, "strategies": [s.summary() for s in result.strategies],
+        "holokin": version, "strategies": [s.to_dict() for s in result.strategies],
         "not_run": [vars(one) for one in result.not_run],
     }  # fmt: skip
 

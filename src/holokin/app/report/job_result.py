@@ -86,7 +86,7 @@ class SheetsResult(NoTruthValue, Value, ask="`.passed`"):
             lines.append(f"  with the tool at rest: {self.seconds:.2f} s at the joints' speed limits")
         return lines
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
         s, m = self.found, self.along
         return {
@@ -164,7 +164,7 @@ class StrategyResult:
             named |= {"clockwise": self.two_paths[0], "counter-clockwise": self.two_paths[1]}
         return named
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
         v = self.verdict
         return {
@@ -179,9 +179,9 @@ class StrategyResult:
             "plane": list(v.plane),
             "metrics": {key: number_or_none(value) for key, value in self.metrics.items()},
             "drift_each_cycle": self.cycles.drift().tolist(),
-            "coverage": self.coverage.summary() if self.coverage is not None else None,
-            "timing": self.timed.summary() if self.timed is not None else None,
-            "motion_check": self.motion_check.summary() if self.motion_check is not None else None,
+            "coverage": self.coverage.to_dict() if self.coverage is not None else None,
+            "timing": self.timed.to_dict() if self.timed is not None else None,
+            "motion_check": self.motion_check.to_dict() if self.motion_check is not None else None,
             "followed": self.followed,
             "checks": [vars(check) for check in self.checks],
             "passed": self.passed,

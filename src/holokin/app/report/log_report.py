@@ -37,8 +37,8 @@ def print_audit(audit: LogAudit | DatasetAudit, console: Any) -> None:
 
 
 def save_log_audits(audits: Sequence[LogAudit], file: FilePath) -> None:
-    """Write `LogAudit.summary` as JSON; of several runs a list of them, under "runs". Raises: WriteError."""
-    found = [audit.summary() for audit in audits]
+    """Write `LogAudit.to_dict` as JSON; of several runs a list of them, under "runs". Raises: WriteError."""
+    found = [audit.to_dict() for audit in audits]
     write_json(file, found[0] if len(found) == 1 else {"runs": found})
 
 
@@ -91,7 +91,7 @@ def _tool_cycles(axes: Any, audit: LogAudit) -> Any:
 
     robot, log, cycles = audit.robot, audit.recording, audit.cycles
     at = thin(len(log), 20_000)
-    points, _ = audit.task.poses(log.q[at])
+    points, _ = audit.task._poses(log.q[at])
     colors = colormaps["viridis"]
     count = len(cycles)
 
@@ -161,7 +161,7 @@ def _places(axes: Any, audit: DatasetAudit) -> None:
     shown = thin(len(audit.q), 20 * MOST_POINTS // 40)
     rows = [0] if worst is None else [int(audit.pairs.first[worst]), int(audit.pairs.second[worst])]
     first, last = audit.q[rows[0]].astype(float), audit.q[rows[-1]].astype(float)
-    points, _ = audit.task.poses(audit.q[shown].astype(float))
+    points, _ = audit.task._poses(audit.q[shown].astype(float))
     stage = stage_of(audit.robot, np.vstack([first, last]), [Curve(points, GREY)], pairs=[(first, last)])
     differs = worst is not None and audit.verdict is LogVerdict.DIFFERS
     actors = [Actor(first, GOOD), *([Actor(last, BAD, "outline")] if differs else [])]
@@ -175,5 +175,5 @@ def _places(axes: Any, audit: DatasetAudit) -> None:
     if differs:
         pairs = audit.pairs
         bad = pairs.first[np.flatnonzero(pairs.beyond)]
-        spots, _ = audit.task.poses(audit.q[bad[thin(len(bad), MOST_POINTS)]].astype(float))
+        spots, _ = audit.task._poses(audit.q[bad[thin(len(bad), MOST_POINTS)]].astype(float))
         axes.plot(*stage.scene.view.seen(spots)[:, :2].T, ".", color=BAD, markersize=3, zorder=4)

@@ -48,7 +48,7 @@ def start_of(found: Certificate) -> Vector:
 def drawable(found: Certificate) -> bool:
     """Whether its tool poses are places in the frame of the robot's base."""
     task = found.equation.strategy.task
-    tools = task.spatial and all(
+    tools = task._spatial and all(
         isinstance(part, FrameTask) and isinstance(part.frame, TipFrame) for part in parts_of(task)
     )
     return bool(task.robot.tips) and tools

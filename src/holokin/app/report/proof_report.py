@@ -373,7 +373,7 @@ def _path_facts(found: Certificate, path: AnyPath) -> list[tuple[str, str]]:
     for k, one in enumerate(paths_of(path)):
         name = f", tool {k + 1}" if task.frames > 1 else ""
         rows.append((f"Begins{name}", f"at {_short(one.start)} m"))
-        if task.orientation is not None and task.frames == 1 and task.spatial:
+        if task.orientation is not None and task.frames == 1 and task._spatial:
             R = one.rotation if one.rotation is not None else task.pose(start_of(found))[:3, :3]
             turn = float(sum(segment.turn for segment in one.segments))
             rows.append(("Orientation at the start", _axes(R)))

@@ -205,7 +205,7 @@ class Verdict:
 
 def _pose_word(task: Task) -> str:
     """What a task asks of the tool."""
-    if not task.spatial:
+    if not task._spatial:
         return "value of the task"
     if task.frames > 1:
         return "poses of the tools"

@@ -104,7 +104,7 @@ def eight_loop(
     crossing: ArrayLike, width: float, height: float | None = None, normal: ArrayLike = (0.0, 0.0, 1.0), *,
     along: ArrayLike | None = None, speed: float = SPEED, samples: int = SAMPLES, clockwise: bool = False,
 ) -> Loop:  # fmt: skip
-    """A figure eight that begins where it crosses itself, as `hk.figure_eight`."""
+    """A figure eight that begins where it crosses itself, as `hk.path.figure_eight`."""
     at, n = finite("crossing", crossing, (3,)), _unit(normal)
     flat = np.array([1.0, 0.0, 0.0] if abs(n[0]) < 0.9 else [0.0, 1.0, 0.0]) if along is None else _unit(along)
     flat = flat - (flat @ n) * n
@@ -269,7 +269,7 @@ def _by_leaf(strategy: HolonomicStrategy, q0: Vector, limits: bool) -> Follower:
                 return how_far(solver, pose, q)
         walk, at = leaf_walk(strategy, q, PIECES), leaf_value(strategy, q)  # no compiler, or it is not done yet
         levels = at, at + strategy.constraint.nearest(level - at)
-        last, ended = walk(q, straight_path(task, task.place(q), task.target(poses), levels))
+        last, ended = walk(q, straight_path(task, task._place(q), task.target(poses), levels))
         return last, InverseStatus.REACHED if ended is PathEnd.REACHED else InverseStatus.LEAF_ENDS
 
     def follow(q: Vector, poses: Array, wait: bool) -> Move:
@@ -293,7 +293,7 @@ def _by_velocity(strategy: Strategy, limits: bool) -> Follower:
     task = strategy.task
     law = controller(strategy, dt=PERIOD, gain=1 / PERIOD, limits=limits)
     still = np.zeros(6) if task.frames == 1 else np.zeros((task.frames, 6))
-    error = task.error_function
+    error = task._error_function
 
     def follow(q: Vector, poses: Array, _wait: bool) -> Move:
         path, steps = _way(task, q, poses)
@@ -335,7 +335,7 @@ def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
             return Move(q, LawStatus.STOPPED, f"{rule.name} returned no {len(q)} finite joint rates; correct it")
         if limits and _beyond(task, at):
             return Move(q, LawStatus.LIMIT, _limit_sentence(task, at))
-        off = float(np.abs(task.error_function(at, *task.target(poses))).max())
+        off = float(np.abs(task._error_function(at, *task.target(poses))).max())
         if off < DOUBTFUL:
             return Move(at, LawStatus.FOLLOWING)
         return Move(q, *stopped(task, rule.name, at))
@@ -345,7 +345,7 @@ def _by_steps(rule: ControlLaw, task: Task, limits: bool) -> Follower:
 
 def _way(task: Task, q: Vector, poses: Array) -> tuple[StraightPath, int]:
     """The straight path of the tools from a posture to poses, and its number of steps."""
-    here = task.place(q)
+    here = task._place(q)
     path = straight(*here, *completed(task, task.target(poses), here))
     far = float(np.linalg.norm(path.move.reshape(-1, 3), axis=1).max())
     turned = float(np.linalg.norm(path.turn.reshape(-1, 3), axis=1).max())
@@ -466,7 +466,7 @@ def walk(law: Law, loop: Loop, q0: Vector, limits: bool, *, build: bool = False)
     start_posture(task.robot, q0, limits)
     if law.strategy is not None:
         law.strategy(q0)
-    plan = make_plan(task, loop.path, loop.samples, task.place(q0)[1])
+    plan = make_plan(task, loop.path, loop.samples, task._place(q0)[1])
     check_start(task, q0, *plan.first)
     native: NativeFollower | None = None
     if isinstance(law.rule, HolonomicStrategy):

@@ -233,7 +233,7 @@ def across(law: Law, q: Vector, slider: Slider, value: float, row: int) -> Vecto
     moved = value - slider.value
     change = np.zeros(law.task.n - law.task.m)
     change[row] = np.deg2rad(moved) if slider.unit == DEGREES else moved
-    here, level = law.task.place(q), leaf_value(strategy, q)
+    here, level = law.task._place(q), leaf_value(strategy, q)
     return leaf_follower(strategy, q)(q, straight_path(law.task, here, here, (level, level + change)))
 
 
@@ -248,7 +248,7 @@ def _across(strategy: HolonomicStrategy, q: Vector, row: int, sign: float, limit
     """How far a row of the level goes one way with the tool still, and why no farther."""
     task, robot = strategy.task, strategy.task.robot
     walk = leaf_walk(strategy, q)
-    here, unit = task.place(q), np.eye(task.n - task.m)[row]
+    here, unit = task._place(q), np.eye(task.n - task.m)[row]
     at, c, gone = q, leaf_value(strategy, q), 0.0
     wide, full = MOVE, 2 * np.pi if strategy.constraint.angular[row] else np.inf
     for _ in range(STEPS):

@@ -202,7 +202,7 @@ def _ready(task: Task) -> Matrix:
     if task.robot.planar or not len(starts):
         return starts
     some = starts[:AMONG]
-    p, R = task.poses(some)
+    p, R = task._poses(some)
     front = (p[:, 0] > 0) & (R[:, 2, 2] < DOWN)
     above = np.array([min(points[:, 2].min() for points in task.robot.skeleton(q)) > -FLOOR for q in some])
     return np.vstack([some[front & above], some[front], some[above], starts])
@@ -212,7 +212,7 @@ def _loops(task: Task, starts: Matrix) -> Iterator[tuple[int, Loop]]:
     """Circles from the tool at start postures (k, n), each with the index of its start: of each size, the largest
     first, in the order in which the pseudo-inverse drifts."""
     given = moore_penrose(task)
-    far = float(np.linalg.norm(task.poses(starts)[0][:, :3], axis=1).max())
+    far = float(np.linalg.norm(task._poses(starts)[0][:, :3], axis=1).max())
     normals = np.eye(3)[2:] if task.robot.planar else np.eye(3)[::-1]
     for share in SHARES:
         radius = float(f"{min(LARGEST, share * far):.1g}")

@@ -449,7 +449,7 @@ class Scene:
     def points_of(self, Q: ArrayLike, tip: Tip | None = None) -> tuple[Matrix, Matrix]:
         """Where a tool (k, 3) and the elbow (k, 3) are at postures Q (k, n); the elbow moves most while tools stand."""
         positions, turns = frames_of(self.robot, np.asarray(Q, dtype=float))
-        tip = self.robot.tip() if tip is None else tip
+        tip = self.robot._find_tip() if tip is None else tip
         rotations = rotations_of(turns[tip.joint + 1])
         return positions[tip.joint + 1] + rotations @ tip.placement[:3, 3], positions[self._elbow + 1]
 

@@ -152,7 +152,7 @@ def record(
         lead: the law whose robot is drawn solid, by default the last one; the others are translucent ghosts.
         seconds: for how long it plays at most; longer motions are played faster.
         obstacles: what stands around the robot, such as the part that it works on: shapes of `hk.obstacle`.
-            Tools that the robot carries are drawn, too: see `hk.with_shape`.
+            Tools that the robot carries are drawn, too: see `hk.robot.with_shape`.
 
     Returns:
         The recording; its `html()` is what the file holds.

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ...analysis.coverage.starts import task_of_kind
 from ...analysis.design import advise
 from ...base.errors import ArgumentError, HolokinError, JobError
 from ...base.units import SI, PrintedUnits
@@ -304,8 +305,8 @@ class WorkPanel:
         session = self.page.session
         if session.task.frames > 1:
             raise ArgumentError("advice", session.task.name, "it is given for robots with one tool")
-        task = "position" if session.task.orientation is None else "pose"
-        found = advise(session.robot, task=task, q0=session.home, say=self._tell)
+        task = task_of_kind(session.robot, None, "position" if session.task.orientation is None else "pose")
+        found = advise(task, q0=session.home, progress=self._tell)
         self._tell(f"The best is {found.best.name}.", *found.reasons)
 
     def _label(self) -> str:

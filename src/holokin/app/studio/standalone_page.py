@@ -93,9 +93,9 @@ class DrawnArm:
     def function(self) -> Function:
         """q -> points in the base's frame (3 k,): the tool's, then both ends of each piece."""
         robot = self.task.robot
-        q, tip = symbol("q", robot.n), robot.tip(self.task.tip)
+        q, tip = symbol("q", robot.n), robot._find_tip(self.task.tip)
         joints = sorted({part.joint for part in self.parts} - {-1})
-        frames = {j: robot.kinematics_at(q, j, np.eye(4)) for j in joints}
+        frames = {j: robot._kinematics_at(q, j, np.eye(4)) for j in joints}
         rows = [robot.kinematics(q, tip.name).position]
         for part in self.parts:
             for end in _ends(part):
@@ -400,7 +400,7 @@ def _checked(laws: Mapping[str, Strategy]) -> list[Strategy]:
             raise ArgumentError("the laws of a page", list(laws), "give those of one robot and one task")
     for one in found:
         of_one_tool(one.task, "a page")
-    if not found[0].task.spatial:
+    if not found[0].task._spatial:
         raise ArgumentError("the task", found[0].task.name, "a page leads a tool in space: take a position or a pose")
     return found
 
@@ -430,7 +430,7 @@ def _loop(loop: PageLoop, laws: Sequence[Strategy], starts: Sequence[Vector], ar
     task, path = laws[0].task, loop.path
     if not path.closed:
         raise OpenPathError("a page", path.gap)
-    plan = make_plan(task, path, STEPS, task.place(starts[0])[1])
+    plan = make_plan(task, path, STEPS, task._place(starts[0])[1])
     p, R = plan.first
     for law, q in zip(laws, starts, strict=True):
         task.robot.check_limits(q)
@@ -464,7 +464,7 @@ def _is_circle(path: Path) -> bool:
 
 def _first_circle(task: Task, q0: Vector) -> Path:
     """A level circle that lies towards the base."""
-    start = task.place(q0)[0][:3]
+    start = task._place(q0)[0][:3]
     inward = -np.sign(start[0]) or -1.0
     return circle(start, start + [inward * SMALL / 2 * DrawnArm.of(task, q0[None]).size(q0), 0.0, 0.0])
 

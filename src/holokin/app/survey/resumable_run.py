@@ -151,7 +151,7 @@ class _Clock:
 def run_survey(
     table: SurveyTable, folder: FilePath, out: FilePath, *, workers: int | None = None, scheduler: str | None = None,
     resume: bool = False, again: bool = False, objects: Mapping[str, Any] | None = None,
-    say: Say = lambda _progress: None,
+    progress: Say = lambda _progress: None,
 ) -> Progress:  # fmt: skip
     """Do the cases of a survey that have no row yet; rows are kept as they come.
 
@@ -182,12 +182,12 @@ def run_survey(
         done = total - len(left)
         clock = _Clock(total, done, len(faults))
         found = clock.after(())
-        say(found)
+        progress(found)
         with closing(engine.run(Batches(left, total - done, len(table.laws)))) as stream:
             for new in stream:
                 store.add(new, faults)
                 found = clock.after(new)
-                say(found)
+                progress(found)
         stale = len(store.done().difference(asked)) if before else 0
         return replace(found, stale=stale, fewer=cases.fewer)
 
@@ -291,7 +291,7 @@ def survey(
         file = FilePath(folder) / "survey.sqlite" if out is None else FilePath(out)
         done = run_survey(
             table, FilePath(), file, workers=workers, resume=resume, again=again, objects=objects,
-            say=lambda found: report(found.share, str(found)),
+            progress=lambda found: report(found.share, str(found)),
         )  # fmt: skip
         if done.fewer:
             logging.getLogger("holokin").warning("%s", done.fewer)

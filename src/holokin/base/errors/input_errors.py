@@ -174,7 +174,7 @@ class ConstraintRowsError(HolokinError):
             "hk.strategies.constraints.stack(...)"
         )
         if n == m:
-            cure = "no joint is left for it: keep fewer rows of the task, or give hk.moore_penrose(task) to hk.inverse"
+            cure = "no joint is left for it: keep fewer rows of the task, or give hk.moore_penrose(task) to hk.ik"
         fact = f"constraint {name!r} has {rows} rows; the robot has n = {n} joints and the task m = {m} rows"
         super().__init__(f"{fact}: {cure}" if n == m else f"{fact}, so {cure}")
 

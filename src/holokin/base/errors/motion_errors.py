@@ -69,7 +69,7 @@ class StartError(HolokinError):
     ) -> None:
         self.distance, self.tool, self.path, self.turned = distance, tuple(tool), tuple(path), turned
         angle = f", {turned:.3g} rad from the tool's orientation to the path's" if turned > 1e-9 else ""
-        cure = "move the path with path.starting_at(point), choose a start posture on it, or go there by hk.approach"
+        cure = "move the path with path.starting_at(point), choose a start on it, or go there by hk.motion.approach"
         super().__init__(
             f"the tool at the start posture is {distance:.3g} (m or rad) away from the start of the path: "
             f"tool {posture_text(self.tool)}, path {posture_text(self.path)}{angle}; {unit or cure}"
@@ -83,7 +83,7 @@ class OpenPathError(HolokinError):
         self.gap = gap
         super().__init__(
             f"{what} needs a closed path, but this one ends {gap:.3g} (m or rad) from its start; "
-            "close it with hk.join(path, ...) or use path + path.reversed()"
+            "close it with hk.path.join(path, ...) or use path + path.reversed()"
         )
 
 
@@ -94,7 +94,7 @@ class LostToolError(HolokinError):
         self.error, self.most = error, most
         super().__init__(
             f"the tool is {error:.3g} (m or rad) from where it is wanted, a control step corrects at most {most:.3g}; "
-            "give poses in metres that begin at the tool (hk.approach leads to them), or a larger most_error"
+            "give poses in metres that begin at the tool (hk.motion.approach leads to them), or a larger most_error"
         )
 
 

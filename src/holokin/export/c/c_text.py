@@ -135,7 +135,7 @@ class Source:
         }
         if holonomic := self.holonomic:
             found["constraint"] = _checked(
-                "constraint", {"q": e.q}, {"g": holonomic.constraint_expression}, s.margin_expression
+                "constraint", {"q": e.q}, {"g": holonomic.constraint_expression}, s._margin_expression
             )
             found["leaf"] = leaf_step(holonomic)
             found["extended"] = extended_jacobian(holonomic)
@@ -156,8 +156,8 @@ class Source:
             "law": line(f"The strategy's leaves are g(q) = c, {constraint.name}.")
             if constraint
             else "The strategy keeps no leaf; whether it is repeatable is for `holokin run` to tell.",
-            "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": task.point if position else 16 * frames,
-            "twist": task.point if position else 6 * frames, "frames": frames, "matrices": int(not position),
+            "n": task.n, "m": task.m, "r": r, "nm": task.n * task.m, "target": task._point if position else 16 * frames,
+            "twist": task._point if position else 6 * frames, "frames": frames, "matrices": int(not position),
             "poses": 16 * frames, **_pose_words(task),
             "joints": line(", ".join(robot.joint_names)), "rows": line(", ".join(task.row_names)), "rates": units,
             "pose_checked": _pose_checked(position, self.holonomic is not None),
@@ -234,7 +234,7 @@ def _gather(task: Task) -> str:
 
 def _pose_words(task: Task) -> dict[str, str]:
     """What the texts call poses, targets and twists of a task."""
-    frames, point, several = task.frames, task.point, task.frames > 1
+    frames, point, several = task.frames, task._point, task.frames > 1
     shown = {
         "pose_words": "The tool's pose" if not several else f"The poses of {frames} frames, one after the other,",
         "pose_kind": "4x4" if not several else f"{frames} of 4x4",
@@ -251,7 +251,7 @@ def _pose_words(task: Task) -> dict[str, str]:
             "twist_words": f"{6 * frames} numbers, {'6 a frame, ' * several}linear first, "
             "in the base frame [m/s, rad/s]",
         }
-    if task.spatial:
+    if task._spatial:
         places = "a position" if not several else f"{frames} positions"
         return shown | {
             "pose_note": f" A wanted pose is {places}, {point} numbers.",

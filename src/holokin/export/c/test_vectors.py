@@ -90,7 +90,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
     near = NEAR * min(1.0, source.dt / 1e-3)  # its gain makes much of it
     there = rng.uniform(np.maximum(lower, q - near), np.minimum(upper, q + near))
     task, frames = s.task, s.task.frames
-    twist = _single(rng.uniform(-0.2, 0.2, task.point if task.orientation is None else 6 * frames))
+    twist = _single(rng.uniform(-0.2, 0.2, task._point if task.orientation is None else 6 * frames))
     G, rcond, margin = s.gain(q)
     if not (rcond > 1e3 * TOLERANCES.singular and margin > 1e3 * TOLERANCES.representation):
         return None
@@ -119,7 +119,7 @@ def _draw(source: Source, rng: np.random.Generator, only_precise: bool) -> TestV
             here = np.atleast_1d(holonomic.constraint_value(q))
             levels = here, here + holonomic.constraint.nearest(c - here)
             reached = leaf_follower(holonomic, q, PIECES // 2)(
-                q, straight_path(task, task.place(q), task.target(pose), levels)
+                q, straight_path(task, task._place(q), task.target(pose), levels)
             )
         except HolokinError:
             return None
@@ -151,7 +151,7 @@ def _solved(source: Source, strategy: HolonomicStrategy, rng: np.random.Generato
     """(target, posture) of inverse kinematics from the start; None where the leaf ends before."""
     task, start = strategy.task, source.q0
     pose = _single(task.pose(start + AWAY / len(start) * rng.uniform(-1, 1, len(start))))
-    path = straight_path(task, task.place(start), task.target(pose), (source.leaf, source.leaf))
+    path = straight_path(task, task._place(start), task.target(pose), (source.leaf, source.leaf))
     try:
         found = leaf_follower(strategy, start, PIECES // 2, on_ray(strategy, start))(start, path)
     except HolokinError:
@@ -163,10 +163,10 @@ def _task_rates(task: Task, pose: Matrix, twist: Vector) -> Vector:
     """x' (m,) of frames at poses that move with twists (6F,), or with the velocity of a point."""
     v, w = np.zeros(3 * task.frames), np.zeros(3 * task.frames)
     if task.orientation is None:
-        v[: task.point] = twist
+        v[: task._point] = twist
     else:
         v, w = (part.ravel() for part in twist.reshape(-1, 2, 3).swapaxes(0, 1))
-    return task.rates(task.target(pose)[1][None], v[None], w[None])[0][0]
+    return task._tool_rates(task.target(pose)[1][None], v[None], w[None])[0][0]
 
 
 def _wanted(task: Task, pose: Matrix) -> tuple[Matrix, Vector, Matrix]:
@@ -175,8 +175,8 @@ def _wanted(task: Task, pose: Matrix) -> tuple[Matrix, Vector, Matrix]:
     if task.orientation is not None:
         return pose.reshape(-1, 4), p, R
     known = p.copy()
-    known[task.point :] = 0.0
-    return p[: task.point], known, np.tile(np.eye(3), (task.frames, 1))
+    known[task._point :] = 0.0
+    return p[: task._point], known, np.tile(np.eye(3), (task.frames, 1))
 
 
 def _load(source: Source, q: Vector, dq: Vector) -> float:

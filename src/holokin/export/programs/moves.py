@@ -200,7 +200,7 @@ class ToolMotion(Value):
             raise ArgumentError("the task of the tolerance", robot.name, "give a task of the robot that moves")
         task = pose(robot, tip=tolerance.task.tip)
         t, q, dq = finer(timed)
-        p, R = task.poses(q)
+        p, R = task._poses(q)
         J, _ = task.jacobian_batch(q)
         speed = np.linalg.norm(np.einsum("kij,kj->ki", J[:, :3], dq), axis=1)
         way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
@@ -224,7 +224,7 @@ class ToolMotion(Value):
         if kind == "joint":
             share = self._chord(a, b, rows)
             q = self.q[a] + share[:, None] * (self.q[b] - self.q[a])
-            p, R = self.task.poses(q)
+            p, R = self.task._poses(q)
             J, _ = self.task.jacobian_batch(q)
             speed = np.linalg.norm(J[:, :3] @ (self.q[b] - self.q[a]), axis=1) / seconds
         else:

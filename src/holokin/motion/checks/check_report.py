@@ -215,6 +215,9 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
         judged = [one.bound for one in self.pairs if np.isfinite(counted(one.least, one.wanted, self.wanted))]
         return float("nan") if self.unread else min(judged, default=float("nan"))
 
+    def __str__(self) -> str:
+        return self.table()
+
     @typed
     def table(self, units: PrintedUnits = SI) -> str:
         """Lines of text: the findings, the least distance, and what was not looked at."""
@@ -240,7 +243,7 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
         lines += [f"not looked at: {one.link}: {one.reason}" for one in self.unseen]
         return [*self.observations, *lines, *left_out_words(self.left_out), *self.remarks]
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """JSON-ready facts."""
         return {
             "passed": self.passed, "unread": self.unread, "samples": self.samples, "duration": self.duration,
@@ -253,8 +256,8 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
 
     @typed
     def save(self, path: str | Path) -> None:
-        """Write `summary` as JSON, complete or not at all. Raises: WriteError."""
-        write_json(path, self.summary())
+        """Write `to_dict` as JSON, complete or not at all. Raises: WriteError."""
+        write_json(path, self.to_dict())
 
 
 # --------------------------------------------------------------------------------------------------

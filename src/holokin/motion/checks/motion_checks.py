@@ -114,16 +114,16 @@ def _jump_findings(task: Task, motion: Motion) -> Iterator[Finding]:
     The middle may be off by `TOLERANCES.tracking` [m, rad] and `SHARE` of how far the step leads the tool, where a turn
     counts as the arm's length times it. Of a joint without limits a step is what is left without whole turns.
     """
-    robot, Q, task = task.robot, motion.samples, task if task.geometric else task.geometric_twin
+    robot, Q, task = task.robot, motion.samples, task if task._geometric else task._geometric_twin
     step = _steps(robot, Q)
     at = np.flatnonzero(_off_at_most(robot, Q, step) > TOLERANCES.tracking)
     if not len(at):
         return
     # How far the tool is off in the middle of each step, and how far the step leads it.
-    p, R = task.poses(Q[at])
+    p, R = task._poses(Q[at])
     middle, end = Q[at] + step[at] / 2, Q[at] + step[at]
-    back, on = task.error(middle, p, R), task.error(middle, *task.poses(end))
-    whole = task.error(Q[at], *task.poses(end))
+    back, on = task.error(middle, p, R), task.error(middle, *task._poses(end))
+    whole = task.error(Q[at], *task._poses(end))
     far, turn = _sizes(task, whole)
     off = [
         np.maximum(np.linalg.norm(a + b, axis=1), sum(np.linalg.norm(x, axis=1) for x in (a, b)) - size) / 2
@@ -194,7 +194,7 @@ def _length(robot: Robot) -> float:
 
 def _strays(task: Task, q: Matrix, some: Indices) -> bool:
     """Whether the tool leaves its place by more than `TOLERANCES.tracking`."""
-    p, R = task.poses(q[some[:1]])
+    p, R = task._poses(q[some[:1]])
     return bool(max(size.max() for size in _sizes(task, task.error(q[some], p[0], R[0]))) > TOLERANCES.tracking)
 
 
@@ -298,7 +298,7 @@ def check(
     if task is not None:
         J = task.jacobian_batch(found.q)[0]
         findings += _singular_findings(task, found, J, not_negative("rcond", rcond))
-        if task.spatial:
+        if task._spatial:
             jumps = list(_jump_findings(task, found))
             findings += jumps
             seen += self_motions(task, found, J)
@@ -308,7 +308,7 @@ def check(
     swept: list[Swept] = []
     pairs = Pairs((), (), (), (), scene.clearance)
     if scene.floor is not None or scene.obstacles:
-        robot.check_links()
+        robot._check_links()
     if not robot.tips:
         remarks.append(f"{robot.name} has no links: distances were not looked at")
     elif not scene.empty:

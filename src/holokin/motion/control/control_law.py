@@ -111,7 +111,7 @@ def wanted_symbols(task: Task) -> tuple[tuple[SX, SX], tuple[SX, SX, SX]]:
 
     pose (4F, 4) and twist (6F,), one frame below the other; or both (point,), where the task has no orientation.
     """
-    F, point = task.frames, task.point
+    F, point = task.frames, task._point
     if task.orientation is not None:
         pose, twist = symbol("pose", 4 * F, 4), symbol("twist", 6 * F)
         p, R = (vertcat(*(pose[4 * f : 4 * f + 3, columns] for f in range(F))) for columns in (3, slice(3)))
@@ -127,8 +127,8 @@ def tracking(task: Task, k: Kinematics, p: SX, R: SX, twist: SX, dt: SX) -> tupl
 
     It is wanted at the pose (p, R) after dt, and moves there with the twist (6,), so e = error to (p, R) - dt x'.
     """
-    dx = task.rates_expression(R, *task.velocities(twist))
-    return dx, task.error_expression(k, p, R) - dt * dx
+    dx = task._rates_expression(R, *task._velocities(twist))
+    return dx, task._error_expression(k, p, R) - dt * dx
 
 
 def feedback(
@@ -180,11 +180,11 @@ def compiled(
     def function() -> Function:
         q = symbol("q", task.n) if strategy is None else strategy.expressions.q
         k = task.kinematics(q)
-        p, R = task.target_symbols()
+        p, R = task._target_symbols()
         twist, dt, start = symbol("twist", 6 * task.frames), symbol("dt", 1), symbol("start", task.n)
         dx, error = tracking(task, k, p, R, twist, dt)
         found = rate(Symbols(q, k, task.jacobian_expression(k, q), dx, error, dt, start))
-        margin = task.margin_expression(k.rotation) if strategy is None else strategy.margin_expression
+        margin = task._margin_expression(k.rotation) if strategy is None else strategy._margin_expression
         inputs = {"q": q, "p": p, "R": R, "twist": twist, "dt": dt, "start": start}
         outputs = {"dq": found.X, "rcond": found.rcond, "margin": margin}
         return Function("law", inputs, outputs, found.system, None if strategy is None else strategy.transport)
@@ -216,7 +216,7 @@ def _numeric_step(strategy: NumericStrategy, q: Vector, pose: Matrix, twist: Vec
     task = strategy.task
     _, R = task.target(pose)
     each = twist.reshape(task.frames, 2, 3)
-    dx, margin = task.rates(R[None], each[:, 0].reshape(1, -1), each[:, 1].reshape(1, -1))
+    dx, margin = task._tool_rates(R[None], each[:, 0].reshape(1, -1), each[:, 1].reshape(1, -1))
     check_representation(task, q, float(margin[0]))
     return strategy(q) @ dx[0]
 
@@ -259,10 +259,12 @@ def impedance_with_memory(
             "dq": dq,
             "dF": dF,
             "rcond": extended.rcond(),
-            "margin": task.margin_expression(k.rotation),
+            "margin": task._margin_expression(k.rotation),
         }
-        R, twist = task.target_symbols()[1], symbol("twist", 6 * task.frames)
-        rates = Function("wanted", {"R": R, "twist": twist}, {"dx": task.rates_expression(R, *task.velocities(twist))})
+        R, twist = task._target_symbols()[1], symbol("twist", 6 * task.frames)
+        rates = Function(
+            "wanted", {"R": R, "twist": twist}, {"dx": task._rates_expression(R, *task._velocities(twist))}
+        )
         return Function("impedance", {"q": q, "F": F, "dx": dx}, outputs), rates
 
     def begin(q0: Vector) -> Step:

@@ -72,7 +72,7 @@ def rays_from(strategy: HolonomicStrategy) -> Vector | None:
     That is where its label is arc length, and straight paths of the tool are those of its transport.
     """
     transport, task = strategy.looped.transport, strategy.task
-    straight = task.turns or task.robot.planar or not any(task.angular)
+    straight = task._turns or task.robot.planar or not any(task._angular)
     return transport.center if transport is not None and straight and all(strategy.constraint.angular) else None
 
 
@@ -200,7 +200,7 @@ to sample longer ones."""
 def turning(strategy: HolonomicStrategy) -> RowExpressions:
     """The expressions with the geometric rows of a full orientation, which turn whatever its representation does."""
     e, task = strategy.expressions, strategy.task
-    return replace(e, J=task.turning_expression(e.kinematics, e.J)) if task.rotations else e
+    return replace(e, J=task._turning_expression(e.kinematics, e.J)) if task._rotations else e
 
 
 @kept
@@ -284,7 +284,7 @@ def lay_tube(strategy: HolonomicStrategy, center: Vector, half: Vector) -> Tube:
         change, bend = _sampled(strategy, center, half, radius, A, Y)
     for (
         first
-    ) in strategy.task.rotations:  # the rotation vector of the error turns its axes, by at most 0.6 of its length
+    ) in strategy.task._rotations:  # the rotation vector of the error turns its axes, by at most 0.6 of its length
         rows = slice(first, first + 3)
         change += 1.2 * radius * n**0.5 * _length(Y[:, rows]) * _length(A[rows])
     return Tube(center, half, radius, change, bend, _length(Y[:, : strategy.task.m]))
@@ -328,11 +328,11 @@ def branch_code(strategy: HolonomicStrategy) -> str:
     task, change = strategy.task, enclosed_change(strategy)
     numbers = {
         "CHANGE": TOLERANCES.change, "THICKNESS": THICKNESS, "DOUBT": DOUBT, "LAID": LAID, "RESTS": RESTS,
-        "LONGEST": LONGEST, "DIRECTIONS": DIRECTIONS, "SWITCH": SWITCH, "TURNS": len(task.rotations),
-        "ANGLES": int(task.by_angles), "ROWS": task.m,
+        "LONGEST": LONGEST, "DIRECTIONS": DIRECTIONS, "SWITCH": SWITCH, "TURNS": len(task._rotations),
+        "ANGLES": int(task._by_angles), "ROWS": task.m,
     }  # fmt: skip
     head = "".join(f"#define HK_{key} {value}\n" for key, value in numbers.items())
-    head += f"static const int hk_turns[] = {{{', '.join(map(str, task.rotations or (0,)))}}};\n"
+    head += f"static const int hk_turns[] = {{{', '.join(map(str, task._rotations or (0,)))}}};\n"
     enclosed = "" if change is None else f"#define HK_ENCLOSED\n{change.c}"
     return head + extended_jacobian(strategy).c("hk_extended_body") + enclosed
 

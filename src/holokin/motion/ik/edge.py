@@ -120,13 +120,13 @@ inverse kinematics is asked in loops, where no answer is better than a late one.
 def node(strategy: HolonomicStrategy) -> Function:
     """(q, p, R, c) -> (Newton correction, rcond, margin, sign of det, A^-1) of the extended Jacobian A."""
     e, task = strategy.expressions, strategy.task
-    (p, R), c, one = task.target_symbols(), symbol("c", task.n - task.m), SX.eye(task.n)
+    (p, R), c, one = task._target_symbols(), symbol("c", task.n - task.m), SX.eye(task.n)
     found = e.rate(
-        horzcat(task.error_expression(e.kinematics, p, R), one[: task.m, :]),
+        horzcat(task._error_expression(e.kinematics, p, R), one[: task.m, :]),
         horzcat(strategy.leaf_gap(c), one[task.m :, :]),
     )
     outputs = {
-        "dq": found.X[:, 0], "rcond": found.rcond, "margin": strategy.margin_expression, "side": found.orientation,
+        "dq": found.X[:, 0], "rcond": found.rcond, "margin": strategy._margin_expression, "side": found.orientation,
         "inverse": found.X[:, 1:],
     }  # fmt: skip
     return Function("node", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system)
@@ -136,7 +136,7 @@ def node(strategy: HolonomicStrategy) -> Function:
 def along(strategy: HolonomicStrategy) -> TaylorModel | None:
     """The Taylor models of the extended Jacobian; None where there are none, or its angular rows are not geometric."""
     e = strategy.expressions
-    if not strategy.task.geometric or strategy.looped is not strategy:  # a loop has no Taylor models
+    if not strategy.task._geometric or strategy.looped is not strategy:  # a loop has no Taylor models
         return None
     try:
         model = TaylorModel("hk_along_body", {"q": e.q}, vertcat(e.J, e.planes))
@@ -248,10 +248,10 @@ def edge_function(strategy: HolonomicStrategy) -> Function:
     the same in metres and millimetres. Its slope (n,) is that of log rcond^2 by q.
     """
     e, task = turning(strategy), strategy.task
-    geometric = task.geometric_twin
+    geometric = task._geometric_twin
     n, m, k = task.n, task.m, e.kinematics
     p, R, length = symbol("p", 3), symbol("R", 3, 3), symbol("length", 1)
-    scale = vertcat(*(length if angular else SX(1) for angular in task.angular))
+    scale = vertcat(*(length if angular else SX(1) for angular in task._angular))
     one = SX.eye(n)
     found = e.rate(one[:m, :], one[m:, :])
     Y = found.X / (SX.ones(n, 1) @ vertcat(scale, SX.ones(n - m, 1)).T)  # the inverse of the extended Jacobian A
@@ -263,7 +263,7 @@ def edge_function(strategy: HolonomicStrategy) -> Function:
     held = symbol("weights", n, n)
     slope = gradient(dot(held, vertcat(J, e.planes)), e.q)
     outputs = {
-        "e": geometric.error_expression(k, p, R) * scale,
+        "e": geometric._error_expression(k, p, R) * scale,
         "S": S,
         "rcond2": m * m / (large * fast),
         "slope": substitute(slope, held, weights).T,
@@ -355,7 +355,7 @@ class Edge(Value):
     @cached_property
     def linear(self) -> Flags:
         """Which rows of e are positions (m,)."""
-        return ~np.array(self.strategy.task.angular)
+        return ~np.array(self.strategy.task._angular)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -368,7 +368,7 @@ class Edge(Value):
 
     def tool(self, q: Vector) -> Goal:
         """(position, rotation) of the tool."""
-        return self.strategy.task.place(q)
+        return self.strategy.task._place(q)
 
     def look(self, q: Vector, goal: Goal, scaled: Look | None = None) -> Look:
         """At a posture; `scaled`: a look whose choice of constraints and whose sizes are kept."""

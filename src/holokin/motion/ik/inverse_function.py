@@ -333,7 +333,7 @@ class InverseKinematics(Value):
         Raises: as `ik(pose)`; ShapeError, NotFiniteError: q.
         """
         posture = self.strategy.task.robot.checked(q, "the posture")
-        p, R = self.strategy.task.place(posture)
+        p, R = self.strategy.task._place(posture)
         paths = self._paths if level is None else self._at_level(level)
         return bool(np.abs(self._cold_at(p, R, paths) - posture).max() < AGREE)
 
@@ -555,7 +555,7 @@ class InverseKinematics(Value):
 
     @cached_property
     def _place(self) -> tuple[Vector, Matrix]:
-        p, R = self.strategy.task.place(self.q0)
+        p, R = self.strategy.task._place(self.q0)
         return frozen(p), frozen(R)
 
     @cached_property
@@ -609,7 +609,7 @@ def ik(strategy: Strategy, q0: ArrayLike, limits: bool = True, *, region: PoseSe
 
 def _check_region(strategy: HolonomicStrategy, q0: Vector, region: PoseSet) -> None:
     """Raises: ArgumentError: the region is of another strategy, or does not hold q0."""
-    p, R = strategy.task.place(q0)
+    p, R = strategy.task._place(q0)
     near, alone = region.near(p[None], R[None])
     if region.strategy != strategy or not np.linalg.norm(near[0] - q0) <= alone[0]:
         cure = "give one of the same strategy whose function holds q0: hk.unique_region(strategy, q0)"

@@ -101,12 +101,12 @@ def leaf_step(strategy: HolonomicStrategy) -> Function:
     """
     strategy = strategy.looped
     e, task = strategy.expressions, strategy.task
-    (p, R), c = task.target_symbols(), symbol("c", task.n - task.m)
-    found = e.rate(task.error_expression(e.kinematics, p, R), strategy.leaf_gap(c))
+    (p, R), c = task._target_symbols(), symbol("c", task.n - task.m)
+    found = e.rate(task._error_expression(e.kinematics, p, R), strategy.leaf_gap(c))
     outputs = {
         "dq": found.X,
         "rcond": found.rcond,
-        "margin": strategy.margin_expression,
+        "margin": strategy._margin_expression,
         "side": found.orientation,
     }
     return Function("leaf_step", {"q": e.q, "p": p, "R": R, "c": c}, outputs, found.system, strategy.transport)
@@ -221,8 +221,8 @@ def leaf_walk(
     """
     correct, branch, smallest = leaf_step(strategy), Branch(strategy), SHORTEST if ray else TOLERANCES.smallest_step
     rate = np.zeros(len(q0))  # of the last step, to begin the next one's search
-    angular, angles = any(strategy.task.angular), strategy.task.by_angles
-    side = correct(q0, *strategy.task.place(q0), leaf_value(strategy, q0))[3]
+    angular, angles = any(strategy.task._angular), strategy.task._by_angles
+    side = correct(q0, *strategy.task._place(q0), leaf_value(strategy, q0))[3]
 
     def walk(q: Vector, path: LeafPath) -> tuple[Vector, PathEnd]:
         nonlocal rate
@@ -342,7 +342,7 @@ def move_to_leaf(strategy: HolonomicStrategy, q0: ArrayLike, level: ArrayLike = 
     start = start_posture(task.robot, q0, limits)
     strategy(start)
     at, goal = leaf_value(strategy, start), level_towards(strategy, start, level)
-    here = task.place(start)
+    here = task._place(start)
     found = leaf_follower(strategy, start)(start, straight_path(task, here, here, (at, goal)))
     if limits:
         task.robot.check_limits(found, WITHIN)

@@ -151,7 +151,7 @@ class Plan:
             rows[:, -1] = ((w * w).sum(axis=1) * (across * across).sum(axis=1)) ** 0.25
             return
         looks = FEWEST + LOOKS // len(rows)
-        of_turn = [i for i, row in enumerate(self.task.rows) if row // 6 == f and self.task.angular[i]]
+        of_turn = [i for i, row in enumerate(self.task.rows) if row // 6 == f and self.task._angular[i]]
         changes = np.diff(self._rates_in(looks)[:, :, of_turn], axis=1) * (looks - 1)
         bend = DOUBT * np.linalg.norm(changes, axis=2).max(axis=1)
         less = bend < 2 * rows[:, -1] ** 2  # not where it is not a number
@@ -162,7 +162,7 @@ class Plan:
         """x' by the share of a segment (s, looks, m) at even places of it; NaN where the representation is singular."""
         count = len(self.path.durations)
         at = self.path.on(np.repeat(np.arange(count), looks), np.tile(np.linspace(0.0, 1.0, looks), count))
-        rates, margins = self.task.rates(turned(at.rotation, self.start_rotation), at.velocity, at.angular)
+        rates, margins = self.task._tool_rates(turned(at.rotation, self.start_rotation), at.velocity, at.angular)
         rates[~(margins > TOLERANCES.representation)] = np.nan
         return rates.reshape(count, looks, -1) * self.path.durations[:, None, None]
 
@@ -190,7 +190,7 @@ class Plan:
             found = [self.path.on(segment, u) for u in (u0, (u0 + u1) / 2, u1)]
             rotations = [turned(at.rotation, self.start_rotation) for at in found]
             pairs = zip(found, rotations, strict=True)
-            rates, margins = zip(*(self.task.rates(R, at.velocity, at.angular) for at, R in pairs), strict=True)
+            rates, margins = zip(*(self.task._tool_rates(R, at.velocity, at.angular) for at, R in pairs), strict=True)
             self._kept.clear()
             h = self.path.durations[segment] / self.counts[segment]
             self._kept[first] = _Block(found[2].position, rotations[2], h, rates, np.min(margins, axis=0))
@@ -210,7 +210,7 @@ class Plan:
         )
 
     def _rates_at(self, at: Samples) -> Matrix:
-        rates, margins = self.task.rates(turned(at.rotation, self.start_rotation), at.velocity, at.angular)
+        rates, margins = self.task._tool_rates(turned(at.rotation, self.start_rotation), at.velocity, at.angular)
         self._check(margins.min(initial=np.inf))
         return rates
 
@@ -252,7 +252,7 @@ def make_plan(task: Task, path: AnyPath, samples: int, start_rotation: Matrix) -
     """
     paths = paths_of(path)
     if len(paths) != task.frames:
-        several = f"give {task.frames} of them, one a frame of the task, by hk.synchronized"
+        several = f"give {task.frames} of them, one a frame of the task, by hk.path.synchronized"
         raise ArgumentError("the number of paths", len(paths), several if task.frames > 1 else "give one")
     begun = start_rotation.reshape(-1, 3, 3)
     own = [R if one.rotation is None else one.rotation for one, R in zip(paths, begun, strict=True)]
@@ -263,14 +263,14 @@ def make_plan(task: Task, path: AnyPath, samples: int, start_rotation: Matrix) -
 
 def doubtful_target(task: Task, position: Array) -> str:
     """What to say of target positions (..., 3F) that are all too far away to be in metres; empty of others."""
-    return doubtful_unit(task.robot, position.reshape(-1, 3), task.tip) if task.spatial else ""
+    return doubtful_unit(task.robot, position.reshape(-1, 3), task.tip) if task._spatial else ""
 
 
 def check_start(task: Task, q: Vector, p: Vector, R: Matrix) -> None:
     """Raises: StartError unless the tool at a posture is at the start (p, R) of a path, in all rows of its task."""
     off = float(np.abs(task.error(q, p, R)).max())
     if off > TOLERANCES.start:
-        here, tools = task.place(q)
+        here, tools = task._place(q)
         gaps = R.reshape(-1, 3, 3) @ np.swapaxes(tools.reshape(-1, 3, 3), 1, 2)
         angle = float(np.linalg.norm(rotation_vector(gaps), axis=-1).max())
         raise StartError(off, here, p, doubtful_target(task, p), angle)

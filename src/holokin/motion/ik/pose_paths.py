@@ -155,7 +155,7 @@ def surely_beyond(task: Task, position: Matrix, rotation: Array) -> Flags:
     """
     if not (isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and set(task.rows) >= {0, 1, 2}):
         return np.zeros(len(position), dtype=bool)
-    return longest_span(task.robot, task.tip, turned=bool(task.rotations)).beyond(position, rotation)
+    return longest_span(task.robot, task.tip, turned=bool(task._rotations)).beyond(position, rotation)
 
 
 def nearest_postures(task: Task, position: Matrix, rotation: Array, near: Matrix, *, limits: bool) -> NearestPostures:
@@ -200,7 +200,7 @@ def _search(task: Task, position: Matrix, rotation: Array, q: Matrix, lower: Vec
     q = np.clip(q, lower, upper)
 
     def look(at: Matrix, rows: Indices) -> tuple[Matrix, Array]:
-        error, slope = task.error_and_slope.batch(at, position[rows], rotation[rows])
+        error, slope = task._error_and_slope.batch(at, position[rows], rotation[rows])
         return error.reshape(-1, m), slope.reshape(-1, m, n)
 
     error, D = look(q, np.arange(k))
@@ -325,7 +325,7 @@ class PosePaths(Value):
         robot, slack = self.strategy.task.robot, TOLERANCES.limit
         beyond = np.full(robot.n, np.inf)
         low, high = (robot.lower - slack, robot.upper + slack) if self.limits else (-beyond, beyond)
-        p, R = self.strategy.task.place(self.q0)
+        p, R = self.strategy.task._place(self.q0)
         return frozen(np.concatenate([self.q0, p, R.ravel(), self.level, low, high, [self._side]]))
 
     def _cold(self, begin: Vector) -> bool:
@@ -339,14 +339,14 @@ class PosePaths(Value):
     @cached_property
     def _side(self) -> float:
         q0 = self.q0
-        return float(leaf_step(self.strategy)(q0, *self.strategy.task.place(q0), leaf_value(self.strategy, q0))[3])
+        return float(leaf_step(self.strategy)(q0, *self.strategy.task._place(q0), leaf_value(self.strategy, q0))[3])
 
     def _path(self, p: Vector, R: Matrix, begin: Vector) -> tuple[LeafPath, bool]:
         """(the straight path to a pose and to the leaf, whether it stays on the leaf)."""
         s = self.strategy
         level = self.level if self._cold(begin) else leaf_value(s, begin)
         goal = level + s.constraint.nearest(self.level - level) if len(level) else level
-        return straight_path(s.task, s.task.place(begin), (p, R), (level, goal)), np.array_equal(level, goal)
+        return straight_path(s.task, s.task._place(begin), (p, R), (level, goal)), np.array_equal(level, goal)
 
     def _walk(self, p: Vector, R: Matrix, begin: Vector) -> tuple[Vector, InverseStatus]:
         """The same as `go` on the virtual machine."""

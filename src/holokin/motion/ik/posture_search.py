@@ -83,7 +83,7 @@ def keeps(strategy: HolonomicStrategy, q: Matrix, moved: Matrix) -> Flags:
     c = level(q)
     same = _small(strategy.constraint.nearest(level(moved) - c), c)
     if same.any():
-        (p, R), (p2, R2) = task.poses(q[same] if len(q) == len(moved) else q), task.poses(moved[same])
+        (p, R), (p2, R2) = task._poses(q[same] if len(q) == len(moved) else q), task._poses(moved[same])
         same[same] = _small(p2 - p, p) & _small((R2 - R).reshape(len(R2), -1), np.ones(1))
     return same
 
@@ -298,7 +298,7 @@ def to_poses(task: Task, p: Matrix, R: Array) -> Correct:
     """The least joint motion that, to first order, takes the tool to p (k, 3), R (k, 3, 3): a step of `newton`."""
 
     def correct(q: Matrix, i: Indices) -> tuple[Matrix, Flags]:
-        e = task.error_function.batch(q, p[i], R[i]).reshape(len(q), task.m, 1)
+        e = task._error_function.batch(q, p[i], R[i]).reshape(len(q), task.m, 1)
         return least_motion(task.jacobian_batch(q)[0], e)[:, :, 0], np.ones(len(q), dtype=bool)
 
     return correct

@@ -154,7 +154,7 @@ class GivenPoses(Value):
 
         Raises: ShapeError.
         """
-        frames, point = self.task.frames, self.task.point
+        frames, point = self.task.frames, self.task._point
         shapes = ((4, 4), (3,), (2,)) if frames == 1 else ((frames, 4, 4), (frames, 3), (point,))
         if given.shape[1:] not in shapes:
             raise ShapeError(what, " or ".join(map(str, shapes)), given.shape[1:], pose_cure(given))

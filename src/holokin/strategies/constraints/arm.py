@@ -48,7 +48,7 @@ class Point:
             raise ArgumentError("the robot of the task", task.robot.name, "give that on which the arm was found")
         if self.offset is None:
             return k.origins[name]
-        return task.robot.kinematics_at(q, self.joint, pose_from(self.offset)).position
+        return task.robot._kinematics_at(q, self.joint, pose_from(self.offset)).position
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def find_arm(task: Task, joints: Sequence[Any] | None = None, tip: str | None = 
         if len(joints) != 3:
             raise ArgumentError("the points of an arm", joints, "name three: shoulder, elbow, wrist")
         return Arm(*(_named(task.robot, joint) for joint in joints))
-    task.robot.check_links()
+    task.robot._check_links()
     if tip is not None:
         task.robot.pose(np.zeros(task.n), tip)
     axes = _chain(task.robot, task.tip if tip is None else tip)
@@ -363,7 +363,7 @@ def height(*joints: str | int) -> Constraint:
 
 def _origin(task: Task, k: Kinematics, joint: str | int) -> SX:
     """The origin (3,) of a joint's frame; a name may also be that of a joint that mimics another."""
-    task.robot.check_links()
+    task.robot._check_links()
     name = joint if joint in k.origins else task.robot.joint_names[task.robot.joint_index(joint)]
     return k.origins[str(name)]
 

@@ -124,7 +124,7 @@ def _null_space_implicit(
 
 def _short_jacobian(task: Task, k: Kinematics, q: SX) -> SX:
     """A(q) J (m, n) with det A = 1, of few operations where J is that of a tool's pose or position: for proofs."""
-    geometric = isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and task.geometric
+    geometric = isinstance(task, FrameTask) and isinstance(task.frame, TipFrame) and task._geometric
     if geometric and task.rows in (tuple(range(6)), tuple(range(3))):
         return link_jacobian(task.robot, q, task.tip, turned=task.m == 6)
     return task.jacobian_expression(k, q)

@@ -323,12 +323,12 @@ class FrameTask(Task):
         super().__post_init__()
         if self.m > self.n:
             raise TaskTooLargeError(self.m, self.n, self.robot.name)
-        angular = sum(self.angular)
+        angular = sum(self._angular)
         if self.orientation == "twist" and angular in (1, 2) and not self.robot.planar:
             cure = "one or two angular velocities give no orientation to return to: keep all three, none, or take 'rpy'"
             raise ArgumentError("the number of angular rows of a twist task", angular, cure)
 
-    def with_rows(self, rows: tuple[int, ...]) -> FrameTask:
+    def _with_rows(self, rows: tuple[int, ...]) -> FrameTask:
         """The same task with other rows."""
         return replace(self, rows=rows)
 
@@ -360,23 +360,23 @@ class FrameTask(Task):
         return 1
 
     @property
-    def point(self) -> int:
+    def _point(self) -> int:
         """3."""
         return 3
 
     @property
-    def spatial(self) -> bool:
+    def _spatial(self) -> bool:
         """True of a frame of a tool."""
         return self.frame.spatial
 
     @property
-    def has_hessians(self) -> bool:
+    def _has_hessians(self) -> bool:
         """Whether its frame has."""
-        return self.frame.has_hessians
+        return self.frame._has_hessians
 
-    def hessians(self, q: SX) -> list[SX]:
+    def _hessians(self, q: SX) -> list[SX]:
         """Those of its frame."""
-        every = self.frame.hessians(self.robot, q)
+        every = self.frame._hessians(self.robot, q)
         return [every[row] for row in self.rows]
 
     @cached_property
@@ -385,35 +385,35 @@ class FrameTask(Task):
         return representation(self.orientation or "twist", self.reference, self.axis)
 
     @property
-    def geometric(self) -> bool:
+    def _geometric(self) -> bool:
         """True when J is of the geometric rows: no representation by angles has a part in it."""
         return self.orientation in (None, "twist")
 
     @property
-    def exact(self) -> bool:
+    def _exact(self) -> bool:
         """True when J = df/dq: all representations but angular rows of a twist (a plane's single one is exact)."""
-        return self.orientation != "twist" or not any(self.angular) or self.robot.planar
+        return self.orientation != "twist" or not any(self._angular) or self.robot.planar
 
     @property
-    def rotations(self) -> tuple[int, ...]:
+    def _rotations(self) -> tuple[int, ...]:
         """The first angular row, where all three belong to the task."""
-        return (self.angular.index(True),) if sum(self.angular) == 3 else ()
+        return (self._angular.index(True),) if sum(self._angular) == 3 else ()
 
     @property
-    def geometric_twin(self) -> FrameTask:
+    def _geometric_twin(self) -> FrameTask:
         """The same task with "twist" for a full orientation, which has no singular angles."""
-        return replace(self, orientation="twist") if self.rotations else self
+        return replace(self, orientation="twist") if self._rotations else self
 
-    def chart(self, rotations: Matrix) -> FrameTask:
+    def _chart(self, rotations: Matrix) -> FrameTask:
         """With "twist", counted from the rotation (3, 3), for a full orientation.
 
         Along such a line the twist (v, w) is constant, so the geometric Jacobian serves.
         """
-        if self.rotations or self.robot.planar:
+        if self._rotations or self.robot.planar:
             return replace(self, orientation="twist", reference=rotations)
         return self
 
-    def counted_from(self, rotations: Matrix) -> FrameTask:
+    def _counted_from(self, rotations: Matrix) -> FrameTask:
         """With another reference (3, 3), where there is such a one."""
         return replace(self, reference=rotations) if self.orientation in ("twist", "rotation-vector") else self
 
@@ -427,21 +427,21 @@ class FrameTask(Task):
 
     def jacobian_expression(self, k: Kinematics, q: SX) -> SX:
         """J as an expression (m, n): the geometric rows, or df/dq of a representation."""
-        if self.geometric:
+        if self._geometric:
             return self._select(k.jacobian)  # (2)
         return self._select(vertcat(k.jacobian[:3, :], jacobian(self.representation.value(k.rotation), q)))  # (2), (26)
 
-    def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
+    def _error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
         """`error` as an expression (m,)."""
         return self._select(vertcat(position - k.position, self.representation.error(rotation, k.rotation)))
 
-    def rates_expression(self, R: SX, v: SX, w: SX) -> SX:
+    def _rates_expression(self, R: SX, v: SX, w: SX) -> SX:
         """x' (m,) of a tool turned by R (3, 3) that moves with v (3,), w (3,)."""
         return self._select(vertcat(v, self.representation.rates(R, w)))
 
-    def margin_expression(self, rotation: SX) -> SX:
+    def _margin_expression(self, rotation: SX) -> SX:
         """Distance of the representation from its singularity; 1 where there is none."""
-        return self.representation.margin(rotation) if any(self.angular) else SX(1)
+        return self.representation.margin(rotation) if any(self._angular) else SX(1)
 
     def _select(self, six: SX) -> SX:
         return six[list(self.rows), :]
@@ -477,11 +477,11 @@ class StackedTask(Task):
             raise TaskTooLargeError(self.m, self.n, self.robot.name)
         for f, part in enumerate(self.parts):
             kept = sum(row // 6 == f and row % 6 > 2 for row in self.rows)
-            if part.orientation == "twist" and 0 < kept < sum(part.angular):
+            if part.orientation == "twist" and 0 < kept < sum(part._angular):
                 cure = "keep all three angular rows of a twist, none, or take 'rpy'"
                 raise ArgumentError("the number of angular rows of a twist task", kept, cure)
 
-    def with_rows(self, rows: tuple[int, ...]) -> StackedTask:
+    def _with_rows(self, rows: tuple[int, ...]) -> StackedTask:
         """The same task with other rows; its targets are of all frames still."""
         return replace(self, rows=rows)
 
@@ -511,37 +511,37 @@ class StackedTask(Task):
         return len(self.parts)
 
     @property
-    def point(self) -> int:
+    def _point(self) -> int:
         """The size that was given."""
         return self.size
 
     @property
-    def spatial(self) -> bool:
+    def _spatial(self) -> bool:
         """True when all parts are."""
-        return all(part.spatial for part in self.parts)
+        return all(part._spatial for part in self.parts)
 
     @property
-    def has_hessians(self) -> bool:
+    def _has_hessians(self) -> bool:
         """Whether all parts have."""
-        return all(part.has_hessians for part in self.parts)
+        return all(part._has_hessians for part in self.parts)
 
-    def hessians(self, q: SX) -> list[SX]:
+    def _hessians(self, q: SX) -> list[SX]:
         """Those of the parts."""
-        every = [H for part in self.parts for H in part.hessians(q)]
+        every = [H for part in self.parts for H in part._hessians(q)]
         return [every[i] for i in self._places]
 
     @property
-    def geometric(self) -> bool:
+    def _geometric(self) -> bool:
         """True when all parts are."""
-        return all(part.geometric for part in self.parts)
+        return all(part._geometric for part in self.parts)
 
     @property
-    def exact(self) -> bool:
+    def _exact(self) -> bool:
         """True when all parts are."""
-        return all(part.exact for part in self.parts)
+        return all(part._exact for part in self.parts)
 
     @property
-    def rotations(self) -> tuple[int, ...]:
+    def _rotations(self) -> tuple[int, ...]:
         """The first angular row of each part that has all three of them among the rows."""
         found = []
         for f in range(self.frames):
@@ -551,19 +551,19 @@ class StackedTask(Task):
         return tuple(found)
 
     @property
-    def geometric_twin(self) -> StackedTask:
+    def _geometric_twin(self) -> StackedTask:
         """That of geometric parts."""
-        return replace(self, parts=tuple(part.geometric_twin for part in self.parts))
+        return replace(self, parts=tuple(part._geometric_twin for part in self.parts))
 
-    def chart(self, rotations: Matrix) -> StackedTask:
+    def _chart(self, rotations: Matrix) -> StackedTask:
         """Those of the parts."""
         each = finite("the rotations", rotations, (3 * self.frames, 3)).reshape(-1, 3, 3)
-        return replace(self, parts=tuple(part.chart(R) for part, R in zip(self.parts, each, strict=True)))
+        return replace(self, parts=tuple(part._chart(R) for part, R in zip(self.parts, each, strict=True)))
 
-    def counted_from(self, rotations: Matrix) -> StackedTask:
+    def _counted_from(self, rotations: Matrix) -> StackedTask:
         """Those of the parts."""
         each = finite("the rotations", rotations, (3 * self.frames, 3)).reshape(-1, 3, 3)
-        return replace(self, parts=tuple(part.counted_from(R) for part, R in zip(self.parts, each, strict=True)))
+        return replace(self, parts=tuple(part._counted_from(R) for part, R in zip(self.parts, each, strict=True)))
 
     def kinematics(self, q: SX) -> Kinematics:
         """Those of the parts, one below the other."""
@@ -579,22 +579,22 @@ class StackedTask(Task):
         """The Jacobians of the parts."""
         return self._stack(lambda part, f: part.jacobian_expression(_frame(k, f), q))
 
-    def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
+    def _error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
         """The errors of the parts."""
         return self._stack(
-            lambda part, f: part.error_expression(_frame(k, f), _three(position, f), _three(rotation, f))
+            lambda part, f: part._error_expression(_frame(k, f), _three(position, f), _three(rotation, f))
         )
 
-    def rates_expression(self, R: SX, v: SX, w: SX) -> SX:
+    def _rates_expression(self, R: SX, v: SX, w: SX) -> SX:
         """The rates of the parts."""
-        return self._stack(lambda part, f: part.rates_expression(_three(R, f), _three(v, f), _three(w, f)))
+        return self._stack(lambda part, f: part._rates_expression(_three(R, f), _three(v, f), _three(w, f)))
 
-    def margin_expression(self, rotation: SX) -> SX:
+    def _margin_expression(self, rotation: SX) -> SX:
         """The least of the parts."""
         margin = SX(1)
         for f, part in enumerate(self.parts):
             if any(row // 6 == f and row % 6 > 2 for row in self.rows):
-                margin = fmin(margin, part.margin_expression(_three(rotation, f)))
+                margin = fmin(margin, part._margin_expression(_three(rotation, f)))
         return margin
 
     def _stack(self, of: Callable[[FrameTask, int], SX]) -> SX:
@@ -695,7 +695,7 @@ def completed(task: Task, place: Place, here: Place) -> Place:
 @kept
 def completing(task: Task) -> Function:
     """(p0, R0, p, R) -> (p, R) `completed` from p0, R0: positions (3F,) and rotations (3F, 3)."""
-    (p0, R0), (p, R) = task.target_symbols(), task.target_symbols()
+    (p0, R0), (p, R) = task._target_symbols(), task._target_symbols()
     positions, rotations = [], []
     for f, (part, rows) in enumerate(_rows(task)):
         at = slice(3 * f, 3 * f + 3)

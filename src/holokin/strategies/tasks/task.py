@@ -45,7 +45,7 @@ from ...symbolic.linear import minors, null_space
 class Frame(Value, ABC):
     """A pose that depends on the joints: position (3,), rotation (3, 3) and geometric Jacobian (6, n)."""
 
-    has_hessians: ClassVar[bool] = False
+    _has_hessians: ClassVar[bool] = False
     """Whether the derivatives of its Jacobian have a closed form."""
     spatial: ClassVar[bool] = True
     """Whether its coordinates are places of a tool in metres."""
@@ -54,7 +54,7 @@ class Frame(Value, ABC):
     def kinematics(self, robot: Robot, q: SX) -> Kinematics:
         """Its expressions. Raises: UnknownNameError: the robot lacks a tip that it names."""
 
-    def hessians(self, robot: Robot, q: SX) -> list[SX]:
+    def _hessians(self, robot: Robot, q: SX) -> list[SX]:
         """H_i (n, n) of the six rows of the Jacobian, dJ_ia / dq_b, in closed form; none where there is none."""
         return []
 
@@ -84,13 +84,13 @@ class TipFrame(Frame):
     """A tip of the robot in the base frame; None is its first one."""
 
     name: str | None = None
-    has_hessians = True
+    _has_hessians = True
 
     def kinematics(self, robot: Robot, q: SX) -> Kinematics:
         """Those of the robot."""
         return robot.kinematics(q, self.name)
 
-    def hessians(self, robot: Robot, q: SX) -> list[SX]:
+    def _hessians(self, robot: Robot, q: SX) -> list[SX]:
         """Cross products of the columns of the Jacobian."""
         return hessian_expression(robot, q, self.name)
 
@@ -232,14 +232,14 @@ class Task(ByValue, ABC):
     @typed
     def __getitem__(self, index: int | slice | Sequence[int]) -> Self:
         """The task of some rows only. Raises: UnknownNameError for a row that does not exist, ArgumentError."""
-        return self.with_rows(chosen_rows(self.rows, index))
+        return self._with_rows(chosen_rows(self.rows, index))
 
     def __iter__(self) -> Iterator[Self]:
         """The tasks of the single rows. Raises: ArgumentError at an angular row of a twist, which cannot be alone."""
         return (self[i] for i in range(self.m))
 
     @abstractmethod
-    def with_rows(self, rows: tuple[int, ...]) -> Self:
+    def _with_rows(self, rows: tuple[int, ...]) -> Self:
         """The same task with other rows."""
 
     @property
@@ -279,65 +279,65 @@ class Task(ByValue, ABC):
 
     @property
     @abstractmethod
-    def point(self) -> int:
+    def _point(self) -> int:
         """Numbers that say where all its frames are, when it has no orientation rows: 3F, fewer of some expressions."""
 
     @property
     @abstractmethod
-    def spatial(self) -> bool:
+    def _spatial(self) -> bool:
         """True when its targets are places of tools in metres."""
 
     @property
     @abstractmethod
-    def has_hessians(self) -> bool:
+    def _has_hessians(self) -> bool:
         """Whether the derivatives of its geometric Jacobian have a closed form."""
 
     @abstractmethod
-    def hessians(self, q: SX) -> list[SX]:
+    def _hessians(self, q: SX) -> list[SX]:
         """H_i (n, n) of its rows, dJ_ia / dq_b, in closed form, where there is one."""
 
     @property
     @abstractmethod
-    def geometric(self) -> bool:
+    def _geometric(self) -> bool:
         """True when J is of the geometric rows: no representation by angles has a part in it."""
 
     @property
     @abstractmethod
-    def exact(self) -> bool:
+    def _exact(self) -> bool:
         """True when J = df/dq: all representations but angular rows of a twist (a plane's single one is exact)."""
 
     @property
     @abstractmethod
-    def rotations(self) -> tuple[int, ...]:
+    def _rotations(self) -> tuple[int, ...]:
         """Where all three angular rows of a frame belong to the task: the first of them, among its rows."""
 
     @property
     @abstractmethod
-    def geometric_twin(self) -> Self:
+    def _geometric_twin(self) -> Self:
         """The same task with "twist" for each full orientation, which has no singular angles."""
 
     @abstractmethod
-    def chart(self, rotations: Matrix) -> Self:
+    def _chart(self, rotations: Matrix) -> Self:
         """The same rows in coordinates whose straight lines from rotations (3F, 3) are p0 + t v, exp(t w) R0."""
 
     @abstractmethod
-    def counted_from(self, rotations: Matrix) -> Self:
+    def _counted_from(self, rotations: Matrix) -> Self:
         """The same with rotation vectors, and values of twists, that count from rotations (3F, 3)."""
 
     @property
-    def angular(self) -> tuple[bool, ...]:
+    def _angular(self) -> tuple[bool, ...]:
         """Which rows are of an orientation."""
         return tuple(row % 6 > 2 for row in self.rows)
 
     @property
-    def turns(self) -> bool:
+    def _turns(self) -> bool:
         """True when there are angular rows, all of full orientations: it knows the tool's rotation."""
-        return 0 < sum(self.angular) == 3 * len(self.rotations)
+        return 0 < sum(self._angular) == 3 * len(self._rotations)
 
     @property
-    def by_angles(self) -> bool:
+    def _by_angles(self) -> bool:
         """True when some angular rows are not those of a full orientation."""
-        return sum(self.angular) > 3 * len(self.rotations)
+        return sum(self._angular) > 3 * len(self._rotations)
 
     def __call__(self, q: ArrayLike) -> Vector:
         """x = f(q) [m, rad], (n,) -> (m,) or (k, n) -> (k, m). Angular rows of a twist task show log(R reference^T).
@@ -377,9 +377,9 @@ class Task(ByValue, ABC):
         at = numbers("q", q, self.robot.joint_names)
         p, R = self._target(position, (3,)), self._target(rotation, (3, 3))
         if at.ndim == 2:
-            return self.error_function.batch(self.robot.postures(at), p, R).reshape(len(at), self.m)
+            return self._error_function.batch(self.robot.postures(at), p, R).reshape(len(at), self.m)
         p, R = finite("the position", p, (3 * self.frames,)), finite("the rotation", R, (3 * self.frames, 3))
-        return np.atleast_1d(self.error_function(self.robot.checked(at), p, R))
+        return np.atleast_1d(self._error_function(self.robot.checked(at), p, R))
 
     def _target(self, given: ArrayLike, each: tuple[int, ...]) -> Array:
         """Positions or rotations of all frames, where they stand side by side, one below the other."""
@@ -397,11 +397,11 @@ class Task(ByValue, ABC):
         """
         return self._pose_at.call(q)
 
-    def poses(self, Q: Matrix) -> tuple[Matrix, Array]:
+    def _poses(self, Q: Matrix) -> tuple[Matrix, Array]:
         """Positions (k, 3F) and rotations (k, 3F, 3) of the frames at postures (k, n)."""
         return _targets_of(self._pose.batch(self.robot.postures(Q)).reshape(-1, self.frames, 4, 4))
 
-    def place(self, q: ArrayLike) -> tuple[Vector, Matrix]:
+    def _place(self, q: ArrayLike) -> tuple[Vector, Matrix]:
         """The target at which its frames are at q (n,): positions (3F,) and rotations (3F, 3)."""
         return self.target(self.pose(self.robot.checked(q)))
 
@@ -424,7 +424,7 @@ class Task(ByValue, ABC):
         J, margin = self._jacobian.batch(Q)
         return J.reshape(len(Q), self.m, self.n), margin
 
-    def rates(self, rotation: ArrayLike, velocity: ArrayLike, angular: ArrayLike) -> tuple[Matrix, Vector]:
+    def _tool_rates(self, rotation: ArrayLike, velocity: ArrayLike, angular: ArrayLike) -> tuple[Matrix, Vector]:
         """x' of tools turned by R (k, 3F, 3) that move with v (k, 3F), w (k, 3F) -> (k, m), unchecked.
 
         And the margins (k,) of the representation. Raises: ShapeError.
@@ -448,35 +448,35 @@ class Task(ByValue, ABC):
         """J as an expression (m, n): the geometric rows, or df/dq of a representation."""
 
     @abstractmethod
-    def error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
+    def _error_expression(self, k: Kinematics, position: SX, rotation: SX) -> SX:
         """`error` as an expression (m,)."""
 
     @abstractmethod
-    def rates_expression(self, R: SX, v: SX, w: SX) -> SX:
+    def _rates_expression(self, R: SX, v: SX, w: SX) -> SX:
         """x' (m,) of tools turned by R (3F, 3) that move with v (3F,), w (3F,)."""
 
     @abstractmethod
-    def margin_expression(self, rotation: SX) -> SX:
+    def _margin_expression(self, rotation: SX) -> SX:
         """Distance of the representations from their singularities; 1 where there is none."""
 
-    def turning_expression(self, k: Kinematics, J: SX) -> SX:
+    def _turning_expression(self, k: Kinematics, J: SX) -> SX:
         """J with the geometric rows of each full orientation, whatever its representation."""
-        if not self.rotations:
+        if not self._rotations:
             return J
         turning = SX(J)
-        for first in self.rotations:
+        for first in self._rotations:
             for row in range(first, first + 3):
                 turning[row, :] = k.jacobian[self.rows[row], :]
         return turning
 
     @typed
-    def velocities(self, twist: SX) -> tuple[SX, SX]:
+    def _velocities(self, twist: SX) -> tuple[SX, SX]:
         """v (3F,) and w (3F,) of twists, one after the other (6F,)."""
         check_length("twist", twist, 6 * self.frames)
         each = range(0, 6 * self.frames, 6)
         return vertcat(*(twist[i : i + 3] for i in each)), vertcat(*(twist[i + 3 : i + 6] for i in each))
 
-    def target_symbols(self) -> tuple[SX, SX]:
+    def _target_symbols(self) -> tuple[SX, SX]:
         """Symbols of a target: p (3F,) and R (3F, 3)."""
         return symbol("p", 3 * self.frames), symbol("R", 3 * self.frames, 3)
 
@@ -495,7 +495,7 @@ class Task(ByValue, ABC):
     @cached_property
     def _jacobian(self) -> Function:
         q, k = self._symbols
-        outputs = {"J": self.jacobian_expression(k, q), "margin": self.margin_expression(k.rotation)}
+        outputs = {"J": self.jacobian_expression(k, q), "margin": self._margin_expression(k.rotation)}
         return Function("task_jacobian", {"q": q}, outputs)
 
     @cached_property
@@ -523,26 +523,26 @@ class Task(ByValue, ABC):
         return found
 
     @cached_property
-    def error_function(self) -> Function:
+    def _error_function(self) -> Function:
         """(q, p, R) -> `error`, unchecked."""
         inputs, e = self._error
         return Function("task_error", inputs, {"e": e})
 
     @cached_property
-    def error_and_slope(self) -> Function:
+    def _error_and_slope(self) -> Function:
         """(q, p, R) -> (`error`, its derivative by q (m, n)), unchecked."""
         inputs, e = self._error
         return Function("task_error_slope", inputs, {"e": e, "slope": jacobian(e, inputs["q"])})
 
     @cached_property
     def _error(self) -> tuple[dict[str, SX], SX]:
-        (q, k), (p, R) = self._symbols, self.target_symbols()
-        return {"q": q, "p": p, "R": R}, self.error_expression(k, p, R)
+        (q, k), (p, R) = self._symbols, self._target_symbols()
+        return {"q": q, "p": p, "R": R}, self._error_expression(k, p, R)
 
     @cached_property
     def _rates(self) -> Function:
-        R, v, w = self.target_symbols()[1], symbol("v", 3 * self.frames), symbol("w", 3 * self.frames)
-        outputs = {"dx": self.rates_expression(R, v, w), "margin": self.margin_expression(R)}
+        R, v, w = self._target_symbols()[1], symbol("v", 3 * self.frames), symbol("w", 3 * self.frames)
+        outputs = {"dx": self._rates_expression(R, v, w), "margin": self._margin_expression(R)}
         return Function("task_rates", {"R": R, "v": v, "w": w}, outputs)
 
 

@@ -6,7 +6,7 @@ CONTRIBUTING.md says what else a new kind touches.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from ...symbolic import SX, norm_2
 from ...symbolic.rotations import frame_about, log_s2
 from .frame_task import ORIENTATIONS, UP, FrameTask, Orientation, stack
 from .task import ExpressionFrame, Frame, RelativeFrame, Task, TipFrame, chosen_rows
+
+Axis = Literal["x", "y", "z"]
+"""An axis of the tool by its name."""
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": UP}
 
@@ -40,7 +43,7 @@ def pose(
     orientation: Orientation = "twist",
     *,
     reference: ArrayLike | None = None,
-    axis: str | ArrayLike = "z",
+    axis: Axis | ArrayLike = "z",
     tip: str | None = None,
     rows: Sequence[int] | None = None,
 ) -> Task:
@@ -71,7 +74,7 @@ def relative_pose(
     orientation: Orientation = "twist",
     *,
     reference: ArrayLike | None = None,
-    axis: str | ArrayLike = "z",
+    axis: Axis | ArrayLike = "z",
     rows: Sequence[int] | None = None,
 ) -> Task:
     """The pose of one tip in the frame of another, for two arms that work on one thing: m = 6, or some `rows` of it.
@@ -98,7 +101,7 @@ def _pose_of(
     frame: Frame,
     orientation: Orientation,
     reference: ArrayLike | None,
-    axis: str | ArrayLike,
+    axis: Axis | ArrayLike,
     rows: Sequence[int] | None,
 ) -> Task:
     if orientation not in ORIENTATIONS:
@@ -161,7 +164,7 @@ def custom_task(
 
 @typed
 def line_of_sight(
-    robot: Robot, point: ArrayLike, *, tip: str | None = None, axis: str | ArrayLike = "z", name: str = "line of sight"
+    robot: Robot, point: ArrayLike, *, tip: str | None = None, axis: Axis | ArrayLike = "z", name: str = "line of sight"
 ) -> Task:
     """The direction of a fixed point from a camera on the tool, m = 2: (ax, ay) [rad], (0, 0) where it looks at it.
 
@@ -185,7 +188,7 @@ def line_of_sight(
     return custom_task(robot, direction, units=("rad", "rad"), names=("ax", "ay"), name=name)
 
 
-def _direction(axis: str | ArrayLike) -> Vector:
+def _direction(axis: Axis | ArrayLike) -> Vector:
     """A unit vector (3,) in the tool's frame. Raises: UnknownNameError, ArgumentError, ShapeError."""
     if isinstance(axis, str):
         if axis not in _AXES:

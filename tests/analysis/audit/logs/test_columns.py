@@ -151,15 +151,15 @@ def test_two_columns_of_one_name_are_refused_where_one_is_read(tmp_path: Path) -
 def test_positions_alone_are_a_workspace_of_a_position_task(tmp_path: Path, planar_3r: hk.Robot) -> None:
     points = np.array([[1.2, 0.6, 0.0], [1.3, 0.5, 0.0], [1.1, 0.7, 0.0]])
     file = table(tmp_path / "points.csv", ["X", "Y", "Z", "note"], [f"{line},7" for line in lines(points)])
-    cloud = hk.read_workspace(file)
+    cloud = hk.path.read_workspace(file)
     assert np.array_equal(cloud.given[:, :3, 3], points) and "tool down" in str(cloud)
     assert np.array_equal(cloud.given[0, :3, :3], np.diag([1, -1, -1]))
-    assert np.array_equal(hk.read_workspace(file, rotation=np.eye(3)).given[2, :3, :3], np.eye(3))
+    assert np.array_equal(hk.path.read_workspace(file, rotation=np.eye(3)).given[2, :3, :3], np.eye(3))
     law, q0 = hk.holonomic(hk.position(planar_3r), hk.lock(0)), [0.3, 0.9, 0.7]
     tools = [planar_3r.pose(q)[:2, 3] for q in hk.ik(law, q0).batch(points[:, :2]).q]
     assert np.allclose(tools, points[:, :2], atol=1e-12) and hk.coverage(law, cloud, q0).share == 1.0
     with pytest.raises(ArgumentError, match="rotation"):
-        hk.read_workspace(file, rotation=2 * np.eye(3))
+        hk.path.read_workspace(file, rotation=2 * np.eye(3))
     full = table(tmp_path / "full.csv", ["x", "y", "z", "roll", "pitch", "yaw"], ["1,0,0,0,0,0"])
     with pytest.raises(ArgumentError, match="leave it out"):
-        hk.read_workspace(full, rotation=np.eye(3))
+        hk.path.read_workspace(full, rotation=np.eye(3))

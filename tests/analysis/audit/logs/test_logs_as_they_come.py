@@ -16,7 +16,7 @@ from holokin.base.errors import ArgumentError, RecordingError
 
 ARM = hk.load("planar-3r")
 NAMES = ARM.joint_names
-UR5E = hk.with_tool(hk.load("ur5e"), xyz=[0.08, 0, 0.25], rpy=[0, np.deg2rad(35), 0])
+UR5E = hk.with_tool(hk.load("ur5e"), [0.08, 0, 0.25], rpy=[0, np.deg2rad(35), 0])
 UR5E_START = np.deg2rad([10.0, -100.0, 110.0, -95.0, -80.0, 20.0])
 
 

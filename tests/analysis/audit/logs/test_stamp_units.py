@@ -29,7 +29,7 @@ def log_times(folder: Path, header: str, stamps: list[str]) -> hk.analysis.audit
 def path_times(folder: Path, header: str, stamps: list[str]) -> np.ndarray | None:
     file = folder / "path.csv"
     file.write_text("\n".join([f"{header},x,y,z", *(f"{s},{k},0,0" for k, s in enumerate(stamps))]) + "\n", "utf-8")
-    return hk.read_waypoints(file, units="mm").times
+    return hk.path.read_waypoints(file, units="mm").times
 
 
 def whole(unit: str, first: int) -> list[str]:
