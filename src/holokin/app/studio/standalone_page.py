@@ -519,8 +519,7 @@ class PagePlan(Value):
         found = self.rounds.get(self.laws[1].name)
         if job.checks is None or not isinstance(found, Trajectory):
             return None
-        task = self.laws[1].task
-        return job.checks.checked(found, task.robot, task)
+        return job.checks.checked(found, self.laws[1].task)
 
     def cusp_loops(self) -> list[PageLoop]:
         """The smallest loop that is found round a cusp of the second law, if there is one.
