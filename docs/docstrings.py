@@ -53,7 +53,7 @@ class Docstrings(Extension):
 
     def on_package(self, *, pkg: Module, **_: Any) -> None:
         """All of the package."""
-        errors = [e for module in pkg["errors"].modules.values() for e in module.classes.values() if e.docstring]
+        errors = [e for module in pkg["base.errors"].modules.values() for e in module.classes.values() if e.docstring]
         meanings = {e.name: e.docstring.value.split("\n")[0].rstrip(".") for e in errors if e.docstring}
         self._walk(pkg, meanings)
 

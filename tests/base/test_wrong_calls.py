@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 import re
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -94,6 +96,31 @@ def test_a_misspelt_name_of_the_package_is_answered_with_the_right_one() -> None
         answered += near[1] == name
         assert not hasattr(hk, word)
     assert answered > 45
+
+
+def test_the_package_has_few_names_and_says_in_which_folder_the_others_are() -> None:
+    assert len(hk.__all__) <= 70
+    told = 0
+    for room in rooms()[1:]:
+        place = room.__name__.removeprefix("holokin.")
+        for name in set(room.__all__) - set(hk.__all__):
+            if place in hk._ROOMS and inspect.isfunction(getattr(room, name)):
+                with pytest.raises(NoAttributeError, match=re.escape(f"write hk.{place}.{name}") + "$|write robot"):
+                    getattr(hk, name)
+                told += 1
+    assert told > 80
+
+
+def test_a_folder_is_loaded_when_it_is_first_asked_for() -> None:
+    """In a process of its own: nothing imported the folders below `analysis` before."""
+    code = """
+import sys, holokin as hk
+assert "holokin.analysis.design" not in sys.modules
+print(hk.analysis.curvature.obstruction.__name__, "holokin.analysis.design" in sys.modules)
+print(hk.motion.checks.CheckReport.__name__, hk.strategies.tasks.relative_pose.__name__, hasattr(hk.analysis, "pose"))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["obstruction", "False", "CheckReport", "relative_pose", "False"]
 
 
 def test_a_noun_says_what_to_write_for_the_names_of_other_libraries() -> None:

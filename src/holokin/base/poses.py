@@ -10,6 +10,9 @@ from .arguments import typed
 from .errors import ArgumentError, ShapeError
 from .types import ROTATION, Array, ArrayLike, check_rotation, finite, last_row_gap, numbers, rotation_gap, tool_pose
 
+QuaternionOrder = Literal["wxyz", "xyzw"]
+"""Where the scalar w of a quaternion stands: first, or last."""
+
 ORDERS = {"wxyz": (1, 2, 3, 0), "xyzw": (0, 1, 2, 3)}
 """Where x, y, z and the scalar w stand in a quaternion of each order."""
 
@@ -46,7 +49,7 @@ PoseLike = ArrayLike | MatrixPose | HomogeneousPose
 
 @typed
 def pose_of(
-    position: ArrayLike, quaternion: ArrayLike | MatrixPose, *, order: Literal["wxyz", "xyzw", ""] = ""
+    position: ArrayLike, quaternion: ArrayLike | MatrixPose, *, order: QuaternionOrder | Literal[""] = ""
 ) -> Array:
     """The pose of a position and a quaternion or rotation, or of many: T = [R p; 0 1].
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from ..base.arguments import typed
 from ..base.errors import ArgumentError
+from ..base.poses import QuaternionOrder
 from ..base.types import Array, Value
 from ..motion.control.libraries import extra
 from ..motion.ik import InverseKinematics
@@ -20,7 +21,7 @@ class JaxInverse(Value):
     ik: InverseKinematics
     _joints: JointMap
 
-    def __call__(self, poses: Any, quaternions: Any = None, *, order: str | None = None) -> JointTensors:
+    def __call__(self, poses: Any, quaternions: Any = None, *, order: QuaternionOrder | None = None) -> JointTensors:
         """Joints of tool poses, each as `ik.batch` finds it, with exact first and second derivatives.
 
         It is the function of `hk.learning.torch.inverse`, for JAX: see there what the derivative by the entries of a

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..base.arguments import typed
+from ..base.poses import QuaternionOrder
 from ..base.types import Value
 from ..motion.control.libraries import extra
 from ..motion.ik import InverseKinematics
@@ -19,7 +20,7 @@ class TorchInverse(Value):
     ik: InverseKinematics
     _joints: JointMap
 
-    def __call__(self, poses: Any, quaternions: Any = None, *, order: str | None = None) -> JointTensors:
+    def __call__(self, poses: Any, quaternions: Any = None, *, order: QuaternionOrder | None = None) -> JointTensors:
         """Joints of tool poses, each as `ik.batch` finds it, with exact first and second derivatives.
 
             dq = G(q) E(R) (v, w),  v = p',  w the angular velocity of R

@@ -302,7 +302,8 @@ def ask_cycles(setup: AuditSetup, path: Path) -> Answer:
     walk = setup.run(path, cycles=setup.cycles)
     unfollowed = setup.went_round(walk, path)
     if unfollowed:
-        raise ControllerError(setup.law.name, unfollowed, walk)
+        cure = "feedback, dq = J^+ (x' + K e), or a smaller dt keeps it on the path"
+        raise ControllerError(setup.law.name, f"after its cycles: {unfollowed}; {cure}", walk)
     fine = setup.run(path, dt=setup.dt / 2)
     each = np.abs(walk.drift()).max(axis=1)
     total = largest(walk.drift_since_start()[-1])

@@ -63,7 +63,7 @@ class PoseStatus(NoTruthValue, IntEnum, ask="`is PoseStatus.REACHED`"):
 _TEXTS = {
     PoseStatus.REACHED: "reached",
     PoseStatus.LIMIT: "a joint is beyond its limit on this leaf",
-    PoseStatus.ALGORITHMIC: "the leaf ends before: the law is singular there, the arm is not",
+    PoseStatus.ALGORITHMIC: "the leaf ends before: the strategy is singular there, the arm is not",
     PoseStatus.KINEMATIC: "the leaf ends before: the arm is singular there",
     PoseStatus.REPRESENTATION: "the leaf ends before: a representation, the task's or the rule's, ends there",
     PoseStatus.STOPPED: "no path could be shown to keep to the leaf",

@@ -268,7 +268,7 @@ def coordinates_of(chart: FrameTask, Q: Matrix) -> Coordinates:
     x, angular = chart.value_batch(Q), np.array([unit == "rad" for unit in chart.units])
     if chart._turns and (turn := float(np.linalg.norm(x[:, angular], axis=1).max())) > FAR:
         what = "the largest turn of the workspace from its middle orientation [rad]"
-        raise ArgumentError(what, turn, f"keep it below {FAR:g}, or design two laws")
+        raise ArgumentError(what, turn, f"keep it below {FAR:g}, or design two strategies")
     P = np.hstack([_directions(x, np.flatnonzero(rows)) for rows in (~angular, angular)])
     if not P.shape[1]:
         raise ArgumentError("the directions in which the workspace reaches", 0, "give poses that are not all alike")

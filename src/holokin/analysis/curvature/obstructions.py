@@ -250,7 +250,7 @@ class ElbowField(TangentField):
     def _checked(self, q: Vector, dx: Vector) -> Vector:
         dq, rcond, margin = self._rate(q, dx)
         if not (rcond > TOLERANCES.singular and margin > TOLERANCES.representation):
-            raise SingularityError(SingularityKind.ALGORITHMIC, q, "a law on the sphere", float(rcond))
+            raise SingularityError(SingularityKind.ALGORITHMIC, q, "a strategy on the sphere", float(rcond))
         return dq
 
     @abstractmethod

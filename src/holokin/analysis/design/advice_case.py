@@ -136,7 +136,9 @@ class Case:
                 best = ranked(found)[0]
                 trials += tried(_there(candidate), best.q0[None], self.poses)
         if not trials:
-            raise ArgumentError("the laws that fit", 0, "give another start posture: all are singular at this one")
+            raise ArgumentError(
+                "the strategies that fit", 0, "give another start posture: all are singular at this one"
+            )
         trials = distinct(ranked(trials))
         trials += self._designed(trials)
         self.trials = {trial.candidate.name: trial for trial in trials}

@@ -379,7 +379,9 @@ def _postures(law: HolonomicStrategy, region: Region | Ball, q0: Vector, count: 
         return region.sample(count, seed)
     task = law.task
     if not region.along > 0:
-        cure = "give hk.analysis.curvature.ball(start, radius, along=...): a repeatable law has leaves side by side"
+        cure = (
+            "give hk.analysis.curvature.ball(start, radius, along=...): a repeatable strategy has leaves side by side"
+        )
         raise ArgumentError("`along` of the ball", region.along, cure)
     u, pose = sobol(4, count, seed), task.pose(q0)
     poses = pose_from(_positions(pose[:3, 3], region.radius, u, task.robot.planar), pose[:3, :3])

@@ -234,7 +234,7 @@ def level_range(
     of_one_tool(strategy.task, "a range of levels")
     rows = strategy.task.n - strategy.task.m
     if rows != 1:
-        cure = "ask of a law with one redundant joint, or lock the others"
+        cure = "ask of a strategy with one redundant joint, or lock the others"
         raise ArgumentError("the number of rows of the constraint", rows, cure)
     positive("step", step)
     begin = start_posture(strategy.task.robot, q0, limits)

@@ -335,7 +335,9 @@ def _write_advice(path: FilePath, advice: Advice, asked: Question) -> None:
         if _runs(text, path):
             write_new(path, text)
             return
-    raise ArgumentError("the circle of the job", None, "none was found that the law follows: write a path of your own")
+    raise ArgumentError(
+        "the circle of the job", None, "none was found that the strategy follows: write a path of your own"
+    )
 
 
 def _advised_job_text(path: FilePath, advice: Advice, asked: Question, radius: float) -> str:

@@ -102,7 +102,9 @@ class Source:
         longest = max(self.functions, key=lambda key: self.functions[key].program.instructions)
         if (size := self.functions[longest].program.instructions) > LARGEST:
             fact = f"{longest} of {self.strategy.name!r} is {size:,} operations long, {LARGEST:,} are the most"
-            raise ExportError(fact, "take a shorter law; of one with leaves hk.strategies.fitted makes a polynomial")
+            raise ExportError(
+                fact, "take a shorter strategy; of one with leaves hk.strategies.fitted makes a polynomial"
+            )
 
     @property
     def holonomic(self) -> HolonomicStrategy | None:
@@ -309,7 +311,7 @@ def library(source: Source, words: Mapping[str, Any]) -> str:
         s = source.holonomic
         branch = branch_code(s) + rays_code(s) + free_code(s.task) if s else ""
     except NativeError as problem:
-        raise ExportError(problem.fact, "write the law without it") from None
+        raise ExportError(problem.fact, "write the strategy without it") from None
     transport = source.strategy.looped.transport
     if transport is not None:  # which comes with each of them, and is needed once
         bodies, branch = transport.c + bodies.replace(transport.c, ""), branch.replace(transport.c, "")
