@@ -15,7 +15,7 @@ timed = hk.retime(walk, acceleration=5.0, profile="trapezoidal", dt=0.004)
 
 for height in (0.25, 0.35):
     rim = hk.obstacle("rim", hk.robot.Capsule(0.02, 0.6), [start[0], start[1], height], [np.pi / 2, 0, 0])
-    report = hk.check(timed, robot, task=task, scene=hk.Scene(obstacles=[rim], floor=0.0, clearance=0.02))
+    report = hk.check(timed, hk.Scene(obstacles=[rim], floor=0.0, clearance=0.02), task=task)
     nearest = report.pairs[0]
     print(f"rim at {height} m: {' and '.join(nearest.pair)} are {nearest.least:.3f} m apart at {nearest.time:.2f} s")
     for finding in report.findings:

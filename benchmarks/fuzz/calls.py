@@ -82,10 +82,10 @@ def calls() -> dict[str, Call]:
             robot, "pin", hk.robot.Capsule(0.1, 0.2), [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {"tip": None}),
         "obstacle": (hk.obstacle, ("ball", hk.robot.Capsule(0.1), [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]), {}),
         "chain_length": (hk.robot.chain_length, (robot,), {}),
-        "Scene": (lambda **named: hk.check(walk, robot, hk.Scene(**named)), (), around),
-        "check": (hk.check, (walk, robot), {
+        "Scene": (lambda **named: hk.check(walk, hk.Scene(**named), robot=robot), (), around),
+        "check": (hk.check, (walk,), {"robot": robot,
             "task": task, **shapes, "limits": True, "margin": 0.1, "rcond": 0.01}),
-        "CheckReport.save": (hk.check(walk, robot).save, ("check.json",), {}),
+        "CheckReport.save": (hk.check(walk, robot=robot).save, ("check.json",), {}),
         **{kind.__name__: (lambda *a, make=kind, **n: hk.obstacle("it", make(*a, **n)), sizes, {}) for kind, sizes in (
             (hk.robot.Box, ([0.1, 0.2, 0.3],)), (hk.robot.Capsule, (0.1, 0.2)), (hk.robot.Cylinder, (0.1, 0.2)),
             (hk.robot.Ellipsoid, ([0.1, 0.2, 0.3],)),

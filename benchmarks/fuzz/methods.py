@@ -169,7 +169,7 @@ def things() -> dict[str, Any]:
     made: dict[str, Callable[[], Any]] = {
         "ik": lambda: hk.ik(held, q), "verdict": lambda: hk.involutivity(held, k["region"], samples=4),
         "controller": lambda: hk.controller(held, dt=0.02, q0=q), "constraint": lambda: hk.lock(2),
-        "check": lambda: hk.check(walk, robot),
+        "check": lambda: hk.check(walk, robot=robot),
         "drift": lambda: hk.drift(held, k["loop"], q, samples=4), "timed": lambda: k["timed"],
         "postures": lambda: hk.motion.ik.all_postures(held, robot.pose(q), held.g(q), starts=8),
         "watch": lambda: hk.motion.LoopWatch(0.1), "status": lambda: hk.motion.Status.COMPLETE,

@@ -171,7 +171,7 @@ def test_the_usual_slips_are_answered_with_the_right_form(panda: hk.Robot) -> No
         "hk.retime(trajectory, acceleration=5.0)": lambda: hk.retime(hk.follow(law, circle, PANDA_START, samples=9)),
         "call the function, arm_angle(...)": lambda: hk.holonomic(task, hk.arm_angle),  # type: ignore[arg-type]
         "call it as arm_angle(definition=": lambda: hk.arm_angle(panda),  # type: ignore[call-arg]
-        "call it as check(motion, robot, ": lambda: hk.check(circle, obstacles=[]),  # type: ignore[call-arg]
+        "call it as check(motion, scene=hk.Scene(obstacles=[...]), ": lambda: hk.check(circle, obstacles=[]),  # type: ignore[call-arg]
         "call it as workspace(box=None, ": lambda: hk.workspace([0.5, 0, 0.4]),  # type: ignore[call-arg]
         "where as hk.circle(start, center) or hk.workspace(box=(center, half)) makes it": lambda: hk.certify(
             law,

@@ -282,7 +282,7 @@ import holokin as hk
 robot = hk.load(sys.argv[1], tip="tip")
 (part,) = robot.shapes
 print(part.shape.fault)
-print(hk.check([[0.1, 0.2]], robot, scene=hk.Scene(floor=-1.0), limits=False).unread)
+print(hk.check([[0.1, 0.2]], hk.Scene(floor=-1.0), robot=robot, limits=False).unread)
 q0 = [0.3, 0.8, -0.4]
 arm = hk.from_dh([{"a": 0.3}, {"a": 0.3}, {"a": 0.2}])
 task = hk.position(arm, rows=[0, 1])

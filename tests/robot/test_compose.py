@@ -239,7 +239,7 @@ def test_a_table_beside_an_arm_rides_with_it_on_a_rail_and_stands_still_on_the_g
     along = np.linspace(whole.lower[0], whole.upper[0], 5)
     Q = np.column_stack([along, np.tile([0.3, -1.1, 1.4, -0.8, 0.7, 0.2], (5, 1))])
     near, still = (
-        {one.pair: one.least for one in hk.check(rows, whole).pairs if "table" in one.pair} for rows in (Q, Q[:1])
+        {one.pair: one.least for one in hk.check(rows, robot=whole).pairs if "table" in one.pair} for rows in (Q, Q[:1])
     )
     assert near and near == pytest.approx(still, abs=1e-9)
 

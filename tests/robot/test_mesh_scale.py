@@ -90,7 +90,7 @@ def test_a_check_finds_such_a_mesh_as_far_from_a_ball_as_its_box_is(
     nearest = np.maximum(np.abs(center) - half, 0.0)
     for clearance in (0.0, 2.0):
         scene = hk.Scene([hk.obstacle("ball", Capsule(POST))], clearance=clearance)
-        report = hk.check([[0.0, 0.0]], robot, scene, limits=False)
+        report = hk.check([[0.0, 0.0]], scene, robot=robot, limits=False)
         (pair,) = (one for one in report.pairs if set(one.pair) == {"a", "ball"})
         assert pair.least == pytest.approx(np.linalg.norm(nearest) - POST, abs=1e-5)
 

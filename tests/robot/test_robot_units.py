@@ -157,7 +157,7 @@ def test_calibrated_axes_nearly_parallel_are_in_metres_however_far_their_frames_
     with pytest.raises(HolokinError, match="millimetres"):
         hk.with_tool(robot, [0, 0, 150])
     if reader is from_table:  # its capsules are those of an arm, too
-        assert hk.check(np.zeros((2, robot.n)), robot, scene=hk.Scene(floor=-20.0, self_collision=False)).passed
+        assert hk.check(np.zeros((2, robot.n)), hk.Scene(floor=-20.0, self_collision=False), robot=robot).passed
     assert hk.with_tool(robot, [0, 0, 150], trust_units=True).n == robot.n
 
 

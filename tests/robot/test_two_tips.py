@@ -82,7 +82,7 @@ def test_two_tips_of_one_file_are_one_robot_that_does_not_meet_itself(folder: Pa
     left, right = (hk.load(file, tip=f"{side}_hand") for side in ("left", "right"))
     twice = hk.compose(hk.robot.Part(left, prefix="a_"), hk.robot.Part(right, on="base", prefix="b_"))
     q = np.array([0.4, 0.3, 0.2, 0.3, -0.4, 0.3, -0.2, 0.3])
-    assert not hk.check(np.zeros((1, 8)) + q, twice, scene=hk.Scene(clearance=0.005)).passed
+    assert not hk.check(np.zeros((1, 8)) + q, hk.Scene(clearance=0.005), robot=twice).passed
     robot = build_robot(*open_job(str(_job(folder, ONE)))[1:])
     assert [tip.name for tip in robot.tips] == ["left_hand", "right_hand"]
     assert len(robot.shapes) == len(left.shapes) == 9

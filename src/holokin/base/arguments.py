@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 import numpy as np
 
 from .errors import SYNONYMS, ArgumentError, CallError, PickleError, UnknownNameError, brief
-from .types import Array, Flags, Value, Vector, frozen, number
+from .types import Array, Flags, Shown, Value, Vector, frozen, number
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -48,7 +48,8 @@ def typed(function: F) -> F:
         wanted, tests, in_order = prepared
         for value, (name, test) in zip(arguments, in_order, strict=False):
             if test is not None and not test(value):
-                check(name, wanted[name], value)
+                others = [one for one, takes in tests.items() if isinstance(value, Shown) and takes(value)]
+                check(name, wanted[name], value, f"; {others[0]}= takes it" if others else "")
         if rest in tests:
             for value in arguments[len(names) :]:
                 check(rest, wanted[rest], value)
@@ -118,13 +119,13 @@ def type_methods(kind: type) -> None:
             setattr(kind, name, typed(method))
 
 
-def check(what: str, kind: Any, value: Any) -> None:
-    """Raises: ArgumentError unless a value is of a kind, as annotations name them."""
+def check(what: str, kind: Any, value: Any, more: str = "") -> None:
+    """Raises: ArgumentError unless a value is of a kind, as annotations name them; its cure ends with `more`."""
     test = _test(kind)
     if test is not None and not test(value):
         if hasattr(kind, "cure"):  # a kind of ours that says how to make one
             raise ArgumentError(what, value, kind.cure)
-        raise ArgumentError(what, value, f"give {_words(kind)}{_advice(test, kind, value)}")
+        raise ArgumentError(what, value, f"give {_words(kind)}{_advice(test, kind, value)}{more}")
 
 
 MAKERS = {

@@ -87,7 +87,7 @@ def from_a_stranger() -> list[Any]:
     walk, ik = hk.follow(law, loop, q0, samples=20), hk.ik(law, q0)
     return [
         robot, task, law, hk.lock(2, name=EVIL), loop, walk, ik, ik.batch(space.poses(5)), ik.nearest(robot.pose(q0)),
-        hk.involutivity(hk.moore_penrose(task), hk.around(q0, 0.1), samples=4), hk.check(walk, robot),
+        hk.involutivity(hk.moore_penrose(task), hk.around(q0, 0.1), samples=4), hk.check(walk, robot=robot),
         hk.coverage(law, space, q0, samples=4), hk.audit(law, task, q0=q0, dt=0.1, cycles=3),
         hk.drift(law, loop, q0, samples=20), hk.certify(law, loop, q0), OwnCost(EVIL, function=len),
         hk.design(task, space, q0, degree=0, samples=4),

@@ -122,7 +122,7 @@ def test_a_panda_changes_its_elbow_where_it_is_allowed_and_a_controller_can_play
     walk = found.trajectory
     timed = hk.retime(walk, acceleration=10.0, profile="trapezoidal", dt=0.001)
     for motion in (walk, timed):
-        report = hk.check(motion, task.robot, task=task, scene=None)
+        report = hk.check(motion, None, robot=task.robot, task=task)
         assert report.passed and [text[:13] for text in report.observations] == ["a self-motion"]
     first = len(found.pieces[0].trajectory) - 1
     begin, end = walk.q[first], walk.q[first + len(found.seams[0].q) - 1]

@@ -55,7 +55,7 @@ def test_a_seam_of_a_panda_keeps_the_limits_of_speed_and_the_pose() -> None:
     walk = seam.trajectory
     assert walk.tracking_error("m") < 1e-9
     assert walk.tracking_error("rad") < 1e-9
-    assert hk.check(walk, task.robot, scene=None).passed
+    assert hk.check(walk, None, robot=task.robot).passed
     share = (np.abs(np.diff(q, axis=0)) / np.diff(seam.motion.t)[:, None] / task.robot.max_velocity).max()
     assert 0.98 < share <= 1 + 1e-9  # the fastest joint takes its limit
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(seams))[0].q, seam.q)
@@ -91,7 +91,7 @@ def test_pairs_without_a_seam_say_why() -> None:
     scene = hk.Scene([post], self_collision=False)
     blocked = map_of(task, space, [up, down], 6, scene)
     for one in blocked.seams():
-        report = hk.check(one.trajectory, task.robot, scene=scene)
+        report = hk.check(one.trajectory, scene, robot=task.robot)
         assert report.passed, report
     none = free.seams(at=lambda _pose: False)
     assert none.missing[0].reason == Hindrance.NO_POSE.text

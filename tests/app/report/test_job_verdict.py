@@ -171,7 +171,7 @@ def test_an_open_path_and_a_failed_expectation_are_told(circle: JobResult) -> No
 
 
 def test_pairs_that_were_left_out_and_capsules_for_links_are_named_as_not_tested(circle: JobResult) -> None:
-    report = hk.check(circle.strategies[0].cycles.q, circle.robot)
+    report = hk.check(circle.strategies[0].cycles.q, robot=circle.robot)
     said = " ".join(not_tested(replace(circle, strategies=(replace(circle.strategies[0], motion_check=report),))))
     assert f"{len({one.pair for one in report.left_out})} pairs of links" in said and report.left_out
     assert "capsules of radius" in said and "has no [checks]" not in said

@@ -181,7 +181,7 @@ def test_a_pair_is_as_near_as_pinocchio_finds_or_its_hulls_are_nearer(arm: tuple
     near = 0
     for _ in range(3):
         q = rng.uniform(np.maximum(robot.lower, -2.5), np.minimum(robot.upper, 2.5))
-        report = hk.check(q[None], robot, limits=False, scene=hk.Scene(clearance=0.05))
+        report = hk.check(q[None], hk.Scene(clearance=0.05), robot=robot, limits=False)
         wanted = pinocchio_least(file, q, robot.joint_names, [one.pair for one in report.pairs])
         for one, exact in zip(report.pairs, wanted, strict=True):
             assert one.least <= max(exact, 0.0) + 1e-6
@@ -194,13 +194,13 @@ def test_a_pair_is_as_near_as_pinocchio_finds_or_its_hulls_are_nearer(arm: tuple
 def test_a_folded_panda_touches_itself_where_pinocchio_says_so() -> None:
     robot = hk.load(urdf("panda.urdf"), tip="panda_hand", locked={"panda_finger_joint1": 0.0})
     q = np.array([0.0, 1.2, 0.0, -3.05, 0.0, 0.2, 0.8])
-    report = hk.check(q[None], robot, limits=False)
+    report = hk.check(q[None], robot=robot, limits=False)
     told = {one.what: one.value for one in report.findings if one.value <= 0}
     pairs = [one.pair for one in report.pairs]
     exact = dict(zip(pairs, pinocchio_least("panda.urdf", q, robot.joint_names, pairs), strict=True))
     assert told
     assert {pair for pair, value in exact.items() if value <= 0} == set(told)
-    clear = hk.check(PANDA_START[None], robot, limits=False)
+    clear = hk.check(PANDA_START[None], robot=robot, limits=False)
     assert clear.passed and clear.clearance > 0.01
 
 

@@ -37,21 +37,21 @@ def recorded(robot: hk.Robot, t: np.ndarray, q: np.ndarray) -> Recording:
 def test_a_joint_beyond_its_limit_is_told_with_its_time_and_value(arm: hk.Robot) -> None:
     """a = t - 2 from 0 to 5 s passes -1 at 1 s and 2 at 4 s; it is worst at the ends."""
     t = np.linspace(0, 5, 501)
-    report = hk.check(recorded(arm, t, np.column_stack([t - 2, 0.5 * np.sin(t)])), arm, scene=None)
+    report = hk.check(recorded(arm, t, np.column_stack([t - 2, 0.5 * np.sin(t)])), None, robot=arm)
     low, high = report.findings
     assert [low.kind, high.kind] == [FindingKind.POSITION] * 2 and low.what == high.what == ("a",)
     assert (low.start, low.time, low.value, low.limit) == (0.0, 0.0, -2.0, -1.0)
     assert low.stop == pytest.approx(0.99) and high.start == pytest.approx(4.01)
     assert (high.time, high.value, high.limit, high.index) == (5.0, 3.0, 2.0, 500)
     assert not report.passed
-    near = hk.check(recorded(arm, t, np.column_stack([0 * t, 0.5 * np.sin(t)])), arm, margin=1.2, scene=None)
+    near = hk.check(recorded(arm, t, np.column_stack([0 * t, 0.5 * np.sin(t)])), None, robot=arm, margin=1.2)
     assert [(f.what, f.limit) for f in near.findings] == [(("a",), pytest.approx(0.2))]  # -1 + 1.2 is above 0
 
 
 def test_a_joint_that_is_too_fast_is_told_with_its_time_and_speed(arm: hk.Robot) -> None:
     """b = sin(2 t) is faster than 1.5 where 2 |cos 2t| > 1.5: until 0.361 s, and around pi / 2."""
     t = np.linspace(0, 2, 2001)
-    report = hk.check(recorded(arm, t, np.column_stack([0 * t, np.sin(2 * t)])), arm, scene=None)
+    report = hk.check(recorded(arm, t, np.column_stack([0 * t, np.sin(2 * t)])), None, robot=arm)
     first, second = report.findings
     assert first.kind is FindingKind.VELOCITY and first.what == ("b",) and first.unit == "rad/s"
     edge = np.arccos(0.75) / 2
@@ -68,9 +68,9 @@ def test_a_timed_motion_keeps_its_own_limits_and_breaks_smaller_ones(planar_3r: 
     walk = hk.follow(hk.moore_penrose(task), hk.line(start, start + [0.1, 0, 0]), R3_START, samples=50)
     bounds = {"acceleration": 2.0, "jerk": 40.0, "velocity": 1.0}
     timed = hk.retime(walk, profile="trapezoidal", dt=0.01, **bounds)
-    assert hk.check(timed, planar_3r, task=task, scene=None).passed
+    assert hk.check(timed, None, robot=planar_3r, task=task).passed
     half = type(timed.limits)(*(getattr(timed.limits, key) / (2 if key in bounds else 1) for key in vars(timed.limits)))
-    report = hk.check(type(timed)(**vars(timed) | {"limits": half}), planar_3r, scene=None)
+    report = hk.check(type(timed)(**vars(timed) | {"limits": half}), None, robot=planar_3r)
     told = [f for f in report.findings if f.kind is FindingKind.ACCELERATION]
     assert told and max(f.value for f in told) == pytest.approx(np.abs(timed.ddq).max())
 
@@ -80,12 +80,12 @@ def test_a_stretched_arm_is_told_to_be_near_singular_when_it_is(arm: hk.Robot) -
     t = np.linspace(0, 2, 4001)
     task = hk.position(arm, rows=[0, 1])
     motion = recorded(arm, t, np.column_stack([0 * t, t - 1]))
-    (found,) = hk.check(motion, arm, task=task, scene=None).findings
+    (found,) = hk.check(motion, None, robot=arm, task=task).findings
     assert found.kind is FindingKind.SINGULARITY and found.time == pytest.approx(1.0, abs=1e-3)
     assert found.value < 1e-9 and found.limit == 0.01
     assert 0.5 * (found.stop - found.start) == pytest.approx(0.05, rel=2e-2)
-    assert hk.check(motion, arm, task=task, rcond=0.0, scene=None).passed
-    assert any("no task" in text for text in hk.check(motion, arm, scene=None).remarks)
+    assert hk.check(motion, None, robot=arm, task=task, rcond=0.0).passed
+    assert any("no task" in text for text in hk.check(motion, None, robot=arm).remarks)
 
 
 def test_a_capsule_meets_a_ball_when_geometry_says(arm: hk.Robot) -> None:
@@ -97,7 +97,7 @@ def test_a_capsule_meets_a_ball_when_geometry_says(arm: hk.Robot) -> None:
     ball = hk.obstacle("ball", Capsule(0.2), [0, 1.5, 0])
     robot = hk.robot.with_capsules(arm, 0.1)
     report = hk.check(
-        recorded(robot, t, np.column_stack([t, 0 * t])), robot, scene=hk.Scene(obstacles=[ball]), limits=False
+        recorded(robot, t, np.column_stack([t, 0 * t])), hk.Scene(obstacles=[ball]), robot=robot, limits=False
     )
     (found,) = report.findings
     assert found.kind is FindingKind.COLLISION and found.what == ("b", "ball")
@@ -105,8 +105,8 @@ def test_a_capsule_meets_a_ball_when_geometry_says(arm: hk.Robot) -> None:
     assert found.value == pytest.approx(1.5 * np.cos(1.5) - 0.3, abs=1e-9) and found.limit == 0.01
     brief = hk.check(
         recorded(robot, t[:130], np.column_stack([t, 0 * t])[:130]),
-        robot,
-        scene=hk.Scene(obstacles=[ball]),
+        hk.Scene(obstacles=[ball]),
+        robot=robot,
         limits=False,
     )
     assert brief.passed and brief.bound >= 0.01 and brief.clearance == pytest.approx(1.5 * np.cos(1.29) - 0.3, abs=1e-9)
@@ -117,38 +117,38 @@ def test_a_collision_between_two_samples_is_found(arm: hk.Robot) -> None:
     robot = hk.robot.with_capsules(arm, 0.05)
     ball = hk.obstacle("ball", Capsule(0.1), [1.8, 0, 0])
     motion = np.array([[-0.8, 0.0], [0.8, 0.0]])
-    report = hk.check(motion, robot, scene=hk.Scene(obstacles=[ball]), limits=False)
+    report = hk.check(motion, hk.Scene(obstacles=[ball]), robot=robot, limits=False)
     (found,) = report.findings
     assert found.what == ("b", "ball") and found.kind is FindingKind.COLLISION
     assert found.start < found.time < found.stop and found.time == pytest.approx(0.5, abs=0.05)
     assert found.value <= -0.14
     for row in motion:
-        assert hk.check(row[None], robot, scene=hk.Scene(obstacles=[ball]), limits=False).passed
+        assert hk.check(row[None], hk.Scene(obstacles=[ball]), robot=robot, limits=False).passed
 
 
 def test_a_tool_below_the_floor_is_told_with_its_depth() -> None:
     """A bar of 0.1 m radius goes down from 0.5 m to -0.5 m: its lowest point is 0.1 m below its middle line."""
     flat = hk.robot.with_capsules(hk.from_dh([{"joint": "s", "kind": "prismatic", "a": 0.5}]), 0.1)
     t = np.linspace(0, 1, 11)
-    report = hk.check(recorded(flat, t, 0.5 - t[:, None]), flat, scene=hk.Scene(floor=0.0))
+    report = hk.check(recorded(flat, t, 0.5 - t[:, None]), hk.Scene(floor=0.0), robot=flat)
     (found,) = report.findings
     assert found.what == ("s", "floor") and found.value == pytest.approx(-0.6) and found.time == 1.0
     assert found.start == pytest.approx(0.4)
-    assert hk.check(recorded(flat, t, 0.5 - 0.3 * t[:, None]), flat, scene=hk.Scene(floor=0.0)).passed
+    assert hk.check(recorded(flat, t, 0.5 - 0.3 * t[:, None]), hk.Scene(floor=0.0), robot=flat).passed
 
 
 def test_pairs_that_are_left_out_are_named_with_the_reason(panda: hk.Robot) -> None:
-    report = hk.check(PANDA_START[None], panda)
+    report = hk.check(PANDA_START[None], robot=panda)
     reasons = {one.pair: one.reason for one in report.left_out}
     assert "parent and child" in reasons["base", "panda_joint2"]
     assert "random postures" in reasons["panda_joint2", "panda_joint4"]
     assert any("0.071 m" in text for text in report.remarks)
     looked = {one.pair for one in report.pairs}
     assert ("base", "panda_joint7") in looked and not looked & set(reasons)
-    less = hk.check(PANDA_START[None], panda, scene=hk.Scene(allowed=[("panda_joint7", "base")]))
+    less = hk.check(PANDA_START[None], hk.Scene(allowed=[("panda_joint7", "base")]), robot=panda)
     assert ("base", "panda_joint7") not in {one.pair for one in less.pairs}
     assert {one.reason for one in less.left_out if one.pair == ("base", "panda_joint7")} == {"allowed to touch"}
-    assert hk.check(PANDA_START[None], panda, scene=None).pairs == ()
+    assert hk.check(PANDA_START[None], None, robot=panda).pairs == ()
 
 
 def test_a_tool_is_looked_at_where_it_is_carried(arm: hk.Robot) -> None:
@@ -157,11 +157,11 @@ def test_a_tool_is_looked_at_where_it_is_carried(arm: hk.Robot) -> None:
     pin = hk.robot.with_shape(
         hk.robot.with_capsules(arm, 0.05), "pin", Capsule(0.01, 0.2), [0.1, 0, 0], [0, np.pi / 2, 0]
     )
-    report = hk.check(np.zeros((1, 2)), pin, scene=hk.Scene(obstacles=[ball]))
+    report = hk.check(np.zeros((1, 2)), hk.Scene(obstacles=[ball]), robot=pin)
     assert report.passed and report.pairs[0].pair == ("pin", "ball")
     assert report.clearance == pytest.approx(2.3 - 2.2 - 0.01 - 0.05)
     assert (
-        hk.check(np.zeros((1, 2)), hk.robot.with_shape(arm, "pin", Capsule(0.01)), scene=hk.Scene(floor=-1.0)).unseen
+        hk.check(np.zeros((1, 2)), hk.Scene(floor=-1.0), robot=hk.robot.with_shape(arm, "pin", Capsule(0.01))).unseen
         == ()
     )
     with pytest.raises(UnknownNameError):
@@ -174,11 +174,11 @@ def test_a_missing_mesh_costs_its_link_and_nothing_else(tmp_path: Path) -> None:
     robot = hk.load(tmp_path / "panda.urdf", tip="panda_hand", locked={"panda_finger_joint1": 0.0})
     whole = hk.load(urdf("panda.urdf"), tip="panda_hand", locked={"panda_finger_joint1": 0.0})
     assert np.array_equal(robot.pose(PANDA_START), whole.pose(PANDA_START))
-    report = hk.check(PANDA_START[None], robot)
+    report = hk.check(PANDA_START[None], robot=robot)
     assert {"panda_link0", "panda_hand"} <= {one.link for one in report.unseen}
     assert all("link" in one.reason or "hand" in one.reason for one in report.unseen if "mesh" in one.reason)
     assert "not looked at: panda_link5: there is no such mesh" in report.table()
-    assert hk.check(PANDA_START[None], whole).unseen == ()
+    assert hk.check(PANDA_START[None], robot=whole).unseen == ()
 
 
 def test_a_broken_collision_element_does_not_hinder_the_kinematics(tmp_path: Path) -> None:
@@ -187,7 +187,7 @@ def test_a_broken_collision_element_does_not_hinder_the_kinematics(tmp_path: Pat
     (tmp_path / "broken.urdf").write_text(text, "utf-8")
     robot = hk.load(tmp_path / "broken.urdf", tip="panda_hand", locked={"panda_finger_joint1": 0.0})
     assert robot.pose(PANDA_START)[2, 3] > 0
-    assert {one.reason for one in hk.check(PANDA_START[None], robot).unseen} >= {
+    assert {one.reason for one in hk.check(PANDA_START[None], robot=robot).unseen} >= {
         "its <collision> elements cannot be read"
     }
 
@@ -198,8 +198,8 @@ def test_shapes_stay_on_their_links_when_robots_are_put_together() -> None:
     cell = hk.compose(hk.load("rail"), hk.robot.Part(arm, pose=[0, 0, 0.4], rpy=[0, 0, 1.0], prefix="r_"))
     q = np.array([0.3, -1.2, 1.4, -1.0, -1.5, 0.2])
     alone, both = (
-        hk.check(q[None], arm, scene=hk.Scene(floor=-1.0)),
-        hk.check(np.array([[0.0, *q]]), cell, scene=hk.Scene(floor=-0.6)),
+        hk.check(q[None], hk.Scene(floor=-1.0), robot=arm),
+        hk.check(np.array([[0.0, *q]]), hk.Scene(floor=-0.6), robot=cell),
     )
     wanted = {one.pair: one.least for one in alone.pairs}
     found = {tuple(name.removeprefix("r_") for name in one.pair): one.least for one in both.pairs}
@@ -213,15 +213,17 @@ def test_bad_questions_are_refused(panda: hk.Robot, arm: hk.Robot) -> None:
             hk.Scene(**wrong)
     for wrong in ({"margin": np.inf}, {"rcond": -1.0}, {"task": "pose"}, {"scene": 0.1}):
         with pytest.raises(ArgumentError):
-            hk.check(Q, panda, task=hk.pose(panda), **wrong) if "task" not in wrong else hk.check(Q, panda, **wrong)
+            hk.check(Q, robot=panda, task=hk.pose(panda), **wrong) if "task" not in wrong else hk.check(
+                Q, robot=panda, **wrong
+            )
     with pytest.raises(ShapeError):
-        hk.check(Q, arm)
+        hk.check(Q, robot=arm)
     with pytest.raises(ArgumentError, match="moves a, b"):
-        hk.check(recorded(arm, np.zeros(1), np.zeros((1, 2))), panda)
+        hk.check(recorded(arm, np.zeros(1), np.zeros((1, 2))), robot=panda)
     with pytest.raises(UnknownNameError, match="panda_joint9"):
-        hk.check(Q, panda, scene=hk.Scene(allowed=[("panda_joint9", "base")]))
+        hk.check(Q, hk.Scene(allowed=[("panda_joint9", "base")]), robot=panda)
     with pytest.raises(ArgumentError, match="at least one"):
-        hk.check(np.zeros((0, 7)), panda)
+        hk.check(np.zeros((0, 7)), robot=panda)
     with pytest.raises(UnknownNameError):
         hk.robot.with_capsules(panda, {"no link": 0.1})
     with pytest.raises(ArgumentError):
@@ -232,10 +234,10 @@ def test_without_coal_capsules_are_looked_at_and_boxes_ask_for_it(
     panda: hk.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "coal", None)
-    assert hk.check(PANDA_START[None], panda, scene=hk.Scene(floor=0.0)).passed
+    assert hk.check(PANDA_START[None], hk.Scene(floor=0.0), robot=panda).passed
     table = hk.obstacle("table", Box([1, 1, 0.1]), [0.5, 0, 0])
     with pytest.raises(MissingExtraError, match=r"holokin\[collision\]"):
-        hk.check(PANDA_START[None], panda, scene=hk.Scene(obstacles=[table]))
+        hk.check(PANDA_START[None], hk.Scene(obstacles=[table]), robot=panda)
 
 
 # --- jobs and the command line ---
@@ -326,8 +328,8 @@ def test_a_shape_is_a_value(tmp_path: Path) -> None:
     import pickle
 
     robot = hk.load(urdf("ur5_robot.urdf"), tip="ee_link")
-    report = hk.check(np.zeros((1, 6)), robot)
+    report = hk.check(np.zeros((1, 6)), robot=robot)
     again = pickle.loads(pickle.dumps(robot))
     assert isinstance(again.shapes[0], LinkShape)
-    assert hk.check(np.zeros((1, 6)), again).pairs == report.pairs
+    assert hk.check(np.zeros((1, 6)), robot=again).pairs == report.pairs
     assert pickle.loads(pickle.dumps(report)) == report

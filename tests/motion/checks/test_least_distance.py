@@ -81,7 +81,7 @@ def test_where_clearances_are_kept_the_least_distance_is_no_less_than_was_wanted
     rng, passed, closer = np.random.default_rng(3), 0, 0
     for _ in range(16):
         robot, around, Q, wanted = drawn(rng)
-        report = hk.check(Q, robot, scene=hk.Scene(obstacles=around, clearance=wanted), limits=False)
+        report = hk.check(Q, hk.Scene(obstacles=around, clearance=wanted), robot=robot, limits=False)
         least_of(report, Q, Referee(robot, around))
         passed += report.passed
         closer += report.passed and any(one.least < wanted for one in report.pairs)
@@ -98,7 +98,7 @@ def test_the_same_of_many_more_arms(seed: int) -> None:
     for _ in range(40):
         robot, around, Q, wanted = drawn(rng)
         least_of(
-            hk.check(Q, robot, scene=hk.Scene(obstacles=around, clearance=wanted), limits=False),
+            hk.check(Q, hk.Scene(obstacles=around, clearance=wanted), robot=robot, limits=False),
             Q,
             Referee(robot, around),
         )
@@ -147,10 +147,10 @@ def test_meshes_that_go_through_each_other_collide_at_a_clearance_of_none(tmp_pa
     (tmp_path / "bars.urdf").write_text(text + "</robot>", "utf-8")
     robot, apart, through = hk.load(tmp_path / "bars.urdf"), [0.0, 2.0, 2.0], [0.0, 2.6, 2.6]
     for wanted in (0.0, 1e-6, 5.0):
-        report = hk.check(np.array([apart, through, apart]), robot, scene=hk.Scene(clearance=wanted), limits=False)
+        report = hk.check(np.array([apart, through, apart]), hk.Scene(clearance=wanted), robot=robot, limits=False)
         assert [(one.what, one.value) for one in report.findings] == [(("l0", "l2"), 0.0)] and not report.passed
         assert Clearances.of(robot, hk.Scene(clearance=wanted)).clear(np.array([apart, through])).tolist() == [
             True,
             False,
         ]
-    assert hk.check(np.array([apart]), robot, scene=hk.Scene(clearance=0.0)).passed
+    assert hk.check(np.array([apart]), hk.Scene(clearance=0.0), robot=robot).passed

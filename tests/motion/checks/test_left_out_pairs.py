@@ -88,7 +88,7 @@ def test_every_pair_of_a_random_tree_is_looked_at_or_parent_and_child(seed: int,
     q = rng.uniform(-1, 1, robot.n)
     on_rail = rng.random() < 0.3
     whole = hk.compose(hk.load("rail"), hk.robot.Part(robot, prefix="on ")) if on_rail else robot
-    report = hk.check(np.r_[[0.5] * on_rail, q][None], whole, scene=hk.Scene(clearance=0.0))
+    report = hk.check(np.r_[[0.5] * on_rail, q][None], hk.Scene(clearance=0.0), robot=whole)
     # the referee: the tree as it was written, and Pinocchio's places of the balls
     model = pin.buildModelFromXML(tree.text)
     data, full = model.createData(), pin.neutral(model)
@@ -135,7 +135,7 @@ def test_a_parked_arm_is_looked_at(base: bool, kind: str, tmp_path: Path) -> Non
     """By `check` and by `certify`, with and without a shape of the base, hung on it by any joints."""
     (tmp_path / "two.urdf").write_text(two_arms(base, kind), "utf-8")
     arm = hk.load(tmp_path / "two.urdf", tip="A3")
-    report = hk.check(np.array([[0.0, 0.3, 0.3], [0.1, 0.3, 0.3]]), arm, scene=hk.Scene(clearance=0.01))
+    report = hk.check(np.array([[0.0, 0.3, 0.3], [0.1, 0.3, 0.3]]), hk.Scene(clearance=0.01), robot=arm)
     assert not report.passed and ("B2", "A1") in [found.what for found in report.findings]
     q0, task = np.array([0, 0.3, 0.3]), hk.position(arm)[[0, 2]]
     start = arm.pose(q0)[:3, 3]
@@ -144,10 +144,10 @@ def test_a_parked_arm_is_looked_at(base: bool, kind: str, tmp_path: Path) -> Non
     if kind == "revolute":
         mujoco = pytest.importorskip("mujoco")
         same = hk.robot.from_mjcf(mujoco.MjModel.from_xml_string(two_arms(base, kind)), tip="A3")
-        assert ("B2", "A1") in [found.what for found in hk.check(np.array([[0.0, 0.3, 0.3]]), same).findings]
+        assert ("B2", "A1") in [found.what for found in hk.check(np.array([[0.0, 0.3, 0.3]]), robot=same).findings]
         # put up by its declared posture
         away = hk.load(tmp_path / "two.urdf", tip="A3", locked={"b2": 1.5})
-        assert hk.check(np.array([[0.0, 0.3, 0.3]]), away).passed
+        assert hk.check(np.array([[0.0, 0.3, 0.3]]), robot=away).passed
 
 
 def test_a_certificate_names_each_pair_that_is_left_out_with_its_kind(tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def test_a_certificate_names_each_pair_that_is_left_out_with_its_kind(tmp_path: 
     start = arm.pose(q0)[:3, 3]
     strategy, path = hk.holonomic(task, hk.lock("a3")), hk.line(start, start + [0.02, 0, 0])
     proof = hk.certify(strategy, path, q0, scene=hk.Scene(clearance=0.01, allowed=[("B1", "A2")]))
-    report = hk.check(q0[None], arm, scene=hk.Scene(allowed=[("B1", "A2")]))
+    report = hk.check(q0[None], hk.Scene(allowed=[("B1", "A2")]), robot=arm)
     assert proof.demands.clear.looked_at.left_out == report.left_out
     for text in (str(proof), report.table()):
         assert "parent and child: base and A1, A1 and A2, A2 and A3" in text
@@ -169,11 +169,13 @@ def test_a_tool_is_no_neighbour_of_the_link_before_the_one_that_carries_it() -> 
     row = {"a": 0.5, "lower": -2.9, "upper": 2.9}
     arm = hk.robot.with_capsules(hk.from_dh([row, row], name="two bars"), 0.03)
     pin_back = hk.robot.with_shape(arm, "pin", Capsule(0.01, 0.1), [-0.62, 0, 0], [0, np.pi / 2, 0])
-    (found,) = hk.check(np.array([[0.0, 0.3]]), pin_back).findings
+    (found,) = hk.check(np.array([[0.0, 0.3]]), robot=pin_back).findings
     assert found.what == ("q1", "pin")
     wrist = hk.from_dh([row, {**row, "a": 0.0}], name="a wrist")
     held = hk.robot.with_shape(wrist, "tool", Capsule(0.05), [0.02, 0, 0])
-    assert [(one.pair, one.reason) for one in hk.check(np.zeros((1, 2)), held).left_out] == [(("q1", "tool"), ADJACENT)]
+    assert [(one.pair, one.reason) for one in hk.check(np.zeros((1, 2)), robot=held).left_out] == [
+        (("q1", "tool"), ADJACENT)
+    ]
 
 
 # --- what the user allows ---
@@ -187,20 +189,20 @@ def test_the_floor_and_any_obstacle_may_be_allowed_for_one_link() -> None:
         hk.obstacle("crate", Box([0.05, 0.05, 0.05]), [0.5, 0.07, 0.03]),
     )
     scene = hk.Scene([crate], floor=0.0)
-    found = {found.what for found in hk.check(q, sledge, scene).findings}
+    found = {found.what for found in hk.check(q, scene, robot=sledge).findings}
     assert found == {("rail_joint", "floor"), ("rail_joint", "crate")}
     may = [("rail_joint", "floor"), ("crate", "rail_joint")]
     allowed = replace(scene, allowed=may)
-    report = hk.check(q, sledge, allowed)
+    report = hk.check(q, allowed, robot=sledge)
     assert report.passed and [one.pair for one in report.left_out if one.reason == ASKED] == [
         ("rail_joint", "crate"), ("rail_joint", "floor"),
     ]  # fmt: skip
     assert ("elbow_joint", "floor") in [one.pair for one in report.pairs]
     for pair, names in ((("rail_joint", "flor"), "rail_joint.*crate, floor"), (("crat", "rail_joint"), "crate")):
         with pytest.raises(UnknownNameError, match=names):
-            hk.check(q, sledge, replace(scene, allowed=[pair]))
+            hk.check(q, replace(scene, allowed=[pair]), robot=sledge)
     with pytest.raises(UnknownNameError, match="floor"):
-        hk.check(q, sledge, scene=hk.Scene(allowed=may[:1]))  # there is no floor
+        hk.check(q, hk.Scene(allowed=may[:1]), robot=sledge)  # there is no floor
     assert hk.motion.checks.Clearances.of(sledge, allowed).clear(q).all()
 
 

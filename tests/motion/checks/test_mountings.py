@@ -68,7 +68,7 @@ def test_wherever_a_robot_is_mounted_its_links_are_as_far_apart(name: str, seed:
         assert moved[pair] == pytest.approx(distances, rel=1e-12, abs=1e-12 if exact else 1e-6)
     assert chain_length(there) == pytest.approx(chain_length(robot), rel=1e-12)
     if exact:
-        reports = [hk.check(Q[:1], one, scene=hk.Scene(clearance=0.01)) for one in (robot, there)]
+        reports = [hk.check(Q[:1], hk.Scene(clearance=0.01), robot=one) for one in (robot, there)]
         assert len({(r.passed, len(r.findings), r.remarks) for r in reports}) == 1
 
 
@@ -81,7 +81,9 @@ def test_the_base_of_a_hung_arm_is_as_long_as_on_the_floor_and_a_pedestal_is_an_
     assert base.placement[:3, 3] == pytest.approx([0, 0, 2.6 - 0.1625 / 2])
     q = np.array([[0, -1.2, 1.3, -1.6, -1.5, 0]])
     column = hk.obstacle("column", Box([0.2, 0.2, 2.6]), [0.0, 0.0, 1.3])
-    assert hk.check(q, hung).passed and "column" in str(hk.check(q, hung, scene=hk.Scene(obstacles=[column])).findings)
+    assert hk.check(q, robot=hung).passed and "column" in str(
+        hk.check(q, hk.Scene(obstacles=[column]), robot=hung).findings
+    )
     assert hk.robot.reach(hung) == pytest.approx(hk.robot.reach(arm))
     assert hung.skeleton(q[0])[0][0] == pytest.approx([0, 0, 2.6])
 
@@ -94,10 +96,10 @@ def test_nothing_is_between_two_arms_that_stand_apart() -> None:
     )
     up = np.tile([0, -np.pi / 2, 0, -np.pi / 2, 0, 0], 2)
     ball = hk.obstacle("ball", Capsule(0.05), [0, 0.1, 0.05])
-    assert hk.check(up[None], both, scene=hk.Scene(obstacles=[ball])).passed
+    assert hk.check(up[None], hk.Scene(obstacles=[ball]), robot=both).passed
     low = up.copy()
     low[:6] = [-1.67, 0.71, -0.9, 1.36, 1.62, 0.1]  # the wrist of one arm is in the foot of the other
-    found = [one.what for one in hk.check(low[None], both).findings]
+    found = [one.what for one in hk.check(low[None], robot=both).findings]
     assert found and all("base of b_shoulder_pan_joint" in pair for pair in found)
 
 

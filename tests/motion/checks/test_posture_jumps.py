@@ -76,7 +76,7 @@ def jumps(report: CheckReport) -> list[Finding]:
 
 
 def looked(motion: object, robot: hk.Robot, task: hk.Task | None) -> CheckReport:
-    return hk.check(motion, robot, task=task, scene=None, limits=False)
+    return hk.check(motion, None, robot=robot, task=task, limits=False)
 
 
 def drawn(seed: int, count: int) -> None:
@@ -139,37 +139,37 @@ def test_a_jump_is_found_in_postures_trajectories_logs_and_slow_timed_motions(
     log = Recording(panda.joint_names, 2.0 * np.arange(len(q)), q, "made here")
     timed = hk.retime(jumped, acceleration=1.0, profile="trapezoidal", dt=0.02, speed=0.5)
     for motion in (q, jumped, log, timed):
-        report = hk.check(motion, panda, task=task)
+        report = hk.check(motion, robot=panda, task=task)
         (found,) = report.findings
         assert found.kind is FindingKind.JUMP and 0.005 < found.value < 0.02, type(motion)
         assert found.start <= found.time <= found.stop
-    inside = np.abs(timed.t - jumps(hk.check(timed, panda, task=task))[0].time).argmin()
+    inside = np.abs(timed.t - jumps(hk.check(timed, robot=panda, task=task))[0].time).argmin()
     assert np.abs(timed.q[inside] - (q[49] + q[50]) / 2).max() < 0.2
     clean = hk.retime(circle(panda, PANDA_START), acceleration=1.0, profile="trapezoidal", dt=0.02)
-    assert hk.check(clean, panda, task=task).passed
+    assert hk.check(clean, robot=panda, task=task).passed
 
 
 def test_without_a_task_a_jump_is_a_note(panda: hk.Robot, walk: Trajectory, jumped: Trajectory) -> None:
-    report = hk.check(jumped.q, panda)
+    report = hk.check(jumped.q, robot=panda)
     (told,) = report.observations
     step = np.abs(jumped.q[50] - jumped.q[49]).max()
     assert (
         report.passed and f"{step:.3g} rad" in told and "cannot be told without the task" in told and "49.000 s" in told
     )
     assert told in report.table() and report.to_dict()["observations"] == [told]
-    assert not hk.check(walk.q, panda).observations
-    assert not hk.check(np.array([walk.q[0], walk.q[0] + 1.0]), panda).observations, "a single step has no others"
+    assert not hk.check(walk.q, robot=panda).observations
+    assert not hk.check(np.array([walk.q[0], walk.q[0] + 1.0]), robot=panda).observations, "a single step has no others"
 
 
 def test_a_self_motion_with_the_tool_at_rest_is_said_as_one(panda: hk.Robot, walk: Trajectory) -> None:
     """The path, a change of posture at rest at its end, and the path again."""
     task = hk.pose(panda)
     between = self_motion(task, walk.q[-1], 0.65)
-    report = hk.check(np.vstack([walk.q[:-1], between[:-1], circle(panda, between[-1]).q]), panda, task=task)
+    report = hk.check(np.vstack([walk.q[:-1], between[:-1], circle(panda, between[-1]).q]), robot=panda, task=task)
     (told,) = report.observations
     assert report.passed and told.startswith("a self-motion: from 100.000 to ") and "the tool rests" in told
     assert f"{np.abs(between[-1] - between[0]).max():.2f}" in told
-    assert not hk.check(walk, panda, task=task).observations
+    assert not hk.check(walk, robot=panda, task=task).observations
 
 
 def test_whole_turns_of_a_joint_without_limits_are_none_and_of_one_with_limits_are_jumps(tmp_path: Path) -> None:

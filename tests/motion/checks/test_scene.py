@@ -17,7 +17,7 @@ from holokin.app.cli import check as command
 from holokin.app.job.job_parts import build_tasks
 from holokin.app.job.runner import open_job
 from holokin.app.job.tables import ChecksTable
-from holokin.base.errors import CallError
+from holokin.base.errors import ArgumentError, CallError
 from holokin.motion.checks import Clearances
 from holokin.robot import Box, Capsule
 
@@ -48,7 +48,7 @@ def _called(verb: Callable[..., Any], required: int, named: dict[str, Any]) -> A
     G = hk.holonomic(task, hk.lock(2))
     space = hk.workspace(box=(BARS.pose(q0)[:3, 3], [0.01, 0.01, 0.0]))
     given = {
-        hk.check: (q0[None], BARS), hk.certify: (G, space, q0), hk.unique_region: (G, q0), hk.advise: (BARS,),
+        hk.check: (q0[None],), hk.certify: (G, space, q0), hk.unique_region: (G, q0), hk.advise: (task,),
         hk.design: (task, space, q0), hk.sheets: (task, space), hk.read_sheets: ("no.npz", task),
     }[verb]  # fmt: skip
     assert len(given) == required
@@ -65,8 +65,8 @@ def test_one_clearance_is_the_default_everywhere() -> None:
 
 def test_a_scene_of_none_looks_at_nothing_and_that_of_a_check_at_the_links() -> None:
     folded = np.array([[0.0, 3.0, 3.0]])
-    assert hk.check(folded, BARS, None, limits=False).pairs == ()
-    default, links = (hk.check(folded, BARS, *scene, limits=False) for scene in ((), (hk.Scene(),)))
+    assert hk.check(folded, None, robot=BARS, limits=False).pairs == ()
+    default, links = (hk.check(folded, *scene, robot=BARS, limits=False) for scene in ((), (hk.Scene(),)))
     assert default.pairs == links.pairs and not default.passed
     assert {name for one in default.pairs for name in one.pair} <= {shape.link for shape in BARS.shapes}
 
@@ -97,3 +97,16 @@ def test_the_shapes_of_checks_are_those_of_the_robot_of_a_job(tmp_path: Path) ->
     assert [s.link for s in robot.shapes if s.carried and isinstance(s.shape, Box)] == ["pin"]
     assert [thing.link for thing in job.scene.obstacles] == ["post"] and job.scene.floor == -0.1
     assert job.scene.allowed == (("pin", "*"),)
+
+
+def test_a_motion_without_a_robot_needs_one_and_a_trajectory_has_its_own() -> None:
+    task, q0 = hk.position(BARS), np.array([0.3, 0.9, 0.5])
+    start = BARS.pose(q0)[:3, 3]
+    walk = hk.follow(hk.holonomic(task, hk.lock(2)), hk.line(start, start + [0.05, 0, 0]), q0, samples=9)
+    found = [hk.check(walk), hk.check(walk.q, robot=BARS), hk.check(walk.q, task=task)]
+    least = [{one.pair: one.least for one in report.pairs} for report in found]
+    assert least[0] == least[1] == least[2] and least[0]
+    with pytest.raises(ArgumentError, match="give a Scene or None; robot= takes it"):
+        hk.check(walk, BARS)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="robot="):
+        hk.check(walk.q)

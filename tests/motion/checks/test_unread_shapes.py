@@ -90,16 +90,18 @@ def test_links_whose_shapes_cannot_be_read_are_all_named_and_no_motion_passes(ce
     robot, names = hk.load(arm_of(cell, given)), [f"l{i}" for i in lost]
     Q = rng.uniform(-0.2, 0.2, (3, 6))
     scene = hk.Scene([hk.obstacle("ball", Capsule(0.1), (5, 0, 0))], floor=-1.0)
-    report = hk.check(Q, robot, scene)
+    report = hk.check(Q, scene, robot=robot)
     assert not report.passed and report.unread == f"cannot tell: the shapes of {', '.join(names)} could not be read"
     assert report.unread in report.table() and "nothing found" not in report.table()
     assert np.isnan(report.clearance) and np.isnan(report.bound) and report.to_dict()["clearance"] is None
     with pytest.raises(RobotFileError, match=f"cannot tell: the shapes of {', '.join(names)} could"):
         Clearances.of(robot, hk.Scene())
     some = [(name, "*") for name in names[1:]]
-    assert hk.check(Q, robot, replace(scene, allowed=some)).unread.startswith(f"cannot tell: the shapes of {names[0]} ")
-    allowed = hk.check(Q, robot, replace(scene, allowed=[*some, ("*", names[0])]))
-    whole = hk.check(Q, hk.load(arm_of(cell, meshes(READ["slash"]))), scene)
+    assert hk.check(Q, replace(scene, allowed=some), robot=robot).unread.startswith(
+        f"cannot tell: the shapes of {names[0]} "
+    )
+    allowed = hk.check(Q, replace(scene, allowed=[*some, ("*", names[0])]), robot=robot)
+    whole = hk.check(Q, scene, robot=hk.load(arm_of(cell, meshes(READ["slash"]))))
     rest = {one.pair: one.least for one in whole.pairs if not set(one.pair) & set(names)}
     assert allowed.passed and {one.pair: one.least for one in allowed.pairs} == pytest.approx(rest)
     assert {one.link for one in allowed.unseen} >= set(names)
@@ -107,31 +109,31 @@ def test_links_whose_shapes_cannot_be_read_are_all_named_and_no_motion_passes(ce
 
 @pytest.mark.parametrize("how", list(READ))
 def test_the_name_of_a_mesh_is_read_as_windows_writes_it(cell: Path, how: str) -> None:
-    wanted = hk.check(np.zeros((1, 6)), hk.load(arm_of(cell, meshes(READ["slash"]))))
-    found = hk.check(np.zeros((1, 6)), hk.load(arm_of(cell, meshes(READ[how]))))
+    wanted = hk.check(np.zeros((1, 6)), robot=hk.load(arm_of(cell, meshes(READ["slash"]))))
+    found = hk.check(np.zeros((1, 6)), robot=hk.load(arm_of(cell, meshes(READ[how]))))
     assert found.passed and found.unseen == () and found.pairs == wanted.pairs and len(found.pairs) > 8
 
 
 def test_a_mesh_that_is_only_drawn_may_be_missing(cell: Path) -> None:
     drawn = '<visual><geometry><mesh filename="meshes/nowhere.stl"/></geometry></visual>'
-    assert hk.check(np.zeros((1, 6)), hk.load(arm_of(cell, meshes(READ["slash"]), drawn))).passed
+    assert hk.check(np.zeros((1, 6)), robot=hk.load(arm_of(cell, meshes(READ["slash"]), drawn))).passed
 
 
 def test_a_capsule_of_a_radius_by_name_stands_for_a_link_that_cannot_be_read(cell: Path) -> None:
     robot = hk.load(arm_of(cell, [*meshes(READ["slash"])[:5], FAULTS["missing"](cell, "l5.stl")]))
-    assert not hk.check(np.zeros((1, 6)), hk.robot.with_capsules(robot)).passed, "asked for by name alone"
+    assert not hk.check(np.zeros((1, 6)), robot=hk.robot.with_capsules(robot)).passed, "asked for by name alone"
     inner = hk.load(arm_of(cell, [FAULTS["missing"](cell, "l0.stl"), *meshes(READ["slash"])[1:]]))
-    report = hk.check(np.zeros((1, 6)), hk.robot.with_capsules(inner, {"j0": 0.05}))
+    report = hk.check(np.zeros((1, 6)), robot=hk.robot.with_capsules(inner, {"j0": 0.05}))
     assert report.passed and ("l2", "j0") in {one.pair for one in report.pairs}
 
 
 def test_what_is_left_out_or_not_asked_about_may_be_unread(cell: Path) -> None:
     robot = hk.load(arm_of(cell, [FAULTS["missing"](cell, "l.stl")] * 6))
-    assert hk.check(np.zeros((1, 6)), robot, scene=None).passed
-    assert not hk.check(np.zeros((1, 6)), robot, scene=hk.Scene(floor=-1.0, self_collision=False)).passed
+    assert hk.check(np.zeros((1, 6)), None, robot=robot).passed
+    assert not hk.check(np.zeros((1, 6)), hk.Scene(floor=-1.0, self_collision=False), robot=robot).passed
     bad = hk.obstacle("table", hk.robot.Mesh(cell / "nowhere.stl"), (5, 0, 0))
     whole = hk.load(arm_of(cell, meshes(READ["slash"])))
-    assert hk.check(np.zeros((1, 6)), whole, scene=hk.Scene(obstacles=[bad])).unread == (
+    assert hk.check(np.zeros((1, 6)), hk.Scene(obstacles=[bad]), robot=whole).unread == (
         "cannot tell: the shapes of table could not be read"
     )
 
@@ -175,12 +177,14 @@ def test_a_plane_of_mjcf_is_told_by_a_floor_that_is_as_high() -> None:
         f'<body name="b" pos="1 0 0"><joint name="k" axis="0 1 0"/>{geom}</body></body></worldbody></mujoco>'
     )
     robot, still = hk.robot.from_mjcf(text), np.zeros((1, 2))
-    assert "give its height as floor" in hk.check(still, robot).table() and not hk.check(still, robot).passed
     assert (
-        not hk.check(still, robot, scene=hk.Scene(floor=-0.6)).passed
-        and hk.check(still, robot, scene=hk.Scene(floor=-0.5)).passed
+        "give its height as floor" in hk.check(still, robot=robot).table() and not hk.check(still, robot=robot).passed
     )
-    assert hk.check(still, robot, scene=hk.Scene(allowed=[("ground", "*")])).passed
+    assert (
+        not hk.check(still, hk.Scene(floor=-0.6), robot=robot).passed
+        and hk.check(still, hk.Scene(floor=-0.5), robot=robot).passed
+    )
+    assert hk.check(still, hk.Scene(allowed=[("ground", "*")]), robot=robot).passed
 
 
 @pytest.mark.parametrize(("kind", "unread"), [("", "a"), ('contype="0" conaffinity="0"', "")])
@@ -203,7 +207,7 @@ def test_of_mjcf_only_the_bodies_whose_meshes_are_missing_are_unread(tmp_path: P
         f"{bodies}</body></body></body></worldbody></mujoco>"
     )
     robot = hk.load(tmp_path / "arm.xml", tip="c")
-    report = hk.check(np.zeros((1, 3)), robot)
+    report = hk.check(np.zeros((1, 3)), robot=robot)
     assert report.unread == (f"cannot tell: the shapes of {unread} could not be read" if unread else "")
     assert {s.link for s in robot.shapes if not s.shape.fault} == {"b", "c"} and robot.bodies[0].mass == 1.0
 
@@ -263,8 +267,8 @@ def test_no_command_passes_a_motion_whose_shapes_could_not_be_read(holokin: Comm
 
 def test_box_shapes_of_the_same_arm_pass(cell: Path) -> None:
     """The referee of these tests: the meshes are boxes, and are as far apart as boxes are."""
-    boxes = hk.check(np.full((1, 6), 0.1), hk.load(arm_of(cell, ['<box size="0.06 0.08 0.2"/>'] * 6)))
-    read = hk.check(np.full((1, 6), 0.1), hk.load(arm_of(cell, meshes(READ["slash"]))))
+    boxes = hk.check(np.full((1, 6), 0.1), robot=hk.load(arm_of(cell, ['<box size="0.06 0.08 0.2"/>'] * 6)))
+    read = hk.check(np.full((1, 6), 0.1), robot=hk.load(arm_of(cell, meshes(READ["slash"]))))
     assert {one.pair: one.least for one in read.pairs} == pytest.approx(
         {p.pair: p.least for p in boxes.pairs}, abs=1e-5
     )

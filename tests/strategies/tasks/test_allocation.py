@@ -119,7 +119,7 @@ def test_coordinates_have_no_pose_and_say_so(ship: Robot, force: hk.Task) -> Non
     for asked in (
         lambda: ship.pose(U0), lambda: ship.jacobian(U0), lambda: hk.pose(ship), lambda: hk.position(ship),
         lambda: to_urdf(ship), lambda: to_mjcf(ship), lambda: servo(ship, "position", U0), lambda: with_capsules(ship),
-        lambda: with_shape(ship, "ball", Capsule(0.1)), lambda: hk.check(U0[None], ship, scene=hk.Scene(floor=0.0)),
+        lambda: with_shape(ship, "ball", Capsule(0.1)), lambda: hk.check(U0[None], hk.Scene(floor=0.0), robot=ship),
     ):  # fmt: skip
         with pytest.raises(hk.HolokinError, match="no links"):
             asked()
@@ -138,7 +138,7 @@ def test_coordinates_have_no_pose_and_say_so(ship: Robot, force: hk.Task) -> Non
 
 
 def test_a_check_of_thrusts_looks_at_their_limits_and_says_that_it_knows_no_distances(ship: Robot) -> None:
-    report = hk.check(np.array([U0, U0 + [9.0, 0, 0, 0, 0, 0]]), ship)
+    report = hk.check(np.array([U0, U0 + [9.0, 0, 0, 0, 0, 0]]), robot=ship)
     assert [finding.kind for finding in report.findings] == [hk.motion.checks.FindingKind.POSITION]
     assert "distances were not looked at" in report.table()
 

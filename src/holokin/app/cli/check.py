@@ -72,7 +72,7 @@ def check(
     free = position or arm.n < 6
     scene = checks.Scene(floor=floor, clearance=clearance, allowed=[(a, b) for a, b in pairs])
     shaped = arm if radius is None else with_capsules(arm, radius)
-    found = checks.check(motion, shaped, scene, task=position_of(arm) if free else pose(arm), margin=margin)
+    found = checks.check(motion, scene, task=position_of(shaped) if free else pose(shaped), margin=margin)
     if json is not None:
         found.save(json)
     for line in found.table().splitlines():

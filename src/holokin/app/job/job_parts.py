@@ -382,7 +382,7 @@ def entry_report(job: Job, file: FilePath, strategy: Strategy, entry: Entry) -> 
     if job.checks is None:
         return f"{told}. The way there is not checked: the job has no [checks].", None
     with naming(file, "checks"):
-        found = job.checks.checked(motion, robot, strategy.task)
+        found = job.checks.checked(motion, strategy.task)
     if found.passed:
         return f"{told}. [checks] find nothing on the way there.", found
     trouble = found.findings[0].printed(printed) if found.findings else found.unread

@@ -381,7 +381,7 @@ def run_job(name: str, job: Job, file: FilePath, say: Callable[[str], None] = la
                         found = _timed(found, job.timing)
                     if job.checks is not None:
                         with naming(file, "checks"):
-                            report = job.checks.checked(found.timed or found.cycles, robot, task)
+                            report = job.checks.checked(found.timed or found.cycles, task)
                         found = replace(found, motion_check=report)
                     if covering is not None and isinstance(strategy, HolonomicStrategy):
                         found = covering.added(found, strategy, begin)

@@ -342,9 +342,9 @@ class ChecksTable(Table):
             self.self_collision, [(a, b) for a, b in self.allowed],
         )  # fmt: skip
 
-    def checked(self, motion: Trajectory | TimedTrajectory, robot: Robot, task: Task) -> CheckReport:
-        """What is found of a motion of a robot that is `shaped`. Raises: as `check`."""
-        return check(motion, robot, self.scene, task=task, limits=self.limits, margin=self.margin, rcond=self.rcond)
+    def checked(self, motion: Trajectory | TimedTrajectory, task: Task) -> CheckReport:
+        """What is found of a motion, of a robot that is `shaped`. Raises: as `check`."""
+        return check(motion, self.scene, task=task, limits=self.limits, margin=self.margin, rcond=self.rcond)
 
     def keeps_clear(self, robot: Robot) -> Scene | None:
         """The scene, for what refuses one of which a robot can touch nothing. Raises: as `Clearances.of`."""

@@ -200,7 +200,7 @@ def checked(job: Job, file: FilePath, timed: TimedTrajectory, task: Task) -> Che
     if job.checks is None:
         return None
     with naming(file, "checks"):
-        return job.checks.checked(timed, task.robot, task)
+        return job.checks.checked(timed, task)
 
 
 def written(

@@ -508,8 +508,7 @@ class PagePlan(Value):
         trajectory = self.rounds.get(self.laws[1].name)
         if job.checks is None or not isinstance(trajectory, Trajectory):
             return None
-        task = self.laws[1].task
-        return job.checks.checked(trajectory, task.robot, task)
+        return job.checks.checked(trajectory, self.laws[1].task)
 
     def cusp_loops(self) -> list[PageLoop]:
         """The smallest loop that is found round a cusp of the second law, if there is one.

@@ -298,6 +298,15 @@ class Motion(Value):
         return float(self.t[self.index(k)])
 
 
+def robot_of(given: Any, robot: Robot | None) -> Robot:
+    """The robot that is given, or that of a trajectory. Raises: ArgumentError: there is none."""
+    walk = given.untimed if isinstance(given, TimedTrajectory) else given
+    found = robot or getattr(walk, "robot", None)
+    if found is None:
+        raise ArgumentError("the robot of the motion", None, "give robot=: postures and recordings have none")
+    return found
+
+
 def motion_of(given: Any, robot: Robot) -> Motion:
     """The samples of a motion. Raises: ArgumentError, ShapeError, NotFiniteError: it is none of this robot."""
     names = getattr(given, "joint_names", robot.joint_names)

@@ -28,6 +28,7 @@ from .check_report import (
     counted,
     keeps,
     motion_of,
+    robot_of,
 )
 from .clearance import Pairs, Swept, pairs_of, sweep
 from .scene import Scene
@@ -246,9 +247,9 @@ _CAPSULES = "{} has no shapes: capsules of radius {:.3f} m from joint to joint s
 @typed
 def check(
     motion: Any,
-    robot: Robot,
     scene: Scene | None = LINKS,
     *,
+    robot: Robot | None = None,
     task: Task | None = None,
     limits: bool = True,
     margin: float = 0.0,
@@ -268,8 +269,8 @@ def check(
 
     Args:
         motion: a Trajectory, a TimedTrajectory, a Recording, or postures (k, n).
-        robot: whose motion it is.
         scene: what it is to keep clear of, by default its own links alone; None leaves distances aside.
+        robot: whose motion it is, by default that of the trajectory or of the task; a recording and postures need one.
         task: whose Jacobian must not be singular; None leaves singularities aside.
         limits: whether limits of the joints are looked at: of position and speed, and of a TimedTrajectory those of
             acceleration and jerk.
@@ -284,6 +285,7 @@ def check(
             `coordinates`, which have no links. UnknownNameError: no such link.
         MissingExtraError: coal is not installed, and shapes other than capsules meet.
     """
+    robot = robot_of(motion, robot or (None if task is None else task.robot))
     found = motion_of(motion, robot)
     if not len(found.t):
         raise ArgumentError("the samples of the motion", 0, "give at least one")
@@ -367,7 +369,7 @@ class Clearances(Value):
             UnknownNameError: no such link. ArgumentError: a robot without links. RobotFileError: the shape of a link
             could not be read, and no clearance can be told.
         """
-        robot.check_links()
+        robot._check_links()
         shaped = with_capsules(robot) if all(shape.obstacle for shape in robot.shapes) else robot
         pairs = pairs_of(shaped, scene, np.zeros((1, robot.n)))
         if pairs.unread:
