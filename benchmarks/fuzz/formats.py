@@ -94,7 +94,7 @@ def _do_job(file: Path, chance: Chance) -> None:
         return
     result = run_job(name, _short(job), file)
     print_result(result, Console(file=io.StringIO(), width=120))
-    json.dumps([strategy.summary() for strategy in result.strategies], allow_nan=False)
+    json.dumps([strategy.to_dict() for strategy in result.strategies], allow_nan=False)
     if any(len(stem.encode()) > 120 for stem in result.stems.values()):
         raise ValueError("a file name that is too long")
 
@@ -223,7 +223,7 @@ def _audit_log(path: Path, chance: Chance) -> None:
     robot = samples.log()[0]
     log = hk.read_recording(path, robot, degrees=chance.choice((None, None, True, False)))
     audit = hk.audit_recording(log, robot)
-    json.dumps([str(audit), audit.summary()], allow_nan=False)
+    json.dumps([str(audit), audit.to_dict()], allow_nan=False)
 
 
 def _bag(chance: Chance) -> Files:
