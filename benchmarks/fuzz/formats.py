@@ -94,7 +94,7 @@ def _do_job(file: Path, chance: Chance) -> None:
         return
     result = run_job(name, _short(job), file)
     print_result(result, Console(file=io.StringIO(), width=120))
-    json.dumps([strategy.summary() for strategy in result.strategies], allow_nan=False)
+    json.dumps([strategy.to_dict() for strategy in result.strategies], allow_nan=False)
     if any(len(stem.encode()) > 120 for stem in result.stems.values()):
         raise ValueError("a file name that is too long")
 
@@ -190,14 +190,15 @@ def _csv(chance: Chance) -> Files:
     cells = among([*samples.CELLS, *samples.HEADERS])
     rows = [list(names), *([repr(float(v)) for v in row] for row in table)]
     for _ in range(chance.randrange(4)):
-        rows = [row if isinstance(row, list) else [_cell(row)] for row in mutated(rows, chance, cells)] or [[]]
+        spoilt = mutated(rows, chance, cells)
+        rows = [[*map(_cell, row)] if isinstance(row, list) else [_cell(row)] for row in spoilt] or [[]]
         if chance.random() < 0.2:
             column, factor = chance.randrange(4), 10.0 ** chance.randrange(-300, 300)
             rows = [rows[0], *(_scaled(row, column, factor) for row in rows[1:])]
         if chance.random() < 0.1:
             chance.shuffle(rows)
     end, delimiter = chance.choice(("\n", "\r\n", "\r")), chance.choice((",", ";", "\t"))
-    text = end.join(delimiter.join(map(_cell, row)) for row in rows) + chance.choice(("", end, end * 5))
+    text = end.join(delimiter.join(row) for row in rows) + chance.choice(("", end, end * 5))
     kind = chance.random()
     if kind < 0.14:
         return {"log.csv": text.encode(chance.choice(samples.CODES_OF_LOGS), "replace")}
@@ -223,7 +224,7 @@ def _audit_log(path: Path, chance: Chance) -> None:
     robot = samples.log()[0]
     log = hk.read_recording(path, robot, degrees=chance.choice((None, None, True, False)))
     audit = hk.audit_recording(log, robot)
-    json.dumps([str(audit), audit.summary()], allow_nan=False)
+    json.dumps([str(audit), audit.to_dict()], allow_nan=False)
 
 
 def _bag(chance: Chance) -> Files:

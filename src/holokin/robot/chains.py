@@ -55,7 +55,7 @@ def longest_span(robot: Robot, tip: str | None = None, *, turned: bool) -> Span:
     Args:
         turned: whether the tool's rotation is known: then the span ends on the last hinge's axis; else at the tip.
     """
-    links = _Links.of(robot, robot.tip(tip), turned)
+    links = _Links.of(robot, robot._find_tip(tip), turned)
     points = links.drawn_in()
     return Span(links.first(points), links.last(points), links.length(points)[0] + links.slides)
 
@@ -214,7 +214,7 @@ def start_posture(robot: Robot, q: ArrayLike, limits: bool, what: str = "the sta
 
 def doubtful_unit(robot: Robot, places: Matrix, tip: str | None = None) -> str:
     """What to say of places (k, 3) that are all too far from the base to be in metres; empty of others."""
-    away = places - foot_of(robot.joints, robot.tip(tip).joint)
+    away = places - foot_of(robot.joints, robot._find_tip(tip).joint)
     nearest, reach = float(np.linalg.norm(away, axis=-1).min()), longest_reach(robot, tip)
     if not FAR * reach < nearest < np.inf:
         return ""

@@ -185,7 +185,7 @@ class Session:
     def two_paths(self, pose: PoseLike, *, width: float = WIDTH, samples: int = 200) -> TwoPaths:
         """Each law by two paths from its posture to a tool pose (4, 4), and how far its joints end apart.
 
-        As `hk.path_spread` along polylines with a corner `width` [m] to either side. The session does not change.
+        As `hk.motion.path_spread` along polylines with a corner `width` [m] to either side; the session stays as it is.
 
         Raises:
             ArgumentError, ShapeError, NotFiniteError: what is no pose; a task of several tools.
