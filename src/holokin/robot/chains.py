@@ -620,7 +620,7 @@ def _axis(tree: Tree, joint: Branch) -> Vector:
 # --- Robots put together: an arm on a rail or a mobile base, two arms side by side, a tool on a flange.
 
 BASE = "base"
-"""What a part stands on when it stands on the ground, in `Part.on`."""
+"""The name of what stands still: of a robot without names of links, and of the ground in `Part.on`."""
 
 
 @dataclass(frozen=True, eq=False)

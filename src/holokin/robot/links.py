@@ -15,7 +15,7 @@ from ..base.poses import pose_from
 from ..base.types import Array, ArrayLike, Matrix, Value, Vector, finite, one_or_each, positive
 from ..symbolic import SX, Function, cross, dot, horzcat, n_nodes, sparsify, symbol, vertcat
 from ..symbolic.rotations import rotation_about
-from .chains import pose_matrix
+from .chains import BASE, pose_matrix
 from .joints import Body, Coordinate, Joint, Tip, foot_of, joints_above
 from .model import Robot
 from .shapes.link_shapes import Capsule, LinkShape, Shape
@@ -184,9 +184,6 @@ def _points(robot: Robot, Q: Matrix, end: Tip) -> tuple[Matrix, Array]:
 
 SLENDER = 20.0
 """Length of an arm over the radius of its capsules: 7 cm for a Panda, 6 cm for a UR5e."""
-
-BASE = "base"
-"""The name of what stands still, where a robot has no names of links."""
 
 _SHORTEST = 1e-6
 """Distance [m] of two frames below which there is no link between them."""

@@ -33,13 +33,14 @@ pre {{ background: #f6f7f9; padding: .8rem; overflow-x: auto; font-size: .85rem;
 </body></html>
 """
 
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
-"""Control characters, which HTML has no use for, and those that turn the direction of what is written after them."""
+CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""What HTML has no use for: control characters, halves of characters, and those that turn the direction of what comes
+after them."""
 
 
 def page(title: str, parts: Sequence[str], head: str = "") -> str:
     """A page of parts in HTML; what else its head is to have comes after the style."""
-    return _CONTROL.sub("\ufffd", _PAGE.format(title=escape(title), body="\n".join(parts), head=head))
+    return CONTROL.sub("\ufffd", _PAGE.format(title=escape(title), body="\n".join(parts), head=head))
 
 
 def html_table(head: Sequence[str], rows: Sequence[Sequence[Any]], numbers: bool = False) -> str:

@@ -54,9 +54,10 @@ from ...strategies import HolonomicStrategy, Strategy, may_jump, moore_penrose
 from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic import SX, Function, symbol, vertcat
 from ...symbolic.native import LARGEST
-from ...symbolic.native.toolchain import call
+from ...symbolic.native.toolchain import PATIENCE, call
 from ...version import __version__
 from ..job import Job
+from ..report.html_page import CONTROL
 from ..report.plots import law_colors
 from ..report.robot_view import Piece, best_view, pieces_of
 from .followers import leaf_start, loop_start
@@ -145,9 +146,6 @@ def _ends(piece: Piece) -> tuple[Vector, Vector]:
 
 
 # --- A strategy as WebAssembly: the C by which `hk.follow` goes along a path, compiled by zig for a browser.
-
-PATIENCE = 300.0
-"""Seconds that the compiler may take: at its first call it builds the C library of WebAssembly, some 20 seconds."""
 
 FLAGS = ("-target", "wasm32-wasi", "-mexec-model=reactor", "-O1", "-std=gnu99", "-fno-math-errno", "-ffp-contract=off")
 """As for native code: products and sums are not fused, so that a browser computes what Python does."""
@@ -240,8 +238,6 @@ def _begin_of(strategy: Strategy, q0: Vector, p: Vector, R: Matrix) -> dict[str,
 SCRIPTS = ("stage.js", "loops.js", "law.js", "charts.js", "play.js")
 
 _HOLE = re.compile(r"\{\{(\w+)\}\}")
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Control characters, halves of characters, and those that turn the direction of what is written after them."""
 
 
 def page_text(title: str, text: str, data: dict[str, Any]) -> str:
@@ -258,7 +254,7 @@ def page_text(title: str, text: str, data: dict[str, Any]) -> str:
         "script_hash": _hash(script),
         "data": json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
     }
-    return _CONTROL.sub("\ufffd", _HOLE.sub(lambda hole: parts[hole[1]], _file("page.html")))
+    return CONTROL.sub("\ufffd", _HOLE.sub(lambda hole: parts[hole[1]], _file("page.html")))
 
 
 def sources() -> str:

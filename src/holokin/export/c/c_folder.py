@@ -21,6 +21,7 @@ from ...motion.ik.branch import enclosed_change, extended_jacobian
 from ...robot import start_posture
 from ...strategies import HolonomicStrategy, Strategy
 from ...symbolic.native import compiler
+from ...symbolic.native.toolchain import PATIENCE
 from ...version import __version__
 from .c_text import Source, header, library, line, text, wrapper
 from .test_vectors import selftest, vectors, vectors_header
@@ -186,8 +187,6 @@ def write_export(folder: Path, texts: dict[str, str], project: str) -> None:
 
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
-PATIENCE = 300.0
-"""Seconds for each of compiler and test."""
 
 
 def check(exported: Exported) -> list[str]:
