@@ -297,8 +297,8 @@ class WorkPanel:
         session = self.page.session
         if session.task.frames > 1:
             raise ArgumentError("advice", session.task.name, "it is given for robots with one tool")
-        task = "position" if session.task.orientation is None else "pose"
-        advice = advise(session.robot, task=task, q0=session.home, say=self._tell)
+        task = task_of_kind(session.robot, None, "position" if session.task.orientation is None else "pose")
+        advice = advise(task, q0=session.home, progress=self._tell)
         self._tell(f"The best is {advice.best.name}.", *advice.reasons)
 
     def _label(self) -> str:

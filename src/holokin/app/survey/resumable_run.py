@@ -285,7 +285,7 @@ def survey(
         file = FilePath(folder) / "survey.sqlite" if out is None else FilePath(out)
         done = run_survey(
             table, FilePath(), file, workers=workers, resume=resume, again=again, objects=objects,
-            say=lambda state: report(state.share, str(state)),
+            progress=lambda state: report(state.share, str(state)),
         )  # fmt: skip
         if done.fewer:
             logging.getLogger("holokin").warning("%s", done.fewer)

@@ -600,7 +600,7 @@ def ik(strategy: Strategy, q0: ArrayLike, limits: bool = True, *, region: PoseSe
     q0 = start_posture(strategy.task.robot, q0, limits)
     strategy(q0)
     if region is not None:
-        p, R = strategy.task.place(q0)
+        p, R = strategy.task._place(q0)
         near, alone = region.near(p[None], R[None])
         if region.strategy != strategy or not np.linalg.norm(near[0] - q0) <= alone[0]:
             cure = "give one of the same strategy whose function holds q0: hk.unique_region(strategy, q0)"
