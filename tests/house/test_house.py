@@ -299,8 +299,8 @@ help(hk)
 
 
 def bare(code: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    text = f"LEFT_OUT = {[*APP, *MESHES]!r}{BARE}{code}"
-    return subprocess.run([sys.executable, "-c", text, *map(str, arguments)], capture_output=True, text=True)
+    words = ["-c", f"LEFT_OUT = {[*APP, *MESHES]!r}{BARE}{code}", *map(str, arguments)]
+    return subprocess.run([sys.executable, *words], capture_output=True, text=True)
 
 
 def test_with_numpy_scipy_and_casadi_alone_a_urdf_is_read_and_a_path_followed(tmp_path: Path) -> None:

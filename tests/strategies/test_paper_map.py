@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
 import json
 import os
+import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
 
+from holokin.app.job import packaged_jobs
 from paper_map import EQUATIONS, PAGE, ROOT, THEOREMS, Tag, function_at, page, tags
 
 ROWS = EQUATIONS | THEOREMS
@@ -77,8 +81,6 @@ def test_each_rows_tests_run_the_code_of_the_row(tmp_path: Path) -> None:
 
 
 def test_a_tag_belongs_to_the_innermost_function_around_it() -> None:
-    import ast
-
     tree = ast.parse(
         "class A:\n    @property\n    def b(self):\n        def c():\n            return 1\n        return c\n"
     )
@@ -87,3 +89,28 @@ def test_a_tag_belongs_to_the_innermost_function_around_it() -> None:
     assert function_at(tree, 1) == ("", 0)
     handler = ast.parse("@f.register\ndef _(x: int):\n    return x\n")
     assert function_at(handler, 3) == ("f", 1)
+
+
+@cache
+def names_in(file: Path) -> set[str]:
+    """Every function and class of a Python file."""
+    kinds = (ast.FunctionDef, ast.ClassDef)
+    return {node.name for node in ast.walk(ast.parse(file.read_text("utf-8"))) if isinstance(node, kinds)}
+
+
+def test_paper_md_names_code_tests_and_jobs_that_exist() -> None:
+    text = PAGE.read_text("utf-8")
+    found = re.findall(r"`((?:src|tests)/[^`:]+)(?:::([^`]+))?`", text)
+    assert len(found) > 60
+    for file, name in found:
+        assert (ROOT / file).is_file(), file
+        if name:
+            assert set(name.split(".")) <= names_in(ROOT / file), f"{file}::{name}"
+    for job in re.findall(r"`out/([^/`]+)/", text):
+        assert job in packaged_jobs()
+
+
+def test_the_readme_shows_the_first_of_these_tables() -> None:
+    assert PAGE.read_text("utf-8").partition("```text\n")[2].partition("\n\n")[0] in (ROOT / "README.md").read_text(
+        "utf-8"
+    )
