@@ -368,10 +368,7 @@ def _within(robot: Robot, curve: Stretch) -> bool:
     return bool(((every >= robot.lower - TOLERANCES.limit) & (every <= robot.upper + TOLERANCES.limit)).all())
 
 
-# --------------------------------------------------------------------------------------------------
-# Trajectories of pieces joined with the tool at rest: along a path on a sheet, and at one pose
-# between two.
-# --------------------------------------------------------------------------------------------------
+# --- Trajectories of pieces joined with the tool at rest: along a path on a sheet, and at one pose between two.
 
 
 @dataclass(frozen=True, eq=False)
