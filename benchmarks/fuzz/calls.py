@@ -63,7 +63,7 @@ def calls() -> dict[str, Call]:
         "from_urdf": (hk.from_urdf, ("no.urdf",), {"tip": None, "base": None, "locked": {"a": 0.0}}),
         "model_tips": (hk.robot.model_tips, ("no.urdf",), {}),
         "from_mjcf": (hk.robot.from_mjcf, ("<mujoco/>",), {"tip": "world", "base": None, "locked": {"a": 0.0}}),
-        **{name: (getattr(hk, name), ("no model",), {"tip": None, "base": None, "locked": {"a": 0.0}})
+        **{name: (getattr(hk.robot, name), ("no model",), {"tip": None, "base": None, "locked": {"a": 0.0}})
             for name in ("from_pinocchio", "from_yourdfpy", "from_roboticstoolbox")},
         "pose_of": (hk.pose_of, ([0.1, 0.2, 0.3], [1.0, 0.0, 0.0, 0.0]), {"order": "wxyz"}),
         "compose": (hk.compose, (hk.load("rail"), robot), {"name": "n", "order": ["rail_joint", *robot.joint_names]}),
@@ -152,7 +152,7 @@ def calls() -> dict[str, Call]:
         "through": (hk.path.through, ([[0, 0, 0, 0], [1, 0, 0, 1]],), {"closed": True, "speed": None, "seconds": 1.0}),
         "follow": (hk.follow, (held, loop, q), {**following, "cycles": 1}),
         "certify": (hk.certify, (held, loop, q), {"limits": True, "budget": 60, "progress": str}),
-        "retime": (hk.retime, (walk, robot), {
+        "retime": (hk.retime, (walk,), {
             "acceleration": 1.0, "jerk": 100.0, "velocity": [1.0, 1.0, 1.0], "profile": "trapezoidal", "speed": 1.0,
             "cycles": 1, "endless": False, "dt": 0.01}),
         "TimedTrajectory.excess": (k["timed"].excess, ("difference",), {}),
@@ -212,12 +212,12 @@ def calls() -> dict[str, Call]:
             "constraint_gain": 1.0, "gain": 1.0, "exact": False, "name": "n"}),
         "impedance_with_memory": (_begun(control.impedance_with_memory), (task, k["cost"]), {
             "force": [0.0, 0.0], "name": "n"}),
-        **{name: (getattr(hk, name), (held, q), {
+        **{name: (getattr(control, name), (held, q), {
             "cost": 1.0, "gain": 0.5, "lm_damping": 0.0, "prefix": "", "joints": list(robot.joint_names)})
             for name in ("pink_task", "mink_task")},
         "simulate": (hk.simulate, (k["closed"], task, loop, q), {"dt": 0.5, "cycles": 1, "patience": None}),
-        "audit": (hk.audit, (k["closed"], robot, task, [loop]), {
-            "q0": q, "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0,
+        "audit": (hk.audit, (k["closed"], task, [loop], q), {
+            "dt": 0.5, "cycles": 3, "tolerance": 1e-3, "patience": 2.0,
             "metrics": {"length": len}}),
         "around": (hk.around, (q, 0.1), {}),
         "box": (curvature.box, (q - 0.1, q + 0.1), {}),
@@ -270,8 +270,8 @@ def calls() -> dict[str, Call]:
             "margin": 0.0, "rcond": 0.0, "samples": 16, "seed": 0, **shapes}),
         "closest_holonomic": (hk.analysis.design.closest_holonomic, (law, region), {
             "base": k["g"], "degree": 1, "samples": 32, "seed": 0, "length": 0.5}),
-        "advise": (hk.advise, (robot, k["space"]), {
-            "tip": None, "base": None, "task": "position", "q0": q, "progress": lambda _: None, **shapes}),
+        "advise": (hk.advise, (task, k["space"]), {
+            "q0": q, "progress": lambda _: None, **shapes}),
         "coverage_slices": (hk.analysis.coverage.coverage_slices, (held, q, k["space"]), {"steps": 3, "limits": True}),
         "posture_reach": (hk.analysis.coverage.posture_reach, (task, k["space"], q), {"samples": 4, "seed": 0}),
         "Workspace.poses": (k["space"].poses, (5,), {"seed": 0}),
@@ -292,7 +292,6 @@ def calls() -> dict[str, Call]:
         "Task.jacobian of many": (task.jacobian, (Q,), {}),
         "Task.null_space": (task.null_space, (q,), {}),
         "Task.error": (task.error, (q, start, one), {}),
-        "Task.rates": (k["turn"].rates, ([one], [start], [start]), {}),
         "Task.value_batch": (task.value_batch, (Q,), {}),
         "Task.jacobian_batch": (task.jacobian_batch, (Q,), {}),
         "Task.error of many": (task.error, (Q[:1], [start], [one]), {}),

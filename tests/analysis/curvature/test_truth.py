@@ -23,6 +23,7 @@ NO_QUESTION = {
     "NumericStrategy", "TorchInverse",
     "Kinematics", "Law", "Limits", "LinkShape", "Objective", "OwnCost", "Part", "Path",
     "PostureTask", "Recording", "Robot", "RowStrategy", "SelfMotion",
+    "FrameTask", "StackedTask", "Segment", "Samples",
     "Servo", "Shape", "Sheet", "Strategy", "Task", "Tip", "Visual", "Waypoints", "Wiring", "Workspace",
     "Ball", "Region", "Body", "Box", "Capsule", "Cylinder", "Ellipsoid", "Hull", "Mesh", "Surface", "Unread",
     # numbers, files and sequences: what is found is in them, and an empty sequence is False as a list is

@@ -237,7 +237,7 @@ def test_every_joint_has_its_name(circle: JobResult, joints: int) -> None:
 
     walk = circle.strategies[0].cycles
     names = tuple(f"joint {k}" for k in range(joints))
-    wide = replace(walk, q=np.resize(walk.q, (len(walk.q), joints)), joint_names=names)
+    wide = replace(walk, q=np.resize(walk.q, (len(walk.q), joints)), robot=hk.robot.coordinates(names))
     axes = joint_cycles(matplotlib.figure.Figure().subplots(), wide, movers([wide]))
     said = " ".join(axes.get_legend_handles_labels()[1])
     assert all(name in said for name in names)

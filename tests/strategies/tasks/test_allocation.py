@@ -145,7 +145,7 @@ def test_a_check_of_thrusts_looks_at_their_limits_and_says_that_it_knows_no_dist
 
 def test_a_task_of_five_rows_of_ones_own_is_that_of_its_formulas(six: hk.Task) -> None:
     robot, rng, h = hk.load("iiwa14"), np.random.default_rng(2), 1e-6
-    assert (six.m, six.point, six.row_names) == (5, 5, ("x", "y", "z", "ax", "ay"))
+    assert (six.m, six._point, six.row_names) == (5, 5, ("x", "y", "z", "ax", "ay"))
     for q in Q0 + rng.uniform(-0.2, 0.2, (5, 7)):
         T, dq = robot.pose(q), rng.uniform(-1, 1, 7)
         assert np.abs(six(q) - [*T[:3, 3], *T[:2, 2]]).max() < 1e-12

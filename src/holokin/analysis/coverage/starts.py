@@ -90,7 +90,7 @@ def task_of_kind(robot: Robot, tip: str | None, kind: str | None) -> Task:
 def check_redundant(task: Task) -> None:
     """Raises: ArgumentError: each tool pose has finitely many postures, among which no rule can choose."""
     if task.n == task.m:
-        cure = "hk.ik finds the joints of a pose; take the task 'axis', if the tool may spin, or 'position'"
+        cure = "hk.ik finds the joints of a pose; take the task 'axis' if the tool may spin, or 'position'"
         raise ArgumentError(f"the number of redundant joints of {task.robot.name!r} for its {task.name}", 0, cure)
 
 
