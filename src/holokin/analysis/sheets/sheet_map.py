@@ -532,7 +532,7 @@ def _check_about(about: Mapping[str, Any]) -> None:
     need(all(type(count) is int and 0 <= count < 2**31 for count in counts), "a count in it is none")
     need(numbers(about["length"]) and about["length"] >= 0, "its length of a turn is none")
     need(isinstance(about["stopped"], bool), "stopped is neither true nor false")
-    need(about["around"] is None or isinstance(about["around"], str), "its surroundings are none")
+    need(about["around"] is None or isinstance(about["around"], str), "its scene is none")
 
 
 def _fault(found: Sheets) -> str:
