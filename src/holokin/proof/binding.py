@@ -24,14 +24,11 @@ from ..symbolic.interval_function import operation_list
 from .clear_cells import convex, joints_of, shape_of
 from .equation import Equation, Family, PoseBox, Stretch, Stretches, rows_of
 
-# --------------------------------------------------------------------------------------------------
-# A list of operations in the few words that the checker knows: sums, products, reciprocals and nine
-# functions.
+# --- A list of operations in the few words that the checker knows: sums, products, reciprocals and nine functions.
 #
-# Every change is one of real numbers. A comparison is made of signs, which are no number where they
-# are not known: the checker refuses what lies across a kink. A row that counts up to whole turns, a
-# sum of angles, becomes the angle of the product of the complex numbers e^(i angle).
-# --------------------------------------------------------------------------------------------------
+# Every change is one of real numbers. A comparison is made of signs, which are no number where they are not known: the
+# checker refuses what lies across a kink. A row that counts up to whole turns, a sum of angles, becomes the angle of
+# the product of the complex numbers e^(i angle).
 
 POWERS = 64
 """Whole exponents up to this are products."""
@@ -222,10 +219,7 @@ def lowered(
     return {"constants": constants, "operations": found, "outputs": [kept[place] for place in results]}
 
 
-# --------------------------------------------------------------------------------------------------
-# Whether the shapes of a certificate are those of a robot, and of which pairs of them it says
-# nothing.
-# --------------------------------------------------------------------------------------------------
+# --- Whether the shapes of a certificate are those of a robot, and of which pairs of them it says nothing.
 
 Body = tuple[str, int, bool]
 """A link or an obstacle: its name, the joint that moves it (-1: none), whether it is a half space."""

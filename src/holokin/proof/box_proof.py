@@ -24,11 +24,6 @@ from .certificate import Boxes, Covered, Extent, overlapping
 from .equation import Equation, PoseBox, deepest, spins_freely
 from .tube import UP, centred, examined
 
-# --------------------------------------------------------------------------------------------------
-# The postures of a leaf along a path that a proof starts from: not proven themselves, and found in
-# bounded time.
-# --------------------------------------------------------------------------------------------------
-
 PIECES = 100
 """Pieces of a sample's step that are tried at most. `follow` may take 20,000 of them beside a singularity, to go as
 near to it as it can; a proof ends long before, where its cells would be too small."""
@@ -65,15 +60,11 @@ def _way(plan: Plan, step: int, c: Vector) -> LeafPath:
     return LeafPath(lambda share: (*plan.target(step, share), c), *plan.bends(step))
 
 
-# --------------------------------------------------------------------------------------------------
-# How much of the turns of a workspace boxes of Cayley parameters are, by the Haar measure: all
-# orientations alike.
+# --- How much of the turns of a workspace boxes of Cayley parameters are, by the Haar measure: all orientations alike.
 #
-# With c = tan(angle / 2) times the axis, a turn leans the tool by a, tan(a / 2) = |b|, b = (c_1,
-# c_2) / sqrt(1 + c_3^2), and spins it by s = 2 atan(c_3). The Haar measure dc / (1 + |c|^2)^2 is db
-# / (1 + |b|^2)^2 ds / 2: leans are even on the sphere, spins by the angle. A tilt is a disc of b, a
-# spin a range of c_3.
-# --------------------------------------------------------------------------------------------------
+# With c = tan(angle / 2) times the axis, a turn leans the tool by a, tan(a / 2) = |b|, b = (c_1, c_2) / sqrt(1 +
+# c_3^2), and spins it by s = 2 atan(c_3). The Haar measure dc / (1 + |c|^2)^2 is db / (1 + |b|^2)^2 ds / 2: leans are
+# even on the sphere, spins by the angle. A tilt is a disc of b, a spin a range of c_3.
 
 NODES = 12
 """Of a quadrature over a piece in which the integrand is smooth: right to 1e-9 where the tool leans by 0.5 rad."""

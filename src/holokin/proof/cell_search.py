@@ -26,15 +26,12 @@ from .certificate import Boxes, Covered, Demands, Extent
 from .equation import Equation
 from .tube import Cells, Findings, centred, examined
 
-# --------------------------------------------------------------------------------------------------
-# The batches of cells that a proof has examined, kept in an SQLite file: a proof that was stopped
-# goes on with them.
+# --- The batches of cells that a proof has examined, kept in an SQLite file: a proof that was stopped goes on with
+# them.
 #
-# A batch is found again by its boxes and by all batches before it, so that a proof that goes on
-# examines the same cells in the same order, and ends with the same certificate. Whole batches are
-# kept or none, whatever is killed and when. Of their contents a hash is kept, too; a batch that is
-# not as it was written is examined anew.
-# --------------------------------------------------------------------------------------------------
+# A batch is found again by its boxes and by all batches before it, so that a proof that goes on examines the same cells
+# in the same order, and ends with the same certificate. Whole batches are kept or none, whatever is killed and when. Of
+# their contents a hash is kept, too; a batch that is not as it was written is examined anew.
 
 FORM = 1
 """Of the file; a later form is another number."""

@@ -26,9 +26,7 @@ from .clear_cells import ClearCells
 from .equation import Equation
 from .tube import Cells, Findings
 
-# --------------------------------------------------------------------------------------------------
-# Boxes that fill a part of a box, as the tree of cuts that the checker reads.
-# --------------------------------------------------------------------------------------------------
+# --- Boxes that fill a part of a box, as the tree of cuts that the checker reads.
 
 COMPARED = 4096
 """Pairs of boxes that are compared without a further cut."""
@@ -116,9 +114,7 @@ def _cut(low: Matrix, high: Matrix, ones: Indices, others: Indices) -> list[tupl
     return parts
 
 
-# --------------------------------------------------------------------------------------------------
-# What is asked of a cell besides its one root: joints within their limits, shapes apart.
-# --------------------------------------------------------------------------------------------------
+# --- What is asked of a cell besides its one root: joints within their limits, shapes apart.
 
 FINEST = 1e-3
 """Motion [m] of a cell below which it is not halved for a distance: where this decides, nobody should drive."""

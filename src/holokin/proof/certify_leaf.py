@@ -43,10 +43,7 @@ from .path_proof import Pathway
 from .region_growth import grown
 from .tube import UP, Cells, centred, examined
 
-# --------------------------------------------------------------------------------------------------
-# Postures that the roots of a proof are shown to be near to: the start, and where pieces of a path
-# meet.
-# --------------------------------------------------------------------------------------------------
+# --- Postures that the roots of a proof are shown to be near to: the start, and where pieces of a path meet.
 
 NEAR = 1e-6
 """Of the places of a box where its start may be, the first one is taken whose posture is as near to the root."""
@@ -146,15 +143,12 @@ def distance_at(domain: Domain, found: Covered, i: int | None, u: Vector, q: Vec
     return float(here.r[0] + ROOM * np.linalg.norm(q - _root_at(domain, found, i, u)))
 
 
-# --------------------------------------------------------------------------------------------------
-# Where a path passes a tool pose twice: the joints are shown to be the same there, or to be others.
+# --- Where a path passes a tool pose twice: the joints are shown to be the same there, or to be others.
 #
-# All pairs of parts of cells are compared, those of one cell with each other, too. A pair is done
-# where the boxes of its tool poses are apart, or where the roots of one part, but for whole turns,
-# lie where the other's are the only ones: at a common pose they are one root. Else both parts are
-# halved, until their tool poses are the same to `SAME`: there the boxes of the joints are disjoint,
-# or nothing is known.
-# --------------------------------------------------------------------------------------------------
+# All pairs of parts of cells are compared, those of one cell with each other, too. A pair is done where the boxes of
+# its tool poses are apart, or where the roots of one part, but for whole turns, lie where the other's are the only
+# ones: at a common pose they are one root. Else both parts are halved, until their tool poses are the same to `SAME`:
+# there the boxes of the joints are disjoint, or nothing is known.
 
 SAME = 1e-9
 """Tool poses that are as near [m, 1] count as one: as the ends of a closed path do."""

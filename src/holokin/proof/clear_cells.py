@@ -35,13 +35,10 @@ from ..symbolic import symbol, vertcat
 from ..symbolic.interval_function import IntervalFunction
 from .tube import Cells, Findings, pair_weights
 
-# --------------------------------------------------------------------------------------------------
-# Convex shapes as points and a radius: all points within the radius of the hull of a few points.
+# --- Convex shapes as points and a radius: all points within the radius of the hull of a few points.
 #
-# A capsule, a ball, a box and the hull of points are such shapes. Of others one is taken that holds
-# them. So a plane that separates two shapes is tested by their points alone, whatever the shapes
-# were.
-# --------------------------------------------------------------------------------------------------
+# A capsule, a ball, a box and the hull of points are such shapes. Of others one is taken that holds them. So a plane
+# that separates two shapes is tested by their points alone, whatever the shapes were.
 
 AROUND = 16
 """Sides of the prism that holds a cylinder: it is 2 % wider at its edges."""

@@ -26,14 +26,11 @@ from ..symbolic.expression import Separated
 from ..symbolic.interval_function import IntervalFunction, operation_list
 from ..symbolic.rotations import frame_about, one_formula, skew
 
-# --------------------------------------------------------------------------------------------------
-# Families of tool poses x(u), u = u0 + h y, y in [-1, 1]^d: a stretch of a path, d = 1, or a box of
-# poses, d = 3 or 6.
+# --- Families of tool poses x(u), u = u0 + h y, y in [-1, 1]^d: a stretch of a path, d = 1, or a box of poses, d = 3 or
+# 6.
 #
-# They are expressions of y and of some numbers, u0 and h the last of them, so that one expression
-# serves all cells of a proof. Two cells with a value of u in common have that pose in common,
-# exactly.
-# --------------------------------------------------------------------------------------------------
+# They are expressions of y and of some numbers, u0 and h the last of them, so that one expression serves all cells of a
+# proof. Two cells with a value of u in common have that pose in common, exactly.
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,10 +202,7 @@ class PoseBox(Family):
         return position, R0 @ (((4 - size) * SX.eye(3) + 4 * skew(w) + 2 * w @ w.T) / (4 + size))
 
 
-# --------------------------------------------------------------------------------------------------
-# The rows f(q) - x of a task and what of the tool pose enters them, without a logarithm; and turns
-# left free.
-# --------------------------------------------------------------------------------------------------
+# --- The rows f(q) - x of a task and what of the tool pose enters them, without a logarithm; and turns left free.
 
 ALIGNED = 1e-9
 """By how much [-] a free axis may differ from the tool's z axis and count as that."""

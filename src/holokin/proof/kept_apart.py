@@ -19,13 +19,9 @@ from ..strategies import HolonomicStrategy
 from .certificate import Certificate
 from .clear_cells import ClearCells, shape_pairs
 
-# --------------------------------------------------------------------------------------------------
-# `TooNear`: a posture on a leaf at which two shapes are nearer than a proof was to show: there none
-# can succeed.
+# --- `TooNear`: a posture on a leaf at which two shapes are nearer than a proof was to show: there none can succeed.
 #
-# The distances are those of `check`, at postures that are found in doubles: of meshes their own,
-# not of their hulls.
-# --------------------------------------------------------------------------------------------------
+# The distances are those of `check`, at postures that are found in doubles: of meshes their own, not of their hulls.
 
 SURE = 1e-9
 """Distances [m] are less than asked by more than this, where something is said to be too near: they are rounded."""

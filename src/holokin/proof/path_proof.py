@@ -200,15 +200,12 @@ def distances(found: Covered, ones: Indices, others: Indices, turns: Vector) -> 
     return (np.linalg.norm(gap, axis=1) + found.findings.r[ones] + slip) * UP
 
 
-# --------------------------------------------------------------------------------------------------
-# `joint_rates`: how fast each joint is at most, over the speed of the tool, wherever the tool goes
-# in what is proven.
+# --- `joint_rates`: how fast each joint is at most, over the speed of the tool, wherever the tool goes in what is
+# proven.
 #
-# Along the predictor p(y) of a cell E(p(y), y) changes by F', and at the roots q(y) the derivative
-# is q' = p' - A^-1 (F' + ...), so that |q' - p'| is at most (|Y F'| + (|Y D_q D_y E| + omega |p'|)
-# r) / (1 - e - omega r). The sizes of q' by y are `Findings.slopes`; here they are taken over the
-# tool's motion per y.
-# --------------------------------------------------------------------------------------------------
+# Along the predictor p(y) of a cell E(p(y), y) changes by F', and at the roots q(y) the derivative is q' = p' - A^-1
+# (F' + ...), so that |q' - p'| is at most (|Y F'| + (|Y D_q D_y E| + omega |p'|) r) / (1 - e - omega r). The sizes of
+# q' by y are `Findings.slopes`; here they are taken over the tool's motion per y.
 
 
 @dataclass(frozen=True, eq=False)

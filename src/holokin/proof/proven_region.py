@@ -37,10 +37,7 @@ from .certify_leaf import certificate, demands, provable, question, start_of
 from .clear_cells import ClearCells
 from .kept_apart import TooNear, gap_distances, kept_apart, short_of
 
-# --------------------------------------------------------------------------------------------------
-# A large box of tool poses about a start: grown where samples are regular, made smaller until it is
-# proven.
-# --------------------------------------------------------------------------------------------------
+# --- A large box of tool poses about a start: grown where samples are regular, made smaller until it is proven.
 
 STEPS = 8
 """Samples from the start to each side of what is looked at."""
@@ -193,11 +190,6 @@ def _cut(box: PoseRange, tool: Vector, at: Vector | None) -> PoseRange:
     ends[axis, side[axis]] = tool[axis] + NEARER * away[axis]
     return _box(ends, box.rotation, box.tilt, box.spin)
 
-
-# --------------------------------------------------------------------------------------------------
-# `OpenParts`: the parts of a box of poses that are not proven, and why: some hold a posture that is
-# too near.
-# --------------------------------------------------------------------------------------------------
 
 CAUSES = ("not proven", "another posture", "beyond a joint limit", "the leaf ends", "too near")
 """What the poses of a workspace are that are not in its region."""

@@ -84,11 +84,6 @@ def recheck(
     return False, f"{head}.{lines}{bound}\n  The file's own words, not verified: {found.words}"
 
 
-# --------------------------------------------------------------------------------------------------
-# `CheckerWord`: what the independent checker says of a certificate, or why it says nothing.
-# --------------------------------------------------------------------------------------------------
-
-
 class Outcome(NoTruthValue, Enum, ask="`is Outcome.VERIFIED`"):
     """What the checker says of a certificate."""
 

@@ -26,10 +26,7 @@ from ..base.types import Array, Flags, Matrix, Value, Vector, joined, some
 from ..symbolic.intervals import PI, Interval, add, multiply, outward, point, subtract
 from .equation import Equation
 
-# --------------------------------------------------------------------------------------------------
-# Matrices and norms to the last rounding: products of doubles with intervals, upper bounds of
-# 2-norms.
-# --------------------------------------------------------------------------------------------------
+# --- Matrices and norms to the last rounding: products of doubles with intervals, upper bounds of 2-norms.
 
 UNIT = 2.0**-53
 """The relative error of a rounding."""

@@ -266,9 +266,7 @@ def _with_corners(motion: ToolMotion, index: Indices, margin: float) -> Indices:
     return np.sort(np.concatenate([index, at[at >= 0]]))
 
 
-# --------------------------------------------------------------------------------------------------
-# The length at which the tool's path repeats.
-# --------------------------------------------------------------------------------------------------
+# --- The length at which the tool's path repeats.
 
 CLOSE = 0.05
 """Two visits closer than this share of the loop's size may be visits of one point."""

@@ -47,10 +47,7 @@ from .questions import (
     worst_plane,
 )
 
-# --------------------------------------------------------------------------------------------------
-# Does a law answer the same call alike, whatever went before? Old calls are asked again, in many
-# pasts.
-# --------------------------------------------------------------------------------------------------
+# --- Does a law answer the same call alike, whatever went before? Old calls are asked again, in many pasts.
 
 PLACES = 5
 """Places along the way at which calls are asked again, in every past."""

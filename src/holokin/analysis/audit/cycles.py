@@ -353,10 +353,6 @@ def _broken(recording: Recording, path: ToolPath, spans: list[tuple[float, float
     return (np.searchsorted(at, ends, side="left") > np.searchsorted(at, begins, side="right")).tolist()
 
 
-# --------------------------------------------------------------------------------------------------
-# Where a cycle's tool path meets itself: one pose, reached by two paths within the cycle.
-# --------------------------------------------------------------------------------------------------
-
 _POINTS = 512
 _APART = 0.03  # share of a cycle by which two passes lie apart at least: less is the path's own neighbourhood
 _MEETS = 2e-3  # share of the path's size up to which two passes meet; the rest is corrected and counted as noise

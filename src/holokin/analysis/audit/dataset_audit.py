@@ -23,10 +23,7 @@ from .logs.datasets import JointFeature, PoseFeature, check_normalized, postures
 from .logs.log_formats import HingeTurns, hinge_turns, less_turns, turns_notes
 from .questions import LogVerdict, to_pose
 
-# --------------------------------------------------------------------------------------------------
-# What the audit of a dataset found: pairs of equal tool poses, and words that say how sure they
-# are.
-# --------------------------------------------------------------------------------------------------
+# --- What the audit of a dataset found: pairs of equal tool poses, and words that say how sure they are.
 
 Numbers = NDArray[np.floating[Any]]
 """Joints and tool points in single precision, which takes half the memory."""

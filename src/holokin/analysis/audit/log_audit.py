@@ -34,9 +34,7 @@ from .trend import (
     spare_axes,
 )
 
-# --------------------------------------------------------------------------------------------------
-# Words for what the audit of a log measured.
-# --------------------------------------------------------------------------------------------------
+# --- Words for what the audit of a log measured.
 
 
 def _rate_words(value: float) -> str:
@@ -104,10 +102,7 @@ def _winding_words(change: Vector, robot: Robot, cycles: int, allowed: float) ->
     return [f"{robot.joint_names[i]} winds up: it has made {turn} in {cycles} cycles" for i, turn in said]
 
 
-# --------------------------------------------------------------------------------------------------
-# What the audit of a log found: metrics, and words that say how sure they are and what the log does
-# not test.
-# --------------------------------------------------------------------------------------------------
+# --- What the audit of a log found: metrics, and words that say how sure they are and what the log does not test.
 
 _SURE = f"{100 * CONFIDENCE:.0f} %"
 

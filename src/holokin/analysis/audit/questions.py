@@ -23,10 +23,7 @@ from ...strategies import self_motion
 from ...strategies.tasks.task import Task, check_representation
 from ..curvature.curvature_of_planes import pairs
 
-# --------------------------------------------------------------------------------------------------
-# Judging joint postures at equal tool poses: the verdicts, distances, the first limit, moves to a
-# pose close by.
-# --------------------------------------------------------------------------------------------------
+# --- Judging joint postures at equal tool poses: the verdicts, distances, the first limit, moves to a pose close by.
 
 
 @dataclass(frozen=True)
@@ -92,13 +89,10 @@ def spread(visits: Array) -> Matrix:
     return visits.max(axis=0) - visits.min(axis=0)
 
 
-# --------------------------------------------------------------------------------------------------
-# Loops of the tool in the plane of two task rows, and the area that a loop encloses in each such
-# plane.
+# --- Loops of the tool in the plane of two task rows, and the area that a loop encloses in each such plane.
 #
-# The drift of a small loop is the sum over the planes (i, j) of enclosed area times curvature F_ij
-# (theory 1.1): a loop sees only the curvature of the planes in which it encloses area.
-# --------------------------------------------------------------------------------------------------
+# The drift of a small loop is the sum over the planes (i, j) of enclosed area times curvature F_ij (theory 1.1): a loop
+# sees only the curvature of the planes in which it encloses area.
 
 SIDES = {"m": 0.1, "rad": 0.2}
 """Sides of a loop: 0.1 m like the other loops of an audit; 0.2 rad is a like motion for an arm's joints, and small

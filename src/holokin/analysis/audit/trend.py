@@ -11,10 +11,7 @@ import numpy as np
 from ...base.types import Array, Matrix, NoTruthValue, Vector
 from ...symbolic.linear import null_space
 
-# --------------------------------------------------------------------------------------------------
-# Postures at equal tool poses, cycle by cycle: the directions in which they can differ, and the
-# noise there.
-# --------------------------------------------------------------------------------------------------
+# --- Postures at equal tool poses, cycle by cycle: the directions in which they can differ, and the noise there.
 
 MOST_GAIN = 3.0
 """Encoder noise along the path, times how fast the spare joints run beside the tool, is taken to grow by no more than
@@ -104,10 +101,7 @@ def encoder_noise(
     return capped, np.sqrt(np.einsum("pnl,l->pn", joints**2, level**2)), moves
 
 
-# --------------------------------------------------------------------------------------------------
-# The scatter of postures at equal tool poses over the cycles of a log, and shapes that it would not
-# take.
-# --------------------------------------------------------------------------------------------------
+# --- The scatter of postures at equal tool poses over the cycles of a log, and shapes that it would not take.
 
 CONFIDENCE = 0.99
 """Two-sided, for all phases, directions and groups of cycles of a log together: of a hundred logs in which nothing

@@ -29,10 +29,6 @@ from ...robot import check_metres, start_posture
 from ...strategies import HolonomicStrategy
 from ...strategies.tasks.task import Task, of_one_tool
 
-# --------------------------------------------------------------------------------------------------
-# `Coverage`: what one leaf reaches of a workspace, and what becomes of each other pose.
-# --------------------------------------------------------------------------------------------------
-
 FAR_TURN = np.pi / 2
 """Turn [rad] from the tool at the start to the workspace's middle orientation from which on it is told: so far, wrists
 use up most of their ranges."""
@@ -409,10 +405,7 @@ def _check_planar(task: Task, q0: Vector, poses: Array) -> None:
         raise ArgumentError("the rotation of a pose of the workspace", poses[0, :3, :3].tolist(), cure)
 
 
-# --------------------------------------------------------------------------------------------------
-# Slices: what a leaf reaches in the planes through a workspace's centre, at the middle orientation
-# of the tool.
-# --------------------------------------------------------------------------------------------------
+# --- Slices: what a leaf reaches in the planes through a workspace's centre, at the middle orientation of the tool.
 
 JUMP = 0.2
 """Difference of joints [joint units] between neighbouring cells from which it is looked whether a path joins them."""
@@ -519,9 +512,7 @@ def _cuts(strategy: HolonomicStrategy, inside: Flags, found: Coverage) -> Indice
     return far[[not leads_to(solver, poses[j], found.q[i], found.q[j]) for i, j in far]]
 
 
-# --------------------------------------------------------------------------------------------------
-# The largest part of a workspace, round its centre, that a law serves from end to end.
-# --------------------------------------------------------------------------------------------------
+# --- The largest part of a workspace, round its centre, that a law serves from end to end.
 
 HALVINGS = 7
 """Halvings of the share that is looked for: it is right to 1 %."""

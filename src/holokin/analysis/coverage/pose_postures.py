@@ -200,10 +200,7 @@ def _lowest(value: Vector, excess: Vector, pose: Indices, count: int) -> Indices
     return order[np.arange(len(order)) - first < count]
 
 
-# --------------------------------------------------------------------------------------------------
-# The coordinates of a workspace in which polynomials are written: those of the tool pose that vary
-# in it, scaled.
-# --------------------------------------------------------------------------------------------------
+# --- The coordinates of a workspace in which polynomials are written: those of the tool pose that vary in it, scaled.
 
 MOVES = 1e-6
 """Half width [m or rad] of poses along a direction from which on the workspace reaches in it: well over round-off."""
@@ -325,10 +322,7 @@ def values_and_slopes(u: Matrix, terms: Terms) -> tuple[Matrix, Array]:
     return values.reshape(len(u), len(terms)), slopes.reshape(len(u), len(terms), u.shape[1])
 
 
-# --------------------------------------------------------------------------------------------------
-# The chain of a robot that is asked about: of a URDF that to the palm at the end of its longest
-# arm.
-# --------------------------------------------------------------------------------------------------
+# --- The chain of a robot that is asked about: of a URDF that to the palm at the end of its longest arm.
 
 WORDS = ("tcp", "tool_center", "grasp", "tool", "end_effector", "effector", "eef", "ee_", "flange", "gripper", "hand")
 """Parts of names that links for tools have, the plainest first."""
@@ -423,14 +417,10 @@ def _rank(link: str) -> int:
     return next((i for i, word in enumerate(WORDS) if word in link.lower()), len(WORDS))
 
 
-# --------------------------------------------------------------------------------------------------
-# Many tool poses at once: from start postures along straight lines, all lines side by side in
-# arrays.
+# --- Many tool poses at once: from start postures along straight lines, all lines side by side in arrays.
 #
-# It is how laws and their leaves are compared before a few are looked at closely: a hundred times
-# faster than one pose after the other, but a step is judged by Newton's own convergence alone, so
-# that it may, rarely, change branches.
-# --------------------------------------------------------------------------------------------------
+# It is how laws and their leaves are compared before a few are looked at closely: a hundred times faster than one pose
+# after the other, but a step is judged by Newton's own convergence alone, so that it may, rarely, change branches.
 
 FIRST = 0.35
 """Longest first correction of a step [rad or m]: it is the motion of the joints in that step."""

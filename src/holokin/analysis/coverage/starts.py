@@ -211,9 +211,7 @@ def locked_joints(task: Task, q: Vector) -> list[int]:
     return sorted(chosen)
 
 
-# --------------------------------------------------------------------------------------------------
-# The laws that fit a robot and its task: what `advise` compares.
-# --------------------------------------------------------------------------------------------------
+# --- The laws that fit a robot and its task: what `advise` compares.
 
 TURNED = 1e-3
 """Angle [rad] from which two axes are not parallel."""
@@ -385,10 +383,7 @@ def _fixes(candidate: Candidate, starts: Matrix, bases: list[Matrix]) -> bool:
     return False
 
 
-# --------------------------------------------------------------------------------------------------
-# What `advise` proposes where it is not told: a start, a workspace; and which poses of one any
-# posture reaches.
-# --------------------------------------------------------------------------------------------------
+# --- What `advise` proposes where it is not told: a start, a workspace; and which poses of one any posture reaches.
 
 POSES = 64
 """Poses by which a workspace is proposed."""

@@ -24,15 +24,11 @@ from ...strategies.tasks.task import Task
 from ...symbolic import SX, Evaluator, Function, as_expression, densify, factorise, horzcat, runge_kutta, vertcat
 from ...symbolic.linear import null_space_expression
 
-# --------------------------------------------------------------------------------------------------
-# Derivatives of a function that is known by its values alone, with an error for each: differences,
-# extrapolated.
+# --- Derivatives of a function that is known by its values alone, with an error for each: differences, extrapolated.
 #
-# Central differences over steps h, h/2, h/4, ... are extrapolated to 0 [Rid82]. Long steps leave a
-# remainder, short ones enlarge the noise of the values. Of all extrapolations the one is taken
-# whose remainder, estimated by its neighbours, and noise are least together. The noise is what a
-# polynomial leaves of values near the posture.
-# --------------------------------------------------------------------------------------------------
+# Central differences over steps h, h/2, h/4, ... are extrapolated to 0 [Rid82]. Long steps leave a remainder, short
+# ones enlarge the noise of the values. Of all extrapolations the one is taken whose remainder, estimated by its
+# neighbours, and noise are least together. The noise is what a polynomial leaves of values near the posture.
 
 LONGEST = 0.1
 """First step [joint units]: about the size of the regions that are judged."""
@@ -111,10 +107,7 @@ def _lengths(columns: Matrix) -> Vector:
     return np.linalg.norm(columns, axis=0)
 
 
-# --------------------------------------------------------------------------------------------------
-# Curvature of a strategy that is a Python function, from differences of its values, with what it
-# may be wrong by.
-# --------------------------------------------------------------------------------------------------
+# --- Curvature of a strategy that is a Python function, from differences of its values, with what it may be wrong by.
 
 OUTSIDE = (FunctionError, NotFiniteError, SingularityError)
 """What a function may raise, or return, where it is not defined."""
@@ -289,9 +282,7 @@ def _hessian_brackets(task: Task, e: Expressions, weight: Matrix | None) -> Brac
     return {(a, b): W @ (H[b] @ e.planes[:, a] - H[a] @ e.planes[:, b]) for a, b in pairs(task.m)}
 
 
-# --------------------------------------------------------------------------------------------------
-# Carrying a posture along a straight line in task coordinates by a strategy: dq = G(q) dx.
-# --------------------------------------------------------------------------------------------------
+# --- Carrying a posture along a straight line in task coordinates by a strategy: dq = G(q) dx.
 
 TRANSPORT_STEPS = 32
 """Runge-Kutta steps of one transport: on segments of 0.5 m and 0.5 rad the error is about 1e-8 rad."""
@@ -314,15 +305,11 @@ def straight_postures(strategy: Strategy, q: Vector, dx: Vector, steps: int = TR
     return np.array(postures)
 
 
-# --------------------------------------------------------------------------------------------------
-# How far will a loop carry the joints? The area law: drift = area times curvature. [LA92], theory
-# 2a
+# --- How far will a loop carry the joints? The area law: drift = area times curvature. [LA92], theory 2a
 #
-# The product is taken at the loop's centre of area and carried to the start. For plane loops at
-# constant orientation its relative error then falls with the second power of the loop's size
-# (measured on Panda, iiwa14 and the PPR arm, loops of 8 to 1 cm); for others, and for area times
-# curvature without the carrying, with the first.
-# --------------------------------------------------------------------------------------------------
+# The product is taken at the loop's centre of area and carried to the start. For plane loops at constant orientation
+# its relative error then falls with the second power of the loop's size (measured on Panda, iiwa14 and the PPR arm,
+# loops of 8 to 1 cm); for others, and for area times curvature without the carrying, with the first.
 
 SAMPLES = 400
 """Samples of a loop: the area of a circle is then right to 1e-9."""

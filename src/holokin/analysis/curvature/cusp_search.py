@@ -167,15 +167,12 @@ def seek_cusps(strategy: HolonomicStrategy, level: Vector, starts: Matrix) -> tu
     return found, int(np.sum(there & flat & ~low)), int(np.sum(there & low))
 
 
-# --------------------------------------------------------------------------------------------------
-# Which cusps of a leaf are of one family: cusps lie on sets of dimension m - 2. Theory 7.3
+# --- Which cusps of a leaf are of one family: cusps lie on sets of dimension m - 2. Theory 7.3
 #
-# Of a task of two rows a cusp is alone. Of more rows what a search finds are samples of curves or
-# surfaces of cusps. A joint whose motion alone leads from cusps to cusps, as a base that turns
-# under a task of the whole pose, takes one dimension off. Where none is left, cusps that differ in
-# the other joints are of different families; where one is left, its curves are followed to their
-# ends.
-# --------------------------------------------------------------------------------------------------
+# Of a task of two rows a cusp is alone. Of more rows what a search finds are samples of curves or surfaces of cusps. A
+# joint whose motion alone leads from cusps to cusps, as a base that turns under a task of the whole pose, takes one
+# dimension off. Where none is left, cusps that differ in the other joints are of different families; where one is left,
+# its curves are followed to their ends.
 
 SAME = 1e-6
 """Difference of the joints [joint units] up to which two cusps are one."""

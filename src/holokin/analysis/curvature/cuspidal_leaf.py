@@ -55,15 +55,11 @@ from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic import Function
 from .cusp_search import CuspPoints, distinct, families, seek_cusps
 
-# --------------------------------------------------------------------------------------------------
-# Two postures of one leaf with one tool pose, joined by a regular motion: a leaf is cuspidal.
-# Theory 7.3
+# --- Two postures of one leaf with one tool pose, joined by a regular motion: a leaf is cuspidal. Theory 7.3
 #
-# Near a cusp the leaf lies over the poses as (s, y) -> (s^3 + y s, y). For y < 0 three postures
-# share a pose; the outer two lie on one side of the singular sheet det E ~ 3 s^2 + y = 0 and are
-# joined round y > 0. The tool path of that motion is closed, but the joints do not come back,
-# though the curvature is zero and no posture on it is singular.
-# --------------------------------------------------------------------------------------------------
+# Near a cusp the leaf lies over the poses as (s, y) -> (s^3 + y s, y). For y < 0 three postures share a pose; the outer
+# two lie on one side of the singular sheet det E ~ 3 s^2 + y = 0 and are joined round y > 0. The tool path of that
+# motion is closed, but the joints do not come back, though the curvature is zero and no posture on it is singular.
 
 DEPTHS = np.geomspace(0.02, 0.6, 6)
 """How far [joint units] beyond the cusp the two postures are looked for, along the leaf."""
@@ -562,11 +558,6 @@ def _orders(measures: Matrix) -> tuple[Indices, Indices]:
     """Motions (length, turn, rcond) (k, 3) by the size of their tool paths, and by how regular they are."""
     return np.argsort(measures[:, 0] + TURN * measures[:, 1]), np.argsort(-measures[:, 2])
 
-
-# --------------------------------------------------------------------------------------------------
-# Why a closed path on a regular leaf ends elsewhere: round a cusp, or round a hole of the
-# workspace. Theory 7.3
-# --------------------------------------------------------------------------------------------------
 
 PLACES = 100
 """Postures of the path from which cusps are looked for, and their distance is taken."""

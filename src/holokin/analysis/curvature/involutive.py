@@ -25,15 +25,12 @@ from .curvature_of_planes import (
 )
 from .verdict import Accuracy, Evidence, Region, Verdict
 
-# --------------------------------------------------------------------------------------------------
-# Round-off, measured instead of guessed: what a nudge of the posture scatters is not there. [Vig93]
+# --- Round-off, measured instead of guessed: what a nudge of the posture scatters is not there. [Vig93]
 #
-# Near singularities, its own or those on the way of a transport, a computed curvature is noise of
-# any size. Moving the posture by a hair changes every rounding on the way and the true value
-# hardly: the mean over some such copies against their scatter tells the two apart. Over 30,000
-# curvatures of holonomic laws on five robots, down to a rcond of 1e-10, the mean was at most 2.2
-# times the scatter; of laws that are not holonomic it was at least 10,000 times down to 1e-4.
-# --------------------------------------------------------------------------------------------------
+# Near singularities, its own or those on the way of a transport, a computed curvature is noise of any size. Moving the
+# posture by a hair changes every rounding on the way and the true value hardly: the mean over some such copies against
+# their scatter tells the two apart. Over 30,000 curvatures of holonomic laws on five robots, down to a rcond of 1e-10,
+# the mean was at most 2.2 times the scatter; of laws that are not holonomic it was at least 10,000 times down to 1e-4.
 
 COPIES = 16
 """Copies of a posture that are compared: their mean is known to a quarter of their scatter."""
@@ -76,9 +73,7 @@ def noise(scatter: Array) -> Array:
     return np.where(np.isfinite(scatter), SHOWN * scatter, np.inf)
 
 
-# --------------------------------------------------------------------------------------------------
-# Where does curvature stand out of its round-off? Looking at postures, and climbing from the best.
-# --------------------------------------------------------------------------------------------------
+# --- Where does curvature stand out of its round-off? Looking at postures, and climbing from the best.
 
 JUDGED = 1e-7
 """rcond below which curvature is not judged: a nudge of 1e-11 would be a step towards the singularity."""
@@ -233,10 +228,7 @@ def _batches(rows: Indices) -> list[Indices]:
     return [rows[a:b] for a, b in pairwise(edges) if a < len(rows)]
 
 
-# --------------------------------------------------------------------------------------------------
-# Is a strategy holonomic that is a Python function? As `involutivity`, with derivatives by
-# differences.
-# --------------------------------------------------------------------------------------------------
+# --- Is a strategy holonomic that is a Python function? As `involutivity`, with derivatives by differences.
 
 SURE = 3.0
 """Curvature over its error from which it is there. The errors are estimated with care: over 3,800 curvatures of laws in

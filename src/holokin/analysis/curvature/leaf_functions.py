@@ -145,10 +145,7 @@ def _refuse_curved(strategy: Strategy, verdict: Verdict) -> None:
         raise NotHolonomicError(strategy.name, verdict.witness, curvature=verdict.relative)
 
 
-# --------------------------------------------------------------------------------------------------
-# Theorem III.2 as a call: a holonomic G in, the paper's J_G, N_G, H out, with (7) to (14) checked.
-# [ZR11]
-# --------------------------------------------------------------------------------------------------
+# --- Theorem III.2 as a call: a holonomic G in, the paper's J_G, N_G, H out, with (7) to (14) checked. [ZR11]
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,9 +226,7 @@ def general_form(strategy: Strategy, q: ArrayLike, reference: ArrayLike | None =
     return GeneralForm(posture, J, G, J_G, N_G, task.null_space(posture))
 
 
-# --------------------------------------------------------------------------------------------------
-# The distance to a repeatable law: how close can a holonomic law be to a given one? (theory 5.4)
-# --------------------------------------------------------------------------------------------------
+# --- The distance to a repeatable law: how close can a holonomic law be to a given one? (theory 5.4)
 
 POINTS = 120
 """Samples of a circle: the least of a smooth function over it is then right to a thousandth of its variation."""

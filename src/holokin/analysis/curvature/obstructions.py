@@ -27,17 +27,13 @@ from ...strategies.tasks.task import Task, of_one_tool
 from ...symbolic import runge_kutta
 from .sphere_index import TURN, Pole, TangentField, angle_between, poles, spread, turn
 
-# --------------------------------------------------------------------------------------------------
-# How often the redundant joint goes round along a closed path: in turns of the self-motion, against
-# a disc.
+# --- How often the redundant joint goes round along a closed path: in turns of the self-motion, against a disc.
 #
-# Over the disc of straight lines from the path's start to its points a reference section is known:
-# the postures that least joint motion leads to along them. At each point of the path the law's
-# posture and the reference lie on one self-motion. Where that is a closed curve, the law is so many
-# turns of it ahead of the reference. Both agree at the start, so the turns after the path are a
-# whole number. If it is not 0, no law that agrees with this one on the path goes on continuously
-# over the disc, as long as the self-motions over it are such curves.
-# --------------------------------------------------------------------------------------------------
+# Over the disc of straight lines from the path's start to its points a reference section is known: the postures that
+# least joint motion leads to along them. At each point of the path the law's posture and the reference lie on one
+# self-motion. Where that is a closed curve, the law is so many turns of it ahead of the reference. Both agree at the
+# start, so the turns after the path are a whole number. If it is not 0, no law that agrees with this one on the path
+# goes on continuously over the disc, as long as the self-motions over it are such curves.
 
 QUARTER = 0.25
 """Turns of the self-motion from one sample to the next: half a turn could be either way."""
@@ -129,10 +125,7 @@ def _share(task: Task, fibre: Matrix, q: Vector) -> float | None:
     return float((lengths[i] + along * (lengths[i + 1] - lengths[i])) / lengths[-1])
 
 
-# --------------------------------------------------------------------------------------------------
-# The direction of the elbow over a sphere of tool places: a field of tangent directions, as a leaf
-# makes it.
-# --------------------------------------------------------------------------------------------------
+# --- The direction of the elbow over a sphere of tool places: a field of tangent directions, as a leaf makes it.
 
 LARGEST_STEP = 0.3
 """Largest joint motion [joint units] of one step: what lies farther is gone to in several."""

@@ -14,10 +14,6 @@ from ...base.types import ArrayLike, Matrix, NoTruthValue, Shown, Value, Vector,
 from ...path.workspaces import sobol
 from ...strategies import Jump
 
-# --------------------------------------------------------------------------------------------------
-# `Region`: a box in joint space, sampled evenly.
-# --------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True, eq=False)
 class Region(Value):

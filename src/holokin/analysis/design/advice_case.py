@@ -345,11 +345,6 @@ def _there(candidate: Candidate) -> Candidate:
     return replace(candidate, level=None)
 
 
-# --------------------------------------------------------------------------------------------------
-# `advise`: the law for a robot and its work, of all that fit, and why.
-# --------------------------------------------------------------------------------------------------
-
-
 @typed
 def advise(
     task: Task,

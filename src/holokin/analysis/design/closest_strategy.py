@@ -41,13 +41,10 @@ from ..curvature.leaf_functions import distance_to_repeatable
 from .objectives import Objective, length_of
 from .section import Cost, TiltedLeaves, descend
 
-# --------------------------------------------------------------------------------------------------
-# Leaves g = phi + a series of the tool pose and phi over a joint region, and their distance from a
-# given law.
+# --- Leaves g = phi + a series of the tool pose and phi over a joint region, and their distance from a given law.
 #
-# The law of such leaves moves phi by -g_phi^-1 g_x dx, the given one by A dx; with Z = dq/dphi at a
-# held tool the squared distance is D = mean |Z (g_phi^-1 g_x + A)|_F^2 (see `closest_strategy`).
-# --------------------------------------------------------------------------------------------------
+# The law of such leaves moves phi by -g_phi^-1 g_x dx, the given one by A dx; with Z = dq/dphi at a held tool the
+# squared distance is D = mean |Z (g_phi^-1 g_x + A)|_F^2 (see `closest_strategy`).
 
 BARRIER = 1e-4
 """Weight of the mean of -log det g_phi, as a share of the least squares' distance: it moves the optimum by less."""

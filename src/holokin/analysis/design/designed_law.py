@@ -41,11 +41,6 @@ from .nearby_cusps import MORE_SPEED, DegreeTried, NearbyCusps, cusps_near, said
 from .objectives import POWER, Cost, Costs, Objective, OwnCost, as_objective, costs_of, joint_weights, length_of
 from .section import Limits, Sampled, Search, SectionSamples, TiltedLeaves
 
-# --------------------------------------------------------------------------------------------------
-# `SectionMetrics`: what a law with leaves does over a workspace, by the costs that designs are
-# judged by.
-# --------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True, eq=False)
 class SectionMetrics(Value):
@@ -130,14 +125,11 @@ def measured(
     )
 
 
-# --------------------------------------------------------------------------------------------------
-# The least cost at each tool pose, over all postures that a search finds there and over all slopes.
+# --- The least cost at each tool pose, over all postures that a search finds there and over all slopes.
 #
-# A section has at the pose x some posture and some right inverse; at best the cheapest of both. No
-# integrability is asked, so the mean of these least costs is a lower bound of every law with these
-# postures, repeatable or not. They are looked for from many starts (`pose_postures`), so that those
-# of all branches are among them.
-# --------------------------------------------------------------------------------------------------
+# A section has at the pose x some posture and some right inverse; at best the cheapest of both. No integrability is
+# asked, so the mean of these least costs is a lower bound of every law with these postures, repeatable or not. They are
+# looked for from many starts (`pose_postures`), so that those of all branches are among them.
 
 LAWSON = 12
 """Changes of the joints' weights that balance their greatest speeds: every one gives a lower bound, the last ones agree
@@ -289,10 +281,7 @@ def _least_worst(J: Array, P: Matrix, costs: Costs) -> Vector:
     return np.sqrt(best)
 
 
-# --------------------------------------------------------------------------------------------------
-# The problem that `design` solves: a base law, a workspace, an objective and hard limits; and a law
-# of it, checked.
-# --------------------------------------------------------------------------------------------------
+# --- The problem that `design` solves: a base law, a workspace, an objective and hard limits; and a law of it, checked.
 
 LEEWAY = 0.02
 """Share of half a joint's range, beyond the least violation, that a search may use where the limits cannot be kept."""

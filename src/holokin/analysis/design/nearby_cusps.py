@@ -152,10 +152,7 @@ def said_of_degrees(chosen: int, looked_at: Sequence[DegreeTried], found: Nearby
     return "\n".join([*said, loop] if loop else said)
 
 
-# --------------------------------------------------------------------------------------------------
-# The levels of a law whose leaves serve a whole workspace: how far the elbow may go while the tool
-# works.
-# --------------------------------------------------------------------------------------------------
+# --- The levels of a law whose leaves serve a whole workspace: how far the elbow may go while the tool works.
 
 STEP, LEVEL_POSES = 0.05, 256
 """Difference of the levels that are tried [rad, m, or the constraint's unit]; poses of the workspace."""

@@ -34,11 +34,6 @@ from ...motion.checks.motion_checks import Clearances
 from ...robot import Robot, speed_limits
 from ...symbolic import SX, Function, gradient, symbol, written
 
-# --------------------------------------------------------------------------------------------------
-# `OwnCost`: a cost of a design that the user writes, of an expression of the joints or a function
-# of numbers.
-# --------------------------------------------------------------------------------------------------
-
 STEP = 1e-6
 """Of the differences that give the slope of a function of numbers [joint units]."""
 

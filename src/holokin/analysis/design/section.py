@@ -209,12 +209,10 @@ class SectionSamples(Value):
         return Q if arrived.all() else None
 
 
-# --------------------------------------------------------------------------------------------------
-# Least cost over a few dozen numbers, of a cost that may end: SciPy's BFGS before a wall. [NW06]
+# --- Least cost over a few dozen numbers, of a cost that may end: SciPy's BFGS before a wall. [NW06]
 #
-# Where a posture is not found the cost says None. There a wall stands: a value that rises away from
-# the last point, so that the search along a line turns back.
-# --------------------------------------------------------------------------------------------------
+# Where a posture is not found the cost says None. There a wall stands: a value that rises away from the last point, so
+# that the search along a line turns back.
 
 FIRST = 0.1
 """Length of the first step."""
@@ -266,10 +264,7 @@ def descend(cost: Cost, x: Vector, state: Any) -> tuple[Vector, float, Any]:
     return at, value, state
 
 
-# --------------------------------------------------------------------------------------------------
-# The search behind `design`: coefficients of the polynomial that make the objective least, within
-# hard limits.
-# --------------------------------------------------------------------------------------------------
+# --- The search behind `design`: coefficients of the polynomial that make the objective least, within hard limits.
 
 PENALTY = 500.0
 """Weight of the squares of violated limits, shares of half a joint's range, beside costs of 1, to begin with."""

@@ -23,10 +23,6 @@ from .designed_law import least_slopes
 from .nearby_cusps import LevelRange, NearbyCusps
 from .objectives import Costs
 
-# --------------------------------------------------------------------------------------------------
-# `Advice`: laws for a robot and a workspace, the best first, and what speaks for the best.
-# --------------------------------------------------------------------------------------------------
-
 EQUAL = 0.02
 """Difference of coverage up to which two laws cover alike: five of 256 poses, which other poses would decide
 otherwise."""
@@ -440,10 +436,7 @@ def _radial_speeds(task: Task, starts: Matrix, poses: Poses) -> Matrix:
     return total
 
 
-# --------------------------------------------------------------------------------------------------
-# What keeps the best law's joint speed above the least: joint limits, or that the least lies
-# elsewhere.
-# --------------------------------------------------------------------------------------------------
+# --- What keeps the best law's joint speed above the least: joint limits, or that the least lies elsewhere.
 
 NEAR = 1.0
 """Way along a self-motion [joint units] that is called near: valleys of a Panda's joint speed are 3 apart."""
@@ -563,9 +556,7 @@ def least_near(coordinates: Coordinates, costs: Costs, Q: Matrix, p: Matrix, R: 
     return values
 
 
-# --------------------------------------------------------------------------------------------------
-# Laws of different names that are one: the same joint rates at every pose of a workspace.
-# --------------------------------------------------------------------------------------------------
+# --- Laws of different names that are one: the same joint rates at every pose of a workspace.
 
 SPEEDS = 1e-5
 """Relative difference of squared joint speeds up to which two laws are looked at closely: those of `radial` come from
@@ -614,10 +605,6 @@ def _gains(trial: Trial, gains: dict[str, Array]) -> Array:
         gains[name] = np.asarray(strategy_of(trial).gain.batch(trial.q[trial.served])[0])
     return gains[name]
 
-
-# --------------------------------------------------------------------------------------------------
-# Why a law is the best, and what keeps it from being better: sentences of an advice.
-# --------------------------------------------------------------------------------------------------
 
 MOST = 3
 """Limits that are named in one sentence."""

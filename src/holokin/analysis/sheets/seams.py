@@ -209,11 +209,6 @@ def _fastest(
     return at, best, tuple(met.most_common())
 
 
-# --------------------------------------------------------------------------------------------------
-# `SheetMotion`: joints along a path over several sheets, with the changes between them.
-# --------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class SheetPiece(Value):
     """A part of a path on one sheet: from `start` to `stop`, as shares of the path's duration; its joints alone."""
@@ -329,10 +324,7 @@ def _count(many: int, word: str) -> str:
     return f"{many} {word}{'' if many == 1 else 's'}"
 
 
-# --------------------------------------------------------------------------------------------------
-# Which sheet to take on each part of a path: with the fewest divisions, then changes, then the
-# least joint motion.
-# --------------------------------------------------------------------------------------------------
+# --- Which sheet to take on each part of a path: with the fewest divisions, then changes, then the least joint motion.
 
 Cost = tuple[int, int, float]
 """Divisions, changes, seconds: compared in this order."""

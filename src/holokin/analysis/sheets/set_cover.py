@@ -12,10 +12,7 @@ from ...base.types import Array, Flags, Indices, Value, Vector
 from ...motion.ik.inverse_function import AGREE, answers
 from .sheet import Sheet, known
 
-# --------------------------------------------------------------------------------------------------
-# Linear programs, some of whose unknowns are whole numbers, between 0 and 1: by HiGHS, which SciPy
-# brings.
-# --------------------------------------------------------------------------------------------------
+# --- Linear programs, some of whose unknowns are whole numbers, between 0 and 1: by HiGHS, which SciPy brings.
 
 NODES = 5000
 """Nodes of the search tree after which the best x is taken: the same one on a slow and on a fast machine."""
@@ -158,10 +155,7 @@ def not_within_another(sets: Flags, costs: Vector) -> Indices:
     return np.sort(np.array(kept, dtype=int))
 
 
-# --------------------------------------------------------------------------------------------------
-# Which sheet serves a pose where several do: so that neighbouring poses have one sheet as often as
-# can be.
-# --------------------------------------------------------------------------------------------------
+# --- Which sheet serves a pose where several do: so that neighbouring poses have one sheet as often as can be.
 
 ROUND = 1e-6
 """What a bound may be off."""

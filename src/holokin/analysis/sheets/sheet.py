@@ -18,10 +18,7 @@ from ...strategies import HolonomicStrategy
 from ...strategies.tasks.frame_task import free_directions
 from ...strategies.tasks.task import Task
 
-# --------------------------------------------------------------------------------------------------
-# Tool poses as points: which of many is nearest, which are neighbours, which are far from each
-# other.
-# --------------------------------------------------------------------------------------------------
+# --- Tool poses as points: which of many is nearest, which are neighbours, which are far from each other.
 
 TURN_LENGTH = 0.3
 """Metres that a turn of 1 rad counts where poses are compared: about what it moves what a tool holds."""

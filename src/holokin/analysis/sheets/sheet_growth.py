@@ -31,10 +31,6 @@ from ..coverage.pose_postures import (
 from ..coverage.starts import Candidate, candidates, postures_at
 from .sheet import allowed_postures, known, nearby, neighbours
 
-# --------------------------------------------------------------------------------------------------
-# `SearchedPoses`: of many poses in reach those that a search for sheets looks at.
-# --------------------------------------------------------------------------------------------------
-
 SOME, MOST = 400, 400
 """Poses that are searched of those that are served, and of those that were left out."""
 
@@ -213,9 +209,7 @@ def _others(pairs: Indices, i: int) -> Indices:
     return rows[rows != i]
 
 
-# --------------------------------------------------------------------------------------------------
-# What a leaf serves, and what it costs: estimates, by many straight lines side by side.
-# --------------------------------------------------------------------------------------------------
+# --- What a leaf serves, and what it costs: estimates, by many straight lines side by side.
 
 LAWS = 6
 """Laws of which leaves are looked at all over the workspace. On a Panda the first three made up the cover."""
@@ -314,16 +308,13 @@ def _best(served: list[Flags], count: int) -> Indices:
     return np.asarray(order[: min(LAWS, count)], dtype=int)
 
 
-# --------------------------------------------------------------------------------------------------
-# Laws whose level is a polynomial of the tool pose, fitted so that one leaf serves more poses.
+# --- Laws whose level is a polynomial of the tool pose, fitted so that one leaf serves more poses.
 #
 #     g(q) = c(q) - zeta(x)
 #
-# At a pose x the self-motion leads through many levels of a law c(q), and the limits allow some of
-# them. A polynomial zeta that is an allowed level at each pose gives a law that serves them all on
-# one leaf, g = 0. The levels that are allowed are looked at once for each sheet that a search began
-# with; each polynomial then is a linear program.
-# --------------------------------------------------------------------------------------------------
+# At a pose x the self-motion leads through many levels of a law c(q), and the limits allow some of them. A polynomial
+# zeta that is an allowed level at each pose gives a law that serves them all on one leaf, g = 0. The levels that are
+# allowed are looked at once for each sheet that a search began with; each polynomial then is a linear program.
 
 STEPS = 16
 """Levels on each side of that of the start at most."""

@@ -34,10 +34,6 @@ from .follow_sheets import Stops, follow_sheets
 from .seams import Seams, SheetMotion, Where, seams_of
 from .sheet import PosePoints, Sheet, known, seen_features
 
-# --------------------------------------------------------------------------------------------------
-# `PoseRest`: what becomes of the poses of a workspace, and why some are not served.
-# --------------------------------------------------------------------------------------------------
-
 BLOCKED_LOOKS = 200
 """Poses for which clear postures are searched for at most, to tell why they are not served."""
 
@@ -377,10 +373,7 @@ class Sheets(NoTruthValue, Value, ask="`.share`"):
         return points, np.flatnonzero(self.served)
 
 
-# --------------------------------------------------------------------------------------------------
-# A map of sheets as a file: arrays of numbers, and a text that says what they are of. Nothing in it
-# is code.
-# --------------------------------------------------------------------------------------------------
+# --- A map of sheets as a file: arrays of numbers, and a text that says what they are of. Nothing in it is code.
 
 FORMAT = 2
 """Changed when files of before cannot be read any more."""
@@ -539,7 +532,7 @@ def _check_about(about: Mapping[str, Any]) -> None:
     need(all(type(count) is int and 0 <= count < 2**31 for count in counts), "a count in it is none")
     need(numbers(about["length"]) and about["length"] >= 0, "its length of a turn is none")
     need(isinstance(about["stopped"], bool), "stopped is neither true nor false")
-    need(about["around"] is None or isinstance(about["around"], str), "its surroundings are none")
+    need(about["around"] is None or isinstance(about["around"], str), "its scene is none")
 
 
 def _fault(found: Sheets) -> str:

@@ -128,7 +128,7 @@ def self_motion_between(task: Task, qa: ArrayLike, qb: ArrayLike, clear: Clear |
 
     Args:
         qa, qb: postures (n,) within the joint limits.
-        clear: which postures (k, n) keep clear of obstacles, as of `clear_postures`; it is asked at steps of 0.01 rad.
+        clear: which postures (k, n) keep clear of obstacles, as `Clearances.clear`; it is asked at steps of 0.01 rad.
 
     Returns:
         The motion, or the reason why there is none.
@@ -368,10 +368,7 @@ def _within(robot: Robot, curve: Stretch) -> bool:
     return bool(((every >= robot.lower - TOLERANCES.limit) & (every <= robot.upper + TOLERANCES.limit)).all())
 
 
-# --------------------------------------------------------------------------------------------------
-# Trajectories of pieces joined with the tool at rest: along a path on a sheet, and at one pose
-# between two.
-# --------------------------------------------------------------------------------------------------
+# --- Trajectories of pieces joined with the tool at rest: along a path on a sheet, and at one pose between two.
 
 
 @dataclass(frozen=True, eq=False)

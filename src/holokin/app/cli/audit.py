@@ -143,9 +143,7 @@ def audit(
     raise typer.Exit(1 if 1 in codes else 2 if 2 in codes else 0)
 
 
-# --------------------------------------------------------------------------------------------------
-# `holokin audit` of a LeRobot dataset: equal tool poses over its episodes.
-# --------------------------------------------------------------------------------------------------
+# --- `holokin audit` of a LeRobot dataset: equal tool poses over its episodes.
 
 
 def refuse_options(what: str, **given: Any) -> None:

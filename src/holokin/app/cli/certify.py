@@ -104,11 +104,6 @@ def certify(
     raise typer.Exit(0 if proven and all(one.whole for one in proven) and not rejected else 1)
 
 
-# --------------------------------------------------------------------------------------------------
-# `holokin check-certificate`.
-# --------------------------------------------------------------------------------------------------
-
-
 def check_certificate(
     file: Annotated[Path, typer.Argument(help="The .json file of a certificate.")],
     robot: Annotated[

@@ -11,9 +11,7 @@ import typer
 from ...base.errors import ArgumentError
 from .outcome import TrustUnits, ending, show
 
-# --------------------------------------------------------------------------------------------------
-# `holokin export web`: a page on which anyone drags a loop and sees two strategies follow it.
-# --------------------------------------------------------------------------------------------------
+# --- `holokin export web`: a page on which anyone drags a loop and sees two strategies follow it.
 
 
 def export_web(

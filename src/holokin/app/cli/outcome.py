@@ -238,10 +238,6 @@ def finish(code: int) -> int:
     return code
 
 
-# --------------------------------------------------------------------------------------------------
-# Options that say how a log or dataset counts joints.
-# --------------------------------------------------------------------------------------------------
-
 Degrees = Annotated[bool | None, typer.Option("--degrees/--radians", help="Unit of revolute joints.")]
 Columns = Annotated[
     str | None,
@@ -279,11 +275,6 @@ def _pairs(option: str, text: str) -> dict[str, float]:
         except ValueError:
             raise ArgumentError(option, text, 'give pairs like "joint_2=-1, joint_3=-1"') from None
     return pairs
-
-
-# --------------------------------------------------------------------------------------------------
-# Options of the subcommands that ask about a robot, or a job, and its work.
-# --------------------------------------------------------------------------------------------------
 
 
 class TaskKind(StrEnum):

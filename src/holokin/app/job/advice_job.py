@@ -27,9 +27,7 @@ from .runner import is_job, open_one_job, run_job, workspace_of_job
 from .schema import LONGEST_TITLE, Job, job_table
 from .templates import check_new, robot_name, table, toml, toml_key, write_new
 
-# --------------------------------------------------------------------------------------------------
-# Axes and postures as one types them beside a command.
-# --------------------------------------------------------------------------------------------------
+# --- Axes and postures as one types them beside a command.
 
 
 def axis_of(text: str) -> str | list[float]:
@@ -62,10 +60,7 @@ def _numbers_of(text: str) -> list[float] | None:
     return found if np.isfinite(found).all() else None
 
 
-# --------------------------------------------------------------------------------------------------
-# What is asked of `holokin advise`: a robot with a box in which it works, or a job, which says all
-# of it.
-# --------------------------------------------------------------------------------------------------
+# --- What is asked of `holokin advise`: a robot with a box in which it works, or a job, which says all of it.
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,9 +153,7 @@ def _typed_box(text: str, tilt: float, planar: bool) -> Workspace:
     return workspace(box=(numbers[:half], numbers[half:]), rotation=rotation, tilt=np.deg2rad(tilt))
 
 
-# --------------------------------------------------------------------------------------------------
-# A job written again, with the best law of an advice before its own strategies.
-# --------------------------------------------------------------------------------------------------
+# --- A job written again, with the best law of an advice before its own strategies.
 
 SAME = 1e-9
 """Difference of two start postures [joint units of the file] that are one."""

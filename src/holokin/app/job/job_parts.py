@@ -148,11 +148,6 @@ def build_begin(table: StrategyTable, strategy: Strategy, q0: Vector) -> tuple[V
     return begin, f"{strategy.name} begins on the leaf of level {level}, moved to from the start posture, at {at}."
 
 
-# --------------------------------------------------------------------------------------------------
-# From [path] of a job to the path.
-# --------------------------------------------------------------------------------------------------
-
-
 def build_path(table: PathTable, task: Task, q0: Vector, file: FilePath) -> Path:
     """The path of a table. It begins at the tool's start point unless an entry leads to it.
 
@@ -293,12 +288,6 @@ def _typed(point: Vector) -> str:
     return "[" + ", ".join(f"{round(float(v), 9) + 0.0:.10g}" for v in point) + "]"
 
 
-# --------------------------------------------------------------------------------------------------
-# The paths of a job whose task has several frames: that of [path] for the first one, and `others`
-# for the next.
-# --------------------------------------------------------------------------------------------------
-
-
 def build_paths(table: PathTable, task: Task, q0: Vector, file: FilePath) -> AnyPath:
     """The path, or paths of several frames run through together; one without stays where it is.
 
@@ -323,10 +312,7 @@ def build_paths(table: PathTable, task: Task, q0: Vector, file: FilePath) -> Any
     return synchronized(*found)
 
 
-# --------------------------------------------------------------------------------------------------
-# The entry of a job: from its start posture to where its path begins, timed and checked like the
-# path.
-# --------------------------------------------------------------------------------------------------
+# --- The entry of a job: from its start posture to where its path begins, timed and checked like the path.
 
 
 @dataclass(frozen=True, eq=False)

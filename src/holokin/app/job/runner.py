@@ -59,9 +59,7 @@ from .schema import ExpectTable, Job, SheetsTable, WorkspaceTable, job_table, re
 from .strategy_tables import KINDS, Fitted
 from .tables import TimingTable, filled
 
-# --------------------------------------------------------------------------------------------------
-# [workspace]: how many of its poses each strategy with leaves reaches.
-# --------------------------------------------------------------------------------------------------
+# --- [workspace]: how many of its poses each strategy with leaves reaches.
 
 COVER_PLACES = 256
 """Poses of a path that stand for a workspace."""
@@ -141,11 +139,6 @@ def workspace_of_job(job: Job, task: Task, start: Vector, file: FilePath) -> Wor
     return pose_cloud(T, f"the path of {file.name}")
 
 
-# --------------------------------------------------------------------------------------------------
-# `read_sheets`: a map of sheets that was saved, with its strategies built from the keys of jobs.
-# --------------------------------------------------------------------------------------------------
-
-
 @typed
 def read_sheets(
     path: str | FilePath,
@@ -184,10 +177,7 @@ def _strategy(keys: Mapping[str, Any], task: Task, q0: Vector, name: str) -> Hol
     return found
 
 
-# --------------------------------------------------------------------------------------------------
-# [sheets] of a job: its map, searched for or read from a file, and the motion along the job's path
-# on it.
-# --------------------------------------------------------------------------------------------------
+# --- [sheets] of a job: its map, searched for or read from a file, and the motion along the job's path on it.
 
 ONE_TOOL = "it is of several tools, and sheets are of one"
 """Why a path is not followed on sheets."""

@@ -241,9 +241,7 @@ class Job(Table):
         return self
 
 
-# --------------------------------------------------------------------------------------------------
-# Reading a job file: what is wrong with it becomes a sentence that names file, key, value and cure.
-# --------------------------------------------------------------------------------------------------
+# --- Reading a job file: what is wrong with it becomes a sentence that names file, key, value and cure.
 
 Key = tuple[str, ...]
 """The path to a value: the names and numbers of the tables and lists around it, and its own."""

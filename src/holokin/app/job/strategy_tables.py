@@ -377,10 +377,6 @@ def keys_of(model: type[StrategyTable]) -> tuple[tuple[str, ...], tuple[str, ...
     return needed, tuple(key for key in own if key not in needed)
 
 
-# --------------------------------------------------------------------------------------------------
-# A strategy as one types it: the kind of a job and its keys, or one of a job file.
-# --------------------------------------------------------------------------------------------------
-
 FIRST = {"lock": "joints", "height": "joints", "linear": "matrix", "stationary": "cost", "radial": "steps"}
 """The key that words without one are for."""
 

@@ -43,9 +43,7 @@ from ...strategies.tasks.task import Task
 from ...strategies.tasks.task_kinds import custom_task, line_of_sight, pose, position, relative_pose
 from ...symbolic import SX, horzcat, parse, vertcat
 
-# --------------------------------------------------------------------------------------------------
-# What the tables of a job share: numbers and lists of a bounded size, and formulas of the joints.
-# --------------------------------------------------------------------------------------------------
+# --- What the tables of a job share: numbers and lists of a bounded size, and formulas of the joints.
 
 LARGEST = 1e12
 """Largest number of a job: products of a few such numbers and their squares stay far from overflow."""
@@ -168,10 +166,7 @@ def matrix(rows: list[list[Formula]], robot: Robot) -> Callable[[SX], SX]:
     return lambda q: vertcat(*(horzcat(*(parse(x, _joint_symbols(q, robot)) for x in row)) for row in rows))
 
 
-# --------------------------------------------------------------------------------------------------
-# [robot] of a job file: a robot by name, its tool and mounting, or parts put together; and the
-# robot of it.
-# --------------------------------------------------------------------------------------------------
+# --- [robot] of a job file: a robot by name, its tool and mounting, or parts put together; and the robot of it.
 
 MOST_PARTS = 32
 """Robots of which one is put together."""
@@ -282,9 +277,7 @@ def robot_of_job(table: RobotTable, file: Path) -> Robot:
     return with_limits(robot, **limits, trust_units=table.trust_units) if limits else robot
 
 
-# --------------------------------------------------------------------------------------------------
-# [checks] of a job file: what is looked at in the motion of every strategy.
-# --------------------------------------------------------------------------------------------------
+# --- [checks] of a job file: what is looked at in the motion of every strategy.
 
 MOST_OBSTACLES = 100
 """Shapes round a robot; each is looked at with each link."""
@@ -365,12 +358,10 @@ class ChecksTable(Table):
         return replace(robot, shapes=(*robot.shapes, *self._loaded(robot).shapes[-count:])) if count else robot
 
 
-# --------------------------------------------------------------------------------------------------
-# [task] of a job file: what the tool, or two of them, shall do; and the tasks of it.
+# --- [task] of a job file: what the tool, or two of them, shall do; and the tasks of it.
 #
-# A new kind of task is one more value of `kind` here, its keys, each with the kinds that use it,
-# and its case in `tasks`.
-# --------------------------------------------------------------------------------------------------
+# A new kind of task is one more value of `kind` here, its keys, each with the kinds that use it, and its case in
+# `tasks`.
 
 Orientations = Annotated[list[Orientation], Field(min_length=1)]
 Axis = Literal["x", "y", "z"] | Three
@@ -436,9 +427,7 @@ class TaskTable(KindTable):
         ]
 
 
-# --------------------------------------------------------------------------------------------------
-# [path] of a job file: which curve, in which frame, and what is made of it.
-# --------------------------------------------------------------------------------------------------
+# --- [path] of a job file: which curve, in which frame, and what is made of it.
 
 MOST_POINTS = 10_000
 """Points of a polyline: a millimetre apart they make ten metres. Each is looked at in Python, 20 us."""

@@ -20,9 +20,7 @@ from ...strategies.tasks.task import Task
 from .runner import packaged_jobs, run_job
 from .schema import Job
 
-# --------------------------------------------------------------------------------------------------
-# Writing job files: TOML values, robot files as a job names them, and files that must be new.
-# --------------------------------------------------------------------------------------------------
+# --- Writing job files: TOML values, robot files as a job names them, and files that must be new.
 
 
 def toml(value: Any) -> str:

@@ -33,10 +33,6 @@ from .runner import OF_ONE_STRATEGY, ONE_TOOL, build_workspace, path_motion, she
 from .schema import Job
 from .tables import HELD_IN, ProgramTable, TimingTable, filled
 
-# --------------------------------------------------------------------------------------------------
-# The strategies of a job, certified along its path or over the box of its [workspace].
-# --------------------------------------------------------------------------------------------------
-
 
 def certify_job(
     job: Job, file: FilePath, *, workspace: bool = False, part: bool = False, budget: int | None = None,
@@ -103,9 +99,7 @@ def certify_job(
                 yield title, found
 
 
-# --------------------------------------------------------------------------------------------------
-# A strategy of a job as C for a controller.
-# --------------------------------------------------------------------------------------------------
+# --- A strategy of a job as C for a controller.
 
 
 def job_strategy(
@@ -152,9 +146,7 @@ def exported_strategy(
     return strategy, {"q0": start, "name": short, "origin": f"the job {name}, strategy {label}"}
 
 
-# --------------------------------------------------------------------------------------------------
-# A strategy of a job as a robot program: followed, timed, and written in a controller's language.
-# --------------------------------------------------------------------------------------------------
+# --- A strategy of a job as a robot program: followed, timed, and written in a controller's language.
 
 
 def program_of_job(

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ...analysis.coverage.starts import task_of_kind
 from ...analysis.design import advise
 from ...base.errors import ArgumentError, HolokinError, JobError
 from ...base.units import SI, PrintedUnits

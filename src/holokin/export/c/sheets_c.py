@@ -38,7 +38,7 @@ def export_sheets(
     poses says which is asked first, as `s(pose)` does. `NAME_sheets_near` keeps the sheet of a loop while it serves.
 
     Args:
-        found: the map, without surroundings and without a least rcond: C does not look at these.
+        found: the map, without a scene and without a least rcond: C does not look at these.
         folder: made if need be; files there that holokin did not write are left alone, or refused if in the way.
         name: C name, the prefix of all symbols; by default that of the robot.
         dt: the loop's step of the sheets' control steps [s].
@@ -48,7 +48,7 @@ def export_sheets(
         What was written.
 
     Raises:
-        ArgumentError: no sheets, surroundings, a least rcond; a name that is no C name; files in the way. ExportError:
+        ArgumentError: no sheets, a scene, a least rcond; a name that is no C name; files in the way. ExportError:
         nothing is redundant, or a strategy has no C. WriteError.
     """
     positive("dt", dt)
@@ -56,7 +56,7 @@ def export_sheets(
         raise ArgumentError("the sheets", 0, "give a map that serves something")
     if found.scene is not None or any(sheet.rcond for sheet in found.sheets):
         cure = "C does not look at obstacles, nor at a least rcond: make the map without, and check its motions"
-        raise ArgumentError("the map", "it has surroundings, or a least rcond", cure)
+        raise ArgumentError("the map", "it has a scene, or a least rcond", cure)
     if found.task.n == found.task.m:
         cure = "ask `s(pose)` in Python, or give a task with fewer rows: C has inverse kinematics of redundant arms"
         raise ExportError("nothing is redundant, the sheets are branches of the arm", cure)

@@ -260,9 +260,7 @@ class CheckReport(NoTruthValue, ask="`.passed`"):
         write_json(path, self.to_dict())
 
 
-# --------------------------------------------------------------------------------------------------
-# What `check` looks at: the samples of a trajectory, a timed one, a recording, or postures alone.
-# --------------------------------------------------------------------------------------------------
+# --- What `check` looks at: the samples of a trajectory, a timed one, a recording, or postures alone.
 
 RATES = (FindingKind.VELOCITY, FindingKind.ACCELERATION, FindingKind.JERK)
 

@@ -18,11 +18,6 @@ from ...robot.tree import Frames, joint_frames, placed
 from .check_report import LeftOut, Unseen, cannot_tell, keeps
 from .scene import Scene
 
-# --------------------------------------------------------------------------------------------------
-# `Gap`: the distance of a link from another one, from an obstacle or from the floor, at many
-# postures.
-# --------------------------------------------------------------------------------------------------
-
 FLOOR = "floor"
 """The name of the floor in findings."""
 
@@ -310,9 +305,7 @@ def _segment_places(p: Matrix, u: Matrix, x: Matrix, v: Matrix) -> tuple[Vector,
     return best
 
 
-# --------------------------------------------------------------------------------------------------
-# Distances along a whole motion: at few instants, and bounded between them.
-# --------------------------------------------------------------------------------------------------
+# --- Distances along a whole motion: at few instants, and bounded between them.
 
 ACCURACY = 1e-3
 """How much less [m] than the least distance found it may be anywhere on the motion: a millimetre."""

@@ -33,10 +33,6 @@ from .check_report import (
 from .clearance import Pairs, Swept, pairs_of, sweep
 from .scene import Scene
 
-# --------------------------------------------------------------------------------------------------
-# Findings at the samples of a motion: limits of the joints, and singularities of the task.
-# --------------------------------------------------------------------------------------------------
-
 EXACT = 1e-9
 """Share of a limit by which a rate may exceed it: that of round-off."""
 
@@ -85,15 +81,11 @@ def _found(
     return Finding(kind, what, float(t[a]), float(t[b]), float(t[k]), k, value, limit, unit)
 
 
-# --------------------------------------------------------------------------------------------------
-# Jumps of posture inside a motion: joint steps in whose middle the tool is off its way; and
-# self-motions.
+# --- Jumps of posture inside a motion: joint steps in whose middle the tool is off its way; and self-motions.
 #
-# On a step from q to q + d, the joints going straight, the tool is near the middle of its way at q
-# + d/2: it is off by (1/8) d^T H d, H the second derivative of the pose, which is of second order
-# in its step. A step to another posture of nearly the same tool pose takes the tool off by as much,
-# but leads it nowhere.
-# --------------------------------------------------------------------------------------------------
+# On a step from q to q + d, the joints going straight, the tool is near the middle of its way at q + d/2: it is off by
+# (1/8) d^T H d, H the second derivative of the pose, which is of second order in its step. A step to another posture of
+# nearly the same tool pose takes the tool off by as much, but leads it nowhere.
 
 SHARE = 0.25
 """Share of the tool's step by which its middle may be off, beside `TOLERANCES.tracking`: a circle of six samples is off
@@ -341,10 +333,6 @@ def _distance_findings(motion: Motion, swept: Sequence[Swept], pairs: Pairs) -> 
 def _time(motion: Motion, s: float) -> float:
     return float(np.interp(s, np.arange(len(motion.t)), motion.t))
 
-
-# --------------------------------------------------------------------------------------------------
-# How far apart links, obstacles and the floor are at many postures, and which of these keep clear.
-# --------------------------------------------------------------------------------------------------
 
 Clear = Callable[[Matrix], Flags]
 """Which of some postures (k, n) are clear (k,)."""

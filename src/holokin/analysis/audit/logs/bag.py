@@ -22,10 +22,7 @@ from ....base.files import listed, shown
 from ....robot import Robot
 from .joint_columns import Columns, Samples, columns_named, joint_columns
 
-# --------------------------------------------------------------------------------------------------
-# What a bag or a dataset unpacks to is measured before it is unpacked: a few bytes may stand for
-# gigabytes.
-# --------------------------------------------------------------------------------------------------
+# --- What a bag or a dataset unpacks to is measured before it is unpacked: a few bytes may stand for gigabytes.
 
 MOST_CHUNK = 256 * 2**20
 """Bytes that one chunk may unpack to; recorders write chunks of 1 to 16 MB."""

@@ -37,10 +37,7 @@ from .joint_columns import (
     scale_of,
 )
 
-# --------------------------------------------------------------------------------------------------
-# Names for the columns of a CSV file without a header: as `ros2 topic echo --csv` writes them, or
-# by their number.
-# --------------------------------------------------------------------------------------------------
+# --- Names for the columns of a CSV file without a header: as `ros2 topic echo --csv` writes them, or by their number.
 
 STAMPS = ("secs", "nsecs")
 """Columns of a stamp in two parts."""

@@ -23,10 +23,7 @@ from .bag import record_batches
 from .joint_columns import Columns, columns_named, joint_columns
 from .log_formats import outside
 
-# --------------------------------------------------------------------------------------------------
-# A LeRobot dataset on disk, formats v2.1 and v3.0: its description, its episodes, and its rows, a
-# batch at a time.
-# --------------------------------------------------------------------------------------------------
+# --- A LeRobot dataset on disk, formats v2.1 and v3.0: its description, its episodes, and its rows, a batch at a time.
 
 INFO = "meta/info.json"
 VERSIONS = ("v2.1", "v3.0")

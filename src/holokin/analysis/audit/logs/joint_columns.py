@@ -13,10 +13,6 @@ from ....base.files import listed, shown
 from ....base.types import Indices, Matrix, Vector
 from ....robot import Robot
 
-# --------------------------------------------------------------------------------------------------
-# `Samples`: what the file of a log holds, in its own order and units.
-# --------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True, eq=False)
 class Samples:

@@ -21,15 +21,12 @@ from .bag import read_bag
 from .csv_log import read_csv
 from .joint_columns import Columns, Samples
 
-# --------------------------------------------------------------------------------------------------
-# Whole turns of hinges: many drivers write an angle modulo a turn, and a joint may pass a turn
-# between two samples.
+# --- Whole turns of hinges: many drivers write an angle modulo a turn, and a joint may pass a turn between two samples.
 #
-# One rule for logs and datasets. From one sample to the next a hinge moves by the least change,
-# modulo a turn, that leads from one value to the other. This is sure where its speed limit allows
-# no other change. Where it is not, and between the episodes of a dataset, the joint limits may
-# still tell the turn, since the values must lie within them. Otherwise the turn is not known.
-# --------------------------------------------------------------------------------------------------
+# One rule for logs and datasets. From one sample to the next a hinge moves by the least change, modulo a turn, that
+# leads from one value to the other. This is sure where its speed limit allows no other change. Where it is not, and
+# between the episodes of a dataset, the joint limits may still tell the turn, since the values must lie within them.
+# Otherwise the turn is not known.
 
 TURN = 2 * np.pi
 
@@ -342,11 +339,6 @@ def _in_radians(file: Path, q: Matrix, robot: Robot, degrees: bool | None, count
     plain = not (degrees or counts.signs or counts.offsets or counts.scales)
     return q if plain else counts.joints(names, q, units[bool(degrees)])
 
-
-# --------------------------------------------------------------------------------------------------
-# Logs as they come: several files as one log, and one log as several runs, at clock resets and idle
-# phases.
-# --------------------------------------------------------------------------------------------------
 
 IDLE = 5.0
 """Rest [s] from which on a log is cut there: longer than the dwells of a process, shorter than most pauses between
