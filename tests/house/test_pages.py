@@ -17,8 +17,7 @@ RUN = sorted(
     for page in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"))
     if "```python" in page.read_text("utf-8")
 )
-LONG = ("docs/inverse.md", "docs/learning.md", "docs/workspaces.md")
-"""Pages that compute for longer than a compiler takes."""
+LONG = ("docs/inverse.md", "docs/learning.md", "docs/workspaces.md")  # they compute for longer than a compiler takes
 SLOW = tuple(f"docs/{name}.md" for name in (
     "audit", "choose", "clearance", "concepts", "datasets", "inverse", "learning", "libraries", "paths", "proof",
     "robots", "sheets", "studio", "surveys", "workspaces",
