@@ -331,13 +331,13 @@ def test_what_is_no_law_or_run_is_refused(task: hk.Task, loop: hk.Path, planar_3
         ({"cycles": 2.0}, ArgumentError),
         ({"cycles": True}, ArgumentError),
         ({"dt": 1e-300}, ArgumentError),
-        ({"law": None}, ArgumentError),
+        ({"control_law": None}, ArgumentError),
         ({"q0": START + 0.1}, StartError),
         ({"q0": START[:2]}, ShapeError),
         ({"path": loop.part(0, 0.3), "cycles": 2}, OpenPathError),
     ):
         with pytest.raises(error):
-            hk.simulate(**({"law": law, "task": task, "path": loop, "q0": START} | arguments))
+            hk.simulate(**({"control_law": law, "task": task, "path": loop, "q0": START} | arguments))
     twist, springs = hk.pose(hk.load("panda")), hk.strategies.constraints.posture_cost(PANDA_START)
     for make, error, said in (
         (lambda: hk.motion.control.damped(task, -1.0), ArgumentError, "-1.0"),

@@ -139,7 +139,7 @@ def test_an_arm_of_one_joint_knows_one_posture_from_many() -> None:
 
 
 def test_what_has_one_posture_alone_says_so() -> None:
-    for single in (ARM.null_space, ARM.place, HELD.distribution, HELD.H):
+    for single in (ARM.null_space, ARM._place, HELD.distribution, HELD.H):
         with pytest.raises(hk.HolokinError, match=r"q has shape \(2, 7\), expected \(7,\)"):
             single(around(PANDA_START, 2))
 

@@ -301,6 +301,7 @@ class Recording(Value):
     def __len__(self) -> int:
         return len(self.t)
 
+    @typed
     def part(self, first: int, last: int) -> Recording:
         """The samples from one to before another."""
         places = self.unknown_turns

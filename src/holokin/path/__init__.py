@@ -3,11 +3,17 @@
 Uses `symbolic`. Read first: `path.py`, `curves.py`.
 """
 
-from .curves import arc, circle, even_curve, figure_eight, line, path_of, polyline, raster, spiral, spline
+from .curves import arc, circle, figure_eight, line, path_of, polyline, raster, spiral, spline
+from .curves import even_curve as even_curve
 from .editing import blended, passes, synchronized, through, with_leads
 from .files.pose_table import read_waypoints, read_workspace
 from .files.svg_outlines import read_svg
-from .path import Path, Samples, Segment, Waypoints, arc_segment, as_point, corners_of, frame_pose, join, line_segment
+from .path import Path, Samples, Segment, Waypoints, join
+from .path import arc_segment as arc_segment
+from .path import as_point as as_point
+from .path import corners_of as corners_of
+from .path import frame_pose as frame_pose
+from .path import line_segment as line_segment
 from .path import locate as locate
 from .workspaces import Workspace, workspace
 
@@ -18,17 +24,11 @@ __all__ = [
     "Waypoints",
     "Workspace",
     "arc",
-    "arc_segment",
-    "as_point",
     "blended",
     "circle",
-    "corners_of",
-    "even_curve",
     "figure_eight",
-    "frame_pose",
     "join",
     "line",
-    "line_segment",
     "passes",
     "path_of",
     "polyline",

@@ -35,7 +35,7 @@ NO_QUESTION = {
     "LeftOut", "ClosestHolonomic", "Postures", "Program", "Reach", "RepeatableDistance", "SectionMetrics",
     "Slice", "Slowdown", "TimedTrajectory", "Unseen", "Witness",
     # a fault that was found, and kinds: none is a no
-    "motion.checks.Finding", "Evidence", "FindingKind",
+    "motion.checks.Finding", "motion.checks.Scene", "motion.checks.Clearances", "Evidence", "FindingKind",
 }  # fmt: skip
 """Public classes whose truth value nobody takes for the answer to a question."""
 

@@ -116,6 +116,7 @@ def _least_turns(values: Numbers, steps: Numbers, speed: float) -> tuple[Rows, F
     return turns, other
 
 
+@typed
 def joined_turns(log: Recording, robot: Robot, *, counted: bool = False, breaks: Sequence[int] = ()) -> Recording:
     """A log whose hinges run on where it cuts them by whole turns, and lie within their limits where these tell a turn.
 
