@@ -1,4 +1,4 @@
-"""The columns of a CSV file that hold points or poses of the tool: their names, units and forms of orientation."""
+"""CSV tables of numbers: their dialect, columns of times, and columns of points or poses of the tool."""
 
 from __future__ import annotations
 

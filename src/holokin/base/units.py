@@ -1,4 +1,4 @@
-"""The units in which results are printed: rad and m, or degrees and mm where somebody asks for them."""
+"""Numbers as they are printed: digits that are sure, and units, rad and m or degrees and mm."""
 
 from __future__ import annotations
 

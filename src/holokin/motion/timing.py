@@ -1,4 +1,4 @@
-"""`retime`: the joint curve of a trajectory, run through as fast as the limits of the joints allow."""
+"""`retime`: the joint curve of a trajectory and the laws of time along it, within the limits of the joints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cubic segments through points and rotations at given times (C2), and curves gone along at even speed.
+"""Paths to begin with: lines, arcs, polylines, splines, figures, rasters and spirals over surfaces.
 
 A curve is a function of a parameter; what is made of it are the cubics of a spline through some of its points, as many
 as it takes to stay within a tolerance.

@@ -1,4 +1,4 @@
-"""Paths made of others: corners blended, leads before and after, several passes."""
+"""Paths made of others: corners blended, leads, passes, and several frames led together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`Path`: curves of the tool in space, followed at constant speed; closed or open, reversible, joinable.
+"""`Path`: segments and curves of the tool in space, followed at constant speed, and the waypoints they are made of.
 
 A path is a chain of segments. Each moves the tool's point along a line, an arc or a cubic and may turn the tool.
 Orientation is relative by default: the target is R(t) R_start, with R(0) = 1, so the same path serves any start

@@ -1,4 +1,4 @@
-"""The Newton-Kantorovich test of many cells at once. [KA82, XVIII] [Deu04, 2.1]
+"""The Newton-Kantorovich test of many cells at once, and its bounds. [KA82, XVIII] [Deu04, 2.1]
 
 A cell is a member of a family of tool poses x(y), y in [-1, 1]^d, with a predictor q(y) = q0 + V y + 1/2 Q y y of the
 joints and a matrix Y near [D_q E(q0, 0)]^-1. Over its tube, all q within rho of the predictor,

@@ -1,4 +1,4 @@
-"""The robot of the chains of a tree, from a base to one tip or several."""
+"""The robot of chains of a tree: its span, whether its numbers can be rad and m, limits, tools, compositions."""
 
 from __future__ import annotations
 

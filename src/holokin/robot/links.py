@@ -1,4 +1,4 @@
-"""What the links of a robot weigh and look like: their bodies as one each, and capsules where nothing is known."""
+"""Links of a robot: where they are, capsules about them, and what they weigh."""
 
 from __future__ import annotations
 

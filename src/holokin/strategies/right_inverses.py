@@ -1,4 +1,4 @@
-"""The strategies: Moore-Penrose, weighted, null-basis, any given G, holonomic, rows that need not be a gradient."""
+"""The strategies: Moore-Penrose, weighted, physical, polynomial, as Python functions, and the whole family."""
 
 from __future__ import annotations
 

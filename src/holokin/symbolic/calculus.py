@@ -1,4 +1,4 @@
-"""Derivatives of expressions: Jacobian, gradient, Hessian, Lie bracket."""
+"""Calculus of expressions: derivatives, Lie brackets, Taylor models, switches, integration along a line."""
 
 from __future__ import annotations
 

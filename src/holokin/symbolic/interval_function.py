@@ -1,4 +1,4 @@
-"""`IntervalFunction`: an expression over boxes of its arguments, rigorous to the last rounding, for many boxes at once.
+"""Expressions over boxes of their arguments, for many boxes at once: by intervals, and by middle and slopes.
 
 The list of operations that CasADi keeps of an expression is sorted into layers: an operation's layer is one above those
 of its arguments. All operations of one kind in a layer are done by one call of `intervals`, over all boxes, so that

@@ -1,4 +1,6 @@
-"""Linear solves inside expressions, by Householder reflections: never elimination without pivoting,
+"""Linear algebra inside expressions: solves by Householder reflections, null spaces, quadratic programs.
+
+Solves are by Householder reflections, never by elimination without pivoting,
 since a zero first entry is an ordinary robot posture. [GVL13, section 5.2]
 
 The reflections are written with s = copysign(1, x_0) instead of |x_0|, so that derivatives taken

@@ -1,4 +1,4 @@
-"""The questions that `audit` asks of a law. Each runs it, through `simulate`, and judges where the joints end.
+"""The questions that `audit` asks of a law. Each runs it through `simulate`, and judges where the joints end.
 
 A question answers with a sentence and its metrics, by name [joint units unless the name says else].
 """

@@ -1,4 +1,4 @@
-"""The postures at many tool poses: those of all self-motions that a search finds, and the least of a cost over them.
+"""Postures at many tool poses: those of all self-motions, their coordinates, and where lines of them end.
 
 Newton's method leads from many starts to postures of all branches. With one redundant joint they are on curves, and
 whole curves are walked, each once. With more, a walk is a line among them, and lines are searched one after another,

@@ -1,4 +1,4 @@
-"""What somebody would begin with: a task that leaves joints free, and regular, comfortable start postures."""
+"""What somebody would begin with: a task, start postures, the laws that fit, a workspace."""
 
 from __future__ import annotations
 

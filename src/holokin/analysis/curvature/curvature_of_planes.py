@@ -1,4 +1,4 @@
-"""Curvature of a strategy: how far a small loop of the tool carries the joints. [SY88], theory 1.1
+"""Curvature of a strategy: how far a small loop of the tool carries the joints; drift along long ones. [SY88]
 
 F_ij = vertical part of [G_i, G_j], always in ker J; the drift of one small counter-clockwise loop of area
 a in the task plane (i, j) is a F_ij. A strategy is holonomic exactly when F = 0. For a geometric Jacobian

@@ -1,4 +1,4 @@
-"""Recovering g from nothing but an involutive N_G or G: carry the posture to a reference pose (theory 5.5).
+"""What the planes of a strategy tell: leaf functions, the form of the paper, the distance to a repeatable law.
 
 `radial` carries along the same segments, as an expression. The 32 steps that a comparison of two paths asks for would
 be 3.4 million operations for twelve joints, ten seconds to build: so numbers are carried here.

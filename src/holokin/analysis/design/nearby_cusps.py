@@ -1,4 +1,4 @@
-"""Cusps of a law near a workspace: round one a closed path of the tool does not bring the joints back. Theory 7.3"""
+"""Where a law serves a workspace: cusps of its leaves near it, and the levels that serve it. Theory 7.3"""
 
 from __future__ import annotations
 

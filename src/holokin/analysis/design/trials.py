@@ -1,4 +1,4 @@
-"""A law on trial: what it does on one leaf at many poses of a workspace, quickly."""
+"""Advice on laws: what each does on trial at many poses, which are the same, which is best, and why."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fewest sets that cover a share of all elements: an integer program, solved with a bound (HiGHS, by SciPy)."""
+"""Integer programs (HiGHS, by SciPy): the fewest sheets that cover a share of poses, and which one serves each."""
 
 from __future__ import annotations
 
@@ -156,9 +156,6 @@ def not_within_another(sets: Flags, costs: Vector) -> Indices:
 
 
 # --- Which sheet serves a pose where several do: so that neighbouring poses have one sheet as often as can be.
-
-ROUND = 1e-6
-"""What a bound may be off."""
 
 SECONDS = 60.0
 """For the linear program."""

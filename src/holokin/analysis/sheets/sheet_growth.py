@@ -1,4 +1,4 @@
-"""How far a sheet reaches: from pose to neighbouring pose, as long as its leaf goes on."""
+"""How far a sheet reaches: poses to search from, growth from neighbour to neighbour, levels that fit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`holokin audit`: judges a log of joint motion."""
+"""`holokin audit`: judges a log of joint motion, or a robot learning dataset."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`holokin certify`: proves leaves of a job."""
+"""`holokin certify`: proves leaves of a job; `holokin check-certificate`: checks a proof."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a command ends: what it prints, its exit code, one sentence for every error, Ctrl-C and SIGTERM."""
+"""How a command ends, and options that several share: exit codes, one sentence an error, Ctrl-C and SIGTERM."""
 
 from __future__ import annotations
 

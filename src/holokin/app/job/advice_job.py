@@ -1,4 +1,4 @@
-"""The job file of an advice: the best law round a circle in the workspace, tried before it is written."""
+"""Advice over a job, or over a robot and a box: what is asked, and the job file that is written and tried."""
 
 from __future__ import annotations
 

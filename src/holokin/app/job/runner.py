@@ -1,4 +1,4 @@
-"""Doing a job: every strategy round the path, both paths and for its cycles, judged and checked."""
+"""Doing a job: every strategy round the path, over a workspace, by sheets; judged and checked."""
 
 from __future__ import annotations
 

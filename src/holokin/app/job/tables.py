@@ -1,4 +1,4 @@
-"""The tables of a job that say how its motion is timed, and what becomes of it in a controller."""
+"""The tables of a job but for its strategies: robot, task, path, checks, and how its motion is timed."""
 
 from __future__ import annotations
 

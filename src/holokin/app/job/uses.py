@@ -1,4 +1,4 @@
-"""The path of a job over its sheets as a robot program, with the changes of the sheet while the tool rests."""
+"""What is made of the strategies of a job: certificates, C, and robot programs, of one leaf or over sheets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Films of a job: the two paths of two laws beside each other, the paper's video; and their cycles, with the drift."""
+"""Films of a job: the two paths of two laws beside each other, their cycles with the drift, and their files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The audit of a recorded log: table for the terminal, figure, JSON."""
+"""Audits of logs and datasets: table for the terminal, figure, JSON."""
 
 from __future__ import annotations
 

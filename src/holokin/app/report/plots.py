@@ -1,4 +1,4 @@
-"""Drawing, one thing a function: each takes an Axes and returns it.
+"""Drawing: words and colours of all pictures, and one function for each thing that is drawn.
 
 As in the paper, the clockwise path is solid and the counter-clockwise one dashed.
 """

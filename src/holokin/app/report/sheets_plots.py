@@ -1,4 +1,4 @@
-"""The picture of a motion over sheets: the joints along the path, and where the sheet changes."""
+"""Pictures of coverage, of maps of sheets, and of a motion over sheets."""
 
 from __future__ import annotations
 

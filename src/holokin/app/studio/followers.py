@@ -1,4 +1,4 @@
-"""What a session knows of one law now, and what it tells of it."""
+"""How a law of a session follows: dragged, or round a loop; and what is known of it now."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Two paths to one pose: how far the joints of each law are apart where they meet."""
+"""The laws of a session: how each follows a target, its sliders, and two paths to one pose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`Stage`: what handles, plots and panels know of the page that they belong to."""
+"""What stands beside the scene: handles, plots, texts, and the `Stage` that all of them belong to."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a page is told: the state of each law, and of the whole session, as frozen values."""
+"""What a page is told: states of laws and session, traces, clouds, cusps, verdicts, as frozen values."""
 
 from __future__ import annotations
 

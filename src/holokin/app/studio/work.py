@@ -1,4 +1,4 @@
-"""A dragged arm that takes the joints of a map of sheets, and changes its sheet with its tool at rest."""
+"""Work in the background of a session: verdicts, clouds, and the arm that follows a map of sheets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading a survey file: what is wrong with it becomes a sentence that names file, key, value and cure."""
+"""The survey file: its tables of robots, laws and metrics, and objects given in Python in their place."""
 
 from __future__ import annotations
 

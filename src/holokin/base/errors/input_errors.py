@@ -1,4 +1,4 @@
-"""Errors of what was given: names, arrays, files, robots, tasks."""
+"""Errors of what was given or asked: names, arrays, files, robots, tasks, calls."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a program does besides moving: lines before it, where the process begins and ends, and after it."""
+"""Moves of a controller: linear, circular, of the joints; and the lines of a process between them."""
 
 from __future__ import annotations
 

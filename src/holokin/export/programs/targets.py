@@ -1,4 +1,4 @@
-"""Targets of robot programs: which samples of a timed motion they are, on which axes of the controller."""
+"""Targets of robot programs: which moves and samples of a timed motion they are, on which axes."""
 
 from __future__ import annotations
 

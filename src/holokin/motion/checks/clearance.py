@@ -1,4 +1,4 @@
-"""Which pairs of links are looked at: not parent and child, nor those that always touch, nor those that may touch."""
+"""Clearances: which pairs of shapes are looked at, how far they are apart, and how near they come in a motion."""
 
 from __future__ import annotations
 

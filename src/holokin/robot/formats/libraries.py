@@ -1,4 +1,4 @@
-"""Robots of the Robotics Toolbox for Python (roboticstoolbox): from DH tables, elementary transforms or URDFs."""
+"""Robots of other libraries: Pinocchio models, and the Robotics Toolbox for Python (roboticstoolbox)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the links of a robot look like: the <visual> elements of a URDF, the drawn geoms of MJCF. For pictures only."""
+"""Shapes of links as URDF and MJCF write them: those that collide, and those that are drawn."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The kinds of a `Task`: `FrameTask` of one frame, `StackedTask` of several, each with rows and a target of its own.
+"""The kinds of a `Task`, and their rows of orientation: `FrameTask` of one frame, `StackedTask` of several.
 
 Rows are position first, then orientation, of the pose of a frame: the tool's, or another one, see `frames`. `twist` has
 the geometric Jacobian, whose angular rows are not the derivative of any coordinates; the other representations have

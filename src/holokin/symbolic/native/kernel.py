@@ -1,4 +1,4 @@
-"""Functions as native code: the vectorised batch over samples, the loop along a path, the control step."""
+"""Functions as native code: batches, the loop along a path, one call, inverse kinematics, the edge of reach."""
 
 from __future__ import annotations
 

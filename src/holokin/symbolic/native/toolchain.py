@@ -1,4 +1,4 @@
-"""The C compiler: which one, and calls of it that end and that cannot fill the memory, whatever it does."""
+"""The C compiler, its calls, what it built and keeps, and work that goes on in the background."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which entries of a dataset's columns are which joints, or a tool pose; their values in rad and m."""
+"""LeRobot datasets: their folder, and which entries of their columns are which joints, or a tool pose."""
 
 from __future__ import annotations
 
