@@ -113,7 +113,7 @@ class DatasetAudit(NoTruthValue, Value, ask="`.verdict`"):
     @property
     def exit_code(self) -> int:
         """0: equal joints in all that the dataset tests; 1: not; 2: it does not show it."""
-        return {LogVerdict.REPEATS: 0, LogVerdict.DIFFERS: 1, LogVerdict.UNDECIDED: 2}[self.verdict]
+        return self.verdict.exit_code
 
     def frame(self, row: int) -> tuple[int, int]:
         """(episode, frame in it) of a row."""

@@ -146,7 +146,7 @@ class LogAudit(NoTruthValue, Value, ask="`.verdict`"):
     @property
     def exit_code(self) -> int:
         """0: the joints repeated in every comparison that the log allows; 1: they did not; 2: noise may hide it."""
-        return {LogVerdict.REPEATS: 0, LogVerdict.DIFFERS: 1, LogVerdict.UNDECIDED: 2}[self.verdict]
+        return self.verdict.exit_code
 
     @property
     def trend(self) -> Trend:

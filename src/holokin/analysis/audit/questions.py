@@ -47,6 +47,11 @@ class LogVerdict(NoTruthValue, Enum, ask="`is LogVerdict.REPEATS`"):
         "differ"
     )
 
+    @property
+    def exit_code(self) -> int:
+        """Of a command: 0, 1 and 2."""
+        return list(LogVerdict).index(self)
+
 
 class Repeatability(NoTruthValue, Enum, ask="`is Repeatability.REPEATS`"):
     """What the audit of a control law found; the text says what it means."""
