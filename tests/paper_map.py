@@ -111,7 +111,7 @@ EQUATIONS = {
         ["strategies/test_paper.py::test_an_orientation_stands_below_the_position_and_its_rows_are_derivatives_26"],
     ),
     **{
-        number: (says, ["strategies/tasks/test_geometric.py::test_the_packaged_irb140_job_is_27_with_28_and_29"])
+        number: (says, ["strategies/tasks/test_frames.py::test_the_packaged_irb140_job_is_27_with_28_and_29"])
         for number, says in {
             "(27)": "G of the IRB 140, N_G = null(J_o + J_p)",
             "(28)": "J_p q' + J_o q' = 0",
@@ -163,7 +163,7 @@ THEOREMS = {
     ),
     "Further research": (
         "section VI: all N_G (theory 1.6)",
-        ["strategies/test_family.py::test_the_papers_two_strategies_are_members_of_the_family"],
+        ["strategies/test_laws.py::test_the_papers_two_strategies_are_members_of_the_family"],
     ),
     "Proposition 1": (
         "of [RM93], used in the proofs: G_W is involutive exactly when W J^T is",

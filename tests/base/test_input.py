@@ -4,15 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, SOUND, Command, assert_refused, assert_untouched, sampled, urdf, write_job
+from conftest import (
+    PANDA_START,
+    PPR_CENTER,
+    PPR_RADIUS,
+    PPR_START,
+    SOUND,
+    Command,
+    assert_refused,
+    assert_untouched,
+    sampled,
+    urdf,
+    write_job,
+)
 from holokin.app.job import open_job, read_job
 from holokin.app.job.strategy_tables import MoorePenrose
-from holokin.base.errors import ArgumentError, ExpressionError, NotFiniteError, OutOfReachError
+from holokin.base.errors import (
+    ArgumentError,
+    ConstraintRowsError,
+    ExpressionError,
+    NotFiniteError,
+    OutOfReachError,
+    ShapeError,
+    SingularityError,
+    SingularityKind,
+    TaskTooLargeError,
+    UnknownNameError,
+)
+from holokin.path.workspaces import Box, Cylinder, Sphere
+from holokin.strategies.tasks.frame_task import FrameTask
+from holokin.symbolic import SX
 
 # --- in Python ------------------------------------------------------------------------------------------------
 
@@ -262,3 +289,354 @@ def test_a_value_that_does_not_fit_is_told_in_plain_words_what_does(
     assert_refused(outcome, "job.toml", words)
     assert not any(word in outcome.err for word in ("Input", "valid", "change it"))
     assert_untouched(out)
+
+
+# --- What strategies that do not fit, arguments that are no numbers and singular postures get, job or API.
+
+
+PLANAR = {
+    "robot": '[robot]\nname = "planar-3r"\n',
+    "path": '[path]\nkind = "circle"\ncenter = [-0.1, 0]\nrelative = true\nsamples = 20\n',
+}
+
+
+# --- strategies that do not fit -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("strategy", "words"),
+    [
+        ('kind = "lock"\njoints = ["q1", "q2"]\n', ("2 rows", "n = 3", "m = 2", "exactly r = n - m = 1")),
+        ('kind = "custom"\ng = ["q1", "q2"]\n', ("2 rows", "exactly r = n - m = 1")),
+        ('kind = "coupled"\ngain = 1\n', ("3 rows", "exactly r = n - m = 1")),
+        ('kind = "linear"\nmatrix = [[1, 2]]\n', ("(1, 2)", "(1, 3)", "q1, q2, q3")),
+        ('kind = "linear"\nmatrix = [[1, 2, 3], [1, 2]]\n', ("[strategies.s.matrix]", "one length")),
+        ('kind = "null-basis"\nN_G = [[1, 0], [0, 1]]\n', ("N_G of 's'", "(2, 2)", "(3, 2)")),
+        ('kind = "null-basis"\nN_G = [[1, 0], [0], [0, 1]]\n', ("[strategies.s.N_G]", "one length")),
+        ('kind = "weighted"\nweight = [[1, 0], [0, 1]]\n', ("weight", "(3, 3)")),
+        ('kind = "weighted"\nweight = []\n', ("[strategies.s.weight]",)),
+        ('kind = "pfaffian"\nA = [["q1", "q2"]]\n', ("'s'", "(1, 2)", "(1, 3)")),
+        ('kind = "custom"\ng = ["q1 + q9"]\n', ("'q1 + q9'", "the name 'q9' is unknown")),
+        ('kind = "custom"\ng = ["q1 +"]\n', ("'q1 +'", "invalid syntax")),
+        ('kind = "custom"\ng = ["open(1)"]\n', ("'open(1)'", "not arithmetic")),
+        ('kind = "custom"\ng = ["1"]\n', ("singular",)),
+    ],
+)
+def test_a_strategy_that_does_not_fit_the_robot_is_refused(
+    holokin: Command, tmp_path: Path, out: Path, strategy: str, words: tuple[str, ...]
+) -> None:
+    file = write_job(tmp_path, strategies=f"[strategies.s]\n{strategy}")
+    assert_refused(holokin("run", file, "--out", out), *words)
+    assert_untouched(out)
+
+
+def test_a_task_with_more_rows_than_joints_is_refused_with_both_numbers(
+    holokin: Command, tmp_path: Path, out: Path
+) -> None:
+    arm = 'source = "made up"\n[[joints]]\na = 1\nalpha_deg = 90\n[[joints]]\na = 1\n'
+    (tmp_path / "two.toml").write_text(arm)
+    job = {"robot": '[robot]\nname = "two.toml"\n', "start": "[start]\nq = [0.1, 0.2]\n"}
+    line = '[path]\nkind = "polyline"\npoints = [[0, 0, 0], [0.05, 0, 0]]\nrelative = true\nsamples = 20\n'
+    outcome = holokin("run", write_job(tmp_path, path=line, **job), "--out", out)
+    assert_refused(outcome, "m = 3 rows", "n = 2 joints", "at most 2 rows")
+    assert_untouched(out)
+    with pytest.raises(TaskTooLargeError):
+        hk.position(hk.load(tmp_path / "two.toml"))
+    assert hk.position(hk.load(tmp_path / "two.toml"), rows=[0, 2]).m == 2  # the cure that the message names
+
+
+def test_constraint_rows_must_make_up_for_the_missing_task_rows(panda: hk.Robot, ppr: hk.Robot) -> None:
+    for robot, task, g in (
+        (ppr, hk.position(ppr), hk.linear(np.eye(3)[:2])),
+        (panda, hk.pose(panda), hk.lock(0, 1)),
+        (panda, hk.position(panda), hk.lock("panda_joint1")),
+        (
+            panda,
+            hk.position(panda),
+            hk.strategies.constraints.stack(hk.lock(0, 1), hk.linear(np.eye(7)[:1]), hk.lock(2, 3)),
+        ),
+    ):
+        with pytest.raises(ConstraintRowsError) as caught:
+            hk.holonomic(task, g)
+        assert (caught.value.rows, caught.value.n, caught.value.m) == (g.rows, robot.n, task.m)
+        assert f"exactly r = n - m = {robot.n - task.m}" in str(caught.value)
+    with pytest.raises(ConstraintRowsError, match="no joint is left for it"):
+        hk.holonomic(hk.pose(hk.load("irb140")), hk.lock(2))
+    with pytest.raises(ShapeError, match="rows= must match"):
+        hk.holonomic(hk.position(ppr), hk.custom(lambda q: [q[0], q[1]], rows=1))
+
+
+@pytest.mark.parametrize(
+    ("call", "error"),
+    [
+        (lambda task: hk.moore_penrose(task)([np.nan, 0, 0]), NotFiniteError),
+        (lambda task: hk.moore_penrose(task)([0.0, 0.0]), ShapeError),
+        (lambda task: hk.moore_penrose(task).batch(np.zeros(3)), ShapeError),
+        (lambda task: hk.moore_penrose(task).batch(np.full((2, 3), np.inf)), NotFiniteError),
+        (lambda task: task([0.0, np.inf, 0.0]), NotFiniteError),
+        (lambda task: task.jacobian(["a", "b", "c"]), ArgumentError),
+        (lambda task: hk.linear([[1.0, np.nan, 0.0]]), NotFiniteError),
+        (lambda task: hk.coupled(np.nan), NotFiniteError),
+        (lambda task: hk.coupled(np.eye(2)), ShapeError),
+        (lambda task: hk.weighted(task, np.diag([1.0, 1.0, -1.0])), ArgumentError),
+        (lambda task: hk.weighted(task, np.diag([1.0, np.inf, 1.0])), NotFiniteError),
+        (lambda task: hk.circle([0, np.nan], [0, 1]), NotFiniteError),
+        (lambda task: hk.line([0, 0], [np.inf, 1]), NotFiniteError),
+        (lambda task: hk.polyline([[0, 0], [1, 1]], speed=np.nan), ArgumentError),
+        (lambda task: hk.holonomic(task, hk.lock("q7")), UnknownNameError),
+    ],
+)
+def test_the_api_refuses_what_is_no_number_or_of_the_wrong_shape(
+    ppr: hk.Robot, call: Callable[[hk.Task], object], error: type[Exception]
+) -> None:
+    with pytest.raises(error) as caught:
+        call(hk.position(ppr))
+    assert "\n" not in str(caught.value)
+
+
+def test_following_refuses_bad_numbers_before_it_moves(ppr: hk.Robot) -> None:
+    strategy = hk.moore_penrose(hk.position(ppr))
+    round_trip = hk.circle(PPR_CENTER + [PPR_RADIUS, 0, 0], PPR_CENTER)
+    with pytest.raises(NotFiniteError, match="the start posture"):
+        hk.follow(strategy, round_trip, [np.nan, 0.0, 0.0])
+    with pytest.raises(ShapeError, match="the start posture"):
+        hk.follow(strategy, round_trip, [0.0, 0.0])
+    for arguments in ({"samples": 0}, {"cycles": 0}, {"cycles": 1.5}, {"method": "magic"}, {"method": "leaf"}):
+        with pytest.raises(ArgumentError):
+            hk.follow(strategy, round_trip, PPR_START, **arguments)
+
+
+# --- singular postures ----------------------------------------------------------------------------------------
+
+
+def test_a_stretched_arm_is_a_kinematic_singularity(planar_3r: hk.Robot) -> None:
+    task = hk.position(planar_3r)
+    stretched = np.array([0.3, 0.0, 0.0])
+    assert np.linalg.matrix_rank(task.jacobian(stretched)) == 1
+    for strategy in (
+        hk.moore_penrose(task),
+        hk.weighted(task, np.diag([1.0, 2.0, 3.0])),
+        hk.holonomic(task, hk.lock(0)),
+    ):
+        with pytest.raises(SingularityError) as caught:
+            strategy(stretched)
+        assert caught.value.kind is SingularityKind.KINEMATIC
+        assert caught.value.q == tuple(stretched)
+        assert "the task Jacobian J loses rank" in str(caught.value)
+
+
+def test_a_locked_joint_that_the_self_motion_leaves_still_is_an_algorithmic_singularity(planar_3r: hk.Robot) -> None:
+    task = hk.position(planar_3r)
+    q = np.array([0.3, 0.7, 0.0])  # the last two links in line: turning them does not need joint 1
+    J = task.jacobian(q)
+    assert np.linalg.cond(J) < 10
+    assert abs(task.null_space(q)[0, 0]) < 1e-15
+    hk.moore_penrose(task)(q)  # the posture itself is sound
+    with pytest.raises(SingularityError) as caught:
+        hk.holonomic(task, hk.lock(0))(q)
+    assert caught.value.kind is SingularityKind.ALGORITHMIC
+    assert "J has full rank" in str(caught.value)
+
+
+def test_a_tool_pointing_straight_down_is_a_representation_singularity_of_zyz(panda: hk.Robot) -> None:
+    q = np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0])
+    assert abs(panda.pose(q)[2, 2] + 1) < 1e-15  # theta = pi
+    twist = hk.pose(panda)
+    assert np.linalg.cond(twist.jacobian(q)) < 100
+    hk.moore_penrose(twist)(q)  # neither the arm nor the strategy is singular
+    for strategy in (
+        hk.moore_penrose(hk.pose(panda, "zyz")),
+        hk.holonomic(hk.position(panda), hk.strategies.constraints.stack(hk.coupled(1.0, "zyz"), hk.lock(2))),
+    ):
+        with pytest.raises(SingularityError) as caught:
+            strategy(q)
+        assert caught.value.kind is SingularityKind.REPRESENTATION
+        strategy(PANDA_START + [0, 0, 0, 0, 0, -0.5, 0])  # elsewhere it is sound
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "kind"),
+    [
+        (PLANAR | {"start": "[start]\nq = [0.3, 0.0, 0.0]\n"}, "kinematic"),
+        (
+            PLANAR
+            | {
+                "start": "[start]\nq = [0.3, 0.7, 0.0]\n",
+                "strategies": '[strategies.held]\nkind = "lock"\njoints = ["q1"]\n',
+            },
+            "algorithmic",
+        ),
+        (
+            {
+                "robot": '[robot]\nname = "panda"\n',
+                "task": '[task]\nkind = "pose"\norientation = "zyz"\n',
+                "start": "[start]\nq = [0, 0, 0, -1.5, 0, 1.5, 0]\n",
+                "path": '[path]\nkind = "circle"\ncenter = [-0.1, 0, 0]\nrelative = true\nsamples = 20\n',
+            },
+            "representation",
+        ),
+    ],
+)
+def test_a_singular_start_is_refused_with_its_kind(
+    holokin: Command, tmp_path: Path, out: Path, spoilt: dict[str, str], kind: str
+) -> None:
+    outcome = holokin("run", write_job(tmp_path, **spoilt), "--out", out)
+    assert_refused(outcome, "job.toml: [strategies.", f"] {kind} singularity of", "at q = [")
+    assert_untouched(out)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda _r, _t: hk.moore_penrose("panda"), "task is 'panda'; give a Task"),
+        (lambda r, _t: hk.pose(r, tip=["hand"]), r"tip is \['hand'\]; give text or None"),
+        (lambda _r, t: hk.strategies.constraints.stack(t, t), "give a Constraint"),
+        (lambda r, _t: FrameTask(r, "twist", ("x",), np.eye(3)), "rows of a task"),
+        (lambda r, _t: FrameTask(r, None, (0, 9), np.eye(3)), "each of 0 to 5 at most once"),
+        (lambda r, _t: FrameTask(r, "quaternion", (0, 1), np.eye(3)), "unknown orientation"),
+        (lambda r, _t: FrameTask(r, "rpy", (0, 1), np.eye(2)), "reference of a task"),
+        (lambda _r, _t: FrameTask("panda", None, (0, 1), np.eye(3)), "robot of a task is 'panda'; give a Robot"),
+        (lambda _r, _t: type("Mine", (hk.Task,), {}), "tasks are final"),
+    ],
+)
+def test_what_is_no_task_and_no_constraint_is_told_in_one_sentence(
+    panda: hk.Robot, call: Callable[[hk.Robot, hk.Task], object], words: str
+) -> None:
+    with pytest.raises(hk.HolokinError, match=words):
+        call(panda, hk.pose(panda))
+
+
+# --- methods ----------------------------------------------------------------------------------------------------
+
+NO_NUMBERS = [None, "x", object(), {"a": 1}, [[[0.0]]], np.full(3, np.nan), np.zeros(1), -1]
+"""No argument of any of the methods below."""
+
+METHODS: dict[str, Callable[[hk.HolonomicStrategy, Any], object]] = {
+    "path.on(index, u)": lambda _s, bad: LOOP.on(bad, np.zeros(2)),
+    "path.on(index, u) again": lambda _s, bad: LOOP.on(np.zeros(2, dtype=int), bad),
+    "path.table(rotation)": lambda _s, bad: LOOP.table(bad),
+    "synchronized.on(index, u)": lambda _s, bad: hk.path.synchronized(LOOP, LOOP).on(bad, np.zeros(2)),
+    "synchronized.table(rotations)": lambda _s, bad: hk.path.synchronized(LOOP, LOOP).table(bad),
+    "task.target(pose)": lambda s, bad: s.task.target(bad),
+    "strategy.leaf_gap(c)": lambda s, bad: s.leaf_gap(bad),
+    "robot.origins(q)": lambda s, bad: s.task.robot.origins(bad),
+    "workspace.at(positions)": lambda _s, bad: hk.workspace(box=([0, 0, 0], [1, 1, 1])).at(bad),
+    "watch.see(q, dq)": lambda _s, bad: hk.motion.LoopWatch(0.1).see(np.zeros(3), bad),
+    "watch.see(q, dq) again": lambda _s, bad: hk.motion.LoopWatch(0.1).see(bad, np.zeros(3)),
+    **{
+        f"{type(shape).__name__.lower()}.support(directions)": lambda _s, bad, shape=shape: shape.support(bad)
+        for shape in (
+            hk.robot.Box(np.ones(3)), hk.robot.Capsule(0.1, 0.2), hk.robot.Cylinder(0.1, 0.2),
+            hk.robot.Ellipsoid(np.ones(3)), hk.robot.Hull(np.eye(3)),
+        )
+    },
+}  # fmt: skip
+"""A call with one argument that is none, of a strategy that holds the first of three joints."""
+
+LOOP = hk.polyline([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1]], closed=True)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_method_answers_what_is_no_argument_of_it_by_one_sentence(planar_3r: hk.Robot, name: str) -> None:
+    strategy = hk.holonomic(hk.position(planar_3r), hk.lock(0))
+    for bad in NO_NUMBERS:
+        with pytest.raises(hk.HolokinError) as caught:
+            METHODS[name](strategy, bad)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_place_on_a_path_is_a_segment_that_it_has_and_a_share_of_it() -> None:
+    index = np.array([0, 2, 1])
+    found = LOOP.on(index, np.array([0.0, 1.0, 0.5]))
+    np.testing.assert_allclose(found.position, [[0, 0, 0], [0, 0, 0], [0.1, 0.05, 0]], atol=1e-12)
+    np.testing.assert_array_equal(LOOP.on([0, 2, 1], [0.0, 1.0, 0.5]).position, found.position)
+    for wrong, u in (([3], [0.5]), ([-1], [0.5]), ([0.5], [0.5]), ([0], [1.1]), ([0], [-0.1]), ([0, 1], [0.5])):
+        with pytest.raises((ArgumentError, ShapeError)):
+            LOOP.on(wrong, u)
+
+
+def test_a_watch_of_a_loop_wants_as_many_joints_at_each_step() -> None:
+    watch = hk.motion.LoopWatch(0.1)
+    watch.see(np.zeros(3), np.ones(3))
+    with pytest.raises(ShapeError):
+        watch.see(np.zeros(4), np.ones(4))
+    watch.see(np.full(3, 0.1), np.ones(3))
+    assert watch.share == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda s: hk.custom_task(s.task.robot, lambda: 0, units=("m",)), "give a function of one argument"),
+        (lambda s: hk.null_basis(s.task, lambda a, b: a), "give a function of one argument"),
+        (lambda s: hk.custom(lambda a, b: [a]), "give a function of one argument"),
+        (lambda s: hk.strategies.from_transport(s.task, s.task, s.task, s.task, around=np.zeros(3)), "of 2 arguments"),
+    ],
+)
+def test_a_function_of_the_users_takes_as_many_arguments_as_it_gets(
+    planar_3r: hk.Robot, call: Callable[[hk.HolonomicStrategy], object], words: str
+) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        call(hk.holonomic(hk.position(planar_3r), hk.lock(0)))
+
+
+def test_a_function_may_take_more_than_it_gets_where_that_has_defaults(planar_3r: hk.Robot) -> None:
+    task = hk.custom_task(planar_3r, lambda q, gain=2.0: gain * q[:2], units=("rad", "rad"))
+    assert task([0.1, 0.2, 0.3]) == pytest.approx([0.2, 0.4])
+
+
+def test_numbers_that_no_float_or_no_thing_can_have_are_refused(planar_3r: hk.Robot) -> None:
+    strategy, q = hk.holonomic(hk.position(planar_3r), hk.lock(0)), np.array([0.3, 0.7, -0.5])
+    task, points = strategy.task, [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.0]]
+    calls: list[tuple[str, Callable[[], object]]] = [
+        ("from 0 to 1", lambda: hk.ik(strategy, q).nearest(planar_3r.pose(q), rcond=2.0)),
+        ("kg/m", lambda: hk.robot.to_mjcf(planar_3r, density=1e9)),
+        ("yourdfpy", lambda: hk.robot.from_yourdfpy(task)),
+        ("at most 1e", lambda: hk.spline(points, speed=1e308)),
+        ("at most 1e", lambda: hk.path.figure_eight([0.4, 0, 0.2], 0.2, 0.1, [0, 0, 1], speed=1e308)),
+        ("radius is -1", lambda: hk.analysis.curvature.leaf_function(strategy, q, radius=-1)),
+        ("joints is", lambda: hk.strategies.constraints.height(10**5000)),
+    ]
+    for words, call in calls:
+        with pytest.raises(ArgumentError, match=words):
+            call()
+
+
+def test_expressions_of_other_shapes_or_symbols_are_refused_in_holokins_words(planar_3r: hk.Robot) -> None:
+    task, stranger, short = hk.position(planar_3r), SX.sym("stranger", 3), SX.sym("q", 1)
+    for call in (planar_3r.kinematics, planar_3r.origins, task.kinematics):
+        with pytest.raises(ShapeError):
+            call(short)
+    for strategy in (
+        hk.null_basis(task, lambda q: [[stranger[0], 0], [0, 1], [0, 0]]),
+        hk.holonomic(task, hk.custom(lambda q: [q[0] * stranger[1]])),
+    ):
+        with pytest.raises(ExpressionError, match=r"stranger_[01]"):
+            strategy(np.array([0.3, 0.7, -0.5]))
+
+
+def test_parts_of_a_workspace_are_asked_about_positions(planar_3r: hk.Robot) -> None:
+    for solid in (Box(np.zeros(3), np.ones(3)), Cylinder(np.zeros(3), 0.1, 0.2), Sphere(np.zeros(3), 0.1)):
+        inside = solid.points(np.random.default_rng(0).random((50, 3)))
+        assert solid.contains(inside).all()
+        for bad in (*NO_NUMBERS, [[0.0, 0.0, 2.0]]):
+            with pytest.raises(hk.HolokinError):
+                solid.points(bad)
+        for bad in NO_NUMBERS:
+            with pytest.raises(hk.HolokinError):
+                solid.contains(bad)
+
+
+def test_a_number_that_is_none_is_refused_where_a_method_takes_one() -> None:
+    """The last three raw errors that 13,078 bad calls met."""
+    robot = hk.load("planar-3r")
+    task, q = hk.position(robot), np.array([0.3, 0.7, -0.5])
+    with pytest.raises(ShapeError):
+        robot.ranges(np.zeros(2))
+    curve = hk.strategies.self_motion(task, q, step=0.2, length=1.0)
+    for bad in ("x", {"a": 1}, [0.0, 1.0]):
+        with pytest.raises((ArgumentError, ShapeError)):
+            curve.at(bad)  # type: ignore[arg-type]
+    s = hk.sheets(task, hk.workspace(box=([1.5, 0.5], [0.2, 0.1])), q0=[q], samples=8, share=0.5, search=False)
+    with pytest.raises((ArgumentError, ShapeError)):
+        s.seams(at=-1)  # type: ignore[arg-type]

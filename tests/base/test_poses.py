@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,9 +14,23 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START
-from holokin.base.errors import ArgumentError, HolokinError, NotFiniteError, ShapeError
-from holokin.robot import DHRow
+from conftest import PANDA_START, R3_START, Command, assert_refused, urdf, write_job
+from holokin.app.job.advice_job import _workspace_keys, question
+from holokin.app.job.strategy_tables import Fitted
+from holokin.base.errors import (
+    ArgumentError,
+    BranchError,
+    HolokinError,
+    JointLimitError,
+    NotFiniteError,
+    OutOfReachError,
+    RecordingError,
+    ShapeError,
+    StartError,
+)
+from holokin.path.workspaces import PoseRange, pose_cloud
+from holokin.robot import DHRow, doubtful_unit
+from holokin.robot.chains import longest_reach
 
 mink = pytest.importorskip("mink")
 mujoco = pytest.importorskip("mujoco")
@@ -205,3 +222,261 @@ def test_a_pose_of_spatialmath_is_its_matrix() -> None:
     T = hk.load("panda").pose(PANDA_START)
     ik = hk.ik(hk.holonomic(hk.pose(hk.load("panda")), hk.lock(2)), PANDA_START)
     assert np.array_equal(ik(SimpleNamespace(A=T)), ik(T))  # type: ignore[arg-type]
+
+
+# --- Postures in degrees, poses in millimetres, steps in milliseconds, q that is no answer: said, and with the cure.
+
+
+BETWEEN = np.array([0.3, 0.9, 0.0])
+
+
+@pytest.fixture
+def two_links(monkeypatch: pytest.MonkeyPatch, planar_3r: hk.Robot) -> hk.motion.ik.InverseKinematics:
+    """Two links in a plane, joint 1 from 0 to 2 rad, whose third joint is locked."""
+    monkeypatch.setenv("HOLOKIN_NATIVE", "0")
+    first, *others = planar_3r.coordinates
+    robot = replace(planar_3r, coordinates=(replace(first, lower=0.0, upper=2.0), *others))
+    return hk.ik(hk.holonomic(hk.position(robot), hk.lock(2)), BETWEEN)
+
+
+def test_a_posture_that_is_not_finite_is_told_by_its_joints(two_links) -> None:
+    with pytest.raises(NotFiniteError, match="the posture to begin from: NaN or infinite numbers, q1 nan, q3 -inf;"):
+        two_links.nearest([1.0, 1.0], [np.nan, 0.2, -np.inf])
+
+
+def test_a_step_limits_the_motion_from_a_posture_and_without_one_it_is_refused(two_links) -> None:
+    with pytest.raises(ArgumentError, match="step limits the motion from the last answer"):
+        two_links.nearest([1.0, 1.0], step=0.01)
+
+
+# --- degrees --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "begin",
+    [
+        hk.ik,
+        hk.motion.ik.move_to_leaf,
+        lambda G, q: hk.radial(G, q),
+        lambda G, q: hk.controller(G, dt=0.001, q0=q),
+    ],
+)
+def test_a_start_in_degrees_is_refused_where_limits_are_not_looked_at(
+    panda: hk.Robot, begin: Callable[[hk.Strategy, np.ndarray], object]
+) -> None:
+    G = hk.holonomic(hk.pose(panda), hk.lock(2))
+    with pytest.raises(JointLimitError, match=r"'panda_joint4' is at -114.592, 112 outside"):
+        begin(G, np.degrees(PANDA_START))
+
+
+def test_a_start_beyond_its_limits_or_wound_by_a_turn_is_one_to_begin_from(panda: hk.Robot) -> None:
+    """The same tool pose: a simulation without limits gets there."""
+    G = hk.holonomic(hk.pose(panda), hk.lock(2))
+    wound = PANDA_START + 2 * np.pi * np.eye(7)[0]
+    assert hk.ik(G, wound, limits=False)(panda.pose(PANDA_START)) == pytest.approx(wound, abs=1e-9)
+
+
+def test_joints_without_limits_may_have_wound_up_as_far_as_they_like(planar_3r: hk.Robot) -> None:
+    free = replace(planar_3r, coordinates=tuple(hk.robot.Coordinate(f"q{i}", "revolute") for i in (1, 2, 3)))
+    G = hk.holonomic(hk.position(free), hk.lock(2))
+    assert hk.ik(G, np.degrees(R3_START)).q0 == pytest.approx(np.degrees(R3_START))
+
+
+# --- millimetres ----------------------------------------------------------------------------------------------
+
+
+def test_no_posture_brings_the_tool_beyond_the_longest_reach() -> None:
+    """Of hinges, of a slide that carries an arm, and of one tip of several."""
+    for robot in (hk.load("panda"), hk.load("ppr"), hk.from_urdf(urdf("tiago.urdf"), tip="arm_7_link")):
+        low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
+        places = robot.pose_batch(np.random.default_rng(0).uniform(low, high, (500, robot.n)))[0]
+        reached, most = np.linalg.norm(places, axis=1).max(), longest_reach(robot)
+        assert reached <= most < 4 * reached
+
+
+def test_millimetres_are_told_from_what_is_only_out_of_reach(panda: hk.Robot) -> None:
+    G, pose = hk.holonomic(hk.pose(panda), hk.lock(2)), panda.pose(PANDA_START)
+    box = [400.0, 100.0, 300.0], [50.0, 50.0, 50.0]
+    with pytest.raises(ArgumentError, match=r"at least 4\d\d.* m from the base, where panda reaches"):
+        hk.coverage(G, hk.workspace(box=box), PANDA_START, samples=16)
+    for distance, said in ((300.0, "give metres"), (3.0, "nearer to the base")):
+        far = pose.copy()
+        far[:3, 3] *= distance / np.linalg.norm(far[:3, 3])
+        with pytest.raises(OutOfReachError, match=said):
+            hk.ik(G, PANDA_START)(far)
+    round_trip = hk.circle(1000 * pose[:3, 3], 1000 * pose[:3, 3] - [100, 0, 0])
+    with pytest.raises(StartError, match="give metres"):
+        hk.follow(G, round_trip, PANDA_START)
+
+
+def test_an_arm_on_a_slide_without_end_reaches_everywhere(ppr: hk.Robot) -> None:
+    endless = replace(ppr, coordinates=(hk.robot.Coordinate("q1", "prismatic"), *ppr.coordinates[1:]))
+    assert doubtful_unit(endless, np.array([[1e6, 0.0, 0.0]])) == ""
+    assert "give metres" in doubtful_unit(ppr, np.array([[1e6, 0.0, 0.0]]))
+
+
+# --- other units ----------------------------------------------------------------------------------------------
+
+
+def test_a_step_in_which_a_joint_moves_far_is_warned_of_and_taken(
+    panda: hk.Robot, caplog: pytest.LogCaptureFixture
+) -> None:
+    G = hk.moore_penrose(hk.pose(panda))
+    with caplog.at_level(logging.WARNING, "holokin"):
+        hk.controller(G, dt=0.1)
+        assert not caplog.records
+        assert hk.controller(G, dt=1.0).dt == 1.0
+    assert "at its full speed panda_joint5 moves by 2.6 rad in it; dt is in seconds" in caplog.text
+
+
+def test_degrees_are_only_of_angles(tmp_path: Path) -> None:
+    file = tmp_path / "poses.csv"
+    for header, row in (
+        ("x,y,z,qx,qy,qz,qw", "0.5,0,0.3,1,0,0,0"),
+        (",".join(f"T{i}{j}" for i in range(3) for j in range(4)), "1,0,0,0,0,1,0,0,0,0,1,0"),
+    ):
+        file.write_text(f"{header}\n{row}\n")
+        with pytest.raises(RecordingError, match="has no angles; leave out angles="):
+            hk.path.read_workspace(file, angles="deg")
+        assert len(hk.path.read_workspace(file).given) == 1
+
+
+def test_an_angle_beyond_a_turn_is_believed_where_somebody_says_radians(tmp_path: Path) -> None:
+    file = tmp_path / "poses.csv"
+    file.write_text("x,y,z,roll,pitch,yaw\n0.5,0,0.3,0,0,7\n")
+    with pytest.raises(RecordingError, match="it looks like degrees"):
+        hk.path.read_workspace(file)
+    assert hk.path.read_workspace(file, angles="rad").given[0, 0, 0] == pytest.approx(np.cos(7))
+
+
+def test_both_readers_of_poses_know_the_same_columns(tmp_path: Path) -> None:
+    file = tmp_path / "poses.csv"
+    turned = Rotation.from_rotvec([[0.1, 0.2, 0.3], [0.3, 0.2, 0.1]])
+    rows = {
+        "x [m],y [m],z [m],qx,qy,qz,qw": np.hstack([[[0.5, 0, 0.3], [0.5, 0.1, 0.3]], turned.as_quat()]),
+        "x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg": np.hstack(
+            [[[500, 0, 300], [500, 100, 300]], np.rad2deg(turned.as_rotvec())]
+        ),
+        ",".join(f"T{i}{j}" + "_m" * (j == 3) for i in range(3) for j in range(4)): np.concatenate(
+            [turned.as_matrix(), [[[0.5], [0], [0.3]], [[0.5], [0.1], [0.3]]]], axis=2
+        ).reshape(2, 12),
+    }
+    for header, table in rows.items():
+        file.write_text("\n".join([header, *(",".join(f"{v:.17g}" for v in row) for row in table)]))
+        cloud, waypoints = hk.path.read_workspace(file), hk.path.read_waypoints(file)
+        assert waypoints.rotations is not None
+        assert np.abs(cloud.given[:, :3, 3] - [[0.5, 0, 0.3], [0.5, 0.1, 0.3]]).max() < 1e-15
+        assert np.array_equal(cloud.given[:, :3, 3], waypoints.points)
+        assert np.abs(waypoints.rotations - turned.as_matrix()).max() < 1e-14
+        assert np.array_equal(cloud.given[:, :3, :3], waypoints.rotations)
+
+
+def test_coverage_says_which_poses_of_a_cloud_it_looked_at(panda: hk.Robot) -> None:
+    G = hk.holonomic(hk.pose(panda), hk.lock(2))
+    cloud = pose_cloud(np.tile(panda.pose(PANDA_START), (5, 1, 1)))
+    for samples, said in ((100, "5 of 5 poses (100.0%), all of the cloud,"), (3, "3 of 3 poses (100.0%), drawn")):
+        assert said in hk.coverage(G, cloud, PANDA_START, samples=samples, explain=False).sentence
+
+
+def test_a_rounded_rotation_is_refused_with_the_cure_and_the_cure_helps(panda: hk.Robot) -> None:
+    ik, pose = hk.ik(hk.holonomic(hk.pose(panda), hk.lock(2)), PANDA_START), panda.pose(PANDA_START)
+    pose[:3, :3] = pose[:3, :3].round(4)
+    with pytest.raises(ArgumentError, match="away from 1"):
+        ik(pose)
+    pose[:3, :3] = Rotation.from_matrix(pose[:3, :3]).as_matrix()
+    assert ik(pose) == pytest.approx(PANDA_START, abs=1e-3)
+    pose[:3, :3] *= 2
+    with pytest.raises(ArgumentError, match=r"give a right-handed rotation matrix$"):
+        ik(pose)
+
+
+@pytest.mark.parametrize("degrees", [15.0, 40.0, 7.3])
+def test_the_degrees_of_an_advised_job_are_those_that_were_typed(degrees: float) -> None:
+    space = question("panda", box="0.5 0 0.3 0.2 0.2 0.2", tilt=degrees).workspace
+    assert isinstance(space, PoseRange)
+    keys = _workspace_keys(space)
+    assert keys["tilt_deg"] == degrees
+    assert np.degrees(np.radians(15.0)) != 15.0
+
+
+# --- what a job says is said in its own words -----------------------------------------------------------------
+
+
+def test_a_job_that_fits_a_law_without_leaves_is_told_which_kinds_have_them(
+    holokin: Command, tmp_path: Path, out: Path
+) -> None:
+    laws = '[strategies.mp]\nkind = "moore-penrose"\n[strategies.f]\nkind = "fitted"\nof = "mp"\n'
+    outcome = holokin("run", write_job(tmp_path, strategies=laws), "--out", out)
+    assert_refused(outcome, "[strategies.f] of is 'mp'", 'name one that has, as of kind = "lock", "arm-angle"')
+    assert "hk." not in outcome.err and "Strategy(" not in outcome.err
+
+
+def test_a_law_that_is_singular_in_the_ball_it_is_fitted_in_asks_for_a_smaller_one(planar_3r: hk.Robot) -> None:
+    law = hk.radial(hk.moore_penrose(hk.position(planar_3r)), R3_START)
+    with pytest.raises(BranchError, match=r"'r' is singular within 1.5 m of the start: at q1"):
+        Fitted(kind="fitted", of="r", radius=1.5).fit(law, R3_START, "f")
+
+
+# --- tables of links, and tools ---
+
+SCARA = [{"a": 0.4, "lower": -2.9, "upper": 2.9}, {"a": 0.3, "alpha": np.pi, "lower": -2.5, "upper": 2.5}]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_dh_table_in_degrees_or_millimetres_is_refused_and_the_same_in_si_is_read(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 8))
+    rows = [
+        {
+            "a": rng.uniform(0.02, 0.8), "d": rng.uniform(-0.5, 0.5), "alpha": rng.choice([-1, 0, 1]) * np.pi / 2,
+            "theta": rng.uniform(-np.pi, np.pi), "lower": -rng.uniform(1, 3), "upper": rng.uniform(1, 3),
+        }
+        for _ in range(n)
+    ]  # fmt: skip
+    assert hk.from_dh(rows).n == n
+    for keys, words in ((("alpha",), "degrees"), (("theta",), "degrees"), (("lower", "upper"), "degrees")):
+        spoilt = [row | {key: float(np.rad2deg(row[key])) for key in keys} for row in rows]
+        if any(abs(row[key]) > 7 for row in spoilt for key in keys):
+            with pytest.raises(ArgumentError, match=words):
+                hk.from_dh(spoilt)
+    with pytest.raises(ArgumentError, match="millimetres"):
+        hk.from_dh([row | {"a": 1e3 * row["a"], "d": 1e3 * row["d"]} for row in rows])
+
+
+def test_one_hinge_of_many_turns_is_no_doubt() -> None:
+    spindle = {"lower": -500.0, "upper": 500.0}
+    assert hk.from_dh([*SCARA, spindle]).upper[-1] == 500
+    assert hk.from_dh([spindle]).n == 1
+    assert hk.from_dh([{"a": 1.0}, {"a": 1.0}]).n == 2  # without limits
+    assert hk.from_dh([*SCARA, {"kind": "prismatic", "lower": -30.0, "upper": 30.0}]).n == 3
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "irb140", "rail", "planar-3r", "yumi-arm", "ppr"])
+def test_a_tool_in_millimetres_or_degrees_is_refused(name: str) -> None:
+    robot = hk.load(name)
+    assert hk.with_tool(robot, [0, 0, 0.15], [0, np.pi / 2, -np.pi]).n == robot.n
+    with pytest.raises(ArgumentError, match=r"xyz of a tool .*looks like millimetres"):
+        hk.with_tool(robot, [0, 0, 150])
+    for turned in (lambda rpy: hk.with_tool(robot, rpy=rpy), lambda rpy: hk.with_base_pose(robot, rpy=rpy)):
+        with pytest.raises(ArgumentError, match=r"rpy of a .*looks like degrees"):
+            turned([0, 90, 0])
+    with pytest.raises(ArgumentError, match="looks like degrees"):
+        hk.robot.Part(robot, rpy=[0, 0, 180])
+
+
+def test_a_wrist_of_no_reach_carries_a_tool() -> None:
+    assert hk.with_tool(hk.from_dh([{"alpha": 1.5}, {"alpha": -1.5}, {}]), [0, 0, 0.4]).n == 3
+
+
+def test_a_level_in_degrees_is_told(panda: hk.Robot) -> None:
+    """30 rad of an arm angle are 279 degrees, and of a locked joint four turns."""
+    q0 = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
+    angle, joint = hk.holonomic(hk.pose(panda), hk.arm_angle()), hk.holonomic(hk.pose(panda), hk.lock(6))
+    for law, level in ((angle, 30), (angle, -95.0), (joint, 30), (joint, -60.0)):
+        with pytest.raises(ArgumentError, match="in rad"):
+            hk.motion.ik.move_to_leaf(law, q0, level)
+    with pytest.raises(ArgumentError, match=r"30 degrees are 0\.5236"):
+        hk.motion.ik.all_postures(angle, panda.pose(q0), 30)
+    assert angle.g(hk.motion.ik.move_to_leaf(angle, q0, angle.g(q0) + 0.1)) == pytest.approx(
+        angle.g(q0) + 0.1, abs=1e-9
+    )

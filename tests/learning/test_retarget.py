@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from holokin.analysis.audit.logs import joint_feature, pose_feature, read_datase
 from holokin.analysis.audit.logs.datasets import rows
 from holokin.base.errors import ArgumentError, RecordingError
 from holokin.learning import Retargeted, retarget
+from printed import assert_alike
 from small_datasets import stats, write_dataset
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -326,3 +329,41 @@ def test_a_strategy_is_typed_as_it_stands_in_a_job(tmp_path: Path, words: str, h
     )  # fmt: skip
     assert done.code == 0, done.err
     assert np.abs(column(tmp_path / "new", "action")[:, 1] - 0.5).max() < 1e-6
+
+
+# --- The page on datasets: its commands run on the dataset that it makes, and print what stands below them.
+
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "datasets.md").read_text("utf-8")
+BLOCK = re.compile(r"^```(python|sh|text)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+
+
+@pytest.mark.campaign
+def test_its_commands_print_what_stands_below_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], holokin: Command
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    scope: dict[str, object] = {}
+    blocks = [match.groups() for match in BLOCK.finditer(PAGE)]
+    codes = []
+    for (kind, text), (after, below) in zip(blocks, [*blocks[1:], ("", "")], strict=True):
+        if kind == "text":
+            continue
+        if kind == "python":
+            exec(compile(text, "datasets.md", "exec"), scope)
+            printed = capsys.readouterr().out
+        else:
+            done = holokin(*shlex.split(text)[1:])
+            codes.append(done.code)
+            printed = done.out
+            assert done.err == ""
+        if after == "text":
+            assert_alike(printed, below)
+    assert codes == [1, 0, 0]
+    assert (tmp_path / "demos.png").stat().st_size > 20_000
+
+
+def test_its_excerpt_stands_in_the_tree() -> None:
+    (found,) = re.findall(r'```py title="(.+?)"\n(.*?)```', PAGE, re.DOTALL)
+    assert found[1].strip() in (ROOT / found[0]).read_text("utf-8")

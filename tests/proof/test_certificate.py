@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import math
 import shutil
 import subprocess
 import sys
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +20,14 @@ from typer.testing import CliRunner
 
 import holokin as hk
 from conftest import campaign
+from forged import Data, assert_true, cells, changed, parabola
 from holokin.app.cli.main import app
 from holokin.base.errors import ArgumentError, CertificateError, ExpressionError, StartError
 from holokin.proof import Certificate, Extent
 from holokin.proof.binding import unlike
 from holokin.proof.certificate import digest
+from holokin.proof.recheck import recheck
+from holokin.robot import Box
 
 checker = pytest.importorskip("holokin.proof.checker")
 
@@ -247,3 +255,205 @@ def test_a_box_of_poses_that_turn_and_other_tasks_are_compared_with_a_robot(pand
     x = planar.pose(q)[:3, 3]
     flat = hk.holonomic(hk.position(planar, rows=[0, 1]), hk.linear([[0, 1, -1]]))
     assert not unlike(hk.certify(flat, hk.line(x, x - [0.1, 0, 0]), q).data, planar)
+
+
+# --- Certificates of a stranger: any part of a file replaced by any other thing is refused in words, or what is ...
+
+
+Q0 = np.array([0.3, 0.9, 0.9])
+WORDS = ("task", "title", "theorem", "where", "robot", "names")
+"""Parts of a file of which the checker says nothing."""
+
+ODD: list[Any] = [
+    True, False, None, -1, 0, 1, 7, 2**40, 10**200, -(10**400), -0.0, 0.5, 1e-308, 1e150, 1e308, -1e308, math.inf,
+    math.nan, "", "1", "nan", "1e999999999999", "add", "\x1b[31m\ud800", [], {}, [[]], [[[[1.0]]]], [1.0, None],
+    [0, 0.5, None, None], {"q0": [1.0]}, [0] * 1000,
+]  # fmt: skip
+"""What may stand in place of a part: numbers that are none, of other kinds, huge, tiny; texts; lists and tables."""
+
+
+@pytest.fixture(scope="module")
+def arm() -> hk.Robot:
+    return hk.load("planar-3r")
+
+
+@pytest.fixture(scope="module")
+def honest(arm: hk.Robot) -> dict[str, Data]:
+    """Valid certificates: made by hand, of an open path, of a box, and of a box clear of a wall."""
+    G, x = hk.holonomic(hk.position(arm, rows=(0, 1)), hk.linear([[0, 1, -1]])), arm.pose(Q0)[:3, 3]
+    wall = hk.obstacle("wall", Box(np.array([0.1, 3.0, 1.0])), (-1.5, 0.0, 0.0))
+    small = hk.workspace(box=(x, [0.02, 0.02, 0.0]))
+    return {
+        "parabola": parabola(),
+        "path": hk.certify(G, hk.polyline([x, x - [0.1, 0, 0], x - [0.1, 0.1, 0]]), Q0).data,
+        "box": hk.certify(G, small, Q0).data,
+        "clear": hk.certify(G, small, Q0, scene=hk.Scene(obstacles=[wall], clearance=0.0, self_collision=False)).data,
+    }
+
+
+def places(part: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Where anything stands in a file, lists and tables included."""
+    if at:
+        yield at
+    if isinstance(part, dict | list):
+        for key, value in part.items() if isinstance(part, dict) else enumerate(part):
+            yield from places(value, (*at, key))
+
+
+def holder(data: Data, at: tuple[Any, ...]) -> Any:
+    part: Any = data
+    for key in at[:-1]:
+        part = part[key]
+    return part
+
+
+def mutated(data: Data, at: tuple[Any, ...], rng: np.random.Generator) -> None:
+    """One part becomes something else, or goes, or comes twice, or changes places with its neighbour."""
+    of, key = holder(data, at), at[-1]
+    how = rng.choice(["odd", "odd", "odd", "gone", "twice", "swapped", "wrapped"])
+    if how == "odd":
+        of[key] = copy.deepcopy(ODD[int(rng.integers(len(ODD)))])
+    elif how == "gone":
+        del of[key]
+    elif how == "wrapped":
+        of[key] = [of[key]]
+    elif isinstance(of, list):
+        other = int(rng.integers(len(of)))
+        if how == "twice":
+            of.insert(other, of[key])
+        else:
+            of[key], of[other] = of[other], of[key]
+    else:
+        of[f"{key}s"] = of[key]
+
+
+def sealed(data: Data) -> str:
+    """The file of data, with the digest that fits them."""
+    try:
+        return json.dumps(data | {"sha256": digest(data)}) + "\n"
+    except ValueError:  # NaN or infinity, which holokin does not write
+        return json.dumps(data | {"sha256": "0"}) + "\n"
+
+
+def answer(text: str, file: Path, robot: hk.Robot | None = None) -> str:
+    """ "rejected", "none" or "verified"; any other error is a failure of the checker."""
+    file.write_text(text, "utf-8")
+    try:
+        rejected, said = recheck(file, seconds=20.0, robot=robot)
+    except CertificateError as problem:
+        assert "within 20 s" not in str(problem)
+        return "none"
+    assert said.isascii() or said.encode("utf-8")
+    return "rejected" if rejected else "verified"
+
+
+def still_true(kind: str, data: Data, given: Data, at: tuple[Any, ...]) -> None:
+    """What is verified of a file that somebody changed; keys of no meaning change nothing."""
+    data = copy.deepcopy(data)
+    if isinstance(of := holder(data, at), dict):
+        of.pop(f"{at[-1]}s", None)
+    same = {key: value for key, value in data.items() if key not in WORDS and key in given}
+    if same == {key: value for key, value in given.items() if key not in WORDS}:
+        return
+    assert_true(data)
+    if kind == "clear":  # held against the robot
+        assert data["clear"]["joints"] == given["clear"]["joints"]
+
+
+@pytest.mark.parametrize("kind", ["parabola", "path", "box", "clear"])
+@pytest.mark.parametrize(("first", "count"), [(0, 20), campaign(("first", "count"), (1000, 800))])
+def test_any_part_of_a_file_replaced_is_refused_in_words_or_leaves_a_true_statement(
+    kind: str, first: int, count: int, honest: dict[str, Data], arm: hk.Robot, tmp_path: Path
+) -> None:
+    given, robot = honest[kind], None if kind == "parabola" else arm
+    where, found = list(places(given)), dict.fromkeys(("rejected", "none", "verified"), 0)
+    assert answer(sealed(given), tmp_path / "given.json", robot) == "verified"
+    heads = sorted({at[0] for at in where if at[0] not in WORDS[1:]})
+    for seed in range(first, first + count):
+        rng = np.random.default_rng(seed)
+        head = heads[seed % len(heads)]  # each part of the file as often as the large ones
+        among = [at for at in where if at[0] == head]
+        at = among[int(rng.integers(len(among)))]
+        data = copy.deepcopy(given)
+        mutated(data, at, rng)
+        said = answer(sealed(data), tmp_path / "file.json", robot)
+        found[said] += 1
+        if said == "verified":
+            still_true(kind, data, given, at)
+    assert found["rejected"] > count / 4 and found["verified"] > 0, found
+
+
+def comb(data: Data, depth: int) -> None:
+    """Cells cut within each other."""
+    tree: Any = None
+    for _ in range(depth):
+        tree = [0, 0.5, None, tree]
+    data["pieces"][0]["cells"] = tree
+
+
+def everywhere(data: Data, key: str, value: Any) -> None:
+    for cell in cells(data["pieces"][0]["cells"]):
+        cell[key] = value
+
+
+NAMED: dict[str, tuple[Callable[[Data], Any], str]] = {
+    "an operand before the first": (lambda d: d["operations"].__setitem__(2, ["sub", -1, 5]), "operation 3"),
+    "an output before the first": (lambda d: d["outputs"].__setitem__(0, -1), "a place that there is not"),
+    "an operand that is a truth value": (lambda d: d["operations"].__setitem__(1, ["add", 2, True]), "operation 2"),
+    "an operation of two operands with three": (lambda d: d["operations"][1].append(0), "operation 2"),
+    "a whole of 1e308": (lambda d: d["claims"].update(whole=1e308), "neither true nor false"),
+    "a number as text": (lambda d: everywhere(d, "q0", ["1e999999999"]), "a cell has other numbers"),
+    "a system that is singular": (lambda d: everywhere(d, "Y", [[0.0]]), "may be singular"),
+    "an equation that is singular": (lambda d: d["operations"].__setitem__(0, ["sub", 0, 0]), "may be singular"),
+    "cells cut without end": (lambda d: comb(d, 300), "cut too often"),
+    "turns without end": (lambda d: d["claims"].update(turns=[10**300]), "turns"),
+}
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_what_is_no_certificate_is_rejected_by_name(name: str, tmp_path: Path) -> None:
+    change, words = NAMED[name]
+    (tmp_path / "file.json").write_text(sealed(changed(parabola(), change)), "utf-8")
+    rejected, said = recheck(tmp_path / "file.json")
+    assert rejected and said.startswith("REJECTED: ") and words in said
+    alone = [sys.executable, checker.__file__, str(tmp_path / "file.json")]
+    if name == "a whole of 1e308":
+        found = subprocess.run(alone, capture_output=True, text=True, check=False)
+        assert found.returncode == 1 and "Traceback" not in found.stderr
+
+
+def test_whole_turns_that_operations_multiply_take_no_memory(tmp_path: Path) -> None:
+    """q 1e100, 1e200, ...: as whole numbers 1,500 of these are 47 MB."""
+    data = parabola()
+    data["constants"], data["units"], data["outputs"] = [1.0, 1e100], ["rad"], [1504, 2]
+    data["operations"] = [*(["mul", 3 + k if k else 0, 3] for k in range(1500)), ["sq", 0], ["sub", 1504, 2]]
+    data["outputs"], data["claims"]["turns"] = [1505, 2], [1]
+    data["claims"]["joints"] = [[-9.0], [0.9], [1.1], [9.0]]
+    data["pieces"][0]["cells"] = {"q0": [1.0], "V": [[0.0]], "Q": [[[0.0]]], "Y": [[0.5]]}
+    (tmp_path / "file.json").write_text(sealed(data), "utf-8")
+    tracemalloc.start()
+    try:
+        rejected, said = recheck(tmp_path / "file.json")
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert rejected and "may change by the whole turns" in said
+    assert peak < 2e7, peak
+
+
+def test_the_time_of_a_large_file_is_bounded(tmp_path: Path) -> None:
+    """Pieces without end, each of which holds; and turns that grow without end."""
+    still = parabola()
+    still["operations"], still["outputs"] = [["sq", 0], ["sub", 4, 2]], [5, 3]
+    still["claims"]["joints"] = [[-9.0], [0.9], [1.1], [9.0]]
+    cell = {"q0": [1.0], "V": [[0.0]], "Q": [[[0.0]]], "Y": [[0.5]]}
+    still["pieces"] = [{"numbers": [], "u": [0.0], "q": [1.0], "cells": cell}] * 20_000
+    (tmp_path / "file.json").write_text(sealed(still), "utf-8")
+    began = time.process_time()
+    with pytest.raises(CertificateError, match="not verified within 0 s"):
+        recheck(tmp_path / "file.json", seconds=0.4)
+    assert time.process_time() - began < 4.0
+    brackets = '{"a": [' + "[], " * 400_000 + "[]]}"
+    (tmp_path / "file.json").write_text(brackets, "utf-8")
+    with pytest.raises(CertificateError, match="more lists than numbers"):
+        recheck(tmp_path / "file.json")

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import holokin as hk
 from conftest import PANDA_START, PPR_START, R3_START, campaign, sampled
-from holokin.proof import certify
-from holokin.proof.box_proof import PoseRegion
+from holokin.base.errors import ArgumentError
+from holokin.proof import certify, equation
+from holokin.proof.box_proof import PoseRegion, walked
 from holokin.proof.cell_search import covered
 from holokin.proof.certificate import Certificate, Covered, Demands, Extent
 from holokin.proof.path_proof import Pathway
 from holokin.proof.tube import matrix_norm, norm, product
+from holokin.robot import link_jacobian
 from holokin.strategies import constraints as C
+from holokin.symbolic import SX, Function, symbol
 from holokin.symbolic.intervals import Interval
+from holokin.symbolic.linear import every_minor, minors_expression
+from holokin.symbolic.rotations import log_s2, log_so3, one_formula
 from roots import near_panda, roots_are_where_they_should_be, start
 
 
@@ -308,3 +314,241 @@ def test_a_budget_that_is_spent_leaves_what_was_proven(panda: hk.Robot) -> None:
     proof = certify(G, hk.circle(x, center=x - [0.1, 0, 0]), PANDA_START, budget=50)
     refused(proof, Extent.BUDGET)
     assert len(proof) <= 50
+
+
+# --- Proofs of stationary postures, two hands, boxes that turn: against the library's own kinematics and constraints.
+
+
+HANDS = ("left_flange", "right_flange")
+YUMI = np.array([0.1, -1.2, -0.9, 0.4, 0.3, 0.8, 0.2, -0.1, -1.2, 0.9, 0.4, -0.3, 0.8, -0.2])
+
+
+@pytest.fixture(scope="module")
+def yumi() -> hk.Robot:
+    return hk.load("yumi")
+
+
+@pytest.mark.campaign
+@sampled(1, "cost", [C.centring_cost(), C.posture_cost(PANDA_START + 0.1)], ids=["centring", "posture"])
+@pytest.mark.parametrize("free", [None, (2,)], ids=["unit", "chang"])
+def test_stationary_postures_of_a_panda_are_those_of_the_constraint_itself(
+    panda: hk.Robot, cost: C.Cost, free: tuple[int, ...] | None
+) -> None:
+    """The null vector is an unknown of the proof; the constraint, by reflections, is the same along all of it."""
+    G = hk.holonomic(hk.pose(panda), hk.stationary(cost, free=free))
+    walk = hk.follow(G, near_panda(panda), PANDA_START, samples=20)
+    proof = hk.certify(G, near_panda(panda), PANDA_START)
+    assert proof.whole and proof.equation.n > proof.equation.joints == 7 and proof.low.shape == (7,)
+    level = G.g(PANDA_START)
+    assert max(float(np.abs(G.g(q) - level).max()) for q in walk.q) < 1e-12
+    assert (proof.low <= walk.q + 1e-12).all() and (walk.q - 1e-12 <= proof.high).all()
+
+
+def test_a_stationary_constraint_that_is_tilted_is_certified() -> None:
+    """Its unknowns go with it; the level is that of the whole."""
+    robot, q = hk.load("panda"), PANDA_START
+    G = hk.holonomic(hk.pose(robot), C.tilted(hk.stationary(C.centring_cost()), lambda x: 0.1 * x[0]))
+    walk = hk.follow(G, near_panda(robot), q, samples=10)
+    proof = hk.certify(G, near_panda(robot), q)
+    assert proof.whole and max(float(np.abs(G.g(p) - G.g(q)).max()) for p in walk.q) < 1e-12
+
+
+@pytest.mark.campaign
+def test_one_hand_in_the_frame_of_the_other_is_certified_with_all_fourteen_joints(yumi: hk.Robot) -> None:
+    """A closed path of the left hand as the right one sees it; the least-motion rows of the start are held."""
+    task = hk.strategies.tasks.relative_pose(yumi, *HANDS)
+    held = np.linalg.svd(task.jacobian(YUMI))[2][6:]
+    G = hk.holonomic(task, hk.linear(held))
+    x = task.pose(YUMI)[:3, 3]
+    walk = hk.follow(G, hk.circle(x, center=x - [0.03, 0, 0]), YUMI, samples=16, limits=False)
+    proof = hk.certify(G, hk.circle(x, center=x - [0.03, 0, 0]), YUMI, limits=False)
+    assert proof.whole and proof.gap < 1e-11
+    for q, u in zip(walk.q, np.arange(len(walk.q)) / (len(walk.q) - 1), strict=True):
+        left, right = (yumi.pose(q, hand) for hand in HANDS)
+        seen = np.linalg.inv(right) @ left
+        away = np.linalg.norm(seen[:3, 3] - (x - [0.03, 0, 0]))
+        assert abs(away - 0.03) < 1e-10 and np.abs(held @ (q - YUMI)).max() < 1e-10, u
+    roots_are_where_they_should_be(proof, np.random.default_rng(0), 1)
+
+
+@pytest.mark.campaign
+def test_two_hands_each_on_a_path_of_its_own_are_certified(yumi: hk.Robot) -> None:
+    """One turns while the other goes round a circle; the poses are those of the paths."""
+    task = hk.stacked(*(hk.pose(yumi, tip=hand) for hand in HANDS))
+    G = hk.holonomic(task, hk.lock(2, 9))
+    left, right = task.pose(YUMI)[:, :3, 3]
+    away = hk.line(right, right + [0.02, 0, 0], turn=(0, 0, 0.1))
+    back = hk.line(away.end, right, turn=(0, 0, -0.1))
+    paths = hk.path.synchronized(hk.circle(left, left - [0.02, 0, 0]), away + back)
+    walk = hk.follow(G, paths, YUMI, samples=20, limits=False)
+    proof = hk.certify(G, paths, YUMI, limits=False)
+    assert proof.whole and proof.gap < 1e-11 and proof.equation.positive == 2
+    assert (
+        "wherever the path comes back to the tools' poses, the joints are the same" in proof.theorem
+        and "|det [J; J_g]|" in proof.theorem
+    )
+    at = paths.at(walk.t)
+    assert np.abs(task.value_batch(walk.q)[:, [0, 1, 2, 6, 7, 8]] - at.position).max() < 1e-10
+    roots_are_where_they_should_be(proof, np.random.default_rng(0), 1)
+    box = hk.workspace(box=(left, (0.01, 0.01, 0.01)))
+    with pytest.raises(ArgumentError, match="one tool"):
+        certify(G, box, YUMI)
+
+
+@pytest.mark.campaign
+def test_a_box_of_poses_that_turn_is_certified_and_verified(panda: hk.Robot, tmp_path: Path) -> None:
+    """Six parameters: at its corners the joints are those of inverse kinematics on the leaf."""
+    pose = panda.pose(PANDA_START)
+    box = hk.workspace(box=(pose[:3, 3], (0.003, 0.003, 0.003)), rotation=pose[:3, :3], tilt=0.008, spin=0.008)
+    G = hk.holonomic(hk.pose(panda), hk.lock(2))
+    proof = certify(G, box, PANDA_START)
+    assert proof.whole and proof.equation.d == 6 and len(proof) <= 16
+    roots_are_where_they_should_be(proof, np.random.default_rng(0), 1)
+    file = proof.save(tmp_path / "turned.json")
+    assert pytest.importorskip("holokin.proof.checker").check(str(file)).whole
+
+
+@pytest.mark.campaign
+def test_cells_examined_one_by_one_are_those_examined_together(
+    panda: hk.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Memory is bounded by portions, which change no number."""
+    x = panda.pose(PANDA_START)[:3, 3]
+    path = hk.line(x, x - [0.1, 0, 0])
+    together = certify(hk.holonomic(hk.pose(panda), hk.lock(2)), path, PANDA_START)
+    monkeypatch.setattr(equation, "ROOM", 1)
+    alone = certify(hk.holonomic(hk.pose(panda), hk.lock(2)), path, PANDA_START)
+    assert together.equation.at_once > 1 == alone.equation.at_once
+    assert np.array_equal(together.findings.omega, alone.findings.omega) and len(together) > 1
+
+
+def test_a_walk_towards_a_singular_posture_ends_after_few_steps() -> None:
+    """A planar arm stretched: as far as the leaf goes, to within what a proof can use."""
+    robot, q = hk.load("planar-3r"), np.array([0.3, 0.3, 0.3])
+    x = robot.pose(q)[:3, 3]
+    reach = float(np.linalg.norm(robot.pose(np.zeros(3))[:3, 3]))
+    path = hk.line(x, x / np.linalg.norm(x) * (reach + 0.05))
+    postures, _, where = walked(hk.holonomic(hk.position(robot), hk.linear([[0, 1, -1]])), path, q, 256)
+    end = float(np.linalg.norm(robot.pose(postures[-1])[:3, 3]))
+    assert where and len(postures) < 257 and end <= reach and reach - end < path.length / 128
+
+
+# --- Proofs of leaves that depend on rotation vectors, and of stationary manipulability: without switches and kinks.
+
+
+def test_the_formula_without_a_switch_is_the_logarithm_to_round_off() -> None:
+    """Against SciPy's rotation vectors, across the 0.02 rad at which the formulas are switched and up to 3 rad."""
+    from scipy.spatial.transform import Rotation
+
+    R, d = symbol("R", 9), symbol("d", 3)
+    with one_formula():
+        log = Function("log", {"R": R, "d": d}, {"w": log_so3(R.reshape((3, 3)).T), "a": log_s2(d)})
+    switched = Function("switched", {"R": R, "d": d}, {"w": log_so3(R.reshape((3, 3)).T), "a": log_s2(d)})
+    rng = np.random.default_rng(0)
+    for angle in (0.0, 1e-9, 1e-3, 0.0199, 0.0201, 0.5, 2.0, 3.0):
+        w = rng.normal(size=3)
+        w *= angle / np.linalg.norm(w)
+        M = Rotation.from_rotvec(w).as_matrix()
+        turn, direction = log(M.ravel(), M[:, 2])
+        assert np.abs(np.ravel(turn) - w).max() < 1e-15 * max(1.0, angle)
+        assert np.abs(np.ravel(direction) - np.ravel(switched(M.ravel(), M[:, 2])[1])).max() < 1e-15
+
+
+def test_minors_are_determinants_and_their_squares_the_volume_of_the_jacobian() -> None:
+    """Of a matrix (3, 5) with zeros, and the signed ones of (3, 4)."""
+    rng = np.random.default_rng(0)
+    J = rng.normal(size=(3, 5)) * (rng.random((3, 5)) < 0.7)
+    found = {columns: float(value) for columns, value in every_minor(SX(J)).items()}
+    assert all(np.isclose(value, np.linalg.det(J[:, list(columns)])) for columns, value in found.items())
+    assert np.isclose(sum(value**2 for value in found.values()), np.linalg.det(J @ J.T))
+    J, w = rng.normal(size=(3, 4)), rng.normal(size=4)
+    signed = minors_expression(SX(J))
+    assert np.isclose(sum(float(signed[i]) * w[i] for i in range(4)), np.linalg.det(np.vstack([J, w])))
+
+
+@sampled(2, "name", ["panda", "iiwa14", "rail-ur10e", "sawyer"])
+def test_the_jacobian_of_a_middle_link_has_the_null_vectors_and_the_volume_of_the_tool_s(name: str) -> None:
+    """Joints that slide and fixed rotations of any angle included."""
+    robot, rng = hk.load(name), np.random.default_rng(0)
+    q = symbol("q", robot.n)
+    seen = Function("J", {"q": q}, {"all": link_jacobian(robot, q), "linear": link_jacobian(robot, q, turned=False)})
+    for _ in range(3):
+        posture = rng.normal(size=robot.n)
+        J = robot.jacobian(posture)
+        for M, true in zip(seen(posture), (J, J[:3]), strict=True):
+            M = np.reshape(M, true.shape)
+            assert np.isclose(np.linalg.det(M @ M.T), np.linalg.det(true @ true.T), rtol=1e-12)
+            assert np.abs(M @ np.linalg.svd(true)[2][len(true) :].T).max() < 1e-12
+
+
+def volume_along_the_self_motion(robot: hk.Robot, q: np.ndarray) -> float:
+    """d log sqrt(det J J^T) along the null vector, by differences of the robot's own Jacobian."""
+    J = robot.jacobian(q)
+    n = np.linalg.svd(J)[2][-1]
+    n *= np.sign(np.linalg.det(np.vstack([J, n])))
+    values = [np.linalg.slogdet((A := robot.jacobian(q + h * n)) @ A.T)[1] / 2 for h in (-1e-4, 1e-4)]
+    return float(values[1] - values[0]) / 2e-4
+
+
+@pytest.mark.campaign
+def test_stationary_manipulability_of_a_panda_is_certified_without_further_unknowns(tmp_path: Path) -> None:
+    """Along the path the derivative of the manipulability stays what it is at the start; the checker agrees."""
+    robot = hk.load("panda")
+    G = hk.holonomic(hk.pose(robot), hk.stationary(C.manipulability_cost()))
+    walk = hk.follow(G, near_panda(robot), PANDA_START, samples=8)
+    proof = hk.certify(G, near_panda(robot), PANDA_START)
+    assert proof.whole and proof.equation.n == 7 and "[J; J_g]" in proof.theorem and len(proof) < 20
+    kept = [volume_along_the_self_motion(robot, q) for q in walk.q]
+    assert np.ptp(kept) < 1e-6 and kept[0] == pytest.approx(-float(G.g(PANDA_START)[0]), abs=1e-6)
+    roots_are_where_they_should_be(proof, np.random.default_rng(0), 1)
+    recheck = pytest.importorskip("holokin.proof.checker").check
+    assert recheck(str(proof.save(tmp_path / "proof.json"))).whole
+
+
+@pytest.mark.campaign
+def test_stationary_manipulability_of_a_stretched_arm_is_refused() -> None:
+    """Out of the reach of a planar arm; inside it is certified, by Chang's null vector, too."""
+    robot, q = hk.load("planar-3r"), R3_START
+    x = start(robot, q)
+    out = hk.line(x, 4 * x / np.linalg.norm(x))
+    for free in (None, (2,)):
+        G = hk.holonomic(hk.position(robot), hk.stationary(C.manipulability_cost(), free=free))
+        assert certify(G, hk.line(x, x - [0.05, 0.05, 0.0]), q).whole
+        proof = certify(G, out, q, limits=False, budget=400)
+        assert not proof.whole and proof.extent in (Extent.END, Extent.SINGULAR, Extent.BUDGET)
+
+
+def turned_loop(robot: hk.Robot) -> hk.Path:
+    """There and back, from where the rotation is the reference to 0.08 rad from it."""
+    x = start(robot, PANDA_START)
+    turn = np.array([0.04, 0.06, -0.03])
+    there = hk.line(x, x - [0.03, 0, 0], turn=turn)
+    return there + hk.line(x - [0.03, 0, 0], x, turn=-turn)
+
+
+@pytest.mark.campaign
+def test_leaves_that_are_tilted_by_the_orientation_are_certified_across_their_reference(tmp_path: Path) -> None:
+    """The logarithm has a switch 0.02 rad from there; the followed joints are on the leaf of the code that runs."""
+    robot = hk.load("panda")
+    chart = replace(hk.pose(robot), reference=robot.pose(PANDA_START)[:3, :3])
+    tilt = C.tilted(hk.lock(2), lambda x: 0.3 * x[3] * x[4] + 0.2 * x[0] * x[5], chart=chart)
+    G = hk.holonomic(hk.pose(robot), tilt)
+    walk = hk.follow(G, turned_loop(robot), PANDA_START, samples=10)
+    proof = hk.certify(G, turned_loop(robot), PANDA_START)
+    assert proof.whole and len(proof) < 30
+    assert max(float(np.abs(G.g(q) - G.g(PANDA_START)).max()) for q in walk.q) < 1e-14
+    recheck = pytest.importorskip("holokin.proof.checker").check
+    assert recheck(str(proof.save(tmp_path / "proof.json"))).whole
+
+
+@pytest.mark.campaign
+def test_a_polynomial_in_rotation_vectors_is_certified_where_the_tool_turns() -> None:
+    """`fitted` with all six rows, to the leaves of a radial strategy."""
+    robot = hk.load("panda")
+    path, rng = turned_loop(robot), np.random.default_rng(0)
+    Q = hk.follow(hk.moore_penrose(hk.pose(robot)), path, PANDA_START, samples=20).q
+    Q = np.vstack([Q, *(Q + rng.normal(scale=0.03, size=Q.shape) for _ in range(2))])
+    fit = hk.strategies.fitted(hk.radial(hk.moore_penrose(hk.pose(robot)), PANDA_START), Q, degree=2)
+    proof = certify(fit, path, PANDA_START)
+    assert proof.whole
+    roots_are_where_they_should_be(proof, np.random.default_rng(0), 1)

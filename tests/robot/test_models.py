@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import io
+import os
 import re
+import struct
 import sys
+import time
 from dataclasses import fields, is_dataclass
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
@@ -14,8 +17,11 @@ import numpy as np
 import pytest
 
 import holokin as hk
-from conftest import PANDA_START, sampled, urdf, urdf_files
+from conftest import PANDA_START, Command, sampled, urdf, urdf_files
 from holokin.base.errors import ArgumentError, MissingExtraError, RobotFileError, UnknownNameError
+from holokin.robot import reach
+from holokin.robot.formats.mjcf import sizes_of
+from referees import PUBLISHED, Referee, referees
 
 TOLERANCE = 1e-12
 
@@ -382,3 +388,239 @@ def test_an_argument_that_only_an_expression_asks_for_is_one(tmp_path: Path) -> 
     (tmp_path / "r.urdf.xacro").write_text(f"\n<?xml version='1.0'?>{HEAD}{LINKS}</robot>")
     with pytest.raises(RobotFileError, match="delete what stands before"):
         hk.load(tmp_path / "r.urdf.xacro")
+
+
+# --- The catalogue against others' numbers: every robot's poses, its limits, and the table of docs/robots.md.
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "robots.md"
+
+
+@pytest.mark.parametrize("referee", referees(), ids=lambda r: f"{r.robot}-{r.tip}")
+def test_the_pose_is_the_referees(referee: Referee) -> None:
+    """To 1e-12, or to the rounding of the source where that is coarser."""
+    position, rotation = referee.differences()
+    assert position < referee.within
+    assert rotation < referee.turned
+
+
+def test_every_robot_of_the_catalogue_has_a_referee() -> None:
+    assert {r.robot for r in referees()} == set(hk.robot.catalogue())
+
+
+@pytest.mark.campaign
+def test_the_page_says_reach_referee_and_difference_of_every_robot() -> None:
+    """Rewritten on request only: HOLOKIN_GOLDEN=write pytest tests/robot/test_models.py"""
+    rows = ["| Robot | n | Reach [m] | Compared with | Largest difference [m] |", "|---|---|---|---|---|"]
+    for name in hk.robot.catalogue():
+        robot, mine = hk.load(name), [r for r in referees() if r.robot == name]
+        apart = max(r.differences()[0] for r in mine)
+        shown = f"{apart:.0e}" if apart > 1e-10 else "below 1e-12" if apart < 1e-12 else "below 1e-11"
+        rows.append(f"| `{name}` | {robot.n} | {reach(robot):.3f} | {mine[0].words} | {shown} |")
+    text = PAGE.read_text("utf-8")
+    begin = text.index("| Robot | n |")
+    end = text.index("\n\n", begin)
+    if os.environ.get("HOLOKIN_GOLDEN") == "write":
+        PAGE.write_text(text[:begin] + "\n".join(rows) + text[end:], "utf-8")
+        return
+    assert text[begin:end] == "\n".join(rows)
+
+
+@pytest.mark.parametrize("entry", PUBLISHED["limits"], ids=lambda e: e["robot"])
+def test_the_ranges_and_speeds_are_the_published_ones(entry: dict) -> None:
+    robot, unit = hk.load(entry["robot"]), np.pi / 180 if entry.get("degrees") else 1
+    for mine, key in ((robot.lower, "lower"), (robot.upper, "upper"), (robot.max_velocity, "max_velocity")):
+        published = unit * np.array(entry[key])
+        assert mine == pytest.approx(published, abs=entry.get("within", 1e-9), rel=0), (key, entry["source"])
+
+
+def test_every_arm_that_a_maker_sells_has_published_limits() -> None:
+    elsewhere = {"panda", "irb140"}  # tests/robot/test_robot.py
+    made_of = {
+        "rail-ur10e",
+        "mobile-ur5e",
+        "yumi-arm",
+        "openarm-left",
+        "openarm-right",
+        "rail",
+        "planar-base",
+        "ppr",
+        "planar-3r",
+    }  # parts; chosen
+    assert {e["robot"] for e in PUBLISHED["limits"]} | elsewhere | made_of == set(hk.robot.catalogue())
+
+
+def test_the_xarm7_is_the_urdf_of_example_robot_data() -> None:
+    ours, theirs = hk.load("xarm7"), hk.from_urdf(urdf("xarm7.urdf"))
+    assert ours.joint_names == theirs.joint_names
+    for q in np.random.default_rng(0).uniform(-2, 2, (10, 7)):
+        assert np.abs(ours.pose(q) - theirs.pose(q)).max() < 2e-5  # the URDF's right angles are 1.5708
+    assert ours.lower == pytest.approx(theirs.lower, abs=1e-5)  # the URDF rounds them to five digits
+    assert ours.upper == pytest.approx(theirs.upper, abs=1e-5)
+    assert ours.max_velocity == pytest.approx(theirs.max_velocity, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["ur5e", "ur10e"])
+def test_the_ur_arms_are_those_of_their_analytic_kinematics(name: str) -> None:
+    arm = getattr(pytest.importorskip("ur_analytic_ik"), name)
+    robot = hk.load(name)
+    for q in np.random.default_rng(1).uniform(-3, 3, (20, 6)):
+        assert np.abs(robot.pose(q) - arm.forward_kinematics(*q)).max() < 1e-12
+
+
+def test_the_rizon4_has_the_jacobian_that_its_maker_computed_in_matlab() -> None:
+    """flexiv_rdk dca9a15, test/test_dynamics_engine.cpp: the flange at "PLAN-Home", with another wrist.
+
+    It has joint 7 elsewhere, 3 mm and 40 mm away, as src/holokin/robot/data/rizon4.toml says, and with it the flange.
+    """
+    published = [
+        [0.110000000000000, 0.078420538028673, 0.034471999940354, -0.368152340866938, -0.064278760968654, 0.136],
+        [0.687004857483100, 0.0, 0.576684003660457, 0.0, 0.033475407198662, 0.0],
+        [0.0, 0.687004857483100, -0.028925442435894, -0.417782862794537, -0.076604444311898, 0.11],
+        [0.0, 0.0, 0.642787609686539, 0.0, 0.766044443118978, 0.0],
+        [0.0, -1.0, 0.0, 1.0, 0.0, -1.0],
+        [1.0, 0.0, 0.766044443118978, 0.0, -0.642787609686539, 0.0],
+    ]
+    robot = hk.load("rizon4")
+    home = np.deg2rad([0, -40, 0, 90, 0, 40, 0])
+    earlier = hk.with_tool(robot, [0, 0.003, 0.040])  # in the flange's own frame, at q7 = 0
+    assert np.abs(earlier.jacobian(home)[:, :6] - published).max() < 1e-12
+    assert np.abs(robot.jacobian(home)[3:, 6] - [0, 0, -1]).max() < 1e-12
+
+
+def test_the_reach_is_never_exceeded_and_is_the_known_one_of_straight_arms() -> None:
+    assert reach(hk.load("planar-3r")) == pytest.approx(3.0, abs=1e-9)
+    assert reach(hk.load("iiwa7")) == pytest.approx(0.34 + 0.4 + 0.4 + 0.126, abs=1e-9)  # upright and straight
+    assert reach(hk.load("rail")) == 3.0
+    assert reach(hk.from_dh([{"a": 1.0}, {"kind": "prismatic"}])) == np.inf
+    ur5e = hk.load("ur5e")
+    far = reach(ur5e)
+    points = ur5e.pose_batch(np.random.default_rng(5).uniform(ur5e.lower, ur5e.upper, (20_000, 6)))[0]
+    assert far - 0.05 < np.linalg.norm(points, axis=1).max() <= far
+    yumi = hk.load("yumi")
+    assert reach(yumi, "left_flange") == pytest.approx(reach(yumi, "right_flange"), abs=1e-4)
+
+
+@pytest.mark.campaign
+def test_the_list_of_robots_has_joints_reach_and_source(holokin: Command) -> None:
+    lines = holokin("robots").out.splitlines()
+    assert [line.split()[0] for line in lines] == list(hk.robot.catalogue())
+    (ur5e,) = [line for line in lines if line.startswith("ur5e")]
+    assert ur5e.split()[1:6] == ["6", "joints", "reach", "1.130", "m"]
+    assert "Universal Robots" in ur5e
+
+
+# --- Models made to fill time or memory are refused by counts, before anything is built; MuJoCo confirms the counts.
+
+
+mujoco = pytest.importorskip("mujoco")
+
+ARM = '<body name="arm"><joint/><geom size=".1"/></body>'
+
+
+def model(inside: str = "", before: str = "") -> str:
+    return f"<mujoco>{before}<worldbody>{ARM}{inside}</worldbody></mujoco>"
+
+
+BOMBS = {
+    "replicas": (model(f'<replicate count="3000000">{ARM}</replicate>'), r"e\+06 bodies"),
+    "nested replicas": (
+        model('<replicate count="200"><replicate count="200"><replicate count="200"><geom size=".1"/></replicate>'
+              "</replicate></replicate>"), r"e\+06 elements"),
+    "a flexible body": (model('<flexcomp name="f" type="grid" count="400 400 400" spacing="1 1 1"/>'), r"e\+07 bodies"),
+    "flexible bodies of ten": (model('<replicate count="100"><flexcomp name="f" type="grid"/></replicate>'), "bodies"),
+    "keyframes": (model(before='<size nkey="1000000000"/>'), "<size nkey="),
+    "user data": (model(before='<size nuser_body="1000000000"/>'), "<size nuser_body="),
+    "a texture": (model(before='<asset><texture name="t" type="cube" builtin="flat" width="20000" height="20000"/>'
+                        "</asset>"), "pixels"),
+    "a field": (model(before='<asset><hfield name="h" nrow="60000" ncol="60000" size="1 1 1 1"/></asset>'), "cells"),
+    "a mesh": (
+        model(before='<asset><mesh name="m" builtin="supersphere" params="20000 1 1"/></asset>'), "<mesh params="),
+    "in a comment that is none": (
+        model(f'<site name="<!--"/><replicate count="3000000">{ARM}</replicate><site name="-->"/>'),
+        "bodies|is not XML"),
+    "in another encoding": (
+        '<?xml version="1.0" encoding="cp037"?>' + model(f'<replicate count="3000000">{ARM}</replicate>'), "bodies"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_a_short_text_that_makes_a_giant_is_refused_at_once(name: str, tmp_path: Path) -> None:
+    text, words = BOMBS[name]
+    (tmp_path / "giant.xml").write_text(text)
+    begun = time.process_time()
+    with pytest.raises(RobotFileError, match=words):
+        hk.load(tmp_path / "giant.xml", tip="arm")
+    with pytest.raises(RobotFileError, match=words):
+        hk.robot.from_mjcf(text[text.index("<mujoco") :], tip="arm")
+    assert time.process_time() - begun < 2  # what is refused by hand takes minutes
+
+
+def test_giants_of_several_files_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.xml").write_text(model(f"{ARM.replace('arm', 'a')}" * 40).replace('name="a"', ""))
+    for one, other in ("ba", "cb"):
+        names = [f'<model name="{other}" file="{other}.xml"/>', f'<attach model="{other}" body="arm" prefix="']
+        text = model("".join(f'{names[1]}{one}{i}"/>' for i in range(40)), f"<asset>{names[0]}</asset>")
+        (tmp_path / f"{one}.xml").write_text(text)
+    with pytest.raises(RobotFileError, match="bodies"):
+        hk.load(tmp_path / "c.xml", tip="arm")
+    declared = "<mujoco><asset><model name='b' file='b.xml'/></asset></mujoco>"
+    (tmp_path / "assets.xml").write_text(declared)
+    attached = "".join(f'<attach model="b" body="arm" prefix="{i}"/>' for i in range(60))
+    (tmp_path / "d.xml").write_text(model(attached, '<include file="assets.xml"/>'))
+    with pytest.raises(RobotFileError, match="bodies"):
+        hk.load(tmp_path / "d.xml", tip="arm")
+    itself = '<asset><model name="e" file="e.xml"/></asset>'
+    (tmp_path / "e.xml").write_text(model('<attach model="e" body="arm" prefix="x"/>' * 3, itself))
+    with pytest.raises(RobotFileError, match=r"attaches e\.xml to itself"):
+        hk.load(tmp_path / "e.xml", tip="arm")
+    (tmp_path / "f.xml").write_text(f'<mujoco><worldbody>{ARM}</worldbody><include file="f.xml"/></mujoco>')
+    with pytest.raises(RobotFileError):
+        hk.load(tmp_path / "f.xml", tip="arm")
+
+
+def test_a_picture_of_few_bytes_and_many_pixels_is_refused(tmp_path: Path) -> None:
+    head = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", 60_000, 60_000)
+    (tmp_path / "pictures").mkdir()
+    (tmp_path / "pictures" / "t.png").write_bytes(head + bytes(100))
+    text = '<compiler texturedir="pictures"/><asset><texture name="t" type="2d" file="t.png"/></asset>'
+    (tmp_path / "arm.xml").write_text(model(before=text))
+    with pytest.raises(RobotFileError, match=r"3.6e\+09 pixels"):
+        hk.load(tmp_path / "arm.xml", tip="arm")
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_counts_are_those_of_mujoco(seed: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(seed)
+
+    def grown(depth: int) -> str:
+        parts = [f'<body pos="0 0 {rng.random():.2f}"><geom size=".1"/>{grown(depth - 1) if depth else ""}</body>']
+        if depth and rng.random() < 0.7:
+            parts.append(f'<replicate count="{rng.integers(1, 6)}">{grown(depth - 1)}</replicate>')
+        if rng.random() < 0.3:
+            parts.append("<!-- -- a comment -- with hyphens -->")
+        return "".join(parts)
+
+    (tmp_path / "part.xml").write_text(f"<mujoco><worldbody><body name='p'>{grown(2)}</body></worldbody></mujoco>")
+    attached = "".join(f"<attach model='part' body='p' prefix='{i}'/>" for i in range(rng.integers(1, 4)))
+    asset = "<asset><model name='part' file='part.xml'/></asset>"
+    (tmp_path / "whole.xml").write_text(f"<mujoco>{asset}<worldbody>{grown(3)}{attached}</worldbody></mujoco>")
+    made = mujoco.MjSpec.from_file(str(tmp_path / "whole.xml")).compile()
+    counted = sizes_of((tmp_path / "whole.xml").read_bytes(), "whole.xml", tmp_path)
+    assert counted.bodies == made.nbody - 1  # but for the world
+    count = " ".join(map(str, rng.integers(2, 5, 3)))
+    grid = f'type="grid" count="{count}" spacing="1 1 1" dim="3" radius=".01"'
+    flexible = model(f'<flexcomp name="f" {grid}><pin id="0"/></flexcomp>')
+    assert sizes_of(flexible.encode(), "", tmp_path).bodies >= mujoco.MjModel.from_xml_string(flexible).nbody - 1
+
+
+def test_a_urdf_of_entities_or_of_a_million_links_is_refused(tmp_path: Path) -> None:
+    entities = "".join(f'<!ENTITY {chr(98 + i)} "{f"&{chr(97 + i)};" * 10}">' for i in range(12))
+    laughs = f'<!DOCTYPE r [<!ENTITY a "ha">{entities}]><robot name="r">&m;</robot>'
+    many = f'<robot name="r">{"".join(f"""<link name="l{i}"/>""" for i in range(100_000))}</robot>'
+    begun = time.process_time()
+    for text, words in ((laughs, "amplification"), (many, "more than 20,000 links")):
+        (tmp_path / "giant.urdf").write_text(text)
+        with pytest.raises(RobotFileError, match=words):
+            hk.load(tmp_path / "giant.urdf")
+    assert time.process_time() - begun < 2

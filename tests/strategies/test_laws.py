@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import pickle
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -16,10 +19,15 @@ from scipy.spatial.transform import Rotation
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START, R3_START, sampled, urdf
-from holokin.base.errors import BranchError
-from holokin.strategies import HolonomicStrategy
+from holokin.analysis.curvature.leaf_functions import ball_postures
+from holokin.base.errors import ArgumentError, BranchError, ShapeError
+from holokin.base.types import kept
+from holokin.motion.follow_path import path_rate
+from holokin.motion.ik.branch import extended_jacobian
+from holokin.motion.ik.leaf import leaf_step
+from holokin.strategies import FrameStrategy, HolonomicStrategy, KernelStrategy, RowStrategy, fitted, pfaffian
 from holokin.strategies.tasks.frame_task import ORIENTATIONS
-from papers_arm import de_luca_g, paper_frame
+from papers_arm import de_luca_frame, de_luca_g, paper_frame
 
 ASIDE = PANDA_START + np.array([0, 0, 0.7, 0, 0, 0, 0])  # the Panda's elbow aside: on top its height cannot steer it
 BEST = np.array(
@@ -360,3 +368,229 @@ def test_a_single_row_is_always_holonomic(planar_3r: hk.Robot) -> None:
     strategy = hk.moore_penrose(hk.position(planar_3r)[0])
     assert hk.involutivity(strategy, hk.around(R3_START, 0.3)).holonomic
     assert hk.curvature(strategy, R3_START).shape == (3, 1, 1)
+
+
+# --- The three kinds of strategies, and what is built of them once.
+
+
+LINE = hk.line([0.0, 0.0], [0.1, 0.0])
+ASKS_FOR_A_LEAF: dict[str, Callable[[hk.Strategy], object]] = {
+    "move_to_leaf": lambda s: hk.motion.ik.move_to_leaf(s, PPR_START),  # type: ignore[arg-type]
+    "inverse": lambda s: hk.ik(s, PPR_START),  # type: ignore[arg-type]
+    "fitted": lambda s: fitted(s, PPR_START[None]),  # type: ignore[arg-type]
+    "follow by leaf": lambda s: hk.follow(s, LINE, PPR_START, method="leaf"),
+}
+
+
+@pytest.fixture(scope="module")
+def ppr_task() -> hk.Task:
+    return hk.position(hk.load("ppr"))
+
+
+def strategies(task: hk.Task) -> list[hk.Strategy]:
+    rows = pfaffian(task, lambda q: [[-0.5, -0.5, 1]])
+    return [hk.moore_penrose(task), rows, hk.holonomic(task, hk.linear([-0.5, -0.5, 1]))]
+
+
+def test_every_strategy_is_of_one_final_kind(ppr_task: hk.Task) -> None:
+    frame, rows, held = strategies(ppr_task)
+    assert [type(s) for s in (frame, rows, held)] == [FrameStrategy, RowStrategy, HolonomicStrategy]
+    assert type(hk.radial(frame, PPR_START)) is HolonomicStrategy
+    for abstract in (hk.Strategy, KernelStrategy):
+        with pytest.raises(TypeError, match="abstract"):
+            abstract("mine", ppr_task)
+    assert np.abs(rows(PPR_START) - held(PPR_START)).max() < 1e-15
+
+
+@pytest.mark.parametrize("verb", ASKS_FOR_A_LEAF)
+def test_who_needs_a_leaf_refuses_a_strategy_without_one_and_says_how_to_make_one(verb: str, ppr_task: hk.Task) -> None:
+    for strategy in strategies(ppr_task)[:2]:
+        with pytest.raises(ArgumentError, match=r"hk\.holonomic\(task, g\).*hk\.radial\(G, q0\)"):
+            ASKS_FOR_A_LEAF[verb](strategy)
+
+
+def test_what_is_built_of_a_strategy_is_built_once_and_goes_with_it(ppr_task: hk.Task) -> None:
+    held = hk.holonomic(ppr_task, hk.linear([-0.5, -0.5, 1]))
+    for verb in (leaf_step, path_rate, extended_jacobian):
+        assert verb(held) is verb(held)
+    hk.curvature(held, PPR_START), hk.analysis.curvature.filtration(held, PPR_START)
+    hk.follow(held, hk.line(*(held.task.robot.pose(PPR_START)[:3, 3] + s for s in (0.0, 0.01))), PPR_START, samples=3)
+    gone = weakref.ref(held)
+    del held
+    gc.collect()
+    assert gone() is None
+
+
+def test_what_is_built_may_hold_its_strategy_and_still_goes_with_it(ppr_task: hk.Task) -> None:
+    pair = kept(lambda strategy, more: (strategy, more))
+    held = hk.holonomic(ppr_task, hk.linear([-0.5, -0.5, 1]))
+    assert pair(held, 1) is pair(held, 1)
+    assert pair(held, 1) is not pair(held, 2)
+    assert "_kept" not in vars(pickle.loads(pickle.dumps(held)))
+    gone = weakref.ref(held)
+    del held
+    gc.collect()
+    assert gone() is None
+
+
+def test_the_inverse_weight_is_that_of_weighted(ppr: hk.Robot) -> None:
+    """W = H H^T of a strategy, inverted, is a weight with which the weighted pseudo-inverse is the strategy."""
+    task, q = hk.position(ppr), np.array([0.2, -0.4, 0.7])
+    law = hk.weighted(task, np.diag([1.0, 2.0, 5.0]))
+    again = hk.weighted(task, np.linalg.inv(law.inverse_weight(q)))
+    assert again(q) == pytest.approx(law(q), abs=1e-14)
+
+
+def test_a_frame_that_is_not_finite_is_told_and_no_singularity(ppr: hk.Robot) -> None:
+    law = hk.null_basis(hk.position(ppr), lambda q: [[1 / (q[0] - q[0]), 0], [0, 1], [0, 0]])
+    with pytest.raises(hk.base.errors.NotFiniteError, match="division by zero"):
+        law([0.1, 0.2, 0.3])
+
+
+def test_formulas_are_looked_at_within_the_limits() -> None:
+    """A slide from 2 to 3 m: at zero, beyond its limits, the weight is not positive."""
+    rows = [{"kind": "prismatic", "lower": 2.0, "upper": 3.0}, {"a": 0.4}, {"a": 0.3}]
+    task = hk.position(hk.from_dh(rows), rows=[2])
+    assert hk.weighted(task, lambda q: ca.diag(ca.vertcat(q[0] - 1.5, 1, 1))).task is task
+
+
+# --- All holonomic strategies: transports (T14), fitted twins.
+
+
+@pytest.fixture(scope="module")
+def panda_given(panda: hk.Robot) -> hk.Strategy:
+    return hk.moore_penrose(hk.pose(panda))
+
+
+# --- the complete family ---
+
+
+def ppr_inverse(x: ca.SX, z: ca.SX) -> list:
+    return [x[0] - ca.cos(z), x[1] - ca.sin(z), z]
+
+
+@given(st.lists(st.floats(-1, 1), min_size=6, max_size=6))
+def test_every_transport_is_holonomic_and_is_its_own_closed_form_T14(c: list[float]) -> None:
+    """G = K_x + K_z dPhi/dx at z0, by finite differences of q = K(x, Phi(x, z0))."""
+    task = hk.position(hk.load("ppr"))
+
+    def phi(x, z):
+        return (
+            z
+            + (c[0] * x[0] + c[1] * x[1] + c[2] * x[0] * x[1]) * (1 + 0.3 * c[3] * ca.sin(z))
+            + 0.2 * c[4] * (ca.cos(c[5] * x[0]) - 1)
+        )
+
+    strategy = hk.strategies.from_transport(task, ppr_inverse, phi, lambda q: q[2], around=[0.1, 0.2, 0.3], steps=6)
+    assert hk.involutivity(strategy, hk.around([0.1, 0.2, 0.3], 0.2), samples=8).relative < 1e-11
+    q, h = np.array([0.15, 0.1, 0.35]), 1e-6
+    z0 = strategy.constraint_value(q)
+
+    def leaf(x: np.ndarray) -> np.ndarray:
+        z = float(phi(x, z0))
+        return np.array([x[0] - np.cos(z), x[1] - np.sin(z), z])
+
+    x = task(q)
+    assert np.abs(leaf(x) - q).max() < 1e-9
+    slopes = np.column_stack([(leaf(x + e) - leaf(x - e)) / (2 * h) for e in np.eye(2) * h])
+    assert np.abs(strategy(q) - slopes).max() < 1e-7
+
+
+def test_the_papers_two_strategies_are_members_of_the_family(ppr: hk.Robot) -> None:
+    """Phi = 2 atan(tan(z0/2) e^-x) gives (22), Phi = z0 + x + y gives (23); with and without its inverse given."""
+    task = hk.position(ppr)
+    members = [
+        (
+            paper_frame,
+            lambda x, z: 2 * ca.atan(ca.tan(z / 2) * ca.exp(-x[0])),
+            lambda x, z: 2 * ca.atan(ca.tan(z / 2) * ca.exp(x[0])),
+        ),
+        (de_luca_frame, lambda x, z: z + x[0] + x[1], lambda x, z: z - x[0] - x[1]),
+    ]
+    near = np.array([-0.7, -0.6, 0.8])
+    for frame, phi, inverse in members:
+        paper = hk.null_basis(task, frame)
+        for closed in (inverse, None):
+            member = hk.strategies.from_transport(task, ppr_inverse, phi, lambda q: q[2], around=near, inverse=closed)
+            for q in near + np.random.default_rng(5).uniform(-0.2, 0.2, (5, 3)):
+                assert np.abs(member(q) - paper(q)).max() < 1e-8
+
+
+def test_a_transport_that_does_not_fit_is_refused_with_what_fails(ppr: hk.Robot) -> None:
+    task = hk.position(ppr)
+    near = [0.1, 0.2, 0.3]
+    wrong = [
+        (lambda x, z: [x[0], x[1], z], lambda x, z: z, {}, "f(K"),
+        (ppr_inverse, lambda x, z: z + 1, {}, "Phi(x0"),
+        (ppr_inverse, lambda x, z: z + x[0], {"inverse": lambda x, z: z + x[0]}, "label"),
+        (ppr_inverse, lambda x, z: z + x[0], {"z": lambda q: q[2] / 2}, "z(K"),
+    ]
+    for K, phi, more, said in wrong:
+        arguments = {"z": lambda q: q[2]} | more
+        with pytest.raises(ArgumentError) as caught:
+            hk.strategies.from_transport(task, K, phi, **arguments, around=near)
+        assert said in str(caught.value)
+    with pytest.raises(ShapeError):
+        hk.strategies.from_transport(task, lambda x, z: [x[0], x[1]], lambda x, z: z, lambda q: q[2], around=near)
+
+
+# --- fit ---
+
+
+@pytest.mark.campaign
+def test_a_fitted_twin_is_exactly_holonomic_and_nears_the_twin_with_its_degree(panda_given: hk.Strategy) -> None:
+    twin = hk.radial(panda_given, PANDA_START)
+    Q = ball_postures(panda_given, hk.analysis.curvature.ball(PANDA_START, 0.1, along=0.2), 120)
+    other = ball_postures(panda_given, hk.analysis.curvature.ball(PANDA_START, 0.09, along=0.15), 60, seed=5)
+    away = []
+    for degree in (2, 4):
+        fit = hk.strategies.fitted(twin, Q, degree=degree, rows=(0, 1, 2))
+        away.append(hk.analysis.curvature.deviation(twin, fit, other, columns=3).rms)
+        assert hk.involutivity(fit, hk.around(PANDA_START, 0.1), samples=8).relative < 1e-11
+    assert away[0] < 0.03
+    assert away[1] < 0.002
+    point = panda_given.task.robot.pose(PANDA_START)[:3, 3]
+    loop = hk.circle(point, point - [0.05, 0, 0])
+    assert hk.drift(fit, loop, PANDA_START, cycles=3, samples=40).largest.max() < 1e-12
+    assert fit.rate.program.operations * 20 < twin.rate.program.operations
+
+
+def test_a_twin_is_fitted_also_where_its_label_wraps() -> None:
+    """Half way round the self-motion the label, an angle, jumps from pi to -pi; its leaves do not."""
+    given = hk.moore_penrose(hk.position(hk.load("ppr")))
+    start = np.array([0.5, -0.3, 0.8])
+    twin = hk.radial(given, start)
+    z = start[2] + np.pi
+    half_way = np.array([start[0] + np.cos(0.8) - np.cos(z), start[1] + np.sin(0.8) - np.sin(z), z])
+    Q = half_way + np.random.default_rng(4).uniform(-0.2, 0.2, (80, 3))
+    labels = twin.constraint_value.batch(Q)
+    assert labels.min() < -3
+    assert labels.max() > 3
+    fit = hk.strategies.fitted(twin, Q)
+    assert hk.analysis.curvature.deviation(twin, fit, Q).largest < 1e-3
+
+
+def test_a_fit_is_refused_what_cannot_determine_it(panda_given: hk.Strategy) -> None:
+    twin = hk.holonomic(panda_given.task, hk.arm_angle())
+    Q = PANDA_START + np.random.default_rng(0).uniform(-0.1, 0.1, (8, 7))
+    for arguments, error in (
+        ((panda_given, Q), ArgumentError),
+        ((twin, Q), ArgumentError),
+        ((twin, Q[:, :3]), ShapeError),
+    ):
+        with pytest.raises(error):
+            hk.strategies.fitted(*arguments)
+    with pytest.raises(ArgumentError, match="degree"):
+        hk.strategies.fitted(twin, Q, degree=0)
+
+
+# --- Self-motions: the tool is still at their postures, and between these.
+
+
+def test_between_two_postures_of_a_self_motion_the_tool_is_still(panda: hk.Robot) -> None:
+    curve = hk.strategies.self_motion(hk.pose(panda), PANDA_START, step=0.05)
+    between = np.array([curve.at(s) for s in (curve.s[1:] + curve.s[:-1]) / 2])
+    poses = np.array([panda.pose(q) for q in between])
+    assert len(between) > 20 and np.abs(poses - panda.pose(PANDA_START)).max() < 1e-13
+    gaps = [np.linalg.norm(between - curve.q[side], axis=1) for side in (slice(None, -1), slice(1, None))]
+    assert np.concatenate(gaps) == pytest.approx(0.025, rel=1e-2)

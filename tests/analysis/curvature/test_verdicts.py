@@ -5,14 +5,18 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.linalg import subspace_angles
 
 import holokin as hk
 from conftest import IRB_START, PANDA_START, PPR_START, campaign, sampled
 from drift_free import drift_free
 from holokin.analysis.curvature import Evidence
-from holokin.analysis.curvature.curvature_of_planes import curvature_function
+from holokin.analysis.curvature.curvature_of_planes import curvature_function, transport
 from holokin.analysis.curvature.involutive import is_shown, measured, noise
-from holokin.base.errors import ArgumentError, NotHolonomicError, RoundOffError, SingularityError
+from holokin.base.errors import ArgumentError, NotHolonomicError, OpenPathError, RoundOffError, SingularityError
+from holokin.robot import hessian_expression
+from holokin.symbolic import Function, symbol
+from papers_arm import de_luca_frame, paper_frame
 
 R3_START = np.array([0.3, 0.9, 0.7])
 
@@ -285,3 +289,290 @@ def test_the_general_form_is_refused_where_curvature_lies_on_the_way_to_the_refe
         hk.analysis.curvature.general_form(law, place + np.array([0.0, 0.02, 0.0]), PPR_START)
     form = hk.analysis.curvature.general_form(law, PPR_START + 0.05, PPR_START)
     assert form.residuals()["(10)"] < 1e-9
+
+
+# --- Questions about strategies, against closed forms and against what loops really do: T7, theory 2a, 2c, 5.5.
+
+
+@pytest.fixture(scope="module")
+def r3(planar_3r: hk.Robot) -> hk.Strategy:
+    return hk.moore_penrose(hk.position(planar_3r))
+
+
+@pytest.fixture(scope="module")
+def panda_given(panda: hk.Robot) -> hk.Strategy:
+    return hk.moore_penrose(hk.pose(panda))
+
+
+# --- curvature from Hessians ---
+
+
+def hessian(robot: hk.Robot, q: np.ndarray) -> np.ndarray:
+    s = symbol("q", robot.n)
+    rows = Function("hessian", {"q": s}, {f"row{i}": H for i, H in enumerate(hessian_expression(robot, s))})(q)
+    return np.stack([np.reshape(H, (robot.n, robot.n)) for H in rows])
+
+
+@pytest.mark.parametrize("name", ["ppr", "planar-3r", "irb140", "panda", "iiwa14"])
+def test_hessians_meet_finite_differences(name: str) -> None:
+    robot, h = hk.load(name), 1e-6
+    for q in np.random.default_rng(0).uniform(-1, 1, (3, robot.n)):
+        slopes = [(robot.jacobian(q + e) - robot.jacobian(q - e)) / (2 * h) for e in np.eye(robot.n) * h]
+        assert np.abs(hessian(robot, q) - np.stack(slopes, axis=2)).max() < 1e-8
+
+
+GRIPPING = """<robot name="gripping"><link name="root"/><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
+  <joint name="turn" type="revolute"><parent link="root"/><child link="a"/><origin xyz="0 0.1 0.3" rpy="0.2 0 1"/>
+    <axis xyz="0 1 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+  <joint name="slide" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="0.2 0 0" rpy="0 0.4 0"/>
+    <axis xyz="1 0 2"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="half" type="revolute"><parent link="b"/><child link="c"/><origin xyz="0.3 0 0.1"/>
+    <axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/>
+    <mimic joint="turn" multiplier="-0.5" offset="0.2"/></joint>
+  <joint name="other" type="revolute"><parent link="c"/><child link="d"/><origin xyz="0 0.2 0.4"/>
+    <axis xyz="1 0 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint></robot>"""
+
+
+def test_hessians_of_mimic_joints_and_sliders_meet_finite_differences(tmp_path) -> None:
+    """A revolute joint that follows another by -1/2, behind a slider: three joints of which one moves two axes."""
+    file = tmp_path / "gripping.urdf"
+    file.write_text(GRIPPING)
+    robot = hk.from_urdf(file, tip="d")
+    assert robot.joint_names == ("turn", "slide", "other")
+    q, h = np.array([0.3, 0.2, -0.6]), 1e-6
+    assert np.abs(robot.jacobian(q)[3:, 0]).max() > 0.1
+    slopes = [(robot.jacobian(q + e) - robot.jacobian(q - e)) / (2 * h) for e in np.eye(robot.n) * h]
+    assert np.abs(hessian(robot, q) - np.stack(slopes, axis=2)).max() < 1e-8
+
+
+def test_curvature_from_hessians_is_that_of_automatic_differentiation(panda: hk.Robot, irb140: hk.Robot) -> None:
+    W = np.diag([1.0, 2.0, 0.5, 1.0, 3.0, 1.0, 0.2]) + 0.1
+    cases = [
+        (hk.moore_penrose(hk.pose(panda)), PANDA_START),
+        (hk.weighted(hk.pose(panda), np.linalg.inv(W)), PANDA_START),
+        (hk.moore_penrose(hk.position(panda)), PANDA_START),
+        (hk.moore_penrose(hk.position(irb140, rows=[0, 2])), IRB_START),
+    ]
+    for strategy, start in cases:
+        for q in start + np.random.default_rng(1).uniform(-0.3, 0.3, (3, len(start))):
+            a, b = (hk.curvature(strategy, q, method=method) for method in ("hessian", "ad"))
+            assert np.abs(a - b).max() < 1e-12 * max(1, np.abs(b).max())
+    with pytest.raises(ArgumentError, match="needs a constant weight"):
+        hk.curvature(hk.moore_penrose(hk.pose(panda, "rpy")), PANDA_START, method="hessian")
+    with pytest.raises(ArgumentError, match="auto"):
+        hk.curvature(cases[0][0], PANDA_START, method="guess")
+
+
+def test_the_brackets_of_the_planar_3r_have_their_closed_form_T7(r3: hk.Strategy) -> None:
+    """[G_1, G_2] = -(n . curl n)/|n|^4 n with unit links."""
+    for q in R3_START + np.random.default_rng(2).uniform(-0.5, 0.5, (10, 3)):
+        s2, s3, s23 = np.sin(q[1]), np.sin(q[2]), np.sin(q[1] + q[2])
+        c2, c3, c23 = np.cos(q[1]), np.cos(q[2]), np.cos(q[1] + q[2])
+        n = np.array([s3, -(s23 + s3), s2 + s23])
+        curl = s3 * c2 + 2 * s3 * c23 - s23 * c3
+        assert np.abs(hk.curvature(r3, q)[:, 0, 1] + curl / (n @ n) ** 2 * n).max() < 1e-12
+
+
+# --- drift of small loops ---
+
+
+def test_the_area_law_holds_to_the_square_of_the_radius_T7(r3: hk.Strategy, planar_3r: hk.Robot) -> None:
+    """Averaged over where the loop begins: 1 - measured/predicted falls by four as the radius is halved."""
+    center = planar_3r.pose(R3_START)[:3, 3]
+    F = hk.curvature(r3, R3_START)[:, 0, 1]
+    short = []
+    for radius in (0.1, 0.05):
+        ratios = []
+        for phase in np.arange(8) * np.pi / 4:
+            rim = transport(r3, R3_START, radius * np.array([np.cos(phase), np.sin(phase)]))
+            loop = hk.circle(planar_3r.pose(rim)[:3, 3], center)
+            drift = hk.drift(r3, loop, rim, samples=150).since_start[0]
+            ratios.append(drift @ F / (np.pi * radius**2 * F @ F))
+        short.append(1 - np.mean(ratios))
+    assert 1e-4 < short[0] < 2e-2
+    assert short[0] / short[1] == pytest.approx(4, rel=0.1)
+
+
+@pytest.mark.parametrize("turning", [False, True])
+def test_a_forecast_is_near_the_drift_of_a_small_loop_on_a_real_arm(
+    panda: hk.Robot, panda_given: hk.Strategy, turning: bool
+) -> None:
+    """Halving the loop quarters the relative error; a loop that turns the tool: halves it."""
+    start = panda.pose(PANDA_START)[:3, 3]
+    errors = []
+    for size in (0.04, 0.02):
+        corners = start + size * np.array([[0, 0, 0], [1, 0, 0.5], [1, 1, 0], [0, 1, 0], [0, 0, 0]])
+        turns = 3 * size * np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
+        if turning:  # about two axes and back does not close: undo the leftover turn on the last side
+            from scipy.spatial.transform import Rotation
+
+            left = Rotation.identity()
+            for turn in turns[:3]:
+                left = Rotation.from_rotvec(turn) * left
+            turns[3] = left.inv().as_rotvec()
+        loop = hk.polyline(corners, turns=turns if turning else None)
+        assert loop.closed
+        found = hk.drift(panda_given, loop, PANDA_START, samples=200).since_start[0]
+        told = hk.analysis.curvature.predicted_drift(panda_given, loop, PANDA_START)
+        errors.append(np.abs(told.drift - found).max() / np.abs(found).max())
+        assert told.largest == np.abs(told.drift).max()
+    assert errors[1] < 0.1
+    assert errors[0] / errors[1] == (pytest.approx(2, rel=0.5) if turning else pytest.approx(4, rel=0.2))
+
+
+def test_a_forecast_knows_area_direction_and_its_limits(ppr: hk.Robot) -> None:
+    given = hk.moore_penrose(hk.position(ppr))
+    point = ppr.pose(PPR_START)[:3, 3]
+    loop = hk.circle(point, point - [0.1, 0, 0])
+    told = hk.analysis.curvature.predicted_drift(given, loop, PPR_START)
+    assert told.area[0, 1] == pytest.approx(np.pi * 0.01, rel=1e-7)
+    assert told.curvature[2, 0, 1] * told.area[0, 1] == pytest.approx(
+        np.pi * 0.01 / 4, rel=1e-6
+    )  # theory 4: area / l^2
+    assert hk.analysis.curvature.predicted_drift(given, loop.reversed(), PPR_START).drift == pytest.approx(
+        -told.drift, rel=1e-6
+    )
+    assert (
+        hk.analysis.curvature.predicted_drift(hk.null_basis(given.task, paper_frame), loop, PPR_START).largest < 1e-12
+    )
+    with pytest.raises(OpenPathError):
+        hk.analysis.curvature.predicted_drift(given, loop.part(0, 0.5), PPR_START)
+
+
+def test_loops_drift_towards_the_posture_that_attracts_their_direction(r3: hk.Strategy, planar_3r: hk.Robot) -> None:
+    """Klein and Kee's stable posture; clockwise and counter-clockwise loops have different ones."""
+    free = drift_free(r3, R3_START)
+    assert {slope < 0 for _, slope in free} == {True, False}
+    target = planar_3r.pose(R3_START)
+    center = target[:3, 3]
+    for q, slope in free:
+        assert np.abs(planar_3r.pose(q)[:3, 3] - center).max() < 1e-12
+        assert np.abs(hk.curvature(r3, q)).max() < 1e-10
+        v = np.array([0.25, 0.0])
+        curve = hk.strategies.self_motion(r3.task, q, step=0.05, length=0.2)
+        for beside in (curve.q[0], curve.q[-1]):
+            rim = transport(r3, beside, v)
+            loop = hk.circle(planar_3r.pose(rim)[:3, 3], center, clockwise=slope > 0)
+            walk = hk.drift(r3, loop, rim, cycles=12, samples=40, limits=False).trajectory
+            middles = [transport(r3, walk.q[k], -v) for k in walk.marks[::12]]
+            near, far = (np.linalg.norm(middle - q) for middle in (middles[-1], middles[0]))
+            assert near < 0.98 * far
+
+
+def test_a_self_motion_holds_the_tool_and_is_closed_or_says_why_not(r3: hk.Strategy, panda: hk.Robot) -> None:
+    curve = hk.strategies.self_motion(r3.task, R3_START)
+    assert curve.closed
+    assert max(np.abs(r3.task(q) - r3.task(R3_START)).max() for q in curve.q) < 1e-12
+    assert np.diff(curve.s) == pytest.approx(0.02, rel=0.1)
+    arm = hk.strategies.self_motion(hk.pose(panda), PANDA_START)
+    assert arm.endings == ("limit", "limit")
+    assert max(np.abs(panda.pose(q) - panda.pose(PANDA_START)).max() for q in arm.q) < 1e-12
+    assert hk.strategies.self_motion(hk.pose(panda), PANDA_START, length=0.3).endings == ("length", "length")
+    with pytest.raises(ArgumentError, match="redundant"):
+        hk.strategies.self_motion(hk.position(panda), PANDA_START)
+
+
+def test_the_filtration_tells_holonomic_partly_and_completely_nonholonomic(
+    ppr: hk.Robot, panda_given: hk.Strategy
+) -> None:
+    task = hk.position(ppr)
+    assert (
+        hk.analysis.curvature.filtration(hk.moore_penrose(task), PPR_START).integrability
+        is hk.analysis.curvature.Integrability.COMPLETELY
+    )
+    assert hk.analysis.curvature.filtration(hk.null_basis(task, paper_frame), PPR_START).dimensions == (2,)
+    assert hk.analysis.curvature.filtration(panda_given, PANDA_START).dimensions == (6, 7)
+    locked = hk.holonomic(panda_given.task, hk.lock(2))
+    assert (
+        hk.analysis.curvature.filtration(locked, PANDA_START).integrability
+        is hk.analysis.curvature.Integrability.HOLONOMIC
+    )
+    four = hk.position(hk.from_dh([{"a": 1.0}] * 4))
+    # joint 4 held, joints 1 to 3 by a form that is not integrable: loops move q inside q4 = const only
+    partly = hk.strategies.pfaffian(four, lambda q: [[ca.sin(q[1]), 1, q[0], 0], [0, 0, 0, 1]])
+    found = hk.analysis.curvature.filtration(partly, [0.3, 0.7, 0.5, 0.4])
+    assert found.dimensions == (2, 3)
+    assert found.integrability is hk.analysis.curvature.Integrability.PARTLY
+    assert "partly" in str(found)
+
+
+# --- leaves from nothing but G ---
+
+
+def test_leaf_functions_of_the_papers_strategies_have_their_closed_forms(ppr: hk.Robot) -> None:
+    """(20): tan(g'/2) = tan(q3/2) e^(x - x0); (23): g' = q3 - (x + y) + (x0 + y0), g' the angle at the reference."""
+    task = hk.position(ppr)
+    x0 = task(PPR_START)
+    forms = {
+        paper_frame: lambda q, x: 2 * np.arctan(np.tan(q[2] / 2) * np.exp(x[0] - x0[0])),
+        de_luca_frame: lambda q, x: q[2] - x.sum() + x0.sum(),
+    }
+    for frame, angle in forms.items():
+        g = hk.analysis.curvature.leaf_function(hk.null_basis(task, frame), PPR_START)
+        Z = task.null_space(PPR_START)[:, 0] / np.linalg.norm(task.null_space(PPR_START))
+        for q in PPR_START + np.random.default_rng(4).uniform(-0.3, 0.3, (5, 3)):
+            back = angle(q, task(q))
+            posture = np.array([x0[0] - np.cos(back), x0[1] - np.sin(back), back])
+            assert abs(g(q)[0]) == pytest.approx(abs(Z @ (posture - PPR_START)), abs=1e-8)
+
+
+def test_a_leaf_functions_gradient_annuls_G_and_meets_finite_differences(panda: hk.Robot) -> None:
+    strategy = hk.holonomic(hk.pose(panda), hk.arm_angle())
+    g = hk.analysis.curvature.leaf_function(strategy, PANDA_START)
+    q, h = PANDA_START + np.array([0.05, -0.04, 0.03, 0.06, -0.02, 0.05, -0.03]), 1e-5
+    gradient = g.gradient(q)
+    slopes = [(g(q + e) - g(q - e)) / (2 * h) for e in np.eye(7) * h]
+    assert np.abs(gradient - np.array(slopes).T).max() < 1e-8
+    assert np.abs(gradient @ strategy(q)).max() < 1e-7
+    assert abs(np.linalg.det(np.vstack([panda.jacobian(q), gradient]))) > 1e-3
+    angle = strategy.rows(q)[0]  # both are functions with the same leaves: parallel gradients
+    cosine = gradient[0] @ angle / np.linalg.norm(gradient) / np.linalg.norm(angle)
+    assert abs(cosine) == pytest.approx(1, abs=1e-7)
+
+
+def test_what_has_no_leaves_is_told_with_a_witness(panda_given: hk.Strategy, r3: hk.Strategy) -> None:
+    for strategy, start in ((panda_given, PANDA_START), (r3, R3_START)):
+        with pytest.raises(NotHolonomicError, match="two paths") as caught:
+            hk.analysis.curvature.leaf_function(strategy, start)
+        assert caught.value.gap > 1e-5
+        assert len(caught.value.witness) == len(start)
+
+
+@sampled(2, "case", ["paper", "coupled", "arm angle", "radial"])
+def test_theorem_III_2_gives_the_general_form_of_any_holonomic_strategy(
+    ppr: hk.Robot, irb140: hk.Robot, panda: hk.Robot, panda_given: hk.Strategy, case: str
+) -> None:
+    strategy, q, reference = {
+        "paper": lambda: (hk.null_basis(hk.position(ppr), paper_frame), PPR_START, PPR_START + 0.1),
+        "coupled": lambda: (hk.holonomic(hk.position(irb140), hk.coupled(1.0)), IRB_START, None),
+        "arm angle": lambda: (hk.holonomic(hk.pose(panda), hk.arm_angle()), PANDA_START, None),
+        "radial": lambda: (hk.radial(panda_given, PANDA_START), PANDA_START + 0.03, None),
+    }[case]()
+    form = hk.analysis.curvature.general_form(strategy, q, reference)
+    residuals = form.residuals()
+    assert max(residuals[key] for key in ("(7)", "(8)", "(10)", "(13)", "(14)")) < 1e-9
+    assert min(residuals[key] for key in ("(9)", "(11)", "(12)", "H")) > 1e-3
+    assert residuals["(12)"] == pytest.approx(np.sin(subspace_angles(form.N, form.N_G).min()), rel=1e-9)
+    assert form.H.shape == (strategy.task.n, strategy.task.n)
+
+
+def test_theorem_III_2_is_refused_to_a_strategy_that_has_none(r3: hk.Strategy) -> None:
+    with pytest.raises(NotHolonomicError):
+        hk.analysis.curvature.general_form(r3, R3_START, R3_START)
+
+
+def test_twelve_is_the_angle_between_the_kernels_and_not_the_size_of_H(planar_3r: hk.Robot) -> None:
+    """Near an algorithmic singularity of q1 = const both fade; where links are long H grows, and the angle does not."""
+    near, far = (
+        hk.analysis.curvature.general_form(
+            hk.holonomic(hk.position(planar_3r), hk.lock("q1")), [0.4, 0.9, q3]
+        ).residuals()
+        for q3 in (1e-4, 1.2)
+    )
+    assert near["(12)"] < 1e-3 < 0.1 < far["(12)"]
+    long = hk.from_dh([{"a": 10.0}] * 3)
+    grown = hk.analysis.curvature.general_form(
+        hk.holonomic(hk.position(long), hk.lock("q1")), [0.4, 0.9, 1.2]
+    ).residuals()
+    assert grown["(12)"] == pytest.approx(far["(12)"], rel=1e-9)
+    assert grown["H"] != pytest.approx(far["H"], rel=1e-2)

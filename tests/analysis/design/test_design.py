@@ -11,16 +11,21 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import R3_START, campaign, sampled, urdf
+from conftest import PANDA_START, PPR_RADIUS, R3_START, campaign, sampled, urdf
 from exported import rates
 from holokin.analysis.coverage.pose_postures import chart_of, coordinates_of
+from holokin.analysis.curvature import ball, box
+from holokin.analysis.design import level_range
+from holokin.analysis.design.closest_strategy import SampledSeries, series_over
 from holokin.analysis.design.objectives import Objective, costs_of
 from holokin.analysis.design.section import Limits, Search, SectionSamples, TiltedLeaves, descend
+from holokin.app.report.plots import level_figure
 from holokin.base.errors import ArgumentError, OutOfReachError, UnknownNameError
 from holokin.path.workspaces import PoseCloud
 from holokin.strategies import HolonomicStrategy
 from holokin.strategies.constraints import centring_cost
 from holokin.strategies.right_inverses import monomials_up_to
+from holokin.symbolic import SX, sin
 
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 CENTER, HALF = np.array([0.5, 0.1, 0.35]), np.array([0.15, 0.25, 0.15])
@@ -291,3 +296,165 @@ def test_bad_input_is_told_with_its_cure(task: hk.Task, irb140: hk.Robot) -> Non
     with pytest.raises(ArgumentError, match="positive numbers"):
         Objective(1.0, joint_weights=[-1.0] * 7)
     assert replace(Objective(1.0), travel=2.0).weights == {"squared_speed": 1.0, "travel": 2.0}
+
+
+# --- The repeatable law nearest to a given one: the planimeter's optimum from any start, arms beside the radial law.
+
+
+OPTIMUM = 0.035229
+"""rms of |A - A'| over the disc and all leaves, A = dq3/dx along the pseudo-inverse of the PPR arm (theory 5.4)."""
+
+
+def slope(relative: float) -> float:
+    """rms of |A - A'| from that of |G - G'| / |G|: |Z|^2 = 2 and |G|^2 = 3/2 everywhere on the PPR arm."""
+    return relative * np.sqrt(1.5 / 2)
+
+
+@sampled(1, "start", [(0.9, -0.3, np.pi / 4), (1.0, 0.5, -2.0), (0.0, 0.0, 3.0)])
+def test_the_nearest_law_of_the_planimeter_is_the_known_optimum_from_any_start(
+    ppr: hk.Robot, start: tuple[float, ...]
+) -> None:
+    found = hk.analysis.design.closest_holonomic(
+        hk.moore_penrose(hk.position(ppr)), ball(start, PPR_RADIUS, along=10.0)
+    )
+    assert found.terms == 70
+    assert slope(found.steps[1]) == pytest.approx(OPTIMUM, rel=0.01)
+    assert slope(found.ours.rms) == pytest.approx(OPTIMUM, rel=0.02)
+    assert found.radial is not None
+    assert slope(found.radial.rms) == pytest.approx(0.035674, rel=0.01)
+    assert found.bound is not None
+    assert found.ours.largest > found.bound > 0.05
+    assert found.steps[1] < found.steps[0]  # the least squares alone give 0.0356
+    assert hk.involutivity(found.strategy, hk.around(start, 0.3)).holonomic
+
+
+@pytest.mark.campaign
+def test_the_deviation_is_that_of_the_strategy_itself(ppr: hk.Robot) -> None:
+    """And one full turn of joint 3 leads to the same planes: the series has its period."""
+    mp = hk.moore_penrose(hk.position(ppr))
+    found = hk.analysis.design.closest_holonomic(
+        mp, ball((0.9, -0.3, 0.8), PPR_RADIUS, along=10.0), degree=2, samples=512
+    )
+    rho, angle, q3 = np.random.default_rng(0).uniform([[0], [0], [-np.pi]], [[1], [2 * np.pi], [np.pi]], (3, 2000))
+    x = PPR_RADIUS * np.sqrt(rho)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    center = hk.position(ppr)([0.9, -0.3, 0.8])
+    Q = np.column_stack([center + x - np.column_stack([np.cos(q3), np.sin(q3)]), q3])
+    assert hk.analysis.curvature.deviation(mp, found.strategy, Q).rms == pytest.approx(found.ours.rms, rel=0.03)
+    assert found.strategy.batch(Q + [0, 0, 2 * np.pi]) == pytest.approx(found.strategy.batch(Q), abs=1e-12)
+
+
+@pytest.mark.campaign
+def test_over_a_joint_box_it_is_nearer_than_radial(panda: hk.Robot) -> None:
+    """A Panda, positions and turns; and its position task with four redundant joints."""
+    for task, degree in ((hk.pose(panda), 2), (hk.position(panda), 2)):
+        mp = hk.moore_penrose(task)
+        found = hk.analysis.design.closest_holonomic(mp, hk.around(PANDA_START, 0.15), degree=degree, samples=1024)
+        assert found.radial is not None
+        assert found.ours.rms < 0.97 * found.radial.rms
+        assert found.ours.extra_speed > 0  # the pseudo-inverse is the slowest
+        assert found.bound is None
+        assert hk.involutivity(found.strategy, hk.around(PANDA_START, 0.1)).holonomic
+
+
+@pytest.mark.campaign
+def test_the_nearest_law_of_a_repeatable_one_is_this_law(panda: hk.Robot) -> None:
+    """Its own constraint where it has one; where it has rows alone, which nobody integrated, radial of it."""
+    task, region = hk.pose(panda), hk.around(PANDA_START, 0.15)
+    held = hk.analysis.design.closest_holonomic(hk.holonomic(task, hk.arm_angle()), region, degree=2, samples=256)
+    assert held.ours.largest < 1e-12
+    assert held.least_slope == pytest.approx(1.0)
+
+    def rows(q: SX) -> SX:
+        return SX([[1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0]]) + 3 * sin(q[2]) * SX([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]])
+
+    law = hk.strategies.pfaffian(task, rows)
+    found = hk.analysis.design.closest_holonomic(law, region, degree=2, samples=256)
+    assert found.terms == 0
+    assert found.ours.rms < 1e-5 < found.steps[1]
+    Q = region.sample(5, 3)
+    assert found.strategy.batch(Q) == pytest.approx(law.batch(Q), abs=1e-3)
+
+
+@pytest.mark.parametrize("rows", [None, (0, 1)])
+def test_its_derivatives_are_those_of_differences(panda: hk.Robot, rows: tuple[int, ...] | None) -> None:
+    """r = 4, and r = 5."""
+    task, Q = hk.position(panda, rows=rows), hk.around(PANDA_START, 0.2).sample(40)
+    law = hk.holonomic(task, hk.linear(np.linalg.svd(task.jacobian(PANDA_START))[2][task.m :]))
+    c = coordinates_of(chart_of(task, np.eye(3)), Q)
+    mp, series = hk.moore_penrose(task), series_over(law, c, Q, 2, None)
+    problem = SampledSeries.of(mp, law, series, np.linspace(1, 2, c.d), Q)
+    cost, x = problem.cost(0.01), 0.02 * np.random.default_rng(0).normal(size=problem.white.shape[1])
+    way, h = np.random.default_rng(1).normal(size=len(x)), 1e-6
+    here, ahead, behind = (cost(x + s * h * way, None) for s in (0, 1, -1))
+    assert here is not None and ahead is not None and behind is not None
+    assert here[1] @ way == pytest.approx((ahead[0] - behind[0]) / (2 * h), rel=1e-5)
+
+
+def test_bad_regions_are_told_with_their_cure(ppr: hk.Robot, irb140: hk.Robot) -> None:
+    mp = hk.moore_penrose(hk.position(ppr))
+    with pytest.raises(ArgumentError, match=r"`along` of the ball is 0.0; give hk.analysis.curvature.ball"):
+        hk.analysis.design.closest_holonomic(mp, ball((0.9, -0.3, 0.8), 0.1))
+    with pytest.raises(ArgumentError, match="redundant joints is 0"):
+        hk.analysis.design.closest_holonomic(hk.moore_penrose(hk.pose(irb140)), hk.around(np.full(6, 0.3), 0.1))
+    with pytest.raises(ArgumentError, match="give another base, or a smaller region"):
+        hk.analysis.design.closest_holonomic(mp, box([-1, -1, -2], [1, 1, 2]), base=hk.custom(lambda q: q[2] ** 2))
+    with pytest.raises(ArgumentError, match="the degree is 0"):
+        hk.analysis.design.closest_holonomic(mp, hk.around((0.9, -0.3, 0.8), 0.1), degree=0)
+
+
+# --- Levels that serve a workspace: closed forms of a planar arm, inverse kinematics of a Panda.
+
+
+def test_the_last_links_of_a_planar_arm_must_reach_the_farthest_corner() -> None:
+    """Links of a metre, q3 = c: the last two are one of 2 cos(c / 2), so the tool reaches to 1 + 2 cos(c / 2)."""
+    law = hk.holonomic(hk.position(hk.load("planar-3r")), hk.lock(2))
+    q0, space = np.array([0.3, 0.9, 0.7]), hk.workspace(box=([1.0, 2.0], [0.2, 0.2]))
+    found = level_range(law, space, q0, limits=False, step=0.2)
+    far = np.linalg.norm(space.poses(256)[:, :2, 3], axis=1).max()
+    (interval,) = [ends for ends in found.intervals if ends[0] < 0.7 < ends[1]]
+    assert interval[1] == pytest.approx(2 * np.arccos((far - 1) / 2), abs=2e-4)
+    assert found.shares[np.abs(found.levels - 0.7).argmin()] == 1.0 and found.shares.min() < 1.0
+    assert hk.coverage(law, space, found.q0, samples=256, limits=False).share == 1.0
+    assert found.best == pytest.approx(law.constraint_value(found.q0)) and "serve all" in found.sentence
+    low, high = level_figure(found).axes[0].get_xlim()
+    assert low < interval[0] < interval[1] < high
+
+
+@pytest.mark.campaign
+def test_a_panda_s_elbow_may_go_so_far_while_its_tool_works_in_a_box() -> None:
+    """Referee: the leaf's own inverse kinematics, begun at postures that self-motion leads to."""
+    robot, q0 = hk.load("panda"), np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.7, 0.5])
+    tool, law = robot.pose(q0), hk.holonomic(hk.pose(robot), hk.lock(2))
+    space = hk.workspace(box=(tool[:3, 3], [0.1, 0.1, 0.1]), rotation=tool[:3, :3], tilt=0.1)
+    found = level_range(law, space, q0, step=0.1)
+    ((low, high),) = found.intervals
+    assert low < found.level < high and found.cusps is not None
+    for level, all_of_it in ((low + 0.02, True), (found.best, True), (high - 0.02, True), (high + 0.1, False)):
+        moved = hk.motion.ik.move_to_leaf(law, q0, level)
+        reached = hk.ik(law, moved, limits=True).batch(space.poses(256)).reached
+        assert reached.all() == all_of_it
+
+
+@pytest.mark.campaign
+def test_an_advice_tells_the_levels_of_its_best_law_if_it_is_asked() -> None:
+    """Referee: inverse kinematics of that law, within the limits, begun on leaves inside and outside the interval."""
+    bars = [{"a": 1.0, "lower": -2.6, "upper": 2.6, "max_velocity": 2.0} for _ in range(3)]
+    space = hk.workspace(box=([1.2, 0.4, 0.0], [0.25, 0.25, 0.0]), rotation=np.eye(3))
+    advice = hk.advise(hk.position(hk.from_dh(bars, name="planar")), space, levels=True)
+    found, law = advice.levels, advice.best
+    assert found is not None and f"{found.served}." in advice.reasons[-1]
+    assert advice.to_dict()["levels"] == [list(ends) for ends in found.intervals]
+    low, high = next(ends for ends in found.intervals if ends[0] <= found.best <= ends[1])
+    for level, all_of_it in ((low + 0.02, True), (found.best, True), (high - 0.02, True), (high + 0.05, False)):
+        moved = hk.motion.ik.move_to_leaf(law.strategy, law.q0, level)
+        assert hk.ik(law.strategy, moved, limits=True).batch(space.poses(256)).reached.all() == all_of_it
+
+
+def test_a_law_of_several_rows_is_refused_and_where_no_level_serves_all_the_best_is_told() -> None:
+    arm = hk.load("planar-3r")
+    with pytest.raises(ArgumentError, match="rows of the constraint"):
+        level_range(hk.holonomic(hk.position(arm, rows=[0]), hk.lock(1, 2)), hk.workspace(box=([1, 1], [0.1, 0.1])),
+                    [0.3, 0.9, 0.7])  # fmt: skip
+    law = hk.holonomic(hk.position(arm), hk.lock(2))
+    found = level_range(law, hk.workspace(box=([2.5, 2.5], [1.5, 1.5])), [0.3, 0.9, 0.7], limits=False, step=0.6)
+    assert found.intervals == () and "no level serves all" in found.sentence and 0 < found.shares.max() < 1

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
 
@@ -12,11 +14,25 @@ from pydantic import BaseModel
 from scipy.spatial.transform import Rotation
 
 import holokin as hk
-from conftest import PANDA_START, PPR_START, Command, assert_refused, assert_untouched, sampled, urdf, write_job
-from holokin.app.job import KINDS, job_strategy, keys_of, open_job, run_job
+from conftest import (
+    PANDA_START,
+    PPR_START,
+    Command,
+    assert_refused,
+    assert_untouched,
+    campaign,
+    sampled,
+    urdf,
+    write_job,
+)
+from holokin.app.job import KINDS, is_job, job_strategy, keys_of, open_job, robot_of_file, run_job
+from holokin.app.job.advice_job import question
 from holokin.app.job.metrics import METRICS
 from holokin.app.job.schema import Job, job_of, keys_beside
-from holokin.base.errors import JobError
+from holokin.app.job.strategy_tables import leaf_of_words
+from holokin.app.report.job_result import JobResult
+from holokin.app.studio import open_session
+from holokin.base.errors import HolokinError, JobError
 
 REFERENCE = (Path(__file__).parents[3] / "docs" / "job-keys.md").read_text("utf-8")
 
@@ -292,3 +308,135 @@ def test_the_reference_has_every_table_and_says_what_each_kind_and_figure_is() -
 
 def test_the_readme_leads_to_the_reference() -> None:
     assert "(docs/jobs.md)" in (Path(__file__).parents[3] / "README.md").read_text("utf-8")
+
+
+# --- TOML as people write it: every door that takes a file reads it with one reader, which names what is wrong.
+
+
+DOORS: dict[str, Callable[[str], object]] = {
+    "load": hk.load,
+    "robots": robot_of_file,
+    "run": open_job,
+    "studio": open_session,
+    "advise": question,
+}
+
+
+def _nested(depth: int, draw: np.random.Generator) -> str:
+    if draw.random() < 0.5:
+        return f"a = {'[' * depth}{']' * depth}\n"
+    return f"a = {'{b = ' * depth}1{'}' * depth}\n"
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_tables_nested_however_deep_are_refused_in_a_sentence(door: str, tmp_path: Path) -> None:
+    draw = np.random.default_rng(3)
+    file = tmp_path / "deep.toml"
+    for depth in (17, *np.exp(draw.uniform(np.log(18), np.log(20_000), 3)).astype(int)):
+        for head in ("", '[robot]\nname = "panda"\n'):
+            file.write_text(head + _nested(int(depth), draw))
+            with pytest.raises(HolokinError, match="deeper than 16 levels"):
+                DOORS[door](str(file))
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_a_windows_path_in_double_quotes_is_told_how_to_write_it(door: str, tmp_path: Path) -> None:
+    """TOML takes some of its backslashes for other characters, the rest for mistakes."""
+    draw = np.random.default_rng(5)
+    file = tmp_path / "windows.toml"
+    for _ in range(6):
+        parts = draw.choice(["Users", "arm", "data", "me", "home", "xarm", "Ulm", "u2", "dir"], 3)
+        file.write_text('[robot]\nname = "' + "\\".join(["C:", *parts, "m.urdf"]) + '"\n')
+        with pytest.raises(HolokinError, match=r"write paths in single quotes, 'C:\\Users\\me', or with /"):
+            DOORS[door](str(file))
+
+
+def test_a_path_of_which_toml_made_control_characters_is_told_so(tmp_path: Path) -> None:
+    for name in (r"C:\robots.urdf", r"C:\tools.toml", r"D:\new.xml", r"D:\fanuc.urdf"):
+        (tmp_path / "job.toml").write_text(
+            open_job("panda-circle")[2].read_text("utf-8").replace('"panda"', f'"{name}"')
+        )
+        with pytest.raises(HolokinError, match="control characters"):
+            robot_of_file(str(tmp_path / "job.toml"))
+
+
+def test_a_byte_order_mark_changes_nothing(tmp_path: Path) -> None:
+    with_mark = tmp_path / "marked.toml"
+    _, job, file = open_job("panda-circle")
+    with_mark.write_text(file.read_text("utf-8"), "utf-8-sig")
+    assert with_mark.read_bytes()[:3] == b"\xef\xbb\xbf"
+    assert is_job(str(with_mark)) and open_job(str(with_mark))[1] == job
+    for door in ("robots", "studio", "advise"):
+        assert DOORS[door](str(with_mark))
+
+
+def test_a_strategy_that_is_typed_with_nested_lists_is_refused(planar_3r: hk.Robot) -> None:
+    for depth in (20, 3000):
+        with pytest.raises(HolokinError, match="deeper than 16 levels"):
+            leaf_of_words(f"lock joints={'[' * depth}{']' * depth}", hk.position(planar_3r), np.zeros(3))
+
+
+# --- `holokin new --robot`: a job for another robot than the packaged ones', that runs as it is written.
+
+
+def done(file: Path) -> JobResult:
+    """The job, with its verdicts shortened."""
+    name, job, path = open_job(str(file))
+    return run_job(name, job.model_copy(update={"verdict": job.verdict.model_copy(update={"samples": 4})}), path)
+
+
+def assert_fits(result: JobResult, robot: hk.Robot) -> None:
+    assert result.passed
+    assert result.title.startswith(robot.name)
+    laws = {s.name: s for s in result.strategies}
+    assert {name: s.verdict.holonomic for name, s in laws.items()} == {
+        "moore-penrose": False, "lock": True, "radial": True,
+    }  # fmt: skip
+    assert all(not s.checks for s in laws.values())  # nothing is expected that nobody measured
+    assert all(s.status is hk.motion.Status.COMPLETE for s in laws.values())
+    assert laws["lock"].metrics["drift_total"] < 1e-9 < laws["moore-penrose"].metrics["drift_total"]
+    walls = np.minimum(result.q0 - robot.lower, robot.upper - result.q0)
+    ranges = robot.upper - robot.lower
+    assert (walls[np.isfinite(ranges)] > 0.2 * ranges[np.isfinite(ranges)]).all()
+    assert min(s.metrics["sigma"] for s in laws.values()) > 0.05
+
+
+MORE = ("planar-3r", "irb140", "so101", "openarm", "openarm-right", "rizon4s")
+
+
+@pytest.mark.parametrize("name", ["ppr", *(campaign("name", name) for name in MORE)])
+def test_a_new_job_for_a_robot_of_the_catalogue_runs_as_it_is(holokin: Command, tmp_path: Path, name: str) -> None:
+    file = tmp_path / "mine.toml"
+    outcome = holokin("new", file, "--robot", name)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "panda" not in file.read_text("utf-8").lower()
+    assert_fits(done(file), hk.load(name))
+
+
+@pytest.mark.campaign
+def test_a_new_job_for_a_urdf_beside_it_can_be_moved_with_it(
+    holokin: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "old").mkdir()
+    shutil.copy(urdf("panda.urdf"), tmp_path / "old" / "arm.urdf")
+    monkeypatch.chdir(tmp_path / "old")
+    assert holokin("new", "mine.toml", "--robot", "arm.urdf", "--tip", "panda_hand_tcp").code == 0
+    monkeypatch.chdir("/")
+    (tmp_path / "old").rename(tmp_path / "new")
+    file = tmp_path / "new" / "mine.toml"
+    assert_fits(done(file), hk.from_urdf(tmp_path / "new" / "arm.urdf", tip="panda_hand_tcp"))
+
+
+def test_a_new_job_says_what_it_needs(holokin: Command, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    assert_refused(holokin("new", file, "--robot", "pandaa"), "unknown robot 'pandaa'", "did you mean 'panda'")
+    assert_refused(holokin("new", file, "--robot", "ppr", "--from", "orientation"), "give one of them")
+    assert_refused(holokin("new", file, "--tip", "hand"), "give the robot, too")
+    assert_refused(holokin("new", file, "--robot", str(urdf("g1_29dof_rev_1_0.urdf"))), "tip")
+    bar = tmp_path / "bar.toml"
+    bar.write_text('name = "bar"\nsource = "a test"\njoints = [{ a = 1.0 }]\n')
+    assert_refused(holokin("new", file, "--robot", bar), "'bar' is 1", "two")
+    assert not file.exists()
+    file.write_text("mine")
+    assert_refused(holokin("new", file, "--robot", "ppr"), "exists already")
+    assert file.read_text() == "mine"
