@@ -12,10 +12,6 @@ which shares nothing with holokin:
 - a continuation from the start, along the path or out to random poses of a box, gets through all that is proven and
   lies in the tubes; the determinant keeps its sign; a closed path ends where the certificate says.
 
-With `--kinds turned` the boxes turn, too, where an orientation is held, and most constraints of one redundant joint are
-stationary; these problems are of a random stream of their own. Where the proof has further unknowns, a null vector, its
-determinant is that of all of them, and so are its tubes: then neither is compared with what the joints alone give.
-
 Whatever is not so is a fault. One certificate of every tenth seed is written and verified by the checker.
 """
 
@@ -24,7 +20,6 @@ from __future__ import annotations
 import tempfile
 import time
 from collections import Counter
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -33,32 +28,16 @@ import numpy as np
 
 import holokin as hk
 from benchmarks.campaigns import campaign, options, summary
-from benchmarks.random_arms import (
-    Motion,
-    Problem,
-    random_motion,
-    random_posture,
-    random_problem,
-    turned_motion,
-    turned_problem,
-)
+from benchmarks.random_arms import Motion, Problem, random_motion, random_posture, random_problem
 from holokin.proof import Certificate, certify
 
 Array = np.ndarray
 KINDS = ("line", "circle", "triangle", "box")
-DRAWN: dict[str, Any] = {
-    "plain": (random_problem, random_motion, (14,)), "turned": (turned_problem, turned_motion, (14, 2))
-}  # fmt: skip
-"""Problems, motions and the random stream that they come from."""
-
 AGAIN = 2
 """Motions of each kind for a robot."""
 
 BUDGET = {"line": 160, "circle": 160, "triangle": 160, "box": 60}
 """Cells that a certificate may examine."""
-
-TURNED_BUDGET = BUDGET | {"box": 400}
-"""The same where boxes turn: six parameters need more."""
 
 NEAR = 1 / 12
 """Share of the paths that start near a singular posture."""
@@ -104,8 +83,7 @@ class Examined:
         i, j = np.triu_indices(y.shape[1])
         squares = y[:, i] * y[:, j] * np.where(i == j, 0.5, 1.0)
         bend = np.einsum("knp,kp->kn", self.cells.Q[cell], squares)
-        found = self.cells.q0[cell] + np.einsum("knd,kd->kn", self.cells.V[cell], y) + bend
-        return found[:, : self.problem.arm.n]
+        return self.cells.q0[cell] + np.einsum("knd,kd->kn", self.cells.V[cell], y) + bend
 
     def roots(self, rng: np.random.Generator) -> None:
         """Of every cell."""
@@ -126,16 +104,11 @@ class Examined:
         if proof.limits is not None:
             arm = self.problem.arm
             self.need((arm.lower - TINY <= q) & (q <= arm.upper + TINY), "a root is beyond a joint limit")
-        alone = proof.equation.n == self.problem.arm.n
         least = np.abs(det).min()
-        self.need(
-            not alone or least >= proof.determinant * (1 - 1e-9), f"|det| is {least:.3g}, not {proof.determinant:.3g}"
-        )
+        self.need(least >= proof.determinant * (1 - 1e-9), f"|det| is {least:.3g}, not {proof.determinant:.3g}")
         self.need(np.abs(np.sign(det).sum()) == len(det), "the determinant has both signs")
         self.counts["roots"] += len(cell)
         self.sign = float(np.sign(det[0]))
-        if not alone:
-            return
         away = rng.normal(size=q.shape)
         away *= (0.95 * f.alone[cell] / np.linalg.norm(away, axis=1))[:, None]
         other, _, again = self.problem.roots(guess + away, p, R, self.level)
@@ -207,20 +180,18 @@ class Examined:
             self.counts["of them after whole turns"] += int(closed and self.proof.turns.any())
 
 
-def tried(seed: int, kinds: str = "plain") -> dict[str, Any]:
+def tried(seed: int) -> dict[str, Any]:
     """The certificates of a seed: how many ended how, what was examined, the faults."""
-    new_problem, new_motion, stream = DRAWN[kinds]
-    rng, began = np.random.default_rng([seed, *stream]), time.process_time()
-    problem = new_problem(rng)
+    rng, began = np.random.default_rng([seed, 14]), time.process_time()
+    problem = random_problem(rng)
     n, kind = problem.arm.n, "planar" if problem.arm.planar else "spatial"
-    budget = BUDGET if kinds == "plain" else TURNED_BUDGET
     counts, faults = Counter[str](), []
     for motion_kind in KINDS * AGAIN:
         start = random_posture(problem, rng, near=motion_kind != "box" and rng.random() < NEAR)
-        motion = new_motion(motion_kind, problem, start, rng)
+        motion = random_motion(motion_kind, problem, start, rng)
         counts["certificates"] += 1
         try:
-            proof = certify(problem.strategy, motion.where, start, budget=budget[motion_kind])
+            proof = certify(problem.strategy, motion.where, start, budget=BUDGET[motion_kind])
         except hk.HolokinError as problem_found:
             counts[f"refused: {type(problem_found).__name__}"] += 1
             continue
@@ -231,9 +202,7 @@ def tried(seed: int, kinds: str = "plain") -> dict[str, Any]:
         if not len(proof):
             counts["without a cell"] += 1
             continue
-        counts["in boxes that turn"] += int(proof.equation.d == 6)
         made = ["with cells", f"{kind}, {n} joints", f"constraint: {problem.law[0]}"]
-        made += [f"six parameters: {proof.extent.name}"] * (proof.equation.d == 6)
         made += ["with an orientation"] * problem.arm.turned + ["with a slider"] * bool(problem.arm.slides.any())
         counts += Counter([*made, *["within limits"] * bool(np.isfinite(problem.arm.lower).any())])
         counts["cells"] += len(proof)
@@ -264,12 +233,10 @@ def rejected(proof: Certificate) -> str | None:
 
 def main() -> int:
     """Prints the faults as they are found, and a summary; 1 where there is one."""
-    parser = options("certificates", __doc__, "Certificates to try, eight a seed.")
-    parser.add_argument("--kinds", choices=list(DRAWN), default="plain", help="Of problems; each in a file of its own.")
-    asked = parser.parse_args()
+    asked = options("certificates", __doc__, "Certificates to try, eight a seed.").parse_args()
     count = 1 if asked.quick else -(-asked.count // (AGAIN * len(KINDS)))
     first = 2 if asked.quick else asked.seed  # that robot takes little time
-    rows = campaign(partial(tried, kinds=asked.kinds), range(first, first + count), asked.workers, asked.out)
+    rows = campaign(tried, range(first, first + count), asked.workers, asked.out)
     total, lines = summary(rows)
     faults = [fault for row in rows for fault in row["faults"]]
     print("\n".join([lines, *faults]))

@@ -259,17 +259,3 @@ def test_the_scale_of_a_constraint_is_no_matter_of_its_leaves(panda: hk.Robot, s
     loop = hk.circle(point, point - [0.1, 0, 0])
     ends = [hk.follow(s, loop, PANDA_START, samples=60).q for s in (plain, scaled)]
     assert ends[1] == pytest.approx(ends[0], abs=1e-12)
-
-
-@pytest.mark.campaign
-def test_the_benchmark_of_branches_runs_and_finds_none_other() -> None:
-    from benchmarks.branches import cases, compare
-
-    every = cases()
-    for case in (every[0], every[3]):
-        count = compare(case, 4, steps=200)
-        assert (count.different, count.refused, count.by_c) == (0, 0, 0)
-        assert count.targets == 4
-    narrow = compare(every[1], 12, steps=400, seed=1)
-    assert (narrow.different, narrow.refused, narrow.by_c) == (0, 0, 0)
-    assert 0 < narrow.reached < 12
