@@ -7,11 +7,12 @@ orientation. A path through poses says R_start itself, as `rotation`.
 
 from __future__ import annotations
 
+from abc import ABC
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import dist, hypot, sqrt
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -361,8 +362,33 @@ class Samples(Shown):
     angular: Matrix
 
 
+class OneOrManyPaths(Value, ABC):
+    """What `Path` and `SynchronizedPaths` have in common; `closed`, `part` and the others are theirs. Abstract."""
+
+    @cached_property
+    def corners(self: Any) -> tuple[int, ...]:
+        """Segments at whose start a velocity jumps; 0 among them where a closed path ends in a corner."""
+        k = len(self.durations)
+        start, end = (self.on(np.arange(k), np.full(k, u)) for u in (0.0, 1.0))
+        after = np.hstack([start.velocity, start.angular])
+        before = np.roll(np.hstack([end.velocity, end.angular]), 1, axis=0)
+        jumps = np.abs(after - before).max(axis=1) > CORNER * np.maximum(np.abs(after), np.abs(before)).max(axis=1)
+        return tuple(int(i) for i in np.flatnonzero(jumps) if i > 0 or self.closed)
+
+    def counts(self: Any, samples: int) -> Indices:
+        """Steps of each segment so that there are at least `samples`, of nearly equal time, and no corner is cut."""
+        return np.maximum(1, np.ceil(whole("samples", samples) * self.durations / self.duration - 1e-9)).astype(int)
+
+    def halves(self) -> tuple[Self, Self]:
+        """The two ways round a closed path to the pose half a loop away. Raises: OpenPathError."""
+        path: Any = self
+        if not path.closed:
+            raise OpenPathError("splitting into two paths", path.gap)
+        return path.part(0.0, 0.5), path.reversed().part(0.0, 0.5)
+
+
 @dataclass(frozen=True, eq=False)
-class Path(Value):
+class Path(OneOrManyPaths):
     """Segments, one after the other, at `speed` [m/s] (and `angular_speed` [rad/s] where the tool turns on the spot).
 
     A segment takes max(length / speed, turn / angular_speed) seconds, one with a nominal length nominal / speed.
@@ -541,15 +567,6 @@ class Path(Value):
         """Seconds that each segment takes."""
         return self._durations
 
-    @cached_property
-    def corners(self) -> tuple[int, ...]:
-        """Segments at whose start the tool's velocity jumps; 0 among them where a closed path ends in a corner."""
-        return corners_of(self, len(self.segments))
-
-    def counts(self, samples: int) -> Indices:
-        """Steps of each segment so that there are at least `samples`, of nearly equal time, and no corner is cut."""
-        return np.maximum(1, np.ceil(whole("samples", samples) * self._durations / self.duration - 1e-9)).astype(int)
-
     def steps(self, samples: int) -> tuple[Indices, Vector, Vector]:
         """The steps of `counts`: (segment, u_start, u_stop), each (k,)."""
         counts = self.counts(samples)
@@ -572,12 +589,6 @@ class Path(Value):
             if b - a > 1e-12:
                 pieces.append(segment if (a, b) == (0.0, 1.0) else segment.part(a, b))
         return pieces
-
-    def halves(self) -> tuple[Path, Path]:
-        """The two ways round a closed path to the pose half a loop away. Raises: OpenPathError."""
-        if not self.closed:
-            raise OpenPathError("splitting into two paths", self.gap)
-        return self.part(0.0, 0.5), self.reversed().part(0.0, 0.5)
 
     def reversed(self) -> Path:
         """The same curve run backwards, with its turns undone in reverse order (they count from its own start)."""
@@ -633,15 +644,6 @@ def locate(counts: Indices, step: Indices) -> tuple[Indices, Vector, Vector]:
     segment = np.searchsorted(ends, step, side="right")
     within, total = step - (ends - counts)[segment], counts[segment]
     return segment, within / total, (within + 1) / total
-
-
-def corners_of(path: Any, k: int) -> tuple[int, ...]:
-    """Of k segments those at whose start a velocity jumps; 0 among them where a closed path ends in a corner."""
-    start, end = (path.on(np.arange(k), np.full(k, u)) for u in (0.0, 1.0))
-    after = np.hstack([start.velocity, start.angular])
-    before = np.roll(np.hstack([end.velocity, end.angular]), 1, axis=0)
-    jumps = np.abs(after - before).max(axis=1) > CORNER * np.maximum(np.abs(after), np.abs(before)).max(axis=1)
-    return tuple(int(i) for i in np.flatnonzero(jumps) if i > 0 or path.closed)
 
 
 @typed
