@@ -2,8 +2,9 @@
 
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from contextlib import AbstractContextManager, closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,7 +18,7 @@ def make(db: sqlite3.Connection) -> None:
     db.execute("INSERT INTO head VALUES (2)")
 
 
-def opened(file: Path, **more: object):
+def opened(file: Path, **more: Any) -> AbstractContextManager[sqlite3.Connection]:
     return table_file(file, "head", {"form": 2}, lambda fact: RecordingError(file, fact, "give another"), **more)
 
 
