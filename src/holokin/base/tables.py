@@ -35,10 +35,15 @@ LONGEST_LINE = 1_000_000
 
 
 def read_table(
-    file: Path, wanted: Callable[[Sequence[str]], Sequence[int]], cure: str, names: str, *,
-    headless: Callable[[Sequence[str]], list[str]] | None = None, bad: list[RecordingError] | None = None,
+    file: Path,
+    wanted: Callable[[Sequence[str]], Sequence[int]],
+    cure: str,
+    names: str,
+    *,
+    headless: Callable[[Sequence[str]], list[str]] | None = None,
+    bad: list[RecordingError] | None = None,
     labels: Sequence[int] = (),
-) -> Iterator[Rows]:  # fmt: skip
+) -> Iterator[Rows]:
     """Some rows of a CSV file at a time: the wanted columns as finite numbers, the first of them as text, the lines.
 
     Args:
@@ -157,9 +162,15 @@ def _lines(file: Path, stream: TextIO) -> Iterator[str]:
 
 
 def _pieces(
-    file: Path, header: Sequence[str], wanted: Sequence[int], lines: Iterator[str], delimiter: str, done: int,
-    bad: list[RecordingError] | None, labels: Sequence[int],
-) -> Iterator[Rows]:  # fmt: skip
+    file: Path,
+    header: Sequence[str],
+    wanted: Sequence[int],
+    lines: Iterator[str],
+    delimiter: str,
+    done: int,
+    bad: list[RecordingError] | None,
+    labels: Sequence[int],
+) -> Iterator[Rows]:
     """Rows, some at a time; the first of the wanted columns is the time."""
     while piece := list(islice(lines, PIECE)):
         plain = not any('"' in line for line in piece)
@@ -203,9 +214,12 @@ def _plain_numbers(lines: Sequence[str], wanted: Sequence[int], delimiter: str) 
 
 
 def _row_numbers(
-    file: Path, header: Sequence[str], wanted: Sequence[int], rows: Sequence[tuple[int, list[str]]],
+    file: Path,
+    header: Sequence[str],
+    wanted: Sequence[int],
+    rows: Sequence[tuple[int, list[str]]],
     bad: list[RecordingError] | None,
-) -> tuple[list[tuple[int, list[str]]], list[list[float]]]:  # fmt: skip
+) -> tuple[list[tuple[int, list[str]]], list[list[float]]]:
     """(the rows, their wanted columns), cell by cell. Raises: RecordingError: one cannot be read, and `bad` is None."""
     sound_rows, numbers = [], []
     for line, row in rows:
@@ -259,11 +273,11 @@ BY_STEP = ((5.0, "s"), (100.0, "ms"), (1e3, None), (1e5, "us"), (1e6, None), (np
 rarer. Between them are steps that could have two units."""
 
 _SPELT = {
-    "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "ms": "ms", "msec": "ms", "msecs": "ms",
-    "millis": "ms", "milliseconds": "ms", "us": "us", "µs": "us", "μs": "us", "usec": "us", "usecs": "us",
-    "micros": "us", "microseconds": "us", "ns": "ns", "nsec": "ns", "nsecs": "ns", "nanos": "ns", "nanosec": "ns",
-    "nanosecs": "ns", "nanoseconds": "ns",
-}  # fmt: skip
+    **dict.fromkeys(["s", "sec", "secs", "second", "seconds"], "s"),
+    **dict.fromkeys(["ms", "msec", "msecs", "millis", "milliseconds"], "ms"),
+    **dict.fromkeys(["us", "µs", "μs", "usec", "usecs", "micros", "microseconds"], "us"),
+    **dict.fromkeys(["ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecs", "nanoseconds"], "ns"),
+}
 _UNIT = re.compile(rf"(.+?)\s*(?:[\[(]\s*({'|'.join(_SPELT)})\s*[\])]|[_ ]({'|'.join(_SPELT)}))")
 _PART = re.compile(r"(.*?)(sec|secs|seconds|nsec|nsecs|nanosec|nanosecs|nanoseconds)")
 
@@ -576,9 +590,13 @@ def _orientation(
 
 
 def _scales(
-    file: Path, known: Mapping[str, tuple[int, str]], names: Sequence[str], argument: str, given: str | None,
+    file: Path,
+    known: Mapping[str, tuple[int, str]],
+    names: Sequence[str],
+    argument: str,
+    given: str | None,
     otherwise: str | None,
-) -> list[float]:  # fmt: skip
+) -> list[float]:
     """What makes SI units of columns: by the unit in each name, or the given one, or what is taken otherwise."""
     out = []
     allowed = ALLOWED[argument]

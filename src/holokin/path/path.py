@@ -207,9 +207,13 @@ class Segment(Value):
         """The segment under p -> M p + s, M = c R a rotation (3, 3) times a factor; its turns are turned by M / c."""
         turn = matrix / np.cbrt(np.linalg.det(matrix))
         return replace(
-            self, center=matrix @ self.center + shift, x=matrix @ self.x, y=matrix @ self.y,
-            along=self.along @ matrix.T, turning=self.turning @ turn.T,
-        )  # fmt: skip
+            self,
+            center=matrix @ self.center + shift,
+            x=matrix @ self.x,
+            y=matrix @ self.y,
+            along=self.along @ matrix.T,
+            turning=self.turning @ turn.T,
+        )
 
     def evenly(self, turn: Vector) -> Segment:
         """The same curve of the point with another turn, an even one by a rotation vector (3,) [rad]."""
@@ -231,9 +235,13 @@ def arc_segment(center: Vector, x: Vector, y: Vector, angle: float, turn: Vector
 
 
 def cubic_segment(
-    start: Vector, end: Vector, slopes: tuple[Vector, Vector], turn: Vector, spins: tuple[Vector, Vector],
+    start: Vector,
+    end: Vector,
+    slopes: tuple[Vector, Vector],
+    turn: Vector,
+    spins: tuple[Vector, Vector],
     nominal: float | None,
-) -> Segment:  # fmt: skip
+) -> Segment:
     """The cubic between two points with dp/du = slopes at its ends, turning by exp(turn) with w = spins there."""
     zero = np.zeros(3)
     turning = _hermite(turn, spins[0], _unspin(turn, spins[1]))
@@ -305,8 +313,11 @@ def _factors(angle: Array) -> tuple[Array, Array]:
     small, square = np.asarray(angle < 0.3), angle * angle
     a = np.where(small, 1.0, angle)
     series = 1 / 6 - square * (1 / 120 - square * (1 / 5040 - square * (1 / 362880 - square / 39916800)))
-    b = np.where(small, 0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square / 3628800))),
-                 2 * (np.sin(a / 2) / a) ** 2)  # fmt: skip
+    b = np.where(
+        small,
+        0.5 - square * (1 / 24 - square * (1 / 720 - square * (1 / 40320 - square / 3628800))),
+        2 * (np.sin(a / 2) / a) ** 2,
+    )
     return b, np.where(small, series, (a - np.sin(a)) / a**3)
 
 

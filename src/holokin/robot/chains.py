@@ -141,8 +141,11 @@ class _Links:
             np.array([one.placement[:3, 3] for one in (*joints, tip)]),
             np.array([joint.axis for joint in joints]).reshape(-1, 3),
             np.array([joint.placement[:3, :3] @ joint.axis for joint in joints]).reshape(-1, 3),
-            free, slides, tip.placement, bool(turned and len(free) and free[-1]),
-        )  # fmt: skip
+            free,
+            slides,
+            tip.placement,
+            bool(turned and len(free) and free[-1]),
+        )
 
     def drawn_in(self) -> Vector:
         """The points (k,) between which the links in a line are shortest."""
@@ -348,9 +351,12 @@ def _number(what: str, value: float) -> float:
 
 
 def robot_of(
-    tree: Tree, tip: str | Sequence[str] | None, base: str | None, locked: Mapping[str, float] | None,
+    tree: Tree,
+    tip: str | Sequence[str] | None,
+    base: str | None,
+    locked: Mapping[str, float] | None,
     trust_units: bool = False,
-) -> Robot:  # fmt: skip
+) -> Robot:
     """The robot of the chains from a base to its tips, as `from_urdf` says.
 
     Raises:
@@ -436,9 +442,14 @@ class _Builder:
         return Tip(tip, parent, placement)
 
     def _move(
-        self, joint: Branch, parent: int, placement: Matrix, axis: Vector, law: tuple[str, float, float],
+        self,
+        joint: Branch,
+        parent: int,
+        placement: Matrix,
+        axis: Vector,
+        law: tuple[str, float, float],
         foot: Vector | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         master, multiplier, offset = law
         number = list(self.coordinates).index(master)
         self.index[joint.name] = len(self.joints)
@@ -749,9 +760,14 @@ def ordered(robot: Robot, order: Sequence[str]) -> Robot:
 
 @typed
 def with_tool(
-    robot: Robot, pose: PoseLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0), *, tip: str | None = None,
-    name: str = "tool", trust_units: bool = False,
-) -> Robot:  # fmt: skip
+    robot: Robot,
+    pose: PoseLike = (0, 0, 0),
+    rpy: ArrayLike = (0, 0, 0),
+    *,
+    tip: str | None = None,
+    name: str = "tool",
+    trust_units: bool = False,
+) -> Robot:
     """The robot with a tool: a tip at a pose in the frame of one of its tips, which it replaces.
 
     Args:

@@ -314,9 +314,14 @@ def _on_the_way(point: Vector, end: Vector) -> bool:
 
 @typed
 def with_shape(
-    robot: Robot, name: str, shape: Shape, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0), *,
+    robot: Robot,
+    name: str,
+    shape: Shape,
+    xyz: ArrayLike = (0, 0, 0),
+    rpy: ArrayLike = (0, 0, 0),
+    *,
     tip: str | None = None,
-) -> Robot:  # fmt: skip
+) -> Robot:
     """The robot with a shape on a tip, such as that of its tool, at xyz (3,) [m], rpy (3,) [rad] in the tip's frame.
 
     A robot whose links have no shapes gets capsules first, as of `with_capsules`.
@@ -497,9 +502,14 @@ class Servo(Value):
 
 @typed
 def servo(
-    robot: Robot, kind: ServoKind, q: ArrayLike, *, frequency: float = 25.0, damping_ratio: float = 1.0,
+    robot: Robot,
+    kind: ServoKind,
+    q: ArrayLike,
+    *,
+    frequency: float = 25.0,
+    damping_ratio: float = 1.0,
     compensated: bool | None = None,
-) -> Servo:  # fmt: skip
+) -> Servo:
     """Servos whose gains fit the inertia of each joint at a posture.
 
     With M the mass matrix and w = 2 pi frequency: stiffness_i = M_ii w^2, damping_i = 2 damping_ratio M_ii w of a

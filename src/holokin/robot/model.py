@@ -164,9 +164,13 @@ _known: WeakKeyDictionary[Any, dict[tuple[str, ...], ModelJoints]] = WeakKeyDict
 
 
 def _find_joints(
-    model: Any, wanted: tuple[str, ...], names: tuple[str, ...], prefix: str, joints: Sequence[str] | None,
+    model: Any,
+    wanted: tuple[str, ...],
+    names: tuple[str, ...],
+    prefix: str,
+    joints: Sequence[str] | None,
     hinges: Flags,
-) -> ModelJoints:  # fmt: skip
+) -> ModelJoints:
     if len(wanted) != len(names):
         raise ShapeError("joints", (len(names),), (len(wanted),), f"name one for each of {', '.join(names)}")
     compiled = _is_compiled(model)
@@ -461,9 +465,14 @@ class Robot(ByValue):
 
     @typed
     def q_of(
-        self, model: Any, configuration: ArrayLike, *, prefix: str = "", joints: Sequence[str] | None = None,
+        self,
+        model: Any,
+        configuration: ArrayLike,
+        *,
+        prefix: str = "",
+        joints: Sequence[str] | None = None,
         near: ArrayLike = 0.0,
-    ) -> Array:  # fmt: skip
+    ) -> Array:
         """The joints q (..., n) in configurations (..., nq) of a MuJoCo or Pinocchio model, found by their names.
 
         The model may have other joints, as fingers and free joints, and more arms, and its joints in another order.

@@ -47,9 +47,15 @@ class CheckedBatch:
     """
 
     def __init__(
-        self, batch: Callable[..., Any], size: int, others: Shapes, result: tuple[int, ...],
-        convert: Callable[..., Array], doubt: Doubt, bounds: Sequence[float],
-    ) -> None:  # fmt: skip
+        self,
+        batch: Callable[..., Any],
+        size: int,
+        others: Shapes,
+        result: tuple[int, ...],
+        convert: Callable[..., Array],
+        doubt: Doubt,
+        bounds: Sequence[float],
+    ) -> None:
         self._batch, self._size, self._others = batch, size, others
         self._result, self._bounds = result, tuple(bounds)
         self._convert, self._doubt = convert, doubt
@@ -170,14 +176,24 @@ class Function:
         (size,), others = self._shapes[0][0], self._shapes[1][1:]
         many = CheckedBatch(self.batch, size, others, result, weak(convert), weak(doubt), bounds)
         return Evaluator(
-            self.program, *self._shapes, self._port, results=[result], bounds=bounds,
-            convert=lambda given: (many.array(given),), doubt=weak(doubt), many=many,
-        )  # fmt: skip
+            self.program,
+            *self._shapes,
+            self._port,
+            results=[result],
+            bounds=bounds,
+            convert=lambda given: (many.array(given),),
+            doubt=weak(doubt),
+            many=many,
+        )
 
     def batch(
-        self, *args: ArrayLike, threads: int | None = None, out: Sequence[Array] | None = None,
-        native_from: int | None = None, **named: ArrayLike,
-    ) -> Any:  # fmt: skip
+        self,
+        *args: ArrayLike,
+        threads: int | None = None,
+        out: Sequence[Array] | None = None,
+        native_from: int | None = None,
+        **named: ArrayLike,
+    ) -> Any:
         """Evaluate over a leading axis: each argument (k, *shape), or (*shape) to be repeated.
 
         From `native_from` samples on by native code, if there is a compiler, on `threads` threads (all by default);

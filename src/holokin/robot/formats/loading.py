@@ -374,9 +374,12 @@ _in_use: WeakValueDictionary[str, Robot] = WeakValueDictionary()
 """Robots of the catalogue that somebody holds: they are frozen, and share what is built of their kinematics."""
 
 _KINDS = {
-    "tip": str | Sequence[str] | None, "base": str | None, "locked": Mapping[str, float] | None,
-    "args": Arguments | None, TRUST_UNITS: bool | None,
-}  # fmt: skip
+    "tip": str | Sequence[str] | None,
+    "base": str | None,
+    "locked": Mapping[str, float] | None,
+    "args": Arguments | None,
+    TRUST_UNITS: bool | None,
+}
 """What the keys of `CHAIN`, and that of its units, may be."""
 
 

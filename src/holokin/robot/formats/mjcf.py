@@ -457,9 +457,17 @@ class _Reader:
             lower, upper = map(float, m.jnt_range[k]) if m.jnt_limited[k] else (-np.inf, np.inf)
             kind += bent.get(k, "")
             branch = Branch(
-                label, kind, parent, child, origin @ anchor, m.jnt_axis[k], lower, upper,
-                zero=float(m.qpos0[m.jnt_qposadr[k]]), follows=follows.get(k),
-            )  # fmt: skip
+                label,
+                kind,
+                parent,
+                child,
+                origin @ anchor,
+                m.jnt_axis[k],
+                lower,
+                upper,
+                zero=float(m.qpos0[m.jnt_qposadr[k]]),
+                follows=follows.get(k),
+            )
             if k in fixed and kind in MOVING:
                 held = branch.origin @ motion(kind, branch.axis, fixed[k])
                 branch = replace(branch, kind="fixed", origin=held)

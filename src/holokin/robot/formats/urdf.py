@@ -114,15 +114,15 @@ LONGEST_URDF = 50_000_000
 MOST_LINKS = 20_000
 """Links, and joints, of a URDF: some seconds. A humanoid with hands has a hundred."""
 
+_GEOMETRIES = ("box", "cylinder", "sphere", "mesh")
+_SINGLE = "link joint joint/safety_controller material material/color link/visual/material link/visual/material/color"
 _WANTED = {
-    "link", "link/inertial", *(f"link/inertial/{part}" for part in ("origin", "mass", "inertia")),
-    "joint", *(f"joint/{part}" for part in ("parent", "child", "origin", "axis", "limit", "mimic")),
-    "joint/safety_controller",
+    *_SINGLE.split(),
+    *(f"link/inertial{part}" for part in ("", "/origin", "/mass", "/inertia")),
+    *(f"joint/{part}" for part in ("parent", "child", "origin", "axis", "limit", "mimic")),
     *(f"link/{shape}{part}" for shape in ("collision", "visual") for part in ("", "/origin", "/geometry")),
-    *(f"link/{shape}/geometry/{kind}" for shape in ("collision", "visual")
-      for kind in ("box", "cylinder", "sphere", "mesh")),
-    "material", "material/color", "link/visual/material", "link/visual/material/color",
-}  # fmt: skip
+    *(f"link/{shape}/geometry/{kind}" for shape in ("collision", "visual") for kind in _GEOMETRIES),
+}
 """The elements of a URDF that are read: kinematics, masses, shapes, and what links look like but for textures."""
 
 
