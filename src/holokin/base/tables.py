@@ -75,7 +75,11 @@ def read_table(
                 header, lines, done = headless([cell.strip() for cell in cells]), chain([first], lines), done - 1
             if delimiter != ",":
                 lines = _with_points(file, lines, done)
-            columns = _unambiguous(file, header, wanted(header))
+            columns = wanted(header)
+            for name in (header[c] for c in columns):
+                if header.count(name) > 1:
+                    fact = f"its header has {header.count(name)} columns {shown(name)!r}"
+                    raise RecordingError(file, fact, "rename or delete all but one")
             yield from _pieces(file, header, columns, lines, delimiter, done, bad, labels)
     except (OSError, UnicodeError, csv.Error) as problem:
         fact = f"cannot be read as text ({shown(str(problem), 200)})"
@@ -142,15 +146,6 @@ def number_in(text: str) -> float | None:
         return float(text)
     except ValueError:
         return None
-
-
-def _unambiguous(file: Path, header: Sequence[str], wanted: Sequence[int]) -> Sequence[int]:
-    """The wanted columns, each of a name that no other has. Raises: RecordingError."""
-    for c in wanted:
-        if header.count(header[c]) > 1:
-            fact = f"its header has {header.count(header[c])} columns {shown(header[c])!r}"
-            raise RecordingError(file, fact, "rename or delete all but one")
-    return wanted
 
 
 def _lines(file: Path, stream: TextIO) -> Iterator[str]:
@@ -499,7 +494,9 @@ def _seconds(file: Path, columns: TimeColumns, values: Matrix, notes: list[str])
 
 def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseColumns:
     """Which columns of a header hold points or poses. Raises: RecordingError."""
-    header = header[: len(POSITION) + 4] if _is_coverage(header) else header
+    first, last = COVERAGE
+    if tuple(header[: len(first)]) == first and tuple(header[-len(last) :]) == last:
+        header = header[: len(POSITION) + 4]
     left = _ignored(header, units.ignore)
     # Columns whose names are known, with the unit that stands in the name.
     known: dict[str, tuple[int, str]] = {}
@@ -540,11 +537,6 @@ def columns_of_poses(file: Path, header: Sequence[str], units: Units) -> PoseCol
             raise RecordingError(file, fact, cure)
     time = None if units.assumed else time
     return PoseColumns([places[n] for n in where], [places[n] for n in names], kind, time, np.array(scales))
-
-
-def _is_coverage(header: Sequence[str]) -> bool:
-    first, last = COVERAGE
-    return tuple(header[: len(first)]) == first and tuple(header[-len(last) :]) == last
 
 
 def _ignored(header: Sequence[str], patterns: Sequence[str]) -> set[int]:
@@ -628,7 +620,13 @@ def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, units: Uni
         return matrices
     if kind in ("quaternion", "numbered"):
         values = values[:, ORDERS[units.order or "xyzw"]]
-        _check_quaternions(file, values, lines, units.place)
+        off = np.abs(np.linalg.norm(values, axis=1) - 1)
+        if (off > UNIT).any():
+            i, more = int(np.argmax(off > UNIT)), int((off > UNIT).sum()) - 1
+            fact = f"{units.place} {lines[i]} has a quaternion of length {np.linalg.norm(values[i]):.6g}"
+            fact += f", and {more} {units.place}s after it" if more else ""
+            cure = "give unit quaternions, qw the scalar"
+            raise RecordingError(file, f"{fact}, {off[i]:.2g} away from 1", cure)
         flips = np.flatnonzero(np.sum(values[1:] * values[:-1], axis=1) < 0) + 1
         if flips.size:
             where = ", ".join(str(lines[i]) for i in flips[:5]) + (", ..." if flips.size > 5 else "")
@@ -644,12 +642,3 @@ def _rotations(file: Path, kind: str, values: Matrix, lines: Indices, units: Uni
     if kind == "vector":
         return Rotation.from_rotvec(values).as_matrix()
     return Rotation.from_euler("ZYX" if kind == "KUKA" else "xyz", values).as_matrix()
-
-
-def _check_quaternions(file: Path, values: Matrix, lines: Indices, place: str) -> None:
-    off = np.abs(np.linalg.norm(values, axis=1) - 1)
-    if (off > UNIT).any():
-        i = int(np.argmax(off > UNIT))
-        fact = f"{place} {lines[i]} has a quaternion of length {np.linalg.norm(values[i]):.6g}"
-        more = f", and {int((off > UNIT).sum()) - 1} {place}s after it" if (off > UNIT).sum() > 1 else ""
-        raise RecordingError(file, f"{fact}, {off[i]:.2g} away from 1{more}", "give unit quaternions, qw the scalar")

@@ -555,7 +555,14 @@ class Path(OneOrManyPaths):
 
         Raises: ShapeError, NotFiniteError, ArgumentError: no such segments, or no such parameters.
         """
-        return self._on(*_on_segments(index, u, len(self.segments)))
+        chosen, parameters, count = numbers("the segments", index), finite("u", u, ("k",)), len(self.segments)
+        if chosen.shape != parameters.shape:
+            raise ShapeError("the segments", parameters.shape, chosen.shape, "give one for each u")
+        if not ((chosen >= 0) & (chosen < count) & (chosen == np.floor(chosen))).all():
+            raise ArgumentError("the segments", chosen.tolist(), f"give whole numbers from 0 to {count - 1}")
+        if not np.abs(parameters - 0.5).max(initial=0.0) <= 0.5 + ROUND_OFF:
+            raise ArgumentError("u", parameters.tolist(), "give numbers from 0 to 1")
+        return self._on(chosen.astype(np.intp), parameters)
 
     def _on(self, index: Indices, u: Vector) -> Samples:
         k, rows = len(u), self._rows[index]
@@ -635,18 +642,6 @@ class Path(OneOrManyPaths):
     def at_speed(self, speed: float, angular_speed: float | None = None) -> Path:
         """The same curve at another speed [m/s], and angular speed [rad/s]."""
         return replace(self, speed=speed, angular_speed=self.angular_speed if angular_speed is None else angular_speed)
-
-
-def _on_segments(index: ArrayLike, u: ArrayLike, count: int) -> tuple[Indices, Vector]:
-    """Some of so many segments (k,), and the parameters (k,) on them. Raises: ShapeError, ArgumentError."""
-    chosen, parameters = numbers("the segments", index), finite("u", u, ("k",))
-    if chosen.shape != parameters.shape:
-        raise ShapeError("the segments", parameters.shape, chosen.shape, "give one for each u")
-    if not ((chosen >= 0) & (chosen < count) & (chosen == np.floor(chosen))).all():
-        raise ArgumentError("the segments", chosen.tolist(), f"give whole numbers from 0 to {count - 1}")
-    if not np.abs(parameters - 0.5).max(initial=0.0) <= 0.5 + ROUND_OFF:
-        raise ArgumentError("u", parameters.tolist(), "give numbers from 0 to 1")
-    return chosen.astype(np.intp), parameters
 
 
 def locate(counts: Indices, step: Indices) -> tuple[Indices, Vector, Vector]:
